@@ -12,13 +12,13 @@ from treadline.errors import SettingsError
 from treadline.viewer.access import AccessRules
 
 viser = pytest.importorskip("viser")
-RULES = AccessRules(token="secret", host="127.0.0.1", port=8350)
-OPEN = AccessRules(token="secret", host="0.0.0.0", port=8350)
+RULES = AccessRules(token="secret", host="127.0.0.1", port=8350)  # noqa: S106 - of these tests alone
+OPEN = AccessRules(token="secret", host="0.0.0.0", port=8350)  # noqa: S104, S106 - as above
 OWN = "127.0.0.1:8350"
 
 
 @pytest.mark.parametrize(
-    "path, headers, problem",
+    ("path", "headers", "problem"),
     [
         ("/secret/", {"Host": OWN}, None),
         ("/secret/?x=1", {"Host": "localhost:8350", "Origin": "http://localhost:8350"}, None),

@@ -12,10 +12,10 @@ from treadline.ports import Truth
 from treadline.scenario import DriveSettings, Scenario, Sensors, Start
 from treadline.setup import resolve
 from treadline.signals import FlipperCommand, SeatCommand, TrackCommand
-from treadline.viewer.commands import Handset
+from treadline.viewer.orders import Handset, Order
 from treadline.viewer.session import Feed
 from treadline.viewer.tape import Tape
-from treadline.viewer.worker import LiveRun, Order, Pacer
+from treadline.viewer.worker import LiveRun, Pacer
 
 LOGGED = (TrackCommand, SeatCommand, FlipperCommand, Truth)
 SHORT = Scenario(
@@ -65,7 +65,9 @@ def alone(scenario: Scenario, seed: int) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "scenario, roomy", [(SHORT, True), (RENDERED, True), (RENDERED, False)], ids=["statistical", "rendered", "viewer that takes nothing"]
+    ("scenario", "roomy"),
+    [(SHORT, True), (RENDERED, True), (RENDERED, False)],
+    ids=["statistical", "rendered", "viewer that takes nothing"],
 )
 def test_the_loop_commands_the_same_with_and_without_a_viewer(scenario: Scenario, roomy: bool) -> None:
     """Test: ground truth and all commands of a run, as text. Expected: identical to the last digit."""
@@ -85,7 +87,7 @@ def test_an_unchanged_fork_coincides_to_the_bit(run: Tape) -> None:
     assert run.rows.tobytes() == fork.rows.tobytes()
 
 
-@pytest.mark.parametrize("kind, value", [("low_friction", 0.3), ("obstacle", 0.5)])
+@pytest.mark.parametrize(("kind", "value"), [("low_friction", 0.3), ("obstacle", 0.5)])
 def test_a_fork_coincides_up_to_its_change_and_differs_after(run: Tape, kind: Any, value: float) -> None:
     """Test: one fault at 1 s. Expected: the rows before are the same to the bit, and something differs within the next second."""
     fault = Fault(kind=kind, at_s=1.0, for_s=100.0, value=value)
@@ -129,7 +131,9 @@ def test_a_person_steers_within_the_limits_of_the_guard() -> None:
 
 
 def test_commands_return_with_their_tick_so_that_the_session_can_be_repeated() -> None:
-    first, _, feed = viewed(Order(scenario=SHORT, seed=4, attended=True), {30: [("act", Handset(stop=True))], 60: [("act", Handset())]})
+    first, _, feed = viewed(
+        Order(scenario=SHORT, seed=4, attended=True), {30: [("act", Handset(stop=True))], 60: [("act", Handset())]}
+    )
     assert [command for _, command in feed.script] == [Handset(stop=True), Handset()]
     again, _, _ = viewed(Order(scenario=SHORT, seed=4, attended=True, script=tuple(feed.script)))
     assert first.rows.tobytes() == again.rows.tobytes()

@@ -31,9 +31,9 @@ def view(
 ) -> Answer:
     """Watch a run in the browser: a scenario live, or a run folder or log as a recording.
 
-    The page shows chair and stair in 3D, the camera image with the detected nosings, plots with their limits, phases with the reason
-    of each transition, the guard, and the event log. Fork repeats the run up to the cursor with one change and shows both chairs.
-    Needs pip install 'treadline[viewer]'. Only this machine can open the page, by the address with the secret token that is printed.
+    The page shows chair and stair in 3D, the camera image with the detected nosings, plots with their limits, phases with the
+    reason of each transition, the guard, and the event log. Fork repeats the run up to the cursor with one change and shows both chairs.
+    Needs pip install 'treadline[viewer]'. Only this machine can open the page, by the printed address with its secret token.
 
     Args:
         target: Scenario file, name of a shipped scenario, run folder, .mcap, .bag or .db3 file, or the folder of a bag.
@@ -78,6 +78,7 @@ def view(
 
 def _served(server: Any, opened: Any, handlers: dict[str, Any], *, no_browser: bool, seconds: float | None) -> Answer:
     """Serve the page until Ctrl-C or the end of the given time."""
+    from treadline.errors import SettingsError
     from treadline.viewer.app import App, handset_handler
 
     session = opened.session
@@ -91,7 +92,7 @@ def _served(server: Any, opened: Any, handlers: dict[str, Any], *, no_browser: b
         for sentence in opened.missing:
             _say(f"view: {sentence}")
         if not no_browser and not webbrowser.open(url):
-            _say("view: no browser found; open the address above in one, or pass --no-browser")
+            raise SettingsError("no browser found on this machine; pass --no-browser, and open the printed address in one")
         updater = threading.Thread(target=app.run, args=(ended,), name="view", daemon=True)
         updater.start()
         try:
@@ -108,7 +109,10 @@ def _served(server: Any, opened: Any, handlers: dict[str, Any], *, no_browser: b
     tape = session.tape
     return Answer(
         values={"url": url, "t_s": tape.end_s, "verdict": tape.verdict, "scene_updates": app.updates, "error": session.feed.error},
-        summary=[f"viewed {opened.title}: {tape.end_s:.1f} s, {tape.verdict or 'not ended'}", *([session.feed.error] if session.feed.error else [])],
+        summary=[
+            f"viewed {opened.title}: {tape.end_s:.1f} s, {tape.verdict or 'not ended'}",
+            *([session.feed.error] if session.feed.error else []),
+        ],
         code=1 if session.feed.error else 0,
     )
 
@@ -119,7 +123,9 @@ def _exposure(host: str, *, attended: bool) -> str:
     may = "may stop, drive and disturb the chair" if attended else "may only view"
     if host in LOOPBACK:
         return f"view: only this machine can connect; whoever has the address {may}; Ctrl-C ends it"
-    return f"view: listens on {host}: every machine that reaches it and has the address {may}, over unencrypted HTTP; Ctrl-C ends it"
+    return (
+        f"view: listens on {host}: every machine that reaches it and has the address {may}, over unencrypted HTTP; Ctrl-C ends it"
+    )
 
 
 def _exported(target: str, export: Path, *, force: bool) -> Answer:
@@ -129,7 +135,9 @@ def _exported(target: str, export: Path, *, force: bool) -> Answer:
 
     check_export(export, force=force)
     if not is_recorded(target):
-        raise SettingsError(f"--export: {target} is no recorded run; make one with treadline climb {target} --out RUN, and export RUN")
+        raise SettingsError(
+            f"--export: {target} is no recorded run; make one with treadline climb {target} --out RUN, and export RUN"
+        )
     from treadline.report.player import write_player
 
     write_player(read_recording(target), export)

@@ -4,13 +4,15 @@ import json
 import threading
 import time
 from collections.abc import Callable
+from html import escape
 from typing import Any, get_args
 
+from treadline.errors import SettingsError
 from treadline.faults import EXTENTS, Fault, FaultKind
-from treadline.viewer.opening import Opened
 from treadline.viewer.nosings import SeenNosings
+from treadline.viewer.opening import Opened
 from treadline.viewer.pages import camera_html, events_html, state_html, timeline_html, transitions_html
-from treadline.viewer.plots import PLOTS, RED, SKY, PlotSpec, legend_html, plot_data
+from treadline.viewer.plots import RED, SKY, PlotSpec, legend_html, plot_data, plot_specs
 from treadline.viewer.scene import SceneChoices, SceneView
 from treadline.viewer.server import GuardedServer
 from treadline.viewer.session import SPEEDS, Session
@@ -27,7 +29,7 @@ CHANGES: dict[str, tuple[str, FaultKind, float, str]] = {
 FOREVER_S = 1e6
 """Duration of a change that stays [s]."""
 NO_FORK = (
-    '<div style="font-size:12px">This run cannot be repeated: its log comes without the scenario and the seed, or it used plug-ins. '
+    '<div style="font-size:12px">This run cannot be repeated: its log comes without scenario and seed, or it used plug-ins. '
     "Run folders of treadline climb can be forked.</div>"
 )
 """Content of the tab of a run that cannot be forked."""
@@ -52,6 +54,7 @@ class App:
         self._lock = threading.Lock()
         self._texts: dict[int, str] = {}
         self._legends: list[Any] = []
+        self._plots: list[Any] = []
         self._jumps: dict[str, float] = {}
         self._moving_slider = False
         self.failure: Exception | None = None
@@ -87,8 +90,7 @@ class App:
         with tabs.add_tab("Show"):
             self._build_choices(gui)
         panel = gui.add_panel()
-        with panel.add_tab("Plots"):
-            self._plots = [self._plot(gui, spec) for spec in PLOTS]
+        self._plot_tab = panel.add_tab("Plots")
         panel.dock_left()
         panel.set_width(380)
 
@@ -107,18 +109,7 @@ class App:
         @buttons.on_click
         def _(_event: Any) -> None:
             with self._lock:
-                match buttons.value:
-                    case "start":
-                        session.seek(0.0)
-                    case "−1":
-                        session.step(-1)
-                    case "+1":
-                        session.step(1)
-                    case "end":
-                        session.seek(session.tape.end_s)
-                        session.following = session.is_live
-                    case _:
-                        session.play()
+                session.press_transport(str(buttons.value))
 
         speed = gui.add_dropdown("speed ×", tuple(f"{value:g}" for value in SPEEDS), initial_value="1")
 
@@ -226,7 +217,12 @@ class App:
                     session.act(change.model_copy(update={"at_s": session.tape.end_s}))
 
     def _build_choices(self, gui: Any) -> None:
-        for name, label in (("follow", "follow the chair"), ("passenger", "passenger"), ("forces", "belt forces"), ("swept", "swept volume")):
+        for name, label in (
+            ("follow", "follow the chair"),
+            ("passenger", "passenger"),
+            ("forces", "belt forces"),
+            ("swept", "swept volume"),
+        ):
             box = gui.add_checkbox(label, initial_value=getattr(self._choices, name))
             box.on_update(self._chooser(box, name))
 
@@ -241,13 +237,19 @@ class App:
 
         lines = [uplot.Series(label="fork", stroke=SKY, width=1.4, points={"show": False}, show=spec.ghost is not None)]
         lines += [
-            uplot.Series(label=curve.label, stroke=curve.colour, width=1.4, points={"show": False}, **({"dash": (4, 3)} if curve.dashed else {}))
+            uplot.Series(
+                label=curve.label,
+                stroke=curve.colour,
+                width=1.4,
+                points={"show": False},
+                **({"dash": (4, 3)} if curve.dashed else {}),
+            )
             for curve in spec.curves
         ]
         lines += [uplot.Series(label="limit", stroke=RED, width=1.0, dash=(6, 4), points={"show": False}) for _ in spec.limits]
         lines.append(uplot.Series(label="cursor", stroke="#444", width=1.0, points={"show": False}))
         self._legends.append(gui.add_html(legend_html(spec, forked=False)))
-        last = spec is PLOTS[-1]
+        last = spec is plot_specs()[-1]
         return gui.add_uplot(
             data=plot_data(spec, self._session.tape, 0.0),
             series=(uplot.Series(label="t [s]"), *lines),
@@ -278,6 +280,8 @@ class App:
                 self._session.advance(now - before)
                 t_s, end_s = self._session.cursor_s, self._session.tape.end_s
             before = now
+            if self._session.feed.error is not None and not len(self._session.tape):
+                raise SettingsError(self._session.feed.error)
             key = (round(t_s, 3), vars_of(self._choices), None if self._session.ghost is None else len(self._session.ghost.tape))
             if key != shown:
                 shown = key
@@ -309,7 +313,9 @@ class App:
             self._say(self._outcome, outcome_html(session))
         self._show_slider(t_s, end_s)
         jumps = {f"{span.t_s:.2f} s {span.phase}": span.t_s for span in tape.phases}
-        jumps |= {f"{event.t_s:.2f} s {event.name}: {event.cause}"[:60]: event.t_s for event in tape.events if event.name not in _PHASES}
+        jumps |= {
+            f"{event.t_s:.2f} s {event.name}: {event.cause}"[:60]: event.t_s for event in tape.events if event.name not in _PHASES
+        }
         if jumps.keys() != self._jumps.keys():
             self._jumps = jumps
             self._jump.options = ("–", *sorted(jumps, key=lambda label: jumps[label]))
@@ -340,7 +346,10 @@ class App:
             return
         self._texts[0] = key
         ghost = None if session.ghost is None else session.ghost.tape
-        for handle, legend, spec in zip(self._plots, self._legends, PLOTS, strict=True):
+        if not self._plots:  # made after the first picture
+            with self._plot_tab:
+                self._plots = [self._plot(self._viser.gui, spec) for spec in plot_specs()]
+        for handle, legend, spec in zip(self._plots, self._legends, plot_specs(), strict=True):
             self._say(legend, legend_html(spec, forked=ghost is not None))
             handle.data = plot_data(spec, session.tape, t_s, ghost)
 
@@ -363,7 +372,8 @@ def outcome_html(session: Session) -> str:
         return ""
 
     said = ghost.error or ghost.tape.verdict or f"simulated to {ghost.tape.end_s:.1f} s …"
-    return f'<div style="font-size:12px"><b>fork at {session.ghost_from_s:.2f} s</b>: {said}<br>run: {session.tape.verdict or "–"}</div>'
+    run = escape(session.tape.verdict or "–")
+    return f'<div style="font-size:12px"><b>fork at {session.ghost_from_s:.2f} s</b>: {escape(said)}<br>run: {run}</div>'
 
 
 def _meaning(choice: str) -> str:
@@ -409,7 +419,9 @@ def handset_handler(session: Session) -> Callable[[Any], Any]:
         try:
             async for message in connection:
                 report = json.loads(message)
-                session.report(dead_man=report.get("dead_man") is True, ahead=float(report.get("ahead", 0)), turn=float(report.get("turn", 0)))
+                session.report(
+                    dead_man=report.get("dead_man") is True, ahead=float(report.get("ahead", 0)), turn=float(report.get("turn", 0))
+                )
         except (ValueError, TypeError, AttributeError):
             await connection.close(1003, "not a report of the handset")
         finally:

@@ -1,12 +1,11 @@
 """What a person does to a running simulation: faults and the handset, each at a tick, so that a run can be repeated exactly.
 
-``Script`` is the record of a live session: the same scenario, seed and script give the same run to the bit.
+The same scenario, seed and script (``orders``) give the same run to the bit.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from treadline.attendant import REPORT_S
-from treadline.faults import Fault
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.ports import Truth
 from treadline.signals import (
@@ -20,28 +19,10 @@ from treadline.signals import (
     TrackCommand,
 )
 from treadline.sim.faults import FaultyPlant
+from treadline.viewer.orders import Handset
 
 REPORT_TICKS = round(REPORT_S / TICK_S)
 """Report period of the handset [ticks]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Handset:
-    """State of the handset in the browser."""
-
-    dead_man: bool = True
-    stop: bool = False
-    rearm: bool = False
-    manual: bool = False
-    """Whether the person steers instead of the planner."""
-    speed_m_s: float = 0.0
-    """Mean belt speed of a person who steers [m/s]."""
-    turn_m_s: float = 0.0
-    """Half the difference of the belt speeds of a person who steers, right minus left [m/s]; positive turns left."""
-
-
-Script = list[tuple[int, Fault | Handset]]
-"""Faults and states of the handset with the tick before which each was given."""
 
 
 class Operator:

@@ -31,9 +31,7 @@ class SeenNosings:
         self._indices = [step.index for step in staircase.steps if not step.missing]
         self._middles_W = staircase.nosings_W
         half = 0.5 * staircase.width_m
-        turns = [
-            (k, step.yaw_rad) for k, steps in enumerate(staircase.flights) for step in steps if not step.missing
-        ]
+        turns = [(k, step.yaw_rad) for k, steps in enumerate(staircase.flights) for step in steps if not step.missing]
         ends = []
         for middle, (flight, yaw) in zip(self._middles_W, turns, strict=True):
             R_WF, _ = staircase.flight_frame(flight)
@@ -66,7 +64,10 @@ class SeenNosings:
 
     def lines(self, look: Look, row: dict[str, float]) -> tuple[Float[np.ndarray, "s 2 3"], Float[np.ndarray, "m 2 3"]]:
         """Return the perceived nosings in W, and the missed true ones, as lines."""
-        R_WB, p_WB = rotation_of(np.array([row["qw"], row["qx"], row["qy"], row["qz"]])), np.array([row["x_m"], row["y_m"], row["z_m"]])
+        R_WB, p_WB = (
+            rotation_of(np.array([row["qw"], row["qx"], row["qy"], row["qz"]])),
+            np.array([row["x_m"], row["y_m"], row["z_m"]]),
+        )
         heading = row["heading_rad"] if look.heading_rad is None else look.heading_rad
         across_B = HALF_LINE_M * np.array([math.sin(heading), math.cos(heading), 0.0])
         middles = look.nosings_B.reshape(-1, 3)

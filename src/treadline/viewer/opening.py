@@ -12,9 +12,9 @@ from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import build_staircase
 from treadline.models import read_json
 from treadline.scenario import Belts, Scenario, read_scenario
+from treadline.viewer.orders import Order
 from treadline.viewer.scene import Stage
 from treadline.viewer.session import Feed, Session
-from treadline.viewer.worker import Order
 
 LOGS = (".mcap", ".bag", ".db3")
 """File names of logs end like this; every other file is a scenario."""
@@ -39,18 +39,14 @@ def is_recorded(target: str) -> bool:
     return path.is_dir() or path.suffix in LOGS
 
 
-def open_live(
-    target: str, *, seed: int, controller: Any, detector: str | None, estimator: str | None, attended: bool
-) -> Opened:
+def open_live(target: str, *, seed: int, controller: Any, detector: str | None, estimator: str | None, attended: bool) -> Opened:
     """Return a session of a scenario, whose simulation starts at once.
 
     Raises:
         SettingsError: If the scenario does not exist or is invalid.
     """
     scenario = read_scenario(target)
-    order = Order(
-        scenario=scenario, seed=seed, controller=controller, detector=detector, estimator=estimator, attended=attended
-    )
+    order = Order(scenario=scenario, seed=seed, controller=controller, detector=detector, estimator=estimator, attended=attended)
     session = Session(feed=Feed(order=order), attended=attended)
     session.feed.start()
     return Opened(

@@ -18,6 +18,7 @@ NARROW = 0.045
 """Share of the timeline below which a phase's name does not fit."""
 EVENTS_SHOWN = 40
 """Events of the log that are shown, the newest first."""
+IMAGE_STYLE = "width:calc(100% - 14px);max-height:250px;object-fit:contain;object-position:left;display:block"
 STYLE = "font-size:12px;line-height:1.35;margin-right:14px"
 
 
@@ -32,13 +33,15 @@ def state_html(tape: Tape, t_s: float, *, live: bool, title: str) -> str:
     if phase is not None:
         colour = PHASE_COLOURS.get(phase.phase, "#888")
         lines.append(
-            f'<div style="{STYLE};border-left:6px solid {colour};padding-left:6px;margin:4px 14px 4px 0"><b>{escape(phase.phase)}</b> since '
-            f"{phase.t_s:.2f} s<br>{escape(phase.cause)}</div>"
+            f'<div style="{STYLE};border-left:6px solid {colour};padding-left:6px;margin:4px 14px 4px 0">'
+            f"<b>{escape(phase.phase)}</b> since {phase.t_s:.2f} s<br>{escape(phase.cause)}</div>"
         )
     if hold is not None:
         lines.append(_card("#d55e00", f"HOLD since {hold.t_s:.2f} s", hold.cause))
     else:
-        slow = next((event for event in reversed(tape.events) if event.t_s <= t_s and event.name in ("slow", "resumed", "rearmed")), None)
+        slow = next(
+            (event for event in reversed(tape.events) if event.t_s <= t_s and event.name in ("slow", "resumed", "rearmed")), None
+        )
         if slow is not None and slow.name == "slow":
             lines.append(_card("#e69f00", f"guard: slowed since {slow.t_s:.2f} s", slow.cause))
         else:
@@ -80,7 +83,7 @@ def timeline_html(tape: Tape, t_s: float, fork_s: float | None = None) -> str:
         bars.append(
             f'<div title="{span.t_s:.2f} s {escape(span.phase)}: {escape(span.cause)}" style="position:absolute;left:'
             f"{100.0 * span.t_s / end_s:.2f}%;width:{100.0 * share:.2f}%;height:22px;background:"
-            f'{PHASE_COLOURS.get(span.phase, "#888")};color:#fff;font-size:11px;overflow:hidden;white-space:nowrap">&nbsp;{name}</div>'
+            f'{_colour_of(span)};color:#fff;font-size:11px;overflow:hidden;white-space:nowrap">&nbsp;{name}</div>'
         )
     marks = [
         _mark(event.t_s / end_s, "#d00000" if event.name == "hold" else "#00a000", f"{event.t_s:.2f} s {event.name}: {event.cause}")
@@ -90,7 +93,8 @@ def timeline_html(tape: Tape, t_s: float, fork_s: float | None = None) -> str:
     if fork_s is not None:
         marks.append(_mark(fork_s / end_s, "#56b4e9", f"{fork_s:.2f} s: the fork begins"))
     cursor = _mark(min(t_s / end_s, 1.0), "#000", f"{t_s:.2f} s")
-    return f'<div style="position:relative;height:30px;margin:2px 14px 2px 0;border-radius:3px">{"".join(bars)}{"".join(marks)}{cursor}</div>'
+    inside = "".join([*bars, *marks, cursor])
+    return f'<div style="position:relative;height:30px;margin:2px 14px 2px 0;border-radius:3px">{inside}</div>'
 
 
 def _mark(share: float, colour: str, title: str) -> str:
@@ -115,7 +119,10 @@ def events_html(tape: Tape, t_s: float) -> str:
     """Return the event log up to an instant, the newest first."""
     past = [event for event in tape.events if event.t_s <= t_s + 1e-6][-EVENTS_SHOWN:]
     colours = {"hold": "#d55e00", "slow": "#e69f00", "rearmed": "#009e73", "hull_contact": "#d55e00", "rejected": "#e69f00"}
-    rows = [_row(event.t_s, event.name, event.cause, bold=event.name == "hold", colour=colours.get(event.name, "#888")) for event in past]
+    rows = [
+        _row(event.t_s, event.name, event.cause, bold=event.name == "hold", colour=colours.get(event.name, "#888"))
+        for event in past
+    ]
     return _table(rows[::-1]) if rows else f'<div style="{STYLE}">no event yet</div>'
 
 
@@ -139,15 +146,13 @@ def camera_html(look: Look | None, seen: list[int], missed: list[int]) -> str:
     picture = ""
     if look.picture is not None:
         data = base64.b64encode(look.picture).decode("ascii")
-        picture = f'<img alt="camera image with detected nosings" style="width:calc(100% - 14px);max-height:250px;object-fit:contain;object-position:left;display:block" src="data:image/jpeg;base64,{data}">'
+        picture = f'<img alt="camera image with detected nosings" style="{IMAGE_STYLE}" src="data:image/jpeg;base64,{data}">'
     head = f"frame of {look.t_s:.2f} s: " + ("accepted" if look.reason is None else f"rejected, {look.reason}")
     colour = "#d55e00" if look.reason is not None else "#009e73"
     found = f"nosings perceived: {_numbers(seen)}; " + (
         f'<b style="color:#d55e00">missed: {_numbers(missed)}</b>' if missed else "none missed in view"
     )
-    return (
-        f'{picture}<div style="{STYLE}"><b style="color:{colour}">{escape(head)}</b><br>{escape(look.summary)}<br>{found}</div>'
-    )
+    return f'{picture}<div style="{STYLE}"><b style="color:{colour}">{escape(head)}</b><br>{escape(look.summary)}<br>{found}</div>'
 
 
 def _numbers(indices: list[int]) -> str:

@@ -1,13 +1,13 @@
 """Plots of the tape with their limits and a cursor: ``Tape, t -> arrays for the browser``."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
-from treadline.mission.guard.config import GuardConfig
 from treadline.viewer.tape import Tape
 
 BINS = 250
@@ -43,71 +43,83 @@ class PlotSpec:
     """Column of the fork that is drawn as well."""
 
 
-BLUE, ORANGE, GREEN, RED, GREY, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#888888", "#56b4e9"
-GUARD = GuardConfig()
-PLOTS = (
-    PlotSpec(
-        title="Heading [°]",
-        curves=(Curve(column="heading_rad", label="true", colour=BLUE), Curve(column="estimate_rad", label="estimate", colour=ORANGE)),
-        limits=(GUARD.max_heading_error_rad / DEG, -GUARD.max_heading_error_rad / DEG),
-        limit_label="limit over crest and edge",
-        unit=DEG,
-        ghost="heading_rad",
-    ),
-    PlotSpec(
-        title="Pitch rate [°/s]",
-        curves=(Curve(column="pitch_rate_rad_s", label="by ground truth", colour=BLUE),),
-        limits=(GUARD.pitch_rate_rad_s / DEG, -GUARD.pitch_rate_rad_s / DEG),
-        limit_label="guard's limit",
-        unit=DEG,
-        ghost="pitch_rate_rad_s",
-    ),
-    PlotSpec(
-        title="Belt speed [m/s]",
-        curves=(
-            Curve(column="left_m_s", label="left", colour=BLUE),
-            Curve(column="right_m_s", label="right", colour=ORANGE),
-            Curve(column="command_left_m_s", label="commands", colour=BLUE, dashed=True),
-            Curve(column="command_right_m_s", label="", colour=ORANGE, dashed=True),
-        ),
-        limits=(GUARD.cruise_limit_m_s,),
-        limit_label="cruise limit",
-    ),
-    PlotSpec(
-        title="Slip ratio",
-        curves=(Curve(column="slip", label="by ground truth", colour=BLUE),),
-        limits=(GUARD.slip,),
-        limit_label="guard's limit",
-        low=-0.5,
-        high=1.2,
-        ghost="slip",
-    ),
-    PlotSpec(
-        title="Seat pitch [°]",
-        curves=(Curve(column="seat_pitch_rad", label="seat", colour=BLUE),),
-        limits=(GUARD.seat_rad / DEG, -GUARD.seat_rad / DEG),
-        limit_label="guard's limit",
-        unit=DEG,
-        ghost="seat_pitch_rad",
-    ),
-    PlotSpec(
-        title="Tip-over margin [°]",
-        curves=(Curve(column="margin_rad", label="margin", colour=GREEN),),
-        limits=(MARGIN_LIMIT_RAD / DEG, 0.0),
-        limit_label="7° required, 0° tips",
-        unit=DEG,
-        ghost="margin_rad",
-    ),
-)
-"""Plots of the panel; the limits are the guard's and the check's."""
-
 Columns = tuple[Float[np.ndarray, " n"], ...]
+"""Arrays of a plot, of equal length."""
+
+BLUE, ORANGE, GREEN, RED, GREY, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#888888", "#56b4e9"
+
+
+@cache
+def plot_specs() -> tuple[PlotSpec, ...]:
+    """Return the plots of the panel; the limits are the guard's and the check's."""
+    from treadline.mission.guard.config import GuardConfig  # imports compiled code: a second that the first picture saves
+
+    guard = GuardConfig()
+    return (
+        PlotSpec(
+            title="Heading [°]",
+            curves=(
+                Curve(column="heading_rad", label="true", colour=BLUE),
+                Curve(column="estimate_rad", label="estimate", colour=ORANGE),
+            ),
+            limits=(guard.max_heading_error_rad / DEG, -guard.max_heading_error_rad / DEG),
+            limit_label="limit over crest and edge",
+            unit=DEG,
+            ghost="heading_rad",
+        ),
+        PlotSpec(
+            title="Pitch rate [°/s]",
+            curves=(Curve(column="pitch_rate_rad_s", label="by ground truth", colour=BLUE),),
+            limits=(guard.pitch_rate_rad_s / DEG, -guard.pitch_rate_rad_s / DEG),
+            limit_label="guard's limit",
+            unit=DEG,
+            ghost="pitch_rate_rad_s",
+        ),
+        PlotSpec(
+            title="Belt speed [m/s]",
+            curves=(
+                Curve(column="left_m_s", label="left", colour=BLUE),
+                Curve(column="right_m_s", label="right", colour=ORANGE),
+                Curve(column="command_left_m_s", label="commands", colour=BLUE, dashed=True),
+                Curve(column="command_right_m_s", label="", colour=ORANGE, dashed=True),
+            ),
+            limits=(guard.cruise_limit_m_s,),
+            limit_label="cruise limit",
+        ),
+        PlotSpec(
+            title="Slip ratio",
+            curves=(Curve(column="slip", label="by ground truth", colour=BLUE),),
+            limits=(guard.slip,),
+            limit_label="guard's limit",
+            low=-0.5,
+            high=1.2,
+            ghost="slip",
+        ),
+        PlotSpec(
+            title="Seat pitch [°]",
+            curves=(Curve(column="seat_pitch_rad", label="seat", colour=BLUE),),
+            limits=(guard.seat_rad / DEG, -guard.seat_rad / DEG),
+            limit_label="guard's limit",
+            unit=DEG,
+            ghost="seat_pitch_rad",
+        ),
+        PlotSpec(
+            title="Tip-over margin [°]",
+            curves=(Curve(column="margin_rad", label="margin", colour=GREEN),),
+            limits=(MARGIN_LIMIT_RAD / DEG, 0.0),
+            limit_label="7° required, 0° tips",
+            unit=DEG,
+            ghost="margin_rad",
+        ),
+    )
 
 
 def legend_html(spec: PlotSpec, *, forked: bool) -> str:
     """Return the title of a plot, its lines in their colours, and its limits."""
     lines = [
-        f'<span style="color:{curve.colour}">{"┄" if curve.dashed else "━"} {curve.label}</span>' for curve in spec.curves if curve.label
+        f'<span style="color:{curve.colour}">{"┄" if curve.dashed else "━"} {curve.label}</span>'
+        for curve in spec.curves
+        if curve.label
     ]
     limit = f'<span style="color:{RED}">┄ {spec.limit_label}</span>'
     fork = "" if spec.ghost is None or not forked else f' <span style="color:{SKY}">━ fork</span>'

@@ -1,4 +1,7 @@
-"""Scene in the browser: stair, chair, perceived and true nosings, heading, support, forces, obstacle. ``Tape, t -> viser nodes``."""
+"""Scene in the browser: stair, chair, perceived and true nosings, heading, support, forces, obstacle.
+
+``Tape, t -> viser nodes``.
+"""
 
 import math
 from dataclasses import dataclass, field
@@ -13,7 +16,6 @@ from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.stability import centre_of_mass
 from treadline.mechanics.staircase import Staircase
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
-from treadline.perception.overlay import from_jpeg
 from treadline.scenario import Belts, Chair
 from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.support import support_of
@@ -189,7 +191,9 @@ class SceneView:
         self._label = scene.add_label("/world/margin", "", anchor="bottom-center", font_screen_scale=1.1)
         half, swept = 0.5 * stage.chair.tracks.gauge_m, stage.chair.swept_half_m
         low, high = SWEPT_HEIGHT_M
-        self._forces = scene.add_arrows("/world/chair/forces", np.zeros((2, 2, 3)), BAD, shaft_radius=0.015, head_radius=0.04, visible=False)
+        self._forces = scene.add_arrows(
+            "/world/chair/forces", np.zeros((2, 2, 3)), BAD, shaft_radius=0.015, head_radius=0.04, visible=False
+        )
         self._half_gauge_m = half
         ahead_m = -1.0 if stage.rear_camera else 1.0
         reach = stage.chair.rear_reach_m if stage.rear_camera else stage.chair.reach_m
@@ -314,6 +318,10 @@ class SceneView:
             self._missed.points = missed
         self._frustum.color = BAD if look.reason else (80, 80, 80)
         if look.picture is not None:
+            from treadline.perception.overlay import (
+                from_jpeg,
+            )  # imports the compiled detector: a second that the first picture saves
+
             self._frustum.image = from_jpeg(look.picture, 160)
 
     def _show_obstacle(self, tape: Tape, t_s: float) -> None:

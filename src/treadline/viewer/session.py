@@ -11,9 +11,8 @@ from typing import Any
 
 from treadline.faults import Fault
 from treadline.signals import TICK_S
-from treadline.viewer.commands import Handset, Script
+from treadline.viewer.orders import Handset, Order, Script, Worker
 from treadline.viewer.tape import Tape
-from treadline.viewer.worker import Order, Worker
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 """Speeds of the display as multiples of real time."""
@@ -158,8 +157,7 @@ class Session:
         if self.playing:
             self.play(playing=False)
         if self.is_live and self.attended and self.following and ticks > 0:
-            assert self.feed.worker is not None
-            self.feed.worker.send("step", ticks)
+            self._command("step", ticks)
             return
         self.seek(self.cursor_s + ticks * TICK_S)
 
@@ -168,22 +166,32 @@ class Session:
         self.cursor_s = min(max(t_s, 0.0), self.tape.end_s)
         self.following = self.is_live and self.cursor_s >= self.tape.end_s - TICK_S
 
-    def go_live(self) -> None:
-        """Return to the newest instant."""
-        self.following = True
-        if not self.playing:
-            self.play(playing=True)
+    def press_transport(self, button: str) -> None:
+        """Press a button below the timeline: ``start``, ``−1``, ``play``, ``+1`` or ``end``."""
+        match button:
+            case "start":
+                self.seek(0.0)
+            case "−1" | "+1":
+                self.step(1 if button == "+1" else -1)
+            case "end":
+                self.seek(self.tape.end_s)
+                self.following = self.is_live
+            case _:
+                self.play()
 
     def _pace(self) -> None:
+        self._command("speed", self.speed if self.playing else PAUSE)
+
+    def _command(self, kind: str, value: Any) -> None:
+        """Send a command to the simulation of an attended run; without one it is ignored."""
         if self.attended and self.feed.worker is not None:
-            self.feed.worker.send("speed", self.speed if self.playing else PAUSE)
+            self.feed.worker.send(kind, value)
 
     # Commands to the chair
 
     def act(self, command: Fault | Handset) -> None:
         """Pass a command to the running simulation; without one, or in a session that only views, it is ignored."""
-        if self.attended and self.feed.worker is not None:
-            self.feed.worker.send("act", command)
+        self._command("act", command)
 
     def press(self, button: str) -> None:
         """Press the stop or the re-arm button of the handset."""

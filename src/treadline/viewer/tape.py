@@ -132,7 +132,9 @@ class Tape:
 
     def holding_at(self, t_s: float) -> Event | None:
         """Return the event of the hold that lasts at a time, None if the guard does not hold."""
-        last = next((event for event in reversed(self.events) if event.t_s <= t_s + 1e-6 and event.name in ("hold", "rearmed")), None)
+        last = next(
+            (event for event in reversed(self.events) if event.t_s <= t_s + 1e-6 and event.name in ("hold", "rearmed")), None
+        )
         return last if last is not None and last.name == "hold" else None
 
 

@@ -1,65 +1,38 @@
 """Simulation of a live run in a process of its own, which never waits for the viewer.
 
-``Order`` in; rows, events, frames and the verdict out, through a bounded queue: what finds no room stays with the worker until there
-is some, and images are dropped. Commands of the person at the screen are applied between two ticks and returned as the script.
+``Order`` in; rows, events, frames and the verdict out, through a bounded queue: what finds no room stays with the worker
+until there is some, and images are dropped. Commands of the person at the screen are applied between two ticks and returned as the script.
 """
 
 import math
-import queue
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
-from multiprocessing.context import SpawnProcess
 from typing import Any
 
 from treadline.angles import DEG
-from treadline.errors import TreadlineError
 from treadline.experiments.traverse import Sink, run_episode
 from treadline.faults import Fault
 from treadline.mission.blocks import Detection
-from treadline.processes import end_with_parent
 from treadline.scenario import Scenario
 from treadline.setup import Setup, resolve
 from treadline.signals import TICK_S, RgbdFrame
 from treadline.sim import open_plant
 from treadline.sim.faults import FaultyPlant
-from treadline.viewer.commands import AttendedPlanner, AttendedPlant, Handset, Operator, Script
+from treadline.viewer.commands import AttendedPlanner, AttendedPlant, Operator
+from treadline.viewer.orders import MESSAGES_MAX, Handset, Order, Script
 from treadline.viewer.tap import Tap, TappedDetector, look_of
 from treadline.viewer.tape import Obstacle
 
 SEND_S = 0.04
 """Interval of the messages to the viewer [s]: 25 updates a second, of which a display of 15 shows each second one or all."""
-MESSAGES_MAX = 50
-"""Messages on the way to the viewer: two seconds' worth; a viewer further behind gets no images."""
 PAUSED_S = 0.02
 """Interval at which a paused simulation looks for commands [s]."""
 RESERVE_S = 1e9
 """Start of the obstacle that only reserves its body in the model [s]: after every run."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Order:
-    """Run for a worker."""
-
-    scenario: Scenario
-    seed: int
-    controller: Any = None
-    detector: str | None = None
-    estimator: str | None = None
-    script: tuple[tuple[int, Fault | Handset], ...] = ()
-    """Commands that are applied at their ticks."""
-    speed: float = 1.0
-    """Simulated seconds per second; 0 is as fast as possible."""
-    attended: bool = False
-    """Whether a person may command the run, so that it goes on after a hold."""
-    pictures: bool = True
-    """Whether camera images are drawn."""
-    until_s: float | None = None
-    """Time at which the run is ended [s]; None: at its own end."""
-
-
-class Stopped(Exception):  # noqa: N818 - a request, no error
+class Stopped(Exception):
     """The viewer ends the run."""
 
 
@@ -242,72 +215,3 @@ def with_reserve(scenario: Scenario) -> Scenario:
     if any(fault.kind == "obstacle" for fault in scenario.fault):
         return scenario
     return scenario.model_copy(update={"fault": (*scenario.fault, Fault(kind="obstacle", at_s=RESERVE_S))})
-
-
-def work(order: Order, messages: Any, commands: Any) -> None:
-    """Run an order in a process: messages out, commands in."""
-    end_with_parent()
-
-    def send(message: Any) -> bool:
-        try:
-            messages.put_nowait(message)
-        except queue.Full:
-            return False
-        return True
-
-    def receive() -> list[Any]:
-        received = []
-        while True:
-            try:
-                received.append(commands.get_nowait())
-            except queue.Empty:
-                return received
-
-    try:
-        LiveRun(order, send, receive).run()
-    except TreadlineError as error:
-        messages.put(("error", str(error)))
-    except KeyboardInterrupt:
-        pass
-
-
-class Worker:
-    """Process of a live run, seen from the viewer."""
-
-    def __init__(self, order: Order) -> None:
-        context = get_context("spawn")
-        self._messages = context.Queue(MESSAGES_MAX)
-        self._commands = context.Queue()
-        self._process: SpawnProcess = context.Process(
-            target=work, args=(order, self._messages, self._commands), name="treadline-view", daemon=True
-        )
-        self._process.start()
-
-    def receive(self) -> list[Any]:
-        """Return the messages since the last call."""
-        received = []
-        while True:
-            try:
-                received.append(self._messages.get_nowait())
-            except queue.Empty:
-                return received
-
-    def send(self, kind: str, value: Any = None) -> None:
-        """Send a command."""
-        self._commands.put((kind, value))
-
-    @property
-    def is_alive(self) -> bool:
-        """Whether the process runs."""
-        return self._process.is_alive()
-
-    def close(self) -> None:
-        """End the process."""
-        self.send("end")
-        self._process.join(1.0)
-        if self._process.is_alive():
-            self._process.terminate()
-            self._process.join(1.0)
-        self._commands.cancel_join_thread()
-        self._commands.close()
-

@@ -1,0 +1,128 @@
+"""Orders to the simulation of a live run, and its process: ``Order -> messages``, commands in.
+
+Nothing heavy is imported here: the process that serves the page starts the simulation before it knows more.
+"""
+
+import queue
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.context import SpawnProcess
+from typing import Any
+
+from treadline.errors import TreadlineError
+from treadline.faults import Fault
+from treadline.processes import end_with_parent
+from treadline.scenario import Scenario
+
+MESSAGES_MAX = 50
+"""Messages on the way to the viewer: two seconds' worth; a viewer further behind gets no images."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Handset:
+    """State of the handset in the browser."""
+
+    dead_man: bool = True
+    stop: bool = False
+    rearm: bool = False
+    manual: bool = False
+    """Whether the person steers instead of the planner."""
+    speed_m_s: float = 0.0
+    """Mean belt speed of a person who steers [m/s]."""
+    turn_m_s: float = 0.0
+    """Half the difference of the belt speeds of a person who steers, right minus left [m/s]; positive turns left."""
+
+
+Script = list[tuple[int, Fault | Handset]]
+"""Faults and states of the handset with the tick before which each was given."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """Run for a worker."""
+
+    scenario: Scenario
+    seed: int
+    controller: Any = None
+    detector: str | None = None
+    estimator: str | None = None
+    script: tuple[tuple[int, Fault | Handset], ...] = ()
+    """Commands that are applied at their ticks."""
+    speed: float = 1.0
+    """Simulated seconds per second; 0 is as fast as possible."""
+    attended: bool = False
+    """Whether a person may command the run, so that it goes on after a hold."""
+    pictures: bool = True
+    """Whether camera images are drawn."""
+    until_s: float | None = None
+    """Time at which the run is ended [s]; None: at its own end."""
+
+
+def work(order: Order, messages: Any, commands: Any) -> None:
+    """Run an order in a process: messages out, commands in."""
+    from treadline.viewer.worker import LiveRun
+
+    end_with_parent()
+
+    def send(message: Any) -> bool:
+        try:
+            messages.put_nowait(message)
+        except queue.Full:
+            return False
+        return True
+
+    def receive() -> list[Any]:
+        received = []
+        while True:
+            try:
+                received.append(commands.get_nowait())
+            except queue.Empty:
+                return received
+
+    try:
+        LiveRun(order, send, receive).run()
+    except TreadlineError as error:
+        messages.put(("error", str(error)))
+    except KeyboardInterrupt:
+        pass
+
+
+class Worker:
+    """Process of a live run, seen from the viewer."""
+
+    def __init__(self, order: Order) -> None:
+        context = get_context("spawn")
+        self._messages = context.Queue(MESSAGES_MAX)
+        self._commands = context.Queue()
+        self._process: SpawnProcess = context.Process(
+            target=work, args=(order, self._messages, self._commands), name="treadline-view", daemon=True
+        )
+        self._process.start()
+
+    def receive(self) -> list[Any]:
+        """Return the messages since the last call."""
+        received = []
+        while True:
+            try:
+                received.append(self._messages.get_nowait())
+            except queue.Empty:
+                return received
+
+    def send(self, kind: str, value: Any = None) -> None:
+        """Send a command."""
+        self._commands.put((kind, value))
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.is_alive()
+
+    def close(self) -> None:
+        """End the process."""
+        self.send("end")
+        self._process.join(1.0)
+        if self._process.is_alive():
+            self._process.terminate()
+            self._process.join(1.0)
+        self._commands.cancel_join_thread()
+        self._commands.close()

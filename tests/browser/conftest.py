@@ -1,0 +1,173 @@
+"""A real browser and the page of ``treadline view``. ``make test-browser`` runs these tests; elsewhere they are skipped."""
+
+import os
+import queue
+import re
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+OPTIONS = (
+    "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--window-size=1440,900",
+)  # fmt: skip
+"""Switches of Chromium: no traffic of its own, and WebGL in software."""
+PATIENCE_S = 40.0
+"""Longest wait for anything on the page [s]: two loaded cores draw the scene in software."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    reason = None
+    if os.environ.get("TREADLINE_TEST_BROWSER") != "1":
+        reason = "run make test-browser"
+    elif CHROMIUM is None or DRIVER is None:
+        reason = "Chromium or its driver is not installed; make test-browser installs them where root may"
+    for item in items:
+        if reason is not None and item.path.parent == Path(__file__).parent:
+            item.add_marker(pytest.mark.skip(reason=reason))
+
+
+class Page:
+    """Page in the browser."""
+
+    def __init__(self, driver: Any) -> None:
+        self.driver = driver
+
+    def text(self) -> str:
+        return str(self.driver.execute_script("return document.body ? document.body.innerText : ''"))
+
+    def until(self, wanted: Callable[[], Any], what: str) -> Any:
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            found = wanted()
+            if found is not None and found is not False:
+                return found
+            time.sleep(0.1)
+        raise AssertionError(f"waited {PATIENCE_S:.0f} s for {what}; the page says:\n{self.text()}")
+
+    def sees(self, pattern: str) -> "re.Match[str]":
+        return self.until(lambda: re.search(pattern, self.text()), pattern)
+
+    @property
+    def t_s(self) -> float:
+        """Time under the cursor, as the page shows it."""
+        return float(self.sees(r"([\d.]+) s of [\d.]+ s").group(1))
+
+    def click(self, label: str) -> None:
+        def button() -> Any:  # None until there is one
+            return self.driver.execute_script(
+                "return [...document.querySelectorAll('button, [role=tab]')].find(b => b.innerText.trim() === arguments[0])", label
+            )
+
+        self.until(button, f"the button {label!r}").click()
+
+    def requests(self) -> set[str]:
+        """Addresses that the page has asked for, its WebSockets included."""
+        import json
+
+        asked = set()
+        for entry in self.driver.get_log("performance"):
+            message = json.loads(entry["message"])["message"]
+            if message["method"] == "Network.requestWillBeSent":
+                asked.add(message["params"]["request"]["url"])
+            elif message["method"] == "Network.webSocketCreated":
+                asked.add(message["params"]["url"])
+        return asked
+
+
+@pytest.fixture(scope="session")
+def make_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], Page]]:
+    from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
+
+    drivers = []
+
+    def make() -> Page:
+        options = webdriver.ChromeOptions()
+        options.binary_location = CHROMIUM
+        for option in (*OPTIONS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
+            options.add_argument(option)
+        options.set_capability("goog:loggingPrefs", {"performance": "ALL"})
+        driver = webdriver.Chrome(options=options, service=Service(DRIVER))
+        drivers.append(driver)
+        return Page(driver)
+
+    yield make
+    for driver in drivers:
+        driver.quit()
+
+
+@pytest.fixture(scope="session")
+def page(make_page: Callable[[], Page]) -> Page:
+    return make_page()
+
+
+@contextmanager
+def served(*arguments: str) -> Iterator[str]:
+    """Run ``treadline view`` and yield the address that it prints."""
+    command = [sys.executable, "-m", "treadline", "view", *arguments, "--port", "0", "--no-browser"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
+        lines: queue.Queue[str] = queue.Queue()
+        reader = threading.Thread(target=lambda: [lines.put(line) for line in process.stderr or ()], daemon=True)
+        reader.start()
+        try:
+            while not (found := re.search(r"view: (http://\S+)", lines.get(timeout=60.0))):
+                pass
+            yield found.group(1)
+        finally:
+            process.terminate()
+            process.wait(20.0)
+            reader.join(5.0)
+
+
+@pytest.fixture(scope="session")
+def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two recorded seconds on the flight."""
+    from treadline.experiments.recorded import recorded_run
+    from treadline.scenario import DriveSettings, Scenario, Sensors, Start
+    from treadline.setup import resolve
+
+    folder = tmp_path_factory.mktemp("run") / "short"
+    scenario = Scenario(
+        start=Start(place="flight", step=4, heading_deg=6.0),
+        drive=DriveSettings(duration_s=2.0, check=False),
+        sensors=Sensors(camera="statistical"),
+    )
+    recorded_run(folder, resolve(scenario, None, 1))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def recorded(run_folder: Path) -> Iterator[str]:
+    with served(str(run_folder)) as url:
+        yield url
+
+
+@pytest.fixture(scope="session")
+def replay(page: Page, recorded: str) -> Page:
+    """Page of the recorded run, loaded once."""
+    page.requests()
+    page.driver.get(recorded)
+    page.sees(r"of 2\.0 s · time_up")
+    return page
+
+
+@pytest.fixture(scope="session")
+def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Live run that may be commanded, with the camera's images."""
+    scenario = tmp_path_factory.mktemp("scenario") / "live.toml"
+    scenario.write_text(
+        "[start]\nplace = 'flight'\nstep = 4\nheading_deg = 6.0\n[drive]\nduration_s = 300.0\ncheck = false\n[stair]\nsteps = 80\n"
+    )
+    with served(str(scenario), "--control") as url:
+        yield url

@@ -1,0 +1,108 @@
+"""The page of ``treadline view`` in a real browser: scene, controls, access, and clients that come and go."""
+
+import functools
+import http.server
+import io
+import threading
+from collections.abc import Callable
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+from PIL import Image
+
+SCENE = (400, 200, 1020, 740)
+"""Part of the screenshot between the panels [px]."""
+
+
+def scene_of(page: Any) -> np.ndarray:
+    picture = Image.open(io.BytesIO(page.driver.get_screenshot_as_png())).convert("RGB")
+    return np.asarray(picture.crop(SCENE), dtype=float)
+
+
+def _drawn(page: Any) -> np.ndarray | None:
+    """Return the pixels of the scene if they show many colours, else None."""
+    pixels = scene_of(page)
+    colours = len(np.unique((pixels // 16).reshape(-1, 3), axis=0))
+    return pixels if pixels.std() > 8.0 and colours > 40 else None
+
+
+def test_a_recorded_run_plays_pauses_and_scrubs(replay: Any) -> None:
+    replay.click("start")
+    replay.until(lambda: replay.t_s == 0.0, "the beginning")
+    replay.click("+1")
+    replay.until(lambda: replay.t_s == 0.01, "one tick on")
+    replay.click("play")
+    replay.until(lambda: replay.t_s > 0.3, "motion")
+    replay.click("end")
+    replay.until(lambda: replay.t_s > 1.9, "the end")
+    replay.click("−1")
+    replay.until(lambda: 1.9 < replay.t_s < 2.0, "one tick back, and a standstill there")
+
+
+def test_the_scene_is_not_empty_and_moves_with_the_cursor(replay: Any) -> None:
+    """Test: pixels between the panels at both ends of a run. Expected: many colours, and a different picture."""
+    replay.click("start")
+    replay.until(lambda: replay.t_s == 0.0, "the beginning")
+    first = replay.until(lambda: _drawn(replay), "a drawn scene")
+    replay.click("end")
+    replay.until(lambda: replay.t_s > 1.9, "the end")
+    replay.until(lambda: bool(np.abs(scene_of(replay) - first).mean() > 0.5), "another picture")
+
+
+def test_the_page_asks_nothing_from_elsewhere(replay: Any, recorded: str) -> None:
+    replay.until(lambda: _drawn(replay), "a drawn scene")
+    own = urlsplit(recorded).netloc
+    asked = replay.requests()
+    assert any(url.startswith("ws://") for url in asked)  # the log of requests works
+    assert {url for url in asked if urlsplit(url).scheme not in ("data", "blob") and urlsplit(url).netloc != own} == set()
+
+
+def test_a_fork_without_a_change_shows_its_verdict(replay: Any) -> None:
+    replay.click("What if")
+    replay.click("Fork here")
+    replay.sees(r"fork at [\d.]+ s: time_up")
+    replay.click("Remove the fork")
+
+
+def test_a_wrong_token_and_a_foreign_page_are_refused(page: Any, recorded: str, tmp_path: Any) -> None:
+    """Test: another path, and a page of another origin that knows the address. Expected: no page, no WebSocket, no answer."""
+    parts = urlsplit(recorded)
+    page.driver.get(f"http://{parts.netloc}/wrong/")
+    page.sees("the token is missing or wrong")
+    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
+    (tmp_path / "index.html").write_text("<title>foreign</title>")
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as foreign:
+        threading.Thread(target=foreign.serve_forever, daemon=True).start()
+        page.driver.get(f"http://127.0.0.1:{foreign.server_port}/")
+        outcome = page.driver.execute_async_script(
+            "const done = arguments[1]; const s = new WebSocket(arguments[0].replace('http', 'ws'));"
+            "s.onopen = () => done('open'); s.onerror = () => done('refused');",
+            recorded.rstrip("/"),
+        )
+        assert outcome == "refused"
+        read = page.driver.execute_async_script(
+            "const done = arguments[1]; fetch(arguments[0]).then(() => done('read'), () => done('refused'));", recorded
+        )
+        assert read == "refused"
+        foreign.shutdown()
+
+
+def test_stop_rearm_and_a_fault_reach_the_chair_and_two_clients_see_it(page: Any, make_page: Callable[[], Any], live: str) -> None:
+    """Test: two clients of one live run; the second is killed. Expected: both see stop, re-arm and fault, and the run goes on."""
+    page.driver.get(live)
+    page.until(lambda: page.t_s > 0.5, "a running simulation")
+    page.click("Control")
+    page.click("STOP")
+    page.sees("HOLD since .*\n?.*operator stop")
+    other = make_page()
+    other.driver.get(live)
+    other.sees("HOLD since .*\n?.*operator stop")
+    page.click("Re-arm")
+    page.sees("guard: passes commands|guard: slowed")
+    other.driver.service.process.kill()  # its browser ends with it, without a word
+    now_s = page.t_s
+    page.until(lambda: page.t_s > now_s + 0.5, "a simulation that goes on without the other client")
+    page.click("Inject now")
+    page.click("Events")
+    page.until(lambda: page.t_s > now_s + 1.0, "a simulation that goes on after the fault")
