@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 OUT ?= reproduce
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help setup reproduce quick publish test fast slow test-ros1 test-gazebo check coverage format docs docs-serve schema dist clean
+.PHONY: help setup reproduce quick publish test fast slow test-ros1 test-gazebo test-browser check coverage format docs docs-serve schema dist clean
 
 help:
 	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
@@ -16,6 +16,7 @@ help:
 	@echo "make fast         run the tests that finish within a minute"
 	@echo "make slow         run the tests of the first run on a machine, with an empty compile cache (minutes)"
 	@echo "make test-gazebo  run the tests in Gazebo 11, which they build first (root, once)"
+	@echo "make test-browser run the tests of the viewer in Chromium, which they install from Debian first (root, once)"
 	@echo "make test-ros1    install ROS 1 from Debian (root) and run the graph on a real roscore"
 	@echo "make check        formatter, linter, types, import contracts"
 	@echo "make coverage     measure that the guard's own tests take each of its branches"
@@ -74,6 +75,20 @@ test-gazebo: $(VENV)/.test
 	if [ $$status = 77 ]; then echo "test-gazebo: skipped"; exit 0; fi; [ $$status = 0 ] || exit $$status; \
 	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest -n 2 tests/gazebo tests/devices/test_plant_contract.py
 
+$(VENV)/.browser: $(VENV)/.test
+	$(PIP) -e ".[browser]"
+	@touch $@
+
+# Where Chromium is missing and only root could install it there is nothing to test.
+test-browser: $(VENV)/.browser
+	@command -v chromium >/dev/null && command -v chromedriver >/dev/null || \
+		{ [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; } || \
+		{ echo "test-browser: skipped, Chromium is not installed, and only root of a Debian can: apt-get install $(CHROMIUM)"; exit 0; }; \
+	command -v chromium >/dev/null && command -v chromedriver >/dev/null || { apt-get -q update && \
+		DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends $(CHROMIUM); } || exit 1; \
+	TREADLINE_TEST_BROWSER=1 $(BIN)/python -m pytest tests/browser
+
+CHROMIUM := chromium chromium-driver
 ROS1 := ros-core python3-rospy python3-rosbag python3-rostest python3-roslaunch python3-rostopic python3-sensor-msgs \
 	python3-nav-msgs python3-geometry-msgs python3-diagnostic-msgs python3-tf2-msgs python3-tf2-ros
 

@@ -4,6 +4,7 @@ import os
 import queue
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -70,6 +71,12 @@ class Page:
             )
 
         self.until(button, f"the button {label!r}").click()
+
+    def kill(self) -> None:
+        """Kill the browser without a word; the page cannot say goodbye."""
+        driver = self.driver.service.process.pid
+        (browser,) = Path(f"/proc/{driver}/task/{driver}/children").read_text().split()
+        os.kill(int(browser), signal.SIGKILL)
 
     def requests(self) -> set[str]:
         """Addresses that the page has asked for, its WebSockets included."""

@@ -31,9 +31,11 @@ def view(
 ) -> Answer:
     """Watch a run in the browser: a scenario live, or a run folder or log as a recording.
 
-    The page shows chair and stair in 3D, the camera image with the detected nosings, plots with their limits, phases with the
-    reason of each transition, the guard, and the event log. Fork repeats the run up to the cursor with one change and shows both chairs.
-    Needs pip install 'treadline[viewer]'. Only this machine can open the page, by the printed address with its secret token.
+    The page shows chair and stair in 3D, the camera image with the detected nosings, plots with their limits, phases
+    with the reason of each transition, the guard, and the event log. Fork repeats the run up to the cursor with one change and
+    shows both chairs. Needs pip install 'treadline[viewer]'.
+
+    Only this machine can open the page, by the printed address with its secret token.
 
     Args:
         target: Scenario file, name of a shipped scenario, run folder, .mcap, .bag or .db3 file, or the folder of a bag.

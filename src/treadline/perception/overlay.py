@@ -68,9 +68,9 @@ def as_jpeg(picture: Picture, width_px: int, quality: int = 80) -> bytes:
 
 def from_jpeg(jpeg: bytes, width_px: int) -> Picture:
     """Return a JPEG image, scaled to a width."""
-    picture = cv2.imdecode(np.frombuffer(jpeg, dtype=np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1]
+    picture = cv2.cvtColor(np.asarray(cv2.imdecode(np.frombuffer(jpeg, dtype=np.uint8), cv2.IMREAD_COLOR)), cv2.COLOR_BGR2RGB)
     size = width_px, round(width_px * picture.shape[0] / picture.shape[1])
-    return np.asarray(cv2.resize(np.ascontiguousarray(picture), size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def ends_of(nosing: NosingObservation, edge: Float[np.ndarray, " 3"], aside: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "2 3"]:

@@ -19,7 +19,8 @@ from websockets.http11 import Request, Response
 
 CONTENT_POLICY = (
     "default-src 'self' data: blob:; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
-    "style-src 'self' 'unsafe-inline'; connect-src 'self' ws: data: blob:; img-src 'self' data: blob:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+    "style-src 'self' 'unsafe-inline'; connect-src 'self' ws: data: blob:; img-src 'self' data: blob:; "
+    "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 )
 """Content security policy of the page: viser's client is inline and unpacks itself; nothing may be fetched from elsewhere."""
 SAFE_HEADERS = {

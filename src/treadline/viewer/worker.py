@@ -1,7 +1,8 @@
 """Simulation of a live run in a process of its own, which never waits for the viewer.
 
 ``Order`` in; rows, events, frames and the verdict out, through a bounded queue: what finds no room stays with the worker
-until there is some, and images are dropped. Commands of the person at the screen are applied between two ticks and returned as the script.
+until there is some, and images are dropped. Commands of the person at the screen are applied between two ticks and returned as the
+script.
 """
 
 import math
