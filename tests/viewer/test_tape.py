@@ -1,0 +1,243 @@
+"""Tape, plots, texts and session of the viewer, without a browser."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.angles import DEG
+from treadline.faults import Fault
+from treadline.mechanics.chair import read_chair
+from treadline.mechanics.staircase import as_designed
+from treadline.scenario import Scenario, Stair
+from treadline.signals import Event
+from treadline.viewer.nosings import SeenNosings
+from treadline.viewer.orders import Handset, Order, Worker
+from treadline.viewer.pages import camera_html, events_html, state_html, timeline_html, transitions_html
+from treadline.viewer.plots import plot_data, plot_specs
+from treadline.viewer.session import PAUSE, SILENT_S, Feed, Session
+from treadline.viewer.support import NEAR_M, support_of
+from treadline.viewer.tape import COLUMNS, NUMBER, Look, Obstacle, PhaseSpan, SlipMeter, Tape
+
+END_S = 30.0
+
+
+def tape(**columns: Any) -> Tape:
+    """Return thirty seconds of a chair that drives forwards at 0.1 m/s; columns by name."""
+    t_s = 0.01 * np.arange(round(END_S / 0.01) + 1)
+    rows = np.zeros((len(t_s), len(COLUMNS)))
+    rows[:, NUMBER["t_s"]], rows[:, NUMBER["x_m"]], rows[:, NUMBER["qw"]] = t_s, 0.1 * t_s, 1.0
+    rows[:, NUMBER["margin_rad"]] = 20.0 * DEG
+    for name, values in columns.items():
+        rows[:, NUMBER[name]] = values
+    made = Tape(
+        events=[Event(t_s=12.0, name="hold", cause="operator <stop>"), Event(t_s=15.0, name="rearmed", cause="by a person")],
+        phases=[PhaseSpan(t_s=0.0, phase="climb", cause="start"), PhaseSpan(t_s=20.0, phase="crest", cause="end of the flight")],
+    )
+    for part in np.array_split(rows, 7):
+        made.append(part)
+    return made
+
+
+def test_a_tape_grows_in_parts_and_answers_for_any_instant() -> None:
+    made = tape()
+    assert len(made) == 3001
+    assert made.at(17.503)["t_s"] == pytest.approx(17.50)
+    assert made.at(-1.0)["t_s"] == 0.0
+    assert made.at(99.0)["t_s"] == pytest.approx(END_S)
+    assert made.phase_at(19.99).phase == "climb"
+    assert made.phase_at(20.0).phase == "crest"
+    assert [made.holding_at(t_s) is not None for t_s in (11.9, 12.0, 14.9, 15.0)] == [False, True, True, False]
+
+
+def test_an_obstacle_is_there_from_its_time_until_it_is_removed() -> None:
+    made = tape()
+    made.obstacles += [Obstacle(t_s=5.0, centre_W=(1.0, 0.0, 0.2)), Obstacle(t_s=8.0, centre_W=None)]
+    assert [made.obstacle_at(t_s) is not None for t_s in (4.9, 5.0, 7.9, 8.0)] == [False, True, True, False]
+
+
+def test_a_plot_keeps_every_transient_and_shows_limits_and_cursor() -> None:
+    """Test: one sample of 30 °/s among 3000. Expected: it is among the few hundred points, and all arrays have one length."""
+    rate = np.zeros(3001)
+    rate[1234] = 30.0 * DEG
+    spec = plot_specs()[1]
+    data = plot_data(spec, tape(pitch_rate_rad_s=rate), 12.0)
+    t_s, _, curve, upper, lower, cursor = data
+    assert {len(column) for column in data} == {len(t_s)}
+    assert len(t_s) < 600
+    assert curve.max() == pytest.approx(30.0)
+    assert (upper[0], lower[0]) == (25.0, -25.0)  # the guard's limit, row 18 of the hazards
+    assert (np.diff(t_s) >= 0.0).all()
+    assert t_s[np.argmax(cursor)] == pytest.approx(12.0)
+    assert all(np.isfinite(column).all() for column in data)
+
+
+def test_a_plot_of_an_empty_tape_or_of_unknown_quantities_is_finite() -> None:
+    for spec in plot_specs():
+        for made in (Tape(), tape(estimate_rad=math.nan, slip=math.nan, seat_pitch_rad=math.nan)):
+            data = plot_data(spec, made, 3.0)
+            assert len(data) == len(spec.curves) + len(spec.limits) + 3
+            assert all(np.isfinite(column).all() for column in data)
+
+
+def test_the_curve_of_a_fork_is_its_own_up_to_its_end() -> None:
+    fork = tape(heading_rad=5.0 * DEG)
+    data = plot_data(plot_specs()[0], tape(), 1.0, fork)
+    assert data[1][10] == pytest.approx(5.0)
+    assert data[2][10] == pytest.approx(0.0)
+
+
+def test_the_texts_name_hold_phase_and_least_margin_and_escape_what_a_log_says() -> None:
+    margin = np.full(3001, 20.0 * DEG)
+    margin[900] = 4.0 * DEG
+    made = tape(margin_rad=margin)
+    state = state_html(made, 13.0, live=False, title="run")
+    assert "HOLD since 12.00 s" in state
+    assert "operator &lt;stop&gt;" in state
+    assert "least so far" in state
+    assert "4.0° at 9.00 s" in state
+    assert "HOLD" not in state_html(made, 16.0, live=True, title="run")
+    assert "end of the flight" in transitions_html(made, 25.0)
+    assert "hold" in events_html(made, 13.0)
+    assert "rearmed" not in events_html(made, 13.0)
+    assert timeline_html(made, 13.0, 2.0).count("position:absolute") == 6  # two phases, hold, re-arm, fork, cursor
+
+
+def look(nosings_B: np.ndarray, reason: str | None = None) -> Look:
+    return Look(
+        t_s=0.0, taken_s=0.06, reason=reason, heading_rad=0.0, sigma_rad=0.01, edge_count=3, nosings_B=nosings_B, summary="<b>"
+    )
+
+
+def test_a_missed_nosing_is_named() -> None:
+    """Test: the chair on the floor before a flight; two nosings are in the image, the map lacks the first. Expected: it is missed."""
+    staircase, chair = as_designed(Stair(steps=8)), read_chair("wheelchair")
+    row = dict.fromkeys(COLUMNS, 0.0) | {"qw": 1.0, "x_m": -1.5}
+    places = staircase.nosings_W[:2] - np.array([-1.5, 0.0, 0.0])
+    nosings = SeenNosings(staircase, chair.camera_at(240))
+    seen, missed = nosings.compare(look(places[1:]), row)
+    assert seen == [1]
+    assert missed == [0]
+    seen_lines, missed_lines = nosings.lines(look(places[1:]), row)
+    assert (len(seen_lines), len(missed_lines)) == (1, 1)
+    assert "missed: 1" in camera_html(look(places), seen, missed)
+    assert "&lt;b&gt;" in camera_html(look(places), seen, missed)
+    assert "rejected, too dark" in camera_html(look(places, "too dark"), [], [])
+
+
+def test_the_support_is_the_flat_run_on_a_floor_and_less_over_an_edge() -> None:
+    staircase, chair = as_designed(Stair(steps=8)), read_chair("wheelchair")
+    half = 0.5 * chair.tracks.flat_run_m
+    on_floor = support_of(chair, staircase, np.eye(3), np.array([-2.0, 0.0, 0.0]))
+    assert on_floor is not None
+    assert on_floor[:2] == (pytest.approx(half), pytest.approx(half))
+    top = staircase.steps[-1]
+    over_edge = support_of(chair, staircase, np.eye(3), np.array([top.x_m, 0.0, top.z_m]))
+    assert over_edge is not None
+    assert over_edge[0] == pytest.approx(half)
+    assert over_edge[1] < 0.021  # the landing begins under mid-track; points are 2 cm apart
+    assert support_of(chair, staircase, np.eye(3), np.array([-2.0, 0.0, 0.5])) is None
+
+
+def test_the_support_reaches_as_far_as_that_of_the_tip_over_margin() -> None:
+    from treadline.devices.instruments import ROCKING_M
+
+    assert NEAR_M == ROCKING_M
+
+
+def test_the_slip_ratio_is_zero_when_the_chair_follows_its_belts_and_one_when_it_stands() -> None:
+    follows, stands = SlipMeter(), SlipMeter()
+    for k in range(200):
+        s = 0.002 * k
+        clean = follows.update(0.01 * k, (s, 0.0, 0.0), s, (1.0, 0.0, 0.0))
+        slid = stands.update(0.01 * k, (0.0, 0.0, 0.0), s, (1.0, 0.0, 0.0))
+    assert clean == pytest.approx(0.0, abs=1e-9)
+    assert slid == pytest.approx(1.0)
+    assert math.isnan(SlipMeter().update(0.0, (0.0, 0.0, 0.0), 0.0, (1.0, 0.0, 0.0)))
+
+
+class FakeWorker(Worker):
+    """Worker without a process that keeps its commands."""
+
+    def __init__(self) -> None:
+        self.sent: list[tuple[str, Any]] = []
+
+    @property
+    def is_alive(self) -> bool:
+        return True
+
+    def receive(self) -> list[Any]:
+        return []
+
+    def send(self, kind: str, value: Any = None) -> None:
+        self.sent.append((kind, value))
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def live() -> Session:
+    feed = Feed(order=Order(scenario=Scenario(), seed=0), tape=tape(), worker=FakeWorker())
+    return Session(feed=feed, attended=True)
+
+
+def test_a_recorded_session_plays_pauses_steps_and_seeks() -> None:
+    session = Session(feed=Feed(order=Order(scenario=Scenario(), seed=0), tape=tape()), playing=False, following=False)
+    session.advance(1.0)
+    assert session.cursor_s == 0.0
+    session.play()
+    session.set_speed(5.0)
+    session.advance(1.0)
+    assert session.cursor_s == pytest.approx(5.0)
+    session.press_transport("+1")
+    assert (session.playing, session.cursor_s) == (False, pytest.approx(5.01))
+    session.press_transport("−1")
+    session.seek(99.0)
+    assert session.cursor_s == pytest.approx(END_S)
+    session.play()
+    session.advance(0.1)
+    assert session.cursor_s == pytest.approx(0.5)  # play at the end begins anew
+    session.act(Fault(kind="imu_lost"))  # nothing to act on: ignored
+
+
+def test_pause_step_and_speed_act_on_an_attended_simulation(live: Session) -> None:
+    live.advance(0.1)
+    assert live.cursor_s == pytest.approx(END_S)
+    live.play(playing=False)
+    live.step(1)
+    live.play(playing=True)
+    live.set_speed(2.0)
+    assert live.feed.worker.sent == [("speed", PAUSE), ("step", 1), ("speed", 1.0), ("speed", 2.0)]
+
+
+def test_a_session_that_only_views_passes_no_command_on(live: Session) -> None:
+    live.attended = False
+    live.play(playing=False)
+    live.press("stop")
+    live.act(Fault(kind="imu_lost"))
+    live.set_manual(manual=True)
+    live.report(dead_man=True, ahead=1.0, turn=0.0)
+    assert live.feed.worker.sent == []
+
+
+def test_a_silent_handset_counts_as_released(live: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [100.0]
+    monkeypatch.setattr("treadline.viewer.session.time.monotonic", lambda: clock[0])
+    live.set_manual(manual=True)
+    live.report(dead_man=True, ahead=2.0, turn=-0.5)
+    driving = live.feed.worker.sent[-1][1]
+    assert driving == Handset(manual=True, speed_m_s=0.10, turn_m_s=-0.04)
+    clock[0] += SILENT_S + 0.01
+    live.advance(0.0)
+    assert live.feed.worker.sent[-1][1] == Handset(manual=True, dead_man=False)
+
+
+def test_a_pressed_button_is_released_by_itself(live: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = [100.0]
+    monkeypatch.setattr("treadline.viewer.session.time.monotonic", lambda: clock[0])
+    live.press("stop")
+    clock[0] += 1.0
+    live.advance(0.0)
+    assert [command.stop for _, command in live.feed.worker.sent] == [True, False]
