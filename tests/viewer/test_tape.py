@@ -121,9 +121,10 @@ def test_a_missed_nosing_is_named() -> None:
     assert missed == [0]
     seen_lines, missed_lines = nosings.lines(look(places[1:]), row)
     assert (len(seen_lines), len(missed_lines)) == (1, 1)
-    assert "missed: 1" in camera_html(look(places), seen, missed)
-    assert "&lt;b&gt;" in camera_html(look(places), seen, missed)
-    assert "rejected, too dark" in camera_html(look(places, "too dark"), [], [])
+    assert "missed: 1" in camera_html(look(places), seen, missed, 0.0)
+    assert "&lt;b&gt;" in camera_html(look(places), seen, missed, 0.0)
+    assert "nothing for 8.0 s; last frame" in camera_html(look(places), seen, missed, 8.0)
+    assert "rejected, too dark" in camera_html(look(places, "too dark"), [], [], 0.0)
 
 
 def test_the_support_is_the_flat_run_on_a_floor_and_less_over_an_edge() -> None:

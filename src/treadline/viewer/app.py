@@ -308,7 +308,7 @@ class App:
         self._say(self._events, events_html(tape, t_s))
         look = tape.look_at(t_s)
         seen, missed = ([], []) if look is None else self._nosings.compare(look, tape.at(look.t_s))
-        self._say(self._camera, camera_html(look, seen, missed))
+        self._say(self._camera, camera_html(look, seen, missed, t_s))
         if self._opened.can_fork:
             self._say(self._outcome, outcome_html(session))
         self._show_slider(t_s, end_s)

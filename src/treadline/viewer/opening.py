@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from treadline.errors import LogFormatError, SettingsError
-from treadline.io.runs import FORMER_RUN_CONTROLLER, MANIFEST, RUN_CONTROLLER
+from treadline.io.runs import FORMER_RUN_CONTROLLER, LOG, MANIFEST, RUN_CONTROLLER
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import build_staircase
 from treadline.models import read_json
 from treadline.scenario import Belts, Scenario, read_scenario
-from treadline.viewer.orders import Order
+from treadline.viewer.orders import ImageOrder, Order, Worker
 from treadline.viewer.scene import Stage
 from treadline.viewer.session import Feed, Session
 
@@ -75,7 +75,19 @@ def open_recorded(target: str) -> Opened:
         )
     scenario = recording.scenario or Scenario()
     order = Order(scenario=scenario, seed=recording.seed, controller=_controller_of(Path(target)))
-    session = Session(feed=Feed(order=order, tape=tape_of(recording)), playing=False, following=False)
+    feed = Feed(order=order, tape=tape_of(recording))
+    log = Path(target) / LOG if Path(target).is_dir() else Path(target)
+    if len(recording.frames_t_s) and log.suffix == ".mcap":
+        feed.images = Worker(
+            ImageOrder(
+                log=str(log),
+                camera=recording.chair.camera_at(scenario.sensors.image_height_px, rear=scenario.drive.direction == "down"),
+                vision=scenario.control.vision,
+                swept_half_m=recording.chair.swept_half_m,
+                latency_s=scenario.realism.camera_latency_s,
+            )
+        )
+    session = Session(feed=feed, playing=False, following=False)
     return Opened(
         session=session,
         stage=stage_of(scenario, recording.seed, recording.chair),

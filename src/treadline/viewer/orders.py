@@ -13,6 +13,7 @@ from treadline.errors import TreadlineError
 from treadline.faults import Fault
 from treadline.processes import end_with_parent
 from treadline.scenario import Scenario
+from treadline.signals import PinholeCamera
 
 MESSAGES_MAX = 50
 """Messages on the way to the viewer: two seconds' worth; a viewer further behind gets no images."""
@@ -58,10 +59,24 @@ class Order:
     """Time at which the run is ended [s]; None: at its own end."""
 
 
-def work(order: Order, messages: Any, commands: Any) -> None:
-    """Run an order in a process: messages out, commands in."""
-    from treadline.viewer.worker import LiveRun
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImageOrder:
+    """Images of a log, for a worker that runs the detector on them."""
 
+    log: str
+    """MCAP file."""
+    vision: str = "robust"
+    """Method of the detector."""
+    camera: PinholeCamera
+    """Camera with its mount on the chair, which images in a log do not have."""
+    swept_half_m: float
+    """Half width of the volume swept by the chair [m]."""
+    latency_s: float = 0.0
+    """Time from exposure to the mission [s]."""
+
+
+def work(order: Order | ImageOrder, messages: Any, commands: Any) -> None:
+    """Run an order in a process: messages out, commands in."""
     end_with_parent()
 
     def send(message: Any) -> bool:
@@ -80,7 +95,14 @@ def work(order: Order, messages: Any, commands: Any) -> None:
                 return received
 
     try:
-        LiveRun(order, send, receive).run()
+        if isinstance(order, ImageOrder):
+            from treadline.viewer.images import send_looks
+
+            send_looks(order, messages.put)
+        else:
+            from treadline.viewer.worker import LiveRun
+
+            LiveRun(order, send, receive).run()
     except TreadlineError as error:
         messages.put(("error", str(error)))
     except KeyboardInterrupt:
@@ -88,9 +110,9 @@ def work(order: Order, messages: Any, commands: Any) -> None:
 
 
 class Worker:
-    """Process of a live run, seen from the viewer."""
+    """Process of a live run or of the images of a log, seen from the viewer."""
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: Order | ImageOrder) -> None:
         context = get_context("spawn")
         self._messages = context.Queue(MESSAGES_MAX)
         self._commands = context.Queue()

@@ -18,6 +18,8 @@ NARROW = 0.045
 """Share of the timeline below which a phase's name does not fit."""
 EVENTS_SHOWN = 40
 """Events of the log that are shown, the newest first."""
+OLD_S = 0.5
+"""Age of a frame beyond which the panel says so [s]: five periods of the camera."""
 IMAGE_STYLE = "width:calc(100% - 14px);max-height:250px;object-fit:contain;object-position:left;display:block"
 STYLE = "font-size:12px;line-height:1.35;margin-right:14px"
 
@@ -139,7 +141,7 @@ def _table(rows: list[str]) -> str:
     return f'<table style="{STYLE};border-collapse:collapse;width:100%">{"".join(rows)}</table>'
 
 
-def camera_html(look: Look | None, seen: list[int], missed: list[int]) -> str:
+def camera_html(look: Look | None, seen: list[int], missed: list[int], t_s: float) -> str:
     """Return the camera image with its overlay, the detector's answer, and the nosings by number."""
     if look is None:
         return f'<div style="{STYLE}">no camera frame yet</div>'
@@ -148,6 +150,8 @@ def camera_html(look: Look | None, seen: list[int], missed: list[int]) -> str:
         data = base64.b64encode(look.picture).decode("ascii")
         picture = f'<img alt="camera image with detected nosings" style="{IMAGE_STYLE}" src="data:image/jpeg;base64,{data}">'
     head = f"frame of {look.t_s:.2f} s: " + ("accepted" if look.reason is None else f"rejected, {look.reason}")
+    if t_s - look.taken_s > OLD_S:
+        head = f"nothing for {t_s - look.t_s:.1f} s; last {head}"
     colour = "#d55e00" if look.reason is not None else "#009e73"
     found = f"nosings perceived: {_numbers(seen)}; " + (
         f'<b style="color:#d55e00">missed: {_numbers(missed)}</b>' if missed else "none missed in view"

@@ -29,7 +29,7 @@ WEDGE_M = 1.8
 """Length of the heading wedge [m]: to the nosings ahead of the flipper."""
 WEDGE_LIFT_M = 0.25
 """Height of the wedge above the belts' lower line [m]: above the belts, below the seat."""
-LEAST_HALF_WEDGE = math.tan(0.4 * DEG)
+LEAST_HALF_WEDGE = math.tan(0.8 * DEG)
 """Least half width of the wedge per length, so that a precise heading stays visible."""
 NEWTON_PER_M = 500.0
 """Scale of the force arrows [N/m]: the weight of chair and passenger, 2 kN, is 4 m."""
@@ -174,7 +174,7 @@ class SceneView:
             "/world/heading/estimate", fan, both, color=WARN, opacity=0.65, side="double", cast_shadow=False, receive_shadow=False
         )
         ahead = np.array([[[0.0, 0.0, 0.0], [WEDGE_M + 0.2, 0.0, 0.0]]])
-        self._heading = scene.add_line_segments("/world/heading/true", ahead, TRUE, thickness=0.012)
+        self._heading = scene.add_line_segments("/world/heading/true", ahead, TRUE, thickness=0.006)
         square = np.zeros((4, 3))
         self._support = scene.add_mesh_simple(
             "/world/chair/support",

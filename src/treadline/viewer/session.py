@@ -35,6 +35,9 @@ class Feed:
     worker: Worker | None = None
     script: Script = field(default_factory=list)
     error: str | None = None
+    images: Worker | None = None
+    """Worker that runs the detector on the images of a log."""
+    _illustrated: int = 0
 
     def start(self, make: Callable[[Order], Worker] = Worker) -> None:
         """Start the worker."""
@@ -42,7 +45,10 @@ class Feed:
         self.worker = make(self.order)
 
     def drain(self) -> bool:
-        """Take what the worker has sent; return whether there was anything."""
+        """Take what the workers have sent; return whether the simulation sent anything."""
+        if self.images is not None:
+            for kind, value in self.images.receive():
+                self._illustrate(kind, value)
         if self.worker is None:
             return False
         messages = self.worker.receive()
@@ -75,6 +81,23 @@ class Feed:
             case _:
                 pass
 
+    def _illustrate(self, kind: str, value: Any) -> None:
+        """Replace the stair maps of a log by the frames that they came from."""
+        if kind != "look":
+            self.error = value if kind == "error" else self.error
+            self._end_images()
+            return
+        looks = self.tape.looks
+        maps = [look for look in looks[self._illustrated :] if look.t_s > value.t_s + 0.5 * TICK_S]
+        looks[self._illustrated :] = [value, *maps]
+        self._illustrated += 1
+        self._forget_pictures(1)
+
+    def _end_images(self) -> None:
+        images, self.images = self.images, None
+        if images is not None:
+            images.close()
+
     def _forget_pictures(self, count: int) -> None:
         looks = self.tape.looks
         old = max(len(looks) - PICTURES_MAX, 0)
@@ -82,7 +105,8 @@ class Feed:
             looks[number] = replace(looks[number], picture=None)
 
     def close(self) -> None:
-        """End the worker."""
+        """End the workers."""
+        self._end_images()
         worker, self.worker = self.worker, None
         if worker is not None:
             worker.close()

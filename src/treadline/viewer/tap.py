@@ -82,7 +82,7 @@ class Tap:
             truth.t_s,
             *place,
             *quaternion.tolist(),
-            0.0 if math.isnan(truth.seat_pitch_rad) else truth.pitch_rad - truth.seat_pitch_rad,
+            _seat_angle_rad(truth),
             self.fixed_flipper_rad if self._flipper_rad is None else self._flipper_rad,
             truth.left_m_s,
             truth.right_m_s,
@@ -110,6 +110,19 @@ class Tap:
         taken = rows, self.events, self.phases, self.looks
         self.rows, self.events, self.phases, self.looks = [], [], [], []
         return taken
+
+
+def _seat_angle_rad(truth: Truth) -> float:
+    """Return the forward angle of the seat relative to the chassis [rad]; zero without a seat linkage.
+
+    The seat turns about the chair's y axis: ``sin(seat pitch) = sin(pitch) cos(angle) - up sin(angle)`` with the height ``up`` of
+    the chassis' z axis, solved for the angle.
+    """
+    if math.isnan(truth.seat_pitch_rad):
+        return 0.0
+    ahead, aside = math.sin(truth.pitch_rad), math.sin(truth.roll_rad)
+    up = math.sqrt(max(1.0 - ahead * ahead - aside * aside, 0.0))
+    return math.atan2(ahead, up) - math.asin(min(max(math.sin(truth.seat_pitch_rad) / math.hypot(ahead, up), -1.0), 1.0))
 
 
 class TappedDetector:
