@@ -18,7 +18,7 @@ from treadline.viewer.pages import camera_html, events_html, state_html, timelin
 from treadline.viewer.plots import plot_data, plot_specs
 from treadline.viewer.session import PAUSE, SILENT_S, Feed, Session
 from treadline.viewer.support import NEAR_M, support_of
-from treadline.viewer.tape import COLUMNS, NUMBER, Look, Obstacle, PhaseSpan, SlipMeter, Tape
+from treadline.viewer.tape import COLUMNS, NUMBER, Look, Obstacle, PhaseEntry, SlipMeter, Tape
 
 END_S = 30.0
 
@@ -33,7 +33,7 @@ def tape(**columns: Any) -> Tape:
         rows[:, NUMBER[name]] = values
     made = Tape(
         events=[Event(t_s=12.0, name="hold", cause="operator <stop>"), Event(t_s=15.0, name="rearmed", cause="by a person")],
-        phases=[PhaseSpan(t_s=0.0, phase="climb", cause="start"), PhaseSpan(t_s=20.0, phase="crest", cause="end of the flight")],
+        phases=[PhaseEntry(t_s=0.0, phase="climb", cause="start"), PhaseEntry(t_s=20.0, phase="crest", cause="end of the flight")],
     )
     for part in np.array_split(rows, 7):
         made.append(part)
@@ -111,7 +111,7 @@ def look(nosings_B: np.ndarray, reason: str | None = None) -> Look:
 
 
 def test_a_missed_nosing_is_named() -> None:
-    """Test: the chair on the floor before a flight; two nosings are in the image, the map lacks the first. Expected: it is missed."""
+    """Test: the chair on the floor before a flight; two nosings in the image, the map lacks the first. Expected: missed."""
     staircase, chair = as_designed(Stair(steps=8)), read_chair("wheelchair")
     row = dict.fromkeys(COLUMNS, 0.0) | {"qw": 1.0, "x_m": -1.5}
     places = staircase.nosings_W[:2] - np.array([-1.5, 0.0, 0.0])

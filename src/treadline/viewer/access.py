@@ -94,19 +94,19 @@ def _is_address(name: str) -> bool:
     return True
 
 
-class Gate:
+class RequestCheck:
     """Front of viser's HTTP and WebSocket server.
 
     Args:
         rules: Who may use the server.
-        scripts: JavaScript files by name, served beside the page and loaded by it.
+        scripts: JavaScript files by name, served next to the page and loaded by it.
         handlers: Handlers of further WebSocket connections by path.
     """
 
     def __init__(self, rules: AccessRules, scripts: dict[str, bytes], handlers: dict[str, Handler]) -> None:
         self._rules, self._scripts, self._handlers = rules, scripts, handlers
         self.is_installed = False
-        """Whether the server has taken the gate; a server without must not run."""
+        """Whether the server has taken the check; a server without must not run."""
 
     def process_request(self, answer: Callable[[Any, Request], Response | None]) -> Callable[[Any, Request], Response | None]:
         """Return the function that checks a request before ``answer`` gets it."""

@@ -4,6 +4,7 @@ import json
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from html import escape
 from typing import Any, get_args
 
@@ -366,7 +367,7 @@ def vars_of(choices: SceneChoices) -> tuple[bool, ...]:
 
 
 def outcome_html(session: Session) -> str:
-    """Return how a fork went, beside the run."""
+    """Return how a fork went, next to the run."""
     ghost = session.ghost
     if ghost is None:
         return ""
@@ -410,21 +411,24 @@ def handset_handler(session: Session) -> Callable[[Any], Any]:
     async def serve(connection: Any) -> None:
         import asyncio
 
-        async def tell() -> None:
-            while True:
-                await connection.send(json.dumps({"manual": session.manual}))
-                await asyncio.sleep(0.2)
+        from websockets.exceptions import ConnectionClosed
 
-        telling = asyncio.create_task(tell())
+        async def report() -> None:
+            with suppress(ConnectionClosed):
+                while True:
+                    await connection.send(json.dumps({"manual": session.manual}))
+                    await asyncio.sleep(0.2)
+
+        reporting = asyncio.create_task(report())
         try:
             async for message in connection:
-                report = json.loads(message)
+                state = json.loads(message)
                 session.report(
-                    dead_man=report.get("dead_man") is True, ahead=float(report.get("ahead", 0)), turn=float(report.get("turn", 0))
+                    dead_man=state.get("dead_man") is True, ahead=float(state.get("ahead", 0)), turn=float(state.get("turn", 0))
                 )
         except (ValueError, TypeError, AttributeError):
             await connection.close(1003, "not a report of the handset")
         finally:
-            telling.cancel()
+            reporting.cancel()
 
     return serve

@@ -24,8 +24,7 @@ def looks_of(order: ImageOrder) -> Iterator[Look]:
     Raises:
         LogFormatError: If the log is damaged.
     """
-    method = "paper" if order.vision == "paper" else "robust"
-    detector = StairDetector(DetectorConfig(method=method, swept_half_m=order.swept_half_m))
+    detector = StairDetector(DetectorConfig(method=order.vision, swept_half_m=order.swept_half_m))
     gravity = GravityAtExposure()
     for signal in read_log(Path(order.log), lambda topic: topic == "/imu" or topic.startswith("/camera")):
         if isinstance(signal, ImuSample):

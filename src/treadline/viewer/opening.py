@@ -82,7 +82,7 @@ def open_recorded(target: str) -> Opened:
             ImageOrder(
                 log=str(log),
                 camera=recording.chair.camera_at(scenario.sensors.image_height_px, rear=scenario.drive.direction == "down"),
-                vision=scenario.control.vision,
+                vision="paper" if scenario.control.vision == "paper" else "robust",
                 swept_half_m=recording.chair.swept_half_m,
                 latency_s=scenario.realism.camera_latency_s,
             )

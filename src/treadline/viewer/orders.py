@@ -7,7 +7,7 @@ import queue
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.context import SpawnProcess
-from typing import Any
+from typing import Any, Literal
 
 from treadline.errors import TreadlineError
 from treadline.faults import Fault
@@ -65,7 +65,7 @@ class ImageOrder:
 
     log: str
     """MCAP file."""
-    vision: str = "robust"
+    vision: Literal["robust", "paper"] = "robust"
     """Method of the detector."""
     camera: PinholeCamera
     """Camera with its mount on the chair, which images in a log do not have."""

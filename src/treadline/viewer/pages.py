@@ -6,7 +6,7 @@ from html import escape
 
 from treadline.angles import DEG
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
-from treadline.viewer.tape import Look, PhaseSpan, Tape
+from treadline.viewer.tape import Look, PhaseEntry, Tape
 
 PHASE_COLOURS = {
     "search": "#bbbbbb", "align": "#56b4e9", "approach": "#0072b2", "mount": "#e69f00", "traction": "#999933", "climb": "#009e73",
@@ -113,7 +113,7 @@ def transitions_html(tape: Tape, t_s: float) -> str:
     return _table(rows)
 
 
-def _colour_of(span: PhaseSpan) -> str:
+def _colour_of(span: PhaseEntry) -> str:
     return PHASE_COLOURS.get(span.phase, "#888")
 
 

@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 from treadline.angles import rotation_of
 from treadline.playback import Recording
-from treadline.viewer.tape import COLUMNS, LEAST_BELT_M, NUMBER, SLIP_WINDOW_S, Look, PhaseSpan, Tape
+from treadline.viewer.tape import COLUMNS, LEAST_BELT_M, NUMBER, SLIP_WINDOW_S, Look, PhaseEntry, Tape
 
 
 def tape_of(recording: Recording) -> Tape:
@@ -38,7 +38,7 @@ def tape_of(recording: Recording) -> Tape:
         rows[:, NUMBER[name]] = values
     tape = Tape(
         events=list(recording.events),
-        phases=[PhaseSpan(t_s=span.start_s, phase=span.name, cause=span.cause) for span in recording.phases],
+        phases=[PhaseEntry(t_s=span.start_s, phase=span.name, cause=span.cause) for span in recording.phases],
         looks=[_look(seen.t_s, seen.taken_s, seen.nosings_B) for seen in recording.maps],
     )
     tape.append(rows)

@@ -1,4 +1,4 @@
-"""viser's server behind the gate: one socket that is bound here, a page, and the connection of the handset."""
+"""viser's server behind the request check: one socket that is bound here, a page, and the connection of the handset."""
 
 import contextlib
 import io
@@ -9,7 +9,7 @@ from importlib import resources
 from typing import Any
 
 from treadline.errors import SettingsError
-from treadline.viewer.access import AccessRules, Gate, Handler
+from treadline.viewer.access import AccessRules, Handler, RequestCheck
 
 TOKEN_BYTES = 18
 """Length of the token: 144 random bits, 24 letters in the address."""
@@ -50,7 +50,7 @@ def bound_socket(host: str, port: int) -> socket.socket:
 
 
 class GuardedServer:
-    """viser's server; each request passes the gate first.
+    """viser's server; each request passes the request check first.
 
     Args:
         host: Address to bind to.
@@ -58,7 +58,7 @@ class GuardedServer:
         handlers: Handlers of further WebSocket connections by path.
 
     Raises:
-        SettingsError: If the port is in use, viser is missing, or viser no longer lets the gate in front.
+        SettingsError: If the port is in use, viser is missing, or viser no longer lets the request check in front.
     """
 
     def __init__(self, host: str, port: int, handlers: dict[str, Handler] | None = None) -> None:
@@ -66,10 +66,10 @@ class GuardedServer:
         listener = bound_socket(host, port)
         self.rules = AccessRules(token=secrets.token_urlsafe(TOKEN_BYTES), host=host, port=listener.getsockname()[1])
         script = resources.files("treadline.viewer").joinpath("handset.js").read_bytes()
-        gate = Gate(self.rules, {"handset.js": script}, {} if handlers is None else handlers)
-        with _gated(gate, listener), contextlib.redirect_stdout(io.StringIO()):
+        check = RequestCheck(self.rules, {"handset.js": script}, {} if handlers is None else handlers)
+        with _checked(check, listener), contextlib.redirect_stdout(io.StringIO()):
             self.viser = import_viser().ViserServer(host=host, port=self.rules.port, label="treadline", verbose=False)
-        if not gate.is_installed:
+        if not check.is_installed:
             self.close()
             raise SettingsError("this version of viser serves without the access check; pip install 'treadline[viewer]'")
         self._forbid_sharing()
@@ -88,8 +88,8 @@ class GuardedServer:
 
 
 @contextlib.contextmanager
-def _gated(gate: Gate, listener: socket.socket) -> Iterator[None]:
-    """Let the next WebSocket server of this process listen on a socket, behind a gate.
+def _checked(check: RequestCheck, listener: socket.socket) -> Iterator[None]:
+    """Let the next WebSocket server of this process listen on a socket, behind a request check.
 
     viser makes its server itself and has no hook for checks; it looks up ``serve`` at that moment.
     """
@@ -98,7 +98,7 @@ def _gated(gate: Gate, listener: socket.socket) -> Iterator[None]:
     original = module.serve
 
     def serve(handler: Any, _host: Any, _port: Any, *, process_request: Any, **options: Any) -> Any:
-        return original(gate.handler(handler), sock=listener, process_request=gate.process_request(process_request), **options)
+        return original(check.handler(handler), sock=listener, process_request=check.process_request(process_request), **options)
 
     module.serve = serve  # type: ignore[misc, assignment]
     try:

@@ -1,4 +1,4 @@
-"""Session: a tape, the cursor over it, the worker that extends it, and the fork beside it.
+"""Session: a tape, the cursor over it, the worker that extends it, and the fork next to it.
 
 A live run and a recorded one are the same to scene and panels: a tape that may grow, and a cursor. The plant is deterministic, so a
 fork repeats the scenario with the same seed and commands up to the cursor and then goes on with one change.

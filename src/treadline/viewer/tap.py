@@ -17,7 +17,7 @@ from treadline.perception.detection import StairDetection
 from treadline.perception.overlay import BAND_PX, as_jpeg, overlay
 from treadline.ports import Truth
 from treadline.signals import TICK_S, Event, FlipperReading, HeadingEstimate, RgbdFrame, TrackCommand
-from treadline.viewer.tape import COLUMNS, Look, PhaseSpan, SlipMeter
+from treadline.viewer.tape import COLUMNS, Look, PhaseEntry, SlipMeter
 
 PICTURE_PX = 480
 """Width of the camera image in the panel [px]."""
@@ -41,7 +41,7 @@ class Tap:
     fixed_flipper_rad: float
     rows: list[list[float]] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
-    phases: list[PhaseSpan] = field(default_factory=list)
+    phases: list[PhaseEntry] = field(default_factory=list)
     looks: list[Look] = field(default_factory=list)
     now_s: float = 0.0
     """Time of the newest row [s]."""
@@ -65,7 +65,7 @@ class Tap:
                 self._flipper_rad = signal.angle_rad
             case Event():
                 if signal.name in PHASES:
-                    self.phases.append(PhaseSpan(t_s=taken_s, phase=signal.name, cause=signal.cause))
+                    self.phases.append(PhaseEntry(t_s=taken_s, phase=signal.name, cause=signal.cause))
                 self.events.append(signal)
             case _:
                 pass
@@ -104,7 +104,7 @@ class Tap:
             truth.right_force_n,
         ]
 
-    def take(self) -> tuple[Float[np.ndarray, "n c"], list[Event], list[PhaseSpan], list[Look]]:
+    def take(self) -> tuple[Float[np.ndarray, "n c"], list[Event], list[PhaseEntry], list[Look]]:
         """Return what was collected since the last call."""
         rows = np.array(self.rows).reshape(len(self.rows), len(COLUMNS))
         taken = rows, self.events, self.phases, self.looks

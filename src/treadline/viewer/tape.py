@@ -23,7 +23,7 @@ GROWTH_ROWS = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PhaseSpan:
+class PhaseEntry:
     """Beginning of a phase and the reason of the transition."""
 
     t_s: float
@@ -67,7 +67,7 @@ class Tape:
     """Rows, events, phases and camera frames of a run in order of time."""
 
     events: list[Event] = field(default_factory=list)
-    phases: list[PhaseSpan] = field(default_factory=list)
+    phases: list[PhaseEntry] = field(default_factory=list)
     looks: list[Look] = field(default_factory=list)
     obstacles: list[Obstacle] = field(default_factory=list)
     verdict: str | None = None
@@ -114,7 +114,7 @@ class Tape:
         """
         return dict(zip(COLUMNS, self._memory[: self._count][self.index(t_s)].tolist(), strict=True))
 
-    def phase_at(self, t_s: float) -> PhaseSpan | None:
+    def phase_at(self, t_s: float) -> PhaseEntry | None:
         """Return the phase at a time, None before the first."""
         number = bisect_right([span.t_s for span in self.phases], t_s + 1e-6)
         return self.phases[number - 1] if number else None
