@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 from treadline.angles import rotation_of
 from treadline.playback import Recording
-from treadline.viewer.tape import COLUMNS, LEAST_BELT_M, NUMBER, SLIP_WINDOW_S, Look, PhaseEntry, Tape
+from treadline.viewer.tape import COLUMNS, LEAST_BELT_M, NUMBER, ROUNDING_S, SLIP_WINDOW_S, Look, PhaseEntry, Tape
 
 
 def tape_of(recording: Recording) -> Tape:
@@ -62,7 +62,7 @@ def _look(t_s: float, taken_s: float, nosings_B: Float[np.ndarray, "n 3"]) -> Lo
 
 def slip_of(recording: Recording) -> Float[np.ndarray, " T"]:
     """Return the slip ratio as ``SlipMeter`` gives it during a live run."""
-    before = np.searchsorted(recording.t_s, recording.t_s - SLIP_WINDOW_S - 1e-9)
+    before = np.searchsorted(recording.t_s, recording.t_s - SLIP_WINDOW_S - ROUNDING_S)
     belts_m = recording.belt_travel_m.mean(axis=1)
     asked_m = belts_m - belts_m[before]
     forward = np.array([rotation_of(quaternion)[:, 0] for quaternion in recording.quat_WB])

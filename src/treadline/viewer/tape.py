@@ -138,9 +138,10 @@ class Tape:
         return last if last is not None and last.name == "hold" else None
 
 
+ROUNDING_S = 1e-9
+"""Rounding of stamps [s]: a log keeps nanoseconds."""
 SLIP_WINDOW_S = 0.5
-"""Time over which belt travel and movement of the chair are compared [s]: one and a half periods of the chair's rocking over the
-nosings at 0.2 m/s would be 2 s, half a second still shows a slide at once."""
+"""Time over which belt travel and movement of the chair are compared [s], as in the guard's slip monitor."""
 LEAST_BELT_M = 0.01
 """Belt travel in ``SLIP_WINDOW_S`` below which no slip ratio is given [m]: 2 cm/s, ten times the resolution of the encoders."""
 
@@ -159,7 +160,7 @@ class SlipMeter:
             forward: Unit vector along the chair's x axis in W.
         """
         self._past.append((t_s, *p_W, belts_m))
-        while self._past[0][0] < t_s - SLIP_WINDOW_S:
+        while self._past[0][0] < t_s - SLIP_WINDOW_S - ROUNDING_S:
             self._past.pop(0)
         _, x, y, z, before_m = self._past[0]
         asked_m = belts_m - before_m
