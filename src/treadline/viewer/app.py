@@ -426,6 +426,8 @@ def handset_handler(session: Session) -> Callable[[Any], Any]:
                 session.report(
                     dead_man=state.get("dead_man") is True, ahead=float(state.get("ahead", 0)), turn=float(state.get("turn", 0))
                 )
+        except ConnectionClosed:
+            pass  # the page is gone; the dead-man switch is released by the silence
         except (ValueError, TypeError, AttributeError):
             await connection.close(1003, "not a report of the handset")
         finally:
