@@ -74,6 +74,8 @@ class App:
         self._state = gui.add_html("")
         self._timeline = gui.add_html("")
         self._build_transport(gui)
+        if self._session.attended:
+            self._build_stop(gui)
         self._camera = gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Phases"):
@@ -172,10 +174,24 @@ class App:
             with self._lock:
                 session.drop_ghost()
 
-    def _build_control(self, gui: Any) -> None:
+    def _build_stop(self, gui: Any) -> None:
+        """Add the buttons of the handset, in view at all times."""
         session = self._session
         stop = gui.add_button("STOP", color="red")
         rearm = gui.add_button("Re-arm")
+
+        @stop.on_click
+        def _(_event: Any) -> None:
+            with self._lock:
+                session.press("stop")
+
+        @rearm.on_click
+        def _(_event: Any) -> None:
+            with self._lock:
+                session.press("rearm")
+
+    def _build_control(self, gui: Any) -> None:
+        session = self._session
         manual = gui.add_checkbox("Drive by hand", initial_value=False)
         gui.add_html(
             '<div style="font-size:12px">Hold <b>Shift</b> (or a shoulder button of a gamepad) and drive with <b>W A S D</b>, the '
@@ -190,16 +206,6 @@ class App:
         @kind.on_update
         def _(_event: Any) -> None:
             hint.content = f'<div style="font-size:12px">{_meaning(kind.value)}</div>'
-
-        @stop.on_click
-        def _(_event: Any) -> None:
-            with self._lock:
-                session.press("stop")
-
-        @rearm.on_click
-        def _(_event: Any) -> None:
-            with self._lock:
-                session.press("rearm")
 
         @manual.on_update
         def _(_event: Any) -> None:
