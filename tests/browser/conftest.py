@@ -75,8 +75,9 @@ class Page:
     def kill(self) -> None:
         """Kill the browser without a word; the page cannot say goodbye."""
         driver = self.driver.service.process.pid
-        (browser,) = Path(f"/proc/{driver}/task/{driver}/children").read_text().split()
-        os.kill(int(browser), signal.SIGKILL)
+        for children in Path(f"/proc/{driver}/task").glob("*/children"):
+            for browser in children.read_text().split():
+                os.kill(int(browser), signal.SIGKILL)
 
     def requests(self) -> set[str]:
         """Addresses that the page has asked for, its WebSockets included."""
