@@ -59,16 +59,15 @@ def jpeg(picture: Picture) -> bytes:
     return bytes(data)
 
 
-def as_jpeg(picture: Picture, width_px: int, quality: int = 80) -> bytes:
-    """Return an image as JPEG, scaled to a width."""
+def as_jpeg(picture: Picture, width_px: int) -> bytes:
+    """Return a picture as a JPEG file, scaled to a width."""
     size = width_px, round(width_px * picture.shape[0] / picture.shape[1])
-    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
-    return bytes(cv2.imencode(".jpg", small[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1])
+    return jpeg(np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
 
 
-def from_jpeg(jpeg: bytes, width_px: int) -> Picture:
+def from_jpeg(data: bytes, width_px: int) -> Picture:
     """Return a JPEG image, scaled to a width."""
-    picture = cv2.cvtColor(np.asarray(cv2.imdecode(np.frombuffer(jpeg, dtype=np.uint8), cv2.IMREAD_COLOR)), cv2.COLOR_BGR2RGB)
+    picture = cv2.cvtColor(np.asarray(cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)), cv2.COLOR_BGR2RGB)
     size = width_px, round(width_px * picture.shape[0] / picture.shape[1])
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 

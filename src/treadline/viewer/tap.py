@@ -21,8 +21,6 @@ from treadline.viewer.tape import COLUMNS, Look, PhaseEntry, SlipMeter
 
 PICTURE_PX = 480
 """Width of the camera image in the panel [px]."""
-QUALITY = 80
-"""JPEG quality of the camera image: 25 kB at 480 × 360 pixels."""
 PHASES = frozenset(
     ("search", "align", "approach", "mount", "traction", "climb", "crest", "land", "edge", "descend", "leave", "back_off", "drive",
      "arrived", "refused")
@@ -177,4 +175,4 @@ def look_of(frame: RgbdFrame, detection: Detection, taken_s: float, *, with_pict
 
 def picture_of(frame: RgbdFrame, sight: object) -> bytes:
     """Return the image of a frame with the detected objects as JPEG."""
-    return as_jpeg(overlay(frame, sight)[:-BAND_PX] if isinstance(sight, StairDetection) else frame.rgb, PICTURE_PX, QUALITY)
+    return as_jpeg(overlay(frame, sight)[:-BAND_PX] if isinstance(sight, StairDetection) else frame.rgb, PICTURE_PX)
