@@ -106,9 +106,13 @@ def fit_plane(s, plane):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def block_residuals(cells, full):
-    """Return the RMS residuals of all blocks of 2×2 cells about their own planes [1/m], whether they are planar or not."""
+    """Return the RMS residuals of all blocks of 2×2 cells about their own planes [1/m], whether they are planar or not.
+
+    The second column is the square of a block's diagonal contrast, the part of its cells' means that no plane explains, relative
+    to that of white noise of the same size.
+    """
     rows, columns = cells.shape[0], cells.shape[1]
-    found, total, plane, count = np.empty(rows * columns), np.empty(SUMS), np.empty(3), 0
+    found, total, plane, count = np.empty((rows * columns, 2)), np.empty(SUMS), np.empty(3), 0
     for i in range(rows - 1):
         for j in range(columns - 1):
             for k in range(SUMS):
@@ -117,7 +121,14 @@ def block_residuals(cells, full):
                 continue
             residual, _turn = fit_plane(total, plane)
             if residual == residual:
-                found[count] = residual
+                contrast, variance = 0.0, 0.0
+                for a in range(2):
+                    for b in range(2):
+                        s = cells[i + a, j + b]
+                        off = s[W] - plane[0] * s[X] - plane[1] * s[Y] - plane[2] * s[COUNT]
+                        contrast += (1.0 if a == b else -1.0) * off / max(s[COUNT], 1.0)
+                        variance += residual * residual / max(s[COUNT], 1.0)
+                found[count, 0], found[count, 1] = residual, contrast * contrast / max(variance, 1e-30)
                 count += 1
     return found[:count].copy()
 

@@ -1,0 +1,146 @@
+"""Nuisance directions: how errors common to all surfaces of a frame rotate the normals of planes and lines.
+
+Each direction is an unknown of the edge fit, scaled to a prior standard deviation of one:
+
+* Warp of the depth image, specific to the camera: Legendre terms up to third order in the image coordinates, with decreasing sizes.
+* Spread of edges: a matching window enlarges near surfaces by half of its width, which shifts all lines at their ends outwards. A
+  shifted image line of an edge that is not parallel to the image has another direction.
+* Offset in range: light that takes a detour between riser and tread increases all distances of a time-of-flight camera.
+* Curvature of the flight: edges rotate in proportion to their distance from the chair.
+* Motion during the readout of a rolling shutter: each row sees the stair from another pose.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from treadline.angles import DEG
+from treadline.perception.lines import Line
+from treadline.perception.nuisance import kernels
+from treadline.perception.surfaces import DISPARITY_PX_M, Surface
+from treadline.signals import PinholeCamera
+
+ORDER = 3
+"""Largest order of the Legendre terms."""
+POWERS = tuple((i, j) for i in range(ORDER + 1) for j in range(ORDER + 1) if 0 < i + j <= ORDER)
+"""Orders down and across the image; the constant term is excluded."""
+TERMS = len(POWERS)
+"""Number of warp terms."""
+_SIZES = np.array([1.0 / (1.0 + i + j) for i, j in POWERS])
+_SQUARES = np.array([1.0 / ((2.0 * i + 1.0) * (2.0 * j + 1.0)) for i, j in POWERS])
+SIZES = _SIZES / np.sqrt(_SIZES**2 @ _SQUARES) / DISPARITY_PX_M
+"""Standard deviation of each term [1/m] for a warp of 1 px of Kinect disparity over the image."""
+POINTS = 16
+"""Number of columns used to represent a surface."""
+SPREAD, OFFSET, CURVATURE = TERMS, TERMS + 1, TERMS + 2
+"""Columns of spread, offset and curvature; warp terms precede them, motion follows."""
+MOTION = slice(TERMS + 3, TERMS + 7)
+"""Columns of the motion: three angular rates about the axes of C, and the speed of the chair."""
+COLUMNS = TERMS + 7
+"""Number of directions."""
+OFFSET_M = 0.02
+"""Standard deviation of the range offset [m]: multipath of a corner reaches 2 to 50 mm (Fuchs, ICPR 2010)."""
+CURVATURE_1_M = 0.1
+"""Standard deviation of the curvature of a flight that is not straight [1/m]: winding flights have radii of 3 to 30 m."""
+READOUT_S = 0.033
+"""Largest readout time of a rolling shutter [s]: one frame at 30 Hz."""
+RATE_RAD_S, SPEED_M_S = 8.0 * DEG, 0.2
+"""Standard deviations of the angular rates [rad/s] and the speed [m/s] of a chair on a flight: rocking by 1.8° at 1 Hz, and driving
+at 0.2 m/s."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Directions:
+    """Directions that are possible for a camera, each hypothesis with those that are present together."""
+
+    present: Bool[np.ndarray, "h c"]
+    """Whether each direction is present under each hypothesis; warp and spread are present in all."""
+    logs: Float[np.ndarray, " h"]
+    """Log prior of each hypothesis."""
+
+    @property
+    def simplest(self) -> "Directions":
+        """The first hypothesis alone."""
+        return Directions(present=self.present[:1], logs=np.zeros(1))
+
+
+PRIORS: dict[str, float] = {"curved": 0.05, "motion": 0.2, "offset": 0.2}
+"""Prior probability of each kind of direction: one flight in twenty is curved, and one camera in five of an unknown kind has a
+rolling shutter or a range error."""
+
+
+def directions_of(camera: PinholeCamera) -> Directions:
+    """Return the hypotheses for a camera; the first has neither curvature, offset nor motion."""
+    kinds = {"curved": [CURVATURE]}
+    if camera.sensor in ("auto", "kinect1"):
+        kinds["motion"] = list(range(MOTION.start, MOTION.stop))
+    if camera.sensor in ("auto", "kinect2", "tof"):
+        kinds["offset"] = [OFFSET]
+    present = np.zeros((1 + len(kinds), COLUMNS), dtype=np.bool_)
+    present[:, : SPREAD + 1] = True
+    for row, columns in zip(present[1:], kinds.values(), strict=True):
+        row[columns] = True
+    beliefs = [PRIORS[kind] for kind in kinds]
+    return Directions(present=present, logs=np.log([1.0 - sum(beliefs), *beliefs]))
+
+
+def drift_of(camera: PinholeCamera) -> Float[np.ndarray, "4 3"]:
+    """Return the velocity of the camera in C for each unit of motion [m/s]: those of the rates by the lever of the mount."""
+    R_BC = camera.R_BC
+    mount_m = np.array(camera.mount_m)
+    of_rates = [R_BC.T @ np.cross(RATE_RAD_S * axis, mount_m) for axis in R_BC.T]
+    return np.array([*of_rates, SPEED_M_S * R_BC[0]])
+
+
+def turns_of_surface(surface: Surface, camera: PinholeCamera, drift: Float[np.ndarray, "4 3"]) -> Float[np.ndarray, "3 c"]:
+    """Return the derivative of a surface's unit normal with respect to each direction."""
+    columns, top, bottom = surface.upper.columns, surface.upper.rows, surface.lower.rows
+    if columns.size < 2:  # with unknown ends the surface is assumed to fill the image
+        columns, top, bottom = np.array([0, camera.width_px - 1]), np.zeros(2), np.full(2, camera.height_px - 1.0)
+    turns = np.zeros((3, COLUMNS))
+    kernels.turns_of_plane(
+        columns,
+        top,
+        bottom,
+        POINTS,
+        camera.width_px,
+        camera.height_px,
+        camera.fx_px,
+        camera.fy_px,
+        camera.cx_px,
+        camera.cy_px,
+        surface.normal,
+        SIZES,
+        OFFSET_M,
+        READOUT_S,
+        RATE_RAD_S,
+        drift,
+        turns,
+    )
+    return surface.distance_m * turns
+
+
+def turns_of_line(line: Line, camera: PinholeCamera, drift: Float[np.ndarray, "4 3"], spread_px: float) -> Float[np.ndarray, "3 c"]:
+    """Return the derivative of a line's unit normal with respect to each direction.
+
+    Args:
+        spread_px: Standard deviation of the shift of a surface's end [px].
+    """
+    turns = np.zeros((3, COLUMNS))
+    shift = spread_px / camera.fy_px * (1.0 if line.end == "lower" else -1.0)
+    right = np.zeros((3, COLUMNS))
+    for row, point in enumerate(line.ends_m):
+        ray = point / point[2]
+        after_s = READOUT_S * ((ray[1] * camera.fy_px + camera.cy_px) / camera.height_px - 0.5)
+        right[row, SPREAD] = -shift * line.normal[1]
+        right[row, MOTION] = after_s * (drift @ line.normal) / point[2]
+        right[row, MOTION.start : MOTION.stop - 1] += after_s * RATE_RAD_S * np.cross(line.normal, np.eye(3)) @ ray
+    rays = np.array([*(line.ends_m / line.ends_m[:, 2:]), line.normal])
+    turns[:] = np.linalg.solve(rays, right)
+    return turns
+
+
+def reach_of(camera: PinholeCamera, ahead: Float[np.ndarray, " 3"]) -> float:
+    """Return the distance of the camera ahead of the chair's origin along a direction in C [m]."""
+    return float(np.array(camera.mount_m) @ camera.R_BC @ ahead)
