@@ -87,6 +87,8 @@ class EdgeFit:
     """Curvature of the flight if it is curved [1/m]: rotation of the edges per distance ahead of the chair."""
     curved: float
     """Probability of a curved flight."""
+    warp_px: float
+    """Root of the mean square of the depth warp's size [px of Kinect disparity]."""
 
     def sigma_of(self, change: Float[np.ndarray, " 3"]) -> float:
         """Return the standard deviation of a quantity with the differential ``change · de``."""
@@ -149,6 +151,7 @@ class _Solution:
     """Covariance of all unknowns at the most likely hypothesis, irregularity and warp size."""
     beliefs: Float[np.ndarray, " h"]
     """Probability of each hypothesis."""
+    warp_px: float
 
 
 def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:
@@ -202,7 +205,7 @@ def fit_edges(
     possible = directions_of(camera)
     edge = start / np.linalg.norm(start)
     nosings = [nosing for nosing in nosings if nosing.has_direction]
-    normals = _normals(nosings, treads, down, camera, spread_px)
+    normals = _normals(nosings, treads, down, edge, camera, spread_px)
     for last in (False, True):
         axes = _axes(edge, down)
         rows = _rows(normals, down_sigma_rad, axes, camera)
@@ -228,6 +231,7 @@ def fit_edges(
         planes_against_lines_rad=_planes_against_lines(rows, solution),
         curvature_1_m=CURVATURE_1_M * float(solution.mean[CURVATURE]),
         curved=float(solution.beliefs[1]),
+        warp_px=solution.warp_px,
     )
 
 
@@ -238,14 +242,18 @@ def _axes(edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> _Axes
 
 
 def _turns(
-    nosings: Sequence[NosingObservation], treads: Sequence[Surface], camera: PinholeCamera, spread_px: float
+    nosings: Sequence[NosingObservation],
+    treads: Sequence[Surface],
+    edge: Float[np.ndarray, " 3"],
+    camera: PinholeCamera,
+    spread_px: float,
 ) -> Float[np.ndarray, "k 3 c"]:
     """Return the derivative of each normal with respect to each nuisance direction, in the order of the equations."""
     drift = drift_of(camera)
-    found = [turns_of_surface(tread, camera, drift) for tread in treads]
+    found = [turns_of_surface(tread, edge, camera, drift) for tread in treads]
     for nosing in nosings:
         if nosing.riser is not None:
-            found.append(turns_of_surface(nosing.riser, camera, drift))
+            found.append(turns_of_surface(nosing.riser, edge, camera, drift))
         found += [turns_of_line(line, camera, drift, spread_px) for line in nosing.lines]
     return np.array([*found, np.zeros((3, COLUMNS))])
 
@@ -265,6 +273,7 @@ def _normals(
     nosings: Sequence[NosingObservation],
     treads: Sequence[Surface],
     down: Float[np.ndarray, " 3"],
+    edge: Float[np.ndarray, " 3"],
     camera: PinholeCamera,
     spread_px: float,
 ) -> _Normals:
@@ -287,7 +296,7 @@ def _normals(
     return _Normals(
         unit=np.array([*units, down]),
         covariance=np.array([*covariances, np.zeros((3, 3))]),
-        turns=_turns(nosings, treads, camera, spread_px),
+        turns=_turns(nosings, treads, edge, camera, spread_px),
         reach_m=np.array([0.0 if k < 0 else nosings[k].ahead_m for k in group]),
         tilts=np.array([*tilts, False]),
         group=np.array(group),
@@ -375,11 +384,11 @@ def _of_the_stair(rows: _Rows) -> Bool[np.ndarray, " k"]:
 def _solved(rows: _Rows, tried: Prior, possible: Directions) -> _Solution:
     """Return nuisances, α and ρ with hypothesis, irregularity and warp size marginalised."""
     covariance = np.empty((COLUMNS + 2, COLUMNS + 2))
-    mean, spread, beliefs = marginal_posterior(
-        *_equations(rows), tried.turns, tried.tilts, tried.warps, tried.logs, possible.present, possible.logs, TERMS, covariance
+    mean, spread, beliefs, warp = marginal_posterior(
+        *_equations(rows), tried.turns, tried.tilts, tried.warps, tried.logs, possible.present, possible.logs, possible.scales, TERMS, covariance
     )
     covariance_of_angles = np.array([[spread[0], spread[2]], [spread[2], spread[1]]])
-    return _Solution(mean=mean, covariance=covariance_of_angles, likeliest=covariance, beliefs=beliefs)
+    return _Solution(mean=mean, covariance=covariance_of_angles, likeliest=covariance, beliefs=beliefs, warp_px=float(np.sqrt(warp)))
 
 
 def _equations(

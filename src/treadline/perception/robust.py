@@ -167,7 +167,7 @@ def _answer(
     in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
     fronts = [(tread.surface, tread.nosing_end(in_view, seen.direction)) for _, on, tread in seen.matched_treads if on]
     sides = sides_of([*(tread for tread, _ in fronts), *seen.risers], blocks, frame.camera, in_view)
-    bow = bow_of(fronts, seen.risers, blocks, frame.camera, in_view)
+    bow = bow_of(fronts, seen.risers, blocks, frame.camera, in_view, fit.warp_px)
     turn, turn_sigma = turn_by(bow, sides)
     chord = fit.edge + turn * fit.ahead
     chord /= np.linalg.norm(chord)
@@ -178,7 +178,7 @@ def _answer(
     forward, left = R_BC[0], R_BC[1]
     a, b = -float(edge @ forward), -float(edge @ left)
     change = (-b * forward + a * left) / (a * a + b * b)
-    sigma = float(np.hypot(fit.sigma_of(change), turn_sigma))
+    sigma = float(np.hypot(fit.sigma_of(change), np.hypot(turn_sigma, bow.uneven_rad)))
     tilted = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
     axes = tilted.axes
     shape = _shape_of(seen, blocks, frame.camera, axes)
@@ -251,7 +251,7 @@ def _rejection_reason(
     apart = fit.planes_against_lines_rad
     if apart is not None and abs(apart[0]) > max(DISAGREEMENT, DISAGREEMENT_SIGMAS * apart[1]):
         return f"risers and nosings disagree by {abs(apart[0]) / DEG:.1f}°"
-    if not sigma_rad <= SIGMA_LIMIT and bow.is_significant:
+    if not sigma_rad <= SIGMA_LIMIT and bow.bowed > 0.5:
         return (
             f"edges bowed by {abs(bow.curvature_1_m):.2f} per metre: the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only, "
             f"{1.96 * SIGMA_LIMIT / DEG:.1f}° needed"

@@ -41,6 +41,8 @@ COLUMNS = TERMS + 7
 """Number of directions."""
 OFFSET_M = 0.02
 """Standard deviation of the range offset [m]: multipath of a corner reaches 2 to 50 mm (Fuchs, ICPR 2010)."""
+RANGE_SCALE = 6.0
+"""Size of a smooth range error relative to a disparity warp: multipath of 20 mm over an image at 1.5 m, instead of 0.1 px."""
 CURVATURE_1_M = 0.1
 """Standard deviation of the curvature of a flight that is not straight [1/m]: winding flights have radii of 3 to 30 m."""
 READOUT_S = 0.033
@@ -58,11 +60,13 @@ class Directions:
     """Whether each direction is present under each hypothesis; warp and spread are present in all."""
     logs: Float[np.ndarray, " h"]
     """Log prior of each hypothesis."""
+    scales: Float[np.ndarray, " h"]
+    """Factor on the size of the warp under each hypothesis."""
 
     @property
     def simplest(self) -> "Directions":
         """The first hypothesis alone."""
-        return Directions(present=self.present[:1], logs=np.zeros(1))
+        return Directions(present=self.present[:1], logs=np.zeros(1), scales=self.scales[:1])
 
 
 PRIORS: dict[str, float] = {"curved": 0.05, "motion": 0.2, "offset": 0.2}
@@ -82,7 +86,7 @@ def directions_of(camera: PinholeCamera) -> Directions:
     for row, columns in zip(present[1:], kinds.values(), strict=True):
         row[columns] = True
     beliefs = [PRIORS[kind] for kind in kinds]
-    return Directions(present=present, logs=np.log([1.0 - sum(beliefs), *beliefs]))
+    return Directions(present=present, logs=np.log([1.0 - sum(beliefs), *beliefs]), scales=np.array([1.0, *(RANGE_SCALE if kind == "offset" else 1.0 for kind in kinds)]))
 
 
 def drift_of(camera: PinholeCamera) -> Float[np.ndarray, "4 3"]:
@@ -93,8 +97,18 @@ def drift_of(camera: PinholeCamera) -> Float[np.ndarray, "4 3"]:
     return np.array([*of_rates, SPEED_M_S * R_BC[0]])
 
 
-def turns_of_surface(surface: Surface, camera: PinholeCamera, drift: Float[np.ndarray, "4 3"]) -> Float[np.ndarray, "3 c"]:
-    """Return the derivative of a surface's unit normal with respect to each direction."""
+def turns_of_surface(
+    surface: Surface, edge: Float[np.ndarray, " 3"], camera: PinholeCamera, drift: Float[np.ndarray, "4 3"]
+) -> Float[np.ndarray, "3 c"]:
+    """Return the derivative of a surface's unit normal with respect to each direction.
+
+    Args:
+        edge: Approximate direction of the edges.
+    """
+    # Light reaches a riser over the tread before it. Irradiances of both are as the distances from the camera to their planes.
+    beside = surface.centre - surface.distance_m * surface.unit
+    beside = beside - float(beside @ edge) * edge
+    offset_m = OFFSET_M * float(np.sqrt(beside @ beside)) / surface.distance_m
     columns, top, bottom = surface.upper.columns, surface.upper.rows, surface.lower.rows
     if columns.size < 2:  # with unknown ends the surface is assumed to fill the image
         columns, top, bottom = np.array([0, camera.width_px - 1]), np.zeros(2), np.full(2, camera.height_px - 1.0)
@@ -112,7 +126,7 @@ def turns_of_surface(surface: Surface, camera: PinholeCamera, drift: Float[np.nd
         camera.cy_px,
         surface.normal,
         SIZES,
-        OFFSET_M,
+        offset_m,
         READOUT_S,
         RATE_RAD_S,
         drift,

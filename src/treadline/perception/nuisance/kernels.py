@@ -20,9 +20,10 @@ FLAT = 4.0
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def marginal_posterior(
-    by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, prior, present, logs_of, terms, covariance
+    by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, prior, present, logs_of, scales, terms, covariance
 ):
-    """Return the posterior mean of x, variances and covariance of α and ρ, and the probability of each hypothesis.
+    """Return the posterior mean of x, variances and covariance of α and ρ, the probability of each hypothesis, and the mean
+    square of the warp's size.
 
     ``covariance`` is filled with the covariance of x at the mode.
 
@@ -32,7 +33,8 @@ def marginal_posterior(
         step: Step index of each equation, below ``steps``; -1 for none.
         turns: Grid of standard deviations τ, ``tilts`` of κ and ``warps`` of the warp coefficients.
         prior: Logarithm of the prior, one row per pair of τ and κ.
-        present: Mask of the nuisance directions of each hypothesis, and ``logs_of`` its log prior.
+        present: Mask of the nuisance directions of each hypothesis, ``logs_of`` its log prior, and
+            ``scales`` a factor on the sizes of its warp.
         terms: Number of warp coefficients.
     """
     n, kinds = by.shape[1], present.shape[0]
@@ -48,7 +50,7 @@ def marginal_posterior(
         active = _active(present[kind])
         m = active.size
         for w in range(warps.size):
-            _solved(M, active, terms, warps[w], L, of_warp)
+            _solved(M, active, terms, scales[kind] * warps[w], L, of_warp)
             for pair in range(pairs):
                 at = (kind * pairs + pair) * warps.size + w
                 logs[at] = of_pair[pair] + of_warp[pair] + prior[pair, w] + logs_of[kind]
@@ -61,28 +63,30 @@ def marginal_posterior(
     best = np.argmax(logs)
     belief = np.exp(logs - logs[best])
     belief /= belief.sum()
-    mean, spread, of_kind = np.zeros(n), np.zeros(3), np.zeros(kinds)
+    mean, spread, of_kind, warp = np.zeros(n), np.zeros(3), np.zeros(kinds), 0.0
     for k in range(size):
         mean += belief[k] * means[k]
         of_kind[k // (pairs * warps.size)] += belief[k]
+        warp += belief[k] * (scales[k // (pairs * warps.size)] * warps[k % warps.size]) ** 2
     for k in range(size):
         a, r = means[k, n - 2] - mean[n - 2], means[k, n - 1] - mean[n - 1]
         spread[0] += belief[k] * (spreads[k, 0] + a * a)
         spread[1] += belief[k] * (spreads[k, 1] + r * r)
         spread[2] += belief[k] * (spreads[k, 2] + a * r)
-    active = _active(present[best // (pairs * warps.size)])
+    kind = best // (pairs * warps.size)
+    active = _active(present[kind])
     pair, m = best // warps.size % pairs, active.size
     turn, tilt = pair // tilts.size, pair % tilts.size
     M, L, of_pair, of_warp = _room(n, 1)
     _take_out(plain, turned, tilted, own, turns[turn : turn + 1], tilts[tilt : tilt + 1], M, of_pair)
-    _solved(M, active, terms, warps[best % warps.size], L, of_warp)
+    _solved(M, active, terms, scales[kind] * warps[best % warps.size], L, of_warp)
     inverse = np.linalg.inv(L[:m, :m, 0].copy())
     inverse = inverse.T @ inverse
     covariance[:] = 0.0
     for i in range(m):
         for j in range(m):
             covariance[active[i], active[j]] = inverse[i, j]
-    return mean, spread, of_kind
+    return mean, spread, of_kind, warp
 
 
 @njit(cache=True, error_model="numpy")
