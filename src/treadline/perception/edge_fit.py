@@ -192,7 +192,9 @@ def fit_edges(
     down_sigma_rad: float,
     start: Float[np.ndarray, " 3"],
     camera: PinholeCamera,
+    *,
     spread_px: float = 0.0,
+    measures_range: bool = False,
 ) -> EdgeFit:
     """Return the direction perpendicular to all normals.
 
@@ -201,8 +203,9 @@ def fit_edges(
         down: Unit vector in C. Edges are horizontal: gravity is equivalent to one more tread, with its own uncertainty.
         start: Initial edge direction.
         spread_px: Standard deviation of the shift of surfaces' ends that all lines have in common [px].
+        measures_range: Whether the camera is one of time of flight.
     """
-    possible = directions_of(camera)
+    possible = directions_of(measures_range=measures_range)
     edge = start / np.linalg.norm(start)
     nosings = [nosing for nosing in nosings if nosing.has_direction]
     normals = _normals(nosings, treads, down, edge, camera, spread_px)

@@ -188,6 +188,31 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
+def noise_law(sums, planes, depths, places, parts):
+    """Return the exponent of the noise of w over depth, from medians over ``parts`` ranges of depth, and the span of log depth.
+
+    A disparity has the same noise at all depths, an exponent of 0. A range whose error does not grow has -2.
+    """
+    logs, noise, count = np.empty(depths.size), np.empty(depths.size), 0
+    for k in range(depths.size):
+        if places[k, 2] == 2:
+            logs[count] = math.log(depths[k])
+            noise[count] = 0.5 * math.log(max(mean_square(sums[k], planes[k]), 1e-14))
+            count += 1
+    if count < 4 * parts:
+        return 0.0, 0.0
+    order = np.argsort(logs[:count])
+    x, y = np.empty(parts), np.empty(parts)
+    for part in range(parts):
+        members = order[part * count // parts : (part + 1) * count // parts]
+        x[part], y[part] = np.median(logs[members]), np.median(noise[members])
+    span = x[parts - 1] - x[0]
+    x -= x.mean()
+    return dot(x, y) / max(dot(x, x), 1e-12), span
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
 def common_plane(sums, run, limits, start, stop, least, plane, inside):
     """Fit one plane to the blocks of a run, starting with those from ``start`` to ``stop``; return the number of blocks on it.
 

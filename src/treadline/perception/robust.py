@@ -153,7 +153,16 @@ def _look_under(down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, swept_half_
     unconfirmed = UNCONFIRMED <= seen.evidence < EVIDENCE and down.may_be_unconfirmed
     if seen.evidence < EVIDENCE and not unconfirmed:
         return refused(_lacking(seen), edge_count=len(seen.nosings), evidence=seen.evidence)
-    fit = fit_edges(seen.nosings, seen.treads, down.reference, down.sigma_rad, cross(down.direction, seen.facing), frame.camera, blocks.spread_px)
+    fit = fit_edges(
+        seen.nosings,
+        seen.treads,
+        down.reference,
+        down.sigma_rad,
+        cross(down.direction, seen.facing),
+        frame.camera,
+        spread_px=blocks.spread_px,
+        measures_range=blocks.measures_range,
+    )
     watch.lap("direction")
     sight = _answer(frame, blocks, seen, fit, down, swept_half_m, watch)
     watch.lap("geometry")

@@ -44,6 +44,10 @@ TOLERANCE, TOLERANCE_SIGMAS = 0.22 / DISPARITY_PX_M, 3.5
 NOISE_QUANTILE, NOISE_MARGIN, NOISE_MOST = 0.35, 2.2, 3.0
 """Quantile of the residuals of all blocks that stands for a frame's noise, its ratio to the largest residual of a planar block
 (recorded Kinect 1 frames give a noise of 1 to 1.8), and the largest noise: beyond it steps 2 m away are no planes."""
+LAW_PARTS, LAW_SPAN, LAW_EXPONENT = 6, 0.35, -0.3
+"""Number of ranges of depth, least span of log depth and largest exponent of a time-of-flight camera's noise. Exponents over 40 kinds
+of rendered frames: -0.1 to 0.2 for disparities, -1.8 to -0.9 for time of flight; recorded frames of a Kinect 1 have 0.03 and 0.05,
+one of a Kinect 2 -0.6."""
 CHI_SQUARE_MEDIAN = 0.455
 """Median of the square of a standard normal number."""
 CELLS_ALIKE = 1.7
@@ -76,6 +80,9 @@ class PlanarBlocks:
     """Noise of this frame relative to a Kinect 1; thresholds on residuals are multiplied by it."""
     window_px: float
     """Width of the noise's correlation: that of the matching window of a stereo camera [px]."""
+
+    measures_range: bool
+    """Whether the noise depends on depth as that of a time-of-flight camera, not as that of a disparity."""
 
     @property
     def spread_px(self) -> float:
@@ -112,8 +119,10 @@ def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -
         TURN_LIMIT * min(noise, TURN_NOISE_MOST),
         LEAST_RESIDUAL,
     )
+    exponent, span = kernels.noise_law(sums, normals, centres[:, 2].copy(), places, LAW_PARTS)
     return PlanarBlocks(
         nearness=nearness,
+        measures_range=exponent < LAW_EXPONENT and span > LAW_SPAN,
         sums=sums,
         normals=normals,
         unit=unit,

@@ -69,24 +69,30 @@ class Directions:
         return Directions(present=self.present[:1], logs=np.zeros(1), scales=self.scales[:1])
 
 
-PRIORS: dict[str, float] = {"curved": 0.05, "motion": 0.2, "offset": 0.2}
-"""Prior probability of each kind of direction: one flight in twenty is curved, and one camera in five of an unknown kind has a
-rolling shutter or a range error."""
+CURVED, MOVING, OFF_RANGE = 0.05, 0.2, 0.85
+"""Prior probabilities: one flight in twenty is curved, one camera in five has a rolling shutter that matters, and nearly every
+time-of-flight camera has errors by multipath."""
 
 
-def directions_of(camera: PinholeCamera) -> Directions:
-    """Return the hypotheses for a camera; the first has neither curvature, offset nor motion."""
-    kinds = {"curved": [CURVATURE]}
-    if camera.sensor in ("auto", "kinect1"):
-        kinds["motion"] = list(range(MOTION.start, MOTION.stop))
-    if camera.sensor in ("auto", "kinect2", "tof"):
-        kinds["offset"] = [OFFSET]
+def directions_of(*, measures_range: bool) -> Directions:
+    """Return the hypotheses for a camera; the first has neither curvature, offset nor motion.
+
+    Args:
+        measures_range: Whether the camera is one of time of flight, which exposes all rows at once. Others may have a rolling
+            shutter.
+    """
+    kinds = [([CURVATURE], CURVED, 1.0)]
+    kinds.append(([OFFSET], OFF_RANGE, RANGE_SCALE) if measures_range else (list(range(MOTION.start, MOTION.stop)), MOVING, 1.0))
     present = np.zeros((1 + len(kinds), COLUMNS), dtype=np.bool_)
     present[:, : SPREAD + 1] = True
-    for row, columns in zip(present[1:], kinds.values(), strict=True):
+    for row, (columns, *_) in zip(present[1:], kinds, strict=True):
         row[columns] = True
-    beliefs = [PRIORS[kind] for kind in kinds]
-    return Directions(present=present, logs=np.log([1.0 - sum(beliefs), *beliefs]), scales=np.array([1.0, *(RANGE_SCALE if kind == "offset" else 1.0 for kind in kinds)]))
+    beliefs = [belief for _, belief, _ in kinds]
+    return Directions(
+        present=present,
+        logs=np.log([1.0 - sum(beliefs), *beliefs]),
+        scales=np.array([1.0, *(scale for *_, scale in kinds)]),
+    )
 
 
 def drift_of(camera: PinholeCamera) -> Float[np.ndarray, "4 3"]:
