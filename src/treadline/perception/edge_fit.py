@@ -253,7 +253,7 @@ def _turns(
 ) -> Float[np.ndarray, "k 3 c"]:
     """Return the derivative of each normal with respect to each nuisance direction, in the order of the equations."""
     drift = drift_of(camera)
-    found = [turns_of_surface(tread, edge, camera, drift) for tread in treads]
+    found = [turns_of_surface(tread, None, camera, drift) for tread in treads]
     for nosing in nosings:
         if nosing.riser is not None:
             found.append(turns_of_surface(nosing.riser, edge, camera, drift))
@@ -388,10 +388,21 @@ def _solved(rows: _Rows, tried: Prior, possible: Directions) -> _Solution:
     """Return nuisances, α and ρ with hypothesis, irregularity and warp size marginalised."""
     covariance = np.empty((COLUMNS + 2, COLUMNS + 2))
     mean, spread, beliefs, warp = marginal_posterior(
-        *_equations(rows), tried.turns, tried.tilts, tried.warps, tried.logs, possible.present, possible.logs, possible.scales, TERMS, covariance
+        *_equations(rows),
+        tried.turns,
+        tried.tilts,
+        tried.warps,
+        tried.logs,
+        possible.present,
+        possible.logs,
+        possible.scales,
+        TERMS,
+        covariance,
     )
     covariance_of_angles = np.array([[spread[0], spread[2]], [spread[2], spread[1]]])
-    return _Solution(mean=mean, covariance=covariance_of_angles, likeliest=covariance, beliefs=beliefs, warp_px=float(np.sqrt(warp)))
+    return _Solution(
+        mean=mean, covariance=covariance_of_angles, likeliest=covariance, beliefs=beliefs, warp_px=float(np.sqrt(warp))
+    )
 
 
 def _equations(

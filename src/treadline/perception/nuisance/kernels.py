@@ -271,16 +271,14 @@ def variances(covariances, direction):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def turns_of_plane(
-    columns, top, bottom, points, width, height, fx, fy, cx, cy, plane, sizes, offset, readout, rate, drift, turns
-):
+def turns_of_plane(columns, top, bottom, points, width, height, fx, fy, cx, cy, plane, sizes, readout, rate, drift, turns):
     """Fill ``turns`` with the change of n that fits each direction best at the top, middle and bottom of ``points`` columns.
 
     Args:
         plane: n of the surface.
-        sizes: Standard deviations of the warp terms, ``offset`` of the range, ``rate`` of the angular rates.
+        sizes: Standard deviations of the warp terms, ``rate`` of the angular rates.
         drift: Velocity of the camera for each unit of motion.
-        turns: Columns as in ``directions``; those of spread and curvature are left.
+        turns: Columns as in ``directions``; those of spread, detour and curvature are left at zero.
     """
     terms = sizes.size
     M, right = np.zeros((3, 3)), np.zeros((3, turns.shape[1]))
@@ -312,8 +310,6 @@ def turns_of_plane(
                     if 0 < i + j <= 3:
                         error[term] = sizes[term] * down[i] * across[j]
                         term += 1
-            near = dot(plane, ray)
-            error[terms + 1] = -offset * near * near / math.sqrt(dot(ray, ray))
             after = readout * (v / height - 0.5)
             for i in range(4):
                 error[terms + 3 + i] = after * dot(by_motion[i], ray)
