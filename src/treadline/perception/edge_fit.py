@@ -27,8 +27,8 @@ from treadline.perception.nuisance.directions import (
     TERMS,
     Directions,
     directions_of,
-    reach_of,
     drift_of,
+    reach_of,
     turns_of_line,
     turns_of_surface,
 )
@@ -428,7 +428,7 @@ def _equations(
 
 
 def _planes_against_lines(rows: _Rows, solution: _Solution) -> tuple[float, float] | None:
-    """Return the angle about the vertical between risers and nosings after removal of tilt and nuisances, and its standard deviation."""
+    """Return the angle about the vertical between risers and nosings without tilt and nuisances, and its standard deviation."""
     of_line = (rows.group >= 0) & rows.tilts
     of_riser = (rows.group >= 0) & ~rows.tilts
     if not of_line.any() or not of_riser.any():

@@ -31,16 +31,16 @@ BIN_M, BINS = 0.04, 61
 PARTS = 16
 """Number of parts of a profile whose scatter gives the standard deviation of its curvature."""
 CAMERA_BOW, CAMERA_WARP_PX = 0.02, 0.05
-"""Standard deviation of a curvature that is the camera's, common to all edges [1/m], at a depth warp of this size [px], and at most:
-at 1.5 m it bends half a metre by 2.5 mm. A larger warp is not told from a bow."""
+"""Standard deviation of a curvature that is the camera's, common to all edges [1/m], and the depth warp that has it [px]: at 1.5 m
+it bends half a metre by 2.5 mm. It is also the largest one, because bowed edges make the estimated warp larger than it is."""
 STEP_BOWS = np.geomspace(0.002, 0.5, 10)
 """Grid of the scatter of curvature between the edges of one flight [1/m]: 0.2 mm of bow over a metre, as drawn, to the errors of
 profiles that objects cut off."""
 BOWED, BOW_1_M = 0.05, 0.1
 """Prior probability of bowed edges, and standard deviation of their curvature [1/m]: a sagitta of 2 cm over 1.3 m."""
 BOW_KNOWN = 0.12
-"""Largest standard deviation of a curvature that is evaluated [1/m]. Of 156 frames facing down nine had a false curvature above four
-deviations, all with deviations of 0.17 and more; of 24 frames of edges bowed by 15 cm the largest deviation was 0.09."""
+"""Largest standard deviation of a curvature that is evaluated [1/m]. Of 156 frames facing down nine had a false curvature above
+four deviations, all with deviations of 0.17 and more; of 24 frames of edges bowed by 15 cm the largest deviation was 0.09."""
 COMMON_LEAST = 2.0
 """Least ratio of the mean square of the common profile to that expected from its scatter: noise alone reaches 2 in one frame of
 four."""
@@ -146,7 +146,9 @@ def bow_of(
         warp_px: Size of the depth warp [px of Kinect disparity].
     """
     pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
-    curvatures, variances, middles = [], [], []
+    curvatures: list[float] = []
+    variances: list[float] = []
+    middles: list[float] = []
     profiles = [(tread, end, False) for tread, end in fronts] + [(riser, riser.upper, True) for riser in risers]
     widths: list[float] = []
     of_riser: list[bool] = []

@@ -15,7 +15,7 @@ ROWS = 9
 LEAST = 16
 """Least number of columns of a profile."""
 RAGGED_PX, RAGGED_SHARE = 3, 20
-"""Number of columns at either side of a surface that do not belong to its profile, and the surface's columns divided by it: depth is
+"""Least number of columns at either side of a surface that do not belong to its profile, and ratio of all columns to it: depth is
 ragged where the surface ends."""
 KEPT_SIGMAS = 2.5
 """Largest residual of a point of a profile, in median deviations of a normal error."""

@@ -45,9 +45,9 @@ NOISE_QUANTILE, NOISE_MARGIN, NOISE_MOST = 0.35, 2.2, 3.0
 """Quantile of the residuals of all blocks that stands for a frame's noise, its ratio to the largest residual of a planar block
 (recorded Kinect 1 frames give a noise of 1 to 1.8), and the largest noise: beyond it steps 2 m away are no planes."""
 LAW_PARTS, LAW_SPAN, LAW_EXPONENT = 6, 0.35, -0.3
-"""Number of ranges of depth, least span of log depth and largest exponent of a time-of-flight camera's noise. Exponents over 40 kinds
-of rendered frames: -0.1 to 0.2 for disparities, -1.8 to -0.9 for time of flight; recorded frames of a Kinect 1 have 0.03 and 0.05,
-one of a Kinect 2 -0.6."""
+"""Number of ranges of depth, least span of log depth and largest exponent of a time-of-flight camera's noise. Exponents over 40
+kinds of rendered frames: -0.1 to 0.2 for disparities, -1.8 to -0.9 for time of flight; recorded frames of a Kinect 1 have 0.03 and
+0.05, one of a Kinect 2 -0.6."""
 CHI_SQUARE_MEDIAN = 0.455
 """Median of the square of a standard normal number."""
 CELLS_ALIKE = 1.7

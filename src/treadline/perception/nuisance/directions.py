@@ -70,8 +70,8 @@ class Directions:
         return Directions(present=self.present[:1], logs=np.zeros(1), scales=self.scales[:1])
 
 
-CURVED, MOVING, DETOURED = 0.05, 0.2, 0.75
-"""Prior probabilities: one flight in twenty is curved, one camera in five has a rolling shutter that matters, and three
+CURVED, MOVING, DETOURED = 0.04, 0.2, 0.75
+"""Prior probabilities: one flight in 25 is curved, one camera in five has a rolling shutter that matters, and three
 time-of-flight cameras in four see multipath that matters."""
 
 

@@ -13,6 +13,9 @@ from numba import njit
 
 from treadline.fma import dot
 
+LEFT_OUT = 0.05
+"""Probability below which a hypothesis does not enter the moments: what data cannot tell, such as a curvature seen at one step
+only, would otherwise dominate the variance with its tail."""
 FLAT = 4.0
 """Prior precision of α and ρ [1/rad²]: half a radian, nearly uninformative."""
 
@@ -22,8 +25,7 @@ FLAT = 4.0
 def marginal_posterior(
     by, value, noise, turn_by, tilt_by, step, steps, turns, tilts, warps, prior, present, logs_of, scales, terms, covariance
 ):
-    """Return the posterior mean of x, variances and covariance of α and ρ, the probability of each hypothesis, and the mean
-    square of the warp's size.
+    """Return the posterior of x: its mean, variances and covariance of α and ρ, probabilities of hypotheses, square of the warp.
 
     ``covariance`` is filled with the covariance of x at the mode.
 
@@ -64,16 +66,23 @@ def marginal_posterior(
     belief = np.exp(logs - logs[best])
     belief /= belief.sum()
     mean, spread, of_kind, warp = np.zeros(n), np.zeros(3), np.zeros(kinds), 0.0
+    each = pairs * warps.size
+    for k in range(size):
+        of_kind[k // each] += belief[k]
+    # An interval of 95 % leaves out hypotheses that are less likely than the rest of it.
+    for k in range(size):
+        if of_kind[k // each] < LEFT_OUT:
+            belief[k] = 0.0
+    belief /= belief.sum()
     for k in range(size):
         mean += belief[k] * means[k]
-        of_kind[k // (pairs * warps.size)] += belief[k]
-        warp += belief[k] * (scales[k // (pairs * warps.size)] * warps[k % warps.size]) ** 2
+        warp += belief[k] * (scales[k // each] * warps[k % warps.size]) ** 2
     for k in range(size):
         a, r = means[k, n - 2] - mean[n - 2], means[k, n - 1] - mean[n - 1]
         spread[0] += belief[k] * (spreads[k, 0] + a * a)
         spread[1] += belief[k] * (spreads[k, 1] + r * r)
         spread[2] += belief[k] * (spreads[k, 2] + a * r)
-    kind = best // (pairs * warps.size)
+    kind = best // each
     active = _active(present[kind])
     pair, m = best // warps.size % pairs, active.size
     turn, tilt = pair // tilts.size, pair % tilts.size
