@@ -126,6 +126,12 @@ def paper_cases() -> Iterator[Case]:
         for heading in (0.0, 10.0, 20.0, 30.0, 35.0):
             recipe = {"heading_deg": fixed(heading)}
             yield Case(label=f"{name}, heading {heading:.0f}°", method="paper", taken_off_deg=taken_off_deg, recipe=recipe)
+    for treads in ("grating", "glass", "glass_strips"):
+        yield Case(label=f"less 90°, {treads} treads", method="paper", taken_off_deg=90.0, recipe={"treads": treads})
+    for distance in (4.0, 5.0):
+        far = {"sensor": "d455", "scenes": ("foot",), "place_m": fixed(distance), "pitch_deg": fixed(10.0)}
+        label = f"less 90°, D455, {distance:.0f} m before the flight"
+        yield Case(label=label, method="paper", taken_off_deg=90.0, recipe=far, least_share=0.01)
     for scene in ("down", "edge"):
         yield Case(label=f"less 90°, {scene}", method="paper", taken_off_deg=90.0, recipe={"scenes": (scene,)})
 
