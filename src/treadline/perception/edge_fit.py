@@ -2,13 +2,14 @@
 
 Every tread, every riser and every plane through a nosing and the camera centre contains the edge direction e, so each normal n
 satisfies n·e = 0. The unknowns are small angles relative to an initial direction: α, the rotation of the edges about the vertical,
-ρ, their tilt from horizontal, and the coefficients of the depth warp (``nuisance.warp``). Risers determine α, treads and gravity ρ,
-nosings seen from above a mixture of both. A warp tilts all planes from depth, increasingly with distance, but no line in the image:
-lines and planes together, and planes at different places and distances, determine the warp.
+ρ, their tilt from horizontal, and the nuisance directions of camera and flight (``nuisance.directions``). Risers determine α,
+treads and gravity ρ, nosings seen from above a mixture of both. A warp tilts all planes from depth, increasingly with distance, but
+no line in the image: lines and planes together, and planes at different places and distances, determine it.
 
 The error of a surface has two parts: sensor noise, visible in the residuals, and irregularity of the stair, whose steps are not
-exactly parallel: riser and nosing of a step rotate together, tread and nosing tilt together. The sizes of irregularity and warp are
-nuisance parameters and are marginalised (``nuisance.kernels``).
+exactly parallel: riser and nosing of a step rotate together, tread and nosing tilt together. The sizes of irregularity and warp,
+and the hypotheses of a curved flight, a rolling shutter and multipath, are nuisance parameters and are marginalised
+(``nuisance.kernels``).
 """
 
 from collections.abc import Sequence
