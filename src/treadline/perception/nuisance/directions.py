@@ -70,9 +70,9 @@ class Directions:
         return Directions(present=self.present[:1], logs=np.zeros(1), scales=self.scales[:1])
 
 
-CURVED, MOVING, DETOURED = 0.04, 0.2, 0.75
-"""Prior probabilities: one flight in 25 is curved, one camera in five has a rolling shutter that matters, and three
-time-of-flight cameras in four see multipath that matters."""
+CURVED, DRIVING, ROCKING, DETOURED = 0.04, 0.1, 0.1, 0.75
+"""Prior probabilities: one flight in 25 is curved, one camera in five of an unknown kind has a rolling shutter on a chair that
+drives, half of them on one that rocks as well, and three time-of-flight cameras in four see multipath that matters."""
 
 
 def directions_of(*, measures_range: bool) -> Directions:
@@ -82,8 +82,12 @@ def directions_of(*, measures_range: bool) -> Directions:
         measures_range: Whether the camera is one of time of flight, which exposes all rows at once. Others may have a rolling
             shutter.
     """
+    moving = list(range(MOTION.start, MOTION.stop))
     kinds = [([CURVATURE], CURVED, 1.0)]
-    kinds.append(([DETOUR], DETOURED, RANGE_SCALE) if measures_range else (list(range(MOTION.start, MOTION.stop)), MOVING, 1.0))
+    if measures_range:
+        kinds.append(([DETOUR], DETOURED, RANGE_SCALE))
+    else:
+        kinds += [(moving[-1:], DRIVING, 1.0), (moving, ROCKING, 1.0)]
     present = np.zeros((1 + len(kinds), COLUMNS), dtype=np.bool_)
     present[:, : SPREAD + 1] = True
     for row, (columns, *_) in zip(present[1:], kinds, strict=True):
