@@ -26,7 +26,7 @@ from treadline.perception.nuisance.directions import (
     CURVATURE_1_M,
     SPREAD,
     TERMS,
-    Directions,
+    NuisanceModel,
     directions_of,
     drift_of,
     reach_of,
@@ -385,7 +385,7 @@ def _of_the_stair(rows: _Rows) -> Bool[np.ndarray, " k"]:
     return kept
 
 
-def _solved(rows: _Rows, tried: Prior, possible: Directions) -> _Solution:
+def _solved(rows: _Rows, tried: Prior, possible: NuisanceModel) -> _Solution:
     """Return nuisances, α and ρ with hypothesis, irregularity and warp size marginalised."""
     covariance = np.empty((COLUMNS + 2, COLUMNS + 2))
     mean, spread, beliefs, warp = marginal_posterior(

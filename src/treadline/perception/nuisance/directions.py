@@ -54,8 +54,8 @@ at 0.2 m/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Directions:
-    """Directions that are possible for a camera, each hypothesis with those that are present together."""
+class NuisanceModel:
+    """NuisanceModel that are possible for a camera, each hypothesis with those that are present together."""
 
     present: Bool[np.ndarray, "h c"]
     """Whether each direction is present under each hypothesis; warp and spread are present in all."""
@@ -65,9 +65,9 @@ class Directions:
     """Factor on the size of the warp under each hypothesis."""
 
     @property
-    def simplest(self) -> "Directions":
+    def simplest(self) -> "NuisanceModel":
         """The first hypothesis alone."""
-        return Directions(present=self.present[:1], logs=np.zeros(1), scales=self.scales[:1])
+        return NuisanceModel(present=self.present[:1], logs=np.zeros(1), scales=self.scales[:1])
 
 
 CURVED, DRIVING, ROCKING, DETOURED = 0.04, 0.1, 0.1, 0.75
@@ -75,7 +75,7 @@ CURVED, DRIVING, ROCKING, DETOURED = 0.04, 0.1, 0.1, 0.75
 drives, half of them on one that rocks as well, and three time-of-flight cameras in four see multipath that matters."""
 
 
-def directions_of(*, measures_range: bool) -> Directions:
+def directions_of(*, measures_range: bool) -> NuisanceModel:
     """Return the hypotheses for a camera; the first has neither curvature, detour nor motion.
 
     Args:
@@ -93,7 +93,7 @@ def directions_of(*, measures_range: bool) -> Directions:
     for row, (columns, *_) in zip(present[1:], kinds, strict=True):
         row[columns] = True
     beliefs = [belief for _, belief, _ in kinds]
-    return Directions(
+    return NuisanceModel(
         present=present,
         logs=np.log([1.0 - sum(beliefs), *beliefs]),
         scales=np.array([1.0, *(scale for *_, scale in kinds)]),

@@ -14,8 +14,8 @@ from numba import njit
 from treadline.fma import dot
 
 LEFT_OUT = 0.05
-"""Probability below which a hypothesis does not enter the moments: what data cannot tell, such as a curvature seen at one step
-only, would otherwise dominate the variance with its tail."""
+"""Probability below which a hypothesis does not enter the moments: what the data do not determine, such as a curvature seen at one
+step only, would otherwise dominate the variance with its tail."""
 FLAT = 4.0
 """Prior precision of α and ρ [1/rad²]: half a radian, nearly uninformative."""
 
