@@ -33,6 +33,7 @@ from treadline.angles import DEG, rotation_of
 from treadline.camera_file import CameraFile, read_camera
 from treadline.devices.imu import IMUS, Imu
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
+from treadline.experiments.heading_scores import wilson
 from treadline.frames.folders import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.frames.image_files import read_frame
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
@@ -126,6 +127,12 @@ def paper_cases() -> Iterator[Case]:
         for heading in (0.0, 10.0, 20.0, 30.0, 35.0):
             recipe = {"heading_deg": fixed(heading)}
             yield Case(label=f"{name}, heading {heading:.0f}°", method="paper", taken_off_deg=taken_off_deg, recipe=recipe)
+    for treads in ("grating", "glass", "glass_strips"):
+        yield Case(label=f"less 90°, {treads} treads", method="paper", taken_off_deg=90.0, recipe={"treads": treads})
+    for distance in (4.0, 5.0):
+        far = {"sensor": "d455", "scenes": ("foot",), "place_m": fixed(distance), "pitch_deg": fixed(10.0)}
+        label = f"less 90°, D455, {distance:.0f} m before the flight"
+        yield Case(label=label, method="paper", taken_off_deg=90.0, recipe=far, least_share=0.01)
     for scene in ("down", "edge"):
         yield Case(label=f"less 90°, {scene}", method="paper", taken_off_deg=90.0, recipe={"scenes": (scene,)})
 

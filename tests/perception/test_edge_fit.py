@@ -121,7 +121,26 @@ def line(yaw_rad: float = 0.0, height_m: float = 0.5) -> Line:
         ends_m=np.array([middle - 0.5 * along, middle + 0.5 * along]),
         count=200,
         kind="corner",
+        end="lower",
     )
+
+
+def test_edges_that_turn_with_distance_are_those_of_a_curved_flight() -> None:
+    """Test: six risers, 1 to 2.5 m ahead of the chair, turned by 2.9° per metre as on a radius of 20 m.
+
+    Expected result: a curved flight, its curvature within 10 %, and the direction at the chair within three deviations.
+    """
+    ahead = rotation_y(20.0 * DEG) @ np.array([0.0, 0.0, 1.0])
+    reach = float(np.array(CAMERA.mount_m) @ CAMERA.R_BC @ ahead)
+    # A turn about the image's downward axis moves the edge's end nearer: against the direction ahead.
+    found = fit([riser(-0.05 * (distance + reach), distance_m=distance) for distance in np.linspace(1.0, 2.5, 6)])
+    assert found.curved > 0.9
+    assert found.curvature_1_m == pytest.approx(0.05, rel=0.1)
+    assert off_rad(found) < 3.0 * sigma_of(found)
+
+
+def test_parallel_edges_are_those_of_a_straight_flight() -> None:
+    assert fit([riser(distance_m=distance) for distance in np.linspace(1.0, 2.5, 6)]).curved < 0.05
 
 
 @pytest.mark.parametrize("yaw_deg", [0.7, -1.5, 2.5])

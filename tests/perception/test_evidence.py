@@ -102,7 +102,10 @@ def test_noise_of_a_frame_scales_its_thresholds(noise_px: float, low: float, hig
     rng = np.random.default_rng(3)
     nearness = 0.5 + BLOCK_RESIDUAL * noise_px / 0.16 * rng.standard_normal((320, 240))
     cells = kernels.cell_sums(nearness, 4, 285.0, 285.0, 159.5, 119.5, 0.4, 4.5)
-    assert low <= noise_of(cells, 0.6 * 16) <= high
+    noise, window_px = noise_of(cells, 0.6 * 16)
+    assert low <= noise <= high
+    # White noise; cells of 16 pixels show its correlation to 0.3 px.
+    assert window_px < 1.3
 
 
 def test_a_frame_of_two_steps_counts_after_one_that_confirmed_the_flight() -> None:

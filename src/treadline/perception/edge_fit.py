@@ -2,13 +2,14 @@
 
 Every tread, every riser and every plane through a nosing and the camera centre contains the edge direction e, so each normal n
 satisfies n·e = 0. The unknowns are small angles relative to an initial direction: α, the rotation of the edges about the vertical,
-ρ, their tilt from horizontal, and the coefficients of the depth warp (``nuisance.warp``). Risers determine α, treads and gravity ρ,
-nosings seen from above a mixture of both. A warp tilts all planes from depth, increasingly with distance, but no line in the image:
-lines and planes together, and planes at different places and distances, determine the warp.
+ρ, their tilt from horizontal, and the nuisance directions of camera and flight (``nuisance.directions``). Risers determine α,
+treads and gravity ρ, nosings seen from above a mixture of both. A warp tilts all planes from depth, increasingly with distance, but
+no line in the image: lines and planes together, and planes at different places and distances, determine it.
 
 The error of a surface has two parts: sensor noise, visible in the residuals, and irregularity of the stair, whose steps are not
-exactly parallel: riser and nosing of a step rotate together, tread and nosing tilt together. The sizes of irregularity and warp are
-nuisance parameters and are marginalised (``nuisance.kernels``).
+exactly parallel: riser and nosing of a step rotate together, tread and nosing tilt together. The sizes of irregularity and warp,
+and the hypotheses of a curved flight, a rolling shutter and multipath, are nuisance parameters and are marginalised
+(``nuisance.kernels``).
 """
 
 from collections.abc import Sequence
@@ -19,9 +20,21 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
+from treadline.perception.nuisance.directions import (
+    COLUMNS,
+    CURVATURE,
+    CURVATURE_1_M,
+    SPREAD,
+    TERMS,
+    NuisanceModel,
+    directions_of,
+    drift_of,
+    reach_of,
+    turns_of_line,
+    turns_of_surface,
+)
 from treadline.perception.nuisance.kernels import marginal_posterior, reject_outliers, variances
 from treadline.perception.nuisance.prior import Prior, prior
-from treadline.perception.nuisance.warp import TERMS, turns_of
 from treadline.perception.steps import NosingObservation
 from treadline.perception.surfaces import Surface
 from treadline.perception.vectors import cross
@@ -71,9 +84,12 @@ class EdgeFit:
     planes_against_lines_rad: tuple[float, float] | None
     """Angle about the vertical from risers minus that from lines, and its standard deviation [rad]; None unless both are
     available."""
-    turn_per_step_rad: tuple[float, float]
-    """Rotation of the edges about the vertical from one step to the next, and its standard deviation [rad]; infinite with fewer
-    than three nosings. A curved flight turns at every step."""
+    curvature_1_m: float
+    """Curvature of the flight if it is curved [1/m]: rotation of the edges per distance ahead of the chair."""
+    curved: float
+    """Probability of a curved flight."""
+    warp_px: float
+    """Root of the mean square of the depth warp's size [px of Kinect disparity]."""
 
     def sigma_of(self, change: Float[np.ndarray, " 3"]) -> float:
         """Return the standard deviation of a quantity with the differential ``change · de``."""
@@ -95,8 +111,10 @@ class _Normals:
     unit: Float[np.ndarray, "k 3"]
     covariance: Float[np.ndarray, "k 3 3"]
     """Covariance of the normals; zero for gravity, whose variance depends on the treads."""
-    warp: Float[np.ndarray, "k 3 t"]
-    """Derivative of each normal with respect to each warp coefficient."""
+    turns: Float[np.ndarray, "k 3 c"]
+    """Derivative of each normal with respect to each nuisance direction."""
+    reach_m: Float[np.ndarray, " k"]
+    """Distance of each normal's nosing ahead of the camera [m]; zero for a tread and gravity."""
     tilts: Bool[np.ndarray, " k"]
     """Whether the normal tilts with a tread."""
     group: Int[np.ndarray, " k"]
@@ -110,11 +128,11 @@ class _Normals:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Rows:
-    """Linear equations ``by · (α, ρ) + warp · terms = value``, one per normal."""
+    """Linear equations ``by · (α, ρ) + turns · nuisances = value``, one per normal."""
 
     value: Float[np.ndarray, " k"]
     by: Float[np.ndarray, "k 2"]
-    warp: Float[np.ndarray, "k t"]
+    turns: Float[np.ndarray, "k c"]
     noise: Float[np.ndarray, " k"]
     """Variance of the normal's angle across the edges [rad²]."""
     tilts: Bool[np.ndarray, " k"]
@@ -127,11 +145,14 @@ class _Rows:
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Solution:
     mean: Float[np.ndarray, " n"]
-    """Estimated warp coefficients, α and ρ."""
+    """Estimated nuisances, α and ρ."""
     covariance: Float[np.ndarray, "2 2"]
     """Covariance of α and ρ [rad²]."""
     likeliest: Float[np.ndarray, "n n"]
-    """Covariance of all unknowns at the most likely irregularity and warp size."""
+    """Covariance of all unknowns at the most likely hypothesis, irregularity and warp size."""
+    beliefs: Float[np.ndarray, " h"]
+    """Probability of each hypothesis."""
+    warp_px: float
 
 
 def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:
@@ -172,6 +193,9 @@ def fit_edges(
     down_sigma_rad: float,
     start: Float[np.ndarray, " 3"],
     camera: PinholeCamera,
+    *,
+    spread_px: float = 0.0,
+    measures_range: bool = False,
 ) -> EdgeFit:
     """Return the direction perpendicular to all normals.
 
@@ -179,13 +203,16 @@ def fit_edges(
         nosings: At least one, with a riser or a line.
         down: Unit vector in C. Edges are horizontal: gravity is equivalent to one more tread, with its own uncertainty.
         start: Initial edge direction.
+        spread_px: Standard deviation of the shift of surfaces' ends that all lines have in common [px].
+        measures_range: Whether the camera is one of time of flight.
     """
+    possible = directions_of(measures_range=measures_range)
     edge = start / np.linalg.norm(start)
     nosings = [nosing for nosing in nosings if nosing.has_direction]
-    normals = _normals(nosings, treads, down, camera)
+    normals = _normals(nosings, treads, down, edge, camera, spread_px)
     for last in (False, True):
         axes = _axes(edge, down)
-        rows = _rows(normals, down_sigma_rad, axes)
+        rows = _rows(normals, down_sigma_rad, axes, camera)
         angles, noise = _angles(rows, len(nosings))
         kept = _agreeing(angles, noise)
         chosen = np.concatenate([kept, [True]])[rows.group]
@@ -193,7 +220,7 @@ def fit_edges(
         if last:
             chosen[chosen] = _of_the_stair(_only(rows, chosen))
         rows = _only(rows, chosen)
-        solution = _solved(rows, FINE if last else ROUGH)
+        solution = _solved(rows, *((FINE, possible) if last else (ROUGH, possible.simplest)))
         alpha, rho = solution.mean[-2:].tolist()
         edge = axes.edge + alpha * axes.ahead + rho * axes.down
         edge /= np.linalg.norm(edge)
@@ -206,7 +233,9 @@ def fit_edges(
         agreeing=float(kept.mean()),
         widest_rad=float(np.abs(off).max()),
         planes_against_lines_rad=_planes_against_lines(rows, solution),
-        turn_per_step_rad=_turn_per_step(np.array([nosing.step for nosing in nosings], dtype=float), rows, solution),
+        curvature_1_m=CURVATURE_1_M * float(solution.mean[CURVATURE]),
+        curved=float(solution.beliefs[1]),
+        warp_px=solution.warp_px,
     )
 
 
@@ -216,15 +245,21 @@ def _axes(edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> _Axes
     return _Axes(edge=edge, ahead=cross(edge, d), down=d)
 
 
-def _warps(nosings: Sequence[NosingObservation], treads: Sequence[Surface], camera: PinholeCamera) -> Float[np.ndarray, "k 3 t"]:
-    """Return the derivative of each normal with respect to each warp coefficient, in the order of the equations."""
-    none = np.zeros((3, TERMS))
-    found = [tread.distance_m * turns_of(tread, camera) for tread in treads]
+def _turns(
+    nosings: Sequence[NosingObservation],
+    treads: Sequence[Surface],
+    edge: Float[np.ndarray, " 3"],
+    camera: PinholeCamera,
+    spread_px: float,
+) -> Float[np.ndarray, "k 3 c"]:
+    """Return the derivative of each normal with respect to each nuisance direction, in the order of the equations."""
+    drift = drift_of(camera)
+    found = [turns_of_surface(tread, None, camera, drift) for tread in treads]
     for nosing in nosings:
         if nosing.riser is not None:
-            found.append(nosing.riser.distance_m * turns_of(nosing.riser, camera))
-        found += [none] * len(nosing.lines)
-    return np.array([*found, none])
+            found.append(turns_of_surface(nosing.riser, edge, camera, drift))
+        found += [turns_of_line(line, camera, drift, spread_px) for line in nosing.lines]
+    return np.array([*found, np.zeros((3, COLUMNS))])
 
 
 def _steps(nosings: Sequence[NosingObservation], treads: Sequence[Surface]) -> list[int]:
@@ -239,7 +274,12 @@ def _steps(nosings: Sequence[NosingObservation], treads: Sequence[Surface]) -> l
 
 
 def _normals(
-    nosings: Sequence[NosingObservation], treads: Sequence[Surface], down: Float[np.ndarray, " 3"], camera: PinholeCamera
+    nosings: Sequence[NosingObservation],
+    treads: Sequence[Surface],
+    down: Float[np.ndarray, " 3"],
+    edge: Float[np.ndarray, " 3"],
+    camera: PinholeCamera,
+    spread_px: float,
 ) -> _Normals:
     units = [tread.unit for tread in treads]
     covariances = [tread.unit_covariance for tread in treads]
@@ -260,7 +300,8 @@ def _normals(
     return _Normals(
         unit=np.array([*units, down]),
         covariance=np.array([*covariances, np.zeros((3, 3))]),
-        warp=_warps(nosings, treads, camera),
+        turns=_turns(nosings, treads, edge, camera, spread_px),
+        reach_m=np.array([0.0 if k < 0 else nosings[k].ahead_m for k in group]),
         tilts=np.array([*tilts, False]),
         group=np.array(group),
         step=np.array([*_steps(nosings, treads), *group[len(treads) :]]),
@@ -269,17 +310,19 @@ def _normals(
     )
 
 
-def _rows(normals: _Normals, down_sigma_rad: float, axes: _Axes) -> _Rows:
+def _rows(normals: _Normals, down_sigma_rad: float, axes: _Axes, camera: PinholeCamera) -> _Rows:
     """Return the equations of all normals, gravity last."""
     value = -(normals.unit @ axes.edge)
     by = np.column_stack([normals.unit @ axes.ahead, normals.unit @ axes.down])
     noise = variances(normals.covariance, axes.edge)
     level = value[: normals.treads] / by[: normals.treads, 1]
     noise[-1] = gravity_variance(level - value[-1] / by[-1, 1], down_sigma_rad)
+    turns = -np.einsum("i,kit->kt", axes.edge, normals.turns)
+    turns[:, CURVATURE] = CURVATURE_1_M * by[:, 0] * (normals.reach_m + reach_of(camera, axes.ahead)) * (normals.group >= 0)
     return _Rows(
         value=value,
         by=by,
-        warp=-np.einsum("i,kit->kt", axes.edge, normals.warp),
+        turns=turns,
         noise=noise,
         tilts=normals.tilts,
         group=normals.group,
@@ -292,7 +335,7 @@ def _only(rows: _Rows, chosen: Bool[np.ndarray, " k"]) -> _Rows:
     return _Rows(
         value=rows.value[chosen],
         by=rows.by[chosen],
-        warp=rows.warp[chosen],
+        turns=rows.turns[chosen],
         noise=rows.noise[chosen],
         tilts=rows.tilts[chosen],
         group=rows.group[chosen],
@@ -310,39 +353,11 @@ def _angles(rows: _Rows, count: int) -> tuple[Float[np.ndarray, " n"], Float[np.
     return angle, 1.0 / total
 
 
-def _without_tilt_and_warp(rows: _Rows, solution: _Solution) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+def _without_nuisances(rows: _Rows, solution: _Solution) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Return what estimated tilt and warp leave of the equations' values, and its variance without that of single tilts [rad²]."""
-    others = np.column_stack([rows.warp, np.zeros(len(rows.value)), rows.by[:, 1]])
+    others = np.column_stack([rows.turns, np.zeros(len(rows.value)), rows.by[:, 1]])
     left = rows.value - others @ solution.mean
     return left, rows.noise + np.einsum("ki,ij,kj->k", others, solution.likeliest, others)
-
-
-def _turn_per_step(steps: Float[np.ndarray, " n"], rows: _Rows, solution: _Solution) -> tuple[float, float]:
-    """Return the slope of the nosings' angles over the step, and its standard deviation [rad].
-
-    Tilt and depth warp are removed, as they turn distant surfaces too, and their uncertainty and the scatter of the steps count.
-
-    Args:
-        steps: Step of each nosing.
-    """
-    of_nosing = rows.group >= 0
-    left, variance = (values[of_nosing] for values in _without_tilt_and_warp(rows, solution))
-    by_angle = rows.by[of_nosing, 0]
-    weight = by_angle**2 / variance
-    total = np.bincount(rows.group[of_nosing], weight, len(steps))
-    seen = total > 0.0
-    angles = np.bincount(rows.group[of_nosing], weight * left / by_angle, len(steps))[seen] / total[seen]
-    steps, variances = steps[seen], 1.0 / total[seen]
-    if len(steps) < 3 or np.ptp(steps) < 2.0:
-        return 0.0, np.inf
-    # Steps scatter by more than their noise: similar weights for all, apart from the noisiest.
-    weights = 1.0 / (variances + np.median(variances))
-    by = steps - float(weights @ steps) / float(weights.sum())
-    spread = float(weights @ by**2)
-    turn = float(weights @ (by * angles)) / spread
-    off = angles - float(weights @ angles) / float(weights.sum()) - turn * by
-    scale = max(float(weights @ off**2) / (len(steps) - 2), 1.0)
-    return turn, float(np.sqrt(scale / spread))
 
 
 def _agreeing(values: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
@@ -366,19 +381,33 @@ def _of_the_stair(rows: _Rows) -> Bool[np.ndarray, " k"]:
     kept = np.ones(len(rows.value), dtype=np.bool_)
     with np.errstate(divide="ignore"):
         penalty = np.log(2.0 * OUTLIER) - np.log(rows.stray / (1.0 - rows.stray))
-    reject_outliers(*_equations(rows), COARSE.turns, COARSE.tilts, COARSE.warps, COARSE.logs, penalty, kept)
+    reject_outliers(*_equations(rows, SPREAD + 1), COARSE.turns, COARSE.tilts, COARSE.warps, COARSE.logs, TERMS, penalty, kept)
     return kept
 
 
-def _solved(rows: _Rows, tried: Prior) -> _Solution:
-    """Return warp coefficients, α and ρ with irregularity and warp size marginalised."""
-    covariance = np.empty((TERMS + 2, TERMS + 2))
-    mean, spread = marginal_posterior(*_equations(rows), tried.turns, tried.tilts, tried.warps, tried.logs, covariance)
-    return _Solution(mean=mean, covariance=np.array([[spread[0], spread[2]], [spread[2], spread[1]]]), likeliest=covariance)
+def _solved(rows: _Rows, tried: Prior, possible: NuisanceModel) -> _Solution:
+    """Return nuisances, α and ρ with hypothesis, irregularity and warp size marginalised."""
+    covariance = np.empty((COLUMNS + 2, COLUMNS + 2))
+    mean, spread, beliefs, warp = marginal_posterior(
+        *_equations(rows),
+        tried.turns,
+        tried.tilts,
+        tried.warps,
+        tried.logs,
+        possible.present,
+        possible.logs,
+        possible.scales,
+        TERMS,
+        covariance,
+    )
+    covariance_of_angles = np.array([[spread[0], spread[2]], [spread[2], spread[1]]])
+    return _Solution(
+        mean=mean, covariance=covariance_of_angles, likeliest=covariance, beliefs=beliefs, warp_px=float(np.sqrt(warp))
+    )
 
 
 def _equations(
-    rows: _Rows,
+    rows: _Rows, columns: int = COLUMNS
 ) -> tuple[
     Float[np.ndarray, "k n"],
     Float[np.ndarray, " k"],
@@ -388,19 +417,24 @@ def _equations(
     Int[np.ndarray, " k"],
     int,
 ]:
-    """Return coefficients, values, noise and the dependence on the step rotations and tilts, for the compiled kernels."""
+    """Return coefficients, values, noise and the dependence on the step rotations and tilts, for the compiled kernels.
+
+    Args:
+        columns: Number of nuisance directions in use.
+    """
     turn_by = np.where(rows.group >= 0, rows.by[:, 0], 0.0)
     tilt_by = np.where(rows.tilts, rows.by[:, 1], 0.0)
-    return np.column_stack([rows.warp, rows.by]), rows.value, rows.noise, turn_by, tilt_by, rows.step, int(rows.step.max()) + 1
+    by = np.column_stack([rows.turns[:, :columns], rows.by])
+    return by, rows.value, rows.noise, turn_by, tilt_by, rows.step, int(rows.step.max()) + 1
 
 
 def _planes_against_lines(rows: _Rows, solution: _Solution) -> tuple[float, float] | None:
-    """Return the angle about the vertical between risers and nosings after removal of tilt and warp, and its standard deviation."""
+    """Return the angle about the vertical between risers and nosings without tilt and nuisances, and its standard deviation."""
     of_line = (rows.group >= 0) & rows.tilts
     of_riser = (rows.group >= 0) & ~rows.tilts
     if not of_line.any() or not of_riser.any():
         return None
-    left, variance = _without_tilt_and_warp(rows, solution)
+    left, variance = _without_nuisances(rows, solution)
     variance = variance + np.where(rows.tilts, rows.by[:, 1] * ASSUMED_TILT, 0.0) ** 2
     means, variances = [], []
     for chosen in (of_riser, of_line):

@@ -26,18 +26,24 @@ SAME_SIDE_M, SURPASSED_M = 0.05, 0.08
 """Largest lateral distance of ends at one side [m], and distance by which another surface surpasses a side that is none."""
 ENDS_LEAST = 2
 """Least number of surfaces that end at one side."""
+BIN_M, BINS = 0.04, 61
+"""Width and number of bins across the flight for the common profile: 1.2 m to either side of the camera."""
 PARTS = 16
 """Number of parts of a profile whose scatter gives the standard deviation of its curvature."""
-CAMERA_BOW = 0.02
-"""Standard deviation of a curvature that is the camera's, common to all edges [1/m]: a depth warp of 0.05 px of Kinect disparity at
-1.5 m bends half a metre by 2.5 mm."""
-STEP_BOWS = np.geomspace(0.02, 0.5, 8)
-"""Grid of the scatter of curvature between the edges of one flight [1/m]: 2 mm of bow over a metre, worn unevenly, to the errors of
+CAMERA_BOW, CAMERA_WARP_PX = 0.02, 0.05
+"""Standard deviation of a curvature that is the camera's, common to all edges [1/m], and the depth warp that has it [px]: at 1.5 m
+it bends half a metre by 2.5 mm. It is also the largest one, because bowed edges make the estimated warp larger than it is."""
+STEP_BOWS = np.geomspace(0.002, 0.5, 10)
+"""Grid of the scatter of curvature between the edges of one flight [1/m]: 0.2 mm of bow over a metre, as drawn, to the errors of
 profiles that objects cut off."""
-BOW_KNOWN, BOW_LEAST, BOW_SIGMAS = 0.12, 0.02, 4.0
-"""Largest standard deviation of a curvature that is evaluated [1/m], and least size of a significant one [1/m] and in standard
-deviations. Of 156 frames facing down nine had a false curvature above four deviations, all with deviations of 0.17 and more; of 24
-frames of edges bowed by 15 cm the largest deviation was 0.09."""
+BOWED, BOW_1_M = 0.05, 0.1
+"""Prior probability of bowed edges, and standard deviation of their curvature [1/m]: a sagitta of 2 cm over 1.3 m."""
+BOW_KNOWN = 0.12
+"""Largest standard deviation of a curvature that is evaluated [1/m]. Of 156 frames facing down nine had a false curvature above
+four deviations, all with deviations of 0.17 and more; of 24 frames of edges bowed by 15 cm the largest deviation was 0.09."""
+COMMON_LEAST = 2.0
+"""Least ratio of the mean square of the common profile to that expected from its scatter: noise alone reaches 2 in one frame of
+four."""
 UNSEEN_MIDDLE_M, MIDDLE_SIGMA_M, TURN_SHARE = 0.30, 0.05, 0.3
 """Assumed distance of the visible part from the middle of a bowed flight whose sides are not in view; error of the middle if they
 are [m], and relative error of the correction."""
@@ -62,12 +68,25 @@ class Bow:
     """Standard deviation of the curvature [1/m]; infinite without a profile."""
     seen_aside_m: float
     """Mean lateral position of the profiles, to the right of the camera [m]."""
+    uneven_rad: float
+    """Standard deviation of the edges' angle by what all profiles have in common beyond a curvature: a runner, or multipath near a
+    wall [rad]."""
 
     @property
-    def is_significant(self) -> bool:
-        """Whether the edges are measurably bowed."""
-        size = abs(self.curvature_1_m)
-        return self.sigma_1_m < BOW_KNOWN and size > BOW_LEAST and size > BOW_SIGMAS * self.sigma_1_m
+    def bowed(self) -> float:
+        """Probability that the edges are bowed."""
+        if self.sigma_1_m > BOW_KNOWN:
+            return 0.0
+        wide = self.sigma_1_m**2 + BOW_1_M**2
+        gain = 0.5 * self.curvature_1_m**2 * (1.0 / self.sigma_1_m**2 - 1.0 / wide)
+        odds = BOWED / (1.0 - BOWED) * self.sigma_1_m / math.sqrt(wide) * math.exp(min(gain, 100.0))
+        return odds / (1.0 + odds)
+
+    @property
+    def root_mean_square_1_m(self) -> float:
+        """Root of the mean square of the curvature [1/m], straight edges included."""
+        share = BOW_1_M**2 / (BOW_1_M**2 + self.sigma_1_m**2) if self.bowed else 0.0
+        return math.sqrt(self.bowed * ((share * self.curvature_1_m) ** 2 + share * self.sigma_1_m**2)) if share else 0.0
 
 
 def sides_of(
@@ -113,18 +132,30 @@ def _side(outward: Float[np.ndarray, " k"], kinds: np.ndarray, way: int) -> Side
 
 
 def bow_of(
-    fronts: Sequence[tuple[Surface, Ends]], risers: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
+    fronts: Sequence[tuple[Surface, Ends]],
+    risers: Sequence[Surface],
+    blocks: PlanarBlocks,
+    camera: PinholeCamera,
+    axes: Axes,
+    warp_px: float,
 ) -> Bow:
     """Return the curvature of the edges, pooled over the fronts of treads and the faces of risers.
 
     Args:
         fronts: Treads whose front is a nosing, with that end.
+        warp_px: Size of the depth warp [px of Kinect disparity].
     """
     pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
-    curvatures, variances, middles = [], [], []
+    curvatures: list[float] = []
+    variances: list[float] = []
+    middles: list[float] = []
     profiles = [(tread, end, False) for tread, end in fronts] + [(riser, riser.upper, True) for riser in risers]
+    widths: list[float] = []
+    of_riser: list[bool] = []
+    shapes, weights = np.zeros((2, len(profiles) + 1, BINS))
     for surface, end, is_riser in profiles:
-        curvature, sigma, middle = form_kernels.curvature_of(
+        row = len(curvatures)
+        curvature, sigma, middle, width = form_kernels.curvature_of(
             blocks.nearness,
             surface.upper.columns,
             surface.upper.rows,
@@ -136,30 +167,38 @@ def bow_of(
             axes.right,
             is_riser,
             PARTS,
+            BIN_M,
             *pinhole,
+            shapes[row],
+            weights[row],
         )
         if math.isfinite(curvature):
+            widths.append(width)
+            of_riser.append(is_riser)
             curvatures.append(curvature)
             variances.append(sigma**2)
             middles.append(middle)
     if not curvatures:
-        return Bow(curvature_1_m=0.0, sigma_1_m=math.inf, seen_aside_m=0.0)
+        return Bow(curvature_1_m=0.0, sigma_1_m=math.inf, seen_aside_m=0.0, uneven_rad=0.0)
     pooled = pooled_mean(np.array(curvatures), np.array(variances), np.zeros(len(curvatures), dtype=bool), STEP_BOWS)
-    weights = 1.0 / np.array(variances)
+    precision = 1.0 / np.array(variances)
+    # The slope of deviations that are alike over the whole width: that of a uniform density has a variance of 1/12.
+    faces = np.array(of_riser)
+    square, ratio = form_kernels.common_square(shapes[: len(faces)][faces], weights[: len(faces)][faces])
+    uneven_m = math.sqrt(square * max(1.0 - COMMON_LEAST / max(ratio, COMMON_LEAST), 0.0))
     return Bow(
         curvature_1_m=pooled.mean,
-        sigma_1_m=math.hypot(pooled.sigma, CAMERA_BOW),
-        seen_aside_m=float(weights @ middles) / float(weights.sum()),
+        sigma_1_m=math.hypot(pooled.sigma, CAMERA_BOW * min(warp_px / CAMERA_WARP_PX, 1.0)),
+        seen_aside_m=float(precision @ middles) / float(precision.sum()),
+        uneven_rad=math.sqrt(12.0) * uneven_m / float(np.median(widths)),
     )
 
 
 def turn_by(bow: Bow, sides: tuple[Side | None, Side | None]) -> tuple[float, float]:
     """Return the angle by which a bow turns the edge in view from the chord of the flight, and its standard deviation [rad]."""
-    if not bow.is_significant:
-        return 0.0, 0.0
     left, right = sides
-    if left is None or right is None:
-        return 0.0, abs(bow.curvature_1_m) * UNSEEN_MIDDLE_M
+    if left is None or right is None or bow.bowed < 0.5:
+        return 0.0, bow.root_mean_square_1_m * UNSEEN_MIDDLE_M
     middle = 0.5 * (left.aside_m + right.aside_m)
     turn = bow.curvature_1_m * (middle - bow.seen_aside_m)
     return turn, math.hypot(bow.curvature_1_m * MIDDLE_SIGMA_M, TURN_SHARE * turn)

@@ -14,6 +14,9 @@ ROWS = 9
 """Number of rows in which the side of a surface is looked at."""
 LEAST = 16
 """Least number of columns of a profile."""
+RAGGED_PX, RAGGED_SHARE = 3, 20
+"""Least number of columns at either side of a surface that do not belong to its profile, and ratio of all columns to it: depth is
+ragged where the surface ends."""
 KEPT_SIGMAS = 2.5
 """Largest residual of a point of a profile, in median deviations of a normal error."""
 MEDIAN_SIGMA = 1.4826
@@ -82,17 +85,22 @@ def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, fx, 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def curvature_of(nearness, columns, upper, lower, rows, follows, plane, ahead, right, is_riser, parts, fx, fy, cx, cy):
-    """Return the curvature of a surface's edge, its standard deviation, and the mean lateral position; NaN without a profile.
+def curvature_of(
+    nearness, columns, upper, lower, rows, follows, plane, ahead, right, is_riser, parts, bin_m, fx, fy, cx, cy, profile, held_by
+):
+    """Return the curvature of a surface's edge, its standard deviation, mean lateral position and width; NaN without a profile.
 
     Args:
         rows, follows: End of a tread at its nosing, and the codes of its surroundings.
         ahead, right: Directions in C.
         is_riser: Whether the profile is the face of a riser; otherwise the end of a tread.
+        profile: Filled with the mean residual in bins of ``bin_m`` across, the middle one at the camera; ``held_by`` with the
+            inverse of its variance for white noise, zero without points.
     """
+    profile[:], held_by[:] = 0.0, 0.0
     x, y = np.empty(columns.size), np.empty(columns.size)
-    count = 0
-    for k in range(columns.size):
+    count, ragged = 0, max(RAGGED_PX, columns.size // RAGGED_SHARE)
+    for k in range(ragged, columns.size - ragged):
         a = (columns[k] - cx) / fx
         if is_riser:
             total, held = 0.0, 0
@@ -114,7 +122,7 @@ def curvature_of(nearness, columns, upper, lower, rows, follows, plane, ahead, r
         x[count] = (right[0] * a + right[1] * b + right[2]) / w
         count += 1
     if count < LEAST:
-        return np.nan, np.inf, 0.0
+        return np.nan, np.inf, 0.0, 0.0
     x, y = x[:count], y[:count]
     middle = x.mean()
     kept = np.ones(count, dtype=np.bool_)
@@ -131,7 +139,7 @@ def curvature_of(nearness, columns, upper, lower, rows, follows, plane, ahead, r
                         normal[i, j] += row[i] * row[j]
                 held += 1
         if held < LEAST:
-            return np.nan, np.inf, 0.0
+            return np.nan, np.inf, 0.0, 0.0
         solution = np.linalg.solve(normal, moment)
         for k in range(count):
             t = x[k] - middle
@@ -156,4 +164,45 @@ def curvature_of(nearness, columns, upper, lower, rows, follows, plane, ahead, r
             spread += sums[part] ** 2 / held_in[part]
             filled += 1
     variance = spread / max(filled - 3, 1)
-    return solution[2], math.sqrt(variance * np.linalg.inv(normal)[2, 2]), middle
+    for k in range(count):
+        place = int(math.floor(x[k] / bin_m + 0.5)) + profile.size // 2
+        # A strip next to the flight's own surface, not another object.
+        if abs(off[k]) <= 3.0 * near and 0 <= place < profile.size:
+            profile[place] += off[k]
+            held_by[place] += 1.0
+    for place in range(profile.size):
+        if held_by[place] > 0.0:
+            profile[place] /= held_by[place]
+            held_by[place] /= max(variance, 1e-12)
+    return solution[2], math.sqrt(variance * np.linalg.inv(normal)[2, 2]), middle, x.max() - x.min()
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def common_square(profiles, weights):
+    """Return the mean square of what profiles have in common, beyond their scatter about it; zero for a single profile.
+
+    Args:
+        profiles: One row per surface, ``weights`` the inverse variance of each value.
+    """
+    total, own, expected, bins = 0.0, 0.0, 0.0, 0
+    for place in range(profiles.shape[1]):
+        weight, mean, held = 0.0, 0.0, 0
+        for k in range(profiles.shape[0]):
+            if weights[k, place] > 0.0:
+                weight += weights[k, place]
+                mean += weights[k, place] * profiles[k, place]
+                held += 1
+        if held < 2:
+            continue
+        mean /= weight
+        scatter = 0.0
+        for k in range(profiles.shape[0]):
+            scatter += weights[k, place] * (profiles[k, place] - mean) ** 2
+        total += mean * mean
+        own += weight * mean * mean
+        expected += scatter / (held - 1)
+        bins += 1
+    if bins == 0:
+        return 0.0, 0.0
+    return total / bins, own / max(expected, 1e-12)

@@ -106,9 +106,13 @@ def fit_plane(s, plane):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def block_residuals(cells, full):
-    """Return the RMS residuals of all blocks of 2×2 cells about their own planes [1/m], whether they are planar or not."""
+    """Return the RMS residuals of all blocks of 2×2 cells about their own planes [1/m], whether they are planar or not.
+
+    The second column is the square of a block's diagonal contrast, the part of its cells' means that no plane explains, relative
+    to that of white noise of the same size.
+    """
     rows, columns = cells.shape[0], cells.shape[1]
-    found, total, plane, count = np.empty(rows * columns), np.empty(SUMS), np.empty(3), 0
+    found, total, plane, count = np.empty((rows * columns, 2)), np.empty(SUMS), np.empty(3), 0
     for i in range(rows - 1):
         for j in range(columns - 1):
             for k in range(SUMS):
@@ -117,7 +121,14 @@ def block_residuals(cells, full):
                 continue
             residual, _turn = fit_plane(total, plane)
             if residual == residual:
-                found[count] = residual
+                contrast, variance = 0.0, 0.0
+                for a in range(2):
+                    for b in range(2):
+                        s = cells[i + a, j + b]
+                        off = s[W] - plane[0] * s[X] - plane[1] * s[Y] - plane[2] * s[COUNT]
+                        contrast += (1.0 if a == b else -1.0) * off / max(s[COUNT], 1.0)
+                        variance += residual * residual / max(s[COUNT], 1.0)
+                found[count, 0], found[count, 1] = residual, contrast * contrast / max(variance, 1e-30)
                 count += 1
     return found[:count].copy()
 
@@ -173,6 +184,31 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
                 places[count, 0], places[count, 1], places[count, 2] = i, j, height
                 count += 1
     return sums[:count].copy(), planes[:count].copy(), units[:count].copy(), centres[:count].copy(), places[:count].copy()
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def noise_law(sums, planes, depths, places, parts):
+    """Return the exponent of the noise of w over depth, from medians over ``parts`` ranges of depth, and the span of log depth.
+
+    A disparity has the same noise at all depths, an exponent of 0. A range whose error does not grow has -2.
+    """
+    logs, noise, count = np.empty(depths.size), np.empty(depths.size), 0
+    for k in range(depths.size):
+        if places[k, 2] == 2:
+            logs[count] = math.log(depths[k])
+            noise[count] = 0.5 * math.log(max(mean_square(sums[k], planes[k]), 1e-14))
+            count += 1
+    if count < 4 * parts:
+        return 0.0, 0.0
+    order = np.argsort(logs[:count])
+    x, y = np.empty(parts), np.empty(parts)
+    for part in range(parts):
+        members = order[part * count // parts : (part + 1) * count // parts]
+        x[part], y[part] = np.median(logs[members]), np.median(noise[members])
+    span = x[parts - 1] - x[0]
+    x -= x.mean()
+    return dot(x, y) / max(dot(x, x), 1e-12), span
 
 
 @njit(cache=True, error_model="numpy")

@@ -26,6 +26,8 @@ BEYOND_SHARE = 0.5
 
 LineKind = Literal["edge", "corner", "vague"]
 """Kind of a line by what is measured past it."""
+End = Literal["upper", "lower"]
+"""End of a surface in the image."""
 _KINDS: dict[int, LineKind] = {kernels.BEYOND: "edge", kernels.CREASE: "corner", kernels.UNKNOWN: "vague"}
 
 
@@ -47,9 +49,11 @@ class Line:
     """Surroundings of the line: a larger depth (``edge``), an adjacent surface (``corner``), or nothing known (``vague``)."""
     count: int
     """Number of columns."""
+    end: End
+    """End of the surface in the image."""
 
 
-def nosing_line(surface: Surface, end: Literal["upper", "lower"], camera: PinholeCamera) -> Line | None:
+def nosing_line(surface: Surface, end: End, camera: PinholeCamera) -> Line | None:
     """Return the line at the end of a surface, or None; the image border and objects in front give no line.
 
     A corner belongs to a riser too low in the image to be a separate surface. The end of the surface has a constant offset along a
@@ -81,4 +85,5 @@ def nosing_line(surface: Surface, end: Literal["upper", "lower"], camera: Pinhol
         ends_px=ends_px,
         kind=_KINDS[kind],
         count=count,
+        end=end,
     )

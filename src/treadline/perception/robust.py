@@ -43,8 +43,8 @@ GRAVITY_SIGMA, TREADS_SIGMA = 0.5 * DEG, 3.0 * DEG
 """Standard deviation of gravity from the IMU, and from treads [rad]."""
 TREADS_LEAST = 2
 """Least number of treads horizontal by gravity, above which no tilted ones are considered."""
-CURVED_SIGMAS = 4.0
-"""Number of standard deviations above which a rotation from step to step is that of a curved flight."""
+CURVED = 0.5
+"""Probability above which a flight is called curved."""
 DISAGREEMENT, DISAGREEMENT_SIGMAS = 2.0 * DEG, 4.0
 """Angle between risers and nosings [rad], and number of standard deviations, above which one of them does not belong to the
 stair."""
@@ -153,7 +153,16 @@ def _look_under(down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, swept_half_
     unconfirmed = UNCONFIRMED <= seen.evidence < EVIDENCE and down.may_be_unconfirmed
     if seen.evidence < EVIDENCE and not unconfirmed:
         return refused(_lacking(seen), edge_count=len(seen.nosings), evidence=seen.evidence)
-    fit = fit_edges(seen.nosings, seen.treads, down.reference, down.sigma_rad, cross(down.direction, seen.facing), frame.camera)
+    fit = fit_edges(
+        seen.nosings,
+        seen.treads,
+        down.reference,
+        down.sigma_rad,
+        cross(down.direction, seen.facing),
+        frame.camera,
+        spread_px=blocks.spread_px,
+        measures_range=blocks.measures_range,
+    )
     watch.lap("direction")
     sight = _answer(frame, blocks, seen, fit, down, swept_half_m, watch)
     watch.lap("geometry")
@@ -167,9 +176,8 @@ def _answer(
     in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
     fronts = [(tread.surface, tread.nosing_end(in_view, seen.direction)) for _, on, tread in seen.matched_treads if on]
     sides = sides_of([*(tread for tread, _ in fronts), *seen.risers], blocks, frame.camera, in_view)
-    bow = bow_of(fronts, seen.risers, blocks, frame.camera, in_view)
+    bow = bow_of(fronts, seen.risers, blocks, frame.camera, in_view, fit.warp_px)
     turn, turn_sigma = turn_by(bow, sides)
-    curved = _curved(fit, seen)
     chord = fit.edge + turn * fit.ahead
     chord /= np.linalg.norm(chord)
     # The chair's right is the image's left for a rear camera.
@@ -179,11 +187,11 @@ def _answer(
     forward, left = R_BC[0], R_BC[1]
     a, b = -float(edge @ forward), -float(edge @ left)
     change = (-b * forward + a * left) / (a * a + b * b)
-    sigma = float(np.hypot(fit.sigma_of(change), np.hypot(turn_sigma, curved)))
+    sigma = float(np.hypot(fit.sigma_of(change), np.hypot(turn_sigma, bow.uneven_rad)))
     tilted = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
     axes = tilted.axes
     shape = _shape_of(seen, blocks, frame.camera, axes)
-    rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down, bow, curved) or _too_narrow(sides, swept_half_m)
+    rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down, bow) or _too_narrow(sides, swept_half_m)
     if rejection_reason is not None:
         return refused(rejection_reason, edge_count=len(seen.nosings), evidence=seen.evidence)
     apart = fit.planes_against_lines_rad
@@ -236,13 +244,8 @@ def _rejection_reason(
     seen: Flight,
     down: _Down,
     bow: Bow,
-    curved_rad: float,
 ) -> str | None:
-    """Return the reason for rejection as a stair, or None.
-
-    Args:
-        curved_rad: Angle between the edges in view and those at the chair, from ``_curved``.
-    """
+    """Return the reason for rejection as a stair, or None."""
     if shape.slope_rad > SLOPE_LIMIT:
         return f"a slope of {shape.slope_rad / DEG:.0f}° is too steep to drive on"
     if seen.levels < down.least_levels:
@@ -251,27 +254,20 @@ def _rejection_reason(
         return f"heading {heading_rad / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°"
     if fit.agreeing < AGREEING or fit.agreeing * len(seen.nosings) < 1.5:
         return f"nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other: no straight flight"
+    turned = fit.curvature_1_m * float(np.mean([nosing.ahead_m for nosing in seen.nosings]))
+    if fit.curved > CURVED and abs(turned) > SIGMA_LIMIT:
+        return f"edges turn by {fit.curvature_1_m * seen.run_m / DEG:+.1f}° at each step: no straight flight"
     apart = fit.planes_against_lines_rad
     if apart is not None and abs(apart[0]) > max(DISAGREEMENT, DISAGREEMENT_SIGMAS * apart[1]):
         return f"risers and nosings disagree by {abs(apart[0]) / DEG:.1f}°"
-    if not sigma_rad <= SIGMA_LIMIT and bow.is_significant:
+    if not sigma_rad <= SIGMA_LIMIT and bow.bowed > 0.5:
         return (
             f"edges bowed by {abs(bow.curvature_1_m):.2f} per metre: the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only, "
             f"{1.96 * SIGMA_LIMIT / DEG:.1f}° needed"
         )
-    if not sigma_rad <= SIGMA_LIMIT and curved_rad > 0.0:
-        return f"edges turn by {fit.turn_per_step_rad[0] / DEG:+.1f}° at each step: no straight flight"
     if not sigma_rad <= SIGMA_LIMIT:
         return f"the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only"
     return None
-
-
-def _curved(fit: EdgeFit, seen: Flight) -> float:
-    """Return the angle between the edges in view and those at the chair on a curved flight; 0 unless the steps turn [rad]."""
-    turn, sigma = fit.turn_per_step_rad
-    if abs(turn) < CURVED_SIGMAS * sigma:
-        return 0.0
-    return abs(turn) * float(np.mean([nosing.ahead_m for nosing in seen.nosings])) / seen.run_m
 
 
 def _too_narrow(sides: tuple[Side | None, Side | None], swept_half_m: float) -> str | None:

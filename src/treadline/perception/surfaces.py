@@ -44,6 +44,15 @@ TOLERANCE, TOLERANCE_SIGMAS = 0.22 / DISPARITY_PX_M, 3.5
 NOISE_QUANTILE, NOISE_MARGIN, NOISE_MOST = 0.35, 2.2, 3.0
 """Quantile of the residuals of all blocks that stands for a frame's noise, its ratio to the largest residual of a planar block
 (recorded Kinect 1 frames give a noise of 1 to 1.8), and the largest noise: beyond it steps 2 m away are no planes."""
+LAW_PARTS, LAW_SPAN, LAW_EXPONENT = 6, 0.35, -0.3
+"""Number of ranges of depth, least span of log depth and largest exponent of a time-of-flight camera's noise. Exponents over 40
+kinds of rendered frames: -0.1 to 0.2 for disparities, -1.8 to -0.9 for time of flight; recorded frames of a Kinect 1 have 0.03 and
+0.05, one of a Kinect 2 -0.6."""
+CHI_SQUARE_MEDIAN = 0.455
+"""Median of the square of a standard normal number."""
+CELLS_ALIKE = 1.7
+"""Ratio of a matching window's width to the square root of its contrast, both less one: adjacent cells share a window. A mean
+over 7×7 px has a contrast of 4.1² in cells of 8 px, one over 3×3 px of 2.3² in cells of 4 px."""
 TURN_NOISE_MOST = 1.5
 """Largest factor on ``TURN_LIMIT``: beyond 12° a block no longer separates a riser from a tread."""
 JUMP = 0.45 / DISPARITY_PX_M
@@ -69,18 +78,31 @@ class PlanarBlocks:
     cell_px: int
     noise: float
     """Noise of this frame relative to a Kinect 1; thresholds on residuals are multiplied by it."""
+    window_px: float
+    """Width of the noise's correlation: that of the matching window of a stereo camera [px]."""
+
+    measures_range: bool
+    """Whether the noise depends on depth as that of a time-of-flight camera, not as that of a disparity."""
+
+    @property
+    def spread_px(self) -> float:
+        """Standard deviation of the shift of all surfaces' ends: half of the matching window [px]."""
+        return 0.5 * (self.window_px - 1.0)
 
 
-def noise_of(cells: Float[np.ndarray, "r c 10"], full: float) -> float:
-    """Return the noise of a frame relative to a Kinect 1, from the residuals of its flatter blocks.
+def noise_of(cells: Float[np.ndarray, "r c 10"], full: float) -> tuple[float, float]:
+    """Return the noise of a frame relative to a Kinect 1, and the width of its correlation, from the flatter blocks [px].
 
-    The quantile holds planar blocks alone as long as a third of the image is flat.
+    The quantile holds planar blocks alone as long as a third of the image is flat. Noise that is correlated over a square of
+    ``window`` pixels has cell means of ``window²`` times the variance of white noise.
     """
-    residuals = kernels.block_residuals(cells, full)
+    residuals, contrasts = kernels.block_residuals(cells, full).T
     if residuals.size == 0:
-        return 1.0
+        return 1.0, 1.0
     quantile = float(np.quantile(residuals, NOISE_QUANTILE))
-    return float(np.clip(NOISE_MARGIN * quantile / BLOCK_RESIDUAL, 1.0, NOISE_MOST))
+    white = float(np.median(contrasts[residuals <= quantile])) / CHI_SQUARE_MEDIAN
+    window_px = 1.0 + CELLS_ALIKE * (math.sqrt(max(white, 1.0)) - 1.0)
+    return float(np.clip(NOISE_MARGIN * quantile / BLOCK_RESIDUAL, 1.0, NOISE_MOST)), window_px
 
 
 def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -> PlanarBlocks:
@@ -88,7 +110,7 @@ def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -
     size = max(3, round(CELL_AT_240 * camera.height_px / 240))
     nearness = kernels.nearness_of(depth_m)
     cells = kernels.cell_sums(nearness, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
-    noise = noise_of(cells, FULL * size * size)
+    noise, window_px = noise_of(cells, FULL * size * size)
     sums, normals, unit, centres, places = kernels.plane_blocks(
         cells,
         FULL * size * size,
@@ -97,8 +119,18 @@ def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -
         TURN_LIMIT * min(noise, TURN_NOISE_MOST),
         LEAST_RESIDUAL,
     )
+    exponent, span = kernels.noise_law(sums, normals, centres[:, 2].copy(), places, LAW_PARTS)
     return PlanarBlocks(
-        nearness=nearness, sums=sums, normals=normals, unit=unit, centres=centres, places=places, cell_px=size, noise=noise
+        nearness=nearness,
+        measures_range=exponent < LAW_EXPONENT and span > LAW_SPAN,
+        sums=sums,
+        normals=normals,
+        unit=unit,
+        centres=centres,
+        places=places,
+        cell_px=size,
+        noise=noise,
+        window_px=window_px,
     )
 
 

@@ -263,16 +263,17 @@ def kinect(exact, face, fx_noise, baseline, shadow_px, sigma_px, step_px, near, 
     strength = fx_noise * baseline
     first, second, third, fourth = places[0], places[1], places[2], places[3]
     for v in range(rows):
-        furthest = -1e9
+        nearest = 1e9
         depth, names, out = exact[v], face[v], measured[v]
-        for u in range(columns):
+        # The projector stands to the right of the camera: shadows fall on the left of near surfaces.
+        for u in range(columns - 1, -1, -1):
             out[u] = np.nan
             z = depth[u]
             if z == z:
-                seen = u + shadow_px / z
-                if seen < furthest - 0.75:
+                seen = u - shadow_px / z
+                if seen > nearest + 0.75:
                     continue
-                furthest = max(furthest, seen)
+                nearest = min(nearest, seen)
             n = v * columns + u
             # A random branch per pixel would cost more than the work it saves.
             su = min(max(u + jitter[first + n], 0), columns - 1)

@@ -1,0 +1,104 @@
+"""Errors common to all surfaces of a frame: how they rotate planes and lines, and how a frame shows its kind of noise."""
+
+import math
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline.angles import DEG, rotation_x, rotation_y
+from treadline.mechanics.chair import read_chair
+from treadline.perception.kernels import BEYOND
+from treadline.perception.lines import End, Line
+from treadline.perception.nuisance.directions import (
+    MOTION,
+    RATE_RAD_S,
+    READOUT_S,
+    SPEED_M_S,
+    SPREAD,
+    drift_of,
+    turns_of_line,
+    turns_of_surface,
+)
+from treadline.perception.surfaces import Ends, Surface, surface_blocks
+from treadline.sim.camera import ViewRecipe, draw_view
+
+CAMERA = read_chair("wheelchair").camera_at(240)
+RISER = rotation_y(25.0 * DEG) @ rotation_x(-28.0 * DEG) @ np.array([0.0, 0.0, 1.0])
+"""Unit normal of a riser in C, of a camera that looks down."""
+
+
+def rays(columns: Float[np.ndarray, " k"], rows: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
+    return np.column_stack([(columns - CAMERA.cx_px) / CAMERA.fx_px, (rows - CAMERA.cy_px) / CAMERA.fy_px, np.ones(columns.size)])
+
+
+def surface(distance_m: float) -> Surface:
+    columns = np.arange(40, 280)
+    ends = [Ends(columns=columns, rows=np.full(columns.size, row), follows=np.full(columns.size, BEYOND)) for row in (90.0, 150.0)]
+    normal = RISER / distance_m
+    return Surface(
+        normal=normal, covariance=np.eye(3), centre=RISER * distance_m, blocks=np.arange(9), upper=ends[0], lower=ends[1]
+    )
+
+
+def motion_of(part: int) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+    """Return angular velocity and velocity of the camera in C for one unit of a part of the motion."""
+    if part == 3:
+        return np.zeros(3), SPEED_M_S * CAMERA.R_BC[0]
+    rate = RATE_RAD_S * np.eye(3)[part]
+    return rate, CAMERA.R_BC.T @ np.cross(CAMERA.R_BC @ rate, np.array(CAMERA.mount_m))
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_a_plane_in_rows_of_different_times_is_rotated_as_predicted(part: int) -> None:
+    seen = surface(1.4)
+    rate, velocity = motion_of(part)
+    u, v = (grid.ravel() for grid in np.meshgrid(np.arange(40.0, 280.0, 8.0), np.array([90.0, 120.0, 150.0])))
+    at = rays(u, v)
+    after = READOUT_S * (v / CAMERA.height_px - 0.5)
+    # A point P of the moved camera was at P + t (rate × P + velocity) at the time of the middle row.
+    depth = (1.0 - after * float(seen.normal @ velocity)) / (at @ seen.normal + after * (np.cross(rate, at) @ seen.normal))
+    fitted = np.linalg.lstsq(at, 1.0 / depth, rcond=None)[0]
+    predicted = turns_of_surface(seen, None, CAMERA, drift_of(CAMERA))[:, MOTION.start + part]
+    # Second order: a rotation of 0.24° during the readout, squared, is 2e-5.
+    np.testing.assert_allclose((fitted - seen.normal) * seen.distance_m, predicted, atol=6e-5)
+
+
+@pytest.mark.parametrize("end", ["upper", "lower"])
+def test_a_line_at_the_end_of_a_grown_surface_is_rotated_as_predicted(end: End) -> None:
+    along = rotation_y(25.0 * DEG) @ np.array([1.0, 0.0, 0.0])
+    points = np.array([[0.0, 0.4, 1.6] - 0.5 * along, [0.0, 0.4, 1.6] + 0.5 * along])
+    normal = np.cross(points[1], points[0])
+    normal /= np.linalg.norm(normal) * math.copysign(1.0, normal[1]) * -1.0
+    line = Line(
+        normal=normal,
+        covariance=np.eye(3),
+        middle=points.mean(axis=0),
+        ends_m=points,
+        ends_px=np.zeros(4),
+        kind="edge",
+        count=200,
+        end=end,
+    )
+    shifted = points / points[:, 2:] + np.array([0.0, (1.0 if end == "lower" else -1.0) * 3.0 / CAMERA.fy_px, 0.0])
+    moved = np.cross(shifted[1], shifted[0])
+    moved /= np.linalg.norm(moved) * math.copysign(1.0, moved[1]) * -1.0
+    predicted = turns_of_line(line, CAMERA, drift_of(CAMERA), 3.0)[:, SPREAD]
+    # Second order: 3 px are an angle of 0.01, whose square is 1e-4.
+    np.testing.assert_allclose(moved - normal, predicted, atol=1.5e-4)
+    assert abs(float(predicted @ along)) > 1e-3
+
+
+@pytest.mark.parametrize(("sensor", "measures_range"), [("kinect1", False), ("d435", False), ("tof", True), ("kinect2", True)])
+def test_noise_over_depth_tells_time_of_flight_from_disparity(sensor: str, *, measures_range: bool) -> None:
+    views = [draw_view(np.random.default_rng(seed), ViewRecipe(sensor=sensor)) for seed in range(58_000, 58_004)]
+    found = [surface_blocks(view.frame.depth_m, view.frame.camera).measures_range for view in views]
+    # A frame whose planes are all at one distance does not show the law.
+    assert sum(found) >= 3 if measures_range else not any(found)
+
+
+@pytest.mark.parametrize(("sensor", "window_px"), [("kinect1", 1.0), ("d435", 7.0)])
+def test_noise_shows_the_width_of_the_matching_window(sensor: str, window_px: float) -> None:
+    view = draw_view(np.random.default_rng(58_010), ViewRecipe(sensor=sensor, height_px=480))
+    # Within 1 px of the window of the sensor model: the spread is half of it.
+    assert surface_blocks(view.frame.depth_m, view.frame.camera).window_px == pytest.approx(window_px, abs=1.0)
