@@ -47,7 +47,7 @@ def test_a_run_without_a_log_is_refused(run_folder: Path, tmp_path: Path) -> Non
         write_climb_picture(run_folder, tmp_path / "climb.webp")
 
 
-def test_a_machine_without_a_browser_is_told_what_to_install(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_browser_the_error_names_the_package(recording: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.which", lambda _: None)
     with pytest.raises(SettingsError, match="apt-get install chromium"):
         render(recording, np.array([0.0]))
