@@ -18,7 +18,7 @@ FaultKind = Literal[
     "camera_lost", "camera_frozen", "camera_dark", "depth_holes", "false_edges", "imu_nan", "imu_stuck", "imu_bias",
     "imu_lost", "clock_back", "late_tick", "track_stalled", "track_slip", "low_friction", "operator_stop",
     "link_lost", "seat_stuck", "process_killed", "power_cut", "obstacle", "flipper_lost", "flipper_stuck",
-    "readings_lost", "gyro_ramp", "wrong_stamp",
+    "readings_lost", "gyro_ramp", "wrong_stamp", "payload_forward", "payload_left", "payload_up",
 ]  # fmt: skip
 """Kinds of faults. New kinds are appended: the position of a kind selects its stream of random numbers."""
 
@@ -90,8 +90,8 @@ EXTENTS: dict[FaultKind, Extent] = {
     "clock_back": Extent(means="backward jump of all stamps [s]; every reading is delivered twice", default=0.5, high=10.0),
     "late_tick": Extent(means="delay of commands [s]; readings arrive in bursts of this length", default=0.5, high=10.0),
     "track_stalled": Extent(means="stalled belt: 0 left, 1 right", high=1.0, is_choice=True),
-    "track_slip": Extent(means="remaining fraction of one belt's friction; negative: right belt", default=0.2, low=-1.0, high=1.0),
-    "low_friction": Extent(means="remaining fraction of both belts' friction", default=0.5, high=1.0),
+    "track_slip": Extent(means="factor on one belt's friction; negative: right belt", default=0.2, low=-2.0, high=2.0),
+    "low_friction": Extent(means="factor on both belts' friction", default=0.5, high=2.0),
     "operator_stop": Extent(means="operator's action: 0 presses stop, 1 releases the dead-man switch", high=1.0, is_choice=True),
     "link_lost": Extent(means="unused: the operator's heartbeat does not arrive"),
     "seat_stuck": Extent(means="unused: the seat actuator is blocked"),
@@ -112,6 +112,9 @@ EXTENTS: dict[FaultKind, Extent] = {
         high=2.0,
         is_choice=True,
     ),
+    "payload_forward": Extent(means="forward shift of the passenger's centre of mass in the seat [m]", default=0.15, low=-0.3, high=0.3),
+    "payload_left": Extent(means="shift of the passenger's centre of mass to the left [m]", default=0.15, low=-0.3, high=0.3),
+    "payload_up": Extent(means="upward shift of the passenger's centre of mass in the seat [m]", default=0.15, low=-0.3, high=0.3),
 }  # fmt: skip
 
 
@@ -152,6 +155,25 @@ class Fault(Settings):
     def active(self, t_s: float) -> bool:
         """Return whether the fault is active at ``t_s``."""
         return self.at_s <= t_s + SAME_TIME_S < self.at_s + self.for_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """Adjustable conditions of a simulated run; the default changes nothing. Faults add to them."""
+
+    friction: tuple[float, float] = (1.0, 1.0)
+    """Factor on the friction of the left and the right belt, along and across."""
+    payload_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Shift of the passenger's centre of mass in the seat [m]: forward, left, up."""
+
+
+def payload_shift_m(faults: Iterable[Fault], t_s: float) -> tuple[float, float, float]:
+    """Return the shift of the passenger's centre of mass at ``t_s`` [m]: forward, left, up, each the sum of its faults."""
+    on = [fault for fault in faults if fault.active(t_s)]
+    x, y, z = (
+        sum((fault.size for fault in on if fault.kind == kind), 0.0) for kind in ("payload_forward", "payload_left", "payload_up")
+    )
+    return x, y, z
 
 
 def is_killed(faults: Iterable[Fault], process: Process, t_s: float) -> bool:

@@ -1,5 +1,6 @@
 """Scenario files: typed and checked settings of one run. Simulator and experiments read the scenario; the mission never does."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
@@ -70,11 +71,20 @@ class Chair(Settings):
         """Whether the passenger moves during the run."""
         return any(self.sway_m)
 
+    def sway_at(self, t_s: float) -> float:
+        """Return the sway at a time from -1 to 1 of its amplitude; zero without sway."""
+        return math.cos(math.tau * t_s / self.sway_period_s) if self.sways else 0.0
+
     def leaning(self, sway: float = 0.0) -> "Chair":
         """Return the chair with lean and a fraction of the sway (-1 to 1) added to the passenger's offset."""
         x, y, z = self.payload_offset_m
         moved = (x + self.lean_m[0] + sway * self.sway_m[0], y + self.lean_m[1] + sway * self.sway_m[1], z)
         return self.model_copy(update={"payload_offset_m": moved})
+
+    def moved(self, by_m: tuple[float, float, float]) -> "Chair":
+        """Return the chair with the passenger's centre of mass moved [m]: forward, left, up."""
+        (x, y, z), (dx, dy, dz) = self.payload_offset_m, by_m
+        return self.model_copy(update={"payload_offset_m": (x + dx, y + dy, z + dz)})
 
 
 LUGS_MM: Mapping[str, tuple[float, float, float, float]] = {

@@ -68,6 +68,8 @@ class ChairState:
     """Forward force of the stair on each belt [N], mean over the last tick; zero if the simulator does not report it."""
     power_w: float = 0.0
     """Electric power drawn from the battery [W]."""
+    payload_shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Shift of the payload's centre of mass by faults [m]: forward, left, up in the seat frame."""
 
     @property
     def t_s(self) -> float:
@@ -156,12 +158,12 @@ class Instruments:
         moving = abs(left) + abs(right) > 0.01
         return self._imu.sample(state.t_s, state.R_WB, state.rate_B, acceleration, moving=moving)
 
-    def _payload_at(self, t_s: float) -> Float[np.ndarray, " 3"]:
-        """Return the payload's centre in the seat frame with the sway [m]; comfort is judged without the sway."""
+    def _payload_at(self, state: ChairState) -> Float[np.ndarray, " 3"]:
+        """Return the payload's centre in the seat frame with sway and shift [m]; comfort is judged without them."""
         chair = self._scenario.chair
         if not chair.sways:
-            return self._seated
-        return np.array(payload_com(self._chair, chair.leaning(math.cos(math.tau * t_s / chair.sway_period_s))))
+            return self._seated + state.payload_shift_m
+        return np.array(payload_com(self._chair, chair.leaning(chair.sway_at(state.t_s)))) + state.payload_shift_m
 
     def _friction_at(self, x_m: float) -> tuple[float, float]:
         """Return the least friction (along, across) of the steps under the flat run, or the stair's default without steps."""
@@ -191,7 +193,7 @@ class Instruments:
             self._surfaces,
             self._numbers,
             self._seated,
-            self._payload_at(state.t_s),
+            self._payload_at(state),
             SUPPORT_WITHIN_M,
         )
         x_m += along_m

@@ -109,6 +109,9 @@ class MujocoPlant(InstrumentedPlant):
         self._state[drives.SEAT_STUCK] = damage.seat_stuck
         self._state[drives.FLIPPER_STUCK] = damage.flipper_stuck
         self._grip[self._belts] = np.array(damage.grip)[:, None]
+        self._model.body_ipos[self._seat_body] = rest_m = self._payload_rest_m + damage.payload_m
+        if self._scenario.chair.sways:  # the sway sets the centre of mass before the next step
+            self._sway[kernels.SWAY_REST : kernels.SWAY_REST + 2] = rest_m[:2]
         if self._chair.flipper is not None:
             self._state[drives.FLIPPER_LOST] = damage.flipper_lost
             limit = 0.0 if damage.flipper_lost else self._chair.flipper.torque_n_m
@@ -158,6 +161,10 @@ class MujocoPlant(InstrumentedPlant):
         self._grip = np.ones(self._model.ngeom)
         self._friction = friction_table(self._model, self.staircase)
         self._seat_body = self._model.body(vehicle(self._chair, self._scenario.chair).seat.name).id
+        if self._model.body_sameframe[self._seat_body] == mujoco.mjtSameFrame.mjSAMEFRAME_BODY:
+            # MuJoCo ignores the centre of mass of a body that was compiled with it at the origin.
+            self._model.body_sameframe[self._seat_body] = mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT
+        self._payload_rest_m = self._model.body_ipos[self._seat_body].copy()
         self._sway = sway_of(
             self._scenario.chair,
             self._model.body_mass[self._seat_body],
@@ -331,6 +338,7 @@ class MujocoPlant(InstrumentedPlant):
             hull_contacts=int(numbers[kernels.HULL]),
             traction_n=row[kernels.TRACTION : kernels.TRACTION + 2],
             power_w=numbers[kernels.POWER],
+            payload_shift_m=self._damage.payload_m,
         )
 
     def _look(self, state: ChairState) -> Sequence[Reading]:

@@ -9,7 +9,7 @@ from html import escape
 from typing import Any, get_args
 
 from treadline.errors import SettingsError
-from treadline.faults import EXTENTS, Fault, FaultKind
+from treadline.faults import EXTENTS, Conditions, Fault, FaultKind
 from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.opening import Opened
 from treadline.viewer.pages import camera_html, events_html, state_html, timeline_html, transitions_html
@@ -22,13 +22,23 @@ SCENE_S, TEXT_S, PLOT_S = 1.0 / 25.0, 0.1, 0.4
 """Intervals of the updates of scene, text and plots [s]."""
 PLOT_PX = 72
 """Height of a plot [px]: six of them fit on a laptop's screen."""
-CHANGES: dict[str, tuple[str, FaultKind, float, str]] = {
-    "wet steps (friction × value)": ("friction", "low_friction", 0.5, "remaining fraction of the friction of both belts"),
-    "obstacle ahead (value in metres)": ("obstacle", "obstacle", 1.2, "distance from the leading end to a box [m]"),
+OBSTACLE = "obstacle ahead (value in metres)"
+CHANGES: dict[str, tuple[FaultKind, float, float, str]] = {
+    "friction of the steps (× value)": ("low_friction", 1.0, 0.5, "factor on the friction of both belts, 0.1 to 2"),
+    "friction, left belt (× value)": ("track_slip", 1.0, 0.5, "factor on the friction of the left belt, 0.1 to 2"),
+    "friction, right belt (× value)": ("track_slip", -1.0, 0.5, "factor on the friction of the right belt, 0.1 to 2"),
+    "passenger's weight forward (value in metres)": ("payload_forward", 1.0, 0.15, EXTENTS["payload_forward"].means),
+    "passenger's weight to the left (value in metres)": ("payload_left", 1.0, 0.15, EXTENTS["payload_left"].means),
+    "passenger's weight up (value in metres)": ("payload_up", 1.0, 0.15, EXTENTS["payload_up"].means),
+    OBSTACLE: ("obstacle", 1.0, 1.2, "distance from the leading end to a box [m]"),
 }
-"""Changes by name: short name, fault, value, meaning."""
+"""Changes that stay, by name: fault, sign of its value, default value, meaning."""
+FRICTION_MIN, FRICTION_MAX = 0.1, 2.0
+"""Range of the factor on the friction: from oil on the steps to twice the scenario's friction."""
 FOREVER_S = 1e6
 """Duration of a change that stays [s]."""
+WEIGHT: tuple[tuple[str, FaultKind], ...] = (("forward", "payload_forward"), ("left", "payload_left"), ("up", "payload_up"))
+"""Directions in which the passenger's weight moves, with the faults of the same range."""
 NO_FORK = (
     '<div style="font-size:12px">This run cannot be repeated: its log comes without scenario and seed, or it used plug-ins. '
     "Run folders of treadline climb can be forked.</div>"
@@ -197,7 +207,7 @@ class App:
             '<div style="font-size:12px">Hold <b>Shift</b> (or a shoulder button of a gamepad) and drive with <b>W A S D</b>, the '
             "arrow keys or the left stick. Letting go, or leaving the page, stops the chair; then re-arm.</div>"
         )
-        kind = gui.add_dropdown("break something", (*CHANGES, *get_args(FaultKind)))
+        kind = gui.add_dropdown("break something", (OBSTACLE, *get_args(FaultKind)))
         value = gui.add_number("value (0: default)", 0.0, step=0.05)
         lasts = gui.add_number("for [s]", 3.0, min=0.1, step=0.5)
         hint = gui.add_html("")
@@ -222,6 +232,34 @@ class App:
             if change is not None:
                 with self._lock:
                     session.act(change.model_copy(update={"at_s": session.tape.end_s}))
+
+        self._build_conditions(gui)
+
+    def _build_conditions(self, gui: Any) -> None:
+        session = self._session
+        gui.add_html('<div style="font-size:12px">From now on: factor on the friction of each belt, and the passenger\'s weight.</div>')
+        friction = [
+            gui.add_slider(f"friction, {side} ×", min=FRICTION_MIN, max=FRICTION_MAX, step=0.05, initial_value=1.0)
+            for side in ("left", "right")
+        ]
+        extents = [(label, EXTENTS[kind]) for label, kind in WEIGHT]
+        weight = [
+            gui.add_slider(f"weight {label} [m]", min=extent.low, max=extent.high, step=0.01, initial_value=0.0)
+            for label, extent in extents
+        ]
+
+        def moved(event: Any) -> None:
+            if event.client is not None:
+                with self._lock:
+                    session.act(
+                        Conditions(
+                            friction=(float(friction[0].value), float(friction[1].value)),
+                            payload_m=(float(weight[0].value), float(weight[1].value), float(weight[2].value)),
+                        )
+                    )
+
+        for slider in (*friction, *weight):
+            slider.on_update(moved)
 
     def _build_choices(self, gui: Any) -> None:
         for name, label in (
@@ -401,14 +439,22 @@ def _fault(choice: str, value: float, lasts_s: float) -> Fault | None:
     if choice == NOTHING:
         return None
     if choice in CHANGES:
-        _, kind, default, _ = CHANGES[choice]
-        return Fault(kind=kind, at_s=0.0, for_s=FOREVER_S, value=value or default)
+        kind, sign, default, _ = CHANGES[choice]
+        if kind in ("low_friction", "track_slip") and value and not FRICTION_MIN <= value <= FRICTION_MAX:
+            raise ValueError(f"value is {value:g}; a factor on the friction must be from {FRICTION_MIN:g} to {FRICTION_MAX:g}")
+        return Fault(kind=kind, at_s=0.0, for_s=FOREVER_S, value=sign * (value or default))
     return Fault(kind=choice, at_s=0.0, for_s=lasts_s, value=value)  # type: ignore[arg-type]
+
+
+def _last_line(error: ValueError) -> str:
+    """Return the sentence about the value: pydantic adds a heading and a link."""
+    lines = str(error).splitlines()
+    return lines[-2 if len(lines) > 1 else 0].strip()
 
 
 def _complain(event: Any, error: ValueError) -> None:
     if event.client is not None:
-        event.client.add_notification(title="not injected", body=str(error).splitlines()[-2].strip(), color="red")
+        event.client.add_notification(title="not injected", body=_last_line(error), color="red")
 
 
 def handset_handler(session: Session) -> Callable[[Any], Any]:

@@ -10,7 +10,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Any, Literal
 
 from treadline.errors import TreadlineError
-from treadline.faults import Fault
+from treadline.faults import Conditions, Fault
 from treadline.processes import end_with_parent
 from treadline.scenario import Scenario
 from treadline.signals import PinholeCamera
@@ -34,8 +34,10 @@ class Handset:
     """Half the difference of the belt speeds of a person who steers, right minus left [m/s]; positive turns left."""
 
 
-Script = list[tuple[int, Fault | Handset]]
-"""Faults and states of the handset with the tick before which each was given."""
+Command = Fault | Handset | Conditions
+"""Command of a person to a running simulation."""
+Script = list[tuple[int, Command]]
+"""Commands with the tick before which each was given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +49,7 @@ class Order:
     controller: Any = None
     detector: str | None = None
     estimator: str | None = None
-    script: tuple[tuple[int, Fault | Handset], ...] = ()
+    script: tuple[tuple[int, Command], ...] = ()
     """Commands that are applied at their ticks."""
     speed: float = 1.0
     """Simulated seconds per second; 0 is as fast as possible."""

@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import rotation_of
+from treadline.faults import payload_shift_m
 from treadline.playback import Recording
 from treadline.viewer.tape import COLUMNS, LEAST_BELT_M, NUMBER, ROUNDING_S, SLIP_WINDOW_S, Look, PhaseEntry, Tape
 
@@ -36,6 +37,9 @@ def tape_of(recording: Recording) -> Tape:
     }
     for name, values in columns.items():
         rows[:, NUMBER[name]] = values
+    faults = () if recording.scenario is None else recording.scenario.fault
+    shift = NUMBER["payload_forward_m"]
+    rows[:, shift : shift + 3] = [payload_shift_m(faults, t_s) for t_s in recording.t_s.tolist()] if faults else 0.0
     tape = Tape(
         events=list(recording.events),
         phases=[PhaseEntry(t_s=span.start_s, phase=span.name, cause=span.cause) for span in recording.phases],

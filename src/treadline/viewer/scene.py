@@ -245,6 +245,7 @@ class SceneView:
             self._show_forces(row)
         for node in self._chair.passenger:
             node.visible = choices.passenger
+            node.position = self._shift_of(row)
 
     def _move(self, body: _Body, row: dict[str, float]) -> None:
         body.root.position = (row["x_m"], row["y_m"], row["z_m"])
@@ -286,7 +287,8 @@ class SceneView:
         reach = support_of(stage.chair, stage.staircase, R_WB, p_WB)
         margin = row["margin_rad"]
         colour = BAD if margin <= 0.0 else WARN if margin < MARGIN_LIMIT_RAD else GOOD
-        com_B = np.array(centre_of_mass(stage.chair, stage.loading, row["seat_rad"], row["flipper_rad"]))
+        loading = stage.loading.moved(self._shift_of(row))
+        com_B = np.array(centre_of_mass(stage.chair, loading, row["seat_rad"], row["flipper_rad"]))
         com_W = p_WB + R_WB @ com_B
         if reach is not None:
             front, rear, left, right = reach
@@ -302,6 +304,12 @@ class SceneView:
         if not math.isnan(margin):
             self._label.text = f"tip-over margin {margin / DEG:.1f}°"
             self._label.position = com_W + np.array([0.0, 0.0, 0.75])
+
+    def _shift_of(self, row: dict[str, float]) -> tuple[float, float, float]:
+        """Return the passenger's shift from the scenario's offset by lean, sway and faults [m]: forward, left, up."""
+        loading = self._stage.loading
+        (x, y), (a, b), sway = loading.lean_m, loading.sway_m, loading.sway_at(row["t_s"])
+        return row["payload_forward_m"] + x + a * sway, row["payload_left_m"] + y + b * sway, row["payload_up_m"]
 
     def _show_look(self, tape: Tape, t_s: float) -> None:
         look = tape.look_at(t_s)

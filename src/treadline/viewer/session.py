@@ -11,7 +11,7 @@ from typing import Any
 
 from treadline.faults import Fault
 from treadline.signals import TICK_S
-from treadline.viewer.orders import Handset, Order, Script, Worker
+from treadline.viewer.orders import Command, Handset, Order, Script, Worker
 from treadline.viewer.tape import Tape
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
@@ -213,7 +213,7 @@ class Session:
 
     # Commands to the chair
 
-    def act(self, command: Fault | Handset) -> None:
+    def act(self, command: Command) -> None:
         """Pass a command to the running simulation; without one, or in a session that only views, it is ignored."""
         self._command("act", command)
 

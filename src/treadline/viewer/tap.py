@@ -34,9 +34,11 @@ class Tap:
 
     Args:
         fixed_flipper_rad: Angle of the approach section of a chair without a driven flipper [rad].
+        payload_shift_m: Returns the present shift of the passenger's centre of mass in the seat [m]: forward, left, up.
     """
 
     fixed_flipper_rad: float
+    payload_shift_m: Callable[[], tuple[float, float, float]]
     rows: list[list[float]] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     phases: list[PhaseEntry] = field(default_factory=list)
@@ -100,6 +102,7 @@ class Tap:
             truth.contact_force_share,
             truth.left_force_n,
             truth.right_force_n,
+            *self.payload_shift_m(),
         ]
 
     def take(self) -> tuple[Float[np.ndarray, "n c"], list[Event], list[PhaseEntry], list[Look]]:

@@ -13,9 +13,10 @@ COLUMNS = (
     "t_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", "seat_rad", "flipper_rad", "left_m_s", "right_m_s", "left_travel_m",
     "right_travel_m", "heading_rad", "estimate_rad", "sigma_rad", "pitch_rad", "pitch_rate_rad_s", "seat_pitch_rad", "margin_rad",
     "command_left_m_s", "command_right_m_s", "brake", "slip", "friction_use", "force_share", "left_force_n", "right_force_n",
+    "payload_forward_m", "payload_left_m", "payload_up_m",
 )  # fmt: skip
-"""Quantities of a row, in SI units: pose of B in W, joint angles, belts, heading, attitude, margins, commands, forces. NaN where a
-quantity is unknown."""
+"""Quantities of a row, in SI units: pose of B in W, joint angles, belts, heading, attitude, margins, commands, forces, shift of
+the passenger's centre of mass in the seat. NaN where a quantity is unknown."""
 NUMBER = {name: number for number, name in enumerate(COLUMNS)}
 """Position of each column."""
 GROWTH_ROWS = 4096

@@ -13,7 +13,7 @@ from typing import Any
 
 from treadline.angles import DEG
 from treadline.experiments.traverse import Sink, run_episode
-from treadline.faults import Fault
+from treadline.faults import Conditions, Fault
 from treadline.mission.blocks import Detection
 from treadline.scenario import Scenario
 from treadline.setup import Setup, resolve
@@ -21,7 +21,7 @@ from treadline.signals import TICK_S, RgbdFrame
 from treadline.sim import open_plant
 from treadline.sim.faults import FaultyPlant
 from treadline.viewer.commands import AttendedPlanner, AttendedPlant, Operator
-from treadline.viewer.orders import MESSAGES_MAX, Handset, Order, Script
+from treadline.viewer.orders import MESSAGES_MAX, Command, Handset, Order, Script
 from treadline.viewer.tap import Tap, TappedDetector, look_of
 from treadline.viewer.tape import Obstacle
 
@@ -103,9 +103,10 @@ class LiveRun:
             with_reserve(order.scenario), order.controller, order.seed, detector=order.detector, estimator=order.estimator
         )
         tracks = setup.mission.chair.tracks
-        self._tap = Tap(fixed_flipper_rad=tracks.approach_angle_deg * DEG)
         self._chair = open_plant(setup.scenario, setup.seed, chair=setup.chair)
         self._plant = FaultyPlant(self._chair, setup.scenario.fault, setup.seed, setup.scenario.operator)
+        plant = self._plant
+        self._tap = Tap(fixed_flipper_rad=tracks.approach_angle_deg * DEG, payload_shift_m=lambda: plant.damage.payload_m)
         try:
             run = self._episode(setup)
         except Stopped:
@@ -171,11 +172,14 @@ class LiveRun:
                 case _:
                     pass
 
-    def _apply(self, command: Fault | Handset) -> None:
-        if isinstance(command, Handset):
-            self._operator.state = command
-        else:
-            self._plant.inject(command)
+    def _apply(self, command: Command) -> None:
+        match command:
+            case Handset():
+                self._operator.state = command
+            case Conditions():
+                self._plant.adjust(command)
+            case Fault():
+                self._plant.inject(command)
 
     def _show_obstacle(self, t_s: float) -> None:
         box = self._chair.obstacle

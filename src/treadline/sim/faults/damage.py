@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from treadline.angles import DEG
-from treadline.faults import Fault, FaultKind
+from treadline.faults import Conditions, Fault, FaultKind, payload_shift_m
 from treadline.ports import TruthPlant
 
 PHYSICAL: tuple[FaultKind, ...] = (
     "track_stalled", "track_slip", "low_friction", "seat_stuck", "power_cut", "obstacle", "false_edges", "flipper_lost",
-"flipper_stuck" )  # fmt: skip
+"flipper_stuck", "payload_forward", "payload_left", "payload_up" )  # fmt: skip
 """Kinds of faults simulated by the physics."""
 LEFT, RIGHT = 0, 1
+UNCHANGED = Conditions()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +26,7 @@ class Damage:
     stalled: tuple[bool, bool] = (False, False)
     """Whether the left and the right belt are blocked."""
     grip: tuple[float, float] = (1.0, 1.0)
-    """Remaining fraction of the friction of each belt, along and across."""
+    """Factor on the friction of each belt, along and across."""
     power_cut: bool = False
     seat_stuck: bool = False
     flipper_lost: bool = False
@@ -34,6 +35,8 @@ class Damage:
     """Initial distance from the leading end to a box in the path [m]."""
     bar_rad: float | None = None
     """Angle of a bar across the nosings in view [rad], at its initial position."""
+    payload_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Shift of the passenger's centre of mass in the seat [m]: forward, left, up."""
 
 
 @runtime_checkable
@@ -44,20 +47,26 @@ class Breakable(TruthPlant, Protocol):
         """Replace the present damage of the chair."""
 
 
-def damage_of(faults: Iterable[Fault], t_s: float) -> Damage:
-    """Return the damage by all faults active at ``t_s``; of several obstacles or bars the first is used."""
+def damage_of(faults: Iterable[Fault], t_s: float, conditions: Conditions = UNCHANGED) -> Damage:
+    """Return the damage by all faults active at ``t_s``; of several obstacles or bars the first is used.
+
+    Args:
+        conditions: Friction, multiplied with that of the faults, and shift of the payload, added to theirs.
+    """
     on = [fault for fault in faults if fault.active(t_s)]
     kinds = {fault.kind for fault in on}
     stalled = {int(fault.size) for fault in on if fault.kind == "track_stalled"}
+    (x, y, z), (dx, dy, dz) = conditions.payload_m, payload_shift_m(on, t_s)
     return Damage(
         stalled=(LEFT in stalled, RIGHT in stalled),
-        grip=(_grip(on, LEFT), _grip(on, RIGHT)),
+        grip=(conditions.friction[LEFT] * _grip(on, LEFT), conditions.friction[RIGHT] * _grip(on, RIGHT)),
         power_cut="power_cut" in kinds,
         seat_stuck="seat_stuck" in kinds,
         flipper_lost="flipper_lost" in kinds,
         flipper_stuck="flipper_stuck" in kinds,
         obstacle_m=next((fault.size for fault in on if fault.kind == "obstacle"), None),
         bar_rad=next((fault.size * DEG for fault in on if fault.kind == "false_edges"), None),
+        payload_m=(x + dx, y + dy, z + dz),
     )
 
 

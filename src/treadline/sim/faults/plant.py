@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 from treadline.attendant import OperatorAct
 from treadline.errors import SettingsError
-from treadline.faults import Fault
+from treadline.faults import Conditions, Fault
 from treadline.ports import Truth, TruthPlant
 from treadline.scenario import Scenario
 from treadline.signals import TICK_S, FlipperCommand, Reading, SeatCommand, TrackCommand
 from treadline.sim.faults.command_channel import Command, CommandChannel, Watchdog
-from treadline.sim.faults.damage import PHYSICAL, Breakable, Damage, damage_of
+from treadline.sim.faults.damage import PHYSICAL, UNCHANGED, Breakable, Damage, damage_of
 from treadline.sim.faults.sensors import SensorFaults
 
 
@@ -41,6 +41,7 @@ class FaultyPlant:
         self._tick = 0
         self._readings: list[Reading] = []
         self._damage = Damage()
+        self._conditions = UNCHANGED
         self._faults[:] = self._given
         self._sensors = SensorFaults(self._faults, self._seed, self._acts)
         self._channel = CommandChannel(self._faults)
@@ -64,6 +65,22 @@ class FaultyPlant:
         self._faults.append(fault)
         self._sensors.add(fault, self._tick * TICK_S)
         self._meet(self._tick * TICK_S)
+
+    def adjust(self, conditions: Conditions) -> None:
+        """Replace the present conditions while the chair runs; they hold until the next call or start.
+
+        Raises:
+            SettingsError: If the wrapped plant does not support damage.
+        """
+        if self._chair is None:
+            raise SettingsError("friction and payload of this plant cannot be changed, only those of a simulated chair can")
+        self._conditions = conditions
+        self._meet(self._tick * TICK_S)
+
+    @property
+    def damage(self) -> Damage:
+        """Present damage by faults and conditions."""
+        return self._damage
 
     def start(self) -> None:
         """Put the chair at its start pose and reset all faults."""
@@ -101,7 +118,7 @@ class FaultyPlant:
 
     def _meet(self, t_s: float) -> None:
         """Apply the damage at this time, and deliver commands that are due."""
-        damage = damage_of(self._faults, t_s)
+        damage = damage_of(self._faults, t_s, self._conditions)
         if damage != self._damage and self._chair is not None:
             self._chair.set_damage(damage)
         self._damage = damage
