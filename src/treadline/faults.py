@@ -112,9 +112,9 @@ EXTENTS: dict[FaultKind, Extent] = {
         high=2.0,
         is_choice=True,
     ),
-    "payload_forward": Extent(means="forward shift of the passenger's centre of mass in the seat [m]", default=0.15, low=-0.3, high=0.3),
+    "payload_forward": Extent(means="shift of the passenger's centre of mass forward [m]", default=0.15, low=-0.3, high=0.3),
     "payload_left": Extent(means="shift of the passenger's centre of mass to the left [m]", default=0.15, low=-0.3, high=0.3),
-    "payload_up": Extent(means="upward shift of the passenger's centre of mass in the seat [m]", default=0.15, low=-0.3, high=0.3),
+    "payload_up": Extent(means="shift of the passenger's centre of mass upward [m]", default=0.15, low=-0.3, high=0.3),
 }  # fmt: skip
 
 

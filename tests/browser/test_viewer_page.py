@@ -103,6 +103,10 @@ def test_stop_rearm_and_a_fault_reach_the_chair_and_two_clients_see_it(page: Any
     other.kill()
     now_s = page.t_s
     page.until(lambda: page.t_s > now_s + 0.5, "a simulation that goes on without the other client")
+    page.sees("friction, left")
+    page.sees("weight forward")
     page.click("Inject now")
+    page.click("Show")
+    page.click("contact forces")
     page.click("Events")
     page.until(lambda: page.t_s > now_s + 1.0, "a simulation that goes on after the fault")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from treadline.errors import SettingsError
+from treadline.faults import Fault
 from treadline.gazebo.plant import _refuse_what_gazebo_cannot
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.verdict import check
@@ -14,6 +15,7 @@ from treadline.scenario import Scenario, scenario_of
 from treadline.setup import mission_config
 from treadline.signals import SeatCommand, TrackCommand
 from treadline.sim import open_plant
+from treadline.sim.faults import FaultyPlant
 from treadline.sim.plant import MujocoPlant
 
 CHAIR = read_chair("wheelchair")
@@ -148,3 +150,64 @@ def test_gazebo_refuses_what_it_would_ignore(tables: dict[str, Any]) -> None:
     with pytest.raises(SettingsError, match="use --plant mujoco"):
         _refuse_what_gazebo_cannot(Scenario.model_validate(tables))
     _refuse_what_gazebo_cannot(Scenario())
+
+
+def shifted(kinds: dict[str, float], **chair: Any) -> tuple[FaultyPlant, MujocoPlant]:
+    """Return a standing plant on the floor whose payload shifts from 0.1 s to 1.1 s."""
+    inner = plant(**chair)
+    faults = [Fault.model_validate({"kind": kind, "at_s": 0.1, "for_s": 1.0, "value": value}) for kind, value in kinds.items()]
+    outer = FaultyPlant(inner, faults, 0)
+    outer.start()
+    return outer, inner
+
+
+def test_a_shifted_payload_moves_the_margin_at_its_time_and_back() -> None:
+    """Test: 0.15 m to the left from 0.1 s to 1.1 s. Expected: the margin is that of the moved centre of mass, and recovers."""
+    outer, inner = shifted({"payload_left": 0.15})
+    outer.advance(1.5)
+    truth = outer.truth()
+    margin = np.array([sample.stability_margin_rad for sample in truth])
+    height_m = com_W(inner)[2]
+    share = 50.5 / float(inner._model.body_subtreemass[1])
+    half_m = 0.5 * (CHAIR.tracks.gauge_m + CHAIR.tracks.belt_width_m)
+    expected = np.arctan2(half_m - 0.15 * share, height_m)
+    # The chair settles and rolls by a millimetre or two over 0.7 m.
+    assert margin[10] == pytest.approx(expected, abs=0.01)
+    assert margin[100] == pytest.approx(expected, abs=0.01)
+    assert margin[149] == pytest.approx(margin[9], abs=0.01)
+    # Comfort is judged at the seat: a shift of 0.15 m within a tick would count as 1500 m/s².
+    assert np.ptp([sample.passenger_y_m for sample in truth]) < 0.01
+
+
+def test_a_shifted_payload_loads_the_belt_on_its_side() -> None:
+    """Test: braked, a second after the shift. Expected: the contact forces balance the weight about the shifted centre of mass."""
+    outer, inner = shifted({"payload_forward": -0.1, "payload_left": 0.12, "payload_up": 0.05})
+    outer.write(TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0))
+    outer.advance(1.0)
+    points_W, forces_W = inner.contacts()
+    total_n = forces_W[:, 2].sum()
+    weight_n = float(inner._model.body_subtreemass[1]) * 9.81
+    assert total_n == pytest.approx(weight_n, rel=0.02)  # at rest up to the ringing of soft contacts
+    centre_m = (points_W[:, :2] * forces_W[:, 2:]).sum(axis=0) / total_n
+    # Without the shift the centre of mass is 0.08 m further to the right; tangential forces at 0 m height have no moment.
+    np.testing.assert_allclose(centre_m, com_W(inner)[:2], atol=0.01)
+
+
+def test_sway_and_shift_add() -> None:
+    outer, inner = shifted({"payload_left": 0.1, "payload_up": 0.2}, sway_m=(0.0, 0.1), sway_period_s=2.0)
+    rest_m = inner._payload_rest_m.copy()
+    # A quarter of the period: the sway is in the middle, up to a time step.
+    outer.advance(0.5)
+    np.testing.assert_allclose(inner._model.body_ipos[inner._seat_body], rest_m + np.array([0.0, 0.1, 0.2]), atol=2e-3)
+    outer.advance(1.5)  # and again in the middle, the shift over
+    np.testing.assert_allclose(inner._model.body_ipos[inner._seat_body], rest_m, atol=2e-3)
+
+
+def test_a_payload_centred_at_its_hinge_shifts_as_well() -> None:
+    """Test: a centre of mass at the origin of its body, for which MuJoCo has a shortcut. Expected: the shift moves it."""
+    x, y, z = CHAIR.payload_com_m
+    outer, inner = shifted({"payload_left": 0.1}, payload_offset_m=(-x, -y, -z))
+    before_m = com_W(inner)
+    outer.advance(0.1)
+    share = 50.5 / float(inner._model.body_subtreemass[1])
+    assert com_W(inner)[1] - before_m[1] == pytest.approx(0.1 * share, abs=1e-3)

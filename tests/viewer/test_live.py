@@ -7,14 +7,16 @@ import numpy as np
 import pytest
 
 from treadline.experiments.traverse import run_episode
-from treadline.faults import Fault
+from treadline.faults import Conditions, Fault
+from treadline.mechanics.bodies import vehicle
+from treadline.mechanics.chair import GRAVITY_M_S2, read_chair
 from treadline.ports import Truth
 from treadline.scenario import DriveSettings, Scenario, Sensors, Start
 from treadline.setup import resolve
 from treadline.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.viewer.orders import Handset, Order
 from treadline.viewer.session import Feed
-from treadline.viewer.tape import Tape
+from treadline.viewer.tape import NUMBER, Tape
 from treadline.viewer.worker import LiveRun, Pacer
 
 LOGGED = (TrackCommand, SeatCommand, FlipperCommand, Truth)
@@ -156,3 +158,44 @@ def test_a_pacer_keeps_real_time_and_does_not_catch_up_after_a_second(monkeypatc
     pacer.wait(1.01, lambda: None)
     pacer.wait(1.03, lambda: None)
     assert slept[1:] == [pytest.approx(0.01)]
+
+
+def test_conditions_are_the_same_as_faults_of_the_scenario() -> None:
+    """Test: friction × 2 left and × 0.3 right, and the weight moved, at 1 s. Expected: as with these faults, to the bit."""
+    shift_m = (-0.1, 0.05, 0.2)
+    kinds = ("payload_forward", "payload_left", "payload_up")
+    faults = [Fault(kind=kind, at_s=1.0, for_s=100.0, value=value) for kind, value in zip(kinds, shift_m, strict=True)]
+    faults += [Fault(kind="track_slip", at_s=1.0, for_s=100.0, value=value) for value in (2.0, -0.3)]
+    planned, _, _ = viewed(Order(scenario=SHORT.model_copy(update={"fault": tuple(faults)}), seed=2))
+    script = ((101, Conditions(friction=(2.0, 0.3), payload_m=shift_m)),)
+    live, _, _ = viewed(Order(scenario=SHORT, seed=2, script=script))
+    # Conditions follow the ground truth of their tick, which counts margin and friction without them.
+    np.testing.assert_array_equal(np.delete(live.rows, 100, axis=0), np.delete(planned.rows, 100, axis=0))
+    np.testing.assert_array_equal(live.rows[100, : NUMBER["margin_rad"]], planned.rows[100, : NUMBER["margin_rad"]])
+    shift = live.rows[:, NUMBER["payload_forward_m"] :]
+    assert not shift[:101].any()
+    np.testing.assert_array_equal(shift[101:], np.broadcast_to(shift_m, (len(live) - 101, 3)))
+
+
+def test_the_last_conditions_replace_those_before(run: Tape) -> None:
+    """Test: other conditions from 0.5 s, withdrawn before the next tick. Expected: a run as without."""
+    script = ((50, Conditions(friction=(0.1, 2.0), payload_m=(0.3, 0.3, 0.3))), (50, Conditions()))
+    assert viewed(Order(scenario=SHORT, seed=5, script=script))[0].rows.tobytes() == run.rows.tobytes()
+
+
+def test_contact_forces_carry_the_chair_and_do_not_change_the_run(run: Tape) -> None:
+    """Test: contact forces from about 0.3 s on. Expected: the same run to the bit; on average they carry the weight."""
+    tape, _, feed = viewed(Order(scenario=SHORT, seed=5), {30: [("contacts", True)], 150: [("contacts", False)]})
+    assert tape.rows.tobytes() == run.rows.tobytes()
+    assert len(feed.tape.contacts) == 120
+    assert tape.contacts_at(0.1) is None
+    assert tape.contacts_at(1.9) is None
+    total_n = np.mean([found.forces_W.sum(axis=0) for found in tape.contacts], axis=0)
+    # Of the weight, the component normal to the slope; forces at rounded nosings and at the flipper are turned by some degrees.
+    loading = Scenario().chair
+    bodies = vehicle(read_chair(loading.model), loading).bodies
+    weight_n = sum(body.mass_kg for body in bodies) * GRAVITY_M_S2
+    assert np.linalg.norm(total_n) == pytest.approx(weight_n * np.cos(SHORT.stair.slope_rad), rel=0.1)
+    found = tape.contacts_at(1.0)
+    assert found is not None
+    assert found.points_W.shape == found.forces_W.shape == (len(found.points_W), 3)

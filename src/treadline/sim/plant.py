@@ -139,6 +139,22 @@ class MujocoPlant(InstrumentedPlant):
         """Present height of the payload's centre of mass above the floor [m], used for comfort."""
         return float(self._data.xipos[self._seat_body, 2])
 
+    def contacts(self) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Return points [m] and normal forces on the chair [N], both in W, of the loaded contacts in the last step.
+
+        The run is not affected.
+        """
+        contact, force = self._data.contact, np.zeros(6)
+        normal_n = np.empty(self._data.ncon)
+        for number in range(self._data.ncon):
+            mujoco.mj_contactForce(self._model, self._data, number, force)
+            normal_n[number] = force[0]
+        loaded = normal_n > 0.0
+        # The normal points from the first geom to the second, and the force acts on the second.
+        is_chair = self._model.body_rootid[self._model.geom_bodyid[contact.geom[loaded, 1]]] == 1
+        sign = np.where(is_chair, 1.0, -1.0)
+        return contact.pos[loaded], (sign * normal_n[loaded])[:, None] * contact.frame[loaded, :3]
+
     def close(self) -> None:
         """Do nothing; the plant holds no external resources."""
 

@@ -237,7 +237,9 @@ class App:
 
     def _build_conditions(self, gui: Any) -> None:
         session = self._session
-        gui.add_html('<div style="font-size:12px">From now on: factor on the friction of each belt, and the passenger\'s weight.</div>')
+        gui.add_html(
+            '<div style="font-size:12px">From now on: factor on the friction of each belt, and the passenger\'s weight.</div>'
+        )
         friction = [
             gui.add_slider(f"friction, {side} ×", min=FRICTION_MIN, max=FRICTION_MAX, step=0.05, initial_value=1.0)
             for side in ("left", "right")
@@ -266,6 +268,7 @@ class App:
             ("follow", "follow the chair"),
             ("passenger", "passenger"),
             ("forces", "belt forces"),
+            ("contacts", "contact forces (live runs)"),
             ("swept", "swept volume"),
         ):
             box = gui.add_checkbox(label, initial_value=getattr(self._choices, name))
@@ -274,6 +277,9 @@ class App:
     def _chooser(self, box: Any, name: str) -> Callable[[Any], None]:
         def chosen(_event: Any) -> None:
             setattr(self._choices, name, bool(box.value))
+            if name == "contacts":
+                with self._lock:
+                    self._session.ask_contacts(asked=bool(box.value))
 
         return chosen
 
@@ -407,7 +413,7 @@ _PHASES = frozenset(
 
 def vars_of(choices: SceneChoices) -> tuple[bool, ...]:
     """Return the choices as a comparable value."""
-    return choices.forces, choices.swept, choices.follow, choices.passenger
+    return choices.forces, choices.contacts, choices.swept, choices.follow, choices.passenger
 
 
 def outcome_html(session: Session) -> str:

@@ -1,4 +1,4 @@
-"""What a person does to a running simulation: faults, conditions and the handset, each at a tick, so that a run can be repeated exactly.
+"""What a person does to a running simulation: faults, conditions, handset, each at a tick, so that a run can be repeated.
 
 The same scenario, seed and script (``orders``) give the same run to the bit.
 """

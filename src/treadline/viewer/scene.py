@@ -19,12 +19,14 @@ from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
 from treadline.scenario import Belts, Chair
 from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.support import support_of
-from treadline.viewer.tape import Look, Tape
+from treadline.viewer.tape import ContactForces, Look, Tape
 
 GOOD, WARN, BAD = (0, 158, 115), (230, 159, 0), (213, 94, 0)
 """Colours of a value within its limit, near it and beyond (Okabe and Ito, 2008)."""
 TRUE, SEEN, MISSED, GHOST = (0, 114, 178), (220, 40, 180), (213, 94, 0), (86, 180, 233)
 """Colours of true, perceived and missed nosings, and of the ghost."""
+CONTACT = (60, 60, 160)
+"""Colour of contact forces."""
 WEDGE_M = 1.8
 """Length of the heading wedge [m]: to the nosings ahead of the flipper."""
 WEDGE_LIFT_M = 0.25
@@ -50,6 +52,7 @@ class SceneChoices:
     """What of the scene is shown."""
 
     forces: bool = False
+    contacts: bool = False
     swept: bool = False
     follow: bool = True
     passenger: bool = True
@@ -194,6 +197,9 @@ class SceneView:
         self._forces = scene.add_arrows(
             "/world/chair/forces", np.zeros((2, 2, 3)), BAD, shaft_radius=0.015, head_radius=0.04, visible=False
         )
+        self._contacts = scene.add_arrows(
+            "/world/contacts", np.zeros((1, 2, 3)), CONTACT, shaft_radius=0.008, head_radius=0.02, head_length=0.05, visible=False
+        )
         self._half_gauge_m = half
         ahead_m = -1.0 if stage.rear_camera else 1.0
         reach = stage.chair.rear_reach_m if stage.rear_camera else stage.chair.reach_m
@@ -243,6 +249,7 @@ class SceneView:
         self._forces.visible, self._swept.visible = choices.forces, choices.swept
         if choices.forces:
             self._show_forces(row)
+        self._show_contacts(tape.contacts_at(t_s) if choices.contacts else None)
         for node in self._chair.passenger:
             node.visible = choices.passenger
             node.position = self._shift_of(row)
@@ -355,6 +362,12 @@ class SceneView:
         tips = places.copy()
         tips[:, 0] += np.array([row["left_force_n"], row["right_force_n"]]) / NEWTON_PER_M
         self._forces.points = np.stack([places, tips], axis=1).astype(np.float32)
+
+    def _show_contacts(self, found: ContactForces | None) -> None:
+        self._contacts.visible = found is not None and len(found.points_W) > 0
+        if found is not None and len(found.points_W):
+            tips = found.points_W + found.forces_W / NEWTON_PER_M
+            self._contacts.points = np.stack([found.points_W, tips], axis=1).astype(np.float32)
 
 
 def pose_of(row: dict[str, float]) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:

@@ -20,6 +20,8 @@ PAUSE, FASTEST = -1.0, 0.0
 """Speeds of a worker that mean pause and as fast as possible."""
 PICTURES_MAX = 1500
 """Camera images kept: two and a half minutes at 10 Hz, 40 MB; older frames keep their text."""
+CONTACTS_MAX = 30_000
+"""Ticks whose contact forces are kept: five minutes, 30 MB with 40 contacts; older ones are forgotten."""
 SILENT_S = 0.3
 """Time without a report of the handset after which its dead-man switch counts as released [s]: that of the guard's link."""
 DRIVE_M_S, TURN_M_S = 0.10, 0.08
@@ -70,6 +72,9 @@ class Feed:
                 self._forget_pictures(len(looks))
             case "obstacle":
                 self.tape.obstacles.append(value)
+            case "contacts":
+                self.tape.contacts += value
+                del self.tape.contacts[:-CONTACTS_MAX]
             case "script":
                 self.script.append(value)
             case "end":
@@ -210,6 +215,11 @@ class Session:
         """Send a command to the simulation of an attended run; without one it is ignored."""
         if self.attended and self.feed.worker is not None:
             self.feed.worker.send(kind, value)
+
+    def ask_contacts(self, *, asked: bool) -> None:
+        """Ask a running simulation for its contact forces from now on, or no longer; this does not affect the run."""
+        if self.feed.worker is not None:
+            self.feed.worker.send("contacts", asked)
 
     # Commands to the chair
 

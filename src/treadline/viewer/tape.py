@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from treadline.signals import Event, Phase
+from treadline.signals import TICK_S, Event, Phase
 
 COLUMNS = (
     "t_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", "seat_rad", "flipper_rad", "left_m_s", "right_m_s", "left_travel_m",
@@ -63,6 +63,17 @@ class Obstacle:
     yaw_rad: float = 0.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ContactForces:
+    """Normal forces of stair and obstacle on the chair at a tick."""
+
+    t_s: float
+    points_W: Float[np.ndarray, "n 3"]
+    """Contact points [m]."""
+    forces_W: Float[np.ndarray, "n 3"]
+    """Forces on the chair [N]."""
+
+
 @dataclass(slots=True, kw_only=True)
 class Tape:
     """Rows, events, phases and camera frames of a run in order of time."""
@@ -71,6 +82,8 @@ class Tape:
     phases: list[PhaseEntry] = field(default_factory=list)
     looks: list[Look] = field(default_factory=list)
     obstacles: list[Obstacle] = field(default_factory=list)
+    contacts: list[ContactForces] = field(default_factory=list)
+    """Contact forces of the ticks at which they were asked for."""
     verdict: str | None = None
     """Verdict of a run that has ended, with its cause; None while it runs or if the log has none."""
     _memory: Float[np.ndarray, "m c"] = field(default_factory=lambda: np.empty((0, len(COLUMNS))))
@@ -130,6 +143,12 @@ class Tape:
         number = bisect_right([box.t_s for box in self.obstacles], t_s + 1e-6)
         found = self.obstacles[number - 1] if number else None
         return None if found is None or found.centre_W is None else found
+
+    def contacts_at(self, t_s: float) -> ContactForces | None:
+        """Return the contact forces of the last tick at or before a time, None if they were not asked for then."""
+        number = bisect_right([found.t_s for found in self.contacts], t_s + 1e-6)
+        found = self.contacts[number - 1] if number else None
+        return found if found is not None and t_s - found.t_s < 1.5 * TICK_S else None
 
     def holding_at(self, t_s: float) -> Event | None:
         """Return the event of the hold that lasts at a time, None if the guard does not hold."""

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from treadline.angles import DEG
 from treadline.experiments.traverse import Sink, run_episode
 from treadline.faults import Conditions, Fault
@@ -23,7 +25,7 @@ from treadline.sim.faults import FaultyPlant
 from treadline.viewer.commands import AttendedPlanner, AttendedPlant, Operator
 from treadline.viewer.orders import MESSAGES_MAX, Command, Handset, Order, Script
 from treadline.viewer.tap import Tap, TappedDetector, look_of
-from treadline.viewer.tape import Obstacle
+from treadline.viewer.tape import ContactForces, Obstacle
 
 SEND_S = 0.04
 """Interval of the messages to the viewer [s]: 25 updates a second, of which a display of 15 shows each second one or all."""
@@ -95,6 +97,8 @@ class LiveRun:
         self._sent_at = 0.0
         self._waiting: list[Any] = []
         self._obstacle: Obstacle | None = None
+        self._asks_contacts = False
+        self._contacts: list[ContactForces] = []
 
     def run(self) -> None:
         """Simulate to the end, and report the verdict."""
@@ -145,6 +149,8 @@ class LiveRun:
         """Send, obey and wait after a tick."""
         self._tick = round(t_s / TICK_S) + 1
         self._show_obstacle(t_s)
+        if self._asks_contacts:
+            self._read_contacts(t_s)
         now = time.perf_counter()
         if now - self._sent_at >= SEND_S:
             self._sent_at = now
@@ -167,6 +173,8 @@ class LiveRun:
                 case "act":
                     self._apply(value)
                     self._waiting.append(("script", (self._tick, value)))
+                case "contacts":
+                    self._asks_contacts = value
                 case "end":
                     raise Stopped
                 case _:
@@ -195,7 +203,14 @@ class LiveRun:
         self._obstacle = Obstacle(t_s=t_s, centre_W=(x, y, z), half_m=(a, b, c), yaw_rad=yaw)
         self._waiting.append(("obstacle", self._obstacle))
 
+    def _read_contacts(self, t_s: float) -> None:
+        points_W, forces_W = self._chair.contacts()
+        self._contacts.append(ContactForces(t_s=t_s, points_W=points_W.astype(np.float32), forces_W=forces_W.astype(np.float32)))
+
     def _post(self) -> None:
+        if self._contacts:
+            self._waiting.append(("contacts", self._contacts))
+            self._contacts = []
         taken = self._tap.take()
         if len(taken[0]) or taken[1] or taken[3]:
             self._waiting.append(("ticks", taken))
