@@ -72,6 +72,18 @@ class Page:
 
         self.until(button, f"the button {label!r}").click()
 
+    def tick(self, label: str) -> None:
+        """Change the check box with a label."""
+
+        def box() -> Any:  # None until there is one
+            return self.driver.execute_script(
+                "const label = [...document.querySelectorAll('label')].find(l => l.innerText.trim() === arguments[0]);"
+                "return label ? document.getElementById(label.htmlFor) : null",
+                label,
+            )
+
+        self.driver.execute_script("arguments[0].click()", self.until(box, f"the check box {label!r}"))
+
     def kill(self) -> None:
         """Kill the browser without a word; the page cannot say goodbye."""
         driver = self.driver.service.process.pid
