@@ -173,6 +173,9 @@ class HeadingMeasurement:
     heading_rad: float
     sigma_rad: float
     edge_count: int
+    correction_rad: float = 0.0
+    """Heading by the corrected camera mount minus the heading by the mount of the frame before, from this frame [rad]; 0 unless the
+    correction changed with this frame. Earlier headings had this error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -326,8 +326,9 @@ def _estimate(r: CdrReader) -> HeadingEstimate:
 
 def _measurement(r: CdrReader) -> HeadingMeasurement:
     t_s, _, places, _ = _joints(r)
-    heading, sigma, count = _counted(places, 3)
-    return HeadingMeasurement(t_s=t_s, heading_rad=heading, sigma_rad=sigma, edge_count=int(count))
+    # Logs of release 0.2 and before hold no correction.
+    heading, sigma, count, correction = _counted((*places, 0.0) if len(places) == 3 else places, 4)
+    return HeadingMeasurement(t_s=t_s, heading_rad=heading, sigma_rad=sigma, edge_count=int(count), correction_rad=correction)
 
 
 ADDED_TRUTH = ("hull_contacts", "chassis_x_m", "chassis_y_m", "chassis_z_m")

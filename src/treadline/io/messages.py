@@ -231,8 +231,8 @@ def _estimate(estimate: HeadingEstimate, topic: str, writer: Writer) -> list[Mes
 
 
 def _measurement(seen: HeadingMeasurement, topic: str, writer: Writer) -> list[Message]:
-    values = (seen.heading_rad, seen.sigma_rad, float(seen.edge_count))
-    names = ("heading_rad", "sigma_rad", "edge_count")
+    values = (seen.heading_rad, seen.sigma_rad, float(seen.edge_count), seen.correction_rad)
+    names = ("heading_rad", "sigma_rad", "edge_count", "correction_rad")
     return [
         _heading(topic, seen.t_s, seen.heading_rad, seen.sigma_rad, writer),
         joints(topic + "/detail", seen.t_s, names, values, (), "camera", writer),

@@ -62,7 +62,7 @@ class ReadingAdmission:
                 return self.frames.accept_frame(signal)
             case HeadingMeasurement():
                 value = (signal.heading_rad, signal.sigma_rad)
-                sound = finite(signal.heading_rad) and signal.sigma_rad > 0.0
+                sound = finite(signal.heading_rad, signal.correction_rad) and signal.sigma_rad > 0.0
                 return sound and self.frames.accept_measurement("heading", value, self._travel.travel_m)
             case StairMap():
                 if not is_finite_map(signal):
