@@ -48,6 +48,8 @@ MAP = StairMap(
     left_wall_m=None,
     right_wall_m=0.6,
     obstacle_m=None,
+    left_seen_m=-0.1,
+    right_seen_m=0.55,
 )
 SIGNALS = [
     (on.CLOCK, Clock(t_s=T_S)),

@@ -239,6 +239,10 @@ def _measurement(seen: HeadingMeasurement, topic: str, writer: Writer) -> list[M
     ]
 
 
+MAYBE_OF_MAP = ("left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m", "left_seen_m", "right_seen_m")
+"""Numbers of a stair map that a frame may not show."""
+
+
 def _sides(stair: StairMap) -> tuple[tuple[str, str | None], ...]:
     return (("left", stair.left_side), ("right", stair.right_side))
 
@@ -250,7 +254,7 @@ def _stair_map(stair: StairMap, topic: str, writer: Writer) -> list[Message]:
     for place in stair.nosings_B.tolist():
         w.doubles(*place, 0.0, 0.0, 0.0, 1.0)
     # Quantities without a measurement are left out, so that no number encodes "unknown".
-    maybe = {name: getattr(stair, name) for name in ("left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m")}
+    maybe = {name: getattr(stair, name) for name in MAYBE_OF_MAP}
     maybe |= {f"{name}_open": None if side is None else float(side == "open") for name, side in _sides(stair)}
     known = {"rise_m": stair.rise_m, "run_m": stair.run_m, "slope_rad": stair.slope_rad, "ends": float(stair.ends)}
     known |= {name: value for name, value in maybe.items() if value is not None} | {"nosings": float(len(stair.nosings_B))}

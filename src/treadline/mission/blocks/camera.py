@@ -42,7 +42,10 @@ class Detection(Protocol):
 
     @property
     def stair_map(self) -> StairMap | None:
-        """Stair ahead, None where no stair is detected."""
+        """Stair ahead, None where no stair is detected.
+
+        In a map without ``left_seen_m`` and ``right_seen_m`` the width of the flight is not checked before the chair enters it.
+        """
 
 
 @runtime_checkable

@@ -76,7 +76,15 @@ class ReadingAdmission:
 
 def is_finite_map(stair: StairMap) -> bool:
     """Return whether every number of a map is finite."""
-    maybe = (stair.obstacle_m, stair.left_wall_m, stair.right_wall_m, stair.left_edge_m, stair.right_edge_m)
+    maybe = (
+        stair.obstacle_m,
+        stair.left_wall_m,
+        stair.right_wall_m,
+        stair.left_edge_m,
+        stair.right_edge_m,
+        stair.left_seen_m,
+        stair.right_seen_m,
+    )
     return finite(
         stair.rise_m,
         stair.run_m,
