@@ -32,7 +32,7 @@ from treadline.devices.statistical import (
     end_class,
     reported_cell,
 )
-from treadline.devices.visibility import Geometry, Visibility, Wall
+from treadline.devices.visibility import Geometry, Visibility, VisibleSide, Wall
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import Staircase
 from treadline.perception import StairDetector
@@ -271,7 +271,8 @@ def look_of(record: Record) -> tuple[Visibility | None, StairMap | None]:
     if seen is not None:
         arrays = {name: np.array(seen[name]) for name in ("numbers", "nosings_B", "margins_px", "depths_m")}
         walls = {side: None if seen[side] is None else Wall(**seen[side]) for side in ("left", "right")}
-        seen = Visibility(**seen | arrays | walls)
+        sides = tuple(VisibleSide(**side) for side in seen["sides"])
+        seen = Visibility(**seen | arrays | walls | {"sides": sides})
     if told is not None:
         told = StairMap(**told | {"t_s": 0.0, "nosings_B": np.array(told["nosings_B"])})
     return seen, told

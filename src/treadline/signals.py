@@ -173,6 +173,9 @@ class HeadingMeasurement:
     heading_rad: float
     sigma_rad: float
     edge_count: int
+    correction_rad: float = 0.0
+    """Heading by the corrected camera mount minus the heading by the mount of the frame before, from this frame [rad]; 0 unless the
+    correction changed with this frame. Earlier headings had this error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -223,6 +226,12 @@ class StairMap:
     """What follows beyond the left side: a wall or rail, or a drop; None if the side is not in view."""
     right_side: Literal["wall", "open"] | None = None
     """What follows beyond the right side; None if it is not in view."""
+    left_seen_m: float | None = None
+    """Distance from the chair's middle plane to which nosings are in view on the left [m], a lower bound of the width; negative if
+    they are in view on the right alone. None if the detector does not measure it: the mission then does not check the width of this
+    side before it enters the flight."""
+    right_seen_m: float | None = None
+    """The same on the right [m]."""
 
     @property
     def width_m(self) -> float | None:

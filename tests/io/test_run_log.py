@@ -53,7 +53,7 @@ def one_of_each(t_s: float, seed: int) -> list[Any]:
             linear_acceleration_m_s2=np.array([b, c, 9.81]),
         ),
         frame(t_s, seed),
-        HeadingMeasurement(t_s=t_s, heading_rad=a, sigma_rad=abs(b), edge_count=5),
+        HeadingMeasurement(t_s=t_s, heading_rad=a, sigma_rad=abs(b), edge_count=5, correction_rad=c),
         HeadingEstimate(t_s=t_s, heading_rad=a, heading_rate_rad_s=b, sigma_rad=abs(c), source="gyro"),
         SeatReading(t_s=t_s, pitch_rad=a, stroke_m=b),
         TrackReading(t_s=t_s, left_m_s=a, right_m_s=b, brake_on=True),

@@ -26,7 +26,7 @@ from treadline.mission.flipper_planner import (
     turning_share,
 )
 from treadline.mission.tip_over import FALL_RATE_RAD_S, LIMIT_M_S, TipOverFeedforward
-from treadline.mission.traversal import BLIND_RAD
+from treadline.mission.traversal import BLIND_RAD, SIDE_MARGIN_M
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
 CHAIR = read_chair("wheelchair")
@@ -154,6 +154,8 @@ class World:
             left_wall_m=None,
             right_wall_m=None,
             obstacle_m=None,
+            left_seen_m=1.0,
+            right_seen_m=1.0,
         )
 
     @property
@@ -440,6 +442,62 @@ def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_
     assert ran_m == pytest.approx(1.5 * to_go_m + 0.5, abs=0.1)
     world.slip = 0.0
     assert world.run("mount").hold is None
+
+
+@pytest.mark.parametrize(
+    ("sides", "cause"),
+    [
+        ({"left_edge_m": 0.35, "left_side": "open", "left_seen_m": 0.35}, "left side is open 0.35 m"),
+        ({"right_edge_m": 0.30, "right_side": "open", "right_seen_m": 0.30}, "right side is open 0.30 m"),
+        ({"right_seen_m": 0.20}, "right side was in view up to 0.20 m"),
+        ({"left_seen_m": -0.10}, "left side was in view up to 0.00 m"),
+    ],
+)
+def test_a_flight_is_not_entered_unless_it_was_seen_to_bear_the_chair(sides: dict[str, Any], cause: str) -> None:
+    """Test: an open side nearer than the chair sweeps, or a side not seen so far. Expected result: HOLD with the distance before
+    the flight, for an open side as soon as it is known."""
+    world = World(spoil=lambda seen: replace(seen, **sides))
+    plan = world.run(limit_s=20.0)
+    assert plan.hold is not None
+    assert cause in plan.hold
+    assert f"needs {CHAIR.swept_half_m + SIDE_MARGIN_M:.2f} m" in plan.hold
+    assert "mount" not in world.phases
+    if "seen" not in str(sides):
+        assert world.front_before_m > CONFIG.mount_from_m
+    assert world.front_before_m > 0.0
+
+
+def test_a_detector_that_does_not_measure_how_far_a_side_is_in_view_drives_on() -> None:
+    """Test: no map measures how far nosings are in view; then also a near open side. Expected result: the chair mounts; HOLD at the
+    open side, which is measured."""
+    unmeasured = {"left_seen_m": None, "right_seen_m": None}
+    World(spoil=lambda seen: replace(seen, **unmeasured)).run("mount")
+    world = World(spoil=lambda seen: replace(seen, **unmeasured, left_edge_m=0.35, left_side="open"))
+    assert "left side is open 0.35 m" in (world.run(limit_s=20.0).hold or "")
+    assert "mount" not in world.phases
+
+
+def test_a_side_seen_earlier_counts_when_it_leaves_the_view() -> None:
+    """Test: treads were in view to 0.8 m from 1 m away, and to 0.25 m near the flight. Expected result: the chair mounts."""
+
+    def spoil(seen: StairMap) -> StairMap:
+        near_m = 0.8 if seen.nosings_B[0, 0] > 1.2 else 0.25
+        return replace(seen, left_seen_m=near_m, right_seen_m=near_m)
+
+    world = World(spoil=spoil)
+    world.run("mount")
+
+
+def test_one_map_with_a_side_far_away_proves_no_width() -> None:
+    world = World()
+
+    def spoil(seen: StairMap) -> StairMap:
+        return replace(seen, left_seen_m=1.0 if world.maps == 4 else 0.2)
+
+    world.spoil = spoil
+    plan = world.run(limit_s=20.0)
+    assert plan.hold is not None
+    assert "left side was in view up to 0.20 m" in plan.hold
 
 
 @pytest.mark.parametrize(("left_m", "right_m", "wall"), [(0.327, 0.87, "left"), (None, 0.327, "right")])

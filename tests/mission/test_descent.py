@@ -132,6 +132,8 @@ class World:
             left_wall_m=None,
             right_wall_m=None,
             obstacle_m=None,
+            left_seen_m=1.0,
+            right_seen_m=1.0,
         )
 
     @property
@@ -231,6 +233,22 @@ def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_edge() -> None
     world.run("approach")
     world.run(limit_s=1.5)
     assert "the left wall is 0.35 m from the chair's middle, which needs" in (world.plans[-1].hold or "")
+
+
+@pytest.mark.usefixtures("edge")
+@pytest.mark.parametrize(
+    ("sides", "cause"),
+    [
+        ({"right_edge_m": 0.35, "right_side": "open", "right_seen_m": 0.35}, "right side is open 0.35 m"),
+        ({"left_seen_m": 0.20}, "left side was in view up to 0.20 m"),
+    ],
+)
+def test_a_flight_is_not_entered_backwards_unless_it_was_seen_to_bear_the_chair(sides: dict[str, Any], cause: str) -> None:
+    world = World(spoil=lambda seen: replace(seen, **sides))
+    plan = world.run(limit_s=20.0)
+    assert cause in (plan.hold or "")
+    assert plan.phase == "approach"
+    assert world.x_m - EDGE_M > PIVOT_M  # the rear pulley is still on the landing
 
 
 def test_a_chair_that_does_not_get_to_the_edge_is_held() -> None:

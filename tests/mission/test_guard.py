@@ -1521,6 +1521,7 @@ def test_a_map_that_comes_twice_counts_once() -> None:
     [
         {"obstacle_m": math.nan},
         {"left_wall_m": math.inf},
+        {"right_seen_m": -math.inf},
         {"rise_m": math.nan},
         {"run_m": math.nan},
         {"slope_rad": math.nan},

@@ -281,6 +281,7 @@ def stair_map(t_s: float) -> StairMap:
     return StairMap(
         t_s=t_s, direction="up", nosings_B=np.array([[1.0, 0.0, 0.16], [1.3, 0.0, 0.32]]), rise_m=0.16, run_m=0.3,
         slope_rad=0.49, ends=False, left_wall_m=None, right_wall_m=None, obstacle_m=None,
+        left_seen_m=1.0, right_seen_m=1.0,
     )  # fmt: skip
 
 

@@ -343,3 +343,31 @@ def test_a_map_without_nosings_changes_nothing(*, known: bool) -> None:
     before = (where.map_count, where.ahead_m())
     where.update(empty)
     assert (where.map_count, where.ahead_m()) == before
+
+
+@pytest.mark.parametrize(("way", "heading_deg"), [(1.0, 20.0), (1.0, -20.0), (-1.0, 20.0)])
+def test_sides_stay_where_they_are_while_the_chair_moves_sideways(way: float, heading_deg: float) -> None:
+    """Test: sides seen, then 0.5 m at 20°. Expected result: the sides shift by 0.5 m · sin 20° in the chair's view."""
+    chair, where = Chair(first_m=3.0), StairTracker()
+    sides = {"left_seen_m": 0.7, "right_seen_m": 0.6, "left_edge_m": 0.7, "left_side": "open"}
+    chair.update(where)
+    assert where.side_m("left") == where.side_m("right") == (None, None)
+    for _ in range(KNOWN_AFTER):
+        where.update(replace(chair.sees(0, 1), **sides))
+    assert where.side_m("left") == pytest.approx((0.7, 0.7))
+    chair.heading_rad = heading_deg * DEG
+    chair.update(where)
+    chair.drive(where, way * 0.5)
+    left_m = way * 0.5 * math.sin(heading_deg * DEG)
+    # The odometry takes the first reading's interval as zero: up to two steps of 2 mm, times sin 20°.
+    assert where.side_m("left") == pytest.approx((0.7 - left_m, 0.7 - left_m), abs=0.002)
+    seen_m, open_m = where.side_m("right")
+    assert seen_m == pytest.approx(0.6 + left_m, abs=0.002)
+    assert open_m is None
+
+
+def test_a_side_is_open_at_the_second_sight_and_a_wall_is_not() -> None:
+    chair, where = Chair(), StairTracker()
+    for kind, is_open in (("open", False), ("open", True), ("wall", False), ("wall", False), ("open", False), ("open", True)):
+        where.update(replace(chair.sees(0, 1), right_edge_m=0.5, right_side=kind))
+        assert (where.side_m("right")[1] is not None) == is_open

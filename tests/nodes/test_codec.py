@@ -48,6 +48,8 @@ MAP = StairMap(
     left_wall_m=None,
     right_wall_m=0.6,
     obstacle_m=None,
+    left_seen_m=-0.1,
+    right_seen_m=0.55,
 )
 SIGNALS = [
     (on.CLOCK, Clock(t_s=T_S)),
@@ -81,7 +83,7 @@ SIGNALS = [
     (on.CAMERA_QUALITY, FrameQuality(t_s=T_S, fingerprint=4294967295, brightness=0.5, contrast=0.1, valid_share=0.9)),
     (on.QUALITY, FrameQuality(t_s=T_S, fingerprint=1, brightness=0.5, contrast=0.1, valid_share=0.9)),
     (on.QUALITY, FrameQuality(t_s=T_S, fingerprint=1, brightness=0.5, contrast=0.1, valid_share=0.9, obstacle_m=1.25)),
-    (on.MEASURED, HeadingMeasurement(t_s=T_S, heading_rad=-0.1, sigma_rad=0.02, edge_count=5)),
+    (on.MEASURED, HeadingMeasurement(t_s=T_S, heading_rad=-0.1, sigma_rad=0.02, edge_count=5, correction_rad=0.03)),
     (on.MAP, MAP),
     (on.ESTIMATE, HeadingEstimate(t_s=T_S, heading_rad=0.1, heading_rate_rad_s=0.2, sigma_rad=0.3, source="gyro")),
     (

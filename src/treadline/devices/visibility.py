@@ -19,6 +19,8 @@ NEAR_M, FAR_M = 0.45, 4.0
 """Depth range in which a Kinect resolves adjacent nosings [m]."""
 ASIDES = 13
 """Number of points per edge tested for visibility."""
+SIDE_ASIDES, END_SEEN_M = 57, 0.01
+"""Number of points per edge tested for the visibility of its sides, and distance of the last one in view from a visible end [m]."""
 LEAST_WIDTH_M = 0.3
 """Least visible width of an edge [m], as required by ``perception.lattice_kernels``."""
 BEYOND_PX, OUTSIDE_PX = 40.0, -1000.0
@@ -52,6 +54,17 @@ class Wall:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class VisibleSide:
+    """One side of the flight; distances from the chair's middle, perpendicular to the flight."""
+
+    seen_m: float
+    """Distance to which two nosings are in the image [m]."""
+    edge_m: float | None
+    """Distance to the end of the nosings [m]; None unless two nosings are in the image up to their end."""
+    kind: Literal["wall", "open"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Visibility:
     """Visible part of one flight, without errors."""
 
@@ -73,6 +86,8 @@ class Visibility:
     """Whether the absence of a further step is visible."""
     left: Wall | None
     right: Wall | None
+    sides: tuple["VisibleSide", "VisibleSide"]
+    """Left and right side of the flight."""
 
     @property
     def seen(self) -> Bool[np.ndarray, " n"]:
@@ -100,6 +115,8 @@ class Geometry:
         self._along_W = np.array([[-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0] for step in steps])
         asides = np.linspace(-0.5, 0.5, ASIDES) * staircase.width_m
         self._edges_W = self._places_W[:, None] + asides[:, None] * self._along_W[:, None]
+        self._asides_m = np.linspace(-0.5, 0.5, SIDE_ASIDES) * staircase.width_m
+        self._fine_W = self._places_W[:, None] + self._asides_m[:, None] * self._along_W[:, None]
         self._best = min(ASIDES, math.ceil(LEAST_WIDTH_M / staircase.width_m * (ASIDES - 1)))
         self._R_BC, self._p_BC = calibration.R_BC, np.array(calibration.mount_m)
         u = (np.arange(RAYS[0]) + 0.5) * calibration.width_px / RAYS[0]
@@ -124,6 +141,7 @@ class Geometry:
         flight = int(self._flights[row[0]])
         steps = self._staircase.flights[flight]
         left, right = self._walls(flight, R_WC, p_WC, p_WB)
+        sides = self._sides(row, R_WC, p_WC, float(p_WB[1]))
         return Visibility(
             direction="up" if up else "down",
             heading_rad=heading,
@@ -137,7 +155,23 @@ class Geometry:
             ends=self._ends_up(steps, R_WC, p_WC) if up else self._ends_down(steps, R_WC, p_WC),
             left=left if sign > 0.0 else right,
             right=right if sign > 0.0 else left,
+            sides=sides if sign > 0.0 else sides[::-1],
         )
+
+    def _sides(
+        self, row: Int[np.ndarray, " k"], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], aside_m: float
+    ) -> tuple[VisibleSide, VisibleSide]:
+        """Return the sides at +y and -y, from the nosings of one flight."""
+        shown = self._margins((self._fine_W[row] - p_WC) @ R_WC) > 0.0
+        walls = self._staircase.walls
+        sides = []
+        for sign, name in ((1.0, "left"), (-1.0, "right")):
+            outward = np.where(shown, sign * (self._asides_m - aside_m), -np.inf).max(axis=1)
+            seen_m = float(np.sort(outward)[-LEAST_NOSINGS])
+            end_m = 0.5 * self._staircase.width_m - sign * aside_m
+            kind: Literal["wall", "open"] = "wall" if walls in (name, "both") else "open"
+            sides.append(VisibleSide(seen_m=seen_m, edge_m=end_m if seen_m > end_m - END_SEEN_M else None, kind=kind))
+        return sides[0], sides[1]
 
     def _margins(self, points_C: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
         """Return the distance of points from the image border [px], positive inside."""

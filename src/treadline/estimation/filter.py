@@ -225,6 +225,7 @@ class HeadingFilter:
     def _correct(self, seen: HeadingMeasurement) -> None:
         if not self._usable(seen):
             return
+        self._apply_correction(seen)
         since_s = 0.0 if self._seen_s is None else seen.t_s - self._seen_s
         self._carry_without_gyro(seen.t_s)
         later = self._turn_since(seen.t_s)
@@ -261,6 +262,18 @@ class HeadingFilter:
             self._correct_drift(drift, seen.t_s)
         elif not accepted:
             self._reject(seen, innovation, heading, white, shared, turned)
+
+    def _apply_correction(self, seen: HeadingMeasurement) -> None:
+        """Move the heading by the error of all earlier measurements, which the gyro's bias has no part in.
+
+        The measurement that carries a correction is the first without the error.
+        """
+        if seen.correction_rad == 0.0 or self._seen_s is None:
+            return
+        self._filters.shift(np.array([-seen.correction_rad, 0.0, 0.0, 0.0]), np.zeros((4, 4)))
+        self._drifts.clear()
+        self._rejected.clear()
+        self._scatter.restart()
 
     def _reject(
         self, seen: HeadingMeasurement, innovation: float, heading: float, white: float, shared: float, turned: float

@@ -146,6 +146,10 @@ class IndependentShare:
         self._last = (t_s, still_rad)
         return min(self._own / SCATTER_ALL, 1.0)
 
+    def restart(self) -> None:
+        """Compare the next heading with none before, whose reference differs."""
+        self._last = None
+
 
 class TurnHistory:
     """Recent history of the integrated gyro turn, for late frames."""

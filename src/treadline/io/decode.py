@@ -14,7 +14,7 @@ import numpy as np
 
 from treadline.errors import LogFormatError
 from treadline.io.cdr import HEADER, seconds_of
-from treadline.io.messages import TRUTH_NAMES
+from treadline.io.messages import MAYBE_OF_MAP, TRUTH_NAMES
 from treadline.ports import Truth
 from treadline.signals import (
     Event,
@@ -326,8 +326,9 @@ def _estimate(r: CdrReader) -> HeadingEstimate:
 
 def _measurement(r: CdrReader) -> HeadingMeasurement:
     t_s, _, places, _ = _joints(r)
-    heading, sigma, count = _counted(places, 3)
-    return HeadingMeasurement(t_s=t_s, heading_rad=heading, sigma_rad=sigma, edge_count=int(count))
+    # Logs of release 0.2 and before hold no correction.
+    heading, sigma, count, correction = _counted((*places, 0.0) if len(places) == 3 else places, 4)
+    return HeadingMeasurement(t_s=t_s, heading_rad=heading, sigma_rad=sigma, edge_count=int(count), correction_rad=correction)
 
 
 ADDED_TRUTH = ("hull_contacts", "chassis_x_m", "chassis_y_m", "chassis_z_m")
@@ -380,8 +381,7 @@ def _plan(r: CdrReader) -> MotionPlan:
 def _stair_map(r: CdrReader) -> StairMap:
     t_s, direction, values = _named(r)
     nosings = [[values.pop(f"nosing{i}_{axis}_m") for axis in "xyz"] for i in range(int(values.pop("nosings")))]
-    names = ("left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m")
-    seen = {name: values.pop(name, None) for name in names}
+    seen = {name: values.pop(name, None) for name in MAYBE_OF_MAP}
     return StairMap(
         t_s=t_s,
         direction=one_of(Literal["up", "down"], direction),
@@ -392,11 +392,7 @@ def _stair_map(r: CdrReader) -> StairMap:
         ends=bool(values["ends"]),
         left_side=_side_of(values.pop("left_open", None)),
         right_side=_side_of(values.pop("right_open", None)),
-        left_wall_m=seen["left_wall_m"],
-        right_wall_m=seen["right_wall_m"],
-        obstacle_m=seen["obstacle_m"],
-        left_edge_m=seen["left_edge_m"],
-        right_edge_m=seen["right_edge_m"],
+        **seen,
     )
 
 

@@ -231,12 +231,16 @@ def _estimate(estimate: HeadingEstimate, topic: str, writer: Writer) -> list[Mes
 
 
 def _measurement(seen: HeadingMeasurement, topic: str, writer: Writer) -> list[Message]:
-    values = (seen.heading_rad, seen.sigma_rad, float(seen.edge_count))
-    names = ("heading_rad", "sigma_rad", "edge_count")
+    values = (seen.heading_rad, seen.sigma_rad, float(seen.edge_count), seen.correction_rad)
+    names = ("heading_rad", "sigma_rad", "edge_count", "correction_rad")
     return [
         _heading(topic, seen.t_s, seen.heading_rad, seen.sigma_rad, writer),
         joints(topic + "/detail", seen.t_s, names, values, (), "camera", writer),
     ]
+
+
+MAYBE_OF_MAP = ("left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m", "left_seen_m", "right_seen_m")
+"""Numbers of a stair map that a frame may not show."""
 
 
 def _sides(stair: StairMap) -> tuple[tuple[str, str | None], ...]:
@@ -250,7 +254,7 @@ def _stair_map(stair: StairMap, topic: str, writer: Writer) -> list[Message]:
     for place in stair.nosings_B.tolist():
         w.doubles(*place, 0.0, 0.0, 0.0, 1.0)
     # Quantities without a measurement are left out, so that no number encodes "unknown".
-    maybe = {name: getattr(stair, name) for name in ("left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m")}
+    maybe = {name: getattr(stair, name) for name in MAYBE_OF_MAP}
     maybe |= {f"{name}_open": None if side is None else float(side == "open") for name, side in _sides(stair)}
     known = {"rise_m": stair.rise_m, "run_m": stair.run_m, "slope_rad": stair.slope_rad, "ends": float(stair.ends)}
     known |= {name: value for name, value in maybe.items() if value is not None} | {"nosings": float(len(stair.nosings_B))}

@@ -162,7 +162,10 @@ class Ascent(Traversal):
         first = where.first_ahead_m()
         before = math.inf if first is None else first - self._pivot_m
         ahead = where.ahead_m()
-        if self._phase == "approach" and (before < config.mount_from_m or where.pitch_rad > config.touched_rad):
+        enters = before < config.mount_from_m or where.pitch_rad > config.touched_rad
+        if self._phase == "approach" and (side := self._open_side(enters=enters)) is not None:
+            return self._stand(t_s, side)
+        if self._phase == "approach" and enters:
             return self._begin(t_s, "mount", f"first nosing {before:.2f} m before the front pulley")
         if self._phase == "mount" and where.travel_m - self._from_m > config.mount_m:
             slope = where.slope_rad / DEG

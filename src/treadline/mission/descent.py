@@ -29,6 +29,8 @@ class DescentConfig(TraversalConfig):
     lower: float = 0.6
     """Depth of the highest nosing in view below the belts, as a ratio of the rise, above which that nosing is not the edge of the
     landing that the chair stands on."""
+    enter_from_m: float = 0.22
+    """Distance of the rear pulley before the edge from which the chair may drive onto the flight [m], as going up."""
     max_heading_error_rad: float = 4.0 * DEG
     """Heading error on the flight above which the chair first turns by climbing [rad]: belts that back down and turn diverge."""
     square_rad: float = 1.0 * DEG
@@ -146,9 +148,10 @@ class Descent(Traversal):
     def _over_the_edge(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         if self._edge is None or self._imu is None or self._flipper is None or self._tracks is None:
             return self._stand(t_s)
-        if self._phase == "approach" and (stops := self._stuck() or self._narrow()) is not None:
-            return self._stand(t_s, stops)
         edge = self._where.top_ahead_m()
+        enters = edge is None or -edge - self._pivot_m < self._config.enter_from_m
+        if self._phase == "approach" and (stops := self._stuck() or self._narrow() or self._open_side(enters=enters)) is not None:
+            return self._stand(t_s, stops)
         whole_to_m = -math.inf if edge is None else self._whole_below_edge_m - edge
         missing = self._missing(self._checked_to_m(whole_to_m) - self._pivot_m)
         if missing is not None and (self._phase == "approach" or not self._edge.turn_back()):

@@ -8,6 +8,7 @@ view; a nosing that the chair has passed keeps its last position. A flight seen 
 import itertools
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 from treadline.angles import DEG
 from treadline.mission.recent import DEPTH, Recent
@@ -56,6 +57,11 @@ SLIP_SHARE = 0.5
 millimetres."""
 SLIP_LAG_S = 0.3
 """Time constant of the slip speed [s]: a frame error of 2 mm makes 3 mm/s."""
+SAME_SIDE_M = 0.08
+"""Distance within which two frames show the same side [m]: errors of a side are below 2 cm, and the chair shifts as it turns."""
+
+Side = Literal["left", "right"]
+"""Side of a flight, in the chair's view."""
 
 
 @dataclass(slots=True)
@@ -75,11 +81,26 @@ class _Nosing:
         return self.count >= KNOWN_AFTER and self.missed < MISSED_SHARE * self.count
 
 
+@dataclass(slots=True)
+class _Side:
+    """What is known of one side of the flight, as lateral distances outward from the tracker's origin."""
+
+    seen_m: tuple[float, float] = (-math.inf, -math.inf)
+    """Distances to which nosings have been in view, the furthest of all maps and the second [m]; a single map proves nothing."""
+    measured: bool = False
+    """Whether a map has measured how far nosings are in view."""
+    edge_m: float | None = None
+    kind: Literal["wall", "open"] | None = None
+    count: int = 0
+    """Number of consecutive maps with the side that showed it at the same place."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Pose:
     """Pose of the chair by odometry alone, in the frame of the tracker."""
 
     x_m: float
+    y_m: float
     z_m: float
     pitch_rad: float
     heading_rad: float
@@ -105,11 +126,12 @@ class StairTracker:
         self.map_count = 0
         self.map_s = -math.inf
         self._x_m = self._z_m = 0.0
-        self._odometry_x_m = self._odometry_z_m = 0.0
-        """Position by belts and pitch alone [m]; maps do not correct it, so that differences are travel."""
+        self._odometry_x_m = self._odometry_y_m = self._odometry_z_m = 0.0
+        """Position by belts, pitch and heading alone [m], y to the left; maps do not correct it, so that differences are travel."""
         self._poses: Recent[_Pose] = Recent(2 * DEPTH)  # one entry per IMU sample and one per belt reading
         self._highest_m = -math.inf
         self._slip_m_s = 0.0
+        self._sides: dict[Side, _Side] = {"left": _Side(), "right": _Side()}
         self._tracks_s: float | None = None
         self._nosings: list[_Nosing] = []
         self._known: list[_Nosing] = []
@@ -179,6 +201,16 @@ class StairTracker:
         """Return belt speed minus chair speed, both up the flight [m/s]; 0 without a recent map."""
         return self._slip_m_s if t_s - self.map_s <= SLIP_VALID_S else 0.0
 
+    def side_m(self, side: Side) -> tuple[float | None, float | None]:
+        """Return the distances from the chair's middle to which nosings have been in view on a side, and to the open side [m].
+
+        Returns:
+            None if no map has measured the first, minus infinity if a single map has; None unless the side is known to be open.
+        """
+        of, moved_m = self._sides[side], self._odometry_y_m if side == "left" else -self._odometry_y_m
+        is_open = of.kind == "open" and of.count >= KNOWN_AFTER
+        return of.seen_m[1] - moved_m if of.measured else None, of.edge_m - moved_m if is_open and of.edge_m is not None else None
+
     @property
     def _up_m(self) -> float:
         return self._x_m * math.cos(self.slope_rad) + self._z_m * math.sin(self.slope_rad)
@@ -224,6 +256,7 @@ class StairTracker:
         self._x_m += moved_x_m
         self._z_m += moved_z_m
         self._odometry_x_m += moved_x_m
+        self._odometry_y_m += moved * math.sin(self.heading_rad)
         self._odometry_z_m += moved_z_m
         self._poses.add(reading.t_s, self._pose())
         self._highest_m = max(self._highest_m, self._up_m)
@@ -266,6 +299,7 @@ class StairTracker:
         self._known = [nosing for nosing in self._nosings if nosing.known]
         if last is not None:
             self._note_end(last, seen)
+        self._note_sides(seen)
 
     def _places(self, seen: StairMap) -> list[tuple[float, float]]:
         """Return the nosings (x, z) of a map in the tracker's frame [m], by the chair's pose at the exposure, nearest first."""
@@ -276,7 +310,7 @@ class StairTracker:
         return [(x_m + (x * c - z * s) * across, z_m + x * s + z * c) for x, _, z in seen.nosings_B.tolist()]
 
     def _pose(self) -> _Pose:
-        return _Pose(self._odometry_x_m, self._odometry_z_m, self.pitch_rad, self.heading_rad)
+        return _Pose(self._odometry_x_m, self._odometry_y_m, self._odometry_z_m, self.pitch_rad, self.heading_rad)
 
     def _move_onto(self, matched: list[tuple[_Nosing, tuple[float, float]]]) -> float:
         """Correct the position of the chair by the nosings that were detected again.
@@ -318,6 +352,21 @@ class StairTracker:
         nosing.x_m += (x_m - nosing.x_m) * share
         nosing.z_m += (z_m - nosing.z_m) * share
         return nosing
+
+    def _note_sides(self, seen: StairMap) -> None:
+        """Keep how far nosings were in view and where the flight's sides are, from the chair's place at the exposure."""
+        moved_m = (self._poses.at(seen.t_s) or self._pose()).y_m
+        for side, outward_m, seen_m, edge_m, kind in (
+            (self._sides["left"], moved_m, seen.left_seen_m, seen.left_edge_m, seen.left_side),
+            (self._sides["right"], -moved_m, seen.right_seen_m, seen.right_edge_m, seen.right_side),
+        ):
+            if seen_m is not None:
+                first, second, _ = sorted((*side.seen_m, seen_m + outward_m), reverse=True)
+                side.seen_m, side.measured = (first, second), True
+            if edge_m is not None:
+                same = side.edge_m is not None and side.kind == kind and abs(side.edge_m - edge_m - outward_m) < SAME_SIDE_M
+                side.count = side.count + 1 if same else 1
+                side.edge_m, side.kind = edge_m + outward_m, kind
 
     def _note_missed(self, shown: list[_Nosing]) -> None:
         """Count a miss for each nosing between the nearest and the furthest of a map that the map does not show."""

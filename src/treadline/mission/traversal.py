@@ -13,7 +13,7 @@ from treadline.mission.flipper_planner import LIFTED_HEADING_RAD, FlipperPlanner
 from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import PlannerInput
 from treadline.mission.skid_monitor import SkidMonitor
-from treadline.mission.stair_tracker import StairTracker
+from treadline.mission.stair_tracker import Side, StairTracker
 from treadline.mission.tip_over import TipOverFeedforward
 from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, Phase, StairMap, TrackReading
 
@@ -27,6 +27,8 @@ NARROW_MAPS, NARROW_M, ASIDE_M = 10, 0.02, 0.05
 """Number of consecutive maps in which a wall is nearer than half the chair's width less ``NARROW_M`` [m], and lateral shift
 proposed in excess of that width [m]. Measured walls err by 5 cm for half a second. In a stair 1.2 m wide a chair that started with
 30° of heading error, 0.15 m off the middle, drove onto the wall's end and rolled by 21°."""
+SIDE_MARGIN_M = 0.02
+"""Margin of the swept half width to an open side [m]: the largest error of a measured side (``tests/perception/test_form.py``)."""
 BLIND_RAD = 1.0 * DEG
 """Heading error that is not corrected on the flight while no stair is in view [rad]. Belts that follow a drifting gyro turn the
 chair; with a belt that has lost friction they turn nothing, which the guard cannot distinguish from gyro drift."""
@@ -97,6 +99,8 @@ class Traversal:
         self._flights = flights
         self._pivot_m = 0.5 * tracks.flat_run_m
         self._half_width_m = chair.half_width_m
+        self._needs_m = chair.swept_half_m + SIDE_MARGIN_M
+        """Half width that the flight must have on either side of the chair's middle [m]."""
         self._face_flight()
         self._phase: Phase = "search"
         self._cause = "woken up"
@@ -155,6 +159,25 @@ class Traversal:
         wall, other = ("left", "right") if free_m == self._where.left_wall_m else ("right", "left")
         helps = f"set the chair {needs_m + ASIDE_M - free_m:.2f} m further to the {other}"
         return f"the {wall} wall is {free_m:.2f} m from the chair's middle, which needs {needs_m:.2f} m: {helps}"
+
+    def _open_side(self, *, enters: bool) -> str | None:
+        """Return the side on which the flight does not bear the chair, or was not seen to, with the remedy; None if both do.
+
+        Args:
+            enters: Whether the chair is about to drive onto the flight: a side that was not in view does not count as wide enough.
+                A side whose width no map has measured is not checked.
+        """
+        sides: tuple[Side, Side] = ("left", "right")
+        for side, other in zip(sides, sides[::-1], strict=True):
+            seen_m, open_m = self._where.side_m(side)
+            needs = f"the chair's middle, which needs {self._needs_m:.2f} m"
+            if open_m is not None and open_m < self._needs_m:
+                helps = f"set the chair {self._needs_m - open_m:.2f} m further to the {other}, or take another way"
+                return f"the flight's {side} side is open {open_m:.2f} m from {needs}: {helps}"
+            if enters and open_m is None and seen_m is not None and seen_m < self._needs_m:
+                shown = f"was in view up to {max(seen_m, 0.0):.2f} m from" if math.isfinite(seen_m) else "was not in view from"
+                return f"the flight's {side} side {shown} {needs}: start further away, or take another way"
+        return None
 
     def _gap(self, way: float) -> tuple[float, float] | None:
         """Return the next gap before the leading pulley: distances of its nearer and further nosing [m]; None without a gap.

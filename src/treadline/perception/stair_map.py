@@ -81,6 +81,8 @@ def map_of(
     free = (_nearest(walls[0], -aside[aside < 0.0]), _nearest(walls[1], aside[aside > 0.0]))
     left, right = free if way > 0.0 else free[::-1]
     left_side, right_side = sides if way > 0.0 else sides[::-1]
+    seen = _visible_sides(flight, middle)
+    left_seen, right_seen = seen if way > 0.0 else seen[::-1]
     return StairMap(
         t_s=frame.t_s,
         direction=shape.direction,
@@ -96,7 +98,19 @@ def map_of(
         right_edge_m=None if right_side is None else abs(right_side.aside_m - middle),
         left_side=None if left_side is None else left_side.kind,
         right_side=None if right_side is None else right_side.kind,
+        left_seen_m=left_seen,
+        right_seen_m=right_seen,
     )
+
+
+def _visible_sides(flight: Sequence[NosingObservation], middle: float) -> tuple[float, float]:
+    """Return the lateral distances from the chair's middle to which two nosings are visible, left and right in the camera's view.
+
+    One nosing alone can continue on another surface of its height.
+    """
+    lefts = sorted(middle - nosing.sides_m[0] for nosing in flight)
+    rights = sorted(nosing.sides_m[1] - middle for nosing in flight)
+    return lefts[max(len(lefts) - 2, 0)], rights[max(len(rights) - 2, 0)]
 
 
 def _crossing(

@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
+from treadline.angles import wrap
 from treadline.errors import ImageError
 from treadline.estimation import MountMonitor
 from treadline.mission.gravity import GravityAtExposure, gravity_in
@@ -41,7 +42,10 @@ class Detection(Protocol):
 
     @property
     def stair_map(self) -> StairMap | None:
-        """Stair ahead, None where no stair is detected."""
+        """Stair ahead, None where no stair is detected.
+
+        In a map without ``left_seen_m`` and ``right_seen_m`` the width of the flight is not checked before the chair enters it.
+        """
 
 
 @runtime_checkable
@@ -94,13 +98,14 @@ class CameraBlock:
         detection = self._detector.see(frame, gravity_C)
         agrees, events = self._check_mount(frame, nominal, exposed, detection)
         corrected = self._corrected(frame, nominal)
+        before = detection.measurement
         if exposed is not None and corrected is not frame:
             # The mount error was declared, or declared anew, by this frame.
             detection = self._detector.see(corrected, gravity_in(exposed, corrected.camera))
         if agrees:
             measurement = detection.measurement
             if measurement is not None:
-                yield self._with_mount(measurement)
+                yield self._with_mount(measurement if corrected is frame else _with_correction(measurement, before))
             stair_map = detection.stair_map  # made when it is asked for, after the heading has been used
             if stair_map is not None:
                 yield stair_map
@@ -144,3 +149,10 @@ class CameraBlock:
             return self._detector.look(frame).axes
         except ImageError:
             return None
+
+
+def _with_correction(measurement: HeadingMeasurement, before: HeadingMeasurement | None) -> HeadingMeasurement:
+    """Return a heading by a mount that is corrected with this frame, with its difference from the heading by the mount before."""
+    if before is None:
+        return measurement
+    return replace(measurement, correction_rad=wrap(measurement.heading_rad - before.heading_rad))

@@ -62,7 +62,7 @@ class ReadingAdmission:
                 return self.frames.accept_frame(signal)
             case HeadingMeasurement():
                 value = (signal.heading_rad, signal.sigma_rad)
-                sound = finite(signal.heading_rad) and signal.sigma_rad > 0.0
+                sound = finite(signal.heading_rad, signal.correction_rad) and signal.sigma_rad > 0.0
                 return sound and self.frames.accept_measurement("heading", value, self._travel.travel_m)
             case StairMap():
                 if not is_finite_map(signal):
@@ -76,7 +76,15 @@ class ReadingAdmission:
 
 def is_finite_map(stair: StairMap) -> bool:
     """Return whether every number of a map is finite."""
-    maybe = (stair.obstacle_m, stair.left_wall_m, stair.right_wall_m, stair.left_edge_m, stair.right_edge_m)
+    maybe = (
+        stair.obstacle_m,
+        stair.left_wall_m,
+        stair.right_wall_m,
+        stair.left_edge_m,
+        stair.right_edge_m,
+        stair.left_seen_m,
+        stair.right_seen_m,
+    )
     return finite(
         stair.rise_m,
         stair.run_m,

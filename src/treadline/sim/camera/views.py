@@ -136,18 +136,20 @@ class RecordedDrive:
 
     def __init__(self, rng: np.random.Generator, recipe: ViewRecipe) -> None:
         self._stage, self._start = _stage(rng, recipe)
-        if self._stage.flight is None or self._stage.scene in LEVEL:
-            raise SettingsError(f"a sequence needs a chair on a flight, not '{self._stage.scene}'; give up, top, down or bottom")
-        self._staircase = self._stage.flight.staircase
+        if self._stage.flight is None or self._stage.scene == "edge":
+            scenes = "up, top, down, bottom or foot"
+            raise SettingsError(f"a sequence needs a chair on a flight or at its foot, not '{self._stage.scene}'; give {scenes}")
+        # On the floor before a flight the chair moves and is oriented in W.
+        self._R_WS = np.eye(3) if self._stage.scene in LEVEL else self._stage.flight.staircase.R_WS
         self._yaw_rad = 0.0 if DIRECTIONS[self._stage.scene] == "up" else math.pi
         level = np.array([0.0, 0.0, 1.0])
         tilted = _tilted(level, recipe.gravity_error_deg * DEG, rng)
         self._measured_gravity = np.eye(3) + np.outer(tilted - level, level) - np.outer(level, tilted - level)
 
     def pose(self, along_m: float, heading_rad: float) -> Pose:
-        """Return the pose of the chair after a distance along the flight, at the initial lateral position."""
-        forward = self._staircase.R_WS[:, 0] * (1.0 if self._yaw_rad == 0.0 else -1.0)
-        R_WB = self._staircase.R_WS @ rotation_z(self._yaw_rad + heading_rad)
+        """Return the pose of the chair after a distance along the flight, or on the floor, at the initial lateral position."""
+        forward = self._R_WS[:, 0] * (1.0 if self._yaw_rad == 0.0 else -1.0)
+        R_WB = self._R_WS @ rotation_z(self._yaw_rad + heading_rad)
         return Pose(R_WB=R_WB, p_WB=self._start.p_WB + along_m * forward)
 
     def view(self, t_s: float, pose: Pose) -> View:
