@@ -75,7 +75,7 @@ class Traverse:
 class _Ending:
     """End of a run and its verdict, judged by simulator ground truth."""
 
-    def __init__(self, scenario: Scenario, chair: ChairDescription, *, attended: bool) -> None:
+    def __init__(self, scenario: Scenario, chair: ChairDescription, *, attended: bool = False) -> None:
         self._slope_rad = scenario.stair.slope_rad
         self._duration_s = scenario.drive.duration_s
         staircase = as_designed(scenario.stair, scenario.step)
