@@ -18,6 +18,7 @@ from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import as_designed
 from treadline.playback import Limits, Recording, RecordingBuilder
 from treadline.ports import Truth
+from treadline.report.climb_picture import HEADLESS
 from treadline.scenario import Chair, Scenario, Stair
 from treadline.signals import Event, HeadingEstimate, StairMap, TrackCommand
 
@@ -266,18 +267,6 @@ def recording() -> Recording:
 
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-)
-"""Flags of a browser on a machine without display and graphics card, which requests nothing by itself."""
 
 
 class Browser:
@@ -320,7 +309,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     webdriver = pytest.importorskip("selenium.webdriver", reason="selenium drives the browser")
     options = webdriver.ChromeOptions()
     options.binary_location = CHROMIUM
-    for flag in (*FLAGS, f"--user-data-dir={tmp_path_factory.mktemp('browser')}"):
+    for flag in (*HEADLESS, f"--user-data-dir={tmp_path_factory.mktemp('browser')}"):
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))

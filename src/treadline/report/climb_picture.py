@@ -37,7 +37,7 @@ SMOOTH_S = 3.0
 BACKGROUND = (0.93, 0.945, 0.96)
 INK = (27, 32, 38)
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-FLAGS = (
+HEADLESS = (
     "--headless=new",
     "--no-sandbox",
     "--use-gl=angle",
@@ -47,9 +47,9 @@ FLAGS = (
     "--disable-component-update",
     "--disable-sync",
     "--no-first-run",
-    "--force-device-scale-factor=1",
-    "--dump-dom",
 )
+"""Flags of a browser on a machine without display and graphics card, which requests nothing by itself."""
+FLAGS = (*HEADLESS, "--force-device-scale-factor=1", "--dump-dom")
 TIMEOUT_S = 600.0
 """Longest time for rendering [s]: two seconds per frame on a busy machine without a graphics card."""
 
