@@ -173,14 +173,9 @@ class RecordingBuilder:
     ) -> tuple[Float[np.ndarray, "T 3"], Float[np.ndarray, "T 4"], dict[str, Float[np.ndarray, "T ..."]]]:
         column = {name: rows[:, k] for k, name in enumerate(TRUTH_COLUMNS)}
         pitch, roll, seat_pitch = column["pitch_rad"], column["roll_rad"], column["seat_pitch_rad"]
-        # The seat turns about B's y axis: its elevation is that of a vector in the plane of B's x and z axes, which are elevated by
-        # sin(pitch) and up_z; solved for the angle.
-        up_z = np.sqrt(np.maximum(1.0 - np.sin(pitch) ** 2 - np.sin(roll) ** 2, 0.0))
-        reach = np.hypot(np.sin(pitch), up_z)
-        seat = np.arctan2(np.sin(pitch), up_z) - np.arcsin(np.clip(np.sin(seat_pitch) / reach, -1.0, 1.0))
         p_WB = np.column_stack([column[f"chassis_{axis}_m"] for axis in "xyz"])
         signals = {
-            "seat_rad": np.nan_to_num(seat),
+            "seat_rad": seat_angle_of(pitch, roll, seat_pitch),
             "belt_m_s": np.column_stack([column["left_m_s"], column["right_m_s"]]),
             "heading_rad": column["heading_rad"],
             "pitch_rad": pitch,
@@ -245,3 +240,16 @@ def _held(t_s: Float[np.ndarray, " T"], table: Float[np.ndarray, "n c"], column:
         return np.full(len(t_s), math.nan)
     at = np.searchsorted(table[:, 0], t_s + 1e-9, side="right") - 1
     return np.where(at >= 0, table[np.maximum(at, 0), column], math.nan)
+
+
+def seat_angle_of(
+    pitch_rad: Float[np.ndarray, " T"], roll_rad: Float[np.ndarray, " T"], seat_pitch_rad: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, " T"]:
+    """Return the forward angle of the seat relative to the chassis [rad]; zero without a seat linkage (NaN as seat pitch).
+
+    The seat turns about B's y axis: its elevation is that of a vector in the plane of B's x and z axes, which are elevated by
+    ``sin(pitch)`` and ``up_z``; solved for the angle.
+    """
+    up_z = np.sqrt(np.maximum(1.0 - np.sin(pitch_rad) ** 2 - np.sin(roll_rad) ** 2, 0.0))
+    reach = np.hypot(np.sin(pitch_rad), up_z)
+    return np.nan_to_num(np.arctan2(np.sin(pitch_rad), up_z) - np.arcsin(np.clip(np.sin(seat_pitch_rad) / reach, -1.0, 1.0)))

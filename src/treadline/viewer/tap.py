@@ -15,6 +15,7 @@ from treadline.angles import attitude_of, rotation_of
 from treadline.mission.blocks import Detection, Detector
 from treadline.perception.detection import StairDetection
 from treadline.perception.overlay import BAND_PX, as_jpeg, overlay
+from treadline.playback.builder import seat_angle_of
 from treadline.ports import Truth
 from treadline.signals import TICK_S, Event, FlipperReading, HeadingEstimate, RgbdFrame, TrackCommand
 from treadline.viewer.tape import COLUMNS, Look, PhaseEntry, SlipMeter
@@ -82,7 +83,7 @@ class Tap:
             truth.t_s,
             *place,
             *quaternion.tolist(),
-            _seat_angle_rad(truth),
+            float(seat_angle_of(*(np.array([angle]) for angle in (truth.pitch_rad, truth.roll_rad, truth.seat_pitch_rad)))[0]),
             self.fixed_flipper_rad if self._flipper_rad is None else self._flipper_rad,
             truth.left_m_s,
             truth.right_m_s,
@@ -111,19 +112,6 @@ class Tap:
         taken = rows, self.events, self.phases, self.looks
         self.rows, self.events, self.phases, self.looks = [], [], [], []
         return taken
-
-
-def _seat_angle_rad(truth: Truth) -> float:
-    """Return the forward angle of the seat relative to the chassis [rad]; zero without a seat linkage.
-
-    The seat turns about the chair's y axis: ``sin(seat pitch) = sin(pitch) cos(angle) - up sin(angle)`` with the height ``up`` of
-    the chassis' z axis, solved for the angle.
-    """
-    if math.isnan(truth.seat_pitch_rad):
-        return 0.0
-    ahead, aside = math.sin(truth.pitch_rad), math.sin(truth.roll_rad)
-    up = math.sqrt(max(1.0 - ahead * ahead - aside * aside, 0.0))
-    return math.atan2(ahead, up) - math.asin(min(max(math.sin(truth.seat_pitch_rad) / math.hypot(ahead, up), -1.0), 1.0))
 
 
 class TappedDetector:
