@@ -19,10 +19,10 @@ import pytest
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 OPTIONS = (
     "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader",
     "--window-size=1440,900",
 )  # fmt: skip
-"""Switches of Chromium: no traffic of its own, and WebGL in software."""
+"""Switches of Chromium: no traffic of its own, and WebGL in software where there is no graphics card."""
 PATIENCE_S = 40.0
 """Longest wait for anything on the page [s]: two loaded cores draw the scene in software."""
 
