@@ -11,9 +11,8 @@ from treadline.angles import DEG
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.paper.algorithm import BOX_COLOUR, PaperConfig, run_steps
 from treadline.perception.paper.edges import canny, depth_image, grey_of, thresholds, without_abrupt_depth
-from treadline.perception.paper.merge import bounding_box, merged, most_frequent_slope
 from treadline.perception.paper.pictures import write_stages
-from treadline.perception.paper.segments import near_level, segments, slopes
+from treadline.perception.paper.segments import bounding_box, merged, most_frequent_slope, near_level, segments, slopes
 from treadline.scenario import Stair
 from treadline.signals import PinholeCamera, RgbdFrame
 

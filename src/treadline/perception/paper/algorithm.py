@@ -12,8 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 from treadline.perception.detection import Stages, StairDetection, refused
 from treadline.perception.paper.edges import ThresholdRule, canny, depth_image, grey_of, without_abrupt_depth
 from treadline.perception.paper.heading import delta_d, delta_x, heading_as_printed
-from treadline.perception.paper.merge import bounding_box, merged, most_frequent_slope
-from treadline.perception.paper.segments import near_level, segments
+from treadline.perception.paper.segments import bounding_box, merged, most_frequent_slope, near_level, segments
 from treadline.signals import RgbdFrame
 
 EDGE_COLOUR, LINE_COLOUR, BOX_COLOUR = (255, 255, 255), (255, 196, 0), (0, 200, 255)
