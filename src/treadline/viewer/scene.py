@@ -43,6 +43,9 @@ BACKGROUND = np.full((2, 2, 3), (222, 230, 238), dtype=np.uint8)
 """Background: a light sky, so that white treads stand out."""
 CAMERA_M, LOOK_AT_M = (-1.2, -4.4, 2.1), (0.5, 0.0, 0.7)
 """First view, relative to the chair [m]: from its right, so that it climbs to the right in the picture."""
+FLAT: dict[str, Any] = {"material": "toon3", "cast_shadow": False, "receive_shadow": False}
+"""Shading of every surface: one material in all, because a browser without a graphics card compiles each for a tenth of a second
+before the first picture, and without shadows and physically based shading, which it draws slowly."""
 GHOST_OPACITY = 0.3
 """Opacity of the other chair."""
 
@@ -103,9 +106,8 @@ class SceneView:
     def _add_world(self, server: Any) -> None:
         scene = self._scene
         scene.configure_default_lights(enabled=False)
-        scene.configure_environment_map(
-            None
-        )  # image-based lighting more than doubles the time of a frame that is drawn in software
+        # Image-based lighting more than doubles the time of a frame that is drawn in software.
+        scene.configure_environment_map(None)
         scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(150, 150, 150), intensity=2.2)
         scene.add_light_directional("/lights/sun", intensity=1.6, position=(-3.0, -5.0, 8.0))
         scene.set_background_image(BACKGROUND, format="png")
@@ -123,9 +125,7 @@ class SceneView:
             color=tuple(round(255 * c) for c in part.colour) if colour is None else colour,
             opacity=(None if part.opacity >= 1.0 else part.opacity) if opacity is None else opacity,
             flat_shading=True,
-            material="toon3",  # drawn in software, a frame takes less time than with physically based shading
-            cast_shadow=False,
-            receive_shadow=False,
+            **FLAT,
         )
 
     def _add_chair(self, root: str, opacity: float | None) -> _Body:
@@ -151,8 +151,7 @@ class SceneView:
                 batched_colors=tuple(round(255 * c) for c in lug.colour),
                 flat_shading=True,
                 lod="off",
-                cast_shadow=False,
-                receive_shadow=False,
+                **FLAT,
             )
         return body
 
@@ -177,23 +176,19 @@ class SceneView:
         )
         fan = np.array([[0.0, 0.0, 0.0], [WEDGE_M, -WEDGE_M, 0.0], [WEDGE_M, WEDGE_M, 0.0]])
         both = np.array([[0, 1, 2], [0, 2, 1]])
-        self._wedge = scene.add_mesh_simple(
-            "/world/heading/estimate", fan, both, color=WARN, opacity=0.65, side="double", cast_shadow=False, receive_shadow=False
-        )
+        self._wedge = scene.add_mesh_simple("/world/heading/estimate", fan, both, color=WARN, opacity=0.65, **FLAT)
         ahead = np.array([[[0.0, 0.0, 0.0], [WEDGE_M + 0.2, 0.0, 0.0]]])
         self._heading = scene.add_line_segments("/world/heading/true", ahead, TRUE, thickness=0.006)
         square = np.zeros((4, 3))
         self._support = scene.add_mesh_simple(
             "/world/chair/support",
             square,
-            np.array([[0, 1, 2], [0, 2, 3]]),
+            np.array([[0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 3, 2]]),
             color=GOOD,
             opacity=0.5,
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
+            **FLAT,
         )
-        self._com = scene.add_icosphere("/world/com", radius=0.035, color=GOOD, subdivisions=2, cast_shadow=False)
+        self._com = scene.add_icosphere("/world/com", radius=0.035, color=GOOD, subdivisions=2, **FLAT)
         self._plumb = scene.add_line_segments("/world/plumb", nothing, GOOD, thickness=0.008)
         self._label = scene.add_label("/world/margin", "", anchor="bottom-center", font_screen_scale=1.1)
         half, swept = 0.5 * stage.chair.tracks.gauge_m, stage.chair.swept_half_m
@@ -214,8 +209,7 @@ class SceneView:
             opacity=0.2,
             position=(ahead_m * (reach + 0.5 * SWEPT_M), 0.0, 0.5 * (low + high)),
             visible=False,
-            cast_shadow=False,
-            receive_shadow=False,
+            **FLAT,
         )
 
     def _lugs_at(
@@ -358,7 +352,7 @@ class SceneView:
                 dimensions=tuple(2.0 * half for half in box.half_m),
                 position=box.centre_W,
                 wxyz=quaternion_of(rotation_z(box.yaw_rad)),
-                cast_shadow=False,
+                **FLAT,
             )
 
     def _show_forces(self, row: dict[str, float]) -> None:
