@@ -125,7 +125,7 @@ def work(order: Order | ImageOrder, messages: Any, commands: Any) -> None:
 def load_behind(module: str) -> None:
     """Import a module at low priority, so that the browser's first picture does not share the processor with it.
 
-    The priority of a thread cannot be raised again without privileges: a thread imports, and the run has the priority of the process.
+    Without privileges, a priority cannot be raised again; so a further thread imports, and the run keeps its priority.
     Only Linux has priorities of threads; elsewhere the import has the priority of the process.
     """
 
