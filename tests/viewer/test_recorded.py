@@ -53,7 +53,8 @@ def test_a_log_gives_the_tape_of_the_run(folder: Path) -> None:
             # Stamps are whole nanoseconds; an estimate may count from the tick before or after it.
             late = 1e-3 if name in ("estimate_rad", "sigma_rad", "command_left_m_s", "command_right_m_s", "flipper_rad") else 1e-6
             np.testing.assert_allclose(tape.column(name)[5:], run.column(name)[5:], atol=late, err_msg=name)
-    assert [span.phase for span in tape.phases] == [span.phase for span in run.phases]
+    assert [span.name for span in tape.phases] == [span.name for span in run.phases]
+    assert tape.limits == run.limits
     assert tape.verdict == run.verdict == "time_up"
 
 

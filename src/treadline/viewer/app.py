@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 from treadline.errors import SettingsError
 from treadline.faults import EXTENTS, Conditions, Fault, FaultKind
+from treadline.playback.recording import PHASES
 from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.opening import Opened
 from treadline.viewer.pages import camera_html, events_html, state_html, timeline_html, transitions_html
@@ -300,7 +301,7 @@ class App:
         lines += [uplot.Series(label="limit", stroke=RED, width=1.0, dash=(6, 4), points={"show": False}) for _ in spec.limits]
         lines.append(uplot.Series(label="cursor", stroke="#444", width=1.0, points={"show": False}))
         self._legends.append(gui.add_html(legend_html(spec, forked=False)))
-        last = spec is plot_specs()[-1]
+        last = spec is plot_specs(self._session.tape.limits)[-1]
         return gui.add_uplot(
             data=plot_data(spec, self._session.tape, 0.0),
             series=(uplot.Series(label="t [s]"), *lines),
@@ -363,9 +364,9 @@ class App:
         if self._opened.can_fork:
             self._say(self._outcome, outcome_html(session))
         self._show_slider(t_s, end_s)
-        jumps = {f"{span.t_s:.2f} s {span.phase}": span.t_s for span in tape.phases}
+        jumps = {f"{span.start_s:.2f} s {span.name}": span.start_s for span in tape.phases}
         jumps |= {
-            f"{event.t_s:.2f} s {event.name}: {event.cause}"[:60]: event.t_s for event in tape.events if event.name not in _PHASES
+            f"{event.t_s:.2f} s {event.name}: {event.cause}"[:60]: event.t_s for event in tape.events if event.name not in PHASES
         }
         if jumps.keys() != self._jumps.keys():
             self._jumps = jumps
@@ -399,16 +400,10 @@ class App:
         ghost = None if session.ghost is None else session.ghost.tape
         if not self._plots:  # made after the first picture
             with self._plot_tab:
-                self._plots = [self._plot(self._viser.gui, spec) for spec in plot_specs()]
-        for handle, legend, spec in zip(self._plots, self._legends, plot_specs(), strict=True):
+                self._plots = [self._plot(self._viser.gui, spec) for spec in plot_specs(self._session.tape.limits)]
+        for handle, legend, spec in zip(self._plots, self._legends, plot_specs(self._session.tape.limits), strict=True):
             self._say(legend, legend_html(spec, forked=ghost is not None))
             handle.data = plot_data(spec, session.tape, t_s, ghost)
-
-
-_PHASES = frozenset(
-    ("search", "align", "approach", "mount", "traction", "climb", "crest", "land", "edge", "descend", "leave", "back_off", "drive",
-     "arrived", "refused")
-)  # fmt: skip
 
 
 def vars_of(choices: SceneChoices) -> tuple[bool, ...]:

@@ -6,7 +6,8 @@ from html import escape
 
 from treadline.angles import DEG
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
-from treadline.viewer.tape import Look, PhaseEntry, Tape
+from treadline.playback import PhaseSpan
+from treadline.viewer.tape import Look, Tape
 
 PHASE_COLOURS = {
     "search": "#bbbbbb", "align": "#56b4e9", "approach": "#0072b2", "mount": "#e69f00", "traction": "#999933", "climb": "#009e73",
@@ -33,10 +34,10 @@ def state_html(tape: Tape, t_s: float, *, live: bool, title: str) -> str:
         f'<br><span style="opacity:.7">{escape(title)}</span></div>'
     ]
     if phase is not None:
-        colour = PHASE_COLOURS.get(phase.phase, "#888")
+        colour = _colour_of(phase)
         lines.append(
             f'<div style="{STYLE};border-left:6px solid {colour};padding-left:6px;margin:4px 14px 4px 0">'
-            f"<b>{escape(phase.phase)}</b> since {phase.t_s:.2f} s<br>{escape(phase.cause)}</div>"
+            f"<b>{escape(phase.name)}</b> since {phase.start_s:.2f} s<br>{escape(phase.cause)}</div>"
         )
     if hold is not None:
         lines.append(_card("#d55e00", f"HOLD since {hold.t_s:.2f} s", hold.cause))
@@ -78,13 +79,12 @@ def timeline_html(tape: Tape, t_s: float, fork_s: float | None = None) -> str:
     """Return the phases as a bar, with holds, the cursor, and the instant of a fork."""
     end_s = max(tape.end_s, 1e-3)
     bars = []
-    for number, span in enumerate(tape.phases):
-        until_s = tape.phases[number + 1].t_s if number + 1 < len(tape.phases) else end_s
-        share = max(until_s - span.t_s, 0.0) / end_s
-        name = escape(span.phase) if share > NARROW else ""
+    for span in tape.phases:
+        share = (span.end_s - span.start_s) / end_s
+        name = escape(span.name) if share > NARROW else ""
         bars.append(
-            f'<div title="{span.t_s:.2f} s {escape(span.phase)}: {escape(span.cause)}" style="position:absolute;left:'
-            f"{100.0 * span.t_s / end_s:.2f}%;width:{100.0 * share:.2f}%;height:22px;background:"
+            f'<div title="{span.start_s:.2f} s {escape(span.name)}: {escape(span.cause)}" style="position:absolute;left:'
+            f"{100.0 * span.start_s / end_s:.2f}%;width:{100.0 * share:.2f}%;height:22px;background:"
             f'{_colour_of(span)};color:#fff;font-size:11px;overflow:hidden;white-space:nowrap">&nbsp;{name}</div>'
         )
     marks = [
@@ -109,12 +109,12 @@ def _mark(share: float, colour: str, title: str) -> str:
 def transitions_html(tape: Tape, t_s: float) -> str:
     """Return the table of transitions: time, phase, reason; the present phase is bold."""
     present = tape.phase_at(t_s)
-    rows = [_row(span.t_s, span.phase, span.cause, bold=span is present, colour=_colour_of(span)) for span in tape.phases]
+    rows = [_row(span.start_s, span.name, span.cause, bold=span == present, colour=_colour_of(span)) for span in tape.phases]
     return _table(rows)
 
 
-def _colour_of(span: PhaseEntry) -> str:
-    return PHASE_COLOURS.get(span.phase, "#888")
+def _colour_of(span: PhaseSpan) -> str:
+    return PHASE_COLOURS.get(span.name, "#888")
 
 
 def events_html(tape: Tape, t_s: float) -> str:

@@ -64,12 +64,13 @@ class Feed:
     def _take(self, kind: str, value: Any) -> None:
         match kind:
             case "ticks":
-                rows, events, phases, looks = value
+                rows, events, looks = value
                 self.tape.append(rows)
                 self.tape.events += events
-                self.tape.phases += phases
                 self.tape.looks += looks
                 self._forget_pictures(len(looks))
+            case "limits":
+                self.tape.limits = value
             case "obstacle":
                 self.tape.obstacles.append(value)
             case "contacts":

@@ -11,22 +11,17 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import attitude_of, rotation_of
+from treadline.angles import attitude_of
 from treadline.mission.blocks import Detection, Detector
 from treadline.perception.detection import StairDetection
 from treadline.perception.overlay import BAND_PX, as_jpeg, overlay
 from treadline.playback.builder import seat_angle_of
 from treadline.ports import Truth
 from treadline.signals import TICK_S, Event, FlipperReading, HeadingEstimate, RgbdFrame, TrackCommand
-from treadline.viewer.tape import COLUMNS, Look, PhaseEntry, SlipMeter
+from treadline.viewer.tape import COLUMNS, Look
 
 PICTURE_PX = 480
 """Width of the camera image in the panel [px]."""
-PHASES = frozenset(
-    ("search", "align", "approach", "mount", "traction", "climb", "crest", "land", "edge", "descend", "leave", "back_off", "drive",
-     "arrived", "refused")
-)  # fmt: skip
-"""Events that are the beginning of a phase."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -42,7 +37,6 @@ class Tap:
     payload_shift_m: Callable[[], tuple[float, float, float]]
     rows: list[list[float]] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
-    phases: list[PhaseEntry] = field(default_factory=list)
     looks: list[Look] = field(default_factory=list)
     now_s: float = 0.0
     """Time of the newest row [s]."""
@@ -50,9 +44,8 @@ class Tap:
     _estimate: HeadingEstimate | None = None
     _command: TrackCommand | None = None
     _travel_m: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    _slip: SlipMeter = field(default_factory=SlipMeter)
 
-    def sink(self, signal: Any, taken_s: float) -> None:
+    def sink(self, signal: Any) -> None:
         """Take one signal of the run, as a log does."""
         match signal:
             case Truth():
@@ -65,8 +58,6 @@ class Tap:
             case FlipperReading():
                 self._flipper_rad = signal.angle_rad
             case Event():
-                if signal.name in PHASES:
-                    self.phases.append(PhaseEntry(t_s=taken_s, phase=signal.name, cause=signal.cause))
                 self.events.append(signal)
             case _:
                 pass
@@ -77,7 +68,6 @@ class Tap:
             self._travel_m[0] += truth.left_m_s * TICK_S
             self._travel_m[1] += truth.right_m_s * TICK_S
         place = (truth.chassis_x_m, truth.chassis_y_m, truth.chassis_z_m)
-        forward = rotation_of(quaternion)[:, 0].tolist()
         estimate, command = self._estimate, self._command
         return [
             truth.t_s,
@@ -98,7 +88,7 @@ class Tap:
             math.nan if command is None else command.left_m_s,
             math.nan if command is None else command.right_m_s,
             0.0 if command is None else float(command.brake),
-            self._slip.update(truth.t_s, place, 0.5 * sum(self._travel_m), (forward[0], forward[1], forward[2])),
+            math.nan,  # the tape computes the slip ratio
             truth.friction_use,
             truth.contact_force_share,
             truth.left_force_n,
@@ -106,11 +96,11 @@ class Tap:
             *self.payload_shift_m(),
         ]
 
-    def take(self) -> tuple[Float[np.ndarray, "n c"], list[Event], list[PhaseEntry], list[Look]]:
+    def take(self) -> tuple[Float[np.ndarray, "n c"], list[Event], list[Look]]:
         """Return what was collected since the last call."""
         rows = np.array(self.rows).reshape(len(self.rows), len(COLUMNS))
-        taken = rows, self.events, self.phases, self.looks
-        self.rows, self.events, self.phases, self.looks = [], [], [], []
+        taken = rows, self.events, self.looks
+        self.rows, self.events, self.looks = [], [], []
         return taken
 
 
