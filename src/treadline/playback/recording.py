@@ -88,6 +88,7 @@ def slip_ratio(
     belts_m: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, " n"]:
     """Return the slip ratio over the last half second, one minus distance over belt travel; NaN where the belts hardly move.
+
     Args:
         belts_m: Mean travel of the belts [m].
     """
