@@ -15,7 +15,7 @@ from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.opening import Opened
 from treadline.viewer.pages import camera_html, events_html, state_html, timeline_html, transitions_html
 from treadline.viewer.plots import RED, SKY, PlotSpec, legend_html, plot_data, plot_specs
-from treadline.viewer.scene import SceneChoices, SceneView
+from treadline.viewer.scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SceneChoices, SceneView
 from treadline.viewer.server import GuardedServer
 from treadline.viewer.session import SPEEDS, Session
 
@@ -23,6 +23,8 @@ SCENE_S, TEXT_S, PLOT_S = 1.0 / 25.0, 0.1, 0.4
 """Intervals of the updates of scene, text and plots [s]."""
 PLOT_PX = 72
 """Height of a plot [px]: six of them fit on a laptop's screen."""
+NARROW_PX = 576
+"""Largest width of a page that shows the panels at its lower edge [px], as in ``narrow.css``."""
 OBSTACLE = "obstacle ahead (value in metres)"
 CHANGES: dict[str, tuple[FaultKind, float, float, str]] = {
     "friction of the steps (× value)": ("low_friction", 1.0, 0.5, "factor on the friction of both belts, 0.1 to 2"),
@@ -74,6 +76,7 @@ class App:
         self.updates = 0
         """Number of scene updates, for tests and measurements."""
         self._build()
+        server.viser.on_client_connect(show_above_sheet)
 
     # Panels
 
@@ -82,11 +85,11 @@ class App:
         gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False, control_width="large")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(400)
+        if self._session.attended:
+            self._build_stop(gui)
         self._state = gui.add_html("")
         self._timeline = gui.add_html("")
         self._build_transport(gui)
-        if self._session.attended:
-            self._build_stop(gui)
         self._camera = gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Phases"):
@@ -456,6 +459,12 @@ def _last_line(error: ValueError) -> str:
 def _complain(event: Any, error: ValueError) -> None:
     if event.client is not None:
         event.client.add_notification(title="not injected", body=_last_line(error), color="red")
+
+
+def show_above_sheet(client: Any) -> None:
+    """Turn the first view of a narrow screen, whose lower part the panels cover, so that the chair is above them."""
+    if client.camera.image_width <= NARROW_PX:
+        client.camera.position, client.camera.look_at = NARROW_CAMERA_M, NARROW_LOOK_AT_M
 
 
 def handset_handler(session: Session) -> Callable[[Any], Any]:

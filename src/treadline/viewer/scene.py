@@ -46,6 +46,8 @@ CAMERA_M, LOOK_AT_M = (-1.2, -4.4, 2.1), (0.5, 0.0, 0.7)
 FLAT: dict[str, Any] = {"material": "toon3", "cast_shadow": False, "receive_shadow": False}
 """Shading of every surface: one material in all, because a browser without a graphics card compiles each for a tenth of a second
 before the first picture, and without shadows and physically based shading, which it draws slowly."""
+NARROW_CAMERA_M, NARROW_LOOK_AT_M = (-1.6, -6.0, 1.9), (0.4, 0.0, -0.5)
+"""First view on a narrow screen: from farther away, and the chair in the upper half of the picture."""
 GHOST_OPACITY = 0.3
 """Opacity of the other chair."""
 
