@@ -1,6 +1,7 @@
 """Tape, plots, texts and session of the viewer, without a browser."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from treadline.viewer.pages import camera_html, events_html, state_html, timelin
 from treadline.viewer.plots import legend_html, plot_data, plot_specs
 from treadline.viewer.session import PAUSE, SILENT_S, Feed, Session
 from treadline.viewer.support import NEAR_M, support_of
-from treadline.viewer.tape import COLUMNS, NUMBER, Look, Obstacle, Tape
+from treadline.viewer.tape import COLUMNS, DEPTH_STEP, NUMBER, Look, Obstacle, Tape
 
 END_S = 30.0
 LIMITS = Limits(pitch_rate_rad_s=25.0 * DEG, heading_rad=5.0 * DEG, cruise_m_s=0.3, slip=0.3, seat_rad=5.0 * DEG)
@@ -128,10 +129,38 @@ def test_a_missed_nosing_is_named() -> None:
     assert missed == [0]
     seen_lines, missed_lines = nosings.lines(look(places[1:]), row)
     assert (len(seen_lines), len(missed_lines)) == (1, 1)
-    assert "missed: 1" in camera_html(look(places), seen, missed, 0.0)
-    assert "&lt;b&gt;" in camera_html(look(places), seen, missed, 0.0)
-    assert "nothing for 8.0 s; last frame" in camera_html(look(places), seen, missed, 8.0)
-    assert "rejected, too dark" in camera_html(look(places, "too dark"), [], [], 0.0)
+    assert "missed: 1 (dark)" in camera_html(look(places), seen, dict.fromkeys(missed, "dark"), 0.0)
+    assert "&lt;b&gt;" in camera_html(look(places), seen, {}, 0.0)
+    assert "nothing for 8.0 s; last frame" in camera_html(look(places), seen, {}, 8.0)
+    assert "rejected, too dark" in camera_html(look(places, "too dark"), [], {}, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "depth_m", "reason"),
+    [
+        (-1.5, math.nan, "no depth at 100 % of its pixels"),
+        (-1.5, 0.4, "hidden by something"),
+        (-1.5, 9.0, "depth at 100 % of its pixels"),
+        (-0.8, 9.0, "its riser is not in the image"),
+    ],
+)
+def test_a_missed_nosing_has_a_reason_by_its_depth(x_m: float, depth_m: float, reason: str) -> None:
+    """Test: the chair on the floor before a flight, one depth in the whole image. Expected: the cause that this depth means."""
+    staircase, chair = as_designed(Stair(steps=8)), read_chair("wheelchair")
+    camera = chair.camera_at(240)
+    nosings = SeenNosings(staircase, camera)
+    row = dict.fromkeys(COLUMNS, 0.0) | {"qw": 1.0, "x_m": x_m}
+    image = np.full((camera.height_px // DEPTH_STEP, camera.width_px // DEPTH_STEP), depth_m, dtype=np.float32)
+    blind = replace(look(np.zeros((0, 3))), depth_m=image)
+    _, missed = nosings.compare(blind, row)
+    assert 0 in missed
+    assert reason in nosings.why_missed(0, blind, row)
+    assert nosings.why_missed(0, replace(blind, reason="too dark"), row) == "the frame is rejected"
+
+
+def test_nosings_missed_for_one_reason_are_named_together() -> None:
+    page = camera_html(look(np.zeros((0, 3))), [0], {1: "no depth", 2: "no depth", 4: "hidden"}, 0.0)
+    assert "missed: 2, 3 (no depth); 5 (hidden)" in page
 
 
 def test_the_support_is_the_flat_run_on_a_floor_and_less_over_an_edge() -> None:

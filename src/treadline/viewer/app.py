@@ -271,6 +271,7 @@ class App:
         for name, label in (
             ("follow", "follow the chair"),
             ("passenger", "passenger"),
+            ("planes", "detected treads and risers"),
             ("forces", "belt forces"),
             ("contacts", "contact forces (live runs)"),
             ("swept", "swept volume"),
@@ -363,7 +364,8 @@ class App:
         self._say(self._events, events_html(tape, t_s))
         look = tape.look_at(t_s)
         seen, missed = ([], []) if look is None else self._nosings.compare(look, tape.at(look.t_s))
-        self._say(self._camera, camera_html(look, seen, missed, t_s))
+        reasons = {} if look is None else {number: self._nosings.why_missed(number, look, tape.at(look.t_s)) for number in missed}
+        self._say(self._camera, camera_html(look, seen, reasons, t_s))
         if self._opened.can_fork:
             self._say(self._outcome, outcome_html(session))
         self._show_slider(t_s, end_s)
@@ -411,7 +413,7 @@ class App:
 
 def vars_of(choices: SceneChoices) -> tuple[bool, ...]:
     """Return the choices as a comparable value."""
-    return choices.forces, choices.contacts, choices.swept, choices.follow, choices.passenger
+    return choices.planes, choices.forces, choices.contacts, choices.swept, choices.follow, choices.passenger
 
 
 def outcome_html(session: Session) -> str:

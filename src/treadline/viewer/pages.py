@@ -141,8 +141,12 @@ def _table(rows: list[str]) -> str:
     return f'<table style="{STYLE};border-collapse:collapse;width:100%">{"".join(rows)}</table>'
 
 
-def camera_html(look: Look | None, seen: list[int], missed: list[int], t_s: float) -> str:
-    """Return the camera image with its overlay, the detector's answer, and the nosings by number."""
+def camera_html(look: Look | None, seen: list[int], missed: dict[int, str], t_s: float) -> str:
+    """Return the camera image with its overlay, the detector's answer, and the nosings by number.
+
+    Args:
+        missed: Numbers of the missed nosings, each with the reason.
+    """
     if look is None:
         return f'<div style="{STYLE}">no camera frame yet</div>'
     picture = ""
@@ -154,9 +158,17 @@ def camera_html(look: Look | None, seen: list[int], missed: list[int], t_s: floa
         head = f"nothing for {t_s - look.t_s:.1f} s; last {head}"
     colour = "#d55e00" if look.reason is not None else "#009e73"
     found = f"nosings perceived: {_numbers(seen)}; " + (
-        f'<b style="color:#d55e00">missed: {_numbers(missed)}</b>' if missed else "none missed in view"
+        f'<b style="color:#d55e00">missed: {escape(_reasons(missed))}</b>' if missed else "none missed in view"
     )
     return f'{picture}<div style="{STYLE}"><b style="color:{colour}">{escape(head)}</b><br>{escape(look.summary)}<br>{found}</div>'
+
+
+def _reasons(missed: dict[int, str]) -> str:
+    """Return the numbers of missed nosings with their reasons; nosings with the same reason are named together."""
+    together: dict[str, list[int]] = {}
+    for index, reason in missed.items():
+        together.setdefault(reason, []).append(index)
+    return "; ".join(f"{_numbers(indices)} ({reason})" for reason, indices in together.items())
 
 
 def _numbers(indices: list[int]) -> str:

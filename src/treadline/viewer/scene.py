@@ -25,6 +25,14 @@ GOOD, WARN, BAD = (0, 158, 115), (230, 159, 0), (213, 94, 0)
 """Colours of a value within its limit, near it and beyond (Okabe and Ito, 2008)."""
 TRUE, SEEN, MISSED, GHOST = (0, 114, 178), (220, 40, 180), (213, 94, 0), (86, 180, 233)
 """Colours of true, perceived and missed nosings, and of the ghost."""
+TREAD, RISER = (70, 150, 255), (255, 150, 50)
+"""Colours of detected treads and risers, as in the camera image."""
+PLANES_MAX = 24
+"""Largest number of treads, and of risers, that are shown: more than a camera sees of a flight."""
+PLANE_LIFT_M = 0.015
+"""Distance of detected planes from the true ones towards the camera [m], so that they do not hide each other."""
+QUADS = np.concatenate([4 * k + np.array([[0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 3, 2]]) for k in range(PLANES_MAX)])
+"""Triangles of the planes, each from both sides."""
 CONTACT = (60, 60, 160)
 """Colour of contact forces."""
 WEDGE_M = 1.8
@@ -56,6 +64,7 @@ GHOST_OPACITY = 0.3
 class SceneChoices:
     """What of the scene is shown."""
 
+    planes: bool = True
     forces: bool = False
     contacts: bool = False
     swept: bool = False
@@ -95,12 +104,12 @@ class SceneView:
 
     def __init__(self, server: Any, stage: Stage) -> None:
         self._scene, self._stage = server.scene, stage
-        self._nosings = SeenNosings(stage.staircase, stage.chair.camera_at(stage.image_height_px, rear=stage.rear_camera))
+        self._camera = stage.chair.camera_at(stage.image_height_px, rear=stage.rear_camera)
+        self._nosings = SeenNosings(stage.staircase, self._camera)
         self._look: Look | None = None
         self._obstacle: Any = None
         self._obstacle_at: Any = None
         self._ghost: _Body | None = None
-        self._ghost_opaque = True
         self._add_world(server)
         self._chair = self._add_chair("/world/chair", None)
         self._add_marks()
@@ -163,7 +172,13 @@ class SceneView:
         nothing = np.full((1, 2, 3), -100.0)
         self._seen = scene.add_line_segments("/world/nosings/perceived", nothing, SEEN, thickness=0.012)
         self._missed = scene.add_line_segments("/world/nosings/missed", nothing, MISSED, thickness=0.014)
-        camera = stage.chair.camera_at(stage.image_height_px, rear=stage.rear_camera)
+        self._planes = [
+            scene.add_mesh_simple(
+                f"/world/planes/{name}", np.full((4 * PLANES_MAX, 3), -100.0), QUADS, color=colour, opacity=0.5, **FLAT
+            )
+            for name, colour in (("treads", TREAD), ("risers", RISER))
+        ]
+        camera = self._camera
         self._frustum = scene.add_camera_frustum(
             "/world/chair/camera",
             fov=2.0 * math.atan2(0.5 * camera.height_px, camera.fy_px),
@@ -245,6 +260,8 @@ class SceneView:
         self._show_heading(row, p_WB)
         self._show_support(row, R_WB, p_WB)
         self._show_look(tape, t_s)
+        for node in self._planes:
+            node.visible = choices.planes
         self._show_obstacle(tape, t_s)
         self._forces.visible, self._swept.visible = choices.forces, choices.swept
         if choices.forces:
@@ -331,6 +348,7 @@ class SceneView:
             self._seen.points = seen
         if len(missed):
             self._missed.points = missed
+        self._show_planes(look, tape.at(look.t_s))
         self._frustum.color = BAD if look.reason else (80, 80, 80)
         if look.picture is not None:
             from treadline.perception.overlay import (
@@ -338,6 +356,18 @@ class SceneView:
             )  # imports the compiled detector: a second that the first picture saves
 
             self._frustum.image = from_jpeg(look.picture, 160)
+
+    def _show_planes(self, look: Look, row: dict[str, float]) -> None:
+        """Show the treads and risers that were detected in a frame, at the pose of its exposure."""
+        R_WB, p_WB = pose_of(row)
+        eye_B = np.array(self._camera.mount_m)
+        for node, found_B in zip(self._planes, (look.treads_B, look.risers_B), strict=True):
+            corners = np.full((PLANES_MAX, 4, 3), -100.0)
+            near_B = found_B[:PLANES_MAX]
+            towards = eye_B - near_B.mean(axis=1, keepdims=True) if len(near_B) else near_B
+            near_B = near_B + PLANE_LIFT_M * towards / np.linalg.norm(towards, axis=2, keepdims=True)
+            corners[: len(near_B)] = p_WB + near_B @ R_WB.T
+            node.vertices = corners.reshape(-1, 3).astype(np.float32)
 
     def _show_obstacle(self, tape: Tape, t_s: float) -> None:
         box = tape.obstacle_at(t_s)

@@ -108,7 +108,7 @@ class Feed:
         looks = self.tape.looks
         old = max(len(looks) - PICTURES_MAX, 0)
         for number in range(max(old - count, 0), old):
-            looks[number] = replace(looks[number], picture=None)
+            looks[number] = replace(looks[number], picture=None, depth_m=None)
 
     def close(self) -> None:
         """End the workers."""

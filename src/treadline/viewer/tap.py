@@ -6,7 +6,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -15,10 +15,11 @@ from treadline.angles import attitude_of
 from treadline.mission.blocks import Detection, Detector
 from treadline.perception.detection import StairDetection
 from treadline.perception.overlay import BAND_PX, as_jpeg, overlay
+from treadline.perception.surfaces import Surface
 from treadline.playback.builder import seat_angle_of
 from treadline.ports import Truth
-from treadline.signals import TICK_S, Event, FlipperReading, HeadingEstimate, RgbdFrame, TrackCommand
-from treadline.viewer.tape import COLUMNS, Look
+from treadline.signals import TICK_S, Event, FlipperReading, HeadingEstimate, PinholeCamera, RgbdFrame, TrackCommand
+from treadline.viewer.tape import COLUMNS, DEPTH_STEP, Look
 
 PICTURE_PX = 480
 """Width of the camera image in the panel [px]."""
@@ -150,8 +151,37 @@ def look_of(frame: RgbdFrame, detection: Detection, taken_s: float, *, with_pict
         edge_count=0 if measurement is None else measurement.edge_count,
         nosings_B=np.zeros((0, 3)) if stair is None else stair.nosings_B,
         summary=summary,
+        treads_B=_planes(frame, sight, "treads"),
+        risers_B=_planes(frame, sight, "risers"),
         picture=picture_of(frame, sight) if with_picture else None,
+        depth_m=frame.depth_m[::DEPTH_STEP, ::DEPTH_STEP].astype(np.float32) if with_picture else None,
     )
+
+
+def _planes(frame: RgbdFrame, sight: object, name: Literal["treads", "risers"]) -> Float[np.ndarray, "n 4 3"]:
+    """Return the corners of the detected treads or risers in B; none without the robust detector."""
+    if not isinstance(sight, StairDetection) or sight.parts is None:
+        return np.zeros((0, 4, 3))
+    camera = frame.camera
+    corners_C = np.array([corners_of(surface, camera) for surface in getattr(sight.parts, name)]).reshape(-1, 4, 3)
+    return np.asarray(corners_C @ camera.R_BC.T + np.array(camera.mount_m))
+
+
+def corners_of(surface: Surface, camera: PinholeCamera) -> Float[np.ndarray, "4 3"]:
+    """Return the corners of a surface in C [m]: upper left, upper right, lower right, lower left.
+
+    Its upper and its lower edge in the image are replaced by straight lines, and their ends lie on the plane.
+    """
+    columns = surface.upper.columns.astype(float)
+    ends = np.array([columns.min(), columns.max()])
+    edges = [np.polyval(np.polyfit(columns, rows, min(len(np.unique(columns)) - 1, 1)), ends) for rows in _rows_of(surface)]
+    u, v = np.array([ends[0], ends[1], ends[1], ends[0]]), np.concatenate([edges[0], edges[1][::-1]])
+    rays = np.column_stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones(4)])
+    return np.asarray(rays / (rays @ surface.normal)[:, None])
+
+
+def _rows_of(surface: Surface) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    return np.asarray(surface.upper.rows, dtype=float), np.asarray(surface.lower.rows, dtype=float)
 
 
 def picture_of(frame: RgbdFrame, sight: object) -> bytes:

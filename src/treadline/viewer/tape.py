@@ -22,6 +22,8 @@ NUMBER = {name: number for number, name in enumerate(COLUMNS)}
 """Position of each column."""
 PLACE, ATTITUDE = slice(NUMBER["x_m"], NUMBER["z_m"] + 1), slice(NUMBER["qw"], NUMBER["qz"] + 1)
 """Columns of position and attitude."""
+DEPTH_STEP = 4
+"""Pixels between the depths that are kept: 10 kB per frame, and 1 cm on a nosing at 1 m."""
 GROWTH_ROWS = 4096
 """Least number of rows by which the memory of a tape grows: 41 s at 100 Hz."""
 
@@ -43,8 +45,14 @@ class Look:
     """Perceived nosings in the chair frame of the exposure [m]."""
     summary: str
     """One line for people."""
+    treads_B: Float[np.ndarray, "k 4 3"] = field(default_factory=lambda: np.zeros((0, 4, 3)))
+    """Corners of the detected treads in the chair frame of the exposure [m]."""
+    risers_B: Float[np.ndarray, "m 4 3"] = field(default_factory=lambda: np.zeros((0, 4, 3)))
+    """Corners of the detected risers in the chair frame of the exposure [m]."""
     picture: bytes | None = None
     """Image with overlay as JPEG; None if no image is kept."""
+    depth_m: Float[np.ndarray, "h w"] | None = None
+    """Every ``DEPTH_STEP``-th row and column of the depth image [m], kept as long as the picture."""
 
 
 @dataclass(slots=True, kw_only=True)
