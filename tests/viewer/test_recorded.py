@@ -10,6 +10,7 @@ from treadline.experiments.recorded import recorded_run
 from treadline.io.runs import LOG
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import as_designed
+from treadline.models import ControllerDesign
 from treadline.playback.recording import in_world
 from treadline.scenario import DriveSettings, Scenario, Start
 from treadline.setup import resolve
@@ -106,3 +107,16 @@ def test_targets_are_told_apart(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(LogFormatError, match=r"missing\.mcap"):
         open_recorded("missing.mcap")
     assert NUMBER["t_s"] == 0
+
+
+def test_a_log_without_its_folder_can_be_forked_as_the_folder(folder: Path, tmp_path: Path) -> None:
+    bare = tmp_path / "bare.mcap"
+    bare.write_bytes((folder / LOG).read_bytes())
+    whole, alone = open_recorded(str(folder)), open_recorded(str(bare))
+    whole.session.close()
+    alone.session.close()
+    assert alone.can_fork
+    orders = [opened.session.feed.order for opened in (whole, alone)]
+    assert (orders[0].scenario, orders[0].seed) == (orders[1].scenario, orders[1].seed)
+    assert isinstance(orders[0].controller, ControllerDesign)
+    np.testing.assert_array_equal(orders[0].controller.K, orders[1].controller.K)
