@@ -107,6 +107,6 @@ def test_stop_rearm_and_a_fault_reach_the_chair_and_two_clients_see_it(page: Any
     page.sees("weight forward")
     page.click("Inject now")
     page.click("Show")
-    page.tick("contact forces (live runs)")
+    page.tick("contact forces")
     page.click("Events")
     page.until(lambda: page.t_s > now_s + 1.0, "a simulation that goes on after the fault")

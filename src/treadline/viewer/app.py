@@ -273,11 +273,12 @@ class App:
             ("passenger", "passenger"),
             ("planes", "detected treads and risers"),
             ("forces", "belt forces"),
-            ("contacts", "contact forces (live runs)"),
+            ("contacts", "contact forces"),
             ("swept", "swept volume"),
         ):
             box = gui.add_checkbox(label, initial_value=getattr(self._choices, name))
             box.on_update(self._chooser(box, name))
+        self._contacts_note = gui.add_html("")
 
     def _chooser(self, box: Any, name: str) -> Callable[[Any], None]:
         def chosen(_event: Any) -> None:
@@ -338,7 +339,9 @@ class App:
             before = now
             if self._session.feed.error is not None and not len(self._session.tape):
                 raise SettingsError(self._session.feed.error)
-            key = (round(t_s, 3), vars_of(self._choices), None if self._session.ghost is None else len(self._session.ghost.tape))
+            ghost = self._session.ghost
+            known = len(self._session.tape.contacts), None if ghost is None else len(ghost.tape)
+            key = (round(t_s, 3), vars_of(self._choices), known)
             if key != shown:
                 shown = key
                 self._show_scene(t_s)
@@ -368,6 +371,8 @@ class App:
         self._say(self._camera, camera_html(look, seen, reasons, t_s))
         if self._opened.can_fork:
             self._say(self._outcome, outcome_html(session))
+        note = session.contacts_note if self._choices.contacts else ""
+        self._say(self._contacts_note, f'<div style="font-size:12px">{note}</div>')
         self._show_slider(t_s, end_s)
         jumps = {f"{span.start_s:.2f} s {span.name}": span.start_s for span in tape.phases}
         jumps |= {

@@ -89,12 +89,13 @@ def open_recorded(target: str) -> Opened:
                 latency_s=scenario.realism.camera_latency_s,
             )
         )
-    session = Session(feed=feed, playing=False, following=False)
+    can_fork = recording.scenario is not None and not _has_plugins(Path(target))
+    session = Session(feed=feed, playing=False, following=False, can_repeat=can_fork)
     return Opened(
         session=session,
         stage=stage_of(scenario, recording.seed, recording.chair),
         title=str(target),
-        can_fork=recording.scenario is not None and not _has_plugins(Path(target)),
+        can_fork=can_fork,
         missing=recording.missing,
     )
 

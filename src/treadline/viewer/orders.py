@@ -65,6 +65,8 @@ class Order:
     """Whether a person may command the run, so that it goes on after a hold."""
     pictures: bool = True
     """Whether camera images are drawn."""
+    contacts: bool = False
+    """Whether the contact forces of every tick are sent: a tenth of the time of the physics."""
     until_s: float | None = None
     """Time at which the run is ended [s]; None: at its own end."""
 

@@ -213,8 +213,11 @@ class SceneView:
         self._forces = scene.add_arrows(
             "/world/chair/forces", np.zeros((2, 2, 3)), BAD, shaft_radius=0.015, head_radius=0.04, visible=False
         )
-        self._contacts = scene.add_arrows(
-            "/world/contacts", np.zeros((1, 2, 3)), CONTACT, shaft_radius=0.008, head_radius=0.02, head_length=0.05, visible=False
+        self._contacts, self._ghost_contacts = (
+            scene.add_arrows(
+                name, np.zeros((1, 2, 3)), colour, shaft_radius=0.008, head_radius=0.02, head_length=0.05, visible=False
+            )
+            for name, colour in (("/world/contacts", CONTACT), ("/world/ghost_contacts", GHOST))
         )
         self._half_gauge_m = half
         ahead_m = -1.0 if stage.rear_camera else 1.0
@@ -266,7 +269,8 @@ class SceneView:
         self._forces.visible, self._swept.visible = choices.forces, choices.swept
         if choices.forces:
             self._show_forces(row)
-        self._show_contacts(tape.contacts_at(t_s) if choices.contacts else None)
+        for arrows, run in ((self._contacts, tape), (self._ghost_contacts, ghost)):
+            _show_contacts(arrows, run.contacts_at(t_s) if choices.contacts and run is not None else None)
         for node in self._chair.passenger:
             node.visible = choices.passenger
             node.position = self._shift_of(row)
@@ -393,11 +397,12 @@ class SceneView:
         tips[:, 0] += np.array([row["left_force_n"], row["right_force_n"]]) / NEWTON_PER_M
         self._forces.points = np.stack([places, tips], axis=1).astype(np.float32)
 
-    def _show_contacts(self, found: ContactForces | None) -> None:
-        self._contacts.visible = found is not None and len(found.points_W) > 0
-        if found is not None and len(found.points_W):
-            tips = found.points_W + found.forces_W / NEWTON_PER_M
-            self._contacts.points = np.stack([found.points_W, tips], axis=1).astype(np.float32)
+
+def _show_contacts(arrows: Any, found: ContactForces | None) -> None:
+    arrows.visible = found is not None and len(found.points_W) > 0
+    if found is not None and len(found.points_W):
+        tips = found.points_W + found.forces_W / NEWTON_PER_M
+        arrows.points = np.stack([found.points_W, tips], axis=1).astype(np.float32)
 
 
 def pose_of(row: dict[str, float]) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:

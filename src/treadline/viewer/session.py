@@ -39,6 +39,8 @@ class Feed:
     error: str | None = None
     images: Worker | None = None
     """Worker that runs the detector on the images of a log."""
+    repeat: Worker | None = None
+    """Worker that repeats the run from its seed and sends the contact forces, which no log holds."""
     _illustrated: int = 0
 
     def start(self, make: Callable[[Order], Worker] = Worker) -> None:
@@ -51,6 +53,9 @@ class Feed:
         if self.images is not None:
             for kind, value in self.images.receive():
                 self._illustrate(kind, value)
+        if self.repeat is not None:
+            for kind, value in self.repeat.receive():
+                self._take_repeated(kind, value)
         if self.worker is None:
             return False
         messages = self.worker.receive()
@@ -87,6 +92,25 @@ class Feed:
             case _:
                 pass
 
+    def start_repeat(self, make: Callable[[Order], Worker] = Worker) -> None:
+        """Repeat the run, which has ended, for its contact forces."""
+        self.tape.contacts.clear()
+        script = tuple(self.script or self.order.script)
+        self.repeat = make(replace(self.order, script=script, speed=FASTEST, pictures=False, contacts=True))
+
+    def _take_repeated(self, kind: str, value: Any) -> None:
+        if kind == "contacts":
+            self._take(kind, value)
+        elif kind in ("end", "error"):
+            self.error = value if kind == "error" else self.error
+            self.end_repeat()
+
+    def end_repeat(self) -> None:
+        """End the repetition; the contact forces so far stay."""
+        repeat, self.repeat = self.repeat, None
+        if repeat is not None:
+            repeat.close()
+
     def _illustrate(self, kind: str, value: Any) -> None:
         """Replace the stair maps of a log by the frames that they came from."""
         if kind != "look":
@@ -113,6 +137,7 @@ class Feed:
     def close(self) -> None:
         """End the workers."""
         self._end_images()
+        self.end_repeat()
         worker, self.worker = self.worker, None
         if worker is not None:
             worker.close()
@@ -125,6 +150,8 @@ class Session:
     feed: Feed
     attended: bool = False
     """Whether clients may command the chair."""
+    can_repeat: bool = True
+    """Whether scenario and seed of the run are known."""
     cursor_s: float = 0.0
     playing: bool = True
     speed: float = 1.0
@@ -218,9 +245,35 @@ class Session:
             self.feed.worker.send(kind, value)
 
     def ask_contacts(self, *, asked: bool) -> None:
-        """Ask a running simulation for its contact forces from now on, or no longer; this does not affect the run."""
+        """Ask a running simulation for its contact forces from now on, or no longer; this does not affect the run.
+
+        A run that has ended is repeated from its seed, once.
+        """
         if self.feed.worker is not None:
             self.feed.worker.send("contacts", asked)
+        elif not asked:
+            self.feed.end_repeat()
+        elif self.can_repeat and self.feed.repeat is None and not self._has_all_contacts:
+            self.feed.start_repeat()
+
+    @property
+    def _has_all_contacts(self) -> bool:
+        known = self.tape.contacts
+        return len(known) == CONTACTS_MAX or (len(known) > 0 and known[-1].t_s - known[0].t_s >= self.tape.end_s - 2.0 * TICK_S)
+
+    @property
+    def contacts_note(self) -> str:
+        """Sentence about where the contact forces come from; empty if nothing needs to be said."""
+        if self.is_live or (self.feed.tape.contacts and self.feed.repeat is None):
+            return ""
+        if self.feed.repeat is not None:
+            known = self.tape.contacts
+            return f"repeating the run: contact forces up to {known[-1].t_s if known else 0.0:.0f} s of {self.tape.end_s:.0f} s"
+        return (
+            "contact forces are computed by repeating the run"
+            if self.can_repeat
+            else "this run cannot be repeated: no contact forces"
+        )
 
     # Commands to the chair
 
@@ -277,7 +330,7 @@ class Session:
         before = [entry for entry in self.feed.script if entry[0] <= tick]
         if change is not None:
             before.append((tick, change.model_copy(update={"at_s": tick * TICK_S})))
-        order = replace(self.feed.order, script=tuple(before), speed=FASTEST, attended=False, pictures=False)
+        order = replace(self.feed.order, script=tuple(before), speed=FASTEST, attended=False, pictures=False, contacts=True)
         self.ghost, self.ghost_from_s = Feed(order=order), self.cursor_s
         self.ghost.start()
 

@@ -98,7 +98,7 @@ class LiveRun:
         self._sent_at = 0.0
         self._waiting: list[Any] = []
         self._obstacle: Obstacle | None = None
-        self._asks_contacts = False
+        self._asks_contacts = order.contacts
         self._contacts: list[ContactForces] = []
 
     def run(self) -> None:
