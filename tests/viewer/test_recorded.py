@@ -1,22 +1,32 @@
 """Recorded runs on a tape: the same as during the run, and images with what the detector finds in them."""
 
+import io
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from treadline.errors import LogFormatError
 from treadline.experiments.recorded import recorded_run
+from treadline.io.cdr import nanoseconds_of
 from treadline.io.runs import LOG
+from treadline.io.scene_messages import compressed_message
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import as_designed
 from treadline.models import ControllerDesign
+from treadline.nodes.bags import open_bag
+from treadline.perception.overlay import as_jpeg
 from treadline.playback.recording import in_world
+from treadline.ports import Truth
 from treadline.scenario import DriveSettings, Scenario, Start
 from treadline.setup import resolve
-from treadline.viewer.images import looks_of
+from treadline.signals import PinholeCamera, RgbdFrame, StairMap
+from treadline.viewer.images import looks_of, pictures_of
 from treadline.viewer.opening import is_recorded, open_recorded
 from treadline.viewer.orders import ImageOrder, Order
+from treadline.viewer.pages import camera_html
 from treadline.viewer.session import Feed
 from treadline.viewer.tape import COLUMNS, NUMBER, Tape
 from treadline.viewer.worker import LiveRun
@@ -120,3 +130,66 @@ def test_a_log_without_its_folder_can_be_forked_as_the_folder(folder: Path, tmp_
     assert (orders[0].scenario, orders[0].seed) == (orders[1].scenario, orders[1].seed)
     assert isinstance(orders[0].controller, ControllerDesign)
     np.testing.assert_array_equal(orders[0].controller.K, orders[1].controller.K)
+
+
+COLOURS = ((250, 20, 20), (20, 250, 20), (20, 20, 250))
+"""Colours of the images of a bag, 0.1 s apart."""
+
+
+def write_bag(path: Path, *, compressed: bool) -> None:
+    """Write 0.3 s of ground truth, a stair map and images of one colour each, stamped by a wall clock."""
+    begun_s = 1.7e9
+    bag = open_bag(path)
+    for k in range(31):
+        t_s = begun_s + 0.01 * k
+        bag(replace(STILL, t_s=t_s), t_s)
+        if k == 10:
+            bag(replace(MAP, t_s=t_s), t_s)
+        if k % 10 == 0 and k < 30:
+            rgb = np.full((24, 32, 3), COLOURS[k // 10], dtype=np.uint8)
+            if not compressed:
+                bag(RgbdFrame(t_s=t_s, rgb=rgb, depth_m=np.ones((24, 32), np.float32), camera=SMALL), t_s)
+                continue
+            topic, kind, data = compressed_message("/camera/image/compressed", t_s, "camera", as_jpeg(rgb, 32))
+            bag._connections[topic] = bag._connections.get(topic) or bag._connect(topic, kind)
+            bag._writer.write(bag._connections[topic], nanoseconds_of(t_s), data)
+    bag.close()
+
+
+STILL = Truth(**dict.fromkeys((item.name for item in fields(Truth) if item.type in (float, "float")), 0.0))
+MAP = StairMap(
+    t_s=0.0,
+    direction="up",
+    nosings_B=np.array([[1.0, 0.0, 0.16]]),
+    rise_m=0.16,
+    run_m=0.3,
+    slope_rad=0.5,
+    ends=False,
+    left_wall_m=None,
+    right_wall_m=None,
+    obstacle_m=None,
+)
+SMALL = PinholeCamera(width_px=32, height_px=24, fx_px=30.0, fy_px=30.0, cx_px=15.5, cy_px=11.5)
+
+
+@pytest.mark.parametrize(("name", "compressed"), [("raw.db3", False), ("raw.bag", False), ("compressed.db3", True)])
+def test_the_images_of_a_bag_are_shown_at_their_time(tmp_path: Path, name: str, compressed: bool) -> None:
+    """Test: images of one colour each, raw and compressed. Expected: each at its time, and one with the map."""
+    path = tmp_path / name
+    write_bag(path, compressed=compressed)
+    feed = open_recorded(str(path)).session.feed
+    assert feed.images is not None
+    order = ImageOrder(log=str(path), camera=SMALL, swept_half_m=0.4)
+    feed._end_images()
+    for shown in pictures_of(order):
+        feed._illustrate("look", shown)
+    feed.close()
+    looks = feed.tape.looks
+    assert [look.t_s for look in looks] == pytest.approx([0.0, 0.1, 0.2], abs=1e-5)
+    assert [look.is_judged for look in looks] == [False, True, False]
+    assert [len(look.nosings_B) for look in looks] == [0, 1, 0]
+    for look, colour in zip(looks, COLOURS, strict=True):
+        with Image.open(io.BytesIO(look.picture or b"")) as image:
+            middle = np.asarray(image)[image.height // 2, image.width // 2]
+        np.testing.assert_allclose(middle, colour, atol=6)  # two JPEG compressions at quality 80
+    assert "image of 0.00 s" in camera_html(looks[0], [], {}, 0.0)

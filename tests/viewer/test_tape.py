@@ -17,7 +17,7 @@ from treadline.scenario import Scenario, Stair
 from treadline.signals import Event
 from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.orders import Handset, Order, Worker
-from treadline.viewer.pages import camera_html, events_html, state_html, timeline_html, transitions_html
+from treadline.viewer.pages import camera_html, events_html, handset_html, state_html, timeline_html, transitions_html
 from treadline.viewer.plots import legend_html, plot_data, plot_specs
 from treadline.viewer.session import PAUSE, SILENT_S, Feed, Session
 from treadline.viewer.support import NEAR_M, support_of
@@ -291,3 +291,11 @@ def test_a_pressed_button_is_released_by_itself(live: Session, monkeypatch: pyte
     clock[0] += 1.0
     live.advance(0.0)
     assert [command.stop for _, command in live.feed.worker.sent] == [True, False]
+
+
+def test_the_handset_shows_its_switch_and_the_travel_of_the_belts() -> None:
+    made = tape(left_travel_m=1.0, right_travel_m=2.0)
+    assert "the planner drives; belts travelled 1.50 m" in handset_html(Handset(), made, 3.0)
+    driven = handset_html(Handset(manual=True, dead_man=False, speed_m_s=0.1), made, 3.0)
+    assert "<b>released</b>; speed +0.10 m/s" in driven
+    assert "belts travelled 0.00 m" in handset_html(Handset(), Tape(), 0.0)

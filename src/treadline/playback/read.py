@@ -179,6 +179,18 @@ def _take_others(path: Path, contents: LogContents, builder: RecordingBuilder) -
         builder.add_frames([CdrReader(message).time() for _, message in contents.messages.get(COLOUR, [])])
 
 
+def bag_origin_ns(path: Path) -> int:
+    """Return the stamp of a bag's first message that a recording holds [ns]: the origin of the recording's time.
+
+    Raises:
+        LogFormatError: If the bag is damaged.
+    """
+    for topic, logged_ns, data in packets(path, {*NUMERIC, TRUTH, IMU, EVENTS, MAPS}.__contains__, sealed=False):
+        if topic.kind == (OURS | LOOKED)[topic.name][0]:
+            return round(reader_of(topic, data, logged_ns).stamp()[0] * 1e9)
+    return 0
+
+
 def _bag_signals(path: Path) -> Iterator[tuple[Any, float]]:
     """Yield the signals of a bag on a clock that starts with its first message, and the time at which each was logged."""
     readers = {**OURS, MAPS: LOOKED[MAPS]}

@@ -13,7 +13,7 @@ from treadline.faults import EXTENTS, Conditions, Fault, FaultKind
 from treadline.playback.recording import PHASES
 from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.opening import Opened
-from treadline.viewer.pages import camera_html, events_html, state_html, timeline_html, transitions_html
+from treadline.viewer.pages import camera_html, events_html, handset_html, state_html, timeline_html, transitions_html
 from treadline.viewer.plots import RED, SKY, PlotSpec, legend_html, plot_data, plot_specs
 from treadline.viewer.scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SceneChoices, SceneView
 from treadline.viewer.server import GuardedServer
@@ -211,6 +211,7 @@ class App:
             '<div style="font-size:12px">Hold <b>Shift</b> (or a shoulder button of a gamepad) and drive with <b>W A S D</b>, the '
             "arrow keys or the left stick. Letting go, or leaving the page, stops the chair; then re-arm.</div>"
         )
+        self._handset = gui.add_html("")
         kind = gui.add_dropdown("break something", (OBSTACLE, *get_args(FaultKind)))
         value = gui.add_number("value (0: default)", 0.0, step=0.05)
         lasts = gui.add_number("for [s]", 3.0, min=0.1, step=0.5)
@@ -371,6 +372,8 @@ class App:
         self._say(self._camera, camera_html(look, seen, reasons, t_s))
         if self._opened.can_fork:
             self._say(self._outcome, outcome_html(session))
+        if session.attended:
+            self._say(self._handset, handset_html(session.handset, tape, t_s))
         note = session.contacts_note if self._choices.contacts else ""
         self._say(self._contacts_note, f'<div style="font-size:12px">{note}</div>')
         self._show_slider(t_s, end_s)

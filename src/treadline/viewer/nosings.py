@@ -60,7 +60,7 @@ class SeenNosings:
             row: Row of the tape at the exposure.
         """
         numbers, points_B = self._ahead(row)
-        if not len(numbers):
+        if not len(numbers) or not look.is_judged:
             return [], []
         seen_x = look.nosings_B[:, 0] if len(look.nosings_B) else np.empty(0)
         gaps = np.abs(points_B[:, :1] - seen_x).min(axis=1) if len(seen_x) else np.full(len(numbers), np.inf)

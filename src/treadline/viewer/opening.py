@@ -78,8 +78,8 @@ def open_recorded(target: str) -> Opened:
     scenario = recording.scenario or Scenario()
     order = Order(scenario=scenario, seed=recording.seed, controller=_controller_of(Path(target)))
     feed = Feed(order=order, tape=tape_of(recording))
-    log = Path(target) / LOG if Path(target).is_dir() else Path(target)
-    if len(recording.frames_t_s) and log.suffix == ".mcap":
+    log = Path(target) / LOG if (Path(target) / LOG).is_file() else Path(target)
+    if len(recording.frames_t_s) or not has_arrivals(log):
         feed.images = Worker(
             ImageOrder(
                 log=str(log),

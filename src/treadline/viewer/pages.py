@@ -7,6 +7,7 @@ from html import escape
 from treadline.angles import DEG
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
 from treadline.playback import PhaseSpan
+from treadline.viewer.orders import Handset
 from treadline.viewer.tape import Look, Tape
 
 PHASE_COLOURS = {
@@ -141,6 +142,19 @@ def _table(rows: list[str]) -> str:
     return f'<table style="{STYLE};border-collapse:collapse;width:100%">{"".join(rows)}</table>'
 
 
+def handset_html(state: Handset, tape: Tape, t_s: float) -> str:
+    """Return the state of the handset and the distance travelled by the belts."""
+    travelled_m = 0.0
+    if len(tape):
+        row = tape.at(t_s)
+        travelled_m = 0.5 * (row["left_travel_m"] + row["right_travel_m"])
+    asked = "the planner drives"
+    if state.manual:
+        switch = "held" if state.dead_man else "released"
+        asked = f"dead-man switch <b>{switch}</b>; speed {state.speed_m_s:+.2f} m/s, turn {state.turn_m_s:+.2f} m/s"
+    return f'<div style="{STYLE}">{asked}; belts travelled {travelled_m:.2f} m</div>'
+
+
 def camera_html(look: Look | None, seen: list[int], missed: dict[int, str], t_s: float) -> str:
     """Return the camera image with its overlay, the detector's answer, and the nosings by number.
 
@@ -153,6 +167,8 @@ def camera_html(look: Look | None, seen: list[int], missed: dict[int, str], t_s:
     if look.picture is not None:
         data = base64.b64encode(look.picture).decode("ascii")
         picture = f'<img alt="camera image with detected nosings" style="{IMAGE_STYLE}" src="data:image/jpeg;base64,{data}">'
+    if not look.is_judged:
+        return f'{picture}<div style="{STYLE}"><b>image of {look.t_s:.2f} s</b><br>{escape(look.summary)}</div>'
     head = f"frame of {look.t_s:.2f} s: " + ("accepted" if look.reason is None else f"rejected, {look.reason}")
     if t_s - look.taken_s > OLD_S:
         head = f"nothing for {t_s - look.t_s:.1f} s; last {head}"

@@ -5,6 +5,7 @@ fork repeats the scenario with the same seed and commands up to the cursor and t
 """
 
 import time
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 from treadline.faults import Fault
 from treadline.signals import TICK_S
 from treadline.viewer.orders import Command, Handset, Order, Script, Worker
-from treadline.viewer.tape import Tape
+from treadline.viewer.tape import Look, Tape
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 """Speeds of the display as multiples of real time."""
@@ -118,10 +119,23 @@ class Feed:
             self._end_images()
             return
         looks = self.tape.looks
+        if not value.is_judged:
+            self._add_picture(value)
+            self._forget_pictures(1)
+            return
         maps = [look for look in looks[self._illustrated :] if look.t_s > value.t_s + 0.5 * TICK_S]
         looks[self._illustrated :] = [value, *maps]
         self._illustrated += 1
         self._forget_pictures(1)
+
+    def _add_picture(self, shown: Look) -> None:
+        """Add an image to the stair map of its time; without one, it is shown alone."""
+        looks = self.tape.looks
+        place = bisect_left([look.t_s for look in looks], shown.t_s - 0.5 * TICK_S)
+        if place < len(looks) and looks[place].t_s <= shown.t_s + 0.5 * TICK_S:
+            looks[place] = replace(looks[place], picture=shown.picture)
+        else:
+            looks.insert(place, shown)
 
     def _end_images(self) -> None:
         images, self.images = self.images, None
@@ -280,6 +294,11 @@ class Session:
     def act(self, command: Command) -> None:
         """Pass a command to the running simulation; without one, or in a session that only views, it is ignored."""
         self._command("act", command)
+
+    @property
+    def handset(self) -> Handset:
+        """State of the handset."""
+        return self._handset
 
     def press(self, button: str) -> None:
         """Press the stop or the re-arm button of the handset."""

@@ -45,6 +45,8 @@ class Look:
     """Perceived nosings in the chair frame of the exposure [m]."""
     summary: str
     """One line for people."""
+    is_judged: bool = True
+    """Whether a detector has judged the frame; the images of a ROS bag are shown as they are."""
     treads_B: Float[np.ndarray, "k 4 3"] = field(default_factory=lambda: np.zeros((0, 4, 3)))
     """Corners of the detected treads in the chair frame of the exposure [m]."""
     risers_B: Float[np.ndarray, "m 4 3"] = field(default_factory=lambda: np.zeros((0, 4, 3)))
