@@ -26,8 +26,7 @@ def scene_of(page: Any) -> np.ndarray:
 def _drawn(page: Any) -> np.ndarray | None:
     """Return the pixels of the scene if they show many colours, else None."""
     pixels = scene_of(page)
-    colours = len(np.unique((pixels // 16).reshape(-1, 3), axis=0))
-    return pixels if pixels.std() > 8.0 and colours > 40 else None
+    return pixels if pixels.std() > 8.0 and colours(pixels) > 40 else None
 
 
 def test_a_recorded_run_plays_pauses_and_scrubs(replay: Any) -> None:
@@ -124,11 +123,10 @@ PUSHED = "window.pad.axes[1] = -1; window.pad.buttons[5].pressed = arguments[0];
 
 
 @pytest.fixture
-def driving(page: Any, live: str) -> Iterator[Any]:
-    """Page of the live run whose chair a person drives."""
-    page.driver.get(live)
+def driving(page: Any, by_hand: str) -> Iterator[Any]:
+    """Page of a live run whose chair a person drives."""
+    page.driver.get(by_hand)
     page.until(lambda: page.t_s > 0.5, "a running simulation")
-    page.click("Re-arm")
     page.click("Control")
     page.tick("Drive by hand")
     # Nobody holds the switch yet, so that the chair stands; a report of the page that a person drives takes 0.2 s.
@@ -141,6 +139,13 @@ def driving(page: Any, live: str) -> Iterator[Any]:
 def place(page: Any) -> float:
     """Return the distance that the belts have travelled, as the control panel shows it [m]."""
     return float(page.sees(r"belts travelled ([-\d.]+) m").group(1))
+
+
+def drives_from(page: Any, start_m: float) -> bool:
+    """Return whether the chair has driven 0.1 m, and re-arm it: a page that is drawn slowly reports late, and the guard holds."""
+    if "HOLD since" in page.text():
+        page.click("Re-arm")
+    return place(page) > start_m + 0.1
 
 
 def test_the_chair_follows_the_keys_while_the_dead_man_switch_is_held(driving: Any) -> None:
@@ -157,8 +162,7 @@ def test_the_chair_follows_the_keys_while_the_dead_man_switch_is_held(driving: A
     driving.until(lambda: driving.t_s > then_s + 1.0, "a second in which nothing may move")
     assert place(driving) == pytest.approx(start_m, abs=0.011)
     keys().key_down(Keys.SHIFT).perform()
-    driving.click("Re-arm")
-    driving.until(lambda: place(driving) > start_m + 0.1, "a chair that drives")
+    driving.until(lambda: drives_from(driving, start_m), "a chair that drives")
     keys().key_up(Keys.SHIFT).perform()
     driving.sees("HOLD since .*\n?.*operator stop")
     stopped_m, then_s = place(driving), driving.t_s
@@ -175,8 +179,7 @@ def test_the_chair_follows_a_gamepad_while_its_shoulder_button_is_held(driving: 
     driving.until(lambda: driving.t_s > then_s + 1.0, "a second in which nothing may move")
     assert place(driving) == pytest.approx(start_m, abs=0.011)
     driving.driver.execute_script(PUSHED, True)
-    driving.click("Re-arm")
-    driving.until(lambda: place(driving) > start_m + 0.1, "a chair that drives")
+    driving.until(lambda: drives_from(driving, start_m), "a chair that drives")
     driving.driver.execute_script(PUSHED, False)
     driving.sees("HOLD since .*\n?.*operator stop")
 
@@ -187,16 +190,19 @@ def test_a_narrow_page_shows_scene_and_stop(page: Any, live: str) -> None:
         page.driver.get(live)
         page.until(lambda: page.t_s > 0.5, "a running simulation")
         top = page.driver.execute_script(
-            "const stop = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'STOP').getBoundingClientRect();"
-            "return [stop.top, stop.bottom, stop.width, innerWidth, innerHeight, document.documentElement.scrollWidth];"
+            "const stop = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'STOP');"
+            "const { top, bottom, width } = stop.getBoundingClientRect();"
+            "return [top, bottom, width, innerWidth, innerHeight, document.documentElement.scrollWidth];"
         )
         upper, lower, width, page_px, height_px, scroll_px = top
         assert 0.5 * height_px < upper < lower < height_px
         assert width > 0.9 * page_px
         assert scroll_px == page_px == 390
-        page.until(
-            lambda: len(np.unique((whole(page)[150:430] // 16).reshape(-1, 3), axis=0)) > 40, "a drawn scene above the panels"
-        )
+        page.until(lambda: colours(whole(page)[150:430]) > 40, "a drawn scene above the panels")
+
+
+def colours(pixels: np.ndarray) -> int:
+    return len(np.unique((pixels // 16).reshape(-1, 3), axis=0))
 
 
 def whole(page: Any) -> np.ndarray:
