@@ -43,6 +43,8 @@ LEAST_HALF_WEDGE = math.tan(0.8 * DEG)
 """Least half width of the wedge per length, so that a precise heading stays visible."""
 NEWTON_PER_M = 500.0
 """Scale of the force arrows [N/m]: the weight of chair and passenger, 2 kN, is 4 m."""
+CONTACT_N_PER_M = 250.0
+"""Scale of the contact forces [N/m]: 80 N, one of a dozen contacts on a floor, reaches above the belts, and 500 N at a nosing 2 m."""
 SWEPT_M = 1.5
 """Length of the swept volume ahead of the chair [m]."""
 SWEPT_HEIGHT_M = (0.06, 1.4)
@@ -401,7 +403,7 @@ class SceneView:
 def _show_contacts(arrows: Any, found: ContactForces | None) -> None:
     arrows.visible = found is not None and len(found.points_W) > 0
     if found is not None and len(found.points_W):
-        tips = found.points_W + found.forces_W / NEWTON_PER_M
+        tips = found.points_W + found.forces_W / CONTACT_N_PER_M
         arrows.points = np.stack([found.points_W, tips], axis=1).astype(np.float32)
 
 
