@@ -44,7 +44,7 @@ LEAST_HALF_WEDGE = math.tan(0.8 * DEG)
 NEWTON_PER_M = 500.0
 """Scale of the force arrows [N/m]: the weight of chair and passenger, 2 kN, is 4 m."""
 CONTACT_N_PER_M = 250.0
-"""Scale of the contact forces [N/m]: 80 N, one of a dozen contacts on a floor, reaches above the belts, and 500 N at a nosing 2 m."""
+"""Scale of the contact forces [N/m]: 80 N, one of a dozen contacts on a floor, reaches above the belts."""
 SWEPT_M = 1.5
 """Length of the swept volume ahead of the chair [m]."""
 SWEPT_HEIGHT_M = (0.06, 1.4)
