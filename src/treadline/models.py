@@ -197,7 +197,15 @@ class ControllerDesign(Printable):
         Raises:
             SettingsError: If the file is missing, not JSON, not a controller, or has a period other than a multiple of the tick.
         """
-        tables = read_json(path)
+        return cls.of_tables(read_json(path), path)
+
+    @classmethod
+    def of_tables(cls, tables: dict[str, Any], path: Path) -> "ControllerDesign":
+        """Return the controller in the tables of a JSON file; errors name ``path``.
+
+        Raises:
+            SettingsError: As ``load``, for tables that are no controller.
+        """
         if {"A", "B", "C", "D"} <= set(tables):
             raise SettingsError(f"{path}: a model, not a controller: treadline tune {path.name} makes one")
         if not isinstance(tables.get("model"), dict):
@@ -242,7 +250,15 @@ def read_json(path: Path) -> dict[str, Any]:
     Raises:
         SettingsError: If the file is missing, a folder, not UTF-8, not JSON or not an object.
     """
-    text = text_of(path, "a JSON file")
+    return json_of(text_of(path, "a JSON file"), str(path))
+
+
+def json_of(text: str, path: str) -> dict[str, Any]:
+    """Return the object in a JSON text; errors name ``path``.
+
+    Raises:
+        SettingsError: If the text is not JSON or not an object.
+    """
     if not text.strip():
         raise SettingsError(f"{path}: empty; wanted JSON, as treadline writes it")
     try:

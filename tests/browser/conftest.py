@@ -182,12 +182,22 @@ def replay(page: Page, recorded: str) -> Page:
     return page
 
 
+LONG = "[start]\nplace = 'flight'\nstep = 4\nheading_deg = 6.0\n[drive]\nduration_s = 300.0\ncheck = false\n[stair]\nsteps = 80\n"
+
+
 @pytest.fixture(scope="session")
 def live(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Live run that may be commanded, with the camera's images."""
     scenario = tmp_path_factory.mktemp("scenario") / "live.toml"
-    scenario.write_text(
-        "[start]\nplace = 'flight'\nstep = 4\nheading_deg = 6.0\n[drive]\nduration_s = 300.0\ncheck = false\n[stair]\nsteps = 80\n"
-    )
+    scenario.write_text(LONG)
+    with served(str(scenario), "--control") as url:
+        yield url
+
+
+@pytest.fixture
+def by_hand(tmp_path: Path) -> Iterator[str]:
+    """Live run that may be commanded, without images: the processor is left to the page, which reports the handset."""
+    scenario = tmp_path / "by_hand.toml"
+    scenario.write_text(f"{LONG}[sensors]\ncamera = 'statistical'\n")
     with served(str(scenario), "--control") as url:
         yield url

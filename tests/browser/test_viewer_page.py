@@ -1,14 +1,17 @@
 """The page of ``treadline view`` in a real browser: scene, controls, access, and clients that come and go."""
 
+import contextlib
 import functools
 import http.server
 import io
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
+import pytest
 from PIL import Image
 
 SCENE = (400, 200, 1020, 740)
@@ -23,8 +26,7 @@ def scene_of(page: Any) -> np.ndarray:
 def _drawn(page: Any) -> np.ndarray | None:
     """Return the pixels of the scene if they show many colours, else None."""
     pixels = scene_of(page)
-    colours = len(np.unique((pixels // 16).reshape(-1, 3), axis=0))
-    return pixels if pixels.std() > 8.0 and colours > 40 else None
+    return pixels if pixels.std() > 8.0 and colours(pixels) > 40 else None
 
 
 def test_a_recorded_run_plays_pauses_and_scrubs(replay: Any) -> None:
@@ -107,6 +109,111 @@ def test_stop_rearm_and_a_fault_reach_the_chair_and_two_clients_see_it(page: Any
     page.sees("weight forward")
     page.click("Inject now")
     page.click("Show")
-    page.tick("contact forces (live runs)")
+    page.tick("contact forces")
     page.click("Events")
     page.until(lambda: page.t_s > now_s + 1.0, "a simulation that goes on after the fault")
+
+
+GAMEPAD = """
+window.pad = { axes: [0, 0, 0, 0], buttons: Array.from({ length: 17 }, () => ({ pressed: false, value: 0 })) };
+navigator.getGamepads = () => [window.pad, null, null, null];
+"""
+"""Gamepad of the standard mapping, whose axes and buttons a test sets."""
+PUSHED = "window.pad.axes[1] = -1; window.pad.buttons[5].pressed = arguments[0];"
+
+
+@pytest.fixture
+def driving(page: Any, by_hand: str) -> Iterator[Any]:
+    """Page of a live run whose chair a person drives."""
+    page.driver.get(by_hand)
+    page.until(lambda: page.t_s > 0.5, "a running simulation")
+    page.click("Control")
+    page.tick("Drive by hand")
+    # Nobody holds the switch yet, so that the chair stands; a report of the page that a person drives takes 0.2 s.
+    page.sees("HOLD since")
+    time.sleep(1.0)
+    yield page
+    page.tick("Drive by hand")
+
+
+def place(page: Any) -> float:
+    """Return the distance that the belts have travelled, as the control panel shows it [m]."""
+    return float(page.sees(r"belts travelled ([-\d.]+) m").group(1))
+
+
+def drives_from(page: Any, start_m: float) -> bool:
+    """Return whether the chair has driven 0.1 m, and re-arm it: a page that is drawn slowly reports late, and the guard holds."""
+    if "HOLD since" in page.text():
+        page.click("Re-arm")
+    return place(page) > start_m + 0.1
+
+
+def test_the_chair_follows_the_keys_while_the_dead_man_switch_is_held(driving: Any) -> None:
+    """Test: W alone, then Shift and W, then W alone again. Expected: motion between pressing and releasing Shift only."""
+    from selenium.webdriver.common.action_chains import ActionChains
+    from selenium.webdriver.common.keys import Keys
+
+    def keys() -> Any:
+        return ActionChains(driving.driver)
+
+    keys().key_down("w").perform()
+    start_m = place(driving)
+    then_s = driving.t_s
+    driving.until(lambda: driving.t_s > then_s + 1.0, "a second in which nothing may move")
+    assert place(driving) == pytest.approx(start_m, abs=0.011)
+    keys().key_down(Keys.SHIFT).perform()
+    driving.until(lambda: drives_from(driving, start_m), "a chair that drives")
+    keys().key_up(Keys.SHIFT).perform()
+    driving.sees("HOLD since .*\n?.*operator stop")
+    stopped_m, then_s = place(driving), driving.t_s
+    driving.until(lambda: driving.t_s > then_s + 1.0, "a second in which nothing may move")
+    assert place(driving) == pytest.approx(stopped_m, abs=0.03)  # the page shows the hold 0.1 s before the belts rest
+    keys().key_up("w").perform()
+
+
+def test_the_chair_follows_a_gamepad_while_its_shoulder_button_is_held(driving: Any) -> None:
+    """Test: stick forward without and with the right shoulder button. Expected: motion with the button only."""
+    driving.driver.execute_script(GAMEPAD)
+    driving.driver.execute_script(PUSHED, False)
+    start_m, then_s = place(driving), driving.t_s
+    driving.until(lambda: driving.t_s > then_s + 1.0, "a second in which nothing may move")
+    assert place(driving) == pytest.approx(start_m, abs=0.011)
+    driving.driver.execute_script(PUSHED, True)
+    driving.until(lambda: drives_from(driving, start_m), "a chair that drives")
+    driving.driver.execute_script(PUSHED, False)
+    driving.sees("HOLD since .*\n?.*operator stop")
+
+
+def test_a_narrow_page_shows_scene_and_stop(page: Any, live: str) -> None:
+    """Test: a phone of 390 by 844 px. Expected: STOP in view, the panels over less than half of the page, the scene drawn above."""
+    with narrow(page):
+        page.driver.get(live)
+        page.until(lambda: page.t_s > 0.5, "a running simulation")
+        top = page.driver.execute_script(
+            "const stop = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'STOP');"
+            "const { top, bottom, width } = stop.getBoundingClientRect();"
+            "return [top, bottom, width, innerWidth, innerHeight, document.documentElement.scrollWidth];"
+        )
+        upper, lower, width, page_px, height_px, scroll_px = top
+        assert 0.5 * height_px < upper < lower < height_px
+        assert width > 0.9 * page_px
+        assert scroll_px == page_px == 390
+        page.until(lambda: colours(whole(page)[150:430]) > 40, "a drawn scene above the panels")
+
+
+def colours(pixels: np.ndarray) -> int:
+    return len(np.unique((pixels // 16).reshape(-1, 3), axis=0))
+
+
+def whole(page: Any) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(page.driver.get_screenshot_as_png())).convert("RGB"), dtype=float)
+
+
+@contextlib.contextmanager
+def narrow(page: Any) -> Iterator[None]:
+    size = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+    page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    try:
+        yield
+    finally:
+        page.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})

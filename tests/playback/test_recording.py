@@ -9,15 +9,19 @@ import numpy as np
 import pytest
 
 from treadline.angles import DEG, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.experiments.recorded import recorded_run
 from treadline.io.columns import read_contents
 from treadline.io.decode import OURS
 from treadline.io.mcap_read import read_log
+from treadline.io.runs import LOG
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.stability import payload_com, payload_origin
 from treadline.mechanics.staircase import as_designed
 from treadline.nodes.bags import open_bag
 from treadline.playback import Recording, RecordingBuilder, read_frames, read_recording
 from treadline.ports import Truth
+from treadline.scenario import DriveSettings, Scenario, Sensors, Start
+from treadline.setup import resolve
 from treadline.signals import HeadingEstimate, ImuSample, RgbdFrame, SeatCommand, TrackCommand
 from treadline.sim import open_plant
 
@@ -208,3 +212,18 @@ def test_every_topic_that_is_read_in_columns_is_one_of_ours() -> None:
     from treadline.playback.read import IMU, NUMERIC, TRUTH
 
     assert {*NUMERIC, IMU, TRUTH} <= set(OURS)
+
+
+def test_a_log_without_its_folder_is_the_run_of_its_folder(tmp_path: Path) -> None:
+    """Test: the log of a run, copied elsewhere. Expected: scenario, seed, limits and signals as from the run folder."""
+    scenario = Scenario(
+        start=Start(place="flight", step=4), drive=DriveSettings(duration_s=0.3, check=False), sensors=Sensors(camera="statistical")
+    )
+    recorded_run(tmp_path / "run", resolve(scenario, None, 7))
+    bare = tmp_path / "copied.mcap"
+    bare.write_bytes((tmp_path / "run" / LOG).read_bytes())
+    whole, alone = read_recording(tmp_path / "run"), read_recording(bare)
+    assert alone.scenario == whole.scenario == scenario
+    assert (alone.seed, alone.limits, alone.missing) == (7, whole.limits, ())
+    np.testing.assert_array_equal(alone.p_WB, whole.p_WB)
+    assert alone.staircase is not None

@@ -14,8 +14,8 @@ from treadline.ports import Truth
 from treadline.scenario import DriveSettings, Scenario, Sensors, Start
 from treadline.setup import resolve
 from treadline.signals import FlipperCommand, SeatCommand, TrackCommand
-from treadline.viewer.orders import Handset, Order
-from treadline.viewer.session import Feed
+from treadline.viewer.orders import Handset, Order, Worker
+from treadline.viewer.session import Feed, Session
 from treadline.viewer.tape import NUMBER, Tape
 from treadline.viewer.worker import LiveRun, Pacer
 
@@ -199,3 +199,47 @@ def test_contact_forces_carry_the_chair_and_do_not_change_the_run(run: Tape) -> 
     found = tape.contacts_at(1.0)
     assert found is not None
     assert found.points_W.shape == found.forces_W.shape == (len(found.points_W), 3)
+
+
+def test_a_recorded_run_is_repeated_for_its_contact_forces(run: Tape) -> None:
+    """Test: contact forces asked of a run that has ended, then of its fork. Expected: those of every tick, as during a live run."""
+    live, _, _ = viewed(Order(scenario=SHORT, seed=5, contacts=True))
+    feed = Feed(order=Order(scenario=SHORT, seed=5), tape=run)
+    session = Session(feed=feed)
+    repeated: list[Order] = []
+
+    def make(order: Order) -> Worker:
+        repeated.append(order)
+        return FinishedWorker(order)
+
+    feed.start_repeat(make)
+    assert "repeating the run" in session.contacts_note
+    feed.drain()
+    assert feed.repeat is None
+    assert session.contacts_note == ""
+    assert [found.t_s for found in feed.tape.contacts] == [found.t_s for found in live.contacts]
+    for found, expected in zip(feed.tape.contacts, live.contacts, strict=True):
+        np.testing.assert_array_equal(found.forces_W, expected.forces_W)
+    assert repeated[0].seed == 5
+    session.ask_contacts(asked=True)  # known already: no process starts
+    assert feed.repeat is None
+
+
+class FinishedWorker(Worker):
+    """Worker that has simulated its order within this process."""
+
+    def __init__(self, order: Order) -> None:
+        self._sent: list[Any] = []
+
+        def send(message: Any) -> bool:
+            self._sent.append(message)
+            return True
+
+        LiveRun(order, send, list).run()
+
+    def receive(self) -> list[Any]:
+        sent, self._sent = self._sent, []
+        return sent
+
+    def close(self) -> None:
+        pass

@@ -1,6 +1,7 @@
 """Tape, plots, texts and session of the viewer, without a browser."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,17 +11,20 @@ from treadline.angles import DEG
 from treadline.faults import Fault
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import as_designed
+from treadline.playback import Limits
+from treadline.playback.recording import slip_ratio
 from treadline.scenario import Scenario, Stair
 from treadline.signals import Event
 from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.orders import Handset, Order, Worker
-from treadline.viewer.pages import camera_html, events_html, state_html, timeline_html, transitions_html
-from treadline.viewer.plots import plot_data, plot_specs
+from treadline.viewer.pages import camera_html, events_html, handset_html, state_html, timeline_html, transitions_html
+from treadline.viewer.plots import legend_html, plot_data, plot_specs
 from treadline.viewer.session import PAUSE, SILENT_S, Feed, Session
 from treadline.viewer.support import NEAR_M, support_of
-from treadline.viewer.tape import COLUMNS, NUMBER, Look, Obstacle, PhaseEntry, SlipMeter, Tape
+from treadline.viewer.tape import COLUMNS, DEPTH_STEP, NUMBER, Look, Obstacle, Tape
 
 END_S = 30.0
+LIMITS = Limits(pitch_rate_rad_s=25.0 * DEG, heading_rad=5.0 * DEG, cruise_m_s=0.3, slip=0.3, seat_rad=5.0 * DEG)
 
 
 def tape(**columns: Any) -> Tape:
@@ -32,8 +36,12 @@ def tape(**columns: Any) -> Tape:
     for name, values in columns.items():
         rows[:, NUMBER[name]] = values
     made = Tape(
-        events=[Event(t_s=12.0, name="hold", cause="operator <stop>"), Event(t_s=15.0, name="rearmed", cause="by a person")],
-        phases=[PhaseEntry(t_s=0.0, phase="climb", cause="start"), PhaseEntry(t_s=20.0, phase="crest", cause="end of the flight")],
+        events=[
+            Event(t_s=0.0, name="climb", cause="start"),
+            Event(t_s=12.0, name="hold", cause="operator <stop>"),
+            Event(t_s=15.0, name="rearmed", cause="by a person"),
+            Event(t_s=20.0, name="crest", cause="end of the flight"),
+        ],
     )
     for part in np.array_split(rows, 7):
         made.append(part)
@@ -46,8 +54,8 @@ def test_a_tape_grows_in_parts_and_answers_for_any_instant() -> None:
     assert made.at(17.503)["t_s"] == pytest.approx(17.50)
     assert made.at(-1.0)["t_s"] == 0.0
     assert made.at(99.0)["t_s"] == pytest.approx(END_S)
-    assert made.phase_at(19.99).phase == "climb"
-    assert made.phase_at(20.0).phase == "crest"
+    assert made.phase_at(19.99).name == "climb"
+    assert made.phase_at(20.0).name == "crest"
     assert [made.holding_at(t_s) is not None for t_s in (11.9, 12.0, 14.9, 15.0)] == [False, True, True, False]
 
 
@@ -61,7 +69,7 @@ def test_a_plot_keeps_every_transient_and_shows_limits_and_cursor() -> None:
     """Test: one sample of 30 °/s among 3000. Expected: it is among the few hundred points, and all arrays have one length."""
     rate = np.zeros(3001)
     rate[1234] = 30.0 * DEG
-    spec = plot_specs()[1]
+    spec = plot_specs(LIMITS)[1]
     data = plot_data(spec, tape(pitch_rate_rad_s=rate), 12.0)
     t_s, _, curve, upper, lower, cursor = data
     assert {len(column) for column in data} == {len(t_s)}
@@ -74,7 +82,7 @@ def test_a_plot_keeps_every_transient_and_shows_limits_and_cursor() -> None:
 
 
 def test_a_plot_of_an_empty_tape_or_of_unknown_quantities_is_finite() -> None:
-    for spec in plot_specs():
+    for spec in plot_specs(LIMITS):
         for made in (Tape(), tape(estimate_rad=math.nan, slip=math.nan, seat_pitch_rad=math.nan)):
             data = plot_data(spec, made, 3.0)
             assert len(data) == len(spec.curves) + len(spec.limits) + 3
@@ -83,7 +91,7 @@ def test_a_plot_of_an_empty_tape_or_of_unknown_quantities_is_finite() -> None:
 
 def test_the_curve_of_a_fork_is_its_own_up_to_its_end() -> None:
     fork = tape(heading_rad=5.0 * DEG)
-    data = plot_data(plot_specs()[0], tape(), 1.0, fork)
+    data = plot_data(plot_specs(LIMITS)[0], tape(), 1.0, fork)
     assert data[1][10] == pytest.approx(5.0)
     assert data[2][10] == pytest.approx(0.0)
 
@@ -121,10 +129,38 @@ def test_a_missed_nosing_is_named() -> None:
     assert missed == [0]
     seen_lines, missed_lines = nosings.lines(look(places[1:]), row)
     assert (len(seen_lines), len(missed_lines)) == (1, 1)
-    assert "missed: 1" in camera_html(look(places), seen, missed, 0.0)
-    assert "&lt;b&gt;" in camera_html(look(places), seen, missed, 0.0)
-    assert "nothing for 8.0 s; last frame" in camera_html(look(places), seen, missed, 8.0)
-    assert "rejected, too dark" in camera_html(look(places, "too dark"), [], [], 0.0)
+    assert "missed: 1 (dark)" in camera_html(look(places), seen, dict.fromkeys(missed, "dark"), 0.0)
+    assert "&lt;b&gt;" in camera_html(look(places), seen, {}, 0.0)
+    assert "nothing for 8.0 s; last frame" in camera_html(look(places), seen, {}, 8.0)
+    assert "rejected, too dark" in camera_html(look(places, "too dark"), [], {}, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "depth_m", "reason"),
+    [
+        (-1.5, math.nan, "no depth at 100 % of its pixels"),
+        (-1.5, 0.4, "hidden by something"),
+        (-1.5, 9.0, "depth at 100 % of its pixels"),
+        (-0.8, 9.0, "its riser is not in the image"),
+    ],
+)
+def test_a_missed_nosing_has_a_reason_by_its_depth(x_m: float, depth_m: float, reason: str) -> None:
+    """Test: the chair on the floor before a flight, one depth in the whole image. Expected: the cause that this depth means."""
+    staircase, chair = as_designed(Stair(steps=8)), read_chair("wheelchair")
+    camera = chair.camera_at(240)
+    nosings = SeenNosings(staircase, camera)
+    row = dict.fromkeys(COLUMNS, 0.0) | {"qw": 1.0, "x_m": x_m}
+    image = np.full((camera.height_px // DEPTH_STEP, camera.width_px // DEPTH_STEP), depth_m, dtype=np.float32)
+    blind = replace(look(np.zeros((0, 3))), depth_m=image)
+    _, missed = nosings.compare(blind, row)
+    assert 0 in missed
+    assert reason in nosings.why_missed(0, blind, row)
+    assert nosings.why_missed(0, replace(blind, reason="too dark"), row) == "the frame is rejected"
+
+
+def test_nosings_missed_for_one_reason_are_named_together() -> None:
+    page = camera_html(look(np.zeros((0, 3))), [0], {1: "no depth", 2: "no depth", 4: "hidden"}, 0.0)
+    assert "missed: 2, 3 (no depth); 5 (hidden)" in page
 
 
 def test_the_support_is_the_flat_run_on_a_floor_and_less_over_an_edge() -> None:
@@ -148,14 +184,27 @@ def test_the_support_reaches_as_far_as_that_of_the_tip_over_margin() -> None:
 
 
 def test_the_slip_ratio_is_zero_when_the_chair_follows_its_belts_and_one_when_it_stands() -> None:
-    follows, stands = SlipMeter(), SlipMeter()
-    for k in range(200):
-        s = 0.002 * k
-        clean = follows.update(0.01 * k, (s, 0.0, 0.0), s, (1.0, 0.0, 0.0))
-        slid = stands.update(0.01 * k, (0.0, 0.0, 0.0), s, (1.0, 0.0, 0.0))
-    assert clean == pytest.approx(0.0, abs=1e-9)
-    assert slid == pytest.approx(1.0)
-    assert math.isnan(SlipMeter().update(0.0, (0.0, 0.0, 0.0), 0.0, (1.0, 0.0, 0.0)))
+    t_s = 0.01 * np.arange(200)
+    belts_m, level = 0.2 * t_s, np.tile([1.0, 0.0, 0.0, 0.0], (200, 1))
+    place = np.column_stack([belts_m, np.zeros(200), np.zeros(200)])
+    # The belts move by 1 cm in half a second from 0.05 s on; before, no slip ratio is given.
+    np.testing.assert_allclose(slip_ratio(t_s, place, level, belts_m)[10:], 0.0, atol=1e-9)
+    np.testing.assert_allclose(slip_ratio(t_s, 0.0 * place, level, belts_m)[10:], 1.0)
+    assert np.isnan(slip_ratio(t_s, place, level, 0.0 * belts_m)).all()
+
+
+def test_the_slip_ratio_of_a_tape_does_not_depend_on_how_it_grows() -> None:
+    whole, parts = (tape(left_travel_m=0.1 * np.arange(3001) ** 0.5) for _ in range(2))
+    again = Tape()
+    again.append(whole.rows)
+    assert again.rows.tobytes() == parts.rows.tobytes()
+    assert np.isfinite(parts.column("slip")).any()
+
+
+def test_plots_draw_the_limits_of_the_run_and_none_that_it_does_not_state() -> None:
+    assert [spec.limits for spec in plot_specs(Limits(margin_rad=None))] == [(), (), (), (), (), (0.0,)]
+    assert plot_specs(LIMITS)[3].limits == (0.3,)
+    assert "limit" not in legend_html(plot_specs(Limits())[1], forked=False)
 
 
 class FakeWorker(Worker):
@@ -242,3 +291,11 @@ def test_a_pressed_button_is_released_by_itself(live: Session, monkeypatch: pyte
     clock[0] += 1.0
     live.advance(0.0)
     assert [command.stop for _, command in live.feed.worker.sent] == [True, False]
+
+
+def test_the_handset_shows_its_switch_and_the_travel_of_the_belts() -> None:
+    made = tape(left_travel_m=1.0, right_travel_m=2.0)
+    assert "the planner drives; belts travelled 1.50 m" in handset_html(Handset(), made, 3.0)
+    driven = handset_html(Handset(manual=True, dead_man=False, speed_m_s=0.1), made, 3.0)
+    assert "<b>released</b>; speed +0.10 m/s" in driven
+    assert "belts travelled 0.00 m" in handset_html(Handset(), Tape(), 0.0)

@@ -110,7 +110,7 @@ def _scene_log(
     rng = np.random.default_rng(manifest["seed"]).spawn(1)[0]
     staircase = build_staircase(scenario.stair, rng, scenario.step)
     backwards = scenario.drive.direction == "down"
-    with RunLog(folder / LOG, image_every=image_every, metadata=log_metadata(manifest, manifest["settings"])) as log:
+    with RunLog(folder / LOG, image_every=image_every, metadata=log_metadata(manifest, manifest["settings"], folder)) as log:
         yield SceneLog(log, chair, scenario.chair, belts=scenario.belts, staircase=staircase, backwards=backwards)
 
 

@@ -119,7 +119,7 @@ def replayed_run(
     scores = ReplayScores()
     watched = _Watched(detector_of(settings.mission) if plugins.detector is not None else StairDetector(settings.detector))
     try:
-        with RunLog(out / LOG, image_every=int(log_images), metadata=log_metadata(written, source.scenario)) as run_log:
+        with RunLog(out / LOG, image_every=int(log_images), metadata=log_metadata(written, source.scenario, out)) as run_log:
             sink = SceneLog(run_log, settings.mission.chair, Chair(payload_kg=settings.mission.payload_kg))
             started = time.process_time() - compiling().spent_s
             cause, rejected = _play(recording, settings, watched, scores, sink, watch)

@@ -192,6 +192,13 @@ def picture(r: CdrReader) -> Picture:
     return Picture(t_s, encoding, values.reshape((height, width, channels) if channels > 1 else (height, width)))
 
 
+def compressed_picture(r: CdrReader) -> tuple[float, bytes]:
+    """Return time and file content of the image in a sensor_msgs/CompressedImage."""
+    t_s, _ = r.stamp()
+    r.string()
+    return t_s, r.take(r.uint32())
+
+
 def heading_of_image(r: CdrReader) -> tuple[float, int, int, str]:
     """Return the fields before the pixels of an image: time, height, width, encoding."""
     t_s, _ = r.stamp()

@@ -19,6 +19,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, DataEnd, Header, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
@@ -87,6 +88,17 @@ def has_arrivals(path: Path) -> bool:
         except BROKEN:
             return False  # the survey of the log reports the damage
     return isinstance(header, Header) and header.library == LIBRARY
+
+
+def run_metadata(path: Path) -> dict[str, str]:
+    """Return the properties of the run that a log of treadline keeps in its metadata record; empty without one.
+
+    Raises:
+        LogFormatError: If the file is missing or damaged.
+    """
+    with one_error(path), path.open("rb") as file:
+        found = SeekingReader(file, record_size_limit=MAX_CHUNK_BYTES).iter_metadata()
+        return next((dict(record.metadata) for record in found if record.name == LIBRARY), {})
 
 
 def mcap_messages(path: Path, wants: Callable[[str], bool], *, sealed: bool = False) -> Iterator[Packet]:

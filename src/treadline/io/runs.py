@@ -62,11 +62,18 @@ def begin_run(
     return manifest
 
 
-def log_metadata(manifest: Mapping[str, Any], scenario: Mapping[str, Any] | None) -> dict[str, str]:
-    """Return the properties of a run for its log's metadata record: seed, commit, version and, if known, the scenario as JSON."""
+def log_metadata(manifest: Mapping[str, Any], scenario: Mapping[str, Any] | None, folder: Path) -> dict[str, str]:
+    """Return the properties of a run for its log's metadata record: seed, commit, version and, if known, the scenario as JSON.
+
+    The manifest, and the controller in the run folder, are kept as JSON as well, so that a log without its folder can be repeated.
+    """
+    controller = folder / RUN_CONTROLLER
+    more = {"controller": controller.read_text(encoding="utf-8")} if controller.is_file() else {}
     known = {} if scenario is None else {"scenario": json.dumps(plain(scenario), allow_nan=False)}
     commit, version = manifest["git_commit"] or "", manifest["versions"].get("treadline", "")
-    return {"seed": str(manifest["seed"]), "commit": commit, "version": version, **known}
+    # The command line names the folder, and the same seed shall give the same bytes in every folder.
+    whole = json.dumps(plain({key: value for key, value in manifest.items() if key != "command"}), allow_nan=False)
+    return {"seed": str(manifest["seed"]), "commit": commit, "version": version, **known, "manifest": whole, **more}
 
 
 def clear_run(folder: Path) -> None:

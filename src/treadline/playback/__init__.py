@@ -1,7 +1,7 @@
 """A run as arrays, for viewers, players and pictures: ``run folder, log or signals -> Recording``."""
 
 from treadline.playback.builder import RecordingBuilder
-from treadline.playback.read import read_frames, read_recording
+from treadline.playback.read import bag_origin_ns, manifest_in, read_frames, read_recording
 from treadline.playback.recording import Limits, PerceivedStair, PhaseSpan, Recording
 
 __all__ = [
@@ -10,6 +10,8 @@ __all__ = [
     "PhaseSpan",
     "Recording",
     "RecordingBuilder",
+    "bag_origin_ns",
+    "manifest_in",
     "read_frames",
     "read_recording",
 ]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -11,7 +11,7 @@ from treadline.angles import DEG, attitude_of
 from treadline.errors import LogFormatError
 from treadline.io.messages import TRUTH_NAMES
 from treadline.mechanics.chair import ChairDescription
-from treadline.playback.recording import Limits, PerceivedStair, PhaseSpan, Recording, in_world
+from treadline.playback.recording import Limits, PerceivedStair, Recording, in_world, phases_of
 from treadline.ports import Truth
 from treadline.scenario import Scenario
 from treadline.signals import (
@@ -20,7 +20,6 @@ from treadline.signals import (
     FlipperReading,
     HeadingEstimate,
     ImuSample,
-    Phase,
     RgbdFrame,
     SeatReading,
     StairMap,
@@ -28,7 +27,6 @@ from treadline.signals import (
     TrackReading,
 )
 
-PHASES = get_args(Phase)
 TRUTH_COLUMNS = ("t_s", *TRUTH_NAMES)
 
 COLUMNS: dict[type, tuple[str, ...]] = {
@@ -135,7 +133,7 @@ class RecordingBuilder:
             estimate_rad=_held(t_s, estimate, 1),
             sigma_rad=_held(t_s, estimate, 2),
             events=tuple(self._events),
-            phases=self._phases(float(t_s[-1])),
+            phases=phases_of(self._events, float(t_s[-1])),
             maps=self._perceived(t_s, p_WB, quat_WB),
             frames_t_s=np.array(self._frames, dtype=float),
             chair=self._chair,
@@ -210,14 +208,6 @@ class RecordingBuilder:
             "place_S": np.full((n, 2), math.nan),
         }
         return np.full((n, 3), math.nan), np.full((n, 4), math.nan), signals
-
-    def _phases(self, end_s: float) -> tuple[PhaseSpan, ...]:
-        entered = [event for event in self._events if event.name in PHASES]
-        ends = [*(event.t_s for event in entered[1:]), max(end_s, entered[-1].t_s if entered else end_s)]
-        return tuple(
-            PhaseSpan(start_s=event.t_s, end_s=end, name=event.name, cause=event.cause)
-            for event, end in zip(entered, ends, strict=False)
-        )
 
     def _perceived(
         self, t_s: Float[np.ndarray, " T"], p_WB: Float[np.ndarray, "T 3"], quat_WB: Float[np.ndarray, "T 4"]

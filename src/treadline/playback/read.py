@@ -11,12 +11,12 @@ from treadline.errors import LogFormatError, SettingsError
 from treadline.io.bags import READERS, parts_of
 from treadline.io.columns import Columns, LogContents, read_contents
 from treadline.io.decode import ADDED_TRUTH, EVENTS, LOOKED, OURS, CdrReader
-from treadline.io.mcap_read import BROKEN, has_arrivals, one_error, read_log
+from treadline.io.mcap_read import BROKEN, has_arrivals, one_error, read_log, run_metadata
 from treadline.io.messages import TRUTH_NAMES
 from treadline.io.runs import LOG, MANIFEST
 from treadline.io.topics import packets, reader_of
 from treadline.mechanics.chair import read_chair
-from treadline.models import read_json
+from treadline.models import json_of, read_json
 from treadline.playback.builder import RecordingBuilder
 from treadline.playback.recording import Limits, Recording
 from treadline.ports import Truth
@@ -68,47 +68,70 @@ def read_recording(target: str | Path) -> Recording:
     folder = path if path.is_dir() else path.parent
     if (folder / MANIFEST).is_file() and (path.is_dir() or path.name == LOG):
         return _of_run(folder)
-    builder = RecordingBuilder(read_chair(DEFAULT_CHAIR), source=str(path))
     if path.is_file() and has_arrivals(path):
+        manifest = manifest_in(path)
+        builder = (
+            RecordingBuilder(read_chair(DEFAULT_CHAIR), source=str(path)) if manifest is None else _begun(manifest, path, path)
+        )
         _take_log(path, builder)
-    else:
-        if path.is_dir() and not any(part.suffix in READERS for part in parts_of(path)):
-            raise LogFormatError(f"{path}: no {MANIFEST} and no bag; give a run folder, an MCAP log or a ROS bag")
-        for signal, taken_s in _bag_signals(path):
-            builder(signal, taken_s)
+        return builder.build()
+    if path.is_dir() and not any(part.suffix in READERS for part in parts_of(path)):
+        raise LogFormatError(f"{path}: no {MANIFEST} and no bag; give a run folder, an MCAP log or a ROS bag")
+    builder = RecordingBuilder(read_chair(DEFAULT_CHAIR), source=str(path))
+    for signal, taken_s in _bag_signals(path):
+        builder(signal, taken_s)
     return builder.build()
+
+
+def manifest_in(log: Path) -> dict[str, Any] | None:
+    """Return the manifest that a log keeps in its metadata record, or None for a log of release 0.1.
+
+    Raises:
+        LogFormatError: If the log is damaged.
+        SettingsError: If its record is not a manifest.
+    """
+    text = run_metadata(log).get("manifest")
+    return None if text is None else json_of(text, f"{log}, metadata")
 
 
 def _of_run(folder: Path) -> Recording:
     manifest = read_json(folder / MANIFEST)
-    settings = manifest.get("settings")
     if not (folder / LOG).is_file():
         raise LogFormatError(f"{folder}: no {LOG}; make the run again with treadline climb, which keeps a log")
-    if not isinstance(settings, dict):
-        raise SettingsError(f"{folder / MANIFEST}: no settings; make the run again")
-    scenario = _scenario(folder, settings)
-    chair = read_chair(DEFAULT_CHAIR if scenario is None else scenario.chair.model)
-    guard = manifest.get("guard")
-    seed = manifest.get("seed", 0)
-    builder = RecordingBuilder(
-        chair,
-        scenario,
-        seed=seed if isinstance(seed, int) else 0,
-        source=str(folder),
-        limits=Limits.of_guard(guard if isinstance(guard, dict) else {}),
-    )
+    builder = _begun(manifest, folder / MANIFEST, folder)
     _take_log(folder / LOG, builder)
     result = read_json(folder / "result.json") if (folder / "result.json").is_file() else {}
     verdict, cause = result.get("verdict"), result.get("cause")
     return builder.build(verdict=verdict if isinstance(verdict, str) else None, cause=cause if isinstance(cause, str) else None)
 
 
-def _scenario(folder: Path, settings: dict[str, Any]) -> Scenario | None:
+def _begun(manifest: dict[str, Any], path: Path, source: Path) -> RecordingBuilder:
+    """Return a builder for the run of a manifest.
+
+    Args:
+        path: File that holds the manifest, for messages and as the place of a chair file.
+    """
+    settings = manifest.get("settings")
+    if not isinstance(settings, dict):
+        raise SettingsError(f"{path}: no settings; make the run again")
+    scenario = _scenario(path, settings)
+    chair = read_chair(DEFAULT_CHAIR if scenario is None else scenario.chair.model)
+    guard, seed = manifest.get("guard"), manifest.get("seed", 0)
+    return RecordingBuilder(
+        chair,
+        scenario,
+        seed=seed if isinstance(seed, int) else 0,
+        source=str(source),
+        limits=Limits.of_guard(guard if isinstance(guard, dict) else {}),
+    )
+
+
+def _scenario(path: Path, settings: dict[str, Any]) -> Scenario | None:
     """Return the scenario of a manifest; None for a replayed log, whose settings are not a scenario."""
     if "replay" in settings:
         return None
     try:
-        return scenario_of(settings, folder / MANIFEST, where="settings")
+        return scenario_of(settings, path, where="settings")
     except SettingsError as error:
         raise SettingsError(f"{error}; was the run made by another version? Make it again") from None
 
@@ -154,6 +177,18 @@ def _take_others(path: Path, contents: LogContents, builder: RecordingBuilder) -
             for taken_s, message in contents.messages.get(topic, []):
                 builder(read(CdrReader(message)), taken_s)
         builder.add_frames([CdrReader(message).time() for _, message in contents.messages.get(COLOUR, [])])
+
+
+def bag_origin_ns(path: Path) -> int:
+    """Return the stamp of a bag's first message that a recording holds [ns]: the origin of the recording's time.
+
+    Raises:
+        LogFormatError: If the bag is damaged.
+    """
+    for topic, logged_ns, data in packets(path, {*NUMERIC, TRUTH, IMU, EVENTS, MAPS}.__contains__, sealed=False):
+        if topic.kind == (OURS | LOOKED)[topic.name][0]:
+            return round(reader_of(topic, data, logged_ns).stamp()[0] * 1e9)
+    return 0
 
 
 def _bag_signals(path: Path) -> Iterator[tuple[Any, float]]:

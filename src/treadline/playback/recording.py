@@ -3,9 +3,9 @@
 Frames as in ``signals``: W world, B chair. A quantity without data is NaN; ``Recording.missing`` gives the reason as a sentence.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -15,7 +15,16 @@ from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.staircase import Staircase, build_staircase
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
 from treadline.scenario import Scenario
-from treadline.signals import Event
+from treadline.signals import Event, Phase
+
+PHASES = get_args(Phase)
+"""Names of the events that begin a phase."""
+ROUNDING_S = 1e-9
+"""Rounding of stamps [s]: a log keeps nanoseconds."""
+SLIP_WINDOW_S = 0.5
+"""Time over which belt travel and movement of the chair are compared [s], as in the guard's slip monitor."""
+LEAST_BELT_M = 0.01
+"""Belt travel in ``SLIP_WINDOW_S`` below which no slip ratio is given [m]: 2 cm/s, ten times the resolution of the encoders."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +39,12 @@ class Limits:
     """Largest speed of one belt [m/s]."""
     heading_rad: float | None = None
     """Largest heading error over crest and edge [rad]."""
+    cruise_m_s: float | None = None
+    """Largest mean belt speed [m/s]."""
+    slip: float | None = None
+    """Slip ratio beyond which the guard restricts the speed."""
+    seat_rad: float | None = None
+    """Deviation of the seat from horizontal beyond which the guard holds [rad]."""
 
     @classmethod
     def of_guard(cls, guard: Mapping[str, Any]) -> "Limits":
@@ -38,6 +53,9 @@ class Limits:
             "pitch_rate_rad_s": "pitch_rate_rad_s",
             "belt_m_s": "belt_limit_m_s",
             "heading_rad": "max_heading_error_rad",
+            "cruise_m_s": "cruise_limit_m_s",
+            "slip": "slip",
+            "seat_rad": "seat_rad",
         }
         found = {name: guard.get(key) for name, key in names.items()}
         return cls(**{name: float(value) for name, value in found.items() if isinstance(value, int | float)})
@@ -51,6 +69,37 @@ class PhaseSpan:
     end_s: float
     name: str
     cause: str
+
+
+def phases_of(events: Sequence[Event], end_s: float) -> tuple[PhaseSpan, ...]:
+    """Return the phases that events begin; the last one lasts to ``end_s``, the time of the last sample [s]."""
+    entered = [event for event in events if event.name in PHASES]
+    ends = [*(event.t_s for event in entered[1:]), max(end_s, entered[-1].t_s if entered else end_s)]
+    return tuple(
+        PhaseSpan(start_s=event.t_s, end_s=end, name=event.name, cause=event.cause)
+        for event, end in zip(entered, ends, strict=False)
+    )
+
+
+def slip_ratio(
+    t_s: Float[np.ndarray, " n"],
+    p_WB: Float[np.ndarray, "n 3"],
+    quat_WB: Float[np.ndarray, "n 4"],
+    belts_m: Float[np.ndarray, " n"],
+) -> Float[np.ndarray, " n"]:
+    """Return the slip ratio over the last half second, one minus distance over belt travel; NaN where the belts hardly move.
+
+    Args:
+        belts_m: Mean travel of the belts [m].
+    """
+    before = np.searchsorted(t_s, t_s - SLIP_WINDOW_S - ROUNDING_S)
+    asked_m = belts_m - belts_m[before]
+    w, x, y, z = quat_WB.T
+    moved = p_WB - p_WB[before]
+    # The distance along B's x axis, whose components in W are the first column of the rotation matrix.
+    gone_m = moved[:, 0] * (1 - 2 * (y * y + z * z)) + moved[:, 1] * 2 * (x * y + w * z) + moved[:, 2] * 2 * (x * z - w * y)
+    driven = np.abs(asked_m) >= LEAST_BELT_M
+    return np.where(driven, 1.0 - gone_m / np.where(driven, asked_m, 1.0), np.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -99,12 +99,12 @@ class RequestCheck:
 
     Args:
         rules: Who may use the server.
-        scripts: JavaScript files by name, served next to the page and loaded by it.
+        files: JavaScript and CSS files by name, served next to the page and loaded by it.
         handlers: Handlers of further WebSocket connections by path.
     """
 
-    def __init__(self, rules: AccessRules, scripts: dict[str, bytes], handlers: dict[str, Handler]) -> None:
-        self._rules, self._scripts, self._handlers = rules, scripts, handlers
+    def __init__(self, rules: AccessRules, files: dict[str, bytes], handlers: dict[str, Handler]) -> None:
+        self._rules, self._files, self._handlers = rules, files, handlers
         self.is_installed = False
         """Whether the server has taken the check; a server without must not run."""
 
@@ -120,13 +120,14 @@ class RequestCheck:
             if request.headers.get("Upgrade", "").lower() == "websocket":
                 return None
             name = path.lstrip("/")
-            if name in self._scripts:
-                return _answer(HTTPStatus.OK, self._scripts[name], "text/javascript; charset=utf-8")
+            if name in self._files:
+                kind = "css" if name.endswith(".css") else "javascript"
+                return _answer(HTTPStatus.OK, self._files[name], f"text/{kind}; charset=utf-8")
             headers = request.headers.copy()
             if "Accept-Encoding" in headers:
                 del headers["Accept-Encoding"]  # the page is changed below
             response = answer(connection, Request(path, headers))
-            return None if response is None else self._with_scripts(response)
+            return None if response is None else self._with_files(response)
 
         return checked
 
@@ -143,12 +144,15 @@ class RequestCheck:
 
         return routed
 
-    def _with_scripts(self, response: Response) -> Response:
-        """Return a response with safe headers; a page loads the scripts."""
+    def _with_files(self, response: Response) -> Response:
+        """Return a response with safe headers; a page loads the files."""
         kind = response.headers.get("Content-Type", "")
         body = bytes(response.body)
         if kind.startswith("text/html"):
-            tags = "".join(f'<script src="{name}" defer></script>' for name in self._scripts)
+            tags = "".join(
+                f'<link rel="stylesheet" href="{name}">' if name.endswith(".css") else f'<script src="{name}" defer></script>'
+                for name in self._files
+            )
             body = body.replace(b"</head>", tags.encode() + b"</head>", 1)
         return _answer(HTTPStatus(response.status_code), body, kind)
 

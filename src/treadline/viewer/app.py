@@ -10,11 +10,12 @@ from typing import Any, get_args
 
 from treadline.errors import SettingsError
 from treadline.faults import EXTENTS, Conditions, Fault, FaultKind
+from treadline.playback.recording import PHASES
 from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.opening import Opened
-from treadline.viewer.pages import camera_html, events_html, state_html, timeline_html, transitions_html
+from treadline.viewer.pages import camera_html, events_html, handset_html, state_html, timeline_html, transitions_html
 from treadline.viewer.plots import RED, SKY, PlotSpec, legend_html, plot_data, plot_specs
-from treadline.viewer.scene import SceneChoices, SceneView
+from treadline.viewer.scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SceneChoices, SceneView
 from treadline.viewer.server import GuardedServer
 from treadline.viewer.session import SPEEDS, Session
 
@@ -22,6 +23,8 @@ SCENE_S, TEXT_S, PLOT_S = 1.0 / 25.0, 0.1, 0.4
 """Intervals of the updates of scene, text and plots [s]."""
 PLOT_PX = 72
 """Height of a plot [px]: six of them fit on a laptop's screen."""
+NARROW_PX = 576
+"""Largest width of a page that shows the panels at its lower edge [px], as in ``narrow.css``."""
 OBSTACLE = "obstacle ahead (value in metres)"
 CHANGES: dict[str, tuple[FaultKind, float, float, str]] = {
     "friction of the steps (× value)": ("low_friction", 1.0, 0.5, "factor on the friction of both belts, 0.1 to 2"),
@@ -73,6 +76,7 @@ class App:
         self.updates = 0
         """Number of scene updates, for tests and measurements."""
         self._build()
+        server.viser.on_client_connect(show_above_sheet)
 
     # Panels
 
@@ -81,11 +85,11 @@ class App:
         gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False, control_width="large")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(400)
+        if self._session.attended:
+            self._build_stop(gui)
         self._state = gui.add_html("")
         self._timeline = gui.add_html("")
         self._build_transport(gui)
-        if self._session.attended:
-            self._build_stop(gui)
         self._camera = gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Phases"):
@@ -207,6 +211,7 @@ class App:
             '<div style="font-size:12px">Hold <b>Shift</b> (or a shoulder button of a gamepad) and drive with <b>W A S D</b>, the '
             "arrow keys or the left stick. Letting go, or leaving the page, stops the chair; then re-arm.</div>"
         )
+        self._handset = gui.add_html("")
         kind = gui.add_dropdown("break something", (OBSTACLE, *get_args(FaultKind)))
         value = gui.add_number("value (0: default)", 0.0, step=0.05)
         lasts = gui.add_number("for [s]", 3.0, min=0.1, step=0.5)
@@ -267,12 +272,14 @@ class App:
         for name, label in (
             ("follow", "follow the chair"),
             ("passenger", "passenger"),
+            ("planes", "detected treads and risers"),
             ("forces", "belt forces"),
-            ("contacts", "contact forces (live runs)"),
+            ("contacts", "contact forces"),
             ("swept", "swept volume"),
         ):
             box = gui.add_checkbox(label, initial_value=getattr(self._choices, name))
             box.on_update(self._chooser(box, name))
+        self._contacts_note = gui.add_html("")
 
     def _chooser(self, box: Any, name: str) -> Callable[[Any], None]:
         def chosen(_event: Any) -> None:
@@ -300,7 +307,7 @@ class App:
         lines += [uplot.Series(label="limit", stroke=RED, width=1.0, dash=(6, 4), points={"show": False}) for _ in spec.limits]
         lines.append(uplot.Series(label="cursor", stroke="#444", width=1.0, points={"show": False}))
         self._legends.append(gui.add_html(legend_html(spec, forked=False)))
-        last = spec is plot_specs()[-1]
+        last = spec is plot_specs(self._session.tape.limits)[-1]
         return gui.add_uplot(
             data=plot_data(spec, self._session.tape, 0.0),
             series=(uplot.Series(label="t [s]"), *lines),
@@ -333,7 +340,9 @@ class App:
             before = now
             if self._session.feed.error is not None and not len(self._session.tape):
                 raise SettingsError(self._session.feed.error)
-            key = (round(t_s, 3), vars_of(self._choices), None if self._session.ghost is None else len(self._session.ghost.tape))
+            ghost = self._session.ghost
+            known = len(self._session.tape.contacts), None if ghost is None else len(ghost.tape)
+            key = (round(t_s, 3), vars_of(self._choices), known)
             if key != shown:
                 shown = key
                 self._show_scene(t_s)
@@ -359,13 +368,18 @@ class App:
         self._say(self._events, events_html(tape, t_s))
         look = tape.look_at(t_s)
         seen, missed = ([], []) if look is None else self._nosings.compare(look, tape.at(look.t_s))
-        self._say(self._camera, camera_html(look, seen, missed, t_s))
+        reasons = {} if look is None else {number: self._nosings.why_missed(number, look, tape.at(look.t_s)) for number in missed}
+        self._say(self._camera, camera_html(look, seen, reasons, t_s))
         if self._opened.can_fork:
             self._say(self._outcome, outcome_html(session))
+        if session.attended:
+            self._say(self._handset, handset_html(session.handset, tape, t_s))
+        note = session.contacts_note if self._choices.contacts else ""
+        self._say(self._contacts_note, f'<div style="font-size:12px">{note}</div>')
         self._show_slider(t_s, end_s)
-        jumps = {f"{span.t_s:.2f} s {span.phase}": span.t_s for span in tape.phases}
+        jumps = {f"{span.start_s:.2f} s {span.name}": span.start_s for span in tape.phases}
         jumps |= {
-            f"{event.t_s:.2f} s {event.name}: {event.cause}"[:60]: event.t_s for event in tape.events if event.name not in _PHASES
+            f"{event.t_s:.2f} s {event.name}: {event.cause}"[:60]: event.t_s for event in tape.events if event.name not in PHASES
         }
         if jumps.keys() != self._jumps.keys():
             self._jumps = jumps
@@ -399,21 +413,15 @@ class App:
         ghost = None if session.ghost is None else session.ghost.tape
         if not self._plots:  # made after the first picture
             with self._plot_tab:
-                self._plots = [self._plot(self._viser.gui, spec) for spec in plot_specs()]
-        for handle, legend, spec in zip(self._plots, self._legends, plot_specs(), strict=True):
+                self._plots = [self._plot(self._viser.gui, spec) for spec in plot_specs(self._session.tape.limits)]
+        for handle, legend, spec in zip(self._plots, self._legends, plot_specs(self._session.tape.limits), strict=True):
             self._say(legend, legend_html(spec, forked=ghost is not None))
             handle.data = plot_data(spec, session.tape, t_s, ghost)
 
 
-_PHASES = frozenset(
-    ("search", "align", "approach", "mount", "traction", "climb", "crest", "land", "edge", "descend", "leave", "back_off", "drive",
-     "arrived", "refused")
-)  # fmt: skip
-
-
 def vars_of(choices: SceneChoices) -> tuple[bool, ...]:
     """Return the choices as a comparable value."""
-    return choices.forces, choices.contacts, choices.swept, choices.follow, choices.passenger
+    return choices.planes, choices.forces, choices.contacts, choices.swept, choices.follow, choices.passenger
 
 
 def outcome_html(session: Session) -> str:
@@ -461,6 +469,12 @@ def _last_line(error: ValueError) -> str:
 def _complain(event: Any, error: ValueError) -> None:
     if event.client is not None:
         event.client.add_notification(title="not injected", body=_last_line(error), color="red")
+
+
+def show_above_sheet(client: Any) -> None:
+    """Turn the first view of a narrow screen, whose lower part the panels cover, so that the chair is above them."""
+    if client.camera.image_width <= NARROW_PX:
+        client.camera.position, client.camera.look_at = NARROW_CAMERA_M, NARROW_LOOK_AT_M
 
 
 def handset_handler(session: Session) -> Callable[[Any], Any]:

@@ -10,7 +10,9 @@
   let socket = null;
   let manual = false;
 
-  const typing = (target) => target instanceof HTMLElement && (target.isContentEditable || ["INPUT", "TEXTAREA", "SELECT"].includes(target.tagName));
+  // A check box that was just clicked has the focus and takes no text.
+  const typing = (target) => target instanceof HTMLElement && (target.isContentEditable || ["TEXTAREA", "SELECT"].includes(target.tagName)
+    || (target.tagName === "INPUT" && target.type !== "checkbox"));
   const axis = (value) => (Math.abs(value) < 0.15 ? 0 : value);
 
   function state() {

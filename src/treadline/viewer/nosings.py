@@ -8,12 +8,18 @@ from jaxtyping import Float
 from treadline.angles import rotation_of
 from treadline.mechanics.staircase import Staircase
 from treadline.signals import PinholeCamera
-from treadline.viewer.tape import Look
+from treadline.viewer.tape import DEPTH_STEP, Look
 
 HALF_LINE_M = 0.45
 """Half length of a perceived nosing in the scene [m]: a little more than the chair's width."""
 MATCH_M = 0.10
 """Largest distance between a perceived nosing and the true one [m]: a third of a run, so that no nosing takes its neighbour's."""
+POINTS = 31
+"""Points along a nosing at which the depth image is read: 3 cm apart, two of the kept pixels at 1 m."""
+HIDDEN_M = 0.10
+"""Depth before a nosing from which something hides it [m]: half a riser, more than the noise and the step of the pixels."""
+MOST = 0.5
+"""Share of a nosing's points that makes a cause its cause: the middle of the nosing decides about its edge."""
 LIFT_M = 0.012
 """Lift of the lines above the edges [m], so that the treads do not hide them."""
 
@@ -29,6 +35,7 @@ class SeenNosings:
     def __init__(self, staircase: Staircase, camera: PinholeCamera) -> None:
         self._camera = camera
         self._indices = [step.index for step in staircase.steps if not step.missing]
+        self._rises_m = {step.index: step.rise_m for step in staircase.steps}
         self._middles_W = staircase.nosings_W
         half = 0.5 * staircase.width_m
         turns = [(k, step.yaw_rad) for k, steps in enumerate(staircase.flights) for step in steps if not step.missing]
@@ -53,7 +60,7 @@ class SeenNosings:
             row: Row of the tape at the exposure.
         """
         numbers, points_B = self._ahead(row)
-        if not len(numbers):
+        if not len(numbers) or not look.is_judged:
             return [], []
         seen_x = look.nosings_B[:, 0] if len(look.nosings_B) else np.empty(0)
         gaps = np.abs(points_B[:, :1] - seen_x).min(axis=1) if len(seen_x) else np.full(len(numbers), np.inf)
@@ -61,6 +68,49 @@ class SeenNosings:
         reach = np.abs(seen_x).max() + MATCH_M if len(seen_x) else np.inf
         missed = ~found & self._in_view(points_B) & (np.abs(points_B[:, 0]) <= reach)
         return [n for n, yes in zip(numbers, found, strict=True) if yes], [n for n, yes in zip(numbers, missed, strict=True) if yes]
+
+    def why_missed(self, number: int, look: Look, row: dict[str, float]) -> str:
+        """Return why a true nosing was missed in a frame, by the depth image along the nosing."""
+        if look.reason is not None:
+            return "the frame is rejected"
+        if look.depth_m is None:
+            return "its image is not kept"
+        depth_m, true_m = self._depths_at(number, look.depth_m, row)
+        if not len(true_m):
+            return "outside the image"
+        blank = np.isnan(depth_m)
+        near = depth_m < true_m - HIDDEN_M
+        if blank.mean() >= MOST:
+            return f"no depth at {100.0 * blank.mean():.0f} % of its pixels"
+        if near.mean() >= MOST:
+            return f"hidden by something {np.median(true_m[near] - depth_m[near]):.2f} m nearer"
+        if not self._riser_in_view(number, row):
+            return "its riser is not in the image"
+        return f"depth at {100.0 * (1.0 - blank.mean()):.0f} % of its pixels, but too few of its planes for an edge"
+
+    def _riser_in_view(self, number: int, row: dict[str, float]) -> bool:
+        """Return whether the lower end of the riser below a nosing is in the image, in the chair's middle plane."""
+        numbers, points_B = self._ahead(row)
+        R_WB = rotation_of(np.array([row["qw"], row["qx"], row["qy"], row["qz"]]))
+        foot_B = points_B[numbers.index(number)] - self._rises_m[number] * R_WB[2]
+        return bool(self._in_view(foot_B[None])[0])
+
+    def _depths_at(
+        self, number: int, depth_m: Float[np.ndarray, "h w"], row: dict[str, float]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Return measured and true depth at points of a nosing that are in the image, within the perceived width [m]."""
+        numbers, points_B = self._ahead(row)
+        R_WB = rotation_of(np.array([row["qw"], row["qx"], row["qy"], row["qz"]]))
+        along = np.diff(self._ends_W[self._indices.index(number)], axis=0)[0] @ R_WB
+        offsets = np.linspace(-HALF_LINE_M, HALF_LINE_M, POINTS)[:, None]
+        points = points_B[numbers.index(number)] + offsets * along / np.linalg.norm(along)
+        points = points[self._in_view(points)]
+        camera = self._camera
+        x, y, z = ((points - np.array(camera.mount_m)) @ camera.R_BC).T
+        u, v = camera.fx_px * x / z + camera.cx_px, camera.fy_px * y / z + camera.cy_px
+        rows = np.clip(np.round(v / DEPTH_STEP).astype(int), 0, depth_m.shape[0] - 1)
+        columns = np.clip(np.round(u / DEPTH_STEP).astype(int), 0, depth_m.shape[1] - 1)
+        return depth_m[rows, columns], z
 
     def lines(self, look: Look, row: dict[str, float]) -> tuple[Float[np.ndarray, "s 2 3"], Float[np.ndarray, "m 2 3"]]:
         """Return the perceived nosings in W, and the missed true ones, as lines."""

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from treadline.errors import LogFormatError, SettingsError
+from treadline.io.mcap_read import has_arrivals, run_metadata
 from treadline.io.runs import FORMER_RUN_CONTROLLER, LOG, MANIFEST, RUN_CONTROLLER
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import build_staircase
-from treadline.models import read_json
+from treadline.models import ControllerDesign, json_of, read_json
+from treadline.playback import manifest_in
 from treadline.scenario import Belts, Scenario, read_scenario
 from treadline.viewer.orders import ImageOrder, Order, Worker
 from treadline.viewer.scene import Stage
@@ -76,8 +78,8 @@ def open_recorded(target: str) -> Opened:
     scenario = recording.scenario or Scenario()
     order = Order(scenario=scenario, seed=recording.seed, controller=_controller_of(Path(target)))
     feed = Feed(order=order, tape=tape_of(recording))
-    log = Path(target) / LOG if Path(target).is_dir() else Path(target)
-    if len(recording.frames_t_s) and log.suffix == ".mcap":
+    log = Path(target) / LOG if (Path(target) / LOG).is_file() else Path(target)
+    if len(recording.frames_t_s) or not has_arrivals(log):
         feed.images = Worker(
             ImageOrder(
                 log=str(log),
@@ -87,12 +89,13 @@ def open_recorded(target: str) -> Opened:
                 latency_s=scenario.realism.camera_latency_s,
             )
         )
-    session = Session(feed=feed, playing=False, following=False)
+    can_fork = recording.scenario is not None and not _has_plugins(Path(target))
+    session = Session(feed=feed, playing=False, following=False, can_repeat=can_fork)
     return Opened(
         session=session,
         stage=stage_of(scenario, recording.seed, recording.chair),
         title=str(target),
-        can_fork=recording.scenario is not None and not _has_plugins(Path(target)),
+        can_fork=can_fork,
         missing=recording.missing,
     )
 
@@ -111,21 +114,30 @@ def stage_of(scenario: Scenario, seed: int, chair: ChairDescription) -> Stage:
     )
 
 
-def _folder_of(target: Path) -> Path:
-    return target if target.is_dir() else target.parent
+def _folder_of(target: Path) -> Path | None:
+    """Return the run folder of a target, or None for a log on its own."""
+    if target.is_dir():
+        return target
+    return target.parent if target.name == LOG and (target.parent / MANIFEST).is_file() else None
 
 
-def _controller_of(target: Path) -> str | None:
-    """Return the controller file that a run folder keeps."""
+def _controller_of(target: Path) -> ControllerDesign | None:
+    """Return the controller that a run folder or the metadata of a log keeps."""
     folder = _folder_of(target)
-    found = next((folder / name for name in (RUN_CONTROLLER, FORMER_RUN_CONTROLLER) if (folder / name).is_file()), None)
-    return None if found is None else str(found)
+    if folder is not None:
+        found = next((folder / name for name in (RUN_CONTROLLER, FORMER_RUN_CONTROLLER) if (folder / name).is_file()), None)
+        return None if found is None else ControllerDesign.load(found)
+    kept = run_metadata(target).get("controller") if has_arrivals(target) else None
+    return None if kept is None else ControllerDesign.of_tables(json_of(kept, str(target)), target)
 
 
 def _has_plugins(target: Path) -> bool:
     """Return whether a run used plug-ins, which are never loaded on behalf of a log."""
-    manifest = _folder_of(target) / MANIFEST
-    return manifest.is_file() and bool(read_json(manifest).get("plugins"))
+    folder = _folder_of(target)
+    if folder is not None:
+        return (folder / MANIFEST).is_file() and bool(read_json(folder / MANIFEST).get("plugins"))
+    manifest = manifest_in(target) if has_arrivals(target) else None
+    return manifest is not None and bool(manifest.get("plugins"))
 
 
 def check_export(path: Path, *, force: bool) -> None:

@@ -3,8 +3,13 @@
 Nothing heavy is imported here: the process that serves the page starts the simulation before it knows more.
 """
 
+import os
 import queue
+import sys
+import threading
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib import import_module
 from multiprocessing import get_context
 from multiprocessing.context import SpawnProcess
 from typing import Any, Literal
@@ -17,6 +22,9 @@ from treadline.signals import PinholeCamera
 
 MESSAGES_MAX = 50
 """Messages on the way to the viewer: two seconds' worth; a viewer further behind gets no images."""
+
+NICENESS = 10
+"""Niceness of what the first picture need not wait for: that of the command ``nice`` without a number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +65,8 @@ class Order:
     """Whether a person may command the run, so that it goes on after a hold."""
     pictures: bool = True
     """Whether camera images are drawn."""
+    contacts: bool = False
+    """Whether the contact forces of every tick are sent: a tenth of the time of the physics."""
     until_s: float | None = None
     """Time at which the run is ended [s]; None: at its own end."""
 
@@ -98,10 +108,13 @@ def work(order: Order | ImageOrder, messages: Any, commands: Any) -> None:
 
     try:
         if isinstance(order, ImageOrder):
+            if hasattr(os, "nice"):
+                os.nice(NICENESS)
             from treadline.viewer.images import send_looks
 
             send_looks(order, messages.put)
         else:
+            load_behind("treadline.viewer.worker")
             from treadline.viewer.worker import LiveRun
 
             LiveRun(order, send, receive).run()
@@ -109,6 +122,24 @@ def work(order: Order | ImageOrder, messages: Any, commands: Any) -> None:
         messages.put(("error", str(error)))
     except KeyboardInterrupt:
         pass
+
+
+def load_behind(module: str) -> None:
+    """Import a module at low priority, so that the browser's first picture does not share the processor with it.
+
+    Without privileges, a priority cannot be raised again; so a further thread imports, and the run keeps its priority.
+    Only Linux has priorities of threads; elsewhere the import has the priority of the process.
+    """
+
+    def load() -> None:
+        if sys.platform == "linux":
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
+        with suppress(ImportError):  # raised again, in the main thread, by the import that follows
+            import_module(module)
+
+    thread = threading.Thread(target=load, name="load")
+    thread.start()
+    thread.join()
 
 
 class Worker:

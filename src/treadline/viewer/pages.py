@@ -6,7 +6,9 @@ from html import escape
 
 from treadline.angles import DEG
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
-from treadline.viewer.tape import Look, PhaseEntry, Tape
+from treadline.playback import PhaseSpan
+from treadline.viewer.orders import Handset
+from treadline.viewer.tape import Look, Tape
 
 PHASE_COLOURS = {
     "search": "#bbbbbb", "align": "#56b4e9", "approach": "#0072b2", "mount": "#e69f00", "traction": "#999933", "climb": "#009e73",
@@ -33,10 +35,10 @@ def state_html(tape: Tape, t_s: float, *, live: bool, title: str) -> str:
         f'<br><span style="opacity:.7">{escape(title)}</span></div>'
     ]
     if phase is not None:
-        colour = PHASE_COLOURS.get(phase.phase, "#888")
+        colour = _colour_of(phase)
         lines.append(
             f'<div style="{STYLE};border-left:6px solid {colour};padding-left:6px;margin:4px 14px 4px 0">'
-            f"<b>{escape(phase.phase)}</b> since {phase.t_s:.2f} s<br>{escape(phase.cause)}</div>"
+            f"<b>{escape(phase.name)}</b> since {phase.start_s:.2f} s<br>{escape(phase.cause)}</div>"
         )
     if hold is not None:
         lines.append(_card("#d55e00", f"HOLD since {hold.t_s:.2f} s", hold.cause))
@@ -78,13 +80,12 @@ def timeline_html(tape: Tape, t_s: float, fork_s: float | None = None) -> str:
     """Return the phases as a bar, with holds, the cursor, and the instant of a fork."""
     end_s = max(tape.end_s, 1e-3)
     bars = []
-    for number, span in enumerate(tape.phases):
-        until_s = tape.phases[number + 1].t_s if number + 1 < len(tape.phases) else end_s
-        share = max(until_s - span.t_s, 0.0) / end_s
-        name = escape(span.phase) if share > NARROW else ""
+    for span in tape.phases:
+        share = (span.end_s - span.start_s) / end_s
+        name = escape(span.name) if share > NARROW else ""
         bars.append(
-            f'<div title="{span.t_s:.2f} s {escape(span.phase)}: {escape(span.cause)}" style="position:absolute;left:'
-            f"{100.0 * span.t_s / end_s:.2f}%;width:{100.0 * share:.2f}%;height:22px;background:"
+            f'<div title="{span.start_s:.2f} s {escape(span.name)}: {escape(span.cause)}" style="position:absolute;left:'
+            f"{100.0 * span.start_s / end_s:.2f}%;width:{100.0 * share:.2f}%;height:22px;background:"
             f'{_colour_of(span)};color:#fff;font-size:11px;overflow:hidden;white-space:nowrap">&nbsp;{name}</div>'
         )
     marks = [
@@ -109,12 +110,12 @@ def _mark(share: float, colour: str, title: str) -> str:
 def transitions_html(tape: Tape, t_s: float) -> str:
     """Return the table of transitions: time, phase, reason; the present phase is bold."""
     present = tape.phase_at(t_s)
-    rows = [_row(span.t_s, span.phase, span.cause, bold=span is present, colour=_colour_of(span)) for span in tape.phases]
+    rows = [_row(span.start_s, span.name, span.cause, bold=span == present, colour=_colour_of(span)) for span in tape.phases]
     return _table(rows)
 
 
-def _colour_of(span: PhaseEntry) -> str:
-    return PHASE_COLOURS.get(span.phase, "#888")
+def _colour_of(span: PhaseSpan) -> str:
+    return PHASE_COLOURS.get(span.name, "#888")
 
 
 def events_html(tape: Tape, t_s: float) -> str:
@@ -141,22 +142,49 @@ def _table(rows: list[str]) -> str:
     return f'<table style="{STYLE};border-collapse:collapse;width:100%">{"".join(rows)}</table>'
 
 
-def camera_html(look: Look | None, seen: list[int], missed: list[int], t_s: float) -> str:
-    """Return the camera image with its overlay, the detector's answer, and the nosings by number."""
+def handset_html(state: Handset, tape: Tape, t_s: float) -> str:
+    """Return the state of the handset and the distance travelled by the belts."""
+    travelled_m = 0.0
+    if len(tape):
+        row = tape.at(t_s)
+        travelled_m = 0.5 * (row["left_travel_m"] + row["right_travel_m"])
+    asked = "the planner drives"
+    if state.manual:
+        switch = "held" if state.dead_man else "released"
+        asked = f"dead-man switch <b>{switch}</b>; speed {state.speed_m_s:+.2f} m/s, turn {state.turn_m_s:+.2f} m/s"
+    return f'<div style="{STYLE}">{asked}; belts travelled {travelled_m:.2f} m</div>'
+
+
+def camera_html(look: Look | None, seen: list[int], missed: dict[int, str], t_s: float) -> str:
+    """Return the camera image with its overlay, the detector's answer, and the nosings by number.
+
+    Args:
+        missed: Numbers of the missed nosings, each with the reason.
+    """
     if look is None:
         return f'<div style="{STYLE}">no camera frame yet</div>'
     picture = ""
     if look.picture is not None:
         data = base64.b64encode(look.picture).decode("ascii")
         picture = f'<img alt="camera image with detected nosings" style="{IMAGE_STYLE}" src="data:image/jpeg;base64,{data}">'
+    if not look.is_judged:
+        return f'{picture}<div style="{STYLE}"><b>image of {look.t_s:.2f} s</b><br>{escape(look.summary)}</div>'
     head = f"frame of {look.t_s:.2f} s: " + ("accepted" if look.reason is None else f"rejected, {look.reason}")
     if t_s - look.taken_s > OLD_S:
         head = f"nothing for {t_s - look.t_s:.1f} s; last {head}"
     colour = "#d55e00" if look.reason is not None else "#009e73"
     found = f"nosings perceived: {_numbers(seen)}; " + (
-        f'<b style="color:#d55e00">missed: {_numbers(missed)}</b>' if missed else "none missed in view"
+        f'<b style="color:#d55e00">missed: {escape(_reasons(missed))}</b>' if missed else "none missed in view"
     )
     return f'{picture}<div style="{STYLE}"><b style="color:{colour}">{escape(head)}</b><br>{escape(look.summary)}<br>{found}</div>'
+
+
+def _reasons(missed: dict[int, str]) -> str:
+    """Return the numbers of missed nosings with their reasons; nosings with the same reason are named together."""
+    together: dict[str, list[int]] = {}
+    for index, reason in missed.items():
+        together.setdefault(reason, []).append(index)
+    return "; ".join(f"{_numbers(indices)} ({reason})" for reason, indices in together.items())
 
 
 def _numbers(indices: list[int]) -> str:

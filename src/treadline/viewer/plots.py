@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
-from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
+from treadline.playback import Limits
 from treadline.viewer.tape import Tape
 
 BINS = 250
@@ -33,7 +33,7 @@ class PlotSpec:
     limits: tuple[float, ...]
     """Limits in the plot's unit."""
     limit_label: str
-    """Meaning of the limits."""
+    """Meaning of the limits; not shown without any."""
     unit: float = 1.0
     """Unit in SI units: ``DEG`` for degrees."""
     low: float = -np.inf
@@ -49,12 +49,19 @@ Columns = tuple[Float[np.ndarray, " n"], ...]
 BLUE, ORANGE, GREEN, RED, GREY, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#888888", "#56b4e9"
 
 
-@cache
-def plot_specs() -> tuple[PlotSpec, ...]:
-    """Return the plots of the panel; the limits are the guard's and the check's."""
-    from treadline.mission.guard.config import GuardConfig  # imports compiled code: a second that the first picture saves
+def both(limit: float | None, unit: float = 1.0) -> tuple[float, ...]:
+    """Return a limit and its negative in the plot's unit; nothing for an unknown limit."""
+    return () if limit is None else (limit / unit, -limit / unit)
 
-    guard = GuardConfig()
+
+def one(limit: float | None, unit: float = 1.0) -> tuple[float, ...]:
+    """Return a limit in the plot's unit; nothing for an unknown limit."""
+    return () if limit is None else (limit / unit,)
+
+
+@cache
+def plot_specs(limits: Limits) -> tuple[PlotSpec, ...]:
+    """Return the plots of the panel with the limits of the run."""
     return (
         PlotSpec(
             title="Heading [°]",
@@ -62,7 +69,7 @@ def plot_specs() -> tuple[PlotSpec, ...]:
                 Curve(column="heading_rad", label="true", colour=BLUE),
                 Curve(column="estimate_rad", label="estimate", colour=ORANGE),
             ),
-            limits=(guard.max_heading_error_rad / DEG, -guard.max_heading_error_rad / DEG),
+            limits=both(limits.heading_rad, DEG),
             limit_label="limit over crest and edge",
             unit=DEG,
             ghost="heading_rad",
@@ -70,7 +77,7 @@ def plot_specs() -> tuple[PlotSpec, ...]:
         PlotSpec(
             title="Pitch rate [°/s]",
             curves=(Curve(column="pitch_rate_rad_s", label="by ground truth", colour=BLUE),),
-            limits=(guard.pitch_rate_rad_s / DEG, -guard.pitch_rate_rad_s / DEG),
+            limits=both(limits.pitch_rate_rad_s, DEG),
             limit_label="guard's limit",
             unit=DEG,
             ghost="pitch_rate_rad_s",
@@ -83,13 +90,13 @@ def plot_specs() -> tuple[PlotSpec, ...]:
                 Curve(column="command_left_m_s", label="commands", colour=BLUE, dashed=True),
                 Curve(column="command_right_m_s", label="", colour=ORANGE, dashed=True),
             ),
-            limits=(guard.cruise_limit_m_s,),
+            limits=one(limits.cruise_m_s),
             limit_label="cruise limit",
         ),
         PlotSpec(
             title="Slip ratio",
             curves=(Curve(column="slip", label="by ground truth", colour=BLUE),),
-            limits=(guard.slip,),
+            limits=one(limits.slip),
             limit_label="guard's limit",
             low=-0.5,
             high=1.2,
@@ -98,7 +105,7 @@ def plot_specs() -> tuple[PlotSpec, ...]:
         PlotSpec(
             title="Seat pitch [°]",
             curves=(Curve(column="seat_pitch_rad", label="seat", colour=BLUE),),
-            limits=(guard.seat_rad / DEG, -guard.seat_rad / DEG),
+            limits=both(limits.seat_rad, DEG),
             limit_label="guard's limit",
             unit=DEG,
             ghost="seat_pitch_rad",
@@ -106,7 +113,7 @@ def plot_specs() -> tuple[PlotSpec, ...]:
         PlotSpec(
             title="Tip-over margin [°]",
             curves=(Curve(column="margin_rad", label="margin", colour=GREEN),),
-            limits=(MARGIN_LIMIT_RAD / DEG, 0.0),
+            limits=(*one(limits.margin_rad, DEG), 0.0),
             limit_label="7° required, 0° tips",
             unit=DEG,
             ghost="margin_rad",
@@ -121,7 +128,7 @@ def legend_html(spec: PlotSpec, *, forked: bool) -> str:
         for curve in spec.curves
         if curve.label
     ]
-    limit = f'<span style="color:{RED}">┄ {spec.limit_label}</span>'
+    limit = f'<span style="color:{RED}">┄ {spec.limit_label}</span>' if spec.limits else ""
     fork = "" if spec.ghost is None or not forked else f' <span style="color:{SKY}">━ fork</span>'
     return f'<div style="font-size:11px;margin:0 0 -6px 2px"><b>{spec.title}</b> {" ".join(lines)}{fork} {limit}</div>'
 

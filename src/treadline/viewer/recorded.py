@@ -3,10 +3,9 @@
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import rotation_of
 from treadline.faults import payload_shift_m
 from treadline.playback import Recording
-from treadline.viewer.tape import COLUMNS, LEAST_BELT_M, NUMBER, ROUNDING_S, SLIP_WINDOW_S, Look, PhaseEntry, Tape
+from treadline.viewer.tape import COLUMNS, NUMBER, Look, Tape
 
 
 def tape_of(recording: Recording) -> Tape:
@@ -32,7 +31,6 @@ def tape_of(recording: Recording) -> Tape:
         "margin_rad": recording.margin_rad,
         "command_left_m_s": recording.command_m_s[:, 0],
         "command_right_m_s": recording.command_m_s[:, 1],
-        "slip": slip_of(recording),
         "friction_use": recording.friction_use,
     }
     for name, values in columns.items():
@@ -41,8 +39,8 @@ def tape_of(recording: Recording) -> Tape:
     shift = NUMBER["payload_forward_m"]
     rows[:, shift : shift + 3] = [payload_shift_m(faults, t_s) for t_s in recording.t_s.tolist()] if faults else 0.0
     tape = Tape(
+        limits=recording.limits,
         events=list(recording.events),
-        phases=[PhaseEntry(t_s=span.start_s, phase=span.name, cause=span.cause) for span in recording.phases],
         looks=[_look(seen.t_s, seen.taken_s, seen.nosings_B) for seen in recording.maps],
     )
     tape.append(rows)
@@ -62,14 +60,3 @@ def _look(t_s: float, taken_s: float, nosings_B: Float[np.ndarray, "n 3"]) -> Lo
         nosings_B=nosings_B,
         summary=f"stair map with {len(nosings_B)} nosings (from the log)",
     )
-
-
-def slip_of(recording: Recording) -> Float[np.ndarray, " T"]:
-    """Return the slip ratio as ``SlipMeter`` gives it during a live run."""
-    before = np.searchsorted(recording.t_s, recording.t_s - SLIP_WINDOW_S - ROUNDING_S)
-    belts_m = recording.belt_travel_m.mean(axis=1)
-    asked_m = belts_m - belts_m[before]
-    forward = np.array([rotation_of(quaternion)[:, 0] for quaternion in recording.quat_WB])
-    gone_m = ((recording.p_WB - recording.p_WB[before]) * forward).sum(axis=1)
-    driven = np.abs(asked_m) >= LEAST_BELT_M
-    return np.where(driven, 1.0 - gone_m / np.where(driven, asked_m, 1.0), np.nan)

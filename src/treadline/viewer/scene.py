@@ -25,6 +25,14 @@ GOOD, WARN, BAD = (0, 158, 115), (230, 159, 0), (213, 94, 0)
 """Colours of a value within its limit, near it and beyond (Okabe and Ito, 2008)."""
 TRUE, SEEN, MISSED, GHOST = (0, 114, 178), (220, 40, 180), (213, 94, 0), (86, 180, 233)
 """Colours of true, perceived and missed nosings, and of the ghost."""
+TREAD, RISER = (70, 150, 255), (255, 150, 50)
+"""Colours of detected treads and risers, as in the camera image."""
+PLANES_MAX = 24
+"""Largest number of treads, and of risers, that are shown: more than a camera sees of a flight."""
+PLANE_LIFT_M = 0.015
+"""Distance of detected planes from the true ones towards the camera [m], so that they do not hide each other."""
+QUADS = np.concatenate([4 * k + np.array([[0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 3, 2]]) for k in range(PLANES_MAX)])
+"""Triangles of the planes, each from both sides."""
 CONTACT = (60, 60, 160)
 """Colour of contact forces."""
 WEDGE_M = 1.8
@@ -35,6 +43,8 @@ LEAST_HALF_WEDGE = math.tan(0.8 * DEG)
 """Least half width of the wedge per length, so that a precise heading stays visible."""
 NEWTON_PER_M = 500.0
 """Scale of the force arrows [N/m]: the weight of chair and passenger, 2 kN, is 4 m."""
+CONTACT_N_PER_M = 250.0
+"""Scale of the contact forces [N/m]: 80 N, one of a dozen contacts on a floor, reaches above the belts."""
 SWEPT_M = 1.5
 """Length of the swept volume ahead of the chair [m]."""
 SWEPT_HEIGHT_M = (0.06, 1.4)
@@ -43,6 +53,11 @@ BACKGROUND = np.full((2, 2, 3), (222, 230, 238), dtype=np.uint8)
 """Background: a light sky, so that white treads stand out."""
 CAMERA_M, LOOK_AT_M = (-1.2, -4.4, 2.1), (0.5, 0.0, 0.7)
 """First view, relative to the chair [m]: from its right, so that it climbs to the right in the picture."""
+FLAT: dict[str, Any] = {"material": "toon3", "cast_shadow": False, "receive_shadow": False}
+"""Shading of every surface: one material in all, because a browser without a graphics card compiles each for a tenth of a second
+before the first picture, and without shadows and physically based shading, which it draws slowly."""
+NARROW_CAMERA_M, NARROW_LOOK_AT_M = (-1.6, -6.0, 1.9), (0.4, 0.0, -0.5)
+"""First view on a narrow screen: from farther away, and the chair in the upper half of the picture."""
 GHOST_OPACITY = 0.3
 """Opacity of the other chair."""
 
@@ -51,6 +66,7 @@ GHOST_OPACITY = 0.3
 class SceneChoices:
     """What of the scene is shown."""
 
+    planes: bool = True
     forces: bool = False
     contacts: bool = False
     swept: bool = False
@@ -90,12 +106,12 @@ class SceneView:
 
     def __init__(self, server: Any, stage: Stage) -> None:
         self._scene, self._stage = server.scene, stage
-        self._nosings = SeenNosings(stage.staircase, stage.chair.camera_at(stage.image_height_px, rear=stage.rear_camera))
+        self._camera = stage.chair.camera_at(stage.image_height_px, rear=stage.rear_camera)
+        self._nosings = SeenNosings(stage.staircase, self._camera)
         self._look: Look | None = None
         self._obstacle: Any = None
         self._obstacle_at: Any = None
         self._ghost: _Body | None = None
-        self._ghost_opaque = True
         self._add_world(server)
         self._chair = self._add_chair("/world/chair", None)
         self._add_marks()
@@ -103,9 +119,8 @@ class SceneView:
     def _add_world(self, server: Any) -> None:
         scene = self._scene
         scene.configure_default_lights(enabled=False)
-        scene.configure_environment_map(
-            None
-        )  # image-based lighting more than doubles the time of a frame that is drawn in software
+        # Image-based lighting more than doubles the time of a frame that is drawn in software.
+        scene.configure_environment_map(None)
         scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(150, 150, 150), intensity=2.2)
         scene.add_light_directional("/lights/sun", intensity=1.6, position=(-3.0, -5.0, 8.0))
         scene.set_background_image(BACKGROUND, format="png")
@@ -123,9 +138,7 @@ class SceneView:
             color=tuple(round(255 * c) for c in part.colour) if colour is None else colour,
             opacity=(None if part.opacity >= 1.0 else part.opacity) if opacity is None else opacity,
             flat_shading=True,
-            material="toon3",  # drawn in software, a frame takes less time than with physically based shading
-            cast_shadow=False,
-            receive_shadow=False,
+            **FLAT,
         )
 
     def _add_chair(self, root: str, opacity: float | None) -> _Body:
@@ -151,8 +164,7 @@ class SceneView:
                 batched_colors=tuple(round(255 * c) for c in lug.colour),
                 flat_shading=True,
                 lod="off",
-                cast_shadow=False,
-                receive_shadow=False,
+                **FLAT,
             )
         return body
 
@@ -162,7 +174,13 @@ class SceneView:
         nothing = np.full((1, 2, 3), -100.0)
         self._seen = scene.add_line_segments("/world/nosings/perceived", nothing, SEEN, thickness=0.012)
         self._missed = scene.add_line_segments("/world/nosings/missed", nothing, MISSED, thickness=0.014)
-        camera = stage.chair.camera_at(stage.image_height_px, rear=stage.rear_camera)
+        self._planes = [
+            scene.add_mesh_simple(
+                f"/world/planes/{name}", np.full((4 * PLANES_MAX, 3), -100.0), QUADS, color=colour, opacity=0.5, **FLAT
+            )
+            for name, colour in (("treads", TREAD), ("risers", RISER))
+        ]
+        camera = self._camera
         self._frustum = scene.add_camera_frustum(
             "/world/chair/camera",
             fov=2.0 * math.atan2(0.5 * camera.height_px, camera.fy_px),
@@ -177,23 +195,19 @@ class SceneView:
         )
         fan = np.array([[0.0, 0.0, 0.0], [WEDGE_M, -WEDGE_M, 0.0], [WEDGE_M, WEDGE_M, 0.0]])
         both = np.array([[0, 1, 2], [0, 2, 1]])
-        self._wedge = scene.add_mesh_simple(
-            "/world/heading/estimate", fan, both, color=WARN, opacity=0.65, side="double", cast_shadow=False, receive_shadow=False
-        )
+        self._wedge = scene.add_mesh_simple("/world/heading/estimate", fan, both, color=WARN, opacity=0.65, **FLAT)
         ahead = np.array([[[0.0, 0.0, 0.0], [WEDGE_M + 0.2, 0.0, 0.0]]])
         self._heading = scene.add_line_segments("/world/heading/true", ahead, TRUE, thickness=0.006)
         square = np.zeros((4, 3))
         self._support = scene.add_mesh_simple(
             "/world/chair/support",
             square,
-            np.array([[0, 1, 2], [0, 2, 3]]),
+            np.array([[0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 3, 2]]),
             color=GOOD,
             opacity=0.5,
-            side="double",
-            cast_shadow=False,
-            receive_shadow=False,
+            **FLAT,
         )
-        self._com = scene.add_icosphere("/world/com", radius=0.035, color=GOOD, subdivisions=2, cast_shadow=False)
+        self._com = scene.add_icosphere("/world/com", radius=0.035, color=GOOD, subdivisions=2, **FLAT)
         self._plumb = scene.add_line_segments("/world/plumb", nothing, GOOD, thickness=0.008)
         self._label = scene.add_label("/world/margin", "", anchor="bottom-center", font_screen_scale=1.1)
         half, swept = 0.5 * stage.chair.tracks.gauge_m, stage.chair.swept_half_m
@@ -201,8 +215,11 @@ class SceneView:
         self._forces = scene.add_arrows(
             "/world/chair/forces", np.zeros((2, 2, 3)), BAD, shaft_radius=0.015, head_radius=0.04, visible=False
         )
-        self._contacts = scene.add_arrows(
-            "/world/contacts", np.zeros((1, 2, 3)), CONTACT, shaft_radius=0.008, head_radius=0.02, head_length=0.05, visible=False
+        self._contacts, self._ghost_contacts = (
+            scene.add_arrows(
+                name, np.zeros((1, 2, 3)), colour, shaft_radius=0.008, head_radius=0.02, head_length=0.05, visible=False
+            )
+            for name, colour in (("/world/contacts", CONTACT), ("/world/ghost_contacts", GHOST))
         )
         self._half_gauge_m = half
         ahead_m = -1.0 if stage.rear_camera else 1.0
@@ -214,8 +231,7 @@ class SceneView:
             opacity=0.2,
             position=(ahead_m * (reach + 0.5 * SWEPT_M), 0.0, 0.5 * (low + high)),
             visible=False,
-            cast_shadow=False,
-            receive_shadow=False,
+            **FLAT,
         )
 
     def _lugs_at(
@@ -249,11 +265,14 @@ class SceneView:
         self._show_heading(row, p_WB)
         self._show_support(row, R_WB, p_WB)
         self._show_look(tape, t_s)
+        for node in self._planes:
+            node.visible = choices.planes
         self._show_obstacle(tape, t_s)
         self._forces.visible, self._swept.visible = choices.forces, choices.swept
         if choices.forces:
             self._show_forces(row)
-        self._show_contacts(tape.contacts_at(t_s) if choices.contacts else None)
+        for arrows, run in ((self._contacts, tape), (self._ghost_contacts, ghost)):
+            _show_contacts(arrows, run.contacts_at(t_s) if choices.contacts and run is not None else None)
         for node in self._chair.passenger:
             node.visible = choices.passenger
             node.position = self._shift_of(row)
@@ -335,6 +354,7 @@ class SceneView:
             self._seen.points = seen
         if len(missed):
             self._missed.points = missed
+        self._show_planes(look, tape.at(look.t_s))
         self._frustum.color = BAD if look.reason else (80, 80, 80)
         if look.picture is not None:
             from treadline.perception.overlay import (
@@ -342,6 +362,18 @@ class SceneView:
             )  # imports the compiled detector: a second that the first picture saves
 
             self._frustum.image = from_jpeg(look.picture, 160)
+
+    def _show_planes(self, look: Look, row: dict[str, float]) -> None:
+        """Show the treads and risers that were detected in a frame, at the pose of its exposure."""
+        R_WB, p_WB = pose_of(row)
+        eye_B = np.array(self._camera.mount_m)
+        for node, found_B in zip(self._planes, (look.treads_B, look.risers_B), strict=True):
+            corners = np.full((PLANES_MAX, 4, 3), -100.0)
+            near_B = found_B[:PLANES_MAX]
+            towards = eye_B - near_B.mean(axis=1, keepdims=True) if len(near_B) else near_B
+            near_B = near_B + PLANE_LIFT_M * towards / np.linalg.norm(towards, axis=2, keepdims=True)
+            corners[: len(near_B)] = p_WB + near_B @ R_WB.T
+            node.vertices = corners.reshape(-1, 3).astype(np.float32)
 
     def _show_obstacle(self, tape: Tape, t_s: float) -> None:
         box = tape.obstacle_at(t_s)
@@ -358,7 +390,7 @@ class SceneView:
                 dimensions=tuple(2.0 * half for half in box.half_m),
                 position=box.centre_W,
                 wxyz=quaternion_of(rotation_z(box.yaw_rad)),
-                cast_shadow=False,
+                **FLAT,
             )
 
     def _show_forces(self, row: dict[str, float]) -> None:
@@ -367,11 +399,12 @@ class SceneView:
         tips[:, 0] += np.array([row["left_force_n"], row["right_force_n"]]) / NEWTON_PER_M
         self._forces.points = np.stack([places, tips], axis=1).astype(np.float32)
 
-    def _show_contacts(self, found: ContactForces | None) -> None:
-        self._contacts.visible = found is not None and len(found.points_W) > 0
-        if found is not None and len(found.points_W):
-            tips = found.points_W + found.forces_W / NEWTON_PER_M
-            self._contacts.points = np.stack([found.points_W, tips], axis=1).astype(np.float32)
+
+def _show_contacts(arrows: Any, found: ContactForces | None) -> None:
+    arrows.visible = found is not None and len(found.points_W) > 0
+    if found is not None and len(found.points_W):
+        tips = found.points_W + found.forces_W / CONTACT_N_PER_M
+        arrows.points = np.stack([found.points_W, tips], axis=1).astype(np.float32)
 
 
 def pose_of(row: dict[str, float]) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:

@@ -11,6 +11,8 @@ from typing import Any
 from treadline.errors import SettingsError
 from treadline.viewer.access import AccessRules, Handler, RequestCheck
 
+FILES = ("handset.js", "narrow.css")
+"""Files that the page loads in addition to viser's."""
 TOKEN_BYTES = 18
 """Length of the token: 144 random bits, 24 letters in the address."""
 
@@ -65,8 +67,9 @@ class GuardedServer:
         import_viser()
         listener = bound_socket(host, port)
         self.rules = AccessRules(token=secrets.token_urlsafe(TOKEN_BYTES), host=host, port=listener.getsockname()[1])
-        script = resources.files("treadline.viewer").joinpath("handset.js").read_bytes()
-        check = RequestCheck(self.rules, {"handset.js": script}, {} if handlers is None else handlers)
+        folder = resources.files("treadline.viewer")
+        files = {name: folder.joinpath(name).read_bytes() for name in FILES}
+        check = RequestCheck(self.rules, files, {} if handlers is None else handlers)
         with _checked(check, listener), contextlib.redirect_stdout(io.StringIO()):
             self.viser = import_viser().ViserServer(host=host, port=self.rules.port, label="treadline", verbose=False)
         if not check.is_installed:

@@ -5,6 +5,7 @@ fork repeats the scenario with the same seed and commands up to the cursor and t
 """
 
 import time
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 from treadline.faults import Fault
 from treadline.signals import TICK_S
 from treadline.viewer.orders import Command, Handset, Order, Script, Worker
-from treadline.viewer.tape import Tape
+from treadline.viewer.tape import Look, Tape
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 """Speeds of the display as multiples of real time."""
@@ -39,6 +40,8 @@ class Feed:
     error: str | None = None
     images: Worker | None = None
     """Worker that runs the detector on the images of a log."""
+    repeat: Worker | None = None
+    """Worker that repeats the run from its seed and sends the contact forces, which no log holds."""
     _illustrated: int = 0
 
     def start(self, make: Callable[[Order], Worker] = Worker) -> None:
@@ -51,6 +54,9 @@ class Feed:
         if self.images is not None:
             for kind, value in self.images.receive():
                 self._illustrate(kind, value)
+        if self.repeat is not None:
+            for kind, value in self.repeat.receive():
+                self._take_repeated(kind, value)
         if self.worker is None:
             return False
         messages = self.worker.receive()
@@ -64,12 +70,13 @@ class Feed:
     def _take(self, kind: str, value: Any) -> None:
         match kind:
             case "ticks":
-                rows, events, phases, looks = value
+                rows, events, looks = value
                 self.tape.append(rows)
                 self.tape.events += events
-                self.tape.phases += phases
                 self.tape.looks += looks
                 self._forget_pictures(len(looks))
+            case "limits":
+                self.tape.limits = value
             case "obstacle":
                 self.tape.obstacles.append(value)
             case "contacts":
@@ -86,6 +93,25 @@ class Feed:
             case _:
                 pass
 
+    def start_repeat(self, make: Callable[[Order], Worker] = Worker) -> None:
+        """Repeat the run, which has ended, for its contact forces."""
+        self.tape.contacts.clear()
+        script = tuple(self.script or self.order.script)
+        self.repeat = make(replace(self.order, script=script, speed=FASTEST, pictures=False, contacts=True))
+
+    def _take_repeated(self, kind: str, value: Any) -> None:
+        if kind == "contacts":
+            self._take(kind, value)
+        elif kind in ("end", "error"):
+            self.error = value if kind == "error" else self.error
+            self.end_repeat()
+
+    def end_repeat(self) -> None:
+        """End the repetition; the contact forces so far stay."""
+        repeat, self.repeat = self.repeat, None
+        if repeat is not None:
+            repeat.close()
+
     def _illustrate(self, kind: str, value: Any) -> None:
         """Replace the stair maps of a log by the frames that they came from."""
         if kind != "look":
@@ -93,10 +119,23 @@ class Feed:
             self._end_images()
             return
         looks = self.tape.looks
+        if not value.is_judged:
+            self._add_picture(value)
+            self._forget_pictures(1)
+            return
         maps = [look for look in looks[self._illustrated :] if look.t_s > value.t_s + 0.5 * TICK_S]
         looks[self._illustrated :] = [value, *maps]
         self._illustrated += 1
         self._forget_pictures(1)
+
+    def _add_picture(self, shown: Look) -> None:
+        """Add an image to the stair map of its time; without one, it is shown alone."""
+        looks = self.tape.looks
+        place = bisect_left([look.t_s for look in looks], shown.t_s - 0.5 * TICK_S)
+        if place < len(looks) and looks[place].t_s <= shown.t_s + 0.5 * TICK_S:
+            looks[place] = replace(looks[place], picture=shown.picture)
+        else:
+            looks.insert(place, shown)
 
     def _end_images(self) -> None:
         images, self.images = self.images, None
@@ -107,11 +146,12 @@ class Feed:
         looks = self.tape.looks
         old = max(len(looks) - PICTURES_MAX, 0)
         for number in range(max(old - count, 0), old):
-            looks[number] = replace(looks[number], picture=None)
+            looks[number] = replace(looks[number], picture=None, depth_m=None)
 
     def close(self) -> None:
         """End the workers."""
         self._end_images()
+        self.end_repeat()
         worker, self.worker = self.worker, None
         if worker is not None:
             worker.close()
@@ -124,6 +164,8 @@ class Session:
     feed: Feed
     attended: bool = False
     """Whether clients may command the chair."""
+    can_repeat: bool = True
+    """Whether scenario and seed of the run are known."""
     cursor_s: float = 0.0
     playing: bool = True
     speed: float = 1.0
@@ -217,15 +259,46 @@ class Session:
             self.feed.worker.send(kind, value)
 
     def ask_contacts(self, *, asked: bool) -> None:
-        """Ask a running simulation for its contact forces from now on, or no longer; this does not affect the run."""
+        """Ask a running simulation for its contact forces from now on, or no longer; this does not affect the run.
+
+        A run that has ended is repeated from its seed, once.
+        """
         if self.feed.worker is not None:
             self.feed.worker.send("contacts", asked)
+        elif not asked:
+            self.feed.end_repeat()
+        elif self.can_repeat and self.feed.repeat is None and not self._has_all_contacts:
+            self.feed.start_repeat()
+
+    @property
+    def _has_all_contacts(self) -> bool:
+        known = self.tape.contacts
+        return len(known) == CONTACTS_MAX or (len(known) > 0 and known[-1].t_s - known[0].t_s >= self.tape.end_s - 2.0 * TICK_S)
+
+    @property
+    def contacts_note(self) -> str:
+        """Sentence about where the contact forces come from; empty if nothing needs to be said."""
+        if self.is_live or (self.feed.tape.contacts and self.feed.repeat is None):
+            return ""
+        if self.feed.repeat is not None:
+            known = self.tape.contacts
+            return f"repeating the run: contact forces up to {known[-1].t_s if known else 0.0:.0f} s of {self.tape.end_s:.0f} s"
+        return (
+            "contact forces are computed by repeating the run"
+            if self.can_repeat
+            else "this run cannot be repeated: no contact forces"
+        )
 
     # Commands to the chair
 
     def act(self, command: Command) -> None:
         """Pass a command to the running simulation; without one, or in a session that only views, it is ignored."""
         self._command("act", command)
+
+    @property
+    def handset(self) -> Handset:
+        """State of the handset."""
+        return self._handset
 
     def press(self, button: str) -> None:
         """Press the stop or the re-arm button of the handset."""
@@ -276,7 +349,7 @@ class Session:
         before = [entry for entry in self.feed.script if entry[0] <= tick]
         if change is not None:
             before.append((tick, change.model_copy(update={"at_s": tick * TICK_S})))
-        order = replace(self.feed.order, script=tuple(before), speed=FASTEST, attended=False, pictures=False)
+        order = replace(self.feed.order, script=tuple(before), speed=FASTEST, attended=False, pictures=False, contacts=True)
         self.ghost, self.ghost_from_s = Feed(order=order), self.cursor_s
         self.ghost.start()
 

@@ -6,27 +6,23 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import attitude_of, rotation_of
+from treadline.angles import attitude_of
 from treadline.mission.blocks import Detection, Detector
 from treadline.perception.detection import StairDetection
 from treadline.perception.overlay import BAND_PX, as_jpeg, overlay
+from treadline.perception.surfaces import Surface
 from treadline.playback.builder import seat_angle_of
 from treadline.ports import Truth
-from treadline.signals import TICK_S, Event, FlipperReading, HeadingEstimate, RgbdFrame, TrackCommand
-from treadline.viewer.tape import COLUMNS, Look, PhaseEntry, SlipMeter
+from treadline.signals import TICK_S, Event, FlipperReading, HeadingEstimate, PinholeCamera, RgbdFrame, TrackCommand
+from treadline.viewer.tape import COLUMNS, DEPTH_STEP, Look
 
 PICTURE_PX = 480
 """Width of the camera image in the panel [px]."""
-PHASES = frozenset(
-    ("search", "align", "approach", "mount", "traction", "climb", "crest", "land", "edge", "descend", "leave", "back_off", "drive",
-     "arrived", "refused")
-)  # fmt: skip
-"""Events that are the beginning of a phase."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -42,7 +38,6 @@ class Tap:
     payload_shift_m: Callable[[], tuple[float, float, float]]
     rows: list[list[float]] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
-    phases: list[PhaseEntry] = field(default_factory=list)
     looks: list[Look] = field(default_factory=list)
     now_s: float = 0.0
     """Time of the newest row [s]."""
@@ -50,9 +45,8 @@ class Tap:
     _estimate: HeadingEstimate | None = None
     _command: TrackCommand | None = None
     _travel_m: list[float] = field(default_factory=lambda: [0.0, 0.0])
-    _slip: SlipMeter = field(default_factory=SlipMeter)
 
-    def sink(self, signal: Any, taken_s: float) -> None:
+    def sink(self, signal: Any) -> None:
         """Take one signal of the run, as a log does."""
         match signal:
             case Truth():
@@ -65,8 +59,6 @@ class Tap:
             case FlipperReading():
                 self._flipper_rad = signal.angle_rad
             case Event():
-                if signal.name in PHASES:
-                    self.phases.append(PhaseEntry(t_s=taken_s, phase=signal.name, cause=signal.cause))
                 self.events.append(signal)
             case _:
                 pass
@@ -77,7 +69,6 @@ class Tap:
             self._travel_m[0] += truth.left_m_s * TICK_S
             self._travel_m[1] += truth.right_m_s * TICK_S
         place = (truth.chassis_x_m, truth.chassis_y_m, truth.chassis_z_m)
-        forward = rotation_of(quaternion)[:, 0].tolist()
         estimate, command = self._estimate, self._command
         return [
             truth.t_s,
@@ -98,7 +89,7 @@ class Tap:
             math.nan if command is None else command.left_m_s,
             math.nan if command is None else command.right_m_s,
             0.0 if command is None else float(command.brake),
-            self._slip.update(truth.t_s, place, 0.5 * sum(self._travel_m), (forward[0], forward[1], forward[2])),
+            math.nan,  # the tape computes the slip ratio
             truth.friction_use,
             truth.contact_force_share,
             truth.left_force_n,
@@ -106,11 +97,11 @@ class Tap:
             *self.payload_shift_m(),
         ]
 
-    def take(self) -> tuple[Float[np.ndarray, "n c"], list[Event], list[PhaseEntry], list[Look]]:
+    def take(self) -> tuple[Float[np.ndarray, "n c"], list[Event], list[Look]]:
         """Return what was collected since the last call."""
         rows = np.array(self.rows).reshape(len(self.rows), len(COLUMNS))
-        taken = rows, self.events, self.phases, self.looks
-        self.rows, self.events, self.phases, self.looks = [], [], [], []
+        taken = rows, self.events, self.looks
+        self.rows, self.events, self.looks = [], [], []
         return taken
 
 
@@ -160,8 +151,37 @@ def look_of(frame: RgbdFrame, detection: Detection, taken_s: float, *, with_pict
         edge_count=0 if measurement is None else measurement.edge_count,
         nosings_B=np.zeros((0, 3)) if stair is None else stair.nosings_B,
         summary=summary,
+        treads_B=_planes(frame, sight, "treads"),
+        risers_B=_planes(frame, sight, "risers"),
         picture=picture_of(frame, sight) if with_picture else None,
+        depth_m=frame.depth_m[::DEPTH_STEP, ::DEPTH_STEP].astype(np.float32) if with_picture else None,
     )
+
+
+def _planes(frame: RgbdFrame, sight: object, name: Literal["treads", "risers"]) -> Float[np.ndarray, "n 4 3"]:
+    """Return the corners of the detected treads or risers in B; none without the robust detector."""
+    if not isinstance(sight, StairDetection) or sight.parts is None:
+        return np.zeros((0, 4, 3))
+    camera = frame.camera
+    corners_C = np.array([corners_of(surface, camera) for surface in getattr(sight.parts, name)]).reshape(-1, 4, 3)
+    return np.asarray(corners_C @ camera.R_BC.T + np.array(camera.mount_m))
+
+
+def corners_of(surface: Surface, camera: PinholeCamera) -> Float[np.ndarray, "4 3"]:
+    """Return the corners of a surface in C [m]: upper left, upper right, lower right, lower left.
+
+    Its upper and its lower edge in the image are replaced by straight lines, and their ends lie on the plane.
+    """
+    columns = surface.upper.columns.astype(float)
+    ends = np.array([columns.min(), columns.max()])
+    edges = [np.polyval(np.polyfit(columns, rows, min(len(np.unique(columns)) - 1, 1)), ends) for rows in _rows_of(surface)]
+    u, v = np.array([ends[0], ends[1], ends[1], ends[0]]), np.concatenate([edges[0], edges[1][::-1]])
+    rays = np.column_stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones(4)])
+    return np.asarray(rays / (rays @ surface.normal)[:, None])
+
+
+def _rows_of(surface: Surface) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    return np.asarray(surface.upper.rows, dtype=float), np.asarray(surface.lower.rows, dtype=float)
 
 
 def picture_of(frame: RgbdFrame, sight: object) -> bytes:

@@ -1,13 +1,14 @@
 """Tape: what a run did, tick by tick, in the quantities that scene and plots show. A live run appends to its tape."""
 
-import math
 from bisect import bisect_right
 from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
-from treadline.signals import TICK_S, Event, Phase
+from treadline.playback import Limits, PhaseSpan
+from treadline.playback.recording import SLIP_WINDOW_S, phases_of, slip_ratio
+from treadline.signals import TICK_S, Event
 
 COLUMNS = (
     "t_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", "seat_rad", "flipper_rad", "left_m_s", "right_m_s", "left_travel_m",
@@ -19,17 +20,12 @@ COLUMNS = (
 the passenger's centre of mass in the seat. NaN where a quantity is unknown."""
 NUMBER = {name: number for number, name in enumerate(COLUMNS)}
 """Position of each column."""
+PLACE, ATTITUDE = slice(NUMBER["x_m"], NUMBER["z_m"] + 1), slice(NUMBER["qw"], NUMBER["qz"] + 1)
+"""Columns of position and attitude."""
+DEPTH_STEP = 4
+"""Pixels between the depths that are kept: 10 kB per frame, and 1 cm on a nosing at 1 m."""
 GROWTH_ROWS = 4096
 """Least number of rows by which the memory of a tape grows: 41 s at 100 Hz."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PhaseEntry:
-    """Beginning of a phase and the reason of the transition."""
-
-    t_s: float
-    phase: Phase | str
-    cause: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,8 +45,16 @@ class Look:
     """Perceived nosings in the chair frame of the exposure [m]."""
     summary: str
     """One line for people."""
+    is_judged: bool = True
+    """Whether a detector has judged the frame; the images of a ROS bag are shown as they are."""
+    treads_B: Float[np.ndarray, "k 4 3"] = field(default_factory=lambda: np.zeros((0, 4, 3)))
+    """Corners of the detected treads in the chair frame of the exposure [m]."""
+    risers_B: Float[np.ndarray, "m 4 3"] = field(default_factory=lambda: np.zeros((0, 4, 3)))
+    """Corners of the detected risers in the chair frame of the exposure [m]."""
     picture: bytes | None = None
     """Image with overlay as JPEG; None if no image is kept."""
+    depth_m: Float[np.ndarray, "h w"] | None = None
+    """Every ``DEPTH_STEP``-th row and column of the depth image [m], kept as long as the picture."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -79,25 +83,31 @@ class Tape:
     """Rows, events, phases and camera frames of a run in order of time."""
 
     events: list[Event] = field(default_factory=list)
-    phases: list[PhaseEntry] = field(default_factory=list)
     looks: list[Look] = field(default_factory=list)
     obstacles: list[Obstacle] = field(default_factory=list)
     contacts: list[ContactForces] = field(default_factory=list)
     """Contact forces of the ticks at which they were asked for."""
     verdict: str | None = None
     """Verdict of a run that has ended, with its cause; None while it runs or if the log has none."""
+    limits: Limits = field(default_factory=Limits)
+    """Limits of the run, which plots draw."""
     _memory: Float[np.ndarray, "m c"] = field(default_factory=lambda: np.empty((0, len(COLUMNS))))
     _count: int = 0
 
     def append(self, rows: Float[np.ndarray, "n c"]) -> None:
-        """Append rows, in the order of ``COLUMNS``."""
+        """Append rows, in the order of ``COLUMNS``; the slip ratio follows from the other columns."""
         count = self._count + len(rows)
         if count > len(self._memory):
             grown = np.empty((max(count, 2 * len(self._memory), GROWTH_ROWS), len(COLUMNS)))
             grown[: self._count] = self._memory[: self._count]
             self._memory = grown
         self._memory[self._count : count] = rows
-        self._count = count
+        first = int(np.searchsorted(self._memory[: self._count, 0], float(rows[0, 0]) - 2.0 * SLIP_WINDOW_S)) if len(rows) else 0
+        new, self._count = self._count - first, count
+        known = self._memory[first:count]
+        columns = [known[:, NUMBER[name]] for name in ("left_travel_m", "right_travel_m")]
+        slip = slip_ratio(known[:, 0], known[:, PLACE], known[:, ATTITUDE], 0.5 * (columns[0] + columns[1]))
+        known[new:, NUMBER["slip"]] = slip[new:]
 
     def __len__(self) -> int:
         return self._count
@@ -128,10 +138,14 @@ class Tape:
         """
         return dict(zip(COLUMNS, self._memory[: self._count][self.index(t_s)].tolist(), strict=True))
 
-    def phase_at(self, t_s: float) -> PhaseEntry | None:
+    @property
+    def phases(self) -> tuple[PhaseSpan, ...]:
+        """Phases so far; the present one lasts to the last row."""
+        return phases_of(self.events, self.end_s)
+
+    def phase_at(self, t_s: float) -> PhaseSpan | None:
         """Return the phase at a time, None before the first."""
-        number = bisect_right([span.t_s for span in self.phases], t_s + 1e-6)
-        return self.phases[number - 1] if number else None
+        return next((span for span in reversed(self.phases) if span.start_s <= t_s + 1e-6), None)
 
     def look_at(self, t_s: float) -> Look | None:
         """Return the newest camera frame that the mission had received at a time, None before the first."""
@@ -156,35 +170,3 @@ class Tape:
             (event for event in reversed(self.events) if event.t_s <= t_s + 1e-6 and event.name in ("hold", "rearmed")), None
         )
         return last if last is not None and last.name == "hold" else None
-
-
-ROUNDING_S = 1e-9
-"""Rounding of stamps [s]: a log keeps nanoseconds."""
-SLIP_WINDOW_S = 0.5
-"""Time over which belt travel and movement of the chair are compared [s], as in the guard's slip monitor."""
-LEAST_BELT_M = 0.01
-"""Belt travel in ``SLIP_WINDOW_S`` below which no slip ratio is given [m]: 2 cm/s, ten times the resolution of the encoders."""
-
-
-class SlipMeter:
-    """Slip ratio of the chair by ground truth: one minus distance covered over mean belt travel."""
-
-    def __init__(self) -> None:
-        self._past: list[tuple[float, float, float, float, float]] = []
-
-    def update(self, t_s: float, p_W: tuple[float, float, float], belts_m: float, forward: tuple[float, float, float]) -> float:
-        """Return the slip ratio over the last half second; NaN where the belts hardly move.
-
-        Args:
-            belts_m: Mean travel of the belts since the start [m].
-            forward: Unit vector along the chair's x axis in W.
-        """
-        self._past.append((t_s, *p_W, belts_m))
-        while self._past[0][0] < t_s - SLIP_WINDOW_S - ROUNDING_S:
-            self._past.pop(0)
-        _, x, y, z, before_m = self._past[0]
-        asked_m = belts_m - before_m
-        if abs(asked_m) < LEAST_BELT_M:
-            return math.nan
-        gone_m = sum((now - then) * axis for now, then, axis in zip(p_W, (x, y, z), forward, strict=True))
-        return 1.0 - gone_m / asked_m

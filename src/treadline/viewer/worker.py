@@ -8,7 +8,7 @@ script.
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from treadline.angles import DEG
 from treadline.experiments.traverse import Sink, run_episode
 from treadline.faults import Conditions, Fault
 from treadline.mission.blocks import Detection
+from treadline.playback import Limits
 from treadline.scenario import Scenario
 from treadline.setup import Setup, resolve
 from treadline.signals import TICK_S, RgbdFrame
@@ -97,7 +98,7 @@ class LiveRun:
         self._sent_at = 0.0
         self._waiting: list[Any] = []
         self._obstacle: Obstacle | None = None
-        self._asks_contacts = False
+        self._asks_contacts = order.contacts
         self._contacts: list[ContactForces] = []
 
     def run(self) -> None:
@@ -122,6 +123,7 @@ class LiveRun:
         blocks = None
         if not (setup.is_full_traversal and setup.rejections):
             built = setup.build_blocks()
+            self._waiting.append(("limits", Limits.of_guard(asdict(built.guard.config))))
             blocks = replace(
                 built, detector=TappedDetector(built.detector, self._note), planner=AttendedPlanner(built.planner, self._operator)
             )
@@ -137,7 +139,7 @@ class LiveRun:
         )
 
     def _sink(self, signal: Any, taken_s: float) -> None:
-        self._tap.sink(signal, taken_s)
+        self._tap.sink(signal)
         if self._log is not None:
             self._log(signal, taken_s)
 
@@ -212,7 +214,7 @@ class LiveRun:
             self._waiting.append(("contacts", self._contacts))
             self._contacts = []
         taken = self._tap.take()
-        if len(taken[0]) or taken[1] or taken[3]:
+        if len(taken[0]) or taken[1] or taken[2]:
             self._waiting.append(("ticks", taken))
         while self._waiting and self._send(self._waiting[0]):
             del self._waiting[0]
