@@ -16,13 +16,22 @@ def start_line(tokens: Sequence[str], after_s: float = AFTER_S) -> Iterator[None
     Progress begins later, after the import of libraries and the compilation of kernels.
     """
     name = next((token for token in tokens if not token.startswith("-")), "")
-    timer = threading.Timer(after_s, _write, [f"treadline {name}".strip() + ": running; Ctrl-C stops it\n"])
+    timer = threading.Timer(after_s, _write, [f"treadline {name}".strip() + f": {_activity(tokens)}; Ctrl-C stops it\n"])
     timer.daemon = True
     timer.start()
     try:
         yield
     finally:
         timer.cancel()
+
+
+def _activity(tokens: Sequence[str]) -> str:
+    """Return what the command does: a command with ``--export FILE`` writes a file and ends."""
+    for token, following in zip(tokens, (*tokens[1:], ""), strict=True):
+        file = following if token == "--export" else token.removeprefix("--export=") if token.startswith("--export=") else ""
+        if file:
+            return f"writing {file}"
+    return "running"
 
 
 def _write(line: str) -> None:
