@@ -27,11 +27,10 @@ def start_line(tokens: Sequence[str], after_s: float = AFTER_S) -> Iterator[None
 
 def _activity(tokens: Sequence[str]) -> str:
     """Return what the command does: a command with ``--export FILE`` writes a file and ends."""
-    for token, following in zip(tokens, (*tokens[1:], ""), strict=True):
-        file = following if token == "--export" else token.removeprefix("--export=") if token.startswith("--export=") else ""
-        if file:
-            return f"writing {file}"
-    return "running"
+    words = [word for item in tokens for word in (item.split("=", 1) if item.startswith("--export=") else [item])]
+    if "--export" not in words[:-1]:
+        return "running"
+    return f"writing {words[words.index('--export') + 1]}"
 
 
 def _write(line: str) -> None:

@@ -32,7 +32,7 @@ class FrameNosings:
     found: tuple[int, ...]
     """True nosings that were perceived."""
     missed: tuple[int, ...]
-    """True nosings in the image, no farther than the farthest perceived one, that were not perceived."""
+    """True nosings in the image that were not perceived, see ``NosingComparison.compare``."""
     ends: bool
     """Whether the detector took the last perceived nosing for the last of the flight."""
 
@@ -100,9 +100,9 @@ class NosingComparison:
     ) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Return the numbers of the true nosings that were perceived and of those that were missed in a frame.
 
-        A nosing is missed if its riser and its tread are in the image in the chair's middle plane, no farther than the farthest
-        perceived nosing, and nothing was perceived there. In a frame without a perceived nosing all nosings in the image are
-        missed.
+        A nosing is missed if nothing was perceived there, and if it lies between two found ones, or its riser and its tread are in
+        the image in the chair's middle plane, no farther than the farthest perceived nosing. In a frame without a perceived
+        nosing all nosings in the image are missed.
 
         Args:
             nosings_B: Perceived nosings in the chair's middle plane.
@@ -119,7 +119,11 @@ class NosingComparison:
         found = gaps <= self._within_m
         reach_m = np.abs(seen[:, 0]).max() + self._within_m if len(seen) else np.inf
         in_view = np.logical_and.reduce([self._in_view(points_B + side[crosses] @ R_WB) for side in self._sides_W])
-        missed = ~found & in_view & (np.abs(points_B[:, 0]) <= reach_m)
+        places = np.flatnonzero(found)
+        between = np.zeros(len(found), dtype=bool)
+        if len(places):
+            between[places[0] : places[-1]] = True
+        missed = ~found & (between | (in_view & (np.abs(points_B[:, 0]) <= reach_m)))
         return tuple(numbers[found].tolist()), tuple(numbers[missed].tolist())
 
     def _in_view(self, points_B: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:

@@ -108,7 +108,9 @@ def player_data(recording: Recording) -> dict[str, Any]:
         "heading": packed(np.column_stack([played.heading_rad, played.estimate_rad, played.sigma_rad])),
         "scene": scene_of(played) if drawn else None,
         "nosings": [] if comparison is None else comparison.ends_W.round(4).tolist(),
-        "maps": [_map(seen, frame, recording, numbers) for seen, frame in zip(recording.maps, frames, strict=True)] if drawn else [],
+        "maps": [_map(seen, frame, recording, numbers) for seen, frame in zip(recording.maps, frames, strict=True)]
+        if drawn
+        else [],
         "images": _images(recording),
         "events": [
             {"t": moment.t_s, "name": moment.name, "cause": moment.cause, "kind": moment.kind, "end": moment.end_s}
@@ -192,41 +194,46 @@ def _scene_text(recording: Recording) -> str:
 def moments_of(recording: Recording, findings: Findings) -> list[dict[str, Any]]:
     """Return the answers to the usual questions, each with the time to which it leads.
 
-    Least margin, ends of the flight, holds with their faults, missed nosings, spans without camera or stair, and extremes.
+    Holds with their faults, least margin, ends of the flight, missed nosings, spans without camera or stair, and extremes.
     """
     found: list[dict[str, Any]] = []
-
-    def add(label: str, t_s: float | None, kind: str = "", note: str = "") -> None:
-        found.append({"label": label, "t": t_s, "kind": kind, "note": note})
-
-    def extreme(values: Float[np.ndarray, " T"], words: str, unit: str, *, digits: int = 1, more: str = "") -> None:
-        if np.isfinite(values).any():
-            k = int(np.nanargmax(np.abs(values)))
-            value = f"{values[k]:.{digits}f}".replace("-", "−")
-            add(f"{words} {value}{unit} at {recording.t_s[k]:.2f} s{more}", float(recording.t_s[k]))
-
     for hold in findings.holds:
-        for moment in hold.chain:
-            if moment.kind == "fault":
-                add(f"fault at {moment.t_s:.2f} s: {moment.cause}", moment.t_s, "fault")
-        add(f"hold at {hold.start_s:.2f} s: {hold.cause}", hold.start_s, "hold")
+        faults = [moment for moment in hold.chain if moment.kind == "fault"]
+        found += [_answer(f"fault at {moment.t_s:.2f} s: {moment.cause}", moment.t_s, "fault") for moment in faults]
+        found.append(_answer(f"hold at {hold.start_s:.2f} s: {hold.cause}", hold.start_s, "hold"))
     if (least := least_margin(recording)) is not None:
         t_s, margin_rad, direction = least
-        add(f"least tip-over margin {margin_rad / DEG:.1f}°{'' if direction is None else f' {direction}'} at {t_s:.2f} s", t_s)
-    for moment in findings.moments:
-        if moment.name in SHOWN:
-            add(f"{moment.name} at {moment.t_s:.2f} s", moment.t_s, note=moment.cause)
+        towards = "" if direction is None else f" {direction}"
+        found.append(_answer(f"least tip-over margin {margin_rad / DEG:.1f}°{towards} at {t_s:.2f} s", t_s))
+    shown = [moment for moment in findings.moments if moment.name in SHOWN]
+    found += [_answer(f"{moment.name} at {moment.t_s:.2f} s", moment.t_s, note=moment.cause) for moment in shown]
     if findings.nosings is not None and findings.nosings.frames:
         missing = _missing(findings.nosings)
-        add(findings.nosings.verdict(), missing[0].t_s if missing else None, "missed" if missing else "")
-    for moment in findings.moments:
-        if moment.kind == "perception":
-            add(f"{moment.name} {moment.cause}", moment.t_s, "perception")
+        found.append(_answer(findings.nosings.verdict(), missing[0].t_s if missing else None, "missed" if missing else ""))
+    unseen = [moment for moment in findings.moments if moment.kind == "perception"]
+    found += [_answer(f"{moment.name} {moment.cause}", moment.t_s, "perception") for moment in unseen]
     use = np.where(on_flight(recording), recording.friction_use, np.nan)
-    extreme(100.0 * use, "highest friction use on the flight", " %", digits=0, more=_friction_needed(recording, use))
-    extreme(recording.pitch_rate_rad_s / DEG, "fastest pitch", "°/s")
-    extreme((recording.estimate_rad - recording.heading_rad) / DEG, "largest heading error of the estimate", "°")
-    return found
+    needed = _friction_needed(recording, use)
+    found += _extreme(recording.t_s, 100.0 * use, "highest friction use on the flight", " %", digits=0, more=needed)
+    found += _extreme(recording.t_s, recording.pitch_rate_rad_s / DEG, "fastest pitch", "°/s")
+    error_rad = recording.estimate_rad - recording.heading_rad
+    return found + _extreme(recording.t_s, error_rad / DEG, "largest heading error of the estimate", "°")
+
+
+def _answer(label: str, t_s: float | None, kind: str = "", note: str = "") -> dict[str, Any]:
+    """Return an answer: its text, the time to which it leads, its kind as a style, and a note for its tooltip."""
+    return {"label": label, "t": t_s, "kind": kind, "note": note}
+
+
+def _extreme(
+    t_s: Float[np.ndarray, " T"], values: Float[np.ndarray, " T"], words: str, unit: str, *, digits: int = 1, more: str = ""
+) -> list[dict[str, Any]]:
+    """Return the value of the largest magnitude with its time, or nothing if no value is known."""
+    if not np.isfinite(values).any():
+        return []
+    k = int(np.nanargmax(np.abs(values)))
+    value = f"{values[k]:.{digits}f}".replace("-", "−")
+    return [_answer(f"{words} {value}{unit} at {t_s[k]:.2f} s{more}", float(t_s[k]))]
 
 
 def _friction_needed(recording: Recording, use: Float[np.ndarray, " T"]) -> str:

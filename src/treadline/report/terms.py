@@ -3,18 +3,19 @@
 TERMS: dict[str, tuple[str, tuple[str, ...]]] = {
     "nosing": ("front edge of a step's tread; the edge that the belts rest on. Nosings are counted from 1 at the lowest step.", ()),
     "missed nosing": (
-        "true nosing whose riser and tread were in the camera image, no farther than the farthest perceived one, and that the "
-        "detector did not report.",
+        "true nosing between two perceived ones, or with riser and tread in the camera image and no farther than the farthest "
+        "perceived one, that the detector did not report.",
         ("missed",),
     ),
     "flipper": ("driven section of the belts ahead of the front pulley; it can be raised and lowered.", ()),
     "heading": (
-        "rotation of the chair about the normal of the stair [°]; 0° is square to the nosings, positive is anticlockwise from above.",
+        "rotation of the chair about the normal of the stair [°]; 0° is square to the nosings, positive is anticlockwise from "
+        "above.",
         ("heading",),
     ),
     "estimate ± 2 σ": (
-        "heading from camera and gyro with its interval of two standard deviations; if the error model holds, the true heading lies "
-        "in it 95 % of the time.",
+        "heading from camera and gyro with its interval of two standard deviations; if the error model holds, the true heading "
+        "lies in it 95 % of the time.",
         ("estimate ± 2 σ", "estimated heading ± 2 σ"),
     ),
     "ground truth": ("value known to the simulator; the chair itself does not have it.", ("true", "true heading", "true nosing")),
@@ -26,14 +27,23 @@ TERMS: dict[str, tuple[str, tuple[str, ...]]] = {
         "whether there is enough friction to climb.",
         (),
     ),
-    "slip": ("share of the belts' travel that the chair does not follow: 0 is none, 1 means that the belts run and the chair stands.", ()),
+    "slip": (
+        "share of the belts' travel that the chair does not follow: 0 is none, 1 means that the belts run and the chair stands.",
+        (),
+    ),
     "roll-back": ("distance that the chair has slid down the flight [m].", ()),
-    "friction use": ("friction that the slope and the heading need, as a share of the friction there is; the chair slides at 100 %.", ()),
+    "friction use": (
+        "friction that the slope and the heading need, as a share of the friction there is; the chair slides at 100 %.",
+        (),
+    ),
     "tip-over margin": (
         "angle by which the chair could still tilt before it tips over [°], in the direction in which it would tip first.",
         ("tip-over margin",),
     ),
-    "pitch": ("elevation of the front above horizontal [°]; on the flight it is the slope.", ("pitch rate", "seat and chassis pitch")),
+    "pitch": (
+        "elevation of the front above horizontal [°]; on the flight it is the slope.",
+        ("pitch rate", "seat and chassis pitch"),
+    ),
     "asked": ("speed commanded to a belt; the solid curves are the actual speeds.", ("left asked", "right asked")),
 }
 """Explanation of each term, and the labels of the page that carry it as a tooltip."""
