@@ -267,7 +267,7 @@ def test_the_record_of_a_run_names_missed_nosings_with_their_times() -> None:
     record = nosing_record(of_pitch(np.zeros(100), scenario=SCENARIO, maps=maps, **placed))
     assert record is not None
     assert record.missed() == {6: (0.2, 0.4)}
-    assert record.verdict() == "missed in 4 frames with a perceived stair: nosing 6 in 2 frames (0.20 s to 0.40 s)"
+    assert record.verdict() == "2 of 4 frames with a perceived stair missed a nosing: nosing 6 in 2 frames (0.20 s to 0.40 s)"
     none = nosing_record(of_pitch(np.zeros(100), scenario=SCENARIO, maps=maps[:1], **placed))
     assert none is not None
     assert none.verdict() == "no nosing was missed in 1 frame with a perceived stair"

@@ -146,7 +146,8 @@ def notes_of(recording: Recording) -> LogNotes:
     if recording.source and log.is_file() and has_arrivals(log):
         stamps = read_contents(log, [], [], [QUALITY]).messages.get(QUALITY)
         exposures_s = None if stamps is None else np.unique([CdrReader(message).time() for _, message in stamps])
-    guard = read_json(folder / MANIFEST).get("guard") if recording.source and (folder / MANIFEST).is_file() else None
+    of_run = recording.source and (source.is_dir() or source.name == LOG) and (folder / MANIFEST).is_file()
+    guard = read_json(folder / MANIFEST).get("guard") if of_run else None
     return LogNotes(
         exposures_s=exposures_s,
         guard=guard if isinstance(guard, dict) else {},
@@ -198,8 +199,9 @@ def crossings(recording: Recording) -> tuple[Moment, ...]:
         left = np.flatnonzero((is_level if rises else is_parallel)[before : k + 1])
         reached = np.flatnonzero((is_parallel if rises else is_level)[k + 1 : after])
         names = END_NAMES["top" if _is_top(recording, int(k), flight, rises=rises) else "foot", rises]
-        slope = f"{plateau / DEG:.1f}°"
-        causes = f"the pitch leaves {'0°' if rises else slope}", f"the pitch reaches {slope if rises else '0°'}"
+        slope, within = f"the slope of {plateau / DEG:.1f}°", f"{SETTLED_RAD / DEG:g}°"
+        was, becomes = ("level", slope) if rises else (slope, "level")
+        causes = f"the pitch departs from {was} by {within}", f"the pitch is within {within} of {becomes}"
         if left.size:
             found.append(Moment(t_s=float(t_s[before + left[-1]]), name=names[0], cause=causes[0], kind="motion"))
         if reached.size:

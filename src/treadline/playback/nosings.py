@@ -53,11 +53,13 @@ class NosingRecord:
 
     def verdict(self) -> str:
         """Return one sentence about all frames."""
-        judged = f"{len(self.frames)} frame{'' if len(self.frames) == 1 else 's'} with a perceived stair"
+        count = len(self.frames)
         missed = self.missed()
         if not missed:
-            return f"no nosing was missed in {judged}"
-        return f"missed in {judged}: {'; '.join(_counted(number, times) for number, times in missed.items())}"
+            return f"no nosing was missed in {count} frame{'' if count == 1 else 's'} with a perceived stair"
+        frames = sum(bool(frame.missed) for frame in self.frames)
+        parts = "; ".join(_counted(number, times) for number, times in missed.items())
+        return f"{frames} of {count} frames with a perceived stair missed a nosing: {parts}"
 
 
 def _counted(number: int, times_s: tuple[float, ...]) -> str:

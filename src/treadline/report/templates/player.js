@@ -136,6 +136,11 @@ function showShot(t) {
 
 const tips = Object.fromEntries(Object.entries(data.terms).flatMap(([name, term]) => term.labels.map((label) => [label, `${name}: ${term.text}`])));
 function explain(element, label) { if (tips[label]) element.title = tips[label]; }
+/** Explanations of the terms that occur in a text. */
+function explained(text) {
+  const found = Object.entries(data.terms).filter(([name]) => name.split(", ").some((word) => text.includes(word)));
+  return found.map(([name, term]) => `${name}: ${term.text}`).join("\n");
+}
 for (const item of document.querySelectorAll(".legend span")) explain(item, item.textContent);
 for (const [name, term] of [...Object.entries(data.terms).map(([n, t]) => [n, t.text]), ...Object.entries(data.phase_terms).map(([n, t]) => [`phase ${n}`, t])]) {
   const dt = document.createElement("dt"), dd = document.createElement("dd");
@@ -193,7 +198,8 @@ const rows = data.events.map((event) => {
   b.textContent = `${event.t.toFixed(2)} s`;
   b.addEventListener("click", () => seek(event.t));
   const cells = [b, event.name, event.cause].map((value) => { const td = document.createElement("td"); td.append(value); return td; });
-  if (data.phase_terms[event.name]) cells[1].title = data.phase_terms[event.name];
+  cells[1].title = data.phase_terms[event.name] || explained(event.name);
+  cells[2].title = explained(event.cause);
   tr.append(...cells);
   $("events").append(tr);
   return tr;
@@ -206,9 +212,7 @@ for (const moment of data.moments) {
   }
   b.className = moment.kind;
   b.textContent = moment.label;
-  const term = Object.keys(data.terms).find((name) => moment.label.includes(name));
-  const notes = [moment.note, term ? `${term}: ${data.terms[term].text}` : ""].filter(Boolean);
-  if (notes.length) b.title = notes.join("\n");
+  b.title = [moment.note, explained(moment.label)].filter(Boolean).join("\n");
   $("moments").append(b);
 }
 
@@ -264,7 +268,7 @@ $("zoomall").addEventListener("click", () => plots.show(START, END));
 for (const b of document.querySelectorAll("[data-view]")) b.addEventListener("click", () => view(b.dataset.view));
 // A finger has no hover: a tap on a term shows its explanation until the next tap.
 document.addEventListener("pointerup", (e) => {
-  const item = e.pointerType === "mouse" ? null : e.target.closest("[title]:not(button)");
+  const item = e.pointerType === "mouse" ? null : e.target.closest('[title]:not([title=""], button)');
   $("tip").hidden = !item || $("tip").textContent === item.title && !$("tip").hidden;
   if (item) $("tip").textContent = item.title;
 });
@@ -315,6 +319,7 @@ function refresh() {
   $("phase").classList.toggle("holds", Boolean(hold));
   $("why").textContent = hold ? `${band ? `during ${band.name}` : ""}: ${hold.cause}` : band && band.cause ? `because ${band.cause}` : "";
   const faults = data.events.filter((event) => event.kind === "fault" && event.t <= t && t <= event.end);
+  $("why").title = explained($("why").textContent);
   $("chain").textContent = hold ? hold.chain : faults.map((fault) => `fault since ${fault.t.toFixed(2)} s: ${fault.cause}`).join("; ");
   $("phase").title = hold ? data.terms.hold.text : band && data.phase_terms[band.name] || "";
   phaseButtons.forEach((item, k) => item.b.classList.toggle("now", data.plots.bands[k] === band));
