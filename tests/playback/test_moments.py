@@ -160,6 +160,15 @@ def test_slip_counts_on_the_flight_alone() -> None:
     assert "150%" in found.cause
 
 
+def test_short_pauses_do_not_divide_a_slip() -> None:
+    """Test: slip from 1 s to 3 s with a pause of 0.3 s, and from 4 s to 5 s. Expected: two spans."""
+    t_s = 0.01 * np.arange(600)
+    slides = ((t_s >= 1.0) & (t_s < 3.0) & ~((t_s >= 2.0) & (t_s < 2.3))) | ((t_s >= 4.0) & (t_s < 5.0))
+    found = slipping(of_pitch(np.full(600, SLOPE_RAD), scenario=SCENARIO, friction_use=np.where(slides, 1.2, 0.5)))
+    assert [(moment.t_s, moment.end_s) for moment in found] == [(1.0, pytest.approx(2.99)), (4.0, pytest.approx(4.99))]
+    assert slipping(of_pitch(np.full(600, SLOPE_RAD), scenario=SCENARIO, friction_use=np.full(600, 0.5))) == ()
+
+
 def test_a_fault_after_the_end_of_the_run_is_no_moment() -> None:
     faults = [Fault(kind="camera_lost", at_s=2.0, for_s=9.0), Fault(kind="camera_lost", at_s=50.0)]
     (found,) = fault_moments(faults, 6.0)

@@ -41,6 +41,8 @@ TURNED_SHARE = 0.9
 """Share of the slope that the median pitch on a flight exceeds; jitter of the steps changes the slope by less than a tenth."""
 SILENT_S = 0.3
 """Time without a frame from which a camera counts as silent [s]: three periods at 10 Hz, as the default of the guard's timeout."""
+SLIP_WINDOW_S = 0.5
+"""Time over which slip is judged [s], as in the guard's slip monitor."""
 NEAR_M = 0.015
 """Largest gap between a nosing and the flat run for support [m]: ``ROCKING_M`` of the plant's instruments, which import compiled
 code."""
@@ -246,10 +248,16 @@ def described(fault: Fault) -> str:
 
 
 def slipping(recording: Recording) -> tuple[Moment, ...]:
-    """Return the spans in which the friction cannot carry the chair on the flight, by ground truth."""
+    """Return the spans in which the friction cannot carry the chair on the flight, by ground truth.
+
+    Pauses shorter than ``SLIP_WINDOW_S`` are part of a span.
+    """
     use = np.nan_to_num(recording.friction_use)
     slides = np.r_[False, (use >= 1.0) & on_flight(recording), False]
-    edges = np.flatnonzero(np.diff(slides.astype(int))).reshape(-1, 2)
+    edges = np.flatnonzero(np.diff(slides.astype(int)))
+    apart = np.ones(len(edges), dtype=bool)
+    pauses = np.flatnonzero(recording.t_s[edges[2::2]] - recording.t_s[edges[1:-1:2] - 1] < SLIP_WINDOW_S)
+    apart[2 * pauses + 1] = apart[2 * pauses + 2] = False
     return tuple(
         Moment(
             t_s=float(recording.t_s[first]),
@@ -258,7 +266,7 @@ def slipping(recording: Recording) -> tuple[Moment, ...]:
             kind="motion",
             end_s=float(recording.t_s[last - 1]),
         )
-        for first, last in edges
+        for first, last in edges[apart].reshape(-1, 2)
     )
 
 

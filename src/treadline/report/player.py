@@ -9,6 +9,7 @@ import hashlib
 import io
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,8 @@ IMAGE_PX, IMAGE_QUALITY, MOST_IMAGES = 240, 62, 120
 """Height, JPEG quality and largest number of embedded camera images: about 10 kB each, so 1.2 MB."""
 TALL_M = 1.4
 """Height of a seated passenger's head above the ground [m], with room: the drawn passenger is 1.3 m tall."""
+MOST_SPANS = 3
+"""Largest number of spans without a frame or a stair among the answers."""
 SHOWN = ("tips over the top edge", "level on the landing", "level on the floor", "slip")
 """Names of the motions among the answers."""
 SETTLED_RAD = 2.0 * DEG
@@ -210,14 +213,20 @@ def moments_of(recording: Recording, findings: Findings) -> list[dict[str, Any]]
     if findings.nosings is not None and findings.nosings.frames:
         missing = _missing(findings.nosings)
         found.append(_answer(findings.nosings.verdict(), missing[0].t_s if missing else None, "missed" if missing else ""))
-    unseen = [moment for moment in findings.moments if moment.kind == "perception"]
-    found += [_answer(f"{moment.name} {moment.cause}", moment.t_s, "perception") for moment in unseen]
+    found += [_answer(f"{moment.name} {moment.cause}", moment.t_s, "perception") for moment in _longest(findings.moments)]
     use = np.where(on_flight(recording), recording.friction_use, np.nan)
     needed = _friction_needed(recording, use)
     found += _extreme(recording.t_s, 100.0 * use, "highest friction use on the flight", " %", digits=0, more=needed)
     found += _extreme(recording.t_s, recording.pitch_rate_rad_s / DEG, "fastest pitch", "°/s")
     error_rad = recording.estimate_rad - recording.heading_rad
     return found + _extreme(recording.t_s, error_rad / DEG, "largest heading error of the estimate", "°")
+
+
+def _longest(moments: Sequence[Moment]) -> list[Moment]:
+    """Return the longest spans without a frame or without a stair, in order of time; the list of events has all."""
+    unseen = [moment for moment in moments if moment.kind == "perception"]
+    longest = sorted(unseen, key=lambda moment: moment.t_s - (moment.end_s or moment.t_s))[:MOST_SPANS]
+    return sorted(longest, key=lambda moment: moment.t_s)
 
 
 def _answer(label: str, t_s: float | None, kind: str = "", note: str = "") -> dict[str, Any]:
