@@ -347,7 +347,9 @@ def _extent(recording: Recording) -> dict[str, Any]:
     low, high = points.min(axis=0) - np.array([recording.chair.reach_m, 0.4, 0.0]), points.max(axis=0)
     high = high + np.array([recording.chair.reach_m, 0.4, TALL_M])
     if staircase is not None:
-        aside = np.array([0.5, 0.5, 0.0]) * staircase.width_m
-        low = np.minimum(low, (staircase.nosings_W - aside).min(axis=0))
-        high = np.maximum(high, (staircase.nosings_W + aside).max(axis=0))
+        for box in staircase.boxes():
+            if box.kind in ("step", "landing"):
+                half_m = np.abs(box.R_WK) @ np.array(box.half_m)
+                low, high = np.minimum(low, box.centre_W - half_m), np.maximum(high, box.centre_W + half_m)
+        low[2] = max(low[2], 0.0)
     return {"low": low.round(3).tolist(), "high": high.round(3).tolist()}
