@@ -73,7 +73,7 @@ def test_a_typed_time_and_a_clicked_moment_move_the_cursor_and_stay(replay: Any)
     from selenium.webdriver.common.keys import Keys
 
     box = replay.driver.execute_script(
-        "return [...document.querySelectorAll('input')].find(i => i.type !== 'checkbox' && /^[0-9.]+$/.test(i.value))"
+        "return [...document.querySelectorAll('input')].find(i => i.offsetParent && i.type === 'text' && /^[0-9.]+$/.test(i.value))"
     )
     box.send_keys(Keys.CONTROL, "a")
     box.send_keys("1.25")
