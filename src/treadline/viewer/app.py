@@ -329,8 +329,12 @@ class App:
     def _plot(self, gui: Any, spec: PlotSpec) -> Any:
         from viser import uplot
 
-        lines = [uplot.Series(label="fork", stroke=SKY, width=1.4, points={"show": False}, show=spec.ghost is not None)]
-        lines += [uplot.Series(label="limit", stroke=RED, width=1.0, dash=(6, 4), points={"show": False}) for _ in spec.limits]
+        # Values under the pointer are those of the curves: see page.css.
+        aid: dict[str, Any] = {"class": "treadline-aid"}
+        lines = [uplot.Series(**aid, label="fork", stroke=SKY, width=1.4, points={"show": False}, show=spec.ghost is not None)]
+        lines += [
+            uplot.Series(**aid, label="limit", stroke=RED, width=1.0, dash=(6, 4), points={"show": False}) for _ in spec.limits
+        ]
         lines += [
             uplot.Series(
                 label=curve.label,
@@ -341,7 +345,7 @@ class App:
             )
             for curve in spec.curves
         ]
-        lines.append(uplot.Series(label="cursor", stroke="#444", width=1.0, points={"show": False}))
+        lines.append(uplot.Series(**aid, label="cursor", stroke="#444", width=1.0, points={"show": False}))
         self._legends.append(gui.add_html(""))
         last = spec is plot_specs(self._session.tape.limits)[-1]
         return gui.add_uplot(
@@ -349,7 +353,7 @@ class App:
             series=(uplot.Series(label="t [s]"), *lines),
             scales={"x": uplot.Scale(time=False)},
             axes=(uplot.Axis(size=24) if last else uplot.Axis(show=False), uplot.Axis(size=38)),
-            legend=uplot.Legend(show=False),
+            legend=uplot.Legend(show=True, live=True),
             height=PLOT_PX + (20 if last else 0),
             padding=(4, 8, 0, 0),
         )

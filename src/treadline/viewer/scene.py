@@ -354,7 +354,7 @@ class SceneView:
             self._seen.visible = self._missed.visible = False
             for node in self._planes:
                 node.vertices = NOWHERE
-            self._frustum.color = WARN
+            self._frustum.color, self._frustum.image = WARN, None
             return
         seen, missed = self._nosings.lines(look, tape.at(look.t_s))
         self._seen.visible, self._missed.visible = len(seen) > 0, len(missed) > 0
