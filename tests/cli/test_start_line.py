@@ -23,6 +23,17 @@ def test_a_long_command_is_announced_once(capsys: pytest.CaptureFixture[str]) ->
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.parametrize("option", [["--export", "run.html"], ["--export=run.html"]])
+def test_a_command_that_writes_a_file_names_it(option: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with start_line(["view", "runs/a", *option], after_s=0.05):
+        deadline_s = time.monotonic() + 10.0
+        error = ""
+        while not error and time.monotonic() < deadline_s:
+            time.sleep(0.01)
+            error += capsys.readouterr().err
+    assert error == "treadline view: writing run.html; Ctrl-C stops it\n"
+
+
 def test_a_short_command_is_not_announced(capsys: pytest.CaptureFixture[str]) -> None:
     with start_line(["doctor"], after_s=30.0):
         pass

@@ -131,6 +131,12 @@ def test_an_export_keeps_what_is_there_and_takes_recorded_runs_only(run: Any, fo
     assert page.read_text() == "mine"
 
 
+def test_an_export_says_what_it_writes_and_where(run: Any, folder: Path, tmp_path: Path) -> None:
+    outcome = run("view", folder, "--export", tmp_path / "run.html")
+    assert outcome.code == 0
+    assert f"view: writes the page that plays {folder} to {tmp_path / 'run.html'}" in outcome.err
+
+
 def test_a_simulation_that_cannot_start_ends_the_viewer(run: Any, tmp_path: Path) -> None:
     """Test: a controller that is missing; only the worker finds out. Expected: its line, exit code 2."""
     outcome = run("view", "flight-20", "--controller", tmp_path / "none.json", "--port", "0", "--no-browser", "--seconds", "60")

@@ -16,13 +16,21 @@ def start_line(tokens: Sequence[str], after_s: float = AFTER_S) -> Iterator[None
     Progress begins later, after the import of libraries and the compilation of kernels.
     """
     name = next((token for token in tokens if not token.startswith("-")), "")
-    timer = threading.Timer(after_s, _write, [f"treadline {name}".strip() + ": running; Ctrl-C stops it\n"])
+    timer = threading.Timer(after_s, _write, [f"treadline {name}".strip() + f": {_activity(tokens)}; Ctrl-C stops it\n"])
     timer.daemon = True
     timer.start()
     try:
         yield
     finally:
         timer.cancel()
+
+
+def _activity(tokens: Sequence[str]) -> str:
+    """Return what the command does: a command with ``--export FILE`` writes a file and ends."""
+    words = [word for item in tokens for word in (item.split("=", 1) if item.startswith("--export=") else [item])]
+    if "--export" not in words[:-1]:
+        return "running"
+    return f"writing {words[words.index('--export') + 1]}"
 
 
 def _write(line: str) -> None:

@@ -142,6 +142,7 @@ def _exported(target: str, export: Path, *, force: bool) -> Answer:
         )
     from treadline.report.player import write_player
 
+    _say(f"view: writes the page that plays {target} to {export.resolve()}")
     write_player(read_recording(target), export)
     return Answer(
         values={"file": str(export), "bytes": export.stat().st_size},

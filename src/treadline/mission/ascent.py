@@ -150,7 +150,7 @@ class Ascent(Traversal):
                 return self._begin(t_s, "refused", refusal)
             shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
             to_go_m = (where.first_ahead_m() or math.inf) - self._pivot_m
-            cause = f"square to the stair within {estimate.heading_rad / DEG:+.1f}°; {shape}"
+            cause = f"square to the stair within {abs(estimate.heading_rad) / DEG:.1f}°; {shape}"
             self._flipper_planner.forget()
             return self._begin(t_s, "approach", cause, to_go_m)
         return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))

@@ -142,7 +142,7 @@ class Descent(Traversal):
         edge_config = EdgeConfig(chair=chair, payload_kg=self._config.payload_kg, cruise_m_s=self._config.slow_m_s)
         self._edge = Edge(edge_config, -edge, where.slope_rad)
         to_go_m = -edge - self._pivot_m
-        cause = f"square within {estimate.heading_rad / DEG:+.1f}°; edge {to_go_m:.2f} m behind"
+        cause = f"square within {abs(estimate.heading_rad) / DEG:.1f}°; edge {to_go_m:.2f} m behind"
         return self._begin(t_s, "approach", cause, to_go_m)
 
     def _over_the_edge(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
@@ -206,7 +206,7 @@ class Descent(Traversal):
 
     def _turn_by_climbing(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         if estimate is not None and abs(estimate.heading_rad) < self._config.square_rad:
-            return self._begin(t_s, "descend", f"square within {estimate.heading_rad / DEG:+.1f}°")
+            return self._begin(t_s, "descend", f"square within {abs(estimate.heading_rad) / DEG:.1f}°")
         return self._plan(t_s, self._config.cruise_m_s, flipper=self._lie(t_s, estimate))
 
     def _missing(self, within_m: float) -> str | None:

@@ -9,6 +9,8 @@ import hashlib
 import io
 import json
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,20 +20,26 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from PIL import Image
 
-from treadline.angles import DEG
-from treadline.mechanics.bodies import solids
+from treadline.angles import DEG, rotation_of
 from treadline.models import write_whole
 from treadline.playback import PerceivedStair, Recording, read_frames
+from treadline.playback.moments import Findings, Hold, Moment, findings_of, least_margin, on_flight
+from treadline.playback.nosings import FrameNosings, NosingRecord, comparison_of
 from treadline.report.packed import packed
 from treadline.report.plot_data import plots_of, uniform
 from treadline.report.scene import scene_of
+from treadline.report.terms import PHASES, TERMS
 
 TEMPLATES = Path(__file__).parent / "templates"
 SCRIPTS = ("packed.js", "scene.js", "plots.js", "player.js")
 IMAGE_PX, IMAGE_QUALITY, MOST_IMAGES = 240, 62, 120
 """Height, JPEG quality and largest number of embedded camera images: about 10 kB each, so 1.2 MB."""
-MATCHED_M = 0.12
-"""Largest distance between a perceived nosing and the true nosing that it stands for [m]: less than half the run of a stair."""
+TALL_M = 1.4
+"""Height of a seated passenger's head above the ground [m], with room: the drawn passenger is 1.3 m tall."""
+MOST_SPANS = 3
+"""Largest number of spans without a frame or a stair among the answers."""
+SHOWN = ("tips over the top edge", "level on the landing", "level on the floor", "slip")
+"""Names of the motions among the answers."""
 SETTLED_RAD = 2.0 * DEG
 """Largest deviation from the final heading of a settled run [rad], as in the settling time of the scores."""
 TRANSIENT_SHARE = 0.5
@@ -92,21 +100,56 @@ def json_in_page(value: Any) -> str:
 def player_data(recording: Recording) -> dict[str, Any]:
     """Return everything that the player's script reads."""
     played = uniform(recording)
-    lines = _nosing_lines(recording)
     drawn = played.has_poses
+    findings = findings_of(recording)
+    comparison = comparison_of(recording) if drawn else None
+    numbers = [] if comparison is None else comparison.numbers.tolist()
+    frames = [None] * len(recording.maps) if findings.nosings is None else findings.nosings.frames
     return {
         "plots": plots_of(played),
         "pose": _pose(played) if drawn else None,
         "heading": packed(np.column_stack([played.heading_rad, played.estimate_rad, played.sigma_rad])),
         "scene": scene_of(played) if drawn else None,
-        "nosings": [[[round(x, 4) for x in end] for end in line] for line in lines],
-        "maps": [_map(seen, recording, lines) for seen in recording.maps] if drawn else [],
+        "nosings": [] if comparison is None else comparison.ends_W.round(4).tolist(),
+        "maps": [_map(seen, frame, recording, numbers) for seen, frame in zip(recording.maps, frames, strict=True)]
+        if drawn
+        else [],
         "images": _images(recording),
-        "events": [{"t": event.t_s, "name": event.name, "cause": event.cause} for event in recording.events],
-        "moments": moments_of(recording),
+        "events": [
+            {"t": moment.t_s, "name": moment.name, "cause": moment.cause, "kind": moment.kind, "end": moment.end_s}
+            for moment in _listed(findings)
+        ],
+        "holds": [_hold(hold) for hold in findings.holds],
+        "missed": [{"t": frame.t_s, "numbers": _runs(list(frame.missed))} for frame in _missing(findings.nosings)],
+        "moments": moments_of(recording, findings),
+        "terms": {name: {"text": text, "labels": labels} for name, (text, labels) in TERMS.items()},
+        "phase_terms": PHASES,
         "transient_s": transient_s(played),
         "reach_m": recording.chair.reach_m,
         "extent": _extent(played) if drawn else None,
+    }
+
+
+def _listed(findings: Findings) -> list[Moment]:
+    """Return the moments with the full cause of each hold."""
+    causes = {hold.start_s: hold.cause for hold in findings.holds}
+    return [
+        replace(moment, cause=causes.get(moment.t_s, moment.cause)) if moment.name == "hold" else moment
+        for moment in findings.moments
+    ]
+
+
+def _missing(record: NosingRecord | None) -> list[FrameNosings]:
+    return [] if record is None else [frame for frame in record.frames if frame.missed]
+
+
+def _hold(hold: Hold) -> dict[str, Any]:
+    chain = [f"{moment.name} at {moment.t_s:.2f} s ({moment.cause})" for moment in hold.chain]
+    return {
+        "start": hold.start_s,
+        "end": hold.end_s,
+        "cause": hold.cause,
+        "chain": " → ".join([*chain, f"hold at {hold.start_s:.2f} s"]) if chain else "",
     }
 
 
@@ -131,16 +174,16 @@ def title_of(recording: Recording) -> str:
         recording.verdict or "", recording.verdict or "recorded"
     )
     cause = f": {recording.cause}" if recording.cause else ""
-    return f"{name} {verdict} after {recording.duration_s:.1f} s{cause}"
+    return f"{name} {verdict} after {recording.duration_s:.2f} s{cause}"
 
 
 def _summary(recording: Recording) -> str:
     scenario = recording.scenario
     if scenario is None:
-        return f"Chair {recording.chair.name}."
+        return f"Chair model: {recording.chair.name}."
     stair = scenario.stair
     return (
-        f"Simulated, seed {recording.seed}: chair {recording.chair.name} with {scenario.chair.payload_kg:g} kg, "
+        f"Simulated with seed {recording.seed}: {recording.chair.name} with a payload of {scenario.chair.payload_kg:g} kg, "
         f"{'up' if scenario.drive.direction == 'up' else 'down'} a stair of {stair.slope_rad / DEG:.0f}° with {stair.steps} steps, "
         f"friction {stair.friction[0]:g} along and {stair.friction[1]:g} across the belts. No claim to any safety standard is made."
     )
@@ -151,27 +194,63 @@ def _scene_text(recording: Recording) -> str:
     return f"Scene of chair and stair over {recording.duration_s:.0f} s" + (f"; phases: {phases}" if phases else "")
 
 
-def moments_of(recording: Recording) -> list[dict[str, Any]]:
-    """Return the times that answer the usual questions: least margin, fastest pitch, largest heading error, holds."""
+def moments_of(recording: Recording, findings: Findings) -> list[dict[str, Any]]:
+    """Return the answers to the usual questions, each with the time to which it leads.
+
+    Holds with their faults, least margin, ends of the flight, missed nosings, spans without camera or stair, and extremes.
+    """
     found: list[dict[str, Any]] = []
+    for hold in findings.holds:
+        faults = [moment for moment in hold.chain if moment.kind == "fault"]
+        found += [_answer(f"fault at {moment.t_s:.2f} s: {moment.cause}", moment.t_s, "fault") for moment in faults]
+        found.append(_answer(f"hold at {hold.start_s:.2f} s: {hold.cause}", hold.start_s, "hold"))
+    if (least := least_margin(recording)) is not None:
+        t_s, margin_rad, direction = least
+        towards = "" if direction is None else f" {direction}"
+        found.append(_answer(f"least tip-over margin {margin_rad / DEG:.1f}°{towards} at {t_s:.2f} s", t_s))
+    shown = [moment for moment in findings.moments if moment.name in SHOWN]
+    found += [_answer(f"{moment.name} at {moment.t_s:.2f} s", moment.t_s, note=moment.cause) for moment in shown]
+    if findings.nosings is not None and findings.nosings.frames:
+        missing = _missing(findings.nosings)
+        found.append(_answer(findings.nosings.verdict(), missing[0].t_s if missing else None, "missed" if missing else ""))
+    found += [_answer(f"{moment.name} {moment.cause}", moment.t_s, "perception") for moment in _longest(findings.moments)]
+    use = np.where(on_flight(recording), recording.friction_use, np.nan)
+    needed = _friction_needed(recording, use)
+    found += _extreme(recording.t_s, 100.0 * use, "highest friction use on the flight", " %", digits=0, more=needed)
+    found += _extreme(recording.t_s, recording.pitch_rate_rad_s / DEG, "fastest pitch", "°/s")
+    error_rad = recording.estimate_rad - recording.heading_rad
+    return found + _extreme(recording.t_s, error_rad / DEG, "largest heading error of the estimate", "°")
 
-    def extreme(values: Float[np.ndarray, " T"], words: str, unit: str, *, least: bool = False, digits: int = 1) -> None:
-        if np.isfinite(values).any():
-            k = int(np.nanargmin(values) if least else np.nanargmax(np.abs(values)))
-            value = f"{values[k]:.{digits}f}".replace("-", "−")
-            label = f"{words} {value}{unit} at {recording.t_s[k]:.1f} s"
-            found.append({"label": label, "t": float(recording.t_s[k])})
 
-    extreme(recording.margin_rad / DEG, "least tip-over margin", "°", least=True)
-    extreme(recording.pitch_rate_rad_s / DEG, "fastest pitch", "°/s")
-    extreme((recording.estimate_rad - recording.heading_rad) / DEG, "largest heading error of the estimate", "°")
-    extreme(100.0 * recording.friction_use, "highest friction use", " %", digits=0)
-    found += [
-        {"label": f"{event.name} at {event.t_s:.1f} s", "t": event.t_s}
-        for event in recording.events
-        if event.name in ("hold", "crest", "refused", "rearmed")
-    ]
-    return found
+def _longest(moments: Sequence[Moment]) -> list[Moment]:
+    """Return the longest spans without a frame or without a stair, in order of time; the list of events has all."""
+    unseen = [moment for moment in moments if moment.kind == "perception"]
+    longest = sorted(unseen, key=lambda moment: moment.t_s - (moment.end_s or moment.t_s))[:MOST_SPANS]
+    return sorted(longest, key=lambda moment: moment.t_s)
+
+
+def _answer(label: str, t_s: float | None, kind: str = "", note: str = "") -> dict[str, Any]:
+    """Return an answer: its text, the time to which it leads, its kind as a style, and a note for its tooltip."""
+    return {"label": label, "t": t_s, "kind": kind, "note": note}
+
+
+def _extreme(
+    t_s: Float[np.ndarray, " T"], values: Float[np.ndarray, " T"], words: str, unit: str, *, digits: int = 1, more: str = ""
+) -> list[dict[str, Any]]:
+    """Return the value of the largest magnitude with its time, or nothing if no value is known."""
+    if not np.isfinite(values).any():
+        return []
+    k = int(np.nanargmax(np.abs(values)))
+    value = f"{values[k]:.{digits}f}".replace("-", "−")
+    return [_answer(f"{words} {value}{unit} at {t_s[k]:.2f} s{more}", float(t_s[k]))]
+
+
+def _friction_needed(recording: Recording, use: Float[np.ndarray, " T"]) -> str:
+    """Return below which friction the chair would slide; empty if it slides, or if the friction is unknown."""
+    if recording.scenario is None or not np.isfinite(use).any() or not 0.0 < (most := float(np.nanmax(use))) < 1.0:
+        return ""
+    along = recording.scenario.stair.friction[0]
+    return f"; the chair slides on steps with friction below {most * along:.2f} (here {along:g})"
 
 
 def _pose(recording: Recording) -> dict[str, Any]:
@@ -182,49 +261,29 @@ def _pose(recording: Recording) -> dict[str, Any]:
     return {"p": packed(recording.p_WB), "q": packed(quaternions), "joints": packed(joints)}
 
 
-def _nosing_lines(recording: Recording) -> list[tuple[tuple[float, ...], tuple[float, ...]]]:
-    """Return the ends of each true nosing in W, the lowest first; empty if the stair is unknown."""
-    staircase = recording.staircase
-    if staircase is None:
-        return []
-    found = [solid.nosing for solid in solids(staircase) if solid.nosing is not None]
-    ends = [(tuple(nosing.right_W), tuple(nosing.left_W)) for nosing in found]
-    return sorted(ends, key=lambda line: line[0][2] + line[1][2])
+def _map(seen: PerceivedStair, frame: FrameNosings | None, recording: Recording, numbers: list[int]) -> dict[str, Any]:
+    """Return perceived nosings with their direction, and which true nosings in the image were missed.
 
-
-def _map(seen: PerceivedStair, recording: Recording, lines: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> dict[str, Any]:
-    """Return perceived nosings with their direction, and which true nosings between the first and the last were missed."""
+    Args:
+        numbers: Number of each nosing that the page draws.
+    """
     k = recording.index_at(seen.t_s)
     heading = recording.estimate_rad[recording.index_at(seen.taken_s)]
-    w, x, y, z = recording.quat_WB[k]
-    c, s = math.cos(heading), math.sin(heading)
-    forward = np.array([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
-    left = np.array([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)])
-    across = s * forward + c * left if math.isfinite(heading) else left
-    matched = sorted({index for point in seen.nosings_W if (index := _nearest(point, lines)) is not None})
-    missed = [index for index in range(matched[0], matched[-1]) if index not in matched] if matched else []
-    number = f"perceives {len(seen.nosings_W)} nosing{'' if len(seen.nosings_W) == 1 else 's'}"
-    if matched:
-        number += f": {_runs([index + 1 for index in matched])} of {len(lines)}"
-    text = number + (f"; missed: {_runs([index + 1 for index in missed])}" if missed else "")
+    R_WB = rotation_of(recording.quat_WB[k])
+    angle = heading if math.isfinite(heading) else 0.0
+    across = R_WB @ np.array([math.sin(angle), math.cos(angle), 0.0])
+    text = f"perceives {len(seen.nosings_W)} nosing{'' if len(seen.nosings_W) == 1 else 's'}"
+    missed: list[int] = []
+    if frame is not None:
+        missed = [numbers.index(number) for number in frame.missed]
+        text += f": {_runs(list(frame.found))} of {max(numbers)}" if frame.found else ""
+        text += f"; missed: {_runs(list(frame.missed))}" if frame.missed else "; none missed"
     return {
         "taken": seen.taken_s,
         "points": [[round(float(value), 3) for value in (*point, *across)] for point in seen.nosings_W],
         "missed": missed,
         "text": text + ("; the last one ends the flight" if seen.ends else ""),
     }
-
-
-def _nearest(point: Float[np.ndarray, " 3"], lines: list[tuple[tuple[float, ...], tuple[float, ...]]]) -> int | None:
-    """Return the index of the nosing within ``MATCHED_M`` of a point, or None."""
-    if not lines or not np.isfinite(point).all():
-        return None
-    ends = np.array(lines)
-    along = ends[:, 1] - ends[:, 0]
-    share = np.clip(np.einsum("ij,ij->i", point - ends[:, 0], along) / np.einsum("ij,ij->i", along, along), 0.0, 1.0)
-    distance = np.linalg.norm(point - ends[:, 0] - share[:, None] * along, axis=1)
-    k = int(np.argmin(distance))
-    return k if distance[k] < MATCHED_M else None
 
 
 def _runs(numbers: list[int]) -> str:
@@ -283,7 +342,14 @@ def nosing_lines_in(recording: Recording, seen: PerceivedStair | None) -> list[l
 
 
 def _extent(recording: Recording) -> dict[str, Any]:
-    """Return the middle of the driven way and the distance from which a view of 36° shows all of it."""
-    low, high = recording.p_WB.min(axis=0), recording.p_WB.max(axis=0)
-    middle = 0.5 * (low + high) + np.array([0.0, 0.0, 0.4])
-    return {"middle": middle.round(3).tolist(), "distance": round(float(np.linalg.norm(high - low)) * 1.25 + 3.0, 3)}
+    """Return the corners of a box about stair, driven path and passenger [m]."""
+    points, staircase = recording.p_WB, recording.staircase
+    low, high = points.min(axis=0) - np.array([recording.chair.reach_m, 0.4, 0.0]), points.max(axis=0)
+    high = high + np.array([recording.chair.reach_m, 0.4, TALL_M])
+    if staircase is not None:
+        for box in staircase.boxes():
+            if box.kind in ("step", "landing"):
+                half_m = np.abs(box.R_WK) @ np.array(box.half_m)
+                low, high = np.minimum(low, box.centre_W - half_m), np.maximum(high, box.centre_W + half_m)
+        low[2] = max(low[2], 0.0)
+    return {"low": low.round(3).tolist(), "high": high.round(3).tolist()}

@@ -29,7 +29,6 @@ function lastBefore(list, t, key) {
 // ---- marks in the scene ----
 
 function triangle(out, a, b, c, colour) { for (const p of [a, b, c]) out.push(...p, ...colour); }
-function along(p, v, s) { return [p[0] + s * v[0], p[1] + s * v[1], p[2] + s * v[2]]; }
 function ribbon(out, a, b, width, colour) {
   const d = normalised([b[0] - a[0], b[1] - a[1], b[2] - a[2]]);
   const u = normalised(cross(d, Math.abs(d[2]) > 0.9 ? [1, 0, 0] : [0, 0, 1])), v = cross(d, u);
@@ -91,16 +90,23 @@ function paint() {
   scene.edgeColour = [0.12, 0.14, 0.17];
   player.dirty = true;
 }
+const VIEWS = {  // azimuth, elevation [rad], distance [m]
+  follow: [-1.95, 0.3, 4.4], side: [-Math.PI / 2, 0, 4.6], behind: [Math.PI, 0, 4.4], top: [-Math.PI / 2, Math.PI / 2, 5.2], whole: [-1.75, 0.22, 1],
+};
 function view(name) {
   if (!scene) return;
-  const v = scene.view, s = data.extent;
+  const v = scene.view, { low, high } = data.extent;
   v.pan = [0, 0, 0];
   player.follow = name !== "whole";
-  const away = { follow: [-1.95, 0.3, 4.4], side: [-Math.PI / 2, 0.06, 4.6], front: [0.35, 0.35, 4.4], top: [-Math.PI / 2, 1.45, 5.2], whole: [-1.75, 0.22, s.distance] }[name];
-  [v.azimuth, v.elevation, v.distance] = away;
-  if (name === "whole") v.target = s.middle;
-  // A narrow canvas shows less to the sides.
-  v.distance *= Math.max(1, 1.25 / (scene.canvas.clientWidth / Math.max(scene.canvas.clientHeight, 1)));
+  [v.azimuth, v.elevation, v.distance] = VIEWS[name];
+  v.orthogonal = ["side", "behind", "top"].includes(name);
+  if (name === "whole") {
+    v.target = low.map((x, i) => (x + high[i]) / 2);
+    v.distance = 1.04 * scene.distanceFor(low, high);
+  } else {  // a narrow canvas shows less to the sides
+    v.distance *= Math.max(1, 1.25 / (scene.canvas.clientWidth / Math.max(scene.canvas.clientHeight, 1)));
+  }
+  player.view = name;
   player.dirty = true;
 }
 
@@ -128,39 +134,85 @@ function showShot(t) {
 
 // ---- phases and events ----
 
-const phaseButtons = data.plots.bands.map((band, k) => {
+const tips = Object.fromEntries(Object.entries(data.terms).flatMap(([name, term]) => term.labels.map((label) => [label, `${name}: ${term.text}`])));
+function explain(element, label) { if (tips[label]) element.title = tips[label]; }
+/** Explanations of the terms that occur in a text. */
+function explained(text) {
+  const found = Object.entries(data.terms).filter(([name]) => name.split(", ").some((word) => text.includes(word)));
+  return found.map(([name, term]) => `${name}: ${term.text}`).join("\n");
+}
+for (const item of document.querySelectorAll(".legend span")) explain(item, item.textContent);
+for (const [name, term] of [...Object.entries(data.terms).map(([n, t]) => [n, t.text]), ...Object.entries(data.phase_terms).map(([n, t]) => [`phase ${n}`, t])]) {
+  const dt = document.createElement("dt"), dd = document.createElement("dd");
+  dt.textContent = name;
+  dd.textContent = term;
+  document.querySelector("#terms dl").append(dt, dd);
+}
+function markButton(host, className, from, title) {
   const b = document.createElement("button");
   b.type = "button";
-  b.className = k % 2 ? "odd" : "even";
-  b.textContent = band.name;
-  b.title = `${band.name} from ${band.start.toFixed(2)} s: ${band.cause || "start"}`;
-  b.addEventListener("click", () => seek(band.start));
-  $("phases").append(b);
+  b.className = className;
+  b.title = title;
+  b.setAttribute("aria-label", title);
+  b.addEventListener("click", () => seek(from));
+  host.append(b);
   return b;
+}
+const phaseButtons = data.plots.bands.map((band, k) => {
+  const meaning = data.phase_terms[band.name] ? ` (${data.phase_terms[band.name]})` : "";
+  const b = markButton($("phases"), k % 2 ? "odd" : "even", band.start, `${band.name}${meaning} from ${band.start.toFixed(2)} s: ${band.cause || "start"}`);
+  b.textContent = band.name;
+  return { b, start: band.start, end: band.end, name: band.name };
 });
+// Holds and faults lie over the phases.
+const spans = [
+  ...data.events.filter((event) => event.kind === "fault").map((event) => ["fault", event.t, event.end, event.cause]),
+  ...data.holds.map((hold) => ["hold", hold.start, hold.end, `hold: ${hold.cause}`]),
+];
+const phaseMarks = spans.map(([kind, start, end, title]) => ({ b: markButton($("phases"), kind, start, `${start.toFixed(2)} s ${title}`), start, end, name: "" }));
 function placePhases([a, b]) {
-  phaseButtons.forEach((button, k) => {
-    const band = data.plots.bands[k], from = Math.max((band.start - a) / (b - a), 0), to = Math.min((band.end - a) / (b - a), 1);
-    button.hidden = to <= from;
-    button.style.left = `${100 * from}%`;
-    button.style.width = `${100 * Math.max(to - from, 0)}%`;
-  });
+  const strip = $("phases").clientWidth;
+  for (const item of [...phaseButtons, ...phaseMarks]) {
+    const from = Math.max((item.start - a) / (b - a), 0), to = Math.min((item.end - a) / (b - a), 1), isMark = !item.name;
+    item.b.hidden = to < from || (to === from && !isMark) || item.start > b || item.end < a;
+    item.b.style.left = isMark ? `min(${100 * from}%, 100% - 5px)` : `${100 * from}%`;
+    item.b.style.width = `${100 * Math.max(to - from, 0)}%`;
+    // A name that does not fit is left out; the tooltip has it.
+    if (!isMark) item.b.textContent = (to - from) * strip > 7.2 * item.name.length + 8 ? item.name : "";
+  }
+}
+for (const [kind, start, end, title] of [
+  ...data.events.filter((event) => ["motion", "perception"].includes(event.kind)).map((event) => [event.kind, event.t, event.kind === "motion" ? event.t : event.end, `${event.name}: ${event.cause}`]),
+  ...data.missed.map((frame) => ["missed", frame.t, frame.t, `nosing ${frame.numbers} missed`]),
+  ...spans,
+]) {
+  const mark = markButton($("marks"), kind, start, `${start.toFixed(2)} s ${title}`), whole = Math.max(END - START, 1e-9);
+  mark.style.left = `min(${100 * (start - START) / whole}%, 100% - 4px)`;
+  mark.style.width = `${100 * (end - start) / whole}%`;
+  mark.tabIndex = -1;  // the list of events has them all
 }
 const rows = data.events.map((event) => {
   const tr = document.createElement("tr"), b = document.createElement("button");
+  tr.className = event.name === "hold" ? "hold" : event.kind;
   b.type = "button";
   b.textContent = `${event.t.toFixed(2)} s`;
   b.addEventListener("click", () => seek(event.t));
   const cells = [b, event.name, event.cause].map((value) => { const td = document.createElement("td"); td.append(value); return td; });
+  cells[1].title = data.phase_terms[event.name] || explained(event.name);
+  cells[2].title = explained(event.cause);
   tr.append(...cells);
   $("events").append(tr);
   return tr;
 });
 for (const moment of data.moments) {
-  const b = document.createElement("button");
-  b.type = "button";
+  const b = document.createElement(moment.t === null ? "span" : "button");
+  if (moment.t !== null) {
+    b.type = "button";
+    b.addEventListener("click", () => seek(moment.t));
+  }
+  b.className = moment.kind;
   b.textContent = moment.label;
-  b.addEventListener("click", () => seek(moment.t));
+  b.title = [moment.note, explained(moment.label)].filter(Boolean).join("\n");
   $("moments").append(b);
 }
 
@@ -172,6 +224,7 @@ for (const panel of data.plots.panels) for (const curve of panel.curves) {
 }
 const plots = new Plots($("plots"), time, data.plots.panels, data.plots.bands, (t, pressed) => { if (pressed) seek(t); });
 plots.onwindow = placePhases;
+for (const item of document.querySelectorAll(".panel .head strong, .panel .key")) explain(item, (item.firstChild.textContent || "").replace(/ \[.*/, ""));
 placePhases(plots.window);
 
 // ---- clock and controls ----
@@ -213,6 +266,14 @@ $("zoomfirst").hidden = !data.transient_s;
 $("zoomfirst").addEventListener("click", () => { plots.show(START, data.transient_s); seek(START); });
 $("zoomall").addEventListener("click", () => plots.show(START, END));
 for (const b of document.querySelectorAll("[data-view]")) b.addEventListener("click", () => view(b.dataset.view));
+// A finger has no hover: a tap on a term shows its explanation until the next tap.
+document.addEventListener("pointerup", (e) => {
+  const item = e.pointerType === "mouse" ? null : e.target.closest('[title]:not([title=""], button)');
+  $("tip").hidden = !item || $("tip").textContent === item.title && !$("tip").hidden;
+  if (item) $("tip").textContent = item.title;
+});
+// After a click the space bar plays; a button that the keyboard has reached keeps it.
+document.addEventListener("click", (e) => { const b = e.target.closest("button"); if (b && e.detail) b.blur(); });
 document.addEventListener("keydown", (e) => {
   if (e.target.tagName === "SELECT" || e.ctrlKey || e.metaKey || e.altKey) return;
   if (e.target.tagName === "BUTTON" && e.key === " ") return;
@@ -228,6 +289,20 @@ document.addEventListener("keydown", (e) => {
   keys[e.key]();
 });
 
+function holdAt(t) { return data.holds.find((hold) => hold.start <= t + 1e-6 && (t < hold.end || hold.end >= END - 1e-6)); }
+/** Name of the view as it was chosen, or null once the scene has been turned. */
+function shownView() {
+  const v = scene && scene.view, chosen = VIEWS[player.view];
+  return v && chosen && v.azimuth === chosen[0] && v.elevation === chosen[1] ? player.view : null;
+}
+/** What the camera perceives, or since when it perceives nothing. */
+function seenAt(t) {
+  if (!data.maps.length) return "";
+  const spans = data.events.filter((event) => event.kind === "perception" && event.t < t && t <= event.end);
+  const seen = data.maps[lastBefore(data.maps, t, "taken")];
+  if (seen && t - seen.taken < 0.5) return seen.text;
+  return spans.length ? `${spans[0].name} ${spans[0].cause}` : "no stair perceived";
+}
 function refresh() {
   const t = player.t;
   if (scene) {
@@ -239,17 +314,25 @@ function refresh() {
   $("clock").textContent = `${t.toFixed(2)} / ${END.toFixed(2)} s`;
   plots.setCursor(t);
   const band = data.plots.bands[lastBefore(data.plots.bands, t, "start")];
-  $("phase").textContent = band ? band.name : "";
-  $("why").textContent = band && band.cause ? `because ${band.cause}` : "";
-  phaseButtons.forEach((b, k) => b.classList.toggle("now", data.plots.bands[k] === band));
+  const hold = holdAt(t);
+  $("phase").textContent = hold ? "HOLD" : band ? band.name : "";
+  $("phase").classList.toggle("holds", Boolean(hold));
+  $("why").textContent = hold ? `${band ? `during ${band.name}` : ""}: ${hold.cause}` : band && band.cause ? `because ${band.cause}` : "";
+  const faults = data.events.filter((event) => event.kind === "fault" && event.t <= t && t <= event.end);
+  $("why").title = explained($("why").textContent);
+  $("chain").textContent = hold ? hold.chain : faults.map((fault) => `fault since ${fault.t.toFixed(2)} s: ${fault.cause}`).join("; ");
+  $("phase").title = hold ? data.terms.hold.text : band && data.phase_terms[band.name] || "";
+  phaseButtons.forEach((item, k) => item.b.classList.toggle("now", data.plots.bands[k] === band));
+  for (const b of document.querySelectorAll("[data-view]")) b.setAttribute("aria-pressed", String(b.dataset.view === shownView()));
   const now = lastBefore(data.events, t, "t");
   rows.forEach((row, k) => row.classList.toggle("now", k === now));
   if (now >= 0 && now !== player.event) {
     player.event = now;
-    $("eventbox").scrollTop = rows[now].offsetTop - rows[0].offsetTop - 60;
+    const box = $("eventbox"), row = rows[now], top = row.offsetTop, bottom = top + row.offsetHeight;
+    if (top < box.scrollTop + 60) box.scrollTop = top - 60;
+    if (bottom > box.scrollTop + box.clientHeight) box.scrollTop = bottom - box.clientHeight;
   }
-  const seen = data.maps[lastBefore(data.maps, t, "taken")];
-  $("sees").textContent = !data.maps.length ? "" : seen && t - seen.taken < 0.5 ? seen.text : "no stair perceived";
+  $("sees").textContent = seenAt(t);
   showShot(t);
 }
 function frame(now) {
@@ -264,7 +347,7 @@ function frame(now) {
 }
 $("camerabox").hidden = !data.images.length;
 openScene();
-window.addEventListener("resize", () => { player.dirty = true; });
+window.addEventListener("resize", () => { placePhases(plots.window); player.dirty = true; });
 window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", paint);
 function follow() {
   const asked = /^#t=([0-9.]+)$/.exec(location.hash);

@@ -2,6 +2,7 @@
 // Time series in panels with one time axis: hover values, zoom, limits, bands, and a cursor that all panels share.
 
 const MARGIN = { left: 46, right: 8, top: 6, bottom: 6 }, AXIS_PX = 20;
+const SWIPE_PX = 8;  // below, a finger that taps has not moved
 
 function css(name) { return getComputedStyle(document.documentElement).getPropertyValue(name).trim(); }
 
@@ -79,10 +80,24 @@ class Plots {
       const box = canvas.getBoundingClientRect(), f = (e.clientX - box.left - MARGIN.left) / (box.width - MARGIN.left - MARGIN.right);
       return this.window[0] + Math.min(Math.max(f, 0), 1) * (this.window[1] - this.window[0]);
     };
-    let down = false;
-    canvas.addEventListener("pointerdown", (e) => { down = true; canvas.setPointerCapture(e.pointerId); this.seek(timeAt(e), true); });
-    canvas.addEventListener("pointermove", (e) => { if (down || e.pointerType === "mouse") this.seek(timeAt(e), down); });
-    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { down = false; });
+    // A finger moves the time only once its drag is horizontal, or with a tap: a vertical swipe scrolls the page (touch-action).
+    let down = false, touched = null;
+    canvas.addEventListener("pointerdown", (e) => {
+      if (e.pointerType === "touch") { touched = [e.clientX, e.clientY]; return; }
+      down = true;
+      canvas.setPointerCapture(e.pointerId);
+      this.seek(timeAt(e), true);
+    });
+    canvas.addEventListener("pointermove", (e) => {
+      if (touched && !down) {
+        const dx = Math.abs(e.clientX - touched[0]), dy = Math.abs(e.clientY - touched[1]);
+        if (dy > SWIPE_PX && dy >= dx) touched = null;
+        else if (dx > SWIPE_PX) { down = true; canvas.setPointerCapture(e.pointerId); }
+      }
+      if (down || e.pointerType === "mouse") this.seek(timeAt(e), down);
+    });
+    canvas.addEventListener("pointerup", (e) => { if (touched) this.seek(timeAt(e), true); down = false; touched = null; });
+    canvas.addEventListener("pointercancel", () => { down = false; touched = null; });
     canvas.addEventListener("wheel", (e) => {
       if (!e.ctrlKey && !e.shiftKey) return;  // the page scrolls
       e.preventDefault();
@@ -166,7 +181,9 @@ class Plots {
       g.moveTo(this.x(t, w), top);
       g.lineTo(this.x(t, w), bottom);
       g.stroke();
-      if (panel.last) g.fillText(`${t.toFixed(decimals)} s`, this.x(t, w), bottom + 6);
+      if (!panel.last) continue;
+      const text = `${t.toFixed(decimals)} s`, half = 0.5 * g.measureText(text).width;
+      g.fillText(text, Math.min(Math.max(this.x(t, w), half), w - half), bottom + 6);
     }
     g.save();
     g.beginPath();

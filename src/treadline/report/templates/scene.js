@@ -29,10 +29,12 @@ void main() { shade = tint; gl_Position = camera * vec4(position, 1.0); }`;
 const MARK_FRAGMENT = `#version 300 es
 precision highp float; in vec4 shade; out vec4 pixel; void main() { pixel = shade; }`;
 
+const FIELD_RAD = 0.62, FAR_M = 120;  // field of view across the height, and farthest drawn point
 const SHADOW_PX = 2048, SHADOW_REACH_M = 3.2, SUN = normalised([-0.45, -0.62, 1.0]);
 
 function normalised(v) { const l = Math.hypot(...v); return v.map((x) => x / l); }
 function cross(a, b) { return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]; }
+function along(p, v, s) { return [p[0] + s * v[0], p[1] + s * v[1], p[2] + s * v[2]]; }
 function dot(a, b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /** Product of two 4×4 matrices stored by columns. */
@@ -45,17 +47,17 @@ function times(a, b) {
   }
   return c;
 }
-function lookAt(eye, target) {
+function lookAt(eye, target, up = [0, 0, 1]) {
   const z = normalised([eye[0] - target[0], eye[1] - target[1], eye[2] - target[2]]);
-  const x = normalised(cross([0, 0, 1], z)), y = cross(z, x);
+  const x = normalised(cross(up, z)), y = cross(z, x);
   return new Float32Array([x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0, -dot(x, eye), -dot(y, eye), -dot(z, eye), 1]);
 }
 function perspective(fov, aspect, near, far) {
   const f = 1 / Math.tan(fov / 2), d = 1 / (near - far);
   return new Float32Array([f / aspect, 0, 0, 0, 0, f, 0, 0, 0, 0, (far + near) * d, -1, 0, 0, 2 * far * near * d, 0]);
 }
-function orthographic(reach, near, far) {
-  return new Float32Array([1 / reach, 0, 0, 0, 0, 1 / reach, 0, 0, 0, 0, -2 / (far - near), 0, 0, 0, -(far + near) / (far - near), 1]);
+function orthographic(across, up, near, far) {
+  return new Float32Array([1 / across, 0, 0, 0, 0, 1 / up, 0, 0, 0, 0, -2 / (far - near), 0, 0, 0, -(far + near) / (far - near), 1]);
 }
 /** Rigid transform from a position and a quaternion (w, x, y, z). */
 function rigid(p, q) {
@@ -123,7 +125,7 @@ class Belt {
 /** Renderer of one scene on a canvas. */
 class Scene {
   constructor(canvas, data) {
-    const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error("no WebGL 2");
     this.canvas = canvas;
     this.gl = gl;
@@ -228,6 +230,18 @@ class Scene {
       target[2] + v.distance * Math.sin(v.elevation)];
     return [eye, target];
   }
+  /** Least distance from which a box about the target is in the picture, at the azimuth and elevation of the view. */
+  distanceFor(low, high) {
+    const v = this.view, middle = v.target, c = Math.cos(v.elevation), s = Math.sin(v.elevation);
+    const back = [c * Math.cos(v.azimuth), c * Math.sin(v.azimuth), s], up = [-s * Math.cos(v.azimuth), -s * Math.sin(v.azimuth), c], right = cross(up, back);
+    const tangent = Math.tan(FIELD_RAD / 2), aspect = this.canvas.clientWidth / Math.max(this.canvas.clientHeight, 1);
+    let least = 0;
+    for (const x of [low[0], high[0]]) for (const y of [low[1], high[1]]) for (const z of [low[2], high[2]]) {
+      const p = [x - middle[0], y - middle[1], z - middle[2]];
+      least = Math.max(least, dot(p, back) + Math.max(Math.abs(dot(p, right)) / aspect, Math.abs(dot(p, up))) / tangent);
+    }
+    return least;
+  }
   resize() {
     const scale = Math.min(window.devicePixelRatio || 1, 2), c = this.canvas;
     const w = Math.max(1, Math.round(c.clientWidth * scale)), h = Math.max(1, Math.round(c.clientHeight * scale));
@@ -242,9 +256,12 @@ class Scene {
     const shown = [...this.parts, this.lugMesh].filter((part) => part.body in bodies);
     const [eye, target] = this.eyeAndTarget();
     const centre = state ? point(bodies.chair, [0, 0, 0.4]) : target;
-    const light = times(orthographic(SHADOW_REACH_M, 0.1, 14), lookAt([0, 1, 2].map((i) => centre[i] + 7 * SUN[i]), centre));
+    const light = times(orthographic(SHADOW_REACH_M, SHADOW_REACH_M, 0.1, 14), lookAt([0, 1, 2].map((i) => centre[i] + 7 * SUN[i]), centre));
     const aspect = this.canvas.width / this.canvas.height;
-    const camera = times(perspective(0.62, aspect, 0.05, 60), lookAt(eye, target));
+    const v = this.view, reach = v.distance * Math.tan(FIELD_RAD / 2), se = Math.sin(v.elevation);
+    const up = [-se * Math.cos(v.azimuth), -se * Math.sin(v.azimuth), Math.cos(v.elevation)];
+    const lens = v.orthogonal ? orthographic(reach * aspect, reach, -FAR_M, FAR_M) : perspective(FIELD_RAD, aspect, 0.05, FAR_M);
+    const camera = times(lens, lookAt(eye, target, up));
     gl.enable(gl.DEPTH_TEST);
     gl.disable(gl.BLEND);
     gl.depthMask(true);
@@ -264,7 +281,7 @@ class Scene {
     gl.uniformMatrix4fv(at.camera, false, camera);
     gl.uniformMatrix4fv(at.light, false, light);
     gl.uniform3fv(at.sun, SUN);
-    gl.uniform3fv(at.eye, eye);
+    gl.uniform3fv(at.eye, v.orthogonal ? along(target, normalised(along(eye, target, -1)), FAR_M) : eye);
     gl.activeTexture(gl.TEXTURE0);
     gl.bindTexture(gl.TEXTURE_2D, this.depth);
     gl.uniform1i(at.depth, 0);
@@ -319,7 +336,7 @@ class Scene {
       for (let i = 0; i < 3; i++) v.pan[i] -= k * dx * right[i];
       v.pan[2] += k * dy * Math.cos(v.elevation);
     };
-    const zoom = (factor) => { this.view.distance = Math.min(Math.max(this.view.distance * factor, 0.6), 30); };
+    const zoom = (factor) => { this.view.distance = Math.min(Math.max(this.view.distance * factor, 0.6), 60); };
     c.addEventListener("pointerdown", (e) => { c.setPointerCapture(e.pointerId); held.set(e.pointerId, [e.clientX, e.clientY]); });
     c.addEventListener("pointermove", (e) => {
       if (!held.has(e.pointerId)) return;
@@ -332,6 +349,7 @@ class Scene {
       } else if (e.shiftKey || e.buttons & 6) {
         pan(dx, dy);
       } else {
+        this.view.orthogonal = false;
         this.view.azimuth -= 0.008 * dx;
         this.view.elevation = Math.min(Math.max(this.view.elevation + 0.006 * dy, -0.25), 1.5);
       }
