@@ -15,12 +15,6 @@ from jaxtyping import Bool, Float, Int
 from treadline.angles import DEG
 from treadline.perception.geometry import viewing_direction
 from treadline.perception.lattice_kernels import (
-    HIDDEN_SIGMA_M,
-    OVERHANG_SIGMA_M,
-    RISE_MEAN_M,
-    RISE_SIGMA_M,
-    RUN_MEAN_M,
-    RUN_SIGMA_M,
     best_lattice,
 )
 from treadline.perception.lines import Line
@@ -29,13 +23,11 @@ from treadline.perception.steps import (
     Axes,
     Direction,
     NosingObservation,
-    Placed,
     Riser,
     Tread,
     riser_of,
     riser_rows,
     seed_points,
-    spacing,
     tread_of,
     tread_rows,
 )
@@ -57,8 +49,6 @@ LEAST_BLOCKS = 8
 """Least number of blocks of a surface."""
 TALLEST_M = 0.25
 """Largest height of a riser [m]."""
-PLANE_SIGMA_M = 0.001
-"""Standard deviation of the place of a plane of a hundred blocks, for rise and run [m]: a Kinect's noise of 6 mm at 2 m."""
 TURNED = 1.0 * DEG
 """Angle between vote and matched parts above which the parts are measured again in their own axes [rad]."""
 LEVEL_LEAST = 0.2
@@ -274,42 +264,6 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         matched_treads=[(int(of_tread[t]), bool(front_on[t]), scene.treads[t]) for t in np.flatnonzero(inside)],
         matched_risers=[(int(of_riser[r]), risers[r]) for r in np.flatnonzero(standing)],
     )
-
-
-def rise_and_run(flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> tuple[tuple[float, float], ...]:
-    """Return rise and run, each with its standard deviation [m]: planes determine them, ends add to them.
-
-    Args:
-        axes: Axes of the stair; the vertical of the search can be off by the error of gravity.
-    """
-    treads = tread_rows([tread for *_, tread in flight.matched_treads], blocks, axes, camera, flight.direction)
-    risers = riser_rows([riser for _, riser in flight.matched_risers], blocks, axes, camera)
-    of_tread = np.array([step for step, *_ in flight.matched_treads], dtype=np.int64)
-    front_on = np.array([on for _, on, _ in flight.matched_treads], dtype=np.bool_) & np.isfinite(treads[:, 3])
-    of_riser = np.array([step for step, _ in flight.matched_risers], dtype=np.int64)
-    tops, feet = np.isfinite(risers[:, 3]), np.isfinite(risers[:, 5])
-    rise = spacing(
-        [
-            _placed(of_tread, treads[:, 0], np.full(len(treads), PLANE_SIGMA_M**2), 0.0),
-            _placed(of_riser[tops], risers[tops, 2], risers[tops, 3], HIDDEN_SIGMA_M),
-            _placed(of_riser[feet] - 1, risers[feet, 4], risers[feet, 5], HIDDEN_SIGMA_M),
-        ],
-        (RISE_MEAN_M, RISE_SIGMA_M),
-    )
-    run = spacing(
-        [
-            _placed(of_riser, risers[:, 0], np.full(len(risers), PLANE_SIGMA_M**2), 0.0),
-            _placed(of_tread[front_on], treads[front_on, 2], treads[front_on, 3], OVERHANG_SIGMA_M),
-        ],
-        (RUN_MEAN_M, RUN_SIGMA_M),
-    )
-    return rise, run
-
-
-def _placed(
-    steps: Int[np.ndarray, " k"], values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"], offset_sigma_m: float
-) -> Placed:
-    return Placed(steps=steps, values_m=values, variances_m2=variances, offset_sigma_m=offset_sigma_m)
 
 
 def _nosing(

@@ -18,13 +18,14 @@ from treadline.perception.edge_fit import EdgeFit, fit_edges, off_gravity
 from treadline.perception.form import Bow, Side, bow_of, sides_of, turn_by
 from treadline.perception.geometry import axes_of, directions_of, viewing_direction
 from treadline.perception.gravity_from_treads import down_of_treads, levelled
-from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Flight, flight_in, rise_and_run, scene_of
+from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Flight, flight_in, scene_of
 from treadline.perception.stair_map import map_of
+from treadline.perception.stair_shape import shape_of
 from treadline.perception.steps import Axes, Direction
 from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.surfaces import PlanarBlocks, Surface, surface_blocks
 from treadline.perception.vectors import cross
-from treadline.signals import PinholeCamera, RgbdFrame, StairMap
+from treadline.signals import RgbdFrame, StairMap
 
 HALF = 0.5
 """Valid depth fraction below which a rejection names missing depth as the reason, instead of missing planes."""
@@ -188,9 +189,13 @@ def _answer(
     a, b = -float(edge @ forward), -float(edge @ left)
     change = (-b * forward + a * left) / (a * a + b * b)
     sigma = float(np.hypot(fit.sigma_of(change), np.hypot(turn_sigma, bow.uneven_rad)))
-    tilted = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
-    axes = tilted.axes
-    shape = _shape_of(seen, blocks, frame.camera, axes)
+    runs_m = {id(tread.surface): seen.run_m for _, on, tread in seen.matched_treads if on}
+    adjoining_rad = [
+        tread.adjoining_tilt_rad(frame.camera, fit.ahead, blocks.noise, runs_m.get(id(tread), np.inf)) for tread in seen.treads
+    ]
+    level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads, adjoining_rad)
+    axes = level.axes
+    shape = shape_of(seen, blocks, frame.camera, level, fit.warp_px)
     rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down, bow) or _too_narrow(sides, swept_half_m)
     if rejection_reason is not None:
         return refused(rejection_reason, edge_count=len(seen.nosings), evidence=seen.evidence)
@@ -208,7 +213,7 @@ def _answer(
         stages=None,
         evidence=seen.evidence,
         planes_against_lines_rad=None if apart is None else apart[0],
-        axes=directions_of(frame.t_s, tilted, shape, edge, sigma),
+        axes=directions_of(frame.t_s, level, shape, edge, sigma),
         parts=Parts(
             risers=tuple(seen.risers),
             treads=tuple(seen.treads),
@@ -297,20 +302,6 @@ def _lacking(seen: Flight) -> str:
     return (
         f"steps of {1e3 * seen.rise_m:.0f} by {1e3 * seen.run_m:.0f} mm would explain what is seen, evidence "
         f"{seen.evidence:.1f} of {EVIDENCE:g} needed"
-    )
-
-
-def _shape_of(seen: Flight, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> StairShape:
-    (rise, rise_sigma_m), (run, run_sigma_m) = rise_and_run(seen, blocks, camera, axes)
-    return StairShape(
-        rise_m=rise,
-        run_m=run,
-        rise_sigma_m=rise_sigma_m,
-        run_sigma_m=run_sigma_m,
-        slope_rad=float(np.arctan2(rise, run)),
-        slope_sigma_rad=float(np.hypot(run * rise_sigma_m, rise * run_sigma_m) / (rise**2 + run**2)),
-        distance_m=seen.nosings[0].ahead_m,
-        direction=seen.direction,
     )
 
 

@@ -188,6 +188,32 @@ class Surface:
         top, bottom = ((rays @ up) / (rays @ self.normal) for rays in ends)
         return np.asarray(top - bottom)
 
+    def distance_variance(self, window_px: float) -> float:
+        """Return the variance of the centre's distance relative to it: pixels within a matching window have a common error."""
+        ray = self.centre / self.centre[2]
+        return float(self.centre[2] ** 2 * window_px**2 * (ray @ self.covariance @ ray))
+
+    def adjoining_tilt_rad(self, camera: PinholeCamera, ahead: Float[np.ndarray, " 3"], noise: float, length_m: float) -> float:
+        """Return the tilt of a horizontal surface by the pixels of risers at its ends within the tolerance of its plane [rad].
+
+        The residual of the riser's pixels increases by ``step`` per row up to the tolerance. Least squares turn the plane over its
+        rows by 3·tolerance²/(step·rows²) for each end, both towards the nosing plane.
+
+        Args:
+            ahead: Horizontal unit vector in C, perpendicular to the edges.
+            noise: Noise of the frame.
+            length_m: Largest extent of the surface along ``ahead``: the run of a tread. A plane far away that is turned extends
+                over the risers at its ends.
+        """
+        creased = sum(float(np.mean(end.follows != kernels.BEYOND)) for end in (self.upper, self.lower) if end.follows.size)
+        y = float(self.centre[1] / self.centre[2])
+        lever = abs(float(ahead[1] - y * ahead[2]))
+        of_length = length_m * lever * camera.fy_px / float(self.centre[2])
+        rows = min(float(np.median(self.lower.rows - self.upper.rows)), of_length)
+        step = abs(float(self.normal[1] - ahead[1] / (ahead @ self.centre))) / camera.fy_px
+        turned = creased * 3.0 * (TOLERANCE * noise) ** 2 / (step * rows**2)
+        return turned * camera.fy_px * self.distance_m * lever
+
     def within(self, kept: Bool[np.ndarray, " k"], blocks: PlanarBlocks) -> "Surface":
         """Return the part of the surface in some of its columns, with the same plane."""
         columns = self.upper.columns[kept]
