@@ -100,7 +100,7 @@ def _rise_and_run(
     surfaces = [tread.surface for *_, tread in flight.matched_treads] + [riser.surface for _, riser in flight.matched_risers]
     centres = np.array([surface.centre for surface in surfaces])
     stretch = warp_px * stretch_of(centres, camera)
-    noise = np.array([surface.distance_variance(blocks.window_px) for surface in surfaces])
+    noise = np.array([surface.distance_variance for surface in surfaces])
     # A rotation about the edges lowers what is ahead, and moves what is above ahead.
     lowered, moved = (levelled.down_sigma_rad * (centres @ axis)[:, None] for axis in (-axes.ahead, sign * axes.up))
 

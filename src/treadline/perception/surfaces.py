@@ -188,10 +188,11 @@ class Surface:
         top, bottom = ((rays @ up) / (rays @ self.normal) for rays in ends)
         return np.asarray(top - bottom)
 
-    def distance_variance(self, window_px: float) -> float:
-        """Return the variance of the centre's distance relative to it: pixels within a matching window have a common error."""
+    @property
+    def distance_variance(self) -> float:
+        """Variance of the centre's distance relative to it."""
         ray = self.centre / self.centre[2]
-        return float(self.centre[2] ** 2 * window_px**2 * (ray @ self.covariance @ ray))
+        return float(self.centre[2] ** 2 * (ray @ self.covariance @ ray))
 
     def adjoining_tilt_rad(self, camera: PinholeCamera, ahead: Float[np.ndarray, " 3"], noise: float, length_m: float) -> float:
         """Return the tilt of a horizontal surface by the pixels of risers at its ends within the tolerance of its plane [rad].
@@ -274,7 +275,9 @@ def joined(
         camera.cx_px,
         camera.cy_px,
     )
-    return list(_surfaces(members, stops, *found))
+    # Pixels within a matching window have a common error.
+    normals, covariances, *rest = found
+    return list(_surfaces(members, stops, normals, covariances * blocks.window_px**2, *rest))
 
 
 def components(blocks: PlanarBlocks, members: Int[np.ndarray, " m"]) -> list[Int[np.ndarray, " k"]]:
