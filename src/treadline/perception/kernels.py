@@ -414,7 +414,7 @@ def _ending(near, v, way, start, slope, jump):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, least_square, fx, fy, cx, cy):
+def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, aside, least_square, fx, fy, cx, cy):
     """Return the surfaces of some planes, each fitted to all of its pixels, with its ends in each column of the image.
 
     Args:
@@ -424,6 +424,7 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
         planes: n of each plane, ``squares`` the mean squared residuals of its blocks.
         tolerance: Least distance from the plane for a pixel to be rejected [1/m], and ``sigmas`` the same in RMS residuals.
         jump: Difference separating two surfaces [1/m].
+        aside: Largest lateral distance of a wall next to a surface [m].
         least_square: Lower limit of a surface's mean squared residual.
 
     Returns:
@@ -443,7 +444,6 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
     for s in range(count):
         box_of(places, members[begin : stops[s]], size, size + size // 2, height, width, box)
         begin, plane, off = stops[s], planes[s], max(tolerance, sigmas * math.sqrt(squares[s]))
-        sums[:] = 0.0
         slope, k = plane[1] / fy, 0
         for u in range(box[0], box[2] + 1):
             near, x = nearness[u], (u - cx) / fx
@@ -456,8 +456,22 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
             above[s, k] = _ending(near, first, -1, level, slope, jump)
             below[s, k] = _ending(near, last, 1, level, slope, jump)
             k += 1
-            within = slice(first + 1, last)
-            _add_column(near[within], rows[within], ys[within], x, level, slope, off, sums)
+        # Pixels of a side wall near its crease lie on the plane as well, and would turn it.
+        margin = int(math.ceil(off * fx * aside))
+        for inner in (margin, 0):
+            sums[:] = 0.0
+            for i in range(k):
+                u, left, right = columns[s, i], i - inner, i + inner
+                if left < 0 or right >= k or columns[s, right] - columns[s, left] > 2 * inner:
+                    continue
+                first = max(upper[s, left], upper[s, i], upper[s, right])
+                last = min(lower[s, left], lower[s, i], lower[s, right])
+                within = slice(int(first + 1.5), int(max(last - 0.5, 0.0)))
+                near, x = nearness[u], (u - cx) / fx
+                level = plane[0] * x + plane[2] - plane[1] * cy / fy
+                _add_column(near[within], rows[within], ys[within], x, level, slope, off, sums)
+            if sums[COUNT] >= 4 * size * size:
+                break
         n = sums[COUNT]
         square = solved_plane(sums, normals[s], covariances[s])
         # Pixels in a single row or column do not determine a plane.

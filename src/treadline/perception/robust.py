@@ -35,6 +35,8 @@ SLOPE_LIMIT = 45.0 * DEG
 """Largest accepted slope [rad]."""
 AGREEING = 0.7
 """Least fraction of consistent nosings: winders are not parallel."""
+STRAIGHT_LEAST = 2
+"""Least number of nosings with a direction, which are parallel on a straight flight."""
 SIGMA_LIMIT = 1.0 * DEG
 """Largest accepted standard deviation of the heading [rad]."""
 LOOKING_AHEAD, LOOKING_DOWN = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG)
@@ -257,6 +259,8 @@ def _rejection_reason(
         return f"no gravity, and {seen.levels} evenly spaced level(s) to replace it; {down.least_levels} needed"
     if abs(heading_rad) > HEADING_LIMIT:
         return f"heading {heading_rad / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°"
+    if sum(nosing.has_direction for nosing in seen.nosings) < STRAIGHT_LEAST:
+        return "one edge in view has a direction: a straight flight is not distinguished from winders"
     if fit.agreeing < AGREEING or fit.agreeing * len(seen.nosings) < 1.5:
         return f"nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other: no straight flight"
     turned = fit.curvature_1_m * float(np.mean([nosing.ahead_m for nosing in seen.nosings]))

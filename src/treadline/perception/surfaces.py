@@ -41,6 +41,9 @@ FULL = 0.6
 """Least fraction of a block's pixels with depth."""
 TOLERANCE, TOLERANCE_SIGMAS = 0.22 / DISPARITY_PX_M, 3.5
 """Largest distance of a pixel from its surface: absolute [1/m] and in RMS residuals, whichever is larger."""
+ASIDE_M = 1.0
+"""Largest lateral distance of a wall next to a surface [m]: a plane along the view at that distance leaves the tolerance of the
+surface within three columns of 640."""
 NOISE_QUANTILE, NOISE_MARGIN, NOISE_MOST = 0.35, 2.2, 3.0
 """Quantile of the residuals of all blocks that stands for a frame's noise, its ratio to the largest residual of a planar block
 (recorded Kinect 1 frames give a noise of 1 to 1.8), and the largest noise: beyond it steps 2 m away are no planes."""
@@ -269,6 +272,7 @@ def joined(
         TOLERANCE * blocks.noise,
         TOLERANCE_SIGMAS,
         JUMP * blocks.noise,
+        ASIDE_M,
         LEAST_RESIDUAL**2,
         camera.fx_px,
         camera.fy_px,
