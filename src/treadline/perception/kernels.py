@@ -153,7 +153,7 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
     rows, columns = cells.shape[0], cells.shape[1]
     sums = np.empty((2 * rows * columns, SUMS))
     planes, units, centres = np.empty((2 * rows * columns, 3)), np.empty((2 * rows * columns, 3)), np.empty((2 * rows * columns, 3))
-    places = np.empty((2 * rows * columns, 3), dtype=np.int64)
+    places, turns = np.empty((2 * rows * columns, 3), dtype=np.int64), np.empty(2 * rows * columns)
     large = np.zeros((rows + 1, columns), dtype=np.bool_)
     total, plane = np.empty(SUMS), np.empty(3)
     count = 0
@@ -172,7 +172,8 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
                 nearness = total[W] / total[COUNT]
                 if not residual < max(residual_limit, depth_limit * nearness * nearness):
                     continue
-                if turn * max(1.0, least_residual / max(residual, 1e-12)) > turn_limit:
+                turns[count] = turn * max(1.0, least_residual / max(residual, 1e-12))
+                if turns[count] > turn_limit:
                     continue
                 large[i, j] = large[i, j] or height == 2
                 sums[count] = total
@@ -183,7 +184,8 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
                 centres[count, 0], centres[count, 1], centres[count, 2] = x / nearness, y / nearness, 1.0 / nearness
                 places[count, 0], places[count, 1], places[count, 2] = i, j, height
                 count += 1
-    return sums[:count].copy(), planes[:count].copy(), units[:count].copy(), centres[:count].copy(), places[:count].copy()
+    found = sums[:count].copy(), planes[:count].copy(), units[:count].copy(), centres[:count].copy(), places[:count].copy()
+    return (*found, turns[:count].copy())
 
 
 @njit(cache=True, error_model="numpy")

@@ -34,7 +34,7 @@ from treadline.perception.steps import (
 from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.surfaces import PlanarBlocks, Surface, components, joined
 from treadline.perception.vectors import cross
-from treadline.perception.votes import line_votes, votes_of
+from treadline.perception.votes import line_votes, place_votes, votes_of
 from treadline.signals import PinholeCamera, RgbdFrame
 
 EVIDENCE, UNCONFIRMED = 4.2, 3.4
@@ -43,6 +43,8 @@ UPRIGHT = 18.0 * DEG
 """Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""
 RISER_SPREAD = 14.0 * DEG
 """Largest azimuth difference between a riser block and the vote [rad]."""
+TURN_SIGMAS = 2.0
+"""Error of an uncertain normal within which its block can belong to a riser, in standard deviations."""
 RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
 """Separation of different surfaces along their normal [m]: less than half of the smallest run and rise."""
 LEAST_BLOCKS = 8
@@ -92,23 +94,30 @@ class Scene:
     """Indices of the vertical blocks."""
     azimuth: Float[np.ndarray, " v"]
     """Azimuth of each of them [rad]."""
+    slack: Float[np.ndarray, " v"]
+    """Largest error of each azimuth [rad]; zero for blocks with a certain normal."""
+    is_uncertain: bool
+    """Whether blocks with an uncertain normal are included."""
 
 
-def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3"]) -> Scene | None:
+def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3"], *, is_uncertain: bool = False) -> Scene | None:
     """Return the surfaces of a frame; None if the camera looks straight up or down.
 
     Args:
         down: Unit vector in C.
+        is_uncertain: Whether ``blocks`` include those with an uncertain normal.
     """
     level = _level_axes(down, frame.camera.R_BC)
     if level is None:
         return None
     rise = blocks.unit @ down
-    upright = np.flatnonzero(np.abs(rise) < np.sin(UPRIGHT))
+    slack = TURN_SIGMAS * blocks.turns * is_uncertain
+    upright = np.flatnonzero(np.abs(rise) < np.sin(np.minimum(UPRIGHT + slack, 0.5 * np.pi)))
+    level_blocks = (np.abs(rise) > np.cos(UPRIGHT)) & (blocks.turns <= blocks.turn_limit)
     surfaces = joined(
         frame.camera,
         blocks,
-        np.flatnonzero(np.abs(rise) > np.cos(UPRIGHT)),
+        np.flatnonzero(level_blocks),
         level.up,
         gap_m=TREAD_GAP_M,
         least=LEAST_BLOCKS,
@@ -123,6 +132,8 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3
         treads=[tread_of(surface, frame.camera) for surface in kept],
         upright=upright,
         azimuth=np.arctan2(units @ level.right, units @ level.ahead),
+        slack=slack[upright],
+        is_uncertain=is_uncertain,
     )
 
 
@@ -133,7 +144,11 @@ def flight_in(scene: Scene, directions: Sequence[Direction], watch: Stopwatch) -
     watch.lap("treads")
     best: Flight | None = None
     most_risers, voted = 0, False
-    for peak in votes_of(scene.azimuth, *line_votes(lines, camera.width_px, level)):
+    if scene.is_uncertain:
+        peaks = place_votes(scene.blocks.centres[scene.upright], level)
+    else:
+        peaks = votes_of(scene.azimuth, *line_votes(lines, camera.width_px, level))
+    for peak in peaks:
         voted = True
         found, risers = _flight_at(scene, peak, directions)
         most_risers = max(most_risers, risers)
@@ -189,7 +204,7 @@ def _risers_at(scene: Scene, azimuth: float, axes: Axes) -> Iterator[Riser]:
     image, and by columns.
     """
     camera, blocks = scene.frame.camera, scene.blocks
-    members = scene.upright[np.abs(scene.azimuth - azimuth) < RISER_SPREAD]
+    members = scene.upright[np.abs(scene.azimuth - azimuth) < RISER_SPREAD + scene.slack]
     for surface in joined(camera, blocks, members, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS):
         if _is_low(surface, blocks, axes):
             parts = [surface]

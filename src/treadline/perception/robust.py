@@ -18,12 +18,12 @@ from treadline.perception.edge_fit import EdgeFit, fit_edges, off_gravity
 from treadline.perception.form import Bow, Side, bow_of, sides_of, turn_by
 from treadline.perception.geometry import axes_of, directions_of, viewing_direction
 from treadline.perception.gravity_from_treads import down_of_treads, levelled
-from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Flight, flight_in, scene_of
+from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Flight, Scene, flight_in, scene_of
 from treadline.perception.stair_map import map_of
 from treadline.perception.stair_shape import shape_of
 from treadline.perception.steps import Axes, Direction
 from treadline.perception.stopwatch import Stopwatch
-from treadline.perception.surfaces import PlanarBlocks, Surface, surface_blocks
+from treadline.perception.surfaces import PlanarBlocks, Surface, surface_blocks, uncertain_blocks
 from treadline.perception.vectors import cross
 from treadline.signals import RgbdFrame, StairMap
 
@@ -150,6 +150,22 @@ def _look_under(down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, swept_half_
     scene = scene_of(frame, blocks, down.direction)
     if scene is None:
         return refused("the camera looks straight up or down")
+    sight = _seen_in(scene, frame, blocks, down, swept_half_m, watch)
+    if (sight.evidence or 0.0) >= EVIDENCE or down.sigma_rad > GRAVITY_SIGMA:
+        return sight
+    # Noise far away turns the normals of blocks, but not the planes of whole risers.
+    blocks = uncertain_blocks(blocks, frame.camera)
+    scene = scene_of(frame, blocks, down.direction, is_uncertain=True)
+    if scene is None:
+        return sight
+    other = _seen_in(scene, frame, blocks, down, swept_half_m, watch)
+    return other if other.accepted else sight
+
+
+def _seen_in(
+    scene: Scene, frame: RgbdFrame, blocks: PlanarBlocks, down: _Down, swept_half_m: float, watch: Stopwatch
+) -> StairDetection:
+    """Return the detection result of the surfaces of a frame."""
     seen = flight_in(scene, down.directions, watch)
     if isinstance(seen, str):
         return refused(seen)

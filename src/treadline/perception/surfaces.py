@@ -78,6 +78,10 @@ class PlanarBlocks:
     """Centres of the blocks in C [m]."""
     places: Int[np.ndarray, "b 3"]
     """First row and column of cells, and number of rows of cells of each block."""
+    turns: Float[np.ndarray, " b"]
+    """Standard deviation of each block's normal [rad]."""
+    turn_limit: float
+    """Standard deviation above which a normal is uncertain [rad]."""
     cell_px: int
     noise: float
     """Noise of this frame relative to a Kinect 1; thresholds on residuals are multiplied by it."""
@@ -114,12 +118,13 @@ def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -
     nearness = kernels.nearness_of(depth_m)
     cells = kernels.cell_sums(nearness, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
     noise, window_px = noise_of(cells, FULL * size * size)
-    sums, normals, unit, centres, places = kernels.plane_blocks(
+    turn_limit = TURN_LIMIT * min(noise, TURN_NOISE_MOST)
+    sums, normals, unit, centres, places, turns = kernels.plane_blocks(
         cells,
         FULL * size * size,
         BLOCK_RESIDUAL * noise,
         DEPTH_RESIDUAL_M * noise,
-        TURN_LIMIT * min(noise, TURN_NOISE_MOST),
+        turn_limit,
         LEAST_RESIDUAL,
     )
     exponent, span = kernels.noise_law(sums, normals, centres[:, 2].copy(), places, LAW_PARTS)
@@ -131,10 +136,27 @@ def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -
         unit=unit,
         centres=centres,
         places=places,
+        turns=turns,
+        turn_limit=turn_limit,
         cell_px=size,
         noise=noise,
         window_px=window_px,
     )
+
+
+def uncertain_blocks(blocks: PlanarBlocks, camera: PinholeCamera) -> PlanarBlocks:
+    """Return the planar blocks of half the size, those with an uncertain normal included: far steps cover few rows."""
+    size = blocks.cell_px // 2
+    cells = kernels.cell_sums(blocks.nearness, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
+    sums, normals, unit, centres, places, turns = kernels.plane_blocks(
+        cells,
+        FULL * size * size,
+        BLOCK_RESIDUAL * blocks.noise,
+        DEPTH_RESIDUAL_M * blocks.noise,
+        math.inf,
+        LEAST_RESIDUAL,
+    )
+    return replace(blocks, cell_px=size, sums=sums, normals=normals, unit=unit, centres=centres, places=places, turns=turns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
