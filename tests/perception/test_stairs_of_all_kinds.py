@@ -97,7 +97,7 @@ def test_intervals_are_true_for_a_poorly_calibrated_camera(warp_px: float, tilt_
 
 
 def test_a_side_wall_does_not_turn_the_heading() -> None:
-    """Test: flights with a wall at the left. Expected result: an RMSE below 0.003°; pixels of the wall next to the crease gave 0.005°."""
+    """Test: flights with a wall at the left. Expected result: an RMSE below 0.003°; pixels of the wall gave 0.005°."""
     errors, _, _ = errors_and_strains(ViewRecipe(height_px=480, walls=("left",)), range(41_100, 41_108))
     assert len(errors) >= 7
     assert rms(errors) < 0.003 * DEG
