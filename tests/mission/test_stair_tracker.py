@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from treadline.angles import DEG, quaternion_of, rotation_y, rotation_z
-from treadline.mission.stair_tracker import KNOWN_AFTER, MAPS_MAX, StairTracker
+from treadline.mission.stair_tracker import KNOWN_AFTER, StairTracker
 from treadline.signals import ImuSample, StairMap, TrackReading
 
 RISE_M, RUN_M = 0.16, 0.30
@@ -310,11 +310,11 @@ def test_walls_are_those_of_the_last_frame() -> None:
 
 def test_the_shape_is_a_mean_that_one_frame_hardly_moves() -> None:
     chair = Chair()
-    where = seen(chair, 0, 1, times=2 * MAPS_MAX)
+    where = seen(chair, 0, 1, times=2 * 50)
     one = chair.sees(0, 1)
     where.update(StairMap(**{name: getattr(one, name) for name in one.__slots__} | {"run_m": 0.35, "slope_rad": 0.6}))
-    assert where.run_m == pytest.approx(RUN_M + 0.05 / MAPS_MAX)
-    assert where.slope_rad == pytest.approx(SLOPE_RAD + (0.6 - SLOPE_RAD) / MAPS_MAX)
+    assert where.run_m == pytest.approx(RUN_M + 0.05 / 50)
+    assert where.slope_rad == pytest.approx(SLOPE_RAD + (0.6 - SLOPE_RAD) / 50)
 
 
 def test_a_gap_or_a_leap_back_in_the_belts_stamps_moves_nothing_far() -> None:
