@@ -12,9 +12,8 @@ from typing import Literal
 
 import numpy as np
 
-from treadline.angles import DEG
 from treadline.mission.flight_shape import FlightShape
-from treadline.mission.nosing_filter import GATE, NosingFilter
+from treadline.mission.nosing_filter import GATE, PITCHED_RAD, NosingFilter
 from treadline.mission.recent import DEPTH, Recent
 from treadline.signals import ImuSample, StairMap, TrackReading
 
@@ -31,16 +30,11 @@ its length, while missing steps keep to the slope."""
 OFF_BELTS_M = 0.4
 """Height of the first nosing off the belts' line, on the side of a landing, above which it is not of the flight under the chair
 [m]."""
-PITCHED_RAD = 10.0 * DEG
-"""Pitch above which the chair lies on a flight [rad]."""
 NEXT_MAPS, NEXT_S, NEXT_M = 5, 1.0, 4.5
 """Number of maps that must have shown the next flight, time without a map after which its tracker starts again [s], and largest
 distance of its nearest nosing [m]."""
 MISSED_SHARE = 2.0
-"""Ratio of maps without a nosing to maps with it, from which the nosing counts as a false detection."""
-MISSED_MOST = 20
-"""Largest number of counted maps without a nosing: a nosing that was missed while the chair stood still, and is detected in each
-frame as it comes nearer, is known again within a second."""
+"""Ratio of maps without a nosing to maps with it, from which the nosing is a false detection and is forgotten."""
 KNOWN_AFTER = 2
 """Number of maps that must show a nosing, or the end of the flight, before it counts."""
 NEAR_M = 1.9
@@ -59,7 +53,7 @@ Side = Literal["left", "right"]
 """Side of a flight, in the chair's view."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Nosing:
     """One nosing in the frame of the tracker."""
 
@@ -73,7 +67,7 @@ class _Nosing:
     @property
     def known(self) -> bool:
         """Whether enough maps have shown the nosing."""
-        return self.count >= KNOWN_AFTER and self.missed < MISSED_SHARE * self.count
+        return self.count >= KNOWN_AFTER
 
 
 @dataclass(slots=True)
@@ -172,6 +166,22 @@ class StairTracker:
     def ahead_m(self) -> list[float]:
         """Return the distance of each known nosing ahead of mid-track along the belts [m], the lowest of the flight first."""
         return [self._ahead_m(nosing) for nosing in self._known]
+
+    def ahead_sigma_m(self) -> list[float]:
+        """Return the standard deviation of each of ``ahead_m`` [m]; it grows with travel since the last map."""
+        along = np.array([math.cos(self.pitch_rad) / math.cos(self.heading_rad), math.sin(self.pitch_rad)])
+        covariances = (self._filter.ahead_covariance(self._nosings.index(nosing), self.pitch_rad) for nosing in self._known)
+        return [math.sqrt(float(along @ covariance @ along)) for covariance in covariances]
+
+    @property
+    def rise_sigma_m(self) -> float:
+        """Standard deviation of the rise [m]; infinite before the first map."""
+        return math.sqrt(self._shape.variance_m2[1])
+
+    @property
+    def run_sigma_m(self) -> float:
+        """Standard deviation of the run [m]; infinite before the first map."""
+        return math.sqrt(self._shape.variance_m2[0])
 
     def first_ahead_m(self) -> float | None:
         """Return the horizontal distance of the lowest known nosing ahead of mid-track [m]; None without nosings."""
@@ -296,7 +306,7 @@ class StairTracker:
         if self.map_count == 1:
             self._fit_shape()
         up_m = self._up_m
-        shown = self._match(self._places(seen), distances_m)
+        shown = self._match(self._places(seen))
         self._note_slip(since_s, self._up_m - up_m)
         self._note_missed(shown)
         self._known = sorted((nosing for nosing in self._nosings if nosing.known), key=lambda nosing: nosing.x_m)
@@ -320,30 +330,32 @@ class StairTracker:
     def _pose(self) -> _Pose:
         return _Pose(self._odometry_x_m, self._odometry_y_m, self._odometry_z_m, self.pitch_rad, self.heading_rad)
 
-    def _match(self, places: list[tuple[float, float]], distances_m: list[float]) -> list[_Nosing]:
+    def _match(self, places: list[tuple[float, float]]) -> list[_Nosing]:
         """Update the filter with the detections of a map, and return their nosings in the map's order."""
         self._filter.begin_frame(self.pitch_rad)
-        found = [
-            (number, place, far_m)
-            for place, far_m in zip(places, distances_m, strict=True)
-            if (number := self._nearest(place)) is not None
-        ]
-        if found and float(np.median(self._filter.distances2(*zip(*found, strict=True)))) > GATE:
+        found = [(number, place) for place in places if (number := self._nearest(place)) is not None]
+        if found and float(np.median(self._filter.distances2(*zip(*found, strict=True), self._far_m(found)))) > GATE:
             # Most detections are off: the chair slides on a flight, or its belts run on the spot.
             self._filter.allow_slide()
         shown = []
         for place in places:
             number = self._nearest(place)
             if number is None:
-                number = self._filter.add(place)
-                self._nosings.append(_Nosing(*place, count=0))
-            shown.append(number)
-        self._filter.update(shown, places, distances_m)
+                shift_x_m, shift_z_m = self._filter.shift_m.tolist()
+                nosing = _Nosing(place[0] + shift_x_m, place[1] + shift_z_m, count=0)
+                number = self._filter.add((nosing.x_m, nosing.z_m))
+                self._nosings.append(nosing)
+            shown.append((number, place))
+        self._filter.update(*zip(*shown, strict=True), self._far_m(shown))
         for nosing, (x_m, z_m) in zip(self._nosings, self._filter.places_m.tolist(), strict=True):
             nosing.x_m, nosing.z_m = x_m, z_m
-        for number in shown:
+        for number, _ in shown:
             self._nosings[number].count += 1
-        return [self._nosings[number] for number in shown]
+        return [self._nosings[number] for number, _ in shown]
+
+    def _far_m(self, shown: list[tuple[int, tuple[float, float]]]) -> list[float]:
+        """Return the estimated distances of detected nosings [m]: measured ones would correlate with the errors that they scale."""
+        return [abs(self._nosings[number].x_m - self._x_m) for number, _ in shown]
 
     def _nearest(self, place: tuple[float, float]) -> int | None:
         """Return the number of the nosing within half a pitch of a place by odometry, or None."""
@@ -381,7 +393,11 @@ class StairTracker:
         low, high = min(nosing.x_m for nosing in shown), max(nosing.x_m for nosing in shown)
         for nosing in self._nosings:
             if low < nosing.x_m < high and not any(nosing is other for other in shown):
-                nosing.missed = min(nosing.missed + 1, MISSED_MOST)
+                nosing.missed += 1
+        for number in reversed(range(len(self._nosings))):
+            if self._nosings[number].missed >= MISSED_SHARE * self._nosings[number].count:
+                self._filter.remove(number)
+                del self._nosings[number]
 
     def _note_end(self, last: _Nosing, seen: StairMap) -> None:
         """Count the maps that show the flight's end at a nosing; a known nosing beyond resets the count."""
