@@ -193,11 +193,15 @@ def main() -> None:
                     f"{kind}, {100 * refused:.0f} % refused",
                     f"{np.mean(_all(scores, 'first seen')):.2f} m",
                     *(f"{1e3 * math.sqrt(np.mean(np.square(_all(scores, name)))):.2f}" for name in names),
-                    *(f"{np.mean(_all(scores, f'NEES {name}')):.2f}" for name in ("before", "flight", "rise", "run")),
+                    *(_mean(_all(scores, f"NEES {name}")) for name in ("before", "flight", "rise", "run")),
                 ]
             )
     title = f"{options.drives} drives each, seeds {options.seed} to {options.seed + options.drives - 1}; RMS errors in mm"
     table(title, ["", "known from", *names, "NEES before", "NEES flight", "NEES rise", "NEES run"], rows)
+
+
+def _mean(values: Sequence[float]) -> str:
+    return f"{np.mean(values):.2f}" if values else "–"
 
 
 def _all(scores: Sequence[dict[str, list[float]]], name: str) -> list[float]:

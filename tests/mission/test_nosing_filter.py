@@ -216,7 +216,6 @@ def test_the_covariance_stays_symmetric_and_positive() -> None:
     for _ in range(200):
         nosings.drive(0.002, 0.002, 0.001, 0.2, 0.01)
         nosings.begin_frame(0.2)
-        places = [(0.3 * k + 1.0 + 0.02 * float(rng.normal()), 0.16 * k) for k in range(6)]
-        nosings.update(numbers, places, [1.0 + 0.3 * k for k in range(6)])
+        nosings.update([(k, (0.3 * k + 1.0 + 0.02 * float(rng.normal()), 0.16 * k), 1.0 + 0.3 * k) for k in numbers])
     np.testing.assert_allclose(nosings.covariance, nosings.covariance.T, atol=1e-12)
     assert np.linalg.eigvalsh(nosings.covariance).min() > -1e-12

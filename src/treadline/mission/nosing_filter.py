@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from treadline.angles import DEG
 
@@ -40,6 +40,11 @@ DIFFUSE_M = 1.0
 GATE = 16.0
 """Squared Mahalanobis distance of a detection from its nosing, beyond which the detection is an outlier: two degrees of freedom,
 3.4e-4 of Gaussian errors are beyond."""
+
+
+NosingDetection = tuple[int, tuple[float, float], float]
+"""Number of a nosing, place (x, z) of its detection by odometry alone [m], and horizontal distance of the nosing from the chair's
+middle [m]: the estimated distance, because a measured one would correlate with the error that it scales."""
 
 
 class NosingFilter:
@@ -133,29 +138,22 @@ class NosingFilter:
         kept = np.delete(np.arange(len(self.mean)), np.arange(4 + 4 * number, 8 + 4 * number))
         self.mean, self.covariance = self.mean[kept], self.covariance[np.ix_(kept, kept)]
 
-    def distances2(
-        self, numbers: Sequence[int], places_m: Sequence[tuple[float, float]], distances_m: Sequence[float]
-    ) -> Float[np.ndarray, " m"]:
-        """Return the squared Mahalanobis distance of each detection from its nosing; arguments as in ``update``."""
-        off, spread = self._innovations(*self._equations(numbers, places_m, distances_m))
-        return np.einsum("ki,ki->k", off, np.linalg.solve(spread, off[..., None])[..., 0])
+    def distances2(self, detections: Sequence[NosingDetection]) -> Float[np.ndarray, " m"]:
+        """Return the squared Mahalanobis distance of each detection from its nosing."""
+        observed, noise, value = self._equations(detections)
+        return _distances2(*self._innovations(observed, noise, value))
 
-    def update(self, numbers: Sequence[int], places_m: Sequence[tuple[float, float]], distances_m: Sequence[float]) -> None:
+    def update(self, detections: Sequence[NosingDetection]) -> None:
         """Update with the detections of one frame.
 
         A detection beyond the gate is not dropped, because a camera may be noisier than the one of the tables: its noise is
         increased until it is at the gate, which bounds its influence.
-
-        Args:
-            numbers: Nosing of each detection.
-            places_m: Places (x, z) of the detections by odometry alone.
-            distances_m: Horizontal distances from the chair's middle, without sign.
         """
-        if not numbers:
+        if not detections:
             return
-        observed, noise, value = self._equations(numbers, places_m, distances_m)
+        observed, noise, value = self._equations(detections)
         off, spreads = self._innovations(observed, noise, value)
-        beyond = np.maximum(np.einsum("ki,ki->k", off, np.linalg.solve(spreads, off[..., None])[..., 0]) / GATE, 1.0)
+        beyond = np.maximum(_distances2(off, spreads) / GATE, 1.0)
         for k, (spread, factor) in enumerate(zip(spreads, beyond.tolist(), strict=True)):
             noise[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] += (factor - 1.0) * spread
         total = observed @ self.covariance @ observed.T + noise
@@ -187,19 +185,26 @@ class NosingFilter:
         return (value - observed @ self.mean).reshape(-1, 2), blocks
 
     def _equations(
-        self, numbers: Sequence[int], places_m: Sequence[tuple[float, float]], distances_m: Sequence[float]
+        self, detections: Sequence[NosingDetection]
     ) -> tuple[Float[np.ndarray, "m s"], Float[np.ndarray, "m m"], Float[np.ndarray, " m"]]:
         """Return observation matrix, noise and values: place by odometry = nosing - error of odometry + error of the camera."""
-        count = len(numbers)
-        observed = np.zeros((count, 2, len(self.mean)))
-        far_m = FAR_1_M * np.square(distances_m)
+        count = len(detections)
+        numbers = np.array([number for number, _, _ in detections])
+        places_m = np.array([place_m for _, place_m, _ in detections])
+        far_m = FAR_1_M * np.square([distance_m for _, _, distance_m in detections])
         own_m2 = OWN_M**2 + OWN_SHARE * far_m**2
         far_m = math.sqrt(1.0 - OWN_SHARE) * far_m
-        rows: Int[np.ndarray, " n"] = np.arange(count)
+        observed = np.zeros((count, 2, len(self.mean)))
+        rows = np.arange(count)
         for axis in range(2):
             observed[rows, axis, axis] = -1.0
             observed[rows, axis, 2 + axis] = math.sqrt(COMMON[axis]) * far_m
-            place = 4 + 4 * np.asarray(numbers) + axis
+            place = 4 + 4 * numbers + axis
             observed[rows, axis, place] = 1.0
             observed[rows, axis, place + 2] = math.sqrt(1.0 - COMMON[axis]) * far_m
-        return observed.reshape(2 * count, -1), np.diag(np.repeat(own_m2, 2)), np.ravel(np.asarray(places_m))
+        return observed.reshape(2 * count, -1), np.diag(np.repeat(own_m2, 2)), places_m.ravel()
+
+
+def _distances2(off: Float[np.ndarray, "k 2"], spreads: Float[np.ndarray, "k 2 2"]) -> Float[np.ndarray, " k"]:
+    """Return the squared Mahalanobis distance of each innovation."""
+    return np.einsum("ki,ki->k", off, np.linalg.solve(spreads, off[..., None])[..., 0])

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from treadline.mission.flight_shape import FlightShape
-from treadline.mission.nosing_filter import GATE, PITCHED_RAD, NosingFilter
+from treadline.mission.nosing_filter import GATE, PITCHED_RAD, NosingDetection, NosingFilter
 from treadline.mission.recent import DEPTH, Recent
 from treadline.signals import ImuSample, StairMap, TrackReading
 
@@ -333,8 +333,8 @@ class StairTracker:
     def _match(self, places: list[tuple[float, float]]) -> list[_Nosing]:
         """Update the filter with the detections of a map, and return their nosings in the map's order."""
         self._filter.begin_frame(self.pitch_rad)
-        found = [(number, place) for place in places if (number := self._nearest(place)) is not None]
-        if found and float(np.median(self._filter.distances2(*zip(*found, strict=True), self._far_m(found)))) > GATE:
+        near = [(number, place) for place in places if (number := self._nearest(place)) is not None]
+        if near and float(np.median(self._filter.distances2(self._detections(near)))) > GATE:
             # Most detections are off: the chair slides on a flight, or its belts run on the spot.
             self._filter.allow_slide()
         shown = []
@@ -346,16 +346,15 @@ class StairTracker:
                 number = self._filter.add((nosing.x_m, nosing.z_m))
                 self._nosings.append(nosing)
             shown.append((number, place))
-        self._filter.update(*zip(*shown, strict=True), self._far_m(shown))
+        self._filter.update(self._detections(shown))
         for nosing, (x_m, z_m) in zip(self._nosings, self._filter.places_m.tolist(), strict=True):
             nosing.x_m, nosing.z_m = x_m, z_m
         for number, _ in shown:
             self._nosings[number].count += 1
         return [self._nosings[number] for number, _ in shown]
 
-    def _far_m(self, shown: list[tuple[int, tuple[float, float]]]) -> list[float]:
-        """Return the estimated distances of detected nosings [m]: measured ones would correlate with the errors that they scale."""
-        return [abs(self._nosings[number].x_m - self._x_m) for number, _ in shown]
+    def _detections(self, shown: list[tuple[int, tuple[float, float]]]) -> list[NosingDetection]:
+        return [(number, place, abs(self._nosings[number].x_m - self._x_m)) for number, place in shown]
 
     def _nearest(self, place: tuple[float, float]) -> int | None:
         """Return the number of the nosing within half a pitch of a place by odometry, or None."""
