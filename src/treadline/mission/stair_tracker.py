@@ -110,12 +110,11 @@ class StairTracker:
         self.speed_m_s = 0.0
         self.rise_m = self.run_m = self.slope_rad = 0.0
         """Rise [m], run [m] and slope [rad] of the flight; zero before the first map."""
-        self._shape = FlightShape()
         self.left_wall_m: float | None = None
         self.right_wall_m: float | None = None
         self.map_count = 0
         self.map_s = -math.inf
-        self._filter = NosingFilter()
+        self._filter, self._shape = NosingFilter(), FlightShape()
         self._odometry_x_m = self._odometry_y_m = self._odometry_z_m = 0.0
         """Position by belts, pitch and heading alone [m], y to the left; maps do not correct it, so that differences are travel."""
         self._poses: Recent[_Pose] = Recent(2 * DEPTH)  # one entry per IMU sample and one per belt reading
