@@ -1,6 +1,6 @@
 """Rise and run of a flight from all frames. ``shapes of frames, nosings -> run, rise, variances``.
 
-Frames and tracked nosings tell rise and run in two ways. The detector's fit of one frame also uses treads and their normals, and
+Frames and tracked nosings determine rise and run in two ways. The detector's fit of one frame also uses treads and their normals, and
 averages over frames; tracked nosings combine the near and precise part of many frames, but lean by the error of the IMU's gravity.
 Both come from the same images with unknown correlation, so that each of rise and run is that of the smaller variance, which is
 covariance intersection for a scalar.
@@ -62,7 +62,7 @@ class FlightShape:
         self.mean_m, self.variance_m2 = self._state[:, 0].copy(), self._covariance[:, 0, 0].copy()
 
     def combine(self, places_m: Sequence[tuple[float, float]], covariance_m2: Float[np.ndarray, "k k"]) -> None:
-        """Use the tracked nosings where they determine run or rise better than the frames do.
+        """Replace run or rise by that of the tracked nosings if its variance is smaller.
 
         Args:
             places_m: Places (x, z) of the nosings, the lowest first.
