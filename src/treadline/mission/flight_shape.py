@@ -1,9 +1,9 @@
 """Rise and run of a flight from all frames. ``shapes of frames, nosings -> run, rise, variances``.
 
-Frames and tracked nosings determine rise and run in two ways. The detector's fit of one frame also uses treads and their normals, and
-averages over frames; tracked nosings combine the near and precise part of many frames, but lean by the error of the IMU's gravity.
-Both come from the same images with unknown correlation, so that each of rise and run is that of the smaller variance, which is
-covariance intersection for a scalar.
+Frames and tracked nosings determine rise and run in two ways. The detector's fit of one frame also uses treads and their normals,
+and averages over frames; tracked nosings combine the near and precise part of many frames, but lean by the error of the IMU's
+gravity. Both come from the same images with unknown correlation, so that each of rise and run is that of the smaller variance,
+which is covariance intersection for a scalar.
 """
 
 import math
@@ -66,7 +66,7 @@ class FlightShape:
 
         Args:
             places_m: Places (x, z) of the nosings, the lowest first.
-            covariance_m2: Covariance of x0, z0, x1, z1, ….
+            covariance_m2: Covariance of the places in this order, x before z.
         """
         if len(places_m) < 2:
             return

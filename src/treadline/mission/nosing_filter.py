@@ -77,7 +77,7 @@ class NosingFilter:
         return self.mean[4:].reshape(-1, 4)[:, :2]
 
     def covariance_of(self, numbers: Sequence[int]) -> Float[np.ndarray, "k k"]:
-        """Return the covariance of the places x0, z0, x1, z1, … of nosings [m²]."""
+        """Return the covariance of the places of nosings [m²], in this order and x before z."""
         rows = np.ravel([(4 + 4 * number, 5 + 4 * number) for number in numbers]).astype(int)
         return np.asarray(self.covariance[np.ix_(rows, rows)])
 
