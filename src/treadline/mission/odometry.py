@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from treadline.mission.stair_tracker import PITCHED_RAD
+from treadline.mission.nosing_filter import PITCHED_RAD
 from treadline.signals import ImuSample, TrackReading
 
 GAP_S = 0.2
