@@ -14,9 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
 from treadline.perception.geometry import viewing_direction
-from treadline.perception.lattice_kernels import (
-    best_lattice,
-)
+from treadline.perception.lattice_kernels import best_lattice
 from treadline.perception.lines import Line
 from treadline.perception.steps import (
     LEAST_LEVER,
@@ -98,6 +96,31 @@ class Scene:
     """Largest error of each azimuth [rad]; zero for blocks with a certain normal."""
     is_uncertain: bool
     """Whether blocks with an uncertain normal are included."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Match:
+    """Parts of a scene as numbers in the axes of the edges, and the step that each belongs to."""
+
+    risers: list[Riser]
+    tread_rows: Float[np.ndarray, "t 10"]
+    riser_rows: Float[np.ndarray, "r 8"]
+    of_tread: Int[np.ndarray, " t"]
+    of_riser: Int[np.ndarray, " r"]
+    front_on: Bool[np.ndarray, " t"]
+    """Whether the front of a tread is a nosing."""
+
+    def treads_of(self, step: int) -> list[int]:
+        """Return the indices of a step's treads."""
+        return np.flatnonzero(self.of_tread == step).tolist()
+
+    def fronts_of(self, step: int) -> list[int]:
+        """Return the indices of the treads whose fronts are the step's nosing."""
+        return np.flatnonzero((self.of_tread == step) & self.front_on).tolist()
+
+    def risers_of(self, step: int) -> list[int]:
+        """Return the indices of a step's risers."""
+        return np.flatnonzero(self.of_riser == step).tolist()
 
 
 def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3"], *, is_uncertain: bool = False) -> Scene | None:
@@ -238,8 +261,14 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         risers = []
     treads = tread_rows(scene.treads, blocks, axes, camera, direction)
     upright = riser_rows(risers, blocks, axes, camera)
-    of_tread, of_riser = np.empty(len(treads), dtype=np.int64), np.empty(len(upright), dtype=np.int64)
-    front_on = np.empty(len(treads), dtype=np.bool_)
+    match = Match(
+        risers=risers,
+        tread_rows=treads,
+        riser_rows=upright,
+        of_tread=np.empty(len(treads), dtype=np.int64),
+        of_riser=np.empty(len(upright), dtype=np.int64),
+        front_on=np.empty(len(treads), dtype=np.bool_),
+    )
     sign = 1.0 if direction == "up" else -1.0
     found = best_lattice(
         seed_points(treads, upright),
@@ -248,21 +277,17 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         blocks.nearness,
         (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px),
         np.stack([sign * axes.ahead, axes.up, axes.right]),
-        of_tread,
-        front_on,
-        of_riser,
+        match.of_tread,
+        match.front_on,
+        match.of_riser,
     )
     if not math.isfinite(found[0]):
         return None
     evidence, rise, run, z0, first, last, levels = found.tolist()
-    inside = (of_tread >= first) & (of_tread <= last)
-    standing = (of_riser >= first) & (of_riser <= last)
-    nosings = [
-        nosing
-        for k in range(int(first), int(last) + 1)
-        if (nosing := _nosing(scene, risers, treads, upright, of_tread, front_on, of_riser, k, axes, sign, z0 + k * rise))
-        is not None
-    ]
+    inside = (match.of_tread >= first) & (match.of_tread <= last)
+    standing = (match.of_riser >= first) & (match.of_riser <= last)
+    steps = range(int(first), int(last) + 1)
+    nosings = [nosing for k in steps if (nosing := _nosing(scene, match, k, axes, sign, z0 + k * rise)) is not None]
     if not any(nosing.has_direction for nosing in nosings):
         return None
     return Flight(
@@ -276,48 +301,34 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         steps=[tread.surface for tread, own in zip(scene.treads, inside.tolist(), strict=True) if own],
         nosings=sorted(nosings, key=lambda nosing: nosing.ahead_m),
         facing=axes.ahead,
-        matched_treads=[(int(of_tread[t]), bool(front_on[t]), scene.treads[t]) for t in np.flatnonzero(inside)],
-        matched_risers=[(int(of_riser[r]), risers[r]) for r in np.flatnonzero(standing)],
+        matched_treads=[(int(match.of_tread[t]), bool(match.front_on[t]), scene.treads[t]) for t in np.flatnonzero(inside)],
+        matched_risers=[(int(match.of_riser[r]), risers[r]) for r in np.flatnonzero(standing)],
     )
 
 
-def _nosing(
-    scene: Scene,
-    risers: list[Riser],
-    tread_table: Float[np.ndarray, "t 10"],
-    riser_table: Float[np.ndarray, "r 8"],
-    of_tread: Int[np.ndarray, " t"],
-    front_on: Bool[np.ndarray, " t"],
-    of_riser: Int[np.ndarray, " r"],
-    k: int,
-    axes: Axes,
-    sign: float,
-    z_m: float,
-) -> NosingObservation | None:
+def _nosing(scene: Scene, match: Match, step: int, axes: Axes, sign: float, z_m: float) -> NosingObservation | None:
     """Return the nosing of one step from its parts; None without a riser and a front."""
-    fronts = np.flatnonzero((of_tread == k) & front_on)
-    levels = np.flatnonzero(of_tread == k)
-    own = np.flatnonzero(of_riser == k)
-    if not fronts.size and not own.size:
+    fronts, own = match.fronts_of(step), match.risers_of(step)
+    if not fronts and not own:
         return None
     lines: list[Line] = []
-    for t in fronts.tolist():
+    for t in fronts:
         near, far = scene.treads[t].ends(axes)
         line = near if sign > 0.0 else far
         if line is not None:
             lines.append(line)
     # A tread is wider in view at its far end than at its nosing.
-    asides = [*(float(aside) for line in lines for aside in line.ends_m @ axes.right), *riser_table[own, 6:8].ravel().tolist()]
-    riser = max((risers[r] for r in own.tolist()), key=lambda r: r.surface.blocks.size, default=None)
+    asides = [*(float(aside) for line in lines for aside in line.ends_m @ axes.right), *match.riser_rows[own, 6:8].ravel().tolist()]
+    riser = max((match.risers[r] for r in own), key=lambda r: r.surface.blocks.size, default=None)
     if riser is not None and riser.upper is not None:
         lines.append(riser.upper)
-    ahead_m = float(riser_table[own, 0].mean()) if own.size else sign * float(tread_table[fronts, 2].mean())
+    ahead_m = float(match.riser_rows[own, 0].mean()) if own else sign * float(match.tread_rows[fronts, 2].mean())
     start = riser.surface.centre if riser is not None else lines[0].middle
-    heights = [_height_at(scene.treads[t].surface, start, axes) for t in levels.tolist()]
+    heights = [_height_at(scene.treads[t].surface, start, axes) for t in match.treads_of(step)]
     up_m = float(np.mean(heights)) if heights else z_m
     point = start + (up_m - float(start @ axes.up)) * axes.up + (ahead_m - float(start @ axes.ahead)) * axes.ahead
     return NosingObservation(
-        step=k,
+        step=step,
         ahead_m=ahead_m,
         point=point,
         sides_m=(min(asides), max(asides)),
