@@ -150,6 +150,13 @@ def geometry_cases() -> Iterator[Case]:
     yield Case(label="up, rail at the left", recipe={"clutter": ("rail_left",), "walls": ("none",)})
     yield Case(label="up, legs", recipe={"clutter": ("legs",), "heading_deg": (-15.0, 15.0)})
     yield Case(label="up, bag", recipe={"clutter": ("bag",), "heading_deg": (-15.0, 15.0)})
+    for sensor in ("kinect1", "d435", "d455"):
+        for distance in (1.0, 2.0, 3.0, 4.0):
+            pitch = fixed(25.0 if distance == 1.0 else 10.0)  # the foot of a flight 1 m away is out of view at 10°
+            far = {"sensor": sensor, "scenes": ("foot",), "place_m": fixed(distance), "pitch_deg": pitch, "height_px": 480}
+            yield Case(label=f"{sensor}, {distance:.0f} m before the flight", recipe=far, least_share=0.01)
+            label = f"{sensor}, {distance:.0f} m before the flight, with what real ones add"
+            yield Case(label=label, recipe=far | LIFELIKE, least_share=0.01)
 
 
 def axes_cases() -> Iterator[Case]:
@@ -218,7 +225,8 @@ def heading_row(case: Case, seeds: range) -> str:
 
 
 GEOMETRY_COLUMNS = (
-    "| | frames | maps | direction right | slope RMSE | rise, run RMSE | next nosing RMSE (n) | nosings in view found | "
+    "| | frames | maps | direction right | slope RMSE | rise, run RMSE | squared errors of slope, rise, run | "
+    "next nosing RMSE (n) | nosings in view found | "
     "false nosings | walls RMSE (n), missed | end: seen, missed, false | obstacle: found, missed, false, RMSE |"
 )
 
@@ -226,13 +234,14 @@ GEOMETRY_COLUMNS = (
 def geometry_row(case: Case, seeds: range) -> str:
     """Return one row of the geometry table."""
     seen = list(looks(case, seeds))
+    strains = shape_strains(seen)
     pairs = [
         (seen_map, look.view.stair)
         for look in seen
         if look.view.stair is not None and (seen_map := getattr(look.sight, "stair_map", None)) is not None
     ]
     if not pairs:
-        return f"| {case.label} | {len(seen)} | 0 |" + " |" * 9
+        return f"| {case.label} | {len(seen)} | 0 |" + " |" * 10
     slope = rms([(found.slope_rad - truth.slope_rad) / DEG for found, truth in pairs])
     rise = rms([(found.rise_m - truth.rise_m) * 1e3 for found, truth in pairs])
     run = rms([(found.run_m - truth.run_m) * 1e3 for found, truth in pairs])
@@ -242,9 +251,23 @@ def geometry_row(case: Case, seeds: range) -> str:
     found = f"{100 * hit / max(asked, 1):.0f} % of {asked} | {100 * false / max(told, 1):.1f} %"
     return (
         f"| {case.label} | {len(seen)} | {100 * len(pairs) / len(seen):.0f} % | {100 * right:.0f} % | {slope:.2f}° | "
-        f"{rise:.1f}, {run:.1f} mm | {rms(following) * 1e3:.1f} mm ({len(following)}) | {found} | "
+        f"{rise:.1f}, {run:.1f} mm | {strains} | {rms(following) * 1e3:.1f} mm ({len(following)}) | {found} | "
         f"{rms(walls) * 1e3:.0f} mm ({len(walls)}), {missed} | {ends(pairs)} | {obstacles(pairs)} |"
     )
+
+
+def shape_strains(seen: list[Look]) -> str:
+    """Return the means of the squared errors of slope, rise and run over their declared variances; 1 is consistent."""
+    squares = [
+        (
+            (shape.slope_rad - truth.slope_rad) / shape.slope_sigma_rad,
+            (shape.rise_m - truth.rise_m) / shape.rise_sigma_m,
+            (shape.run_m - truth.run_m) / shape.run_sigma_m,
+        )
+        for look in seen
+        if (shape := look.sight.shape) is not None and (truth := look.view.stair) is not None
+    ]
+    return ", ".join(f"{mean:.2f}" for mean in np.mean(np.square(squares), axis=0)) if squares else ""
 
 
 AXES_COLUMNS = "| | frames | edge RMSE, NEES | down RMSE, NEES | normal RMSE, NEES |"

@@ -168,7 +168,7 @@ def drive(seed: int, *, rear: bool) -> Iterator[Record]:
         rng=rng,
     )
     geometry, detector = Geometry(flight.staircase, calibration), StairDetector()
-    tilt = _tilt(rng)
+    tilt = tilt_of(rng)
     about: Record = {
         "drive": seed,
         "rear": rear,
@@ -238,7 +238,7 @@ def pose_at(
     return rotation_y(-pitch) @ rotation_z(heading_rad), np.array([x_m, lateral_m, z + 0.001]), scene
 
 
-def _tilt(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
+def tilt_of(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
     """Return what the IMU makes of level: the same all drive."""
     way = rng.uniform(0.0, 2.0 * math.pi)
     return rotation_z(way) @ rotation_y(GRAVITY_ERROR_RAD * float(abs(rng.standard_normal()))) @ rotation_z(-way)

@@ -3,9 +3,8 @@
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from types import FrameType
+from contextlib import AbstractContextManager, nullcontext
+from types import FrameType, TracebackType
 
 BURST_S = 0.2
 """Shortest interval between two interrupts [s]: further signals within it belong to the same key press or burst."""
@@ -30,24 +29,29 @@ def interrupt(error: KeyboardInterrupt) -> None:
     raise error
 
 
-@contextmanager
-def deferred() -> Iterator[None]:
-    """Postpone interrupts to the end of this block.
+class _Block:
+    """Block of the main thread in which interrupts wait."""
+
+    def __enter__(self) -> None:
+        _Deferral.depth += 1
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        _Deferral.depth -= 1
+        if not _Deferral.depth and (pending := _Deferral.pending) is not None:
+            _Deferral.pending = None
+            raise pending
+
+
+_BLOCK, _NO_BLOCK = _Block(), nullcontext()
+
+
+def deferred() -> AbstractContextManager[None]:
+    """Return a context that postpones interrupts to its end.
 
     An exception between the two halves of a file record would leave a file that nobody can read. Blocks may nest. Signal handlers
     run in the main thread only, so other threads need no protection.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    _Deferral.depth += 1
-    try:
-        yield
-    finally:
-        _Deferral.depth -= 1
-        if not _Deferral.depth and (error := _Deferral.pending) is not None:
-            _Deferral.pending = None
-            raise error
+    return _BLOCK if threading.get_ident() == threading.main_thread().ident else _NO_BLOCK
 
 
 class Interrupts:

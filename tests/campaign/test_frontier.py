@@ -37,6 +37,15 @@ def test_the_frontier_is_where_half_of_the_runs_fail() -> None:
     np.testing.assert_allclose(slope, 34.0 + 16.0 * (friction - 0.5), atol=1.0)
 
 
+def test_a_quantity_that_follows_from_another_is_no_second_axis() -> None:
+    """Test: the rise of a stair with a run of 0.28 m follows from its slope. Expected: slope or rise, and friction."""
+    rows = [row | {"rise_m": 0.28 * np.tan(np.radians(float(row["slope_deg"]))).item()} for row in runs(400, seed=3)]
+    frontier = frontier_of(rows, ["slope_deg", "rise_m", "friction"])
+    assert frontier is not None
+    assert "friction" in frontier.keys
+    assert frontier_of(rows, ["slope_deg", "rise_m"]) is None
+
+
 def test_fewer_runs_than_coefficients_allow_draw_no_frontier() -> None:
     rows = runs(60, seed=2)
     whole = [row | {"verdict": "arrived"} for row in rows]

@@ -37,7 +37,7 @@ def test_a_varying_key_is_the_horizontal_axis_with_unit_and_round_ticks(
     others = {"stair.texture": "wood", "stair.open_risers": True}
     page = page_of(tmp_path, *({key: value} | others for value in values), others)
     assert f"<h2>Margin by {key}</h2>" in page
-    assert f">{title}</text>" in page
+    assert f">{title}</p>" in page
     assert f">{tick}</text>" in page
     # A missing value has no dot.
     assert len(re.findall("<circle", page)) == (3 if key == "stair.slope_deg" else 2)
@@ -64,7 +64,7 @@ def test_a_score_is_shown_with_display_name_and_unit(tmp_path: Path) -> None:
     rows = [{"min_stability_margin_deg": 8.0 + k, "rms_heading_deg": 1.0, "stair.slope_deg": 20.0 + k} for k in range(3)]
     page = page_of(tmp_path, *rows, score="min_stability_margin_deg")
     assert "<h2>Smallest tip-over margin that lasts 0.1 s by stair.slope_deg</h2>" in page
-    assert ">smallest tip-over margin that lasts 0.1 s [°]</text>" in page
+    assert ">smallest tip-over margin that lasts 0.1 s [°]</p>" in page
     # The RMS of margins has no meaning, the RMS of RMS values does.
     cells = dict(re.findall(r'<code class="key">(\w+)</code></td>(.*?)</tr>', page))
     assert [("–</td>" in cells[key]) for key in ("min_stability_margin_deg", "rms_heading_deg")] == [True, False]

@@ -20,7 +20,7 @@ from treadline.errors import SettingsError
 from treadline.experiments import rerun_export
 from treadline.experiments.recorded import recorded_run
 from treadline.experiments.scene_log import SceneLog, nosing_ends
-from treadline.io.mcap_log import RunLog
+from treadline.io.mcap_log import KEPT, RunLog
 from treadline.io.mcap_read import read_log
 from treadline.mechanics.chair import read_chair
 from treadline.ports import Truth
@@ -55,6 +55,14 @@ def messages(run_folder: Path) -> dict[str, list[Any]]:
         for _, channel, _, message in reader.iter_decoded_messages():
             found.setdefault(channel.topic, []).append(message)
     return found
+
+
+@pytest.fixture(scope="module")
+def kinds(run_folder: Path) -> dict[str, str]:
+    """Return the message type of each topic."""
+    with (run_folder / "log.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    return {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
 
 
 def _pose(transform: Any) -> np.ndarray:
@@ -217,22 +225,83 @@ def test_every_series_of_the_foxglove_layout_is_in_the_log_and_is_what_its_label
     assert topics <= set(messages)
 
 
-def test_every_curve_of_the_plotjuggler_layout_is_in_the_log(messages: dict[str, list[Any]]) -> None:
+PANELS = {"3D", "Image", "Plot", "RawMessages"}
+"""Types of Foxglove's own panels, which the keys of a layout begin with."""
+IMAGES = {"sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"}
+
+
+def _leaves(node: Any) -> list[str]:
+    """Return the panels of a Foxglove layout tree."""
+    return [node] if isinstance(node, str) else [*_leaves(node["first"]), *_leaves(node["second"])]
+
+
+def test_the_foxglove_layout_has_the_form_that_its_readers_declare(kinds: dict[str, str]) -> None:
+    """Test: form of Foxglove's open-source panels (Lichtblick's PlotConfig). Expected: known panels, each placed once."""
+    layout = json.loads((LAYOUTS / "foxglove.json").read_text())
+    panels = layout["configById"]
+    assert {name.partition("!")[0] for name in panels} == PANELS
+    assert sorted(_leaves(layout["layout"])) == sorted(panels)
+    assert kinds[panels["Image!overlay"]["imageMode"]["imageTopic"]] in IMAGES
+    assert panels["RawMessages!events"]["topicPath"].partition(".")[0] in kinds
+    for name, panel in panels.items():
+        if name.startswith("Plot!"):
+            assert panel["xAxisVal"] == "timestamp"
+            assert panel["legendDisplay"] in {"floating", "top", "left", "none"}
+            assert all(path["timestampMethod"] in {"receiveTime", "headerStamp"} and path["enabled"] for path in panel["paths"])
+
+
+def test_every_curve_of_the_plotjuggler_layout_is_in_the_log(messages: dict[str, list[Any]], kinds: dict[str, str]) -> None:
     curves = [curve.get("name") for curve in parse(LAYOUTS / "plotjuggler.xml").iter("curve")]  # noqa: S314 - our own file
     assert len(curves) == 16
     for curve in curves:
         # PlotJuggler names the numbers of a JointState topic/name/field.
         topic, name, field = curve.rsplit("/", 2)
         message = messages[topic][0]
+        assert kinds[topic] == "sensor_msgs/msg/JointState"
         assert len(getattr(message, field)) > list(message.name).index(name), curve
 
 
-def test_every_topic_of_the_rviz_layout_is_in_the_log_with_the_type_of_its_display(messages: dict[str, list[Any]]) -> None:
-    text = (LAYOUTS / "rviz2.rviz").read_text()
-    topics = re.findall(r"Value: (/\S+)", text)
+def test_the_plotjuggler_layout_has_the_form_that_version_3_reads() -> None:
+    """Test: elements and attributes that PlotJuggler 3 saves. Expected: a tree of tabs, splitters with a size each, and plots."""
+    root = parse(LAYOUTS / "plotjuggler.xml").getroot()  # noqa: S314 - our own file
+    (tabs,) = root.findall("tabbed_widget")
+    assert tabs.get("parent") == "main_window"
+    assert [tab.get("containers") for tab in tabs.findall("Tab")] == [
+        str(len(tab.findall("Container"))) for tab in tabs.findall("Tab")
+    ]
+    for splitter in root.iter("DockSplitter"):
+        sizes = [float(size) for size in splitter.get("sizes").split(";")]
+        assert len(sizes) == len(list(splitter)) == int(splitter.get("count"))
+        assert sum(sizes) == pytest.approx(1.0)
+    for area in root.iter("DockArea"):
+        (plot,) = area.findall("plot")
+        assert (plot.get("mode"), plot.get("style")) == ("TimeSeries", "Lines")
+
+
+DISPLAYS = {
+    "MarkerArray": {"visualization_msgs/msg/MarkerArray"},
+    "Odometry": {"nav_msgs/msg/Odometry"},
+    "RobotModel": {"std_msgs/msg/String"},
+    "Image": IMAGES,
+}
+"""Message types of RViz 2's displays."""
+
+
+def test_every_topic_of_the_rviz_layout_is_in_the_log_with_the_type_of_its_display(kinds: dict[str, str]) -> None:
+    """Test: displays with a topic. Expected: its type, and for what is published once the quality of service of the log."""
+    yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
+    manager = yaml.safe_load((LAYOUTS / "rviz2.rviz").read_text())["Visualization Manager"]
+    topics = []
+    for display in manager["Displays"]:
+        package, _, kind = display["Class"].partition("/")
+        assert package == "rviz_default_plugins"
+        topic = display.get("Topic") or display.get("Description Topic")
+        if topic is not None:
+            topics.append(topic["Value"])
+            assert kinds[topic["Value"]] in DISPLAYS[kind]
+            assert (topic["Durability Policy"] == "Transient Local") == (topic["Value"] in KEPT)
     assert len(topics) == 6
-    assert set(topics) <= set(messages)
-    assert "Fixed Frame: world" in text
+    assert manager["Global Options"]["Fixed Frame"] == "world"
 
 
 def test_a_rerun_recording_holds_scene_plots_and_images_and_is_verified_by_rerun(run_folder: Path, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Messages of a scene: the definitions are those of ROS 2, and other decoders read what was written."""
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from treadline.io.cdr import CdrWriter
+from treadline.io.cdr import CdrWriter, Ros1Writer
 from treadline.io.mcap_log import KEPT, RunLog
 from treadline.io.messages import DEFINITIONS
 from treadline.io.scene_messages import (
@@ -94,3 +95,33 @@ def test_arrays_and_floats_are_aligned() -> None:
     data = w.message()[4:]
     assert np.frombuffer(data[4:12], "<f4").tolist() == [0.5, 0.25]
     assert np.frombuffer(data[16:], "<f8").tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("writer", [CdrWriter, Ros1Writer])
+def test_a_form_packs_the_bytes_that_a_writer_writes(writer: type[CdrWriter]) -> None:
+    """Test: a text whose length needs padding before numbers, an empty sequence, two times, in both wire formats."""
+    form = writer()
+    form.open_time()
+    form.string("abc")
+    form.open_doubles(2)
+    form.uint32(0)
+    form.open_doubles(0)
+    form.open_time()
+    form.open_doubles(1)
+    written = writer()
+    written.time(1.25)
+    written.string("abc")
+    written.doubles(0.5, -2.0)
+    written.uint32(0)
+    written.time(1.25)
+    written.doubles(7.0)
+    assert form.form().pack(1.25, (0.5, -2.0), (), (7.0,)) == written.message()
+
+
+def test_a_form_asks_for_as_many_numbers_as_it_has() -> None:
+    w = CdrWriter()
+    w.open_doubles(2)
+    with pytest.raises(struct.error):
+        w.form().pack(0.0, (1.0,))
+    with pytest.raises(ValueError, match="zip"):
+        w.form().pack(0.0)

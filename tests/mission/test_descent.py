@@ -221,8 +221,16 @@ def test_an_estimate_that_is_lost_while_it_turns_stops_the_turn() -> None:
     assert (world.plans[-1].phase, world.plans[-1].speed_m_s, world.plans[-1].turn_m_s) == ("align", 0.0, 0.0)
 
 
+def steeper(seen: StairMap) -> StairMap:
+    """Return the map of a flight with rise 0.20 m and run 0.27 m in the place of another one, for a chair on the level."""
+    nosings = seen.nosings_B.copy()
+    nosings[:, 0] = nosings[0, 0] + (nosings[:, 0] - nosings[0, 0]) * 0.27 / RUN_M
+    nosings[:, 2] *= 0.20 / RISE_M
+    return replace(seen, nosings_B=nosings, rise_m=0.20, run_m=0.27, slope_rad=math.atan2(0.20, 0.27))
+
+
 def test_what_mechanics_forbid_is_refused_on_the_landing_with_its_number() -> None:
-    world = World(spoil=lambda seen: replace(seen, rise_m=0.20, run_m=0.27, slope_rad=36.5 * DEG))
+    world = World(spoil=steeper)
     assert "36.5°" in world.run("refused").cause
     world.run(limit_s=1.0)
     assert all(plan.speed_m_s == 0.0 for plan in world.plans)

@@ -96,6 +96,43 @@ def test_intervals_are_true_for_a_poorly_calibrated_camera(warp_px: float, tilt_
     assert np.mean(np.abs(strains) < 1.96) > 0.88
 
 
+def test_a_side_wall_does_not_turn_the_heading() -> None:
+    """Test: flights with a wall at the left. Expected result: an RMSE below 0.003°; pixels of the wall gave 0.005°."""
+    errors, _, _ = errors_and_strains(ViewRecipe(height_px=480, walls=("left",)), range(41_100, 41_108))
+    assert len(errors) >= 7
+    assert rms(errors) < 0.003 * DEG
+
+
+def test_winders_with_one_edge_direction_in_view_are_rejected() -> None:
+    """Test: winders of which one edge alone has a direction, which was 16° off. Expected result: a reason that says so."""
+    view = draw_view(np.random.default_rng(41_014), ViewRecipe(winder_radius_m=(0.55, 0.9), width_m=(0.8, 1.0)))
+    sight = DETECTOR.look(view.frame, view.gravity_C)
+    assert not sight.accepted
+    assert "one edge in view has a direction" in str(sight.reason)
+
+
+def test_a_stereo_camera_sees_a_flight_from_4_m() -> None:
+    """Test: a D455 4 m before a flight, where noise turns the normals of blocks by 18°. Expected result: six of eight accepted.
+
+    The target is 80 %; the errors stay within four deviations.
+    """
+    far = ViewRecipe(sensor="d455", scenes=("foot",), place_m=(4.0, 4.0), pitch_deg=(10.0, 10.0), height_px=480)
+    sights = [
+        (DETECTOR.look(view.frame, view.gravity_C), view.stair)
+        for view in (draw_view(np.random.default_rng(seed), far) for seed in range(41_000, 41_008))
+    ]
+    strains = [(s.heading_rad - t.heading_rad) / s.sigma_rad for s, t in sights if t and s.heading_rad is not None and s.sigma_rad]
+    assert len(strains) >= 6
+    assert np.abs(strains).max() < 4.0
+
+
+def test_a_bench_before_a_planter_has_no_step_below() -> None:
+    """Test: seat and edge in step, with the floor three rises lower. Expected result: no heading; the step between is missing."""
+    recipe = ViewRecipe(scenes=("street",), pitch_deg=(10.0, 50.0), lateral_m=(-0.5, 0.5), textures=("wood", "carpet", "terrazzo"))
+    view = draw_view(np.random.default_rng(71_200_002), recipe)
+    assert DETECTOR.look(view.frame, view.gravity_C).heading_rad is None
+
+
 @pytest.mark.parametrize("knows_down", [True, False])
 @pytest.mark.parametrize("scene", ROOM_SCENES)
 def test_a_scene_without_a_stair_yields_no_heading(scene: str, knows_down: bool) -> None:

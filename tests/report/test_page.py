@@ -309,3 +309,24 @@ def test_a_result_of_another_seed_than_the_manifest_is_refused(run_folder: Path)
     path = run_folder / "result.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"seed": 4}))
     assert "result.json is of seed 4, manifest.json of 3" in refused(run_folder)
+
+
+def test_a_run_that_no_figure_names_has_a_page_that_plays_it_and_a_damaged_one_has_none(
+    results: Tables, reproduce_folder: MakeFolder, run_folder: Path
+) -> None:
+    """Test: two further runs with a log, one of them cut. Expected result: a page and a link for the whole one alone."""
+    folder = reproduce_folder(results)
+    for name in ("turn-30-minus30-seed4", "turn-cut"):
+        run = folder / "runs" / name
+        run.mkdir()
+        for file in ("manifest.json", "result.json"):
+            (run / file).write_bytes((run_folder / file).read_bytes())
+        with RunLog(run / "log.mcap") as log:
+            for sample in truths_of_a_climb(1.0):
+                log(sample)
+    cut = folder / "runs" / "turn-cut" / "log.mcap"
+    cut.write_bytes(cut.read_bytes()[:-100])
+    page = page_of(folder)
+    assert '<a href="runs/turn-30-minus30-seed4/report.html">turn-30-minus30-seed4</a>' in page
+    assert '"scene":{"parts":' in (folder / "runs" / "turn-30-minus30-seed4" / "report.html").read_text(encoding="utf-8")
+    assert "turn-cut" not in page

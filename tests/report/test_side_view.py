@@ -6,27 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from treadline.appearance.mesh import box, merged
 from treadline.playback import Recording
 from treadline.report.film_strip import film_strip
 from treadline.report.player import transient_s
 from treadline.report.recorded_series import of_series
 from treadline.report.results import RunResult
-from treadline.report.side_view import SideViews, _hull, _solids
+from treadline.report.side_view import SideViews, _hull
 
 
 def test_the_outline_of_points_is_their_convex_hull() -> None:
     inside = np.random.default_rng(3).uniform(-0.9, 0.9, (50, 2))
     square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     assert {tuple(point) for point in _hull(np.vstack([inside, square])).tolist()} == {tuple(p) for p in square.tolist()}
-
-
-def test_solids_of_a_mesh_are_its_connected_pieces() -> None:
-    pieces = [box((3.0 * k, 0.0, 0.0), (1.0, 1.0, 1.0)) for k in range(4)]
-    whole = merged(pieces)
-    found = list(_solids(whole.vertices, whole.faces))
-    assert [len(piece) for piece in found] == [8] * 4
-    assert sorted(float(piece[:, 0].mean()) for piece in found) == [0.0, 3.0, 6.0, 9.0]
 
 
 def test_the_chassis_is_placed_by_its_pose(recording: Recording) -> None:

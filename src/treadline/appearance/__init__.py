@@ -1,4 +1,11 @@
-"""Appearance of chair, passenger and stair: triangle meshes generated from their descriptions, for viewers, URDF and drawings."""
+"""Appearance of chair, passenger and stair: triangle meshes generated from their descriptions, for viewers, URDF and drawings.
+
+Origins of the lengths: places and sizes of hull, belts, pulleys, flipper, seat linkage, payload and cameras are those of the
+chair's file, and steps those of the staircase. A person's segment lengths are fractions of the stature (Drillis and Contini, 1966),
+and the camera housing has the size of a data sheet. Every other length and fraction in this package is *drawn only*: chosen for the
+look, without an origin. No block, simulator or check reads a mesh (an import contract in ``pyproject.toml``), so no result depends
+on it.
+"""
 
 from treadline.appearance.belts import lug_part, lug_poses
 from treadline.appearance.chair import TRIANGLE_BUDGET, body_poses, chair_parts

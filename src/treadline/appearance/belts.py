@@ -19,13 +19,13 @@ from treadline.scenario import LUGS_MM, Belts
 SMOOTH_LUG_M = 1e-3 * LUGS_MM["8/60"][0]
 """Height of the lugs drawn on a belt without lugs in the scenario [m]: the lowest named profile."""
 BELT_SHARE = 0.1
-"""Thickness of the belt below the lugs over the pulleys' radius, as drawn."""
+"""Thickness of the belt below the lugs over the pulleys' radius (drawn only)."""
 ARC_POINTS = 13
 """Points of each half circle of a belt."""
 LUG_SIDE_M = 0.004
-"""Distance of a lug's end from the edge of the belt [m]."""
+"""Distance of a lug's end from the edge of the belt [m] (drawn only)."""
 ROLLERS = 4
-"""Number of road wheels between rear and front pulley."""
+"""Number of road wheels between rear and front pulley (drawn only)."""
 
 
 def lug_profile(belts: Belts | None) -> tuple[float, float, float, float]:

@@ -10,11 +10,11 @@ from treadline.appearance.seat import carries_person, linkage_y_m
 from treadline.mechanics.chair import CameraMount, ChairDescription
 
 PLATE_M = 0.012
-"""Thickness of the frame's side plates [m], as drawn."""
-HOUSING_M = (0.05, 0.13, 0.04)
-"""Depth, width and height of the camera housing [m]: about those of a small RGB-D camera."""
+"""Thickness of the frame's side plates [m] (drawn only)."""
+HOUSING_M = (0.026, 0.124, 0.029)
+"""Depth, width and height of the camera housing [m]: RealSense D455, data sheet of the D400 family."""
 MAST_M = 0.011
-"""Radius of the camera masts [m], as drawn."""
+"""Radius of the camera masts [m] (drawn only)."""
 
 
 def chassis_parts(chair: ChairDescription) -> tuple[MeshPart, ...]:

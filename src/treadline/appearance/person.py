@@ -16,15 +16,17 @@ from treadline.appearance.parts import MeshPart, part
 from treadline.mechanics.chair import Size
 
 STATURE_PER_BOX = 2.4
-"""Stature over the height of the payload's box: 1.68 m for the box of 0.70 m of the shipped wheelchairs, as drawn."""
+"""Stature over the height of the payload's box: 1.68 m for the box of 0.70 m of the shipped wheelchairs (drawn only)."""
 BODY_MASS_INDEX = 22.0
-"""Body mass index of the drawn widths [kg/m²]; widths grow with the root of the mass over this mass."""
+"""Body mass index of the drawn widths [kg/m²]: middle of the normal range of the WHO, 18.5 to 25; widths grow with the root of the
+mass over this mass."""
 GIRTHS = 0.75, 1.45
-"""Limits of the factor on all widths."""
+"""Limits of the factor on all widths (drawn only)."""
 TRUNK, THIGH, SHANK, FOOT, FOOT_HEIGHT, UPPER_LIMB, FOREARM, HEAD = 0.288, 0.245, 0.246, 0.152, 0.039, 0.186, 0.146, 0.182
 """Segment lengths over the stature: trunk is hip to shoulder, head includes the neck."""
 RECLINE_RAD, THIGH_RAD, SHANK_RAD = 10.0 * DEG, 15.0 * DEG, 24.0 * DEG
-"""Recline of the trunk, rise of the thighs and backward lean of the shanks: the feet stay inside the frame on a slope of 30°."""
+"""Recline of the trunk, rise of the thighs and backward lean of the shanks: the feet stay inside the frame on a slope of 30°
+(drawn only)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -21,7 +21,7 @@ from treadline.scenario import Chair
 PERSON_M = 0.5
 """Least height of the payload's box on a seat that is drawn as a person [m]: a seated child of 1.2 m."""
 ROD_M = 0.012
-"""Radius of the rods of seat and linkage [m], as drawn."""
+"""Radius of the rods of seat and linkage [m] (drawn only)."""
 
 
 def carries_person(chair: ChairDescription) -> bool:

@@ -11,11 +11,11 @@ from treadline.mechanics.bodies import NosingGeometry, Solid, solids
 from treadline.mechanics.staircase import Box, Staircase
 
 TREAD_M = 0.02
-"""Thickness of the layer of a step drawn in the tread's colour [m]."""
+"""Thickness of the layer of a step drawn in the tread's colour [m] (drawn only)."""
 STRIP_M = (0.05, 0.0015)
 """Depth and height of the strip that marks a nosing [m]; contrasting nosings on stairs are about 55 mm deep (BS 8300)."""
 WALL_OPACITY = 0.25
-"""Opacity of the walls: the chair is visible through them."""
+"""Opacity of the walls: the chair is visible through them (drawn only)."""
 
 
 def stair_parts(staircase: Staircase) -> tuple[MeshPart, ...]:

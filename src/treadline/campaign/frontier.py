@@ -1,8 +1,8 @@
 """Failure frontier of a campaign: share of runs that fail over the two drawn quantities that matter most.
 
-The two quantities are those whose values separate failed from other runs best (Mann-Whitney U, as area under the ROC curve). The
-share follows from a logistic regression with linear, quadratic and product terms; the frontier is its contour. Where few runs fail,
-the contour is an extrapolation: the page draws every run next to it.
+The two quantities are those whose values separate failed from other runs best (Mann-Whitney U, as area under the ROC curve), among
+quantities that do not follow from each other. The share follows from a logistic regression with linear, quadratic and product
+terms; the frontier is its contour. Where few runs fail, the contour is an extrapolation: the page draws every run next to it.
 """
 
 from collections.abc import Sequence
@@ -19,6 +19,9 @@ LEVELS = (0.1, 0.5)
 """Shares of failed runs whose contours are drawn."""
 LEAST_OF_EACH = 5
 """Least number of failed and of other runs for a fit of six coefficients to be drawn."""
+COLLINEAR = 0.9
+"""Rank correlation from which on two quantities count as one, as rise and slope of a stair whose run is fixed. At this correlation
+the variance of a coefficient is 5 times that with independent quantities (variance inflation factor)."""
 RIDGE = 0.1
 """Weight of the penalty on the coefficients: standardised quantities; separable runs have a finite fit."""
 NEWTON_STEPS = 30
@@ -41,13 +44,16 @@ class Frontier:
 
 
 def frontier_of(rows: Sequence[Row], drawn: Sequence[str]) -> Frontier | None:
-    """Return the frontier, or None unless two drawn numbers vary and enough runs failed and did not fail."""
+    """Return the frontier, or None unless two drawn numbers vary independently and enough runs failed and did not fail."""
     keys = [key for key in drawn if _varies(rows, key)]
     failed = np.array([row["verdict"] not in ARRIVED for row in rows])
     if len(keys) < 2 or min(int(failed.sum()), int((~failed).sum())) < LEAST_OF_EACH:
         return None
     values = {key: np.array([float(row[key]) for row in rows]) for key in keys}
-    first, second = sorted(keys, key=lambda key: (-separation(values[key], failed), key))[:2]
+    first, *rest = sorted(keys, key=lambda key: (-separation(values[key], failed), key))
+    second = next((key for key in rest if abs(_rank_correlation(values[first], values[key])) < COLLINEAR), None)
+    if second is None:
+        return None
     points = np.column_stack([values[first], values[second]])
     return Frontier(
         keys=(first, second),
@@ -65,15 +71,25 @@ def _varies(rows: Sequence[Row], key: str) -> bool:
 
 def separation(values: Float[np.ndarray, " n"], failed: Bool[np.ndarray, " n"]) -> float:
     """Return the distance of the area under the ROC curve from that of chance: 0 is none, 0.5 is complete separation."""
+    n, m = int(failed.sum()), int((~failed).sum())
+    area = (_ranks(values)[failed].sum() - 0.5 * n * (n + 1)) / (n * m)
+    return abs(float(area) - 0.5)
+
+
+def _ranks(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return the ranks from 1; ties share their mean rank."""
     order = np.argsort(values, kind="stable")
     ranks = np.empty(len(values))
     ranks[order] = np.arange(1.0, len(values) + 1.0)
-    for value in np.unique(values):  # ties share their mean rank
+    for value in np.unique(values):
         tied = values == value
         ranks[tied] = ranks[tied].mean()
-    n, m = int(failed.sum()), int((~failed).sum())
-    area = (ranks[failed].sum() - 0.5 * n * (n + 1)) / (n * m)
-    return abs(float(area) - 0.5)
+    return ranks
+
+
+def _rank_correlation(a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"]) -> float:
+    """Return Spearman's correlation of two quantities."""
+    return float(np.corrcoef(_ranks(a), _ranks(b))[0, 1])
 
 
 def _contours(points: Float[np.ndarray, "n 2"], failed: Bool[np.ndarray, " n"]) -> dict[float, list[Segment]]:

@@ -25,8 +25,8 @@ COLOURS = {
 }
 OTHER = "#8a4fa0"
 WIDTH, HEIGHT = 640.0, 320.0
-LEFT, RIGHT, TOP, BOTTOM = 64.0, 16.0, 12.0, 48.0
-"""Margins of the chart for ticks and axis titles [px]."""
+LEFT, RIGHT, TOP, BOTTOM = 64.0, 16.0, 12.0, 32.0
+"""Margins of the chart for ticks [px]; the axis titles are text of the page."""
 DOT, FELL_DOT = 3.0, 6.0
 """Radii of the dots [px]; falls are larger and drawn last."""
 TICKS_MOST = 7

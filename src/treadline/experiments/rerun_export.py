@@ -48,7 +48,8 @@ def write_rrd(source: Path, out: Path) -> int:
     stream = rr.RecordingStream("treadline", recording_id=f"{source.stem}-{run.seed}", send_properties=False)
     stream.set_log_time_enabled(enabled=False)
     stream.set_log_tick_enabled(enabled=False)
-    stream.save(out, default_blueprint=_blueprint())
+    log = source / LOG if source.is_dir() else source
+    stream.save(out, default_blueprint=_blueprint(has_images=next(_overlays(log), None) is not None))
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     shown = run.decimated(POSE_SAMPLES)
     if run.has_poses:
@@ -57,7 +58,7 @@ def write_rrd(source: Path, out: Path) -> int:
     for event in run.events:
         stream.set_time(CLOCK, duration=event.t_s)
         stream.log("events", rr.TextLog(f"{event.name}: {event.cause}", level="WARN" if event.name == "hold" else "INFO"))
-    for t_s, data in _overlays(source / LOG if source.is_dir() else source):
+    for t_s, data in _overlays(log):
         stream.set_time(CLOCK, duration=t_s)
         stream.log("camera/overlay", rr.EncodedImage(contents=data, media_type="image/jpeg"))
     stream.flush()
@@ -158,8 +159,8 @@ def _xyzw(quaternion: Float[np.ndarray, " 4"]) -> list[float]:
     return [x, y, z, w]
 
 
-def _blueprint() -> Any:
-    """Return the layout: scene and overlay on the left, plots and events on the right."""
+def _blueprint(*, has_images: bool) -> Any:
+    """Return the layout: scene and, if there are images, overlay on the left, plots and events on the right."""
     import rerun.blueprint as rrb
 
     plots = [
@@ -171,8 +172,7 @@ def _blueprint() -> Any:
             ("margin", "tip-over margin [°]"),
         )
     ]
-    scene = rrb.Vertical(
-        rrb.Spatial3DView(origin="world", name="scene"), rrb.Spatial2DView(origin="camera", name="camera"), row_shares=[3, 1]
-    )
+    scene = rrb.Spatial3DView(origin="world", name="scene")
+    left = rrb.Vertical(scene, rrb.Spatial2DView(origin="camera", name="camera"), row_shares=[3, 1]) if has_images else scene
     side = rrb.Vertical(*plots, rrb.TextLogView(origin="events", name="events"))
-    return rrb.Blueprint(rrb.Horizontal(scene, side, column_shares=[3, 2]), collapse_panels=True)
+    return rrb.Blueprint(rrb.Horizontal(left, side, column_shares=[3, 2]), collapse_panels=True)

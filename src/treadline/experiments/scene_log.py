@@ -96,11 +96,12 @@ class SceneLog:
         self._log = log
         self._linkage = None if chair.seat is None else SeatLinkage(chair.seat)
         self._vehicle = vehicle(chair, loading)
+        self._turning = self._vehicle.turning
         self._has_truth = staircase is not None
         self._placed_s: float | None = None
         self._reckoning = DeadReckoning()
         self._odometry: Odometry | None = None
-        self._seat_rad = 0.0
+        self._stroke_m: float | None = None
         self._flipper_rad = chair.tracks.approach_angle_deg * DEG
         self._measured: HeadingMeasurement | None = None
         self._phase: tuple[str, str | None] = ("", None)
@@ -117,8 +118,8 @@ class SceneLog:
                 self._odometry = self._odometry if odometry is None else odometry
                 if not self._has_truth:
                     self._place_by_odometry(signal.t_s, taken_s)
-            case SeatReading() if self._linkage is not None:
-                self._seat_rad = self._linkage.nearest_angle(signal.stroke_m)
+            case SeatReading():
+                self._stroke_m = signal.stroke_m
             case FlipperReading():
                 self._flipper_rad = signal.angle_rad
             case HeadingMeasurement():
@@ -173,16 +174,17 @@ class SceneLog:
         poses = [moved]
         if truth is not None and not math.isnan(truth.chassis_x_m):
             poses.insert(0, _corrected(truth, R_OB, p_OB))
-        angles = {"seat": self._seat_rad, "flipper": self._flipper_rad}
-        turning = {body.name: (body, hinge) for body, hinge in self._vehicle.turning}
-        for name, (body, hinge) in turning.items():
-            half = 0.5 * angles[name] * hinge.axis[1]
+        seat_rad = 0.0 if self._linkage is None or self._stroke_m is None else self._linkage.nearest_angle(self._stroke_m)
+        angles = {"seat": seat_rad, "flipper": self._flipper_rad}
+        for body, hinge in self._turning:
+            half = 0.5 * angles[body.name] * hinge.axis[1]
             quaternion = np.array([math.cos(half), 0.0, math.sin(half), 0.0])
-            poses.append(FramePose(parent="chair", child=name, place_m=body.origin_m, quaternion=quaternion))
+            poses.append(FramePose(parent="chair", child=body.name, place_m=body.origin_m, quaternion=quaternion))
         messages = [frames_message("/tf", t_s, poses)]
-        if turning:
-            names = tuple(f"{name}_joint" for name in turning)
-            messages.append(joints("/joint_states", t_s, names, tuple(angles[name] for name in turning), (), "chair"))
+        if self._turning:
+            names = tuple(f"{body.name}_joint" for body, _ in self._turning)
+            turned = tuple(angles[body.name] for body, _ in self._turning)
+            messages.append(joints("/joint_states", t_s, names, turned, (), "chair"))
         if odometry is not None:
             messages.append(odometry_message("/odom", t_s, moved, odometry.speed_m_s, odometry.angular_velocity_rad_s))
         self._log.add(messages, t_s, taken_s)

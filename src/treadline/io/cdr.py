@@ -4,6 +4,7 @@ Only the types used in the logs; readers of ROS 2 (and the tests' independent de
 """
 
 import struct
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -13,11 +14,42 @@ HEADER = b"\x00\x01\x00\x00"
 """Encapsulation header: CDR, little-endian."""
 
 
+_TIME = struct.Struct("<iI")
+"""Seconds and nanoseconds of a builtin_interfaces/Time."""
+
+
+class MessageForm:
+    """Message whose texts and lengths are constant: packing a time and the numbers is all that is left for each message.
+
+    Args:
+        data: The message with zeros for the open values.
+        times: Offsets of the times.
+        numbers: Offset and count of each group of 64-bit floats.
+    """
+
+    def __init__(self, data: bytes, times: Sequence[int], numbers: Sequence[tuple[int, int]]) -> None:
+        self._data = data
+        self._times = times
+        self._packers = [(struct.Struct(f"<{count}d").pack_into, at) for at, count in numbers]
+
+    def pack(self, t_s: float, *numbers: Sequence[float]) -> bytes:
+        """Return the message with all times set to one time, and each group of numbers to its values."""
+        data = bytearray(self._data)
+        stamp = divmod(nanoseconds_of(t_s), 1_000_000_000)
+        for at in self._times:
+            _TIME.pack_into(data, at, *stamp)
+        for (pack_into, at), values in zip(self._packers, numbers, strict=True):
+            pack_into(data, at, *values)
+        return bytes(data)
+
+
 class CdrWriter:
     """Writer of one CDR message; alignment counts from the end of the encapsulation header."""
 
     def __init__(self) -> None:
         self._data = bytearray()
+        self._times: list[int] = []
+        self._numbers: list[tuple[int, int]] = []
 
     def _align(self, size: int) -> None:
         gap = -len(self._data) % size
@@ -64,10 +96,6 @@ class CdrWriter:
         self.uint32(len(data))
         self._data += data
 
-    def written(self, data: bytes) -> None:
-        """Append bytes from another writer, made at the same alignment."""
-        self._data += data
-
     def stamp(self, t_s: float, frame_id: str) -> None:
         """Append a std_msgs/Header."""
         self.time(t_s)
@@ -76,7 +104,24 @@ class CdrWriter:
     def time(self, t_s: float) -> None:
         """Append the part of a std_msgs/Header before the frame name."""
         self._align(4)
-        self._data += struct.pack("<iI", *divmod(nanoseconds_of(t_s), 1_000_000_000))
+        self._data += _TIME.pack(*divmod(nanoseconds_of(t_s), 1_000_000_000))
+
+    def open_time(self) -> None:
+        """Append a time that ``MessageForm.pack`` sets."""
+        self.time(0.0)
+        self._times.append(len(self._data) - _TIME.size)
+
+    def open_doubles(self, count: int) -> None:
+        """Append 64-bit floats that ``MessageForm.pack`` sets; none take no alignment, as in an empty sequence."""
+        if count:
+            self.doubles(*[0.0] * count)
+        self._numbers.append((len(self._data) - 8 * count, count))
+
+    def form(self) -> "MessageForm":
+        """Return the complete message as a form, whose open times and numbers are still to be set."""
+        data = self.message()
+        start = len(data) - len(self._data)
+        return MessageForm(data, [start + at for at in self._times], [(start + at, count) for at, count in self._numbers])
 
     def message(self) -> bytes:
         """Return the complete message."""

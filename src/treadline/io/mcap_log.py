@@ -7,8 +7,8 @@ It grows under a temporary name and takes its own when closed; an interrupted ru
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -23,6 +23,7 @@ from treadline.io.messages import DEFINITIONS, Message, messages_of
 from treadline.signals import RgbdFrame
 
 CHUNK_BYTES = 4 * 1024 * 1024
+"""Size at which a chunk is complete [bytes]."""
 KEPT = ("/tf_static", "/robot_description", "/chair", "/stair/true")
 """Topics with one message at the start of a run, which ``ros2 bag play`` keeps for subscribers that come later."""
 _FOREVER = "{sec: 9223372036, nsec: 854775807}"
@@ -96,11 +97,15 @@ class RunLog:
         """
         stamp_ns = nanoseconds_of(stamp_s)
         taken_ns = stamp_ns if taken_s is None else nanoseconds_of(taken_s)
-        with deferred(), self._write_errors():
-            for topic, kind, data in messages:
-                channel = self._channel(topic, kind)
-                self._writer.add_message(channel, taken_ns, data, stamp_ns, self._counts[channel])
-                self._counts[channel] += 1
+        channels, counts, write = self._channels, self._counts, self._writer.add_message
+        try:
+            with deferred():
+                for topic, kind, data in messages:
+                    channel = channels.get(topic) or self._channel(topic, kind)
+                    write(channel, taken_ns, data, stamp_ns, counts[channel])
+                    counts[channel] += 1
+        except OSError as error:
+            raise self._unwritable(error) from None
 
     def close(self) -> None:
         """Finish the file and rename it to its final name.
@@ -111,27 +116,23 @@ class RunLog:
         if self._file.closed:
             return
         try:
-            with deferred(), self._write_errors():
+            with deferred():
                 self._writer.finish()
                 self._file.close()
                 self._temporary.replace(self._path)
-        except TreadlineError:
+        except OSError as error:
             with suppress(OSError):
                 self._file.close()
             self._temporary.unlink(missing_ok=True)
-            raise
+            raise self._unwritable(error) from None
 
-    @contextmanager
-    def _write_errors(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise TreadlineError(f"{self._path}: cannot be written: {error.strerror or error}") from None
+    def _unwritable(self, error: OSError) -> TreadlineError:
+        return TreadlineError(f"{self._path}: cannot be written: {error.strerror or error}")
 
     def _channel(self, topic: str, kind: str) -> int:
-        if topic not in self._channels:
-            if kind not in self._schemas:
-                self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
-            metadata = {"offered_qos_profiles": KEPT_QOS} if topic in KEPT else {}
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], metadata)
+        """Declare a topic that is new in this log; return its number, which is 1 or greater."""
+        if kind not in self._schemas:
+            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
+        metadata = {"offered_qos_profiles": KEPT_QOS} if topic in KEPT else {}
+        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], metadata)
         return self._channels[topic]

@@ -59,8 +59,8 @@ def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Itera
     """
     decoder = LogDecoder()
     with one_error(path):
-        for topic, _, data in mcap_messages(path, wants, sealed=True):
-            signal = decoder.signal(topic.name, data)
+        for topic, _, data in sealed_messages(path, wants):
+            signal = decoder.signal(topic, data)
             if signal is not None:
                 yield signal
 
@@ -146,9 +146,14 @@ def sealed_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[tuple[
         if len(data) > MAX_FILE_BYTES:
             raise LogFormatError(f"{len(data)} bytes; at most {MAX_FILE_BYTES} are read")
         wanted: dict[int, str] = {}
+        count = 0
         for record in _records(data, sealed=True):
             if isinstance(record, Chunk):
-                yield from _messages_in(_inflated(record), record.uncompressed_crc, wanted, wants)
+                for message in _messages_in(_inflated(record), record.uncompressed_crc, wanted, wants):
+                    count += 1
+                    if count > MAX_MESSAGES:
+                        raise LogFormatError(f"more than {MAX_MESSAGES} messages")
+                    yield message
 
 
 _PREFIX = struct.Struct("<BQ")

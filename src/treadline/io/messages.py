@@ -8,11 +8,13 @@ The types are standard ROS types, so that Foxglove, PlotJuggler and ``ros2 bag``
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import fields
+from functools import cache, lru_cache
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from treadline.io.cdr import CdrWriter
+from treadline.io.cdr import CdrWriter, MessageForm
 from treadline.ports import Truth
 from treadline.signals import (
     Event,
@@ -129,14 +131,16 @@ DEFINITIONS = {
 TRUTH_NAMES = tuple(item.name for item in fields(Truth) if item.name != "t_s")
 """Names of the ground-truth quantities in a log."""
 
-Writer = type[CdrWriter]
-"""Writer class: selects ROS 1 or ROS 2 serialisation."""
+Writer = Callable[[], CdrWriter]
+"""Class of a writer: selects ROS 1 or ROS 2 serialisation."""
 
 
 def messages_of(signal: Any, topic: str | None = None, writer: Writer = CdrWriter) -> list[Message]:
     """Return the messages of a signal, on the default topic of its type unless ``topic`` is given."""
-    kind = next(kind for kind in type(signal).__mro__ if kind in _WRITERS)
-    own, write = _WRITERS[kind]
+    known = _WRITERS.get(type(signal))
+    if known is None:
+        known = next(_WRITERS[kind] for kind in type(signal).__mro__ if kind in _WRITERS)
+    own, write = known
     return write(signal, topic or own, writer)
 
 
@@ -150,33 +154,23 @@ def joints(
     writer: Writer = CdrWriter,
 ) -> Message:
     """Return a JointState message."""
+    form = _joints_form(names, len(position), len(velocity), frame, writer)
+    return topic, "sensor_msgs/msg/JointState", form.pack(t_s, position, velocity)
+
+
+@lru_cache(maxsize=512)  # a log has some twenty; the maps of nosings have one for each set of measured quantities
+def _joints_form(names: tuple[str, ...], positions: int, velocities: int, frame: str, writer: Writer) -> MessageForm:
     w = writer()
-    w.time(t_s)
-    w.written(_labels(names, frame, writer))
-    for values in (position, velocity, ()):
-        w.uint32(len(values))
-        if values:
-            w.doubles(*values)
-    return topic, "sensor_msgs/msg/JointState", w.message()
-
-
-_LABELS: dict[tuple[tuple[str, ...], str, Writer], bytes] = {}
-"""Cache of ``_labels``."""
-
-
-def _labels(names: tuple[str, ...], frame: str, writer: Writer) -> bytes:
-    """Return the bytes between time and numbers of a JointState, which are constant for a topic."""
-    key = (names, frame, writer)
-    if key not in _LABELS:
-        w = writer()
-        w.time(0.0)
-        start = len(w.message())
-        w.string(frame)
-        w.uint32(len(names))
-        for name in names:
-            w.string(name)
-        _LABELS[key] = w.message()[start:]
-    return _LABELS[key]
+    w.open_time()
+    w.string(frame)
+    w.uint32(len(names))
+    for name in names:
+        w.string(name)
+    for count in (positions, velocities):
+        w.uint32(count)
+        w.open_doubles(count)
+    w.uint32(0)
+    return w.form()
 
 
 def status(
@@ -202,23 +196,43 @@ def status(
     return topic, "diagnostic_msgs/msg/DiagnosticArray", w.message()
 
 
-def _imu(sample: ImuSample, topic: str, writer: Writer) -> list[Message]:
+@cache
+def _imu_form(writer: Writer) -> MessageForm:
+    unknown = [0.0] * 9
     w = writer()
-    w.stamp(sample.t_s, "imu")
-    qw, qx, qy, qz = sample.orientation.tolist()
-    zeros = [0.0] * 9
-    w.doubles(qx, qy, qz, qw, *zeros, *sample.angular_velocity_rad_s.tolist(), *zeros)
-    w.doubles(*sample.linear_acceleration_m_s2.tolist(), *zeros)
-    return [(topic, "sensor_msgs/msg/Imu", w.message())]
+    w.open_time()
+    w.string("imu")
+    w.open_doubles(4)
+    w.doubles(*unknown)
+    w.open_doubles(3)
+    w.doubles(*unknown)
+    w.open_doubles(3)
+    w.doubles(*unknown)
+    return w.form()
+
+
+def _imu(sample: ImuSample, topic: str, writer: Writer) -> list[Message]:
+    qw, *q = sample.orientation.tolist()
+    rate, force = sample.angular_velocity_rad_s.tolist(), sample.linear_acceleration_m_s2.tolist()
+    return [(topic, "sensor_msgs/msg/Imu", _imu_form(writer).pack(sample.t_s, (*q, qw), rate, force))]
+
+
+@cache
+def _heading_form(writer: Writer) -> MessageForm:
+    w = writer()
+    w.open_time()
+    w.string("stair")
+    w.doubles(*[0.0] * 5)
+    w.open_doubles(2)
+    w.doubles(*[0.0] * 35)
+    w.open_doubles(1)
+    return w.form()
 
 
 def _heading(topic: str, t_s: float, heading_rad: float, sigma_rad: float, writer: Writer) -> Message:
-    w = writer()
-    w.stamp(t_s, "stair")
-    covariance = [0.0] * 36
-    covariance[35] = sigma_rad * sigma_rad
-    w.doubles(0.0, 0.0, 0.0, 0.0, 0.0, math.sin(0.5 * heading_rad), math.cos(0.5 * heading_rad), *covariance)
-    return topic, "geometry_msgs/msg/PoseWithCovarianceStamped", w.message()
+    half = 0.5 * heading_rad
+    data = _heading_form(writer).pack(t_s, (math.sin(half), math.cos(half)), (sigma_rad * sigma_rad,))
+    return topic, "geometry_msgs/msg/PoseWithCovarianceStamped", data
 
 
 def _estimate(estimate: HeadingEstimate, topic: str, writer: Writer) -> list[Message]:
@@ -330,8 +344,7 @@ def _camera_info(frame: RgbdFrame, topic: str, writer: Writer) -> Message:
 
 
 def _truth(truth: Truth, topic: str, writer: Writer) -> list[Message]:
-    values = tuple(float(getattr(truth, name)) for name in TRUTH_NAMES)
-    return [joints(topic, truth.t_s, TRUTH_NAMES, values, (), "simulator", writer)]
+    return [joints(topic, truth.t_s, TRUTH_NAMES, attrgetter(*TRUTH_NAMES)(truth), (), "simulator", writer)]
 
 
 def _operator(operator: OperatorInput, topic: str, writer: Writer) -> list[Message]:

@@ -5,12 +5,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.appearance.parts import MeshPart
-from treadline.io.cdr import CdrWriter
+from treadline.io.cdr import CdrWriter, MessageForm
 from treadline.io.messages import Message, Writer
 
 BASE = "base_link"
@@ -58,14 +59,26 @@ def marker_of(part: MeshPart, frame: str) -> Marker:
 
 def frames_message(topic: str, t_s: float, poses: Sequence[FramePose], writer: Writer = CdrWriter) -> Message:
     """Return a TFMessage."""
+    form = _frames_form(tuple((pose.parent, pose.child) for pose in poses), writer)
+    return topic, FRAMES, form.pack(t_s, *[_numbers(pose) for pose in poses])
+
+
+@lru_cache(maxsize=64)  # a log has two: fixed and moving frames
+def _frames_form(names: tuple[tuple[str, str], ...], writer: Writer) -> MessageForm:
     w = writer()
-    w.uint32(len(poses))
-    for pose in poses:
-        w.stamp(t_s, pose.parent)
-        w.string(pose.child)
-        qw, *q = pose.quaternion.tolist()
-        w.doubles(*pose.place_m, *q, qw)
-    return topic, FRAMES, w.message()
+    w.uint32(len(names))
+    for parent, child in names:
+        w.open_time()
+        w.string(parent)
+        w.string(child)
+        w.open_doubles(7)
+    return w.form()
+
+
+def _numbers(pose: FramePose) -> tuple[float, ...]:
+    """Return position and rotation (x, y, z, w) of a pose."""
+    qw, *q = pose.quaternion.tolist()
+    return (*pose.place_m, *q, qw)
 
 
 def odometry_message(
@@ -77,14 +90,23 @@ def odometry_message(
     writer: Writer = CdrWriter,
 ) -> Message:
     """Return an Odometry message; covariances are zeros: unknown."""
+    form = _odometry_form(pose.parent, pose.child, writer)
+    return topic, ODOMETRY, form.pack(t_s, _numbers(pose), (speed_m_s,), angular_velocity_rad_s.tolist())
+
+
+@lru_cache(maxsize=64)  # a log has one
+def _odometry_form(parent: str, child: str, writer: Writer) -> MessageForm:
     w = writer()
-    w.stamp(t_s, pose.parent)
-    w.string(pose.child)
-    qw, *q = pose.quaternion.tolist()
-    unknown = [0.0] * 36
-    w.doubles(*pose.place_m, *q, qw, *unknown)
-    w.doubles(speed_m_s, 0.0, 0.0, *angular_velocity_rad_s.tolist(), *unknown)
-    return topic, ODOMETRY, w.message()
+    w.open_time()
+    w.string(parent)
+    w.string(child)
+    w.open_doubles(7)
+    w.doubles(*[0.0] * 36)
+    w.open_doubles(1)
+    w.doubles(0.0, 0.0)
+    w.open_doubles(3)
+    w.doubles(*[0.0] * 36)
+    return w.form()
 
 
 def markers_message(topic: str, t_s: float, markers: Sequence[Marker]) -> Message:

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import rotation_of
-from treadline.mission.stair_tracker import PITCHED_RAD
+from treadline.mission.nosing_filter import PITCHED_RAD
 from treadline.signals import ImuSample, TrackReading
 
 GAP_S = 0.2
@@ -45,12 +44,13 @@ class DeadReckoning:
         """Return the odometry after a belt reading; None before the first attitude."""
         if self._imu is None:
             return None
-        forward_W = rotation_of(self._imu.orientation)[:, 0]
-        speed_m_s = _speed(reading, pitched=abs(float(forward_W[2])) > math.sin(PITCHED_RAD))
+        w, x, y, z = self._imu.orientation.tolist()
+        forward_W = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
+        speed_m_s = _speed(reading, pitched=abs(forward_W[2]) > math.sin(PITCHED_RAD))
         passed_s = 0.0 if self._t_s is None else reading.t_s - self._t_s
         self._t_s = reading.t_s
         if 0.0 < passed_s <= GAP_S:
-            self._p_OB = self._p_OB + speed_m_s * passed_s * forward_W
+            self._p_OB = self._p_OB + speed_m_s * passed_s * np.array(forward_W)
         return Odometry(
             t_s=reading.t_s,
             p_OB=self._p_OB,

@@ -10,14 +10,15 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from treadline.angles import DEG
+import numpy as np
+
+from treadline.mission.flight_shape import FlightShape
+from treadline.mission.nosing_filter import GATE, PITCHED_RAD, NosingDetection, NosingFilter
 from treadline.mission.recent import DEPTH, Recent
 from treadline.signals import ImuSample, StairMap, TrackReading
 
-SAME = 0.45
-"""Horizontal distance, as a ratio of the run, below which two detections are the same nosing."""
-SAME_RISE_M = 0.08
-"""Height difference below which two detections are the same nosing [m]."""
+SAME = 0.5
+"""Distance, as a ratio of the pitch, within which a detection belongs to the nearest nosing or to none: half-way to the next."""
 MISSING = 1.6
 """Distance of neighbouring nosings, as a ratio of the pitch of the stair, above which a nosing is missing between them."""
 LANDING_RUNS = 2.5
@@ -29,16 +30,11 @@ its length, while missing steps keep to the slope."""
 OFF_BELTS_M = 0.4
 """Height of the first nosing off the belts' line, on the side of a landing, above which it is not of the flight under the chair
 [m]."""
-PITCHED_RAD = 10.0 * DEG
-"""Pitch above which the chair lies on a flight [rad]."""
 NEXT_MAPS, NEXT_S, NEXT_M = 5, 1.0, 4.5
 """Number of maps that must have shown the next flight, time without a map after which its tracker starts again [s], and largest
 distance of its nearest nosing [m]."""
 MISSED_SHARE = 2.0
-"""Ratio of maps without a nosing to maps with it, from which the nosing counts as a false detection."""
-MISSED_MOST = 20
-"""Largest number of counted maps without a nosing: a nosing that was missed while the chair stood still, and is detected in each
-frame as it comes nearer, is known again within a second."""
+"""Ratio of maps without a nosing to maps with it, from which the nosing is a false detection and is forgotten."""
 KNOWN_AFTER = 2
 """Number of maps that must show a nosing, or the end of the flight, before it counts."""
 NEAR_M = 1.9
@@ -46,15 +42,8 @@ NEAR_M = 1.9
 one metre suffices to stop."""
 GAP_KNOWN_AFTER = 6
 """Number of maps that must show both nosings at a gap before it counts; by then two of them would have shown a nosing between."""
-MAPS_MAX = 50
-"""Weight of the mean shape of the stair, in maps: five seconds of frames."""
-BLEND_LEAST = 0.02
-"""Smallest weight of a new detection in the position of a nosing."""
 SLIP_VALID_S = 0.35
 """Time after a map for which the measured slip is valid, with odometry alone [s]."""
-SLIP_SHARE = 0.5
-"""Weight of a frame in the position of the chair relative to the nosings: belts slip by a few per cent, a frame errs by
-millimetres."""
 SLIP_LAG_S = 0.3
 """Time constant of the slip speed [s]: a frame error of 2 mm makes 3 mm/s."""
 SAME_SIDE_M = 0.08
@@ -64,7 +53,7 @@ Side = Literal["left", "right"]
 """Side of a flight, in the chair's view."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Nosing:
     """One nosing in the frame of the tracker."""
 
@@ -78,7 +67,7 @@ class _Nosing:
     @property
     def known(self) -> bool:
         """Whether enough maps have shown the nosing."""
-        return self.count >= KNOWN_AFTER and self.missed < MISSED_SHARE * self.count
+        return self.count >= KNOWN_AFTER
 
 
 @dataclass(slots=True)
@@ -120,12 +109,12 @@ class StairTracker:
         """Belt travel since the start [m], negative backwards."""
         self.speed_m_s = 0.0
         self.rise_m = self.run_m = self.slope_rad = 0.0
-        """Rise [m], run [m] and slope [rad] of the flight, means of the maps; zero before the first map."""
+        """Rise [m], run [m] and slope [rad] of the flight; zero before the first map."""
         self.left_wall_m: float | None = None
         self.right_wall_m: float | None = None
         self.map_count = 0
         self.map_s = -math.inf
-        self._x_m = self._z_m = 0.0
+        self._filter, self._shape = NosingFilter(), FlightShape()
         self._odometry_x_m = self._odometry_y_m = self._odometry_z_m = 0.0
         """Position by belts, pitch and heading alone [m], y to the left; maps do not correct it, so that differences are travel."""
         self._poses: Recent[_Pose] = Recent(2 * DEPTH)  # one entry per IMU sample and one per belt reading
@@ -134,6 +123,7 @@ class StairTracker:
         self._sides: dict[Side, _Side] = {"left": _Side(), "right": _Side()}
         self._tracks_s: float | None = None
         self._nosings: list[_Nosing] = []
+        """All nosings, in the order of the filter."""
         self._known: list[_Nosing] = []
         """Nosings with enough detections, at the last map, the lowest of the flight first."""
         self._next: StairTracker | None = None
@@ -145,6 +135,7 @@ class StairTracker:
             case TrackReading():
                 self._drive(signal)
             case ImuSample():
+                self._filter.drive(0.0, 0.0, signal.pitch_rad - self.pitch_rad, self.pitch_rad, 0.0)
                 self.pitch_rad = signal.pitch_rad
                 self._poses.add(signal.t_s, self._pose())
             case StairMap() if len(signal.nosings_B):
@@ -174,6 +165,22 @@ class StairTracker:
     def ahead_m(self) -> list[float]:
         """Return the distance of each known nosing ahead of mid-track along the belts [m], the lowest of the flight first."""
         return [self._ahead_m(nosing) for nosing in self._known]
+
+    def ahead_sigma_m(self) -> list[float]:
+        """Return the standard deviation of each of ``ahead_m`` [m]; it grows with travel since the last map."""
+        along = np.array([math.cos(self.pitch_rad) / math.cos(self.heading_rad), math.sin(self.pitch_rad)])
+        covariances = (self._filter.ahead_covariance(self._nosings.index(nosing), self.pitch_rad) for nosing in self._known)
+        return [math.sqrt(float(along @ covariance @ along)) for covariance in covariances]
+
+    @property
+    def rise_sigma_m(self) -> float:
+        """Standard deviation of the rise [m]; infinite before the first map."""
+        return math.sqrt(self._shape.variance_m2[1])
+
+    @property
+    def run_sigma_m(self) -> float:
+        """Standard deviation of the run [m]; infinite before the first map."""
+        return math.sqrt(self._shape.variance_m2[0])
 
     def first_ahead_m(self) -> float | None:
         """Return the horizontal distance of the lowest known nosing ahead of mid-track [m]; None without nosings."""
@@ -210,6 +217,14 @@ class StairTracker:
         of, moved_m = self._sides[side], self._odometry_y_m if side == "left" else -self._odometry_y_m
         is_open = of.kind == "open" and of.count >= KNOWN_AFTER
         return of.seen_m[1] - moved_m if of.measured else None, of.edge_m - moved_m if is_open and of.edge_m is not None else None
+
+    @property
+    def _x_m(self) -> float:
+        return self._odometry_x_m + float(self._filter.shift_m[0])
+
+    @property
+    def _z_m(self) -> float:
+        return self._odometry_z_m + float(self._filter.shift_m[1])
 
     @property
     def _up_m(self) -> float:
@@ -252,9 +267,9 @@ class StairTracker:
         self.speed_m_s = 0.5 * (reading.left_m_s + reading.right_m_s)
         moved = self.speed_m_s * dt_s
         self.travel_m += moved
+        ran_m = 0.5 * (abs(reading.left_m_s) + abs(reading.right_m_s)) * dt_s
+        self._filter.drive(moved, ran_m, 0.0, self.pitch_rad, dt_s)
         moved_x_m, moved_z_m = moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad), moved * math.sin(self.pitch_rad)
-        self._x_m += moved_x_m
-        self._z_m += moved_z_m
         self._odometry_x_m += moved_x_m
         self._odometry_y_m += moved * math.sin(self.heading_rad)
         self._odometry_z_m += moved_z_m
@@ -266,8 +281,8 @@ class StairTracker:
         way = 1.0 if seen.direction == "up" else -1.0
         if not self._known:
             return self.pitch_rad > PITCHED_RAD and -way * float(seen.nosings_B[0, 2]) > OFF_BELTS_M
-        edge, (x_m, z_m) = self._known[-1 if way > 0.0 else 0], self._places(seen)[0]
-        far_m, up_m = way * (x_m - edge.x_m), way * (z_m - edge.z_m)
+        edge, (x_m, z_m), shift_m = self._known[-1 if way > 0.0 else 0], self._places(seen)[0], self._filter.shift_m.tolist()
+        far_m, up_m = way * (x_m + shift_m[0] - edge.x_m), way * (z_m + shift_m[1] - edge.z_m)
         return far_m > LANDING_RUNS * self.run_m and up_m < LANDING_SLOPE * self.rise_m / self.run_m * far_m
 
     def _see_across(self, seen: StairMap) -> None:
@@ -284,47 +299,68 @@ class StairTracker:
     def _see(self, seen: StairMap) -> None:
         self.map_count += 1
         since_s, self.map_s = seen.t_s - self.map_s, seen.t_s
-        share = 1.0 / min(self.map_count, MAPS_MAX)
-        self.rise_m += (seen.rise_m - self.rise_m) * share
-        self.run_m += (seen.run_m - self.run_m) * share
-        self.slope_rad += (seen.slope_rad - self.slope_rad) * share
+        distances_m = np.abs(seen.nosings_B[:, 0]).tolist()
+        self._shape.update((seen.run_m, seen.rise_m), distances_m, self._filter.ran_m)
         self.left_wall_m, self.right_wall_m = seen.left_wall_m, seen.right_wall_m
-        places = self._places(seen)
-        matched = [(nosing, place) for place in places if (nosing := self._find(*place)) is not None]
-        self._note_slip(since_s, self._move_onto(matched))
-        shown = [self._place(x_m, z_m) for x_m, z_m in self._places(seen)]
+        if self.map_count == 1:
+            self._fit_shape()
+        up_m = self._up_m
+        shown = self._match(self._places(seen))
+        self._note_slip(since_s, self._up_m - up_m)
         self._note_missed(shown)
-        last = shown[-1] if shown else None
-        self._nosings.sort(key=lambda nosing: nosing.x_m)
-        self._known = [nosing for nosing in self._nosings if nosing.known]
-        if last is not None:
-            self._note_end(last, seen)
+        self._known = sorted((nosing for nosing in self._nosings if nosing.known), key=lambda nosing: nosing.x_m)
+        self._fit_shape()
+        if shown:
+            self._note_end(shown[-1], seen)
         self._note_sides(seen)
 
+    def _fit_shape(self) -> None:
+        numbers = [self._nosings.index(nosing) for nosing in self._known]
+        self._shape.combine([(nosing.x_m, nosing.z_m) for nosing in self._known], self._filter.covariance_of(numbers))
+        self.run_m, self.rise_m = self._shape.mean_m.tolist()
+        self.slope_rad = math.atan2(self.rise_m, self.run_m)
+
     def _places(self, seen: StairMap) -> list[tuple[float, float]]:
-        """Return the nosings (x, z) of a map in the tracker's frame [m], by the chair's pose at the exposure, nearest first."""
+        """Return the nosings (x, z) of a map by odometry alone [m], by the chair's pose at the exposure, nearest first."""
         exposed = self._poses.at(seen.t_s) or self._pose()
         c, s, across = math.cos(exposed.pitch_rad), math.sin(exposed.pitch_rad), math.cos(exposed.heading_rad)
-        x_m = self._x_m - (self._odometry_x_m - exposed.x_m)
-        z_m = self._z_m - (self._odometry_z_m - exposed.z_m)
-        return [(x_m + (x * c - z * s) * across, z_m + x * s + z * c) for x, _, z in seen.nosings_B.tolist()]
+        return [(exposed.x_m + (x * c - z * s) * across, exposed.z_m + x * s + z * c) for x, _, z in seen.nosings_B.tolist()]
 
     def _pose(self) -> _Pose:
         return _Pose(self._odometry_x_m, self._odometry_y_m, self._odometry_z_m, self.pitch_rad, self.heading_rad)
 
-    def _move_onto(self, matched: list[tuple[_Nosing, tuple[float, float]]]) -> float:
-        """Correct the position of the chair by the nosings that were detected again.
+    def _match(self, places: list[tuple[float, float]]) -> list[_Nosing]:
+        """Update the filter with the detections of a map, and return their nosings in the map's order."""
+        self._filter.begin_frame(self.pitch_rad)
+        near = [(number, place) for place in places if (number := self._nearest(place)) is not None]
+        if near and float(np.median(self._filter.distances2(self._detections(near)))) > GATE:
+            # Most detections are off: the chair slides on a flight, or its belts run on the spot.
+            self._filter.allow_slide()
+        shown = []
+        for place in places:
+            number = self._nearest(place)
+            if number is None:
+                shift_x_m, shift_z_m = self._filter.shift_m.tolist()
+                nosing = _Nosing(place[0] + shift_x_m, place[1] + shift_z_m, count=0)
+                number = self._filter.add((nosing.x_m, nosing.z_m))
+                self._nosings.append(nosing)
+            shown.append((number, place))
+        self._filter.update(self._detections(shown))
+        for nosing, (x_m, z_m) in zip(self._nosings, self._filter.places_m.tolist(), strict=True):
+            nosing.x_m, nosing.z_m = x_m, z_m
+        for number, _ in shown:
+            self._nosings[number].count += 1
+        return [self._nosings[number] for number, _ in shown]
 
-        Returns:
-            Correction up the flight [m]; negative if the belts slipped.
-        """
-        known = [(nosing, place) for nosing, place in matched if nosing.known]
-        if not known:
-            return 0.0
-        up_m = self._up_m
-        self._x_m -= SLIP_SHARE * sum(place[0] - nosing.x_m for nosing, place in known) / len(known)
-        self._z_m -= SLIP_SHARE * sum(place[1] - nosing.z_m for nosing, place in known) / len(known)
-        return self._up_m - up_m
+    def _detections(self, shown: list[tuple[int, tuple[float, float]]]) -> list[NosingDetection]:
+        return [(number, place, abs(self._nosings[number].x_m - self._x_m)) for number, place in shown]
+
+    def _nearest(self, place: tuple[float, float]) -> int | None:
+        """Return the number of the nosing within half a pitch of a place by odometry, or None."""
+        shift_x_m, shift_z_m = self._filter.shift_m.tolist()
+        apart = [math.hypot(nosing.x_m - place[0] - shift_x_m, nosing.z_m - place[1] - shift_z_m) for nosing in self._nosings]
+        least = min(range(len(apart)), key=apart.__getitem__, default=None)
+        return None if least is None or apart[least] > SAME * math.hypot(self.run_m, self.rise_m) else least
 
     def _note_slip(self, since_s: float, moved_up_m: float) -> None:
         if not 0.0 < since_s <= SLIP_VALID_S:
@@ -332,26 +368,6 @@ class StairTracker:
             return
         slip_m_s = -moved_up_m / since_s
         self._slip_m_s += (1.0 - math.exp(-since_s / SLIP_LAG_S)) * (slip_m_s - self._slip_m_s)
-
-    def _find(self, x_m: float, z_m: float) -> _Nosing | None:
-        """Return the tracked nosing at a position, or None."""
-        for nosing in self._nosings:
-            if abs(nosing.x_m - x_m) < SAME * self.run_m and abs(nosing.z_m - z_m) < SAME_RISE_M:
-                return nosing
-        return None
-
-    def _place(self, x_m: float, z_m: float) -> _Nosing:
-        """Return the nosing detected at a position, a new one or a tracked one with its position updated."""
-        nosing = self._find(x_m, z_m)
-        if nosing is None:
-            nosing = _Nosing(x_m, z_m)
-            self._nosings.append(nosing)
-            return nosing
-        nosing.count += 1
-        share = max(1.0 / nosing.count, BLEND_LEAST)
-        nosing.x_m += (x_m - nosing.x_m) * share
-        nosing.z_m += (z_m - nosing.z_m) * share
-        return nosing
 
     def _note_sides(self, seen: StairMap) -> None:
         """Keep how far nosings were in view and where the flight's sides are, from the chair's place at the exposure."""
@@ -375,7 +391,11 @@ class StairTracker:
         low, high = min(nosing.x_m for nosing in shown), max(nosing.x_m for nosing in shown)
         for nosing in self._nosings:
             if low < nosing.x_m < high and not any(nosing is other for other in shown):
-                nosing.missed = min(nosing.missed + 1, MISSED_MOST)
+                nosing.missed += 1
+        for number in reversed(range(len(self._nosings))):
+            if self._nosings[number].missed >= MISSED_SHARE * self._nosings[number].count:
+                self._filter.remove(number)
+                del self._nosings[number]
 
     def _note_end(self, last: _Nosing, seen: StairMap) -> None:
         """Count the maps that show the flight's end at a nosing; a known nosing beyond resets the count."""

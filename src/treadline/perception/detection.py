@@ -26,7 +26,9 @@ class StairShape:
     rise_sigma_m: float
     run_sigma_m: float
     slope_sigma_rad: float
-    """Standard deviation of the slope of the nosing plane [rad]."""
+    """Standard deviation of the slope of the nosing plane, the error of the vertical included [rad]."""
+    plane_sigma_rad: float
+    """Standard deviation of the angle of the nosing plane in the camera frame, which has no error of the vertical [rad]."""
     distance_m: float
     """Horizontal distance from the camera to the nearest visible nosing, perpendicular to the nosing [m]."""
     direction: Direction

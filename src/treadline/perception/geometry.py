@@ -42,7 +42,11 @@ def viewing_direction(R_BC: Float[np.ndarray, "3 3"]) -> float:
 
 
 def axes_of(
-    edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"], down_sigma_rad: float, treads: Sequence[Surface]
+    edge: Float[np.ndarray, " 3"],
+    down: Float[np.ndarray, " 3"],
+    down_sigma_rad: float,
+    treads: Sequence[Surface],
+    adjoining_rad: Sequence[float],
 ) -> Levelled:
     """Return the axes of the stair, with the vertical as weighted mean of treads and gravity.
 
@@ -50,15 +54,16 @@ def axes_of(
         edge: Unit vector along the edges, pointing right in the camera's view.
         down: Gravity direction from the IMU or from the treads.
         treads: Surfaces assumed to be horizontal.
+        adjoining_rad: Standard deviation of the tilt of each by pixels of adjacent risers.
     """
     d = down - float(down @ edge) * edge
     d /= np.linalg.norm(d)
     ahead = cross(edge, d)
     tilts, variances = [0.0], [down_sigma_rad**2]
-    for tread in treads:
+    for tread, by_risers_rad in zip(treads, adjoining_rad, strict=True):
         n = tread.unit if float(tread.unit @ d) > 0.0 else -tread.unit
         tilts.append(float(np.arctan2(n @ ahead, n @ d)))
-        variances.append(float(ahead @ tread.unit_covariance @ ahead))
+        variances.append(float(ahead @ tread.unit_covariance @ ahead) + by_risers_rad**2)
     variances[0] = gravity_variance(np.array(tilts[1:]), down_sigma_rad)
     regular = np.zeros(len(tilts), dtype=bool)
     regular[0] = True
@@ -87,7 +92,7 @@ def directions_of(
         normal_C=normal_of(axes, shape),
         edge_sigma_rad=edge_sigma_rad,
         down_sigma_rad=levelled.down_sigma_rad,
-        normal_sigma_rad=shape.slope_sigma_rad,
+        normal_sigma_rad=shape.plane_sigma_rad,
     )
 
 

@@ -153,7 +153,7 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
     rows, columns = cells.shape[0], cells.shape[1]
     sums = np.empty((2 * rows * columns, SUMS))
     planes, units, centres = np.empty((2 * rows * columns, 3)), np.empty((2 * rows * columns, 3)), np.empty((2 * rows * columns, 3))
-    places = np.empty((2 * rows * columns, 3), dtype=np.int64)
+    places, turns = np.empty((2 * rows * columns, 3), dtype=np.int64), np.empty(2 * rows * columns)
     large = np.zeros((rows + 1, columns), dtype=np.bool_)
     total, plane = np.empty(SUMS), np.empty(3)
     count = 0
@@ -172,7 +172,8 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
                 nearness = total[W] / total[COUNT]
                 if not residual < max(residual_limit, depth_limit * nearness * nearness):
                     continue
-                if turn * max(1.0, least_residual / max(residual, 1e-12)) > turn_limit:
+                turns[count] = turn * max(1.0, least_residual / max(residual, 1e-12))
+                if turns[count] > turn_limit:
                     continue
                 large[i, j] = large[i, j] or height == 2
                 sums[count] = total
@@ -183,7 +184,8 @@ def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_res
                 centres[count, 0], centres[count, 1], centres[count, 2] = x / nearness, y / nearness, 1.0 / nearness
                 places[count, 0], places[count, 1], places[count, 2] = i, j, height
                 count += 1
-    return sums[:count].copy(), planes[:count].copy(), units[:count].copy(), centres[:count].copy(), places[:count].copy()
+    found = sums[:count].copy(), planes[:count].copy(), units[:count].copy(), centres[:count].copy(), places[:count].copy()
+    return (*found, turns[:count].copy())
 
 
 @njit(cache=True, error_model="numpy")
@@ -414,7 +416,7 @@ def _ending(near, v, way, start, slope, jump):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, least_square, fx, fy, cx, cy):
+def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, aside, least_square, fx, fy, cx, cy):
     """Return the surfaces of some planes, each fitted to all of its pixels, with its ends in each column of the image.
 
     Args:
@@ -424,6 +426,7 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
         planes: n of each plane, ``squares`` the mean squared residuals of its blocks.
         tolerance: Least distance from the plane for a pixel to be rejected [1/m], and ``sigmas`` the same in RMS residuals.
         jump: Difference separating two surfaces [1/m].
+        aside: Largest lateral distance of a wall next to a surface [m].
         least_square: Lower limit of a surface's mean squared residual.
 
     Returns:
@@ -443,7 +446,6 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
     for s in range(count):
         box_of(places, members[begin : stops[s]], size, size + size // 2, height, width, box)
         begin, plane, off = stops[s], planes[s], max(tolerance, sigmas * math.sqrt(squares[s]))
-        sums[:] = 0.0
         slope, k = plane[1] / fy, 0
         for u in range(box[0], box[2] + 1):
             near, x = nearness[u], (u - cx) / fx
@@ -456,8 +458,22 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
             above[s, k] = _ending(near, first, -1, level, slope, jump)
             below[s, k] = _ending(near, last, 1, level, slope, jump)
             k += 1
-            within = slice(first + 1, last)
-            _add_column(near[within], rows[within], ys[within], x, level, slope, off, sums)
+        # Pixels of a side wall near its crease lie on the plane as well, and would turn it.
+        margin = int(math.ceil(off * fx * aside))
+        for inner in (margin, 0):
+            sums[:] = 0.0
+            for i in range(k):
+                u, left, right = columns[s, i], i - inner, i + inner
+                if left < 0 or right >= k or columns[s, right] - columns[s, left] > 2 * inner:
+                    continue
+                first = max(upper[s, left], upper[s, i], upper[s, right])
+                last = min(lower[s, left], lower[s, i], lower[s, right])
+                within = slice(int(first + 1.5), int(max(last - 0.5, 0.0)))
+                near, x = nearness[u], (u - cx) / fx
+                level = plane[0] * x + plane[2] - plane[1] * cy / fy
+                _add_column(near[within], rows[within], ys[within], x, level, slope, off, sums)
+            if sums[COUNT] >= 4 * size * size:
+                break
         n = sums[COUNT]
         square = solved_plane(sums, normals[s], covariances[s])
         # Pixels in a single row or column do not determine a plane.

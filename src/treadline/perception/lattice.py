@@ -14,35 +14,25 @@ from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
 from treadline.perception.geometry import viewing_direction
-from treadline.perception.lattice_kernels import (
-    HIDDEN_SIGMA_M,
-    OVERHANG_SIGMA_M,
-    RISE_MEAN_M,
-    RISE_SIGMA_M,
-    RUN_MEAN_M,
-    RUN_SIGMA_M,
-    best_lattice,
-)
+from treadline.perception.lattice_kernels import best_lattice
 from treadline.perception.lines import Line
 from treadline.perception.steps import (
     LEAST_LEVER,
     Axes,
     Direction,
     NosingObservation,
-    Placed,
     Riser,
     Tread,
     riser_of,
     riser_rows,
     seed_points,
-    spacing,
     tread_of,
     tread_rows,
 )
 from treadline.perception.stopwatch import Stopwatch
 from treadline.perception.surfaces import PlanarBlocks, Surface, components, joined
 from treadline.perception.vectors import cross
-from treadline.perception.votes import line_votes, votes_of
+from treadline.perception.votes import line_votes, place_votes, votes_of
 from treadline.signals import PinholeCamera, RgbdFrame
 
 EVIDENCE, UNCONFIRMED = 4.2, 3.4
@@ -51,14 +41,14 @@ UPRIGHT = 18.0 * DEG
 """Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""
 RISER_SPREAD = 14.0 * DEG
 """Largest azimuth difference between a riser block and the vote [rad]."""
+TURN_SIGMAS = 2.0
+"""Error of an uncertain normal within which its block can belong to a riser, in standard deviations."""
 RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
 """Separation of different surfaces along their normal [m]: less than half of the smallest run and rise."""
 LEAST_BLOCKS = 8
 """Least number of blocks of a surface."""
 TALLEST_M = 0.25
 """Largest height of a riser [m]."""
-PLANE_SIGMA_M = 0.001
-"""Standard deviation of the place of a plane of a hundred blocks, for rise and run [m]: a Kinect's noise of 6 mm at 2 m."""
 TURNED = 1.0 * DEG
 """Angle between vote and matched parts above which the parts are measured again in their own axes [rad]."""
 LEVEL_LEAST = 0.2
@@ -102,23 +92,55 @@ class Scene:
     """Indices of the vertical blocks."""
     azimuth: Float[np.ndarray, " v"]
     """Azimuth of each of them [rad]."""
+    slack: Float[np.ndarray, " v"]
+    """Largest error of each azimuth [rad]; zero for blocks with a certain normal."""
+    is_uncertain: bool
+    """Whether blocks with an uncertain normal are included."""
 
 
-def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3"]) -> Scene | None:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Match:
+    """Parts of a scene as numbers in the axes of the edges, and the step that each belongs to."""
+
+    risers: list[Riser]
+    tread_rows: Float[np.ndarray, "t 10"]
+    riser_rows: Float[np.ndarray, "r 8"]
+    of_tread: Int[np.ndarray, " t"]
+    of_riser: Int[np.ndarray, " r"]
+    front_on: Bool[np.ndarray, " t"]
+    """Whether the front of a tread is a nosing."""
+
+    def treads_of(self, step: int) -> list[int]:
+        """Return the indices of a step's treads."""
+        return np.flatnonzero(self.of_tread == step).tolist()
+
+    def fronts_of(self, step: int) -> list[int]:
+        """Return the indices of the treads whose fronts are the step's nosing."""
+        return np.flatnonzero((self.of_tread == step) & self.front_on).tolist()
+
+    def risers_of(self, step: int) -> list[int]:
+        """Return the indices of a step's risers."""
+        return np.flatnonzero(self.of_riser == step).tolist()
+
+
+def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3"], *, is_uncertain: bool = False) -> Scene | None:
     """Return the surfaces of a frame; None if the camera looks straight up or down.
 
     Args:
         down: Unit vector in C.
+        is_uncertain: Whether ``blocks`` include those with an uncertain normal.
     """
     level = _level_axes(down, frame.camera.R_BC)
     if level is None:
         return None
     rise = blocks.unit @ down
-    upright = np.flatnonzero(np.abs(rise) < np.sin(UPRIGHT))
+    slack = TURN_SIGMAS * blocks.turns * is_uncertain
+    upright = np.flatnonzero(np.abs(rise) < np.sin(np.minimum(UPRIGHT + slack, 0.5 * np.pi)))
+    level_blocks = (np.abs(rise) > np.cos(UPRIGHT)) & (blocks.turns <= blocks.turn_limit)
     surfaces = joined(
         frame.camera,
         blocks,
-        np.flatnonzero(np.abs(rise) > np.cos(UPRIGHT)),
+        np.flatnonzero(level_blocks),
         level.up,
         gap_m=TREAD_GAP_M,
         least=LEAST_BLOCKS,
@@ -133,6 +155,8 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3
         treads=[tread_of(surface, frame.camera) for surface in kept],
         upright=upright,
         azimuth=np.arctan2(units @ level.right, units @ level.ahead),
+        slack=slack[upright],
+        is_uncertain=is_uncertain,
     )
 
 
@@ -143,7 +167,11 @@ def flight_in(scene: Scene, directions: Sequence[Direction], watch: Stopwatch) -
     watch.lap("treads")
     best: Flight | None = None
     most_risers, voted = 0, False
-    for peak in votes_of(scene.azimuth, *line_votes(lines, camera.width_px, level)):
+    if scene.is_uncertain:
+        peaks = place_votes(scene.blocks.centres[scene.upright], level)
+    else:
+        peaks = votes_of(scene.azimuth, *line_votes(lines, camera.width_px, level))
+    for peak in peaks:
         voted = True
         found, risers = _flight_at(scene, peak, directions)
         most_risers = max(most_risers, risers)
@@ -199,7 +227,7 @@ def _risers_at(scene: Scene, azimuth: float, axes: Axes) -> Iterator[Riser]:
     image, and by columns.
     """
     camera, blocks = scene.frame.camera, scene.blocks
-    members = scene.upright[np.abs(scene.azimuth - azimuth) < RISER_SPREAD]
+    members = scene.upright[np.abs(scene.azimuth - azimuth) < RISER_SPREAD + scene.slack]
     for surface in joined(camera, blocks, members, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS):
         if _is_low(surface, blocks, axes):
             parts = [surface]
@@ -233,8 +261,14 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         risers = []
     treads = tread_rows(scene.treads, blocks, axes, camera, direction)
     upright = riser_rows(risers, blocks, axes, camera)
-    of_tread, of_riser = np.empty(len(treads), dtype=np.int64), np.empty(len(upright), dtype=np.int64)
-    front_on = np.empty(len(treads), dtype=np.bool_)
+    match = Match(
+        risers=risers,
+        tread_rows=treads,
+        riser_rows=upright,
+        of_tread=np.empty(len(treads), dtype=np.int64),
+        of_riser=np.empty(len(upright), dtype=np.int64),
+        front_on=np.empty(len(treads), dtype=np.bool_),
+    )
     sign = 1.0 if direction == "up" else -1.0
     found = best_lattice(
         seed_points(treads, upright),
@@ -243,21 +277,17 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         blocks.nearness,
         (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px),
         np.stack([sign * axes.ahead, axes.up, axes.right]),
-        of_tread,
-        front_on,
-        of_riser,
+        match.of_tread,
+        match.front_on,
+        match.of_riser,
     )
     if not math.isfinite(found[0]):
         return None
     evidence, rise, run, z0, first, last, levels = found.tolist()
-    inside = (of_tread >= first) & (of_tread <= last)
-    standing = (of_riser >= first) & (of_riser <= last)
-    nosings = [
-        nosing
-        for k in range(int(first), int(last) + 1)
-        if (nosing := _nosing(scene, risers, treads, upright, of_tread, front_on, of_riser, k, axes, sign, z0 + k * rise))
-        is not None
-    ]
+    inside = (match.of_tread >= first) & (match.of_tread <= last)
+    standing = (match.of_riser >= first) & (match.of_riser <= last)
+    steps = range(int(first), int(last) + 1)
+    nosings = [nosing for k in steps if (nosing := _nosing(scene, match, k, axes, sign, z0 + k * rise)) is not None]
     if not any(nosing.has_direction for nosing in nosings):
         return None
     return Flight(
@@ -271,84 +301,34 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         steps=[tread.surface for tread, own in zip(scene.treads, inside.tolist(), strict=True) if own],
         nosings=sorted(nosings, key=lambda nosing: nosing.ahead_m),
         facing=axes.ahead,
-        matched_treads=[(int(of_tread[t]), bool(front_on[t]), scene.treads[t]) for t in np.flatnonzero(inside)],
-        matched_risers=[(int(of_riser[r]), risers[r]) for r in np.flatnonzero(standing)],
+        matched_treads=[(int(match.of_tread[t]), bool(match.front_on[t]), scene.treads[t]) for t in np.flatnonzero(inside)],
+        matched_risers=[(int(match.of_riser[r]), risers[r]) for r in np.flatnonzero(standing)],
     )
 
 
-def rise_and_run(flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> tuple[tuple[float, float], ...]:
-    """Return rise and run, each with its standard deviation [m]: planes determine them, ends add to them.
-
-    Args:
-        axes: Axes of the stair; the vertical of the search can be off by the error of gravity.
-    """
-    treads = tread_rows([tread for *_, tread in flight.matched_treads], blocks, axes, camera, flight.direction)
-    risers = riser_rows([riser for _, riser in flight.matched_risers], blocks, axes, camera)
-    of_tread = np.array([step for step, *_ in flight.matched_treads], dtype=np.int64)
-    front_on = np.array([on for _, on, _ in flight.matched_treads], dtype=np.bool_) & np.isfinite(treads[:, 3])
-    of_riser = np.array([step for step, _ in flight.matched_risers], dtype=np.int64)
-    tops, feet = np.isfinite(risers[:, 3]), np.isfinite(risers[:, 5])
-    rise = spacing(
-        [
-            _placed(of_tread, treads[:, 0], np.full(len(treads), PLANE_SIGMA_M**2), 0.0),
-            _placed(of_riser[tops], risers[tops, 2], risers[tops, 3], HIDDEN_SIGMA_M),
-            _placed(of_riser[feet] - 1, risers[feet, 4], risers[feet, 5], HIDDEN_SIGMA_M),
-        ],
-        (RISE_MEAN_M, RISE_SIGMA_M),
-    )
-    run = spacing(
-        [
-            _placed(of_riser, risers[:, 0], np.full(len(risers), PLANE_SIGMA_M**2), 0.0),
-            _placed(of_tread[front_on], treads[front_on, 2], treads[front_on, 3], OVERHANG_SIGMA_M),
-        ],
-        (RUN_MEAN_M, RUN_SIGMA_M),
-    )
-    return rise, run
-
-
-def _placed(
-    steps: Int[np.ndarray, " k"], values: Float[np.ndarray, " k"], variances: Float[np.ndarray, " k"], offset_sigma_m: float
-) -> Placed:
-    return Placed(steps=steps, values_m=values, variances_m2=variances, offset_sigma_m=offset_sigma_m)
-
-
-def _nosing(
-    scene: Scene,
-    risers: list[Riser],
-    tread_table: Float[np.ndarray, "t 10"],
-    riser_table: Float[np.ndarray, "r 8"],
-    of_tread: Int[np.ndarray, " t"],
-    front_on: Bool[np.ndarray, " t"],
-    of_riser: Int[np.ndarray, " r"],
-    k: int,
-    axes: Axes,
-    sign: float,
-    z_m: float,
-) -> NosingObservation | None:
+def _nosing(scene: Scene, match: Match, step: int, axes: Axes, sign: float, z_m: float) -> NosingObservation | None:
     """Return the nosing of one step from its parts; None without a riser and a front."""
-    fronts = np.flatnonzero((of_tread == k) & front_on)
-    levels = np.flatnonzero(of_tread == k)
-    own = np.flatnonzero(of_riser == k)
-    if not fronts.size and not own.size:
+    fronts, own = match.fronts_of(step), match.risers_of(step)
+    if not fronts and not own:
         return None
     lines: list[Line] = []
-    for t in fronts.tolist():
+    for t in fronts:
         near, far = scene.treads[t].ends(axes)
         line = near if sign > 0.0 else far
         if line is not None:
             lines.append(line)
     # A tread is wider in view at its far end than at its nosing.
-    asides = [*(float(aside) for line in lines for aside in line.ends_m @ axes.right), *riser_table[own, 6:8].ravel().tolist()]
-    riser = max((risers[r] for r in own.tolist()), key=lambda r: r.surface.blocks.size, default=None)
+    asides = [*(float(aside) for line in lines for aside in line.ends_m @ axes.right), *match.riser_rows[own, 6:8].ravel().tolist()]
+    riser = max((match.risers[r] for r in own), key=lambda r: r.surface.blocks.size, default=None)
     if riser is not None and riser.upper is not None:
         lines.append(riser.upper)
-    ahead_m = float(riser_table[own, 0].mean()) if own.size else sign * float(tread_table[fronts, 2].mean())
+    ahead_m = float(match.riser_rows[own, 0].mean()) if own else sign * float(match.tread_rows[fronts, 2].mean())
     start = riser.surface.centre if riser is not None else lines[0].middle
-    heights = [_height_at(scene.treads[t].surface, start, axes) for t in levels.tolist()]
+    heights = [_height_at(scene.treads[t].surface, start, axes) for t in match.treads_of(step)]
     up_m = float(np.mean(heights)) if heights else z_m
     point = start + (up_m - float(start @ axes.up)) * axes.up + (ahead_m - float(start @ axes.ahead)) * axes.ahead
     return NosingObservation(
-        step=k,
+        step=step,
         ahead_m=ahead_m,
         point=point,
         sides_m=(min(asides), max(asides)),

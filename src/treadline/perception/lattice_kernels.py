@@ -340,18 +340,19 @@ def _foreign_levels(treads, rise, run, x0, z0, of_tread, bounds, spans):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _missing(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans):
-    """Return the log-probability of the treads that would be in view where the depth image shows something lower and further."""
+    """Return the log-probability of the treads that would be in view where the depth image shows something lower and further.
+
+    The lowest step rises from another tread or a floor: a seat or a shelf does not have one there.
+    """
     fx, fy, cx, cy = pinhole
-    total, left, right = 0.0, np.inf, -np.inf
-    for k in range(bounds[0], bounds[1] + 1):
-        left, right = min(left, spans[k + LAST, 0]), max(right, spans[k + LAST, 1])
-    for k in range(bounds[0], bounds[1] + 1):
+    total, low, high = 0.0, np.inf, -np.inf
+    for k in range(bounds[1], bounds[0] - 2, -1):
+        # A step without a part is as wide as the one above.
+        if k >= bounds[0] and spans[k + LAST, 1] > spans[k + LAST, 0]:
+            low, high = spans[k + LAST, 0], spans[k + LAST, 1]
         height = z0 + k * rise
-        if height > -BELOW_EYE_M:
+        if height > -BELOW_EYE_M or not high > low:
             continue
-        low, high = spans[k + LAST, 0], spans[k + LAST, 1]
-        if not high > low:
-            low, high = left, right
         through = seen = 0
         for i in range(PROBES):
             aside = low + (i + 1.0) / (PROBES + 1.0) * (high - low)

@@ -18,13 +18,14 @@ from treadline.perception.edge_fit import EdgeFit, fit_edges, off_gravity
 from treadline.perception.form import Bow, Side, bow_of, sides_of, turn_by
 from treadline.perception.geometry import axes_of, directions_of, viewing_direction
 from treadline.perception.gravity_from_treads import down_of_treads, levelled
-from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Flight, flight_in, rise_and_run, scene_of
+from treadline.perception.lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, Flight, Scene, flight_in, scene_of
 from treadline.perception.stair_map import map_of
+from treadline.perception.stair_shape import shape_of
 from treadline.perception.steps import Axes, Direction
 from treadline.perception.stopwatch import Stopwatch
-from treadline.perception.surfaces import PlanarBlocks, Surface, surface_blocks
+from treadline.perception.surfaces import PlanarBlocks, Surface, surface_blocks, uncertain_blocks
 from treadline.perception.vectors import cross
-from treadline.signals import PinholeCamera, RgbdFrame, StairMap
+from treadline.signals import RgbdFrame, StairMap
 
 HALF = 0.5
 """Valid depth fraction below which a rejection names missing depth as the reason, instead of missing planes."""
@@ -34,6 +35,8 @@ SLOPE_LIMIT = 45.0 * DEG
 """Largest accepted slope [rad]."""
 AGREEING = 0.7
 """Least fraction of consistent nosings: winders are not parallel."""
+STRAIGHT_LEAST = 2
+"""Least number of nosings with a direction, which are parallel on a straight flight."""
 SIGMA_LIMIT = 1.0 * DEG
 """Largest accepted standard deviation of the heading [rad]."""
 LOOKING_AHEAD, LOOKING_DOWN = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG)
@@ -147,6 +150,22 @@ def _look_under(down: _Down, frame: RgbdFrame, blocks: PlanarBlocks, swept_half_
     scene = scene_of(frame, blocks, down.direction)
     if scene is None:
         return refused("the camera looks straight up or down")
+    sight = _seen_in(scene, frame, blocks, down, swept_half_m, watch)
+    if (sight.evidence or 0.0) >= EVIDENCE or down.sigma_rad > GRAVITY_SIGMA:
+        return sight
+    # Noise far away turns the normals of blocks, but not the planes of whole risers.
+    blocks = uncertain_blocks(blocks, frame.camera)
+    scene = scene_of(frame, blocks, down.direction, is_uncertain=True)
+    if scene is None:
+        return sight
+    other = _seen_in(scene, frame, blocks, down, swept_half_m, watch)
+    return other if other.accepted else sight
+
+
+def _seen_in(
+    scene: Scene, frame: RgbdFrame, blocks: PlanarBlocks, down: _Down, swept_half_m: float, watch: Stopwatch
+) -> StairDetection:
+    """Return the detection result of the surfaces of a frame."""
     seen = flight_in(scene, down.directions, watch)
     if isinstance(seen, str):
         return refused(seen)
@@ -188,9 +207,13 @@ def _answer(
     a, b = -float(edge @ forward), -float(edge @ left)
     change = (-b * forward + a * left) / (a * a + b * b)
     sigma = float(np.hypot(fit.sigma_of(change), np.hypot(turn_sigma, bow.uneven_rad)))
-    tilted = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads)
-    axes = tilted.axes
-    shape = _shape_of(seen, blocks, frame.camera, axes)
+    runs_m = {id(tread.surface): seen.run_m for _, on, tread in seen.matched_treads if on}
+    adjoining_rad = [
+        tread.adjoining_tilt_rad(frame.camera, fit.ahead, blocks.noise, runs_m.get(id(tread), np.inf)) for tread in seen.treads
+    ]
+    level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, seen.treads, adjoining_rad)
+    axes = level.axes
+    shape = shape_of(seen, blocks, frame.camera, level, fit.warp_px)
     rejection_reason = _rejection_reason(heading, sigma, fit, shape, seen, down, bow) or _too_narrow(sides, swept_half_m)
     if rejection_reason is not None:
         return refused(rejection_reason, edge_count=len(seen.nosings), evidence=seen.evidence)
@@ -208,7 +231,7 @@ def _answer(
         stages=None,
         evidence=seen.evidence,
         planes_against_lines_rad=None if apart is None else apart[0],
-        axes=directions_of(frame.t_s, tilted, shape, edge, sigma),
+        axes=directions_of(frame.t_s, level, shape, edge, sigma),
         parts=Parts(
             risers=tuple(seen.risers),
             treads=tuple(seen.treads),
@@ -252,6 +275,8 @@ def _rejection_reason(
         return f"no gravity, and {seen.levels} evenly spaced level(s) to replace it; {down.least_levels} needed"
     if abs(heading_rad) > HEADING_LIMIT:
         return f"heading {heading_rad / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°"
+    if sum(nosing.has_direction for nosing in seen.nosings) < STRAIGHT_LEAST:
+        return "one edge in view has a direction: a straight flight is not distinguished from winders"
     if fit.agreeing < AGREEING or fit.agreeing * len(seen.nosings) < 1.5:
         return f"nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other: no straight flight"
     turned = fit.curvature_1_m * float(np.mean([nosing.ahead_m for nosing in seen.nosings]))
@@ -297,20 +322,6 @@ def _lacking(seen: Flight) -> str:
     return (
         f"steps of {1e3 * seen.rise_m:.0f} by {1e3 * seen.run_m:.0f} mm would explain what is seen, evidence "
         f"{seen.evidence:.1f} of {EVIDENCE:g} needed"
-    )
-
-
-def _shape_of(seen: Flight, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> StairShape:
-    (rise, rise_sigma_m), (run, run_sigma_m) = rise_and_run(seen, blocks, camera, axes)
-    return StairShape(
-        rise_m=rise,
-        run_m=run,
-        rise_sigma_m=rise_sigma_m,
-        run_sigma_m=run_sigma_m,
-        slope_rad=float(np.arctan2(rise, run)),
-        slope_sigma_rad=float(np.hypot(run * rise_sigma_m, rise * run_sigma_m) / (rise**2 + run**2)),
-        distance_m=seen.nosings[0].ahead_m,
-        direction=seen.direction,
     )
 
 

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from treadline.perception import kernels
 from treadline.perception.lines import Line, nosing_line
-from treadline.perception.random_effects import posterior_weights
 from treadline.perception.surfaces import Ends, PlanarBlocks, Surface
 from treadline.signals import PinholeCamera
 
@@ -29,9 +28,6 @@ END_PX = 0.6
 """Standard deviation of a surface's end in the image [px]: edges of a Kinect jitter by 0.8 px of its sensor."""
 LEAST_LEVER = 0.17
 """Least component of a line's normal along ahead: a nosing within 10° of the camera height determines a height but no direction."""
-
-IRREGULAR_M = np.geomspace(0.0005, 0.015, 6)
-"""Grid of the standard deviation of a step from the lattice [m]: from cast steps to worn ones."""
 
 Direction = Literal["up", "down"]
 """Direction of the flight ahead."""
@@ -172,52 +168,6 @@ def riser_rows(risers: Sequence[Riser], blocks: PlanarBlocks, axes: Axes, camera
             row[k + 1] = TOP_SIGMA_M**2 + (END_PX * pixel_m) ** 2 if known else math.inf
         row[6:8] = surface.span_m(blocks, axes.right)
     return rows
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Placed:
-    """Values of one kind of part: heights of treads, tops of risers, and so on."""
-
-    steps: Int[np.ndarray, " k"]
-    values_m: Float[np.ndarray, " k"]
-    variances_m2: Float[np.ndarray, " k"]
-    offset_sigma_m: float
-    """Standard deviation of an offset common to the kind [m]; zero for the kind that defines the nosing."""
-
-
-def spacing(parts: Sequence[Placed], prior: tuple[float, float]) -> tuple[float, float]:
-    """Return the spacing of a stair's steps from all kinds of parts, and its standard deviation [m].
-
-    A step deviates from the lattice with all of its parts. The size of the deviations is unknown: the estimates for each size are
-    averaged by their likelihood, with a uniform prior over a geometric grid.
-
-    Args:
-        prior: Mean and standard deviation of the spacing.
-    """
-    steps = np.concatenate([part.steps for part in parts]).astype(float)
-    values = np.concatenate([part.values_m for part in parts])
-    noise = np.diag(np.concatenate([part.variances_m2 for part in parts]))
-    kinds = np.concatenate([np.full(part.steps.size, k) for k, part in enumerate(parts)])
-    offsets = np.array([part.offset_sigma_m for part in parts])[kinds] ** 2
-    noise += np.where(kinds[:, None] == kinds[None, :], offsets[:, None], 0.0)
-    together = (steps[:, None] == steps[None, :]).astype(float)
-    by = np.column_stack([np.ones(steps.size), steps])
-    means, variances, likelihoods = [], [], []
-    for size in IRREGULAR_M:
-        inverse = np.linalg.inv(noise + size**2 * together)
-        normal = by.T @ inverse @ by
-        normal[1, 1] += 1.0 / prior[1] ** 2
-        right = by.T @ inverse @ values
-        right[1] += prior[0] / prior[1] ** 2
-        covariance = np.linalg.inv(normal)
-        solution = covariance @ right
-        chi = float(values @ inverse @ values) + (prior[0] / prior[1]) ** 2 - float(solution @ right)
-        means.append(float(solution[1]))
-        variances.append(float(covariance[1, 1]))
-        likelihoods.append(0.5 * (np.linalg.slogdet(inverse)[1] + np.linalg.slogdet(covariance)[1] - chi))
-    weights = posterior_weights(np.array(likelihoods))
-    mean = float(weights @ means)
-    return mean, math.sqrt(float(weights @ (np.array(variances) + (np.array(means) - mean) ** 2)))
 
 
 def seed_points(treads: Float[np.ndarray, "t 10"], risers: Float[np.ndarray, "r 8"]) -> Float[np.ndarray, "p 5"]:

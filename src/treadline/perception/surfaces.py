@@ -41,6 +41,9 @@ FULL = 0.6
 """Least fraction of a block's pixels with depth."""
 TOLERANCE, TOLERANCE_SIGMAS = 0.22 / DISPARITY_PX_M, 3.5
 """Largest distance of a pixel from its surface: absolute [1/m] and in RMS residuals, whichever is larger."""
+ASIDE_M = 1.0
+"""Largest lateral distance of a wall next to a surface [m]: a plane along the view at that distance leaves the tolerance of the
+surface within three columns of 640."""
 NOISE_QUANTILE, NOISE_MARGIN, NOISE_MOST = 0.35, 2.2, 3.0
 """Quantile of the residuals of all blocks that stands for a frame's noise, its ratio to the largest residual of a planar block
 (recorded Kinect 1 frames give a noise of 1 to 1.8), and the largest noise: beyond it steps 2 m away are no planes."""
@@ -75,6 +78,10 @@ class PlanarBlocks:
     """Centres of the blocks in C [m]."""
     places: Int[np.ndarray, "b 3"]
     """First row and column of cells, and number of rows of cells of each block."""
+    turns: Float[np.ndarray, " b"]
+    """Standard deviation of each block's normal [rad]."""
+    turn_limit: float
+    """Standard deviation above which a normal is uncertain [rad]."""
     cell_px: int
     noise: float
     """Noise of this frame relative to a Kinect 1; thresholds on residuals are multiplied by it."""
@@ -111,12 +118,13 @@ def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -
     nearness = kernels.nearness_of(depth_m)
     cells = kernels.cell_sums(nearness, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
     noise, window_px = noise_of(cells, FULL * size * size)
-    sums, normals, unit, centres, places = kernels.plane_blocks(
+    turn_limit = TURN_LIMIT * min(noise, TURN_NOISE_MOST)
+    sums, normals, unit, centres, places, turns = kernels.plane_blocks(
         cells,
         FULL * size * size,
         BLOCK_RESIDUAL * noise,
         DEPTH_RESIDUAL_M * noise,
-        TURN_LIMIT * min(noise, TURN_NOISE_MOST),
+        turn_limit,
         LEAST_RESIDUAL,
     )
     exponent, span = kernels.noise_law(sums, normals, centres[:, 2].copy(), places, LAW_PARTS)
@@ -128,10 +136,27 @@ def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -
         unit=unit,
         centres=centres,
         places=places,
+        turns=turns,
+        turn_limit=turn_limit,
         cell_px=size,
         noise=noise,
         window_px=window_px,
     )
+
+
+def uncertain_blocks(blocks: PlanarBlocks, camera: PinholeCamera) -> PlanarBlocks:
+    """Return the planar blocks of half the size, those with an uncertain normal included: far steps cover few rows."""
+    size = blocks.cell_px // 2
+    cells = kernels.cell_sums(blocks.nearness, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
+    sums, normals, unit, centres, places, turns = kernels.plane_blocks(
+        cells,
+        FULL * size * size,
+        BLOCK_RESIDUAL * blocks.noise,
+        DEPTH_RESIDUAL_M * blocks.noise,
+        math.inf,
+        LEAST_RESIDUAL,
+    )
+    return replace(blocks, cell_px=size, sums=sums, normals=normals, unit=unit, centres=centres, places=places, turns=turns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -188,6 +213,33 @@ class Surface:
         top, bottom = ((rays @ up) / (rays @ self.normal) for rays in ends)
         return np.asarray(top - bottom)
 
+    @property
+    def distance_variance(self) -> float:
+        """Variance of the centre's distance relative to it."""
+        ray = self.centre / self.centre[2]
+        return float(self.centre[2] ** 2 * (ray @ self.covariance @ ray))
+
+    def adjoining_tilt_rad(self, camera: PinholeCamera, ahead: Float[np.ndarray, " 3"], noise: float, length_m: float) -> float:
+        """Return the tilt of a horizontal surface by the pixels of risers at its ends within the tolerance of its plane [rad].
+
+        The residual of the riser's pixels increases by ``step`` per row up to the tolerance. Least squares turn the plane over its
+        rows by 3·tolerance²/(step·rows²) for each end, both towards the nosing plane.
+
+        Args:
+            ahead: Horizontal unit vector in C, perpendicular to the edges.
+            noise: Noise of the frame.
+            length_m: Largest extent of the surface along ``ahead``: the run of a tread. A plane far away that is turned extends
+                over the risers at its ends.
+        """
+        creased = sum(float(np.mean(end.follows != kernels.BEYOND)) for end in (self.upper, self.lower) if end.follows.size)
+        y = float(self.centre[1] / self.centre[2])
+        lever = abs(float(ahead[1] - y * ahead[2]))
+        of_length = length_m * lever * camera.fy_px / float(self.centre[2])
+        rows = min(float(np.median(self.lower.rows - self.upper.rows)), of_length)
+        step = abs(float(self.normal[1] - ahead[1] / (ahead @ self.centre))) / camera.fy_px
+        turned = creased * 3.0 * (TOLERANCE * noise) ** 2 / (step * rows**2)
+        return turned * camera.fy_px * self.distance_m * lever
+
     def within(self, kept: Bool[np.ndarray, " k"], blocks: PlanarBlocks) -> "Surface":
         """Return the part of the surface in some of its columns, with the same plane."""
         columns = self.upper.columns[kept]
@@ -242,13 +294,16 @@ def joined(
         TOLERANCE * blocks.noise,
         TOLERANCE_SIGMAS,
         JUMP * blocks.noise,
+        ASIDE_M,
         LEAST_RESIDUAL**2,
         camera.fx_px,
         camera.fy_px,
         camera.cx_px,
         camera.cy_px,
     )
-    return list(_surfaces(members, stops, *found))
+    # Pixels within a matching window have a common error.
+    normals, covariances, *rest = found
+    return list(_surfaces(members, stops, normals, covariances * blocks.window_px**2, *rest))
 
 
 def components(blocks: PlanarBlocks, members: Int[np.ndarray, " m"]) -> list[Int[np.ndarray, " k"]]:

@@ -21,6 +21,9 @@ APART = 14.0 * DEG
 """Least angle between two peaks [rad]."""
 LEAST_VOTES = 16
 """Least number of votes of a peak."""
+PLACE_STEP, PLACE_BIN_M = 3.0 * DEG, 0.04
+"""Steps of azimuth [rad] and of distance [m] in the search of azimuths at which blocks lie at few distances: half a step turns a
+riser 1 m wide over 26 mm of distance."""
 WIDTH_PX = 320
 """Image width at which a line's columns have the same weight as blocks [px]."""
 
@@ -59,6 +62,23 @@ def votes_of(
         yield peak
         middle = edges[:-1] + 0.5 * VOTE_BIN
         smooth[np.abs(middle - edges[top]) < APART] = 0.0
+
+
+def place_votes(points: Float[np.ndarray, "b 3"], level: Axes) -> Iterator[float]:
+    """Yield the azimuths at which points lie at the fewest distances, as those on risers do, the best first."""
+    azimuths = np.arange(-VOTE_LIMIT, VOTE_LIMIT + PLACE_STEP, PLACE_STEP)
+    scores = np.empty(azimuths.size)
+    for k, azimuth in enumerate(azimuths):
+        places = points @ (math.cos(azimuth) * level.ahead + math.sin(azimuth) * level.right) / PLACE_BIN_M
+        counts = np.bincount(np.maximum(places, 0.0).astype(np.int64), minlength=2)
+        both = counts[:-1] + counts[1:]
+        scores[k] = float(both @ both)
+    for _ in range(VOTES):
+        best = int(np.argmax(scores))
+        if not scores[best] > 0.0:
+            return
+        yield float(azimuths[best])
+        scores[np.abs(azimuths - azimuths[best]) < APART] = 0.0
 
 
 def _weighted_median(values: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -> float:

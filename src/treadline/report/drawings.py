@@ -1,6 +1,7 @@
 """Drawings of ours for Figs. 1 to 4, 6 and 7 of the paper: ``python -m treadline.report.drawings FOLDER``.
 
-Chair, track and linkage are drawn from the geometry that the simulator runs, so a drawing cannot differ from it.
+Chair and track are silhouettes of the meshes that viewer and URDF show, and measures are those that the simulator runs: a drawing
+cannot differ from either.
 """
 
 import math
@@ -15,13 +16,14 @@ from matplotlib.figure import Figure
 from treadline.angles import DEG
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.linkage import SeatLinkage
-from treadline.mechanics.tracks import minimum_track_length, outline, pulley_centres
+from treadline.mechanics.tracks import minimum_track_length, pulley_centres
 from treadline.models import write_whole
 from treadline.paper import FIG11_SLOPE_DEG
-from treadline.report.chair_sketch import draw_camera, draw_chair, draw_payload, name_linkage
+from treadline.report.chair_drawing import TRACK, draw_chair, draw_payload, draw_view_of_camera, mark_linkage, name_linkage
 from treadline.report.diagrams import nodes, scheme
 from treadline.report.figures import BLUE, GREEN, GREY, ORANGE, RED, svg_of
-from treadline.report.pen import AMBER, INK, STEEL, STONE, Pen, Point, pair, sheet, turned
+from treadline.report.outlines import ABOVE
+from treadline.report.pen import AMBER, INK, STONE, Pen, Point, pair, sheet, turned
 
 RUN_M = 0.30
 SLOPE_RAD = FIG11_SLOPE_DEG * DEG
@@ -34,9 +36,10 @@ def chair() -> Figure:
     machine = read_chair("wheelchair")
     tracks = machine.tracks
     pen.line([(-0.9, 0.0), (1.1, 0.0)], GREY)
-    draw_chair(pen, machine, 0.0, 0.0)
+    draw_chair(pen, machine)
+    mark_linkage(pen, machine, 0.0, 0.0)
     draw_payload(pen, machine)
-    draw_camera(pen, machine)
+    draw_view_of_camera(pen, machine)
     rear, front, nose = (tuple(centre) for centre in pulley_centres(tracks).tolist())
     pen.dimension((rear[0], 0.0), (front[0], 0.0), f"flat run {tracks.flat_run_m:g} m", -0.1)
     pen.line([front, (front[0] + 0.40, front[1])], BLUE, 0.8, ":")
@@ -67,10 +70,7 @@ def stair() -> Figure:
     _steps(right, 5, rise)
     right.frame((-0.50, 1.72), (-0.33, 1.25))
     middle = np.array([2 * RUN_M, 3 * rise]) + 0.1 * np.array([math.cos(SLOPE_RAD), math.sin(SLOPE_RAD)])
-    belt = turned(outline(machine.tracks), SLOPE_RAD) + middle
-    right.area(belt, "none", INK, 2.4)
-    for centre in pulley_centres(machine.tracks):
-        right.disc(_place(centre, middle), machine.tracks.pulley_radius_m, STEEL)
+    draw_chair(right, machine, turn_rad=SLOPE_RAD, shift=pair(middle), only=TRACK)
     half = 0.5 * machine.tracks.flat_run_m
     ends = [_place((x, 0.0), middle) for x in (-half, half)]
     right.dimension(ends[0], ends[1], f"L = {machine.tracks.flat_run_m:g} m", -0.22)
@@ -90,8 +90,9 @@ def seat() -> Figure:
     linkage = SeatLinkage(machine.levelled_seat)
     cases = ((SLOPE_RAD, "(a) seat horizontal"), (0.0, "(b) seat inclined with the chassis"))
     for pen, (angle, words) in zip(panels, cases, strict=True):
-        pen.frame((-0.64, 0.84), (-0.50, 1.0))
+        pen.frame((-0.88, 0.84), (-0.50, 1.0))
         draw_chair(pen, machine, angle, SLOPE_RAD)
+        mark_linkage(pen, machine, angle, SLOPE_RAD)
         stroke = linkage.stroke(angle)
         pen.text((0.12, -0.36), f"{words}\nstroke {round(100 * stroke, 1) + 0.0} cm", size=10.0)
         hinge = turned([(machine.levelled_seat.hinge_m[0], machine.levelled_seat.hinge_m[2])], SLOPE_RAD)[0]
@@ -107,21 +108,16 @@ def seat() -> Figure:
 def heading() -> Figure:
     """Return Fig. 6: the chair from above, and what two ends of one nosing say about its heading."""
     figure, (pen,) = sheet(8.0, 5.5)
-    pen.frame((-1.9, 1.9), (-1.32, 1.29))
+    pen.frame((-1.9, 2.15), (-1.53, 1.26))
     theta = 25.0 * DEG
     for k in range(4):
         pen.line([(-1.35, 0.25 + 0.3 * k), (1.35, 0.25 + 0.3 * k)], GREY, 1.4)
     pen.text((-1.40, 1.15), "nosings", size=9.5, colour=GREY, align="right")
     machine = read_chair("wheelchair")
-    half_gauge, half_belt = machine.tracks.gauge_m / 2, machine.tracks.belt_width_m / 2
     camera = (0.0, -0.35)
-    behind = np.array(camera) - 0.40 * np.array([-math.sin(theta), math.cos(theta)])
-    for side in (-1, 1):
-        x = side * half_gauge
-        belt = [(x - half_belt, -0.475), (x + half_belt, -0.475), (x + half_belt, 0.475), (x - half_belt, 0.475)]
-        pen.area(turned(belt, theta) + behind, "#8a8a8a")
-    body = [(-0.24, -0.40), (0.24, -0.40), (0.24, 0.40), (-0.24, 0.40)]
-    pen.area(turned(body, theta) + behind, STEEL)
+    x_camera = machine.camera.position_m[0]
+    behind = np.array(camera) - x_camera * np.array([-math.sin(theta), math.cos(theta)])
+    draw_chair(pen, machine, turn_rad=theta, view=ABOVE, shift=pair(behind))
     across, ahead = np.array([math.cos(theta), math.sin(theta)]), np.array([-math.sin(theta), math.cos(theta)])
     p1, p2 = np.array([-0.75, 0.55]), np.array([0.55, 0.55])
     corner = p1 + across * float((p2 - p1) @ across)
@@ -142,13 +138,13 @@ def heading() -> Figure:
     pen.arrow(camera, pair(np.array(camera) + ahead * 0.5), INK)
     pen.line([camera, (0.0, 0.2)], ORANGE, 1.0, ":")
     pen.angle(camera, 0.36, 90.0, 115.0, "θ", AMBER)
-    pen.pointer((0.42, -0.62), (0.04, -0.37), "camera", "left")
+    pen.pointer((0.62, -0.42), (0.04, -0.36), "camera", "left")
     pen.arrow((-1.4, -1.15), (-1.4, -0.8), GREY)
     pen.text((-1.4, -0.73), "x, up the flight", size=9.0, colour=GREY)
     pen.arrow((-1.4, -1.15), (-1.75, -1.15), GREY)
     pen.text((-1.81, -1.15), "y", size=9.0, colour=GREY)
     said = "θ = atan2(-ΔD, ΔX)\npositive anticlockwise\nas printed, Eq. (2): cos⁻¹(ΔD/ΔX),\n90° for a chair that stands square"
-    pen.text((0.74, -0.95), said, size=9.5, align="left")
+    pen.text((0.90, -1.0), said, size=9.5, align="left")
     return figure
 
 

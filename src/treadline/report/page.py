@@ -16,17 +16,17 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from treadline import paper
-from treadline.errors import SettingsError
-from treadline.io.runs import read_series
+from treadline.errors import SettingsError, TreadlineError
+from treadline.io.runs import LOG, read_series
 from treadline.models import write_whole
-from treadline.playback import Recording
+from treadline.playback import Recording, read_recording
 from treadline.printing import p_text
 from treadline.report import figures
 from treadline.report.compare import comparisons
 from treadline.report.film_strip import film_strip
 from treadline.report.headline import headline
 from treadline.report.motion import read_motion
-from treadline.report.player import embedded, environment, player_data
+from treadline.report.player import embedded, environment, player_data, write_player
 from treadline.report.recorded_series import recording_of
 from treadline.report.results import Manifest, Results, RunResult, Straight, Turn, read_part
 from treadline.report.run_figure import single_run
@@ -100,6 +100,7 @@ def _whole(folder: Path) -> Path:
         drawn["table2"] = figures.table_two(results.table2, results.table2_roll_back_allowed)
     if results.fig11 is not None:
         drawn["fig11"] = figures.seat(_series(_inside(runs, results.fig11.run)))
+    others = _other_runs(runs, linked)
     cards = [_card(name, _run_page(_inside(runs, name)), number) for number, name in enumerate(linked)]
     return _render(
         folder,
@@ -108,12 +109,31 @@ def _whole(folder: Path) -> Path:
         panelled=True,
         r=results,
         rows=comparisons(results),
-        linked=linked,
+        linked=[*linked, *others],
+        others=others,
         cards=[card for card in cards if card is not None],
         stages=stages,
         shown_s=figures.IMPULSE_SHOWN_S,
         versions=json.dumps(results.versions),
     )
+
+
+def _other_runs(runs: Path, linked: Sequence[str]) -> list[str]:
+    """Write a page that plays each further run with a log; return the names of the runs that have one.
+
+    The page is the player alone, at a fifth of the CPU time of a run's whole page: ``treadline report`` makes that one.
+    """
+    played = []
+    for path in sorted(runs.iterdir()) if runs.is_dir() else []:
+        if path.name in linked or not ((path / LOG).is_file() and (path / "result.json").is_file()):
+            continue
+        try:
+            recording = read_recording(_inside(runs, path.name))
+        except TreadlineError:
+            continue  # a damaged log has no page; the figures are those of results.json
+        write_player(recording, path / "report.html")
+        played.append(path.name)
+    return played
 
 
 def _card(name: str, recording: Recording, number: int) -> dict[str, Any] | None:

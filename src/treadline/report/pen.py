@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Arc, Circle, Ellipse, FancyArrowPatch, FancyBboxPatch, Polygon
+from matplotlib.patches import Arc, Circle, Ellipse, FancyArrowPatch, FancyBboxPatch, PathPatch, Polygon
+from matplotlib.path import Path
 
 from treadline.angles import DEG
 from treadline.report.figures import BLUE, GREY, STYLE
@@ -54,6 +55,14 @@ class Pen:
         """Draw a closed outline, filled."""
         xy = np.asarray(points, dtype=float) + self.origin
         self.ax.add_patch(Polygon(xy, closed=True, facecolor=fill, edgecolor=colour, linewidth=width, joinstyle="round"))
+
+    def shape(
+        self, loops: Sequence[Float[np.ndarray, "_ 2"]], fill: str | tuple[float, ...], colour: str = INK, width: float = 1.2
+    ) -> None:
+        """Draw closed lines as one filled shape; a line that runs the other way within another cuts a hole."""
+        lines = [loop + self.origin for loop in loops]
+        path = Path.make_compound_path(*[Path(np.vstack([xy, xy[:1]]), closed=True) for xy in lines])
+        self.ax.add_patch(PathPatch(path, facecolor=fill, edgecolor=colour, linewidth=width, joinstyle="round"))
 
     def disc(self, at: Point, radius: float, fill: str = WHITE, colour: str = INK) -> None:
         """Draw a circle, filled."""

@@ -1,21 +1,22 @@
 """Side views of a recorded run as SVG: the chair's parts as filled outlines on the stair, at chosen times.
 
-A part is drawn as the convex outlines of its solids, projected onto the vertical plane along the flight under the chair. The
-outlines of each body are defined once per page; a view places them with the body's pose.
+A part is drawn as the silhouettes of its solids, projected onto the vertical plane along the flight under the chair. The
+silhouettes of each body are defined once per page; a view places them with the body's pose.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from treadline.angles import rotation_of
-from treadline.appearance import MeshPart, body_poses, chair_parts, lug_part, lug_poses
-from treadline.appearance.palette import BELT
+from treadline.appearance import BodyName, MeshPart, body_poses, chair_parts, lug_part, lug_poses
+from treadline.appearance.palette import BELT, Colour
 from treadline.mechanics.staircase import Staircase
 from treadline.playback import Recording
+from treadline.report.outlines import Silhouette, silhouettes
 from treadline.scenario import Belts, Chair
 
 VIEW_M = (2.6, 1.95)
@@ -30,11 +31,11 @@ Outline = Float[np.ndarray, "_ 2"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Group:
-    """Outlines of one body at one depth: far (left side), middle or near."""
+    """Silhouettes of one body at one depth: far (left side), middle or near."""
 
-    body: str
+    body: BodyName
     depth: str
-    shapes: tuple[tuple[Outline, str], ...]
+    shapes: tuple[Silhouette, ...]
 
 
 class SideViews:
@@ -51,14 +52,14 @@ class SideViews:
         self._loading: Chair = Chair() if scenario is None else scenario.chair
         self._belts: Belts | None = None if scenario is None else scenario.belts
         self._staircase = recording.staircase
-        self._groups = list(_groups(chair_parts(recording.chair, self._loading, self._belts)))
+        self._groups = _groups(chair_parts(recording.chair, self._loading, self._belts))
 
     @property
     def definitions(self) -> str:
         """SVG that defines the outlines of all bodies, not shown by itself."""
         groups = ""
         for group in self._groups:
-            shapes = "".join(_polygon(points, colour) for points, colour in group.shapes)
+            shapes = "".join(_path(shape.loops, shape.colour) for shape in group.shapes)
             groups += f'<g id="{self._prefix}-{group.depth}-{group.body}">{shapes}</g>'
         hidden = 'width="0" height="0" style="position:absolute" aria-hidden="true"'
         return f'<svg class="side-shapes" {hidden}><defs>{groups}</defs></svg>'
@@ -84,7 +85,7 @@ class SideViews:
                 drawn.append(self._lugs(k, across, R_WB, p_WB))
             for group in self._groups:
                 if group.depth == depth:
-                    X = poses[group.body]  # type: ignore[index]
+                    X = poses[group.body]
                     drawn.append(
                         _use(f"{self._prefix}-{depth}-{group.body}", across @ R_WB @ X[:3, :3], across @ (R_WB @ X[:3, 3] + p_WB))
                     )
@@ -99,11 +100,11 @@ class SideViews:
         travel_m = float(recording.belt_travel_m[k, 1])
         poses = lug_poses(recording.chair, "right", travel_m, float(recording.flipper_rad[k]), self._belts)
         poses[:, 1, 3] = 0.0  # bodies are drawn in the chair's middle plane, also when the chair is turned
-        lug = _hull(lug_part(recording.chair, self._belts).vertices_m[:, [0, 2]].astype(float))
-        corners = np.column_stack([lug[:, 0], np.zeros(len(lug)), lug[:, 1], np.ones(len(lug))])
+        (lug,) = silhouettes([lug_part(recording.chair, self._belts)])
+        (outline,) = lug.loops
+        corners = np.column_stack([outline[:, 0], np.zeros(len(outline)), outline[:, 1], np.ones(len(outline))])
         places = np.einsum("nij,cj->nci", poses[:, :3], corners) @ R_WB.T + p_WB
-        path = "".join("M" + "L".join(f"{x:.3f} {z:.3f}" for x, z in outline @ across.T) + "Z" for outline in places)
-        return f'<path d="{path}" fill="{_hex(BELT)}"/>'
+        return _path([place @ across.T for place in places], BELT)
 
 
 def _flight_yaw(staircase: Staircase | None, p_WB: Float[np.ndarray, " 3"], R_WB: Float[np.ndarray, "3 3"]) -> float:
@@ -137,33 +138,14 @@ def _stair(
     return f'<g class="stone">{"".join(drawn)}</g>'
 
 
-def _groups(parts: Sequence[MeshPart]) -> Iterator[_Group]:
-    """Yield the outlines of the chair's bodies, the farthest first within each group."""
-    found: dict[tuple[str, str], list[tuple[float, Outline, str]]] = {}
-    for part in parts:
-        for corners in _solids(part.vertices_m.astype(float), part.faces):
-            outline = _hull(corners[:, [0, 2]])
-            lateral = float(corners[:, 1].mean())
-            depth = "far" if lateral > MIDDLE_M else "near" if lateral < -MIDDLE_M else "middle"
-            if _area(outline) >= LEAST_M2:
-                found.setdefault((depth, part.body), []).append((-lateral, outline, _hex(part.colour)))
-    for (depth, body), shapes in found.items():
-        shapes.sort(key=lambda shape: shape[0])
-        yield _Group(body=body, depth=depth, shapes=tuple((outline, colour) for _, outline, colour in shapes))
-
-
-def _solids(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Iterator[Float[np.ndarray, "n 3"]]:
-    """Yield the vertices of each connected solid of a mesh."""
-    label = np.arange(len(vertices))
-    while True:
-        lowest = label[faces].min(axis=1)
-        before = label.copy()
-        for corner in range(3):
-            np.minimum.at(label, faces[:, corner], lowest)
-        if np.array_equal(before, label):
-            break
-    for name in np.unique(label[faces]):
-        yield vertices[label == name]
+def _groups(parts: Sequence[MeshPart]) -> list[_Group]:
+    """Return the silhouettes of the chair's bodies, the farthest first within each group."""
+    found: dict[tuple[str, BodyName], list[Silhouette]] = {}
+    for shape in silhouettes(parts):
+        depth = "near" if shape.depth_m > MIDDLE_M else "far" if shape.depth_m < -MIDDLE_M else "middle"
+        if shape.area_m2 >= LEAST_M2:
+            found.setdefault((depth, shape.body), []).append(shape)
+    return [_Group(body=body, depth=depth, shapes=tuple(shapes)) for (depth, body), shapes in found.items()]
 
 
 def _hull(points: Float[np.ndarray, "n 2"]) -> Outline:
@@ -186,11 +168,6 @@ def _hull(points: Float[np.ndarray, "n 2"]) -> Outline:
     return np.array(chain(ordered) + chain(ordered[::-1]))
 
 
-def _area(outline: Outline) -> float:
-    x, y = outline.T
-    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-
-
 def _use(name: str, turn: Float[np.ndarray, "2 3"], place: Float[np.ndarray, " 2"]) -> str:
     """Return a placed body: the outlines lie in the plane of the body's x and z axes."""
     a, c = turn[0, 0], turn[0, 2]
@@ -198,15 +175,17 @@ def _use(name: str, turn: Float[np.ndarray, "2 3"], place: Float[np.ndarray, " 2
     return f'<use href="#{name}" transform="matrix({a:.4f} {b:.4f} {c:.4f} {d:.4f} {place[0]:.4f} {place[1]:.4f})"/>'
 
 
-def _polygon(points: Outline, colour: str) -> str:
-    return f'<polygon points="{_points(points)}" fill="{colour}"/>'
+def _path(loops: Sequence[Outline], colour: Colour) -> str:
+    """Return closed lines as one path; a line within another cuts a hole."""
+    lines = "".join("M" + "L".join(f"{x:.3f} {z:.3f}" for x, z in loop) + "Z" for loop in loops)
+    return f'<path d="{lines}" fill="{_hex(colour)}" fill-rule="evenodd"/>'
 
 
 def _points(points: Outline) -> str:
     return " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
 
 
-def _hex(colour: tuple[float, float, float]) -> str:
+def _hex(colour: Colour) -> str:
     return "#" + "".join(f"{round(255 * value):02x}" for value in colour)
 
 

@@ -100,6 +100,15 @@ def directions_of(*, measures_range: bool) -> NuisanceModel:
     )
 
 
+def stretch_of(points: Float[np.ndarray, "k 3"], camera: PinholeCamera) -> Float[np.ndarray, "k t"]:
+    """Return the relative change of the distance of points in C by each warp term of 1 px of Kinect disparity."""
+    x, y, z = points.T
+    u, v = camera.fx_px * x / z + camera.cx_px, camera.fy_px * y / z + camera.cy_px
+    across = np.polynomial.legendre.legvander(2.0 * u / (camera.width_px - 1.0) - 1.0, ORDER)
+    down = np.polynomial.legendre.legvander(2.0 * v / (camera.height_px - 1.0) - 1.0, ORDER)
+    return np.column_stack([z * size * down[:, i] * across[:, j] for size, (i, j) in zip(SIZES, POWERS, strict=True)])
+
+
 def drift_of(camera: PinholeCamera) -> Float[np.ndarray, "4 3"]:
     """Return the velocity of the camera in C for each unit of motion [m/s]: those of the rates by the lever of the mount."""
     R_BC = camera.R_BC

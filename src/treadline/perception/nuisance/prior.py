@@ -15,10 +15,7 @@ from jaxtyping import Float
 from treadline.angles import DEG
 
 AS_DRAWN = 0.2
-"""Prior probability of the first component."""
-AS_DRAWN_RAD, AS_DRAWN_PX = 0.005 * DEG, 0.0003
-"""Sizes of irregularity [rad] and warp [px] in the first component. Depth in steps of 1/8 px turns large planes by thousandths of a
-degree, alike in neighbours: with 0.0016° an interval held 82 to 100 % of 40 frames of a Kinect 1, with 0.005° 88 to 100 %."""
+"""Prior probability of the first component: the smallest sizes of the grids."""
 USUAL_RAD = 0.5 * DEG
 """Irregularity at which the prior is halved [rad], decreasing beyond: 9.5 mm between the largest and the smallest step, the limit
 of building codes, over a metre of width."""
@@ -52,13 +49,9 @@ def prior(
     of_turns, of_tilts = _of_angles(turns, usual_rad), _of_angles(tilts, usual_rad)
     slab = of_turns[:, None, None] * of_tilts[None, :, None] * warps[None, None, :] ** WARP_POWER
     belief = (1.0 - as_drawn) * slab / slab.sum()
-    belief[_next_to(turns, AS_DRAWN_RAD), _next_to(tilts, AS_DRAWN_RAD), _next_to(warps, AS_DRAWN_PX)] += as_drawn
+    belief[0, 0, 0] += as_drawn
     return Prior(turns=turns, tilts=tilts, warps=warps, logs=np.log(belief).reshape(-1, len(warps)))
 
 
 def _of_angles(sizes: Float[np.ndarray, " n"], usual_rad: float) -> Float[np.ndarray, " n"]:
     return sizes**POWER / (1.0 + sizes / usual_rad)
-
-
-def _next_to(sizes: Float[np.ndarray, " n"], size: float) -> int:
-    return int(np.argmin(np.abs(np.log(sizes / size))))

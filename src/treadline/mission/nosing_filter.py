@@ -1,0 +1,210 @@
+"""Kalman filter of the nosings of one flight and of the odometry's error. ``places by odometry -> places, position, covariance``.
+
+State: error of the odometry's position, place (x, z) of each nosing, and the correlated error of the camera on each of them. Two
+thirds of the variance of a nosing's error stay the same over 0.2 m of travel, so that frames are no independent measurements: the
+error is a state that decorrelates with travel (docs/decisions/0027).
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.angles import DEG
+
+OWN_M, FAR_1_M = 0.8e-3, 0.8e-3
+"""Standard deviation of a nosing's error that is new in each frame [m], and ratio of the correlated error to the square of the
+distance [1/m]; depth by triangulation errs with the square. Together they are the RMS errors of the tables ``along`` and ``height``
+in ``data/cameras/statistical.json``: 0.7 to 1.2 mm below 1 m, 2.0 to 2.6 mm at 1.75 m, 5.1 to 6.8 mm at 2.75 m."""
+CORRELATED_M = 0.49
+"""Travel over which the correlated error decays by 1/e [m]: ``nosing along`` and ``nosing height`` there."""
+COMMON = np.array([0.396, 0.281])
+"""Share of the correlated variance that all nosings of a frame have in common, along and in height: ``common`` there."""
+OWN_SHARE = 0.08
+"""Share of that variance which is new in each frame: 1 less ``nosing along`` and ``nosing height``, 0.926 and 0.935 there."""
+SLIP_RATIO = 0.2
+"""Standard deviation of the odometry's error along the belts as a ratio of travel between two frames. On the flight belts slip by 1
+to 3 % of travel, mounting by 4 %, over the edge by 20 % (ground truth of up-28 and down-28, seeds 0 to 2)."""
+DIRECTION_RATIO = 0.5
+"""Standard deviation of the direction of motion as a ratio of the pitch: the middle of a chair with its ends on different surfaces
+moves between horizontal and the belts' line. Mounting at 4° to 24°, it moves 0.13 rad RMS off that line (the same runs)."""
+PIVOT_M = 0.37
+"""Height that the middle gains per radian of pitch without travel [m]: largest of the same runs, less than half of the flat run."""
+PITCHED_RAD = 10.0 * DEG
+"""Pitch above which the chair lies on a flight [rad]."""
+SLIDE_M_S = 0.3
+"""Standard deviation of the speed of a chair that slides down a flight [m/s]: the largest speed of the belts."""
+DIFFUSE_M = 1.0
+"""Standard deviation of the place of a nosing before its first detection [m]."""
+GATE = 16.0
+"""Squared Mahalanobis distance of a detection from its nosing, beyond which the detection is an outlier: two degrees of freedom,
+3.4e-4 of Gaussian errors are beyond."""
+
+
+NosingDetection = tuple[int, tuple[float, float], float]
+"""Number of a nosing, place (x, z) of its detection by odometry alone [m], and horizontal distance of the nosing from the chair's
+middle [m]: the estimated distance, because a measured one would correlate with the error that it scales."""
+
+
+class NosingFilter:
+    """Joint estimate of the places of all nosings and of the chair's position error.
+
+    Each nosing has four states: x, z, and the two correlated errors in units of their standard deviation.
+    """
+
+    def __init__(self) -> None:
+        self.mean = np.zeros(4)
+        """Error of the odometry (x, z) [m], common correlated errors (x, z), then four states of each nosing."""
+        self.covariance = np.diag([0.0, 0.0, 1.0, 1.0])
+        self._along_m = self._climbed_m = self._time_s = 0.0
+        self._turned_rad = 0.0
+        self._slide = np.zeros((2, 2))
+
+    @property
+    def ran_m(self) -> float:
+        """Travel of the belts since the last frame, without sign [m]."""
+        return self._along_m
+
+    @property
+    def shift_m(self) -> Float[np.ndarray, " 2"]:
+        """Correction of the odometry's position (x, z) [m]."""
+        return self.mean[:2]
+
+    @property
+    def places_m(self) -> Float[np.ndarray, "n 2"]:
+        """Place (x, z) of each nosing [m]."""
+        return self.mean[4:].reshape(-1, 4)[:, :2]
+
+    def covariance_of(self, numbers: Sequence[int]) -> Float[np.ndarray, "k k"]:
+        """Return the covariance of the places of nosings [m²], in this order and x before z."""
+        rows = np.ravel([(4 + 4 * number, 5 + 4 * number) for number in numbers]).astype(int)
+        return np.asarray(self.covariance[np.ix_(rows, rows)])
+
+    def ahead_covariance(self, number: int, pitch_rad: float) -> Float[np.ndarray, "2 2"]:
+        """Return the covariance of a nosing's place relative to the chair [m²], with the odometry's error since the last frame."""
+        row = 4 + 4 * number
+        both = np.array([0, 1, row, row + 1])
+        away = np.hstack([-np.eye(2), np.eye(2)])
+        return away @ self.covariance[np.ix_(both, both)] @ away.T + self._drift(pitch_rad, slides=False)
+
+    def drive(self, moved_m: float, ran_m: float, turned_rad: float, pitch_rad: float, dt_s: float) -> None:
+        """Add the uncertainty of one interval of odometry.
+
+        Args:
+            moved_m: Signed travel of the chair's middle by the belts.
+            ran_m: Travel of the belts, without sign: that of a turn on the spot is positive.
+            turned_rad: Change of pitch.
+            pitch_rad: Pitch.
+            dt_s: Duration.
+        """
+        self._along_m += ran_m
+        self._climbed_m += moved_m * math.sin(pitch_rad)
+        self._turned_rad += turned_rad
+        self._time_s += dt_s
+
+    def begin_frame(self, pitch_rad: float) -> None:
+        """Move the estimate to the time of a frame."""
+        kept = math.exp(-self._along_m / CORRELATED_M)
+        errors = np.ones(len(self.mean), dtype=bool)
+        errors[:2] = False
+        errors[4::4] = errors[5::4] = False
+        factor = np.where(errors, kept, 1.0)
+        self.mean = self.mean * factor
+        self.covariance = self.covariance * np.outer(factor, factor)
+        self.covariance[np.diag_indices_from(self.covariance)] += np.where(errors, 1.0 - kept**2, 0.0)
+        grips, slides = self._drift(pitch_rad, slides=False), self._drift(pitch_rad, slides=True)
+        self.covariance[:2, :2] += grips
+        self._slide = slides - grips
+        self._along_m = self._climbed_m = self._time_s = self._turned_rad = 0.0
+
+    def allow_slide(self) -> None:
+        """Add the uncertainty of a chair that has lost its grip since the frame before, once after ``begin_frame``."""
+        self.covariance[:2, :2] += self._slide
+
+    def add(self, place_m: tuple[float, float]) -> int:
+        """Return the number of a new nosing near a place, which its first update determines."""
+        number = (len(self.mean) - 4) // 4
+        self.mean = np.concatenate([self.mean, [*place_m, 0.0, 0.0]])
+        size = len(self.mean)
+        covariance = np.zeros((size, size))
+        covariance[:-4, :-4] = self.covariance
+        covariance[range(size - 4, size), range(size - 4, size)] = [DIFFUSE_M**2, DIFFUSE_M**2, 1.0, 1.0]
+        self.covariance = covariance
+        return number
+
+    def remove(self, number: int) -> None:
+        """Remove a nosing; the numbers of those after it decrease by one."""
+        kept = np.delete(np.arange(len(self.mean)), np.arange(4 + 4 * number, 8 + 4 * number))
+        self.mean, self.covariance = self.mean[kept], self.covariance[np.ix_(kept, kept)]
+
+    def distances2(self, detections: Sequence[NosingDetection]) -> Float[np.ndarray, " m"]:
+        """Return the squared Mahalanobis distance of each detection from its nosing."""
+        observed, noise, value = self._equations(detections)
+        return _distances2(*self._innovations(observed, noise, value))
+
+    def update(self, detections: Sequence[NosingDetection]) -> None:
+        """Update with the detections of one frame.
+
+        A detection beyond the gate is not dropped, because a camera may be noisier than the one of the tables: its noise is
+        increased until it is at the gate, which bounds its influence.
+        """
+        if not detections:
+            return
+        observed, noise, value = self._equations(detections)
+        off, spreads = self._innovations(observed, noise, value)
+        beyond = np.maximum(_distances2(off, spreads) / GATE, 1.0)
+        for k, (spread, factor) in enumerate(zip(spreads, beyond.tolist(), strict=True)):
+            noise[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] += (factor - 1.0) * spread
+        total = observed @ self.covariance @ observed.T + noise
+        gain = np.linalg.solve(total, observed @ self.covariance).T
+        self.mean = self.mean + gain @ off.ravel()
+        kept = np.eye(len(self.mean)) - gain @ observed
+        self.covariance = kept @ self.covariance @ kept.T + gain @ noise @ gain.T  # Joseph's form stays positive definite
+
+    def _drift(self, pitch_rad: float, *, slides: bool) -> Float[np.ndarray, "2 2"]:
+        """Return the covariance of the odometry's error since the last frame [m²].
+
+        Args:
+            pitch_rad: Pitch.
+            slides: Whether the chair may have lost its grip since.
+        """
+        along = np.array([math.cos(pitch_rad), math.sin(pitch_rad)])
+        across = np.array([-along[1], along[0]])
+        slide_m = SLIDE_M_S * self._time_s if abs(pitch_rad) > PITCHED_RAD else 0.0
+        along_m = math.hypot(self._along_m, slide_m) if slides else SLIP_RATIO * self._along_m
+        across_m = math.hypot(DIRECTION_RATIO * self._climbed_m, PIVOT_M * self._turned_rad)
+        return along_m**2 * np.outer(along, along) + across_m**2 * np.outer(across, across)
+
+    def _innovations(
+        self, observed: Float[np.ndarray, "m s"], noise: Float[np.ndarray, "m m"], value: Float[np.ndarray, " m"]
+    ) -> tuple[Float[np.ndarray, "k 2"], Float[np.ndarray, "k 2 2"]]:
+        """Return the innovation of each detection and its covariance."""
+        total = observed @ self.covariance @ observed.T + noise
+        blocks = np.array([total[k : k + 2, k : k + 2] for k in range(0, len(total), 2)])
+        return (value - observed @ self.mean).reshape(-1, 2), blocks
+
+    def _equations(
+        self, detections: Sequence[NosingDetection]
+    ) -> tuple[Float[np.ndarray, "m s"], Float[np.ndarray, "m m"], Float[np.ndarray, " m"]]:
+        """Return observation matrix, noise and values: place by odometry = nosing - error of odometry + error of the camera."""
+        count = len(detections)
+        numbers = np.array([number for number, _, _ in detections])
+        places_m = np.array([place_m for _, place_m, _ in detections])
+        far_m = FAR_1_M * np.square([distance_m for _, _, distance_m in detections])
+        own_m2 = OWN_M**2 + OWN_SHARE * far_m**2
+        far_m = math.sqrt(1.0 - OWN_SHARE) * far_m
+        observed = np.zeros((count, 2, len(self.mean)))
+        rows = np.arange(count)
+        for axis in range(2):
+            observed[rows, axis, axis] = -1.0
+            observed[rows, axis, 2 + axis] = math.sqrt(COMMON[axis]) * far_m
+            place = 4 + 4 * numbers + axis
+            observed[rows, axis, place] = 1.0
+            observed[rows, axis, place + 2] = math.sqrt(1.0 - COMMON[axis]) * far_m
+        return observed.reshape(2 * count, -1), np.diag(np.repeat(own_m2, 2)), places_m.ravel()
+
+
+def _distances2(off: Float[np.ndarray, "k 2"], spreads: Float[np.ndarray, "k 2 2"]) -> Float[np.ndarray, " k"]:
+    """Return the squared Mahalanobis distance of each innovation."""
+    return np.einsum("ki,ki->k", off, np.linalg.solve(spreads, off[..., None])[..., 0])

@@ -1,0 +1,171 @@
+"""Dimensions of a flight: rise, run and slope with their standard deviations.
+
+Errors have three parts: those of single surfaces, irregularity of single steps, and errors common to all steps, which do not
+average out: the vertical, and a warp of the depth image. A tread far away covers few rows, and pixels of the risers at its ends
+within the tolerance of its plane turn it towards the nosing plane: the vertical takes this into account.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from treadline.perception.detection import StairShape
+from treadline.perception.geometry import Levelled
+from treadline.perception.lattice import Flight
+from treadline.perception.lattice_kernels import (
+    HIDDEN_SIGMA_M,
+    OVERHANG_SIGMA_M,
+    RISE_MEAN_M,
+    RISE_SIGMA_M,
+    RUN_MEAN_M,
+    RUN_SIGMA_M,
+)
+from treadline.perception.nuisance.directions import stretch_of
+from treadline.perception.random_effects import posterior_weights
+from treadline.perception.steps import riser_rows, tread_rows
+from treadline.perception.surfaces import PlanarBlocks
+from treadline.signals import PinholeCamera
+
+IRREGULAR_M = np.geomspace(0.0005, 0.015, 6)
+"""Grid of the standard deviation of a step from the lattice [m]: from cast steps to worn ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Placed:
+    """Values of one kind of part: heights of treads, tops of risers, and so on."""
+
+    steps: Int[np.ndarray, " k"]
+    values_m: Float[np.ndarray, " k"]
+    variances_m2: Float[np.ndarray, " k"]
+    common_m: Float[np.ndarray, "k c"]
+    """Change of each value by one standard deviation of each error that all parts have in common."""
+    offset_sigma_m: float = 0.0
+    """Standard deviation of an offset common to the kind [m]; zero for the kind that defines the nosing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Spacing:
+    """Spacing of a stair's steps."""
+
+    mean_m: float
+    own_variance_m2: float
+    """Variance without that of the common errors."""
+    common_m: Float[np.ndarray, " c"]
+    """Change by one standard deviation of each common error."""
+
+    @property
+    def sigma_m(self) -> float:
+        """Standard deviation, common errors included."""
+        return math.sqrt(self.own_variance_m2 + float(self.common_m @ self.common_m))
+
+
+def shape_of(flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, levelled: Levelled, warp_px: float) -> StairShape:
+    """Return the dimensions of a flight.
+
+    Args:
+        warp_px: Size of the depth warp [px of Kinect disparity].
+    """
+    rise, run = _rise_and_run(flight, blocks, camera, levelled, warp_px)
+    square = rise.mean_m**2 + run.mean_m**2
+    common = (run.mean_m * rise.common_m - rise.mean_m * run.common_m) / square
+    own = (run.mean_m**2 * rise.own_variance_m2 + rise.mean_m**2 * run.own_variance_m2) / square**2
+    # The angle of the nosing plane in the camera frame is the slope less the error of the vertical, which is the last one.
+    in_camera = common + np.append(np.zeros(common.size - 1), levelled.down_sigma_rad)
+    return StairShape(
+        rise_m=rise.mean_m,
+        run_m=run.mean_m,
+        rise_sigma_m=rise.sigma_m,
+        run_sigma_m=run.sigma_m,
+        slope_rad=math.atan2(rise.mean_m, run.mean_m),
+        slope_sigma_rad=math.sqrt(own + float(common @ common)),
+        plane_sigma_rad=math.sqrt(own + float(in_camera @ in_camera)),
+        distance_m=flight.nosings[0].ahead_m,
+        direction=flight.direction,
+    )
+
+
+def _rise_and_run(
+    flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, levelled: Levelled, warp_px: float
+) -> tuple[Spacing, Spacing]:
+    """Return rise and run: planes determine them, ends add to them."""
+    axes, sign = levelled.axes, 1.0 if flight.direction == "up" else -1.0
+    treads = tread_rows([tread for *_, tread in flight.matched_treads], blocks, axes, camera, flight.direction)
+    risers = riser_rows([riser for _, riser in flight.matched_risers], blocks, axes, camera)
+    of_tread = np.array([step for step, *_ in flight.matched_treads], dtype=np.int64)
+    front_on = np.array([on for _, on, _ in flight.matched_treads], dtype=np.bool_)
+    of_riser = np.array([step for step, _ in flight.matched_risers], dtype=np.int64)
+    surfaces = [tread.surface for *_, tread in flight.matched_treads] + [riser.surface for _, riser in flight.matched_risers]
+    centres = np.array([surface.centre for surface in surfaces])
+    stretch = warp_px * stretch_of(centres, camera)
+    noise = np.array([surface.distance_variance for surface in surfaces])
+    # A rotation about the edges lowers what is ahead, and moves what is above ahead.
+    lowered, moved = (levelled.down_sigma_rad * (centres @ axis)[:, None] for axis in (-axes.ahead, sign * axes.up))
+
+    def placed(
+        steps: Int[np.ndarray, " k"],
+        values: Float[np.ndarray, "k 2"],
+        turned: Float[np.ndarray, "k 1"],
+        stretched: Float[np.ndarray, "k t"],
+        offset_sigma_m: float,
+    ) -> Placed:
+        known = np.isfinite(values[:, 1])
+        common = np.column_stack([values[:, :1] * stretched, turned])[known]
+        return Placed(
+            steps=steps[known],
+            values_m=values[known, 0],
+            variances_m2=values[known, 1],
+            common_m=common,
+            offset_sigma_m=offset_sigma_m,
+        )
+
+    of_treads, of_risers = slice(None, len(treads)), slice(len(treads), None)
+    heights, places = treads[:, 0], risers[:, 0]
+    own_heights = np.column_stack([heights, noise[of_treads] * heights**2])
+    own_places = np.column_stack([places, noise[of_risers] * places**2])
+    low, high = lowered[of_risers], stretch[of_risers]
+    rise = [
+        placed(of_tread, own_heights, lowered[of_treads], stretch[of_treads], 0.0),
+        placed(of_riser, risers[:, 2:4], low, high, HIDDEN_SIGMA_M),
+        placed(of_riser - 1, risers[:, 4:6], low, high, HIDDEN_SIGMA_M),
+    ]
+    run = [
+        placed(of_riser, own_places, moved[of_risers], stretch[of_risers], 0.0),
+        placed(
+            of_tread[front_on], treads[front_on, 2:4], moved[of_treads][front_on], stretch[of_treads][front_on], OVERHANG_SIGMA_M
+        ),
+    ]
+    return spacing(rise, (RISE_MEAN_M, RISE_SIGMA_M)), spacing(run, (RUN_MEAN_M, RUN_SIGMA_M))
+
+
+def spacing(parts: Sequence[Placed], prior: tuple[float, float]) -> Spacing:
+    """Return the spacing of a stair's steps from all kinds of parts.
+
+    A step deviates from the lattice with all of its parts. The size of the deviations is unknown: the estimates for each size are
+    averaged by their likelihood, with a uniform prior over a geometric grid.
+
+    Args:
+        prior: Mean and standard deviation of the spacing.
+    """
+    steps = np.concatenate([part.steps for part in parts]).astype(float)
+    values = np.concatenate([part.values_m for part in parts])
+    common = np.concatenate([part.common_m for part in parts])
+    noise = np.diag(np.concatenate([part.variances_m2 for part in parts])) + common @ common.T
+    kinds = np.concatenate([np.full(part.steps.size, k) for k, part in enumerate(parts)])
+    offsets = np.array([part.offset_sigma_m for part in parts])[kinds] ** 2
+    noise += np.where(kinds[:, None] == kinds[None, :], offsets[:, None], 0.0)
+    together = (steps[:, None] == steps[None, :]).astype(float)
+    by = np.column_stack([np.ones(steps.size), steps])
+    inverse = np.linalg.inv(noise + IRREGULAR_M[:, None, None] ** 2 * together)
+    normal = by.T @ inverse @ by + np.diag([0.0, prior[1] ** -2])
+    covariance = np.linalg.inv(normal)
+    right = by.T @ inverse @ values + [0.0, prior[0] / prior[1] ** 2]
+    solution = np.einsum("gij,gj->gi", covariance, right)
+    chi = values @ inverse @ values + (prior[0] / prior[1]) ** 2 - np.einsum("gi,gi->g", solution, right)
+    weights = posterior_weights(0.5 * (np.linalg.slogdet(inverse)[1] + np.linalg.slogdet(covariance)[1] - chi))
+    mean = float(weights @ solution[:, 1])
+    total = float(weights @ (covariance[:, 1, 1] + (solution[:, 1] - mean) ** 2))
+    response = weights @ (covariance[:, 1:] @ by.T @ inverse @ common)[:, 0]
+    return Spacing(mean_m=mean, own_variance_m2=max(total - float(response @ response), 0.0), common_m=response)

@@ -1,0 +1,221 @@
+"""Fusion of frames: errors agree with their declared variances, and a map outlives refused and wrong frames."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from jaxtyping import Float
+
+from treadline.angles import quaternion_of, rotation_y
+from treadline.mission.nosing_filter import COMMON, CORRELATED_M, FAR_1_M, OWN_M, OWN_SHARE, SLIP_RATIO, NosingFilter
+from treadline.mission.stair_tracker import StairTracker
+from treadline.signals import ImuSample, StairMap, TrackReading
+
+RISE_M, RUN_M, STEPS = 0.16, 0.30, 10
+SLOPE_RAD = math.atan2(RISE_M, RUN_M)
+HALF_M, FRAME_M, FRAME_S = 0.475, 0.02, 0.1
+FOOT_M = -RUN_M
+"""Place where the nosing line meets the floor; the first nosing is at x = 0."""
+VIEW_M = {"up": (0.5, 5.0), "down": (0.5, 3.0)}
+"""Range of distances in which nosings are in view [m]."""
+
+
+@dataclass
+class Drive:
+    """A chair whose frames have the errors of the filter's model, and whose belts slip by the filter's ratio."""
+
+    rng: np.random.Generator
+    up: bool = True
+    slip: float = SLIP_RATIO
+    noise: float = 1.0
+    """Scale of the camera's errors."""
+    top_m: float = 0.0
+    """Additional height of the last nosing."""
+    x_m: float = 0.0
+    z_m: float = 0.0
+    pitch_rad: float = 0.0
+    t_s: float = 0.0
+    tracker: StairTracker = field(default_factory=StairTracker)
+
+    def __post_init__(self) -> None:
+        self.steps = np.column_stack([RUN_M * np.arange(STEPS), RISE_M * np.arange(1, STEPS + 1)])
+        self.steps[-1, 1] += self.top_m
+        self._common, self._own = self.rng.standard_normal(2), self.rng.standard_normal((STEPS, 2))
+
+    def to(self, end_m: float, refused: float = 0.0) -> Iterator[StairMap | None]:
+        """Drive to a place and yield the map of each frame, None for a refused one."""
+        way = math.copysign(1.0, end_m - self.x_m)
+        while way * (end_m - self.x_m) > 0.0:
+            self._move(way * FRAME_M)
+            seen = None if self.rng.random() < refused else self.look()
+            if seen is not None:
+                self.tracker.update(seen)
+            yield seen
+
+    def start_at(self, x_m: float) -> None:
+        """Place the chair."""
+        self.x_m = x_m
+        self.z_m, self.pitch_rad = self._pose()
+        self._report(0.0)
+
+    def look(self) -> StairMap | None:
+        """Return the map of the nosings in view, None with fewer than two."""
+        way, (near_m, far_m) = 1.0 if self.up else -1.0, VIEW_M["up" if self.up else "down"]
+        away = way * (self.steps[:, 0] - self.x_m)
+        number = np.flatnonzero((away > near_m) & (away < far_m))
+        if len(number) < 2:
+            return None
+        number = number if self.up else number[::-1]
+        kept = math.sqrt(1.0 - OWN_SHARE)
+        correlated = kept * FAR_1_M * away[number, None] ** 2
+        error = correlated * (np.sqrt(COMMON) * self._common + np.sqrt(1.0 - COMMON) * self._own[number])
+        own = np.sqrt(OWN_M**2 + OWN_SHARE * (FAR_1_M * away[number, None] ** 2) ** 2) * self.rng.standard_normal((len(number), 2))
+        x, z = (self.steps[number] - [self.x_m, self.z_m] + self.noise * (error + own)).T
+        c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        return StairMap(
+            t_s=self.t_s,
+            direction="up" if self.up else "down",
+            nosings_B=np.column_stack([x * c + z * s, 0.0 * x, z * c - x * s]),
+            rise_m=RISE_M,
+            run_m=RUN_M,
+            slope_rad=SLOPE_RAD,
+            ends=bool(number[-1] == (STEPS - 1 if self.up else 0) and away[number[-1]] < 2.0),
+            left_wall_m=None,
+            right_wall_m=None,
+            obstacle_m=None,
+        )
+
+    def errors(self) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Return error and declared standard deviation of the distance of each known nosing [m]."""
+        truth = (self.steps - [self.x_m, self.z_m]) @ [math.cos(self.pitch_rad), math.sin(self.pitch_rad)]
+        ahead = np.array(self.tracker.ahead_m())
+        error = ahead - truth[np.abs(ahead[:, None] - truth).argmin(axis=1)]
+        return error, np.array(self.tracker.ahead_sigma_m())
+
+    def _move(self, way_m: float) -> None:
+        before = np.array([self.x_m, self.z_m])
+        self.x_m += way_m
+        self.z_m, self.pitch_rad = self._pose()
+        moved = float(np.linalg.norm([self.x_m, self.z_m] - before))
+        kept = math.exp(-moved / CORRELATED_M)
+        fresh = math.sqrt(1.0 - kept**2)
+        self._common = kept * self._common + fresh * self.rng.standard_normal(2)
+        self._own = kept * self._own + fresh * self.rng.standard_normal((STEPS, 2))
+        self.t_s += FRAME_S
+        self._report(math.copysign(moved, way_m) * (1.0 + self.slip * float(self.rng.standard_normal())) / FRAME_S)
+
+    def _report(self, speed_m_s: float) -> None:
+        orientation = quaternion_of(rotation_y(-self.pitch_rad))
+        gravity = np.array([0.0, 0.0, 9.81])
+        self.tracker.update(
+            ImuSample(t_s=self.t_s, orientation=orientation, angular_velocity_rad_s=np.zeros(3), linear_acceleration_m_s2=gravity)
+        )
+        self.tracker.update(TrackReading(t_s=self.t_s, left_m_s=speed_m_s, right_m_s=speed_m_s, brake_on=False))
+
+    def _pose(self) -> tuple[float, float]:
+        """Return height and pitch of a chair whose ends lie on the floor, on the nosing line or on the landing."""
+        top_m = float(self.steps[-1, 1])
+        rear, front = (min(max((self.x_m + end_m - FOOT_M) * RISE_M / RUN_M, 0.0), top_m) for end_m in (-HALF_M, HALF_M))
+        return 0.5 * (rear + front), math.atan2(front - rear, 2.0 * HALF_M)
+
+
+def begun(drive: Drive, from_m: float = 5.0) -> Drive:
+    """Return the drive at its start: before the flight, or on the landing with the edge in view."""
+    drive.start_at(-from_m if drive.up else RUN_M * (STEPS - 1) + 1.0)
+    return drive
+
+
+@pytest.mark.parametrize("up", [True, False])
+def test_squared_errors_agree_with_their_declared_variance(*, up: bool) -> None:
+    """Test: eight drives onto the flight, up and down. Expected result: squared errors of nosings within 2 m are 0.5 to 1.6 of the
+    declared variance on average. Errors of one drive are correlated: 16 moments of about two independent errors give ±0.25."""
+    squares = []
+    for seed in range(8):
+        drive = begun(Drive(np.random.default_rng([seed, 30]), up=up), from_m=2.5)
+        for end_m in (-0.7, 0.3) if up else (RUN_M * (STEPS - 1) + 0.7, RUN_M * (STEPS - 1) - 0.6):
+            for _ in drive.to(end_m):
+                pass
+            error, sigma = drive.errors()
+            near = np.abs(drive.tracker.ahead_m()) < 2.0
+            squares.append(float(np.mean((error[near] / sigma[near]) ** 2)))
+    assert 0.5 < np.mean(squares) < 1.6
+
+
+@pytest.mark.parametrize("up", [True, False])
+def test_nine_frames_of_ten_refused_keep_the_map_and_widen_it_in_between(*, up: bool) -> None:
+    """Test: a drive with 3 % of slip and 90 % of the frames refused. Expected result: no known nosing is lost, the deviation grows
+    in each refused frame once the chair is on the flight, and 95 % of the errors stay within three deviations."""
+    drive, inside, count = begun(Drive(np.random.default_rng([7, 30]), up=up, slip=0.03)), [], 0
+    before: list[float] = []
+    for seen in drive.to(1.0 if up else 1.5, refused=0.9):
+        error, sigma = drive.errors()
+        assert len(error) >= count
+        if seen is None and len(before) == len(sigma):
+            assert np.all(sigma >= np.array(before) - 1e-4)  # a chair that pitches changes the direction in which sigma is taken
+        count, before = len(error), sigma.tolist()
+        inside += (np.abs(error) < 3.0 * sigma).tolist()
+    assert count > 4
+    assert np.mean(inside) > 0.95
+
+
+@pytest.mark.parametrize(("dx_m", "dz_m"), [(0.06, 0.0), (0.0, 0.05), (-0.05, -0.05)])
+def test_a_wrong_frame_moves_the_map_of_a_chair_that_stands_by_less_than_a_sound_one_errs(dx_m: float, dz_m: float) -> None:
+    drive = begun(Drive(np.random.default_rng([8, 30])))
+    for _ in drive.to(-1.5):
+        pass
+    wrong = drive.look()
+    assert wrong is not None
+    before = np.array(drive.tracker.ahead_m())
+    wrong.nosings_B[:, 0] += dx_m
+    wrong.nosings_B[:, 2] += dz_m
+    drive.tracker.update(wrong)
+    near = before < 3.0
+    np.testing.assert_allclose(np.array(drive.tracker.ahead_m())[near], before[near], atol=5e-3)
+
+
+def test_a_last_riser_30_mm_higher_stays_one_and_hardly_moves_the_shape() -> None:
+    """Test: the last of ten nosings is 30 mm too high. Expected result: its height within 3 mm, and the rise within 5 mm: an end of
+    the lattice that is 30 mm off turns the line through the nosings around it by a few millimetres a step."""
+    drive = begun(Drive(np.random.default_rng([9, 30]), top_m=0.03, slip=0.02))
+    for _ in drive.to(RUN_M * (STEPS - 1) - 0.7):
+        pass
+    assert drive.tracker.top_ends
+    assert drive.tracker.top_above_m() == pytest.approx(drive.steps[-1, 1] - drive.z_m, abs=3e-3)
+    assert drive.tracker.rise_m == pytest.approx(RISE_M, abs=5e-3)
+
+
+def test_a_flight_is_tracked_from_five_metres_to_the_landing() -> None:
+    """Test: from 5 m before the flight until no two nosings are in view. Expected result: known at the second frame that shows
+    two nosings, all ten of them in the end, no gap, and the distance to the last within three deviations."""
+    drive = begun(Drive(np.random.default_rng([10, 30]), slip=0.03))
+    shown = 0
+    for seen in drive.to(RUN_M * (STEPS - 1) + 0.2):
+        shown += seen is not None
+        assert (drive.tracker.first_ahead_m() is not None) == (shown > 1)
+        assert not drive.tracker.gaps_ahead_m()
+    error, sigma = drive.errors()
+    assert len(error) == STEPS
+    assert abs(error[-1]) < 3.0 * sigma[-1]
+
+
+def test_a_noisier_camera_is_followed() -> None:
+    """Test: errors three times those of the model, from 2.5 m. Expected result: the same ten nosings, none twice."""
+    drive = begun(Drive(np.random.default_rng([11, 30]), noise=3.0, slip=0.03), from_m=2.5)
+    for _ in drive.to(RUN_M * (STEPS - 1) - 0.5):
+        pass
+    ahead = drive.tracker.ahead_m()
+    assert len(ahead) == STEPS
+    assert min(np.diff(ahead)) > 0.7 * RUN_M
+
+
+def test_the_covariance_stays_symmetric_and_positive() -> None:
+    nosings, rng = NosingFilter(), np.random.default_rng(12)
+    numbers = [nosings.add((0.3 * k + 1.0, 0.16 * k)) for k in range(6)]
+    for _ in range(200):
+        nosings.drive(0.002, 0.002, 0.001, 0.2, 0.01)
+        nosings.begin_frame(0.2)
+        nosings.update([(k, (0.3 * k + 1.0 + 0.02 * float(rng.normal()), 0.16 * k), 1.0 + 0.3 * k) for k in numbers])
+    np.testing.assert_allclose(nosings.covariance, nosings.covariance.T, atol=1e-12)
+    assert np.linalg.eigvalsh(nosings.covariance).min() > -1e-12
