@@ -451,8 +451,7 @@ class App:
 
     def _show_slider(self, t_s: float, end_s: float) -> None:
         """Set slider and time box to the cursor; a client that edits them has precedence, and is corrected afterwards."""
-        edited = time.perf_counter() - self._edited_at < EDITED_S
-        if edited and not self._session.playing:
+        if time.perf_counter() - self._edited_at < EDITED_S:
             self._is_stale = True
             return
         wanted = max(round(end_s, 2), 1.0)
