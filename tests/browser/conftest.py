@@ -72,6 +72,24 @@ class Page:
 
         self.until(button, f"the button {label!r}").click()
 
+    def choose(self, label: str, option: str) -> None:
+        """Choose an option of the list with a label."""
+
+        def field() -> Any:  # None until there is one
+            return self.driver.execute_script(
+                "const label = [...document.querySelectorAll('label')].find(l => l.innerText.trim() === arguments[0]);"
+                "return label ? document.getElementById(label.htmlFor) : null",
+                label,
+            )
+
+        def item() -> Any:
+            return self.driver.execute_script(
+                "return [...document.querySelectorAll('[role=option]')].find(o => o.innerText.trim() === arguments[0])", option
+            )
+
+        self.until(field, f"the list {label!r}").click()
+        self.until(item, f"the option {option!r}").click()
+
     def tick(self, label: str) -> None:
         """Change the check box with a label."""
 

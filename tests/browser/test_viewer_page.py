@@ -32,13 +32,13 @@ def _drawn(page: Any) -> np.ndarray | None:
 def test_a_recorded_run_plays_pauses_and_scrubs(replay: Any) -> None:
     replay.click("start")
     replay.until(lambda: replay.t_s == 0.0, "the beginning")
-    replay.click("+1")
+    replay.click("+0.01 s")
     replay.until(lambda: replay.t_s == 0.01, "one tick on")
     replay.click("play")
     replay.until(lambda: replay.t_s > 0.3, "motion")
     replay.click("end")
     replay.until(lambda: replay.t_s > 1.9, "the end")
-    replay.click("−1")
+    replay.click("−0.01 s")
     replay.until(lambda: 1.9 < replay.t_s < 2.0, "one tick back, and a standstill there")
 
 
@@ -62,9 +62,30 @@ def test_the_page_asks_nothing_from_elsewhere(replay: Any, recorded: str) -> Non
 
 def test_a_fork_without_a_change_shows_its_verdict(replay: Any) -> None:
     replay.click("What if")
+    replay.choose("change", "no change (repeats the run)")
     replay.click("Fork here")
-    replay.sees(r"fork at [\d.]+ s: time_up")
+    replay.sees(r"fork at [\d.]+ s: no change[\s\S]*ended at 2\.00 s: time_up")
     replay.click("Remove the fork")
+
+
+def test_a_typed_time_and_a_clicked_moment_move_the_cursor_and_stay(replay: Any) -> None:
+    """Test: 1.25 typed into the time box, then a click on a moment. Expected: page, box and cursor agree a second later."""
+    from selenium.webdriver.common.keys import Keys
+
+    box = replay.driver.execute_script(
+        "return [...document.querySelectorAll('input')].find(i => i.offsetParent && i.type === 'text' && /^[0-9.]+$/.test(i.value))"
+    )
+    box.send_keys(Keys.CONTROL, "a")
+    box.send_keys("1.25")
+    box.send_keys(Keys.TAB)
+    replay.until(lambda: replay.t_s == 1.25, "the typed time")
+    time.sleep(1.5)
+    assert replay.t_s == 1.25
+    assert float(box.get_attribute("value")) == 1.25
+    replay.click("Phases")
+    replay.until(lambda: replay.driver.execute_script("return document.querySelector('tr[data-jump]')"), "a row").click()
+    replay.until(lambda: replay.t_s == 0.0, "the beginning of the phase")
+    replay.until(lambda: float(box.get_attribute("value")) == 0.0, "the same time in the box")
 
 
 def test_a_wrong_token_and_a_foreign_page_are_refused(page: Any, recorded: str, tmp_path: Any) -> None:

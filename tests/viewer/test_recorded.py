@@ -24,9 +24,10 @@ from treadline.scenario import DriveSettings, Scenario, Start
 from treadline.setup import resolve
 from treadline.signals import PinholeCamera, RgbdFrame, StairMap
 from treadline.viewer.images import looks_of, pictures_of
+from treadline.viewer.moments import RunMoments
 from treadline.viewer.opening import is_recorded, open_recorded
 from treadline.viewer.orders import ImageOrder, Order
-from treadline.viewer.pages import camera_html
+from treadline.viewer.pages import answers_html, camera_html
 from treadline.viewer.session import Feed
 from treadline.viewer.tape import COLUMNS, NUMBER, Tape
 from treadline.viewer.worker import LiveRun
@@ -69,6 +70,21 @@ def test_a_log_gives_the_tape_of_the_run(folder: Path) -> None:
     assert [span.name for span in tape.phases] == [span.name for span in run.phases]
     assert tape.limits == run.limits
     assert tape.verdict == run.verdict == "time_up"
+
+
+def test_a_live_run_has_the_moments_of_its_log(folder: Path) -> None:
+    """Test: moments of a run that has ended, and of its log. Expected: the same least margin and the same list."""
+    opened, feed = open_recorded(str(folder)), live()
+    opened.session.close()
+    of_log = RunMoments(chair=opened.stage.chair, recording=opened.recording)
+    of_run = RunMoments(chair=opened.stage.chair)
+    assert of_log.update(opened.session.feed)
+    assert of_run.update(feed)
+    assert not of_run.update(feed)  # nothing is new
+    assert of_run.margin == of_log.margin != ""
+    names = [[moment.name for moment in found.listed] for found in (of_run, of_log)]
+    assert names[0] == names[1]
+    assert "of the whole run" in answers_html(of_log.answers, live=False)
 
 
 def test_the_images_of_a_log_show_what_the_detector_saw_in_the_run(folder: Path) -> None:
@@ -192,4 +208,4 @@ def test_the_images_of_a_bag_are_shown_at_their_time(tmp_path: Path, name: str, 
         with Image.open(io.BytesIO(look.picture or b"")) as image:
             middle = np.asarray(image)[image.height // 2, image.width // 2]
         np.testing.assert_allclose(middle, colour, atol=6)  # two JPEG compressions at quality 80
-    assert "image of 0.00 s" in camera_html(looks[0], [], {}, 0.0)
+    assert "image of 0.00 s" in camera_html(looks[0], [], {}, None)

@@ -12,12 +12,26 @@ from treadline.faults import Fault
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import as_designed
 from treadline.playback import Limits
+from treadline.playback.moments import Moment
 from treadline.playback.recording import slip_ratio
 from treadline.scenario import Scenario, Stair
 from treadline.signals import Event
 from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.orders import Handset, Order, Worker
-from treadline.viewer.pages import camera_html, events_html, handset_html, state_html, timeline_html, transitions_html
+from treadline.viewer.pages import (
+    GREEN,
+    ORANGE,
+    PHASE_COLOURS,
+    RED,
+    camera_html,
+    camera_warning,
+    events_html,
+    handset_html,
+    state_html,
+    text_on,
+    timeline_html,
+    transitions_html,
+)
 from treadline.viewer.plots import legend_html, plot_data, plot_specs
 from treadline.viewer.session import PAUSE, SILENT_S, Feed, Session
 from treadline.viewer.support import NEAR_M, support_of
@@ -71,7 +85,7 @@ def test_a_plot_keeps_every_transient_and_shows_limits_and_cursor() -> None:
     rate[1234] = 30.0 * DEG
     spec = plot_specs(LIMITS)[1]
     data = plot_data(spec, tape(pitch_rate_rad_s=rate), 12.0)
-    t_s, _, curve, upper, lower, cursor = data
+    t_s, _, upper, lower, curve, cursor = data
     assert {len(column) for column in data} == {len(t_s)}
     assert len(t_s) < 600
     assert curve.max() == pytest.approx(30.0)
@@ -93,7 +107,7 @@ def test_the_curve_of_a_fork_is_its_own_up_to_its_end() -> None:
     fork = tape(heading_rad=5.0 * DEG)
     data = plot_data(plot_specs(LIMITS)[0], tape(), 1.0, fork)
     assert data[1][10] == pytest.approx(5.0)
-    assert data[2][10] == pytest.approx(0.0)
+    assert data[-2][10] == pytest.approx(0.0)  # the estimate of the run
 
 
 def test_the_texts_name_hold_phase_and_least_margin_and_escape_what_a_log_says() -> None:
@@ -103,13 +117,71 @@ def test_the_texts_name_hold_phase_and_least_margin_and_escape_what_a_log_says()
     state = state_html(made, 13.0, live=False, title="run")
     assert "HOLD since 12.00 s" in state
     assert "operator &lt;stop&gt;" in state
-    assert "least so far" in state
+    assert "of the whole run" in state
     assert "4.0° at 9.00 s" in state
     assert "HOLD" not in state_html(made, 16.0, live=True, title="run")
     assert "end of the flight" in transitions_html(made, 25.0)
     assert "hold" in events_html(made, 13.0)
     assert "rearmed" not in events_html(made, 13.0)
     assert timeline_html(made, 13.0, 2.0).count("position:absolute") == 6  # two phases, hold, re-arm, fork, cursor
+
+
+def test_a_limit_far_from_the_signal_is_named_but_does_not_flatten_it() -> None:
+    """Test: a pitch rate of 1 °/s and a limit of 25 °/s; then one of 20 °/s. Expected: drawn only in the second plot."""
+    spec = plot_specs(LIMITS)[1]
+    slow, fast = (tape(pitch_rate_rad_s=rate * DEG * np.sin(np.arange(3001))) for rate in (1.0, 20.0))
+    assert max(column.max() for column in plot_data(spec, slow, 1.0)[1:]) < 3.0
+    assert max(column.max() for column in plot_data(spec, fast, 1.0)[1:]) == pytest.approx(25.0)
+    assert "guard's limit ±25° (beyond this plot)" in legend_html(spec, slow, 1.0, forked=False)
+    assert "beyond" not in legend_html(spec, fast, 1.0, forked=False)
+
+
+def test_a_silent_camera_is_a_warning_and_shows_no_nosings() -> None:
+    """Test: the last frame at 0.06 s. Expected: fresh to 0.36 s, then a warning instead of "accepted" and "none missed"."""
+    made = tape()
+    made.looks.append(look(np.ones((2, 3))))
+    assert camera_warning(made, 0.36, ()) is None
+    assert made.fresh_look_at(0.36) is not None
+    assert made.fresh_look_at(0.38) is None
+    warning = camera_warning(made, 20.76, ())
+    assert warning == "no frame for 20.7 s, since 0.06 s: the camera is silent"
+    page = camera_html(made.looks[0], (1,), {}, warning)
+    assert "none missed" not in page
+    assert "last frame of 0.00 s" in page
+
+
+def test_a_log_names_a_stair_that_was_not_perceived_and_a_silent_camera() -> None:
+    """Test: a log of stair maps alone, with its moments. Expected: frames without a stair are no silence of the camera."""
+    made = tape()
+    made.looks.append(look(np.ones((2, 3))))
+    unseen = Moment(t_s=0.0, name="no stair perceived", cause="9 frames, none with a stair", kind="perception", end_s=5.0)
+    silent = Moment(t_s=2.0, name="no camera frame", cause="from 2.00 s to 3.00 s", kind="perception", end_s=3.0)
+    assert camera_warning(made, 1.5, (unseen,)) == "no stair perceived for 1.5 s; 9 frames, none with a stair"
+    assert camera_warning(made, 2.5, (unseen, silent)) == "no frame for 0.5 s, since 2.00 s: the camera is silent"
+    listed = events_html(made, 2.5, (unseen, silent))
+    assert "no camera frame" in listed
+    assert 'data-jump="2.000"' in listed
+
+
+@pytest.mark.parametrize("colour", [*PHASE_COLOURS.values(), ORANGE, GREEN, RED])
+def test_text_on_every_colour_can_be_read(colour: str) -> None:
+    """Test: contrast by WCAG 2.2. Expected: at least 4.5:1, as it asks for small text."""
+
+    def luminance(code: str) -> float:
+        digits = code[1:] if len(code) == 7 else "".join(2 * letter for letter in code[1:])
+        parts = [int(digits[k : k + 2], 16) / 255.0 for k in (0, 2, 4)]
+        return float(np.dot([0.2126, 0.7152, 0.0722], [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]))
+
+    dark, light = sorted((luminance(colour), luminance(text_on(colour))))
+    assert (light + 0.05) / (dark + 0.05) >= 4.5
+
+
+def test_the_name_of_a_phase_is_shown_whole_or_not_at_all() -> None:
+    made = tape()
+    made.events.append(Event(t_s=29.5, name="traction", cause="on two nosings"))
+    drawn = timeline_html(made, 1.0)
+    assert "&nbsp;climb</div>" in drawn
+    assert "&nbsp;</div>" in drawn
 
 
 def look(nosings_B: np.ndarray, reason: str | None = None) -> Look:
@@ -124,15 +196,14 @@ def test_a_missed_nosing_is_named() -> None:
     row = dict.fromkeys(COLUMNS, 0.0) | {"qw": 1.0, "x_m": -1.5}
     places = staircase.nosings_W[:2] - np.array([-1.5, 0.0, 0.0])
     nosings = SeenNosings(staircase, chair.camera_at(240))
-    seen, missed = nosings.compare(look(places[1:]), row)
-    assert seen == [1]
-    assert missed == [0]
+    seen, missed = nosings.judge(look(places[1:]), row)
+    assert seen == (2,)
+    assert missed == (1,)
     seen_lines, missed_lines = nosings.lines(look(places[1:]), row)
     assert (len(seen_lines), len(missed_lines)) == (1, 1)
-    assert "missed: 1 (dark)" in camera_html(look(places), seen, dict.fromkeys(missed, "dark"), 0.0)
-    assert "&lt;b&gt;" in camera_html(look(places), seen, {}, 0.0)
-    assert "nothing for 8.0 s; last frame" in camera_html(look(places), seen, {}, 8.0)
-    assert "rejected, too dark" in camera_html(look(places, "too dark"), [], {}, 0.0)
+    assert "missed: 1 (dark)" in camera_html(look(places), seen, dict.fromkeys(missed, "dark"), None)
+    assert "&lt;b&gt;" in camera_html(look(places), seen, {}, None)
+    assert "rejected, too dark" in camera_html(look(places, "too dark"), [], {}, None)
 
 
 @pytest.mark.parametrize(
@@ -152,14 +223,14 @@ def test_a_missed_nosing_has_a_reason_by_its_depth(x_m: float, depth_m: float, r
     row = dict.fromkeys(COLUMNS, 0.0) | {"qw": 1.0, "x_m": x_m}
     image = np.full((camera.height_px // DEPTH_STEP, camera.width_px // DEPTH_STEP), depth_m, dtype=np.float32)
     blind = replace(look(np.zeros((0, 3))), depth_m=image)
-    _, missed = nosings.compare(blind, row)
-    assert 0 in missed
-    assert reason in nosings.why_missed(0, blind, row)
-    assert nosings.why_missed(0, replace(blind, reason="too dark"), row) == "the frame is rejected"
+    _, missed = nosings.judge(blind, row)
+    assert 1 in missed
+    assert reason in nosings.why_missed(1, blind, row)
+    assert nosings.why_missed(1, replace(blind, reason="too dark"), row) == "the frame is rejected"
 
 
 def test_nosings_missed_for_one_reason_are_named_together() -> None:
-    page = camera_html(look(np.zeros((0, 3))), [0], {1: "no depth", 2: "no depth", 4: "hidden"}, 0.0)
+    page = camera_html(look(np.zeros((0, 3))), [1], {2: "no depth", 3: "no depth", 5: "hidden"}, None)
     assert "missed: 2, 3 (no depth); 5 (hidden)" in page
 
 
@@ -204,7 +275,7 @@ def test_the_slip_ratio_of_a_tape_does_not_depend_on_how_it_grows() -> None:
 def test_plots_draw_the_limits_of_the_run_and_none_that_it_does_not_state() -> None:
     assert [spec.limits for spec in plot_specs(Limits(margin_rad=None))] == [(), (), (), (), (), (0.0,)]
     assert plot_specs(LIMITS)[3].limits == (0.3,)
-    assert "limit" not in legend_html(plot_specs(Limits())[1], forked=False)
+    assert "limit" not in legend_html(plot_specs(Limits())[1], tape(), 1.0, forked=False)
 
 
 class FakeWorker(Worker):
@@ -241,9 +312,9 @@ def test_a_recorded_session_plays_pauses_steps_and_seeks() -> None:
     session.set_speed(5.0)
     session.advance(1.0)
     assert session.cursor_s == pytest.approx(5.0)
-    session.press_transport("+1")
+    session.press_transport("+0.01 s")
     assert (session.playing, session.cursor_s) == (False, pytest.approx(5.01))
-    session.press_transport("−1")
+    session.press_transport("−0.01 s")
     session.seek(99.0)
     assert session.cursor_s == pytest.approx(END_S)
     session.play()

@@ -81,13 +81,14 @@ def view(
 def _served(server: Any, opened: Any, handlers: dict[str, Any], *, no_browser: bool, seconds: float | None) -> Answer:
     """Serve the page until Ctrl-C or the end of the given time."""
     from treadline.errors import SettingsError
-    from treadline.viewer.app import App, handset_handler
+    from treadline.viewer.app import App, handset_handler, jump_handler
 
     session = opened.session
     handlers["handset"] = handset_handler(session)
     ended = threading.Event()
     try:
         app = App(server, session, opened)
+        handlers["jump"] = jump_handler(app)
         url = server.rules.url
         _say(f"view: {url}")
         _say(_exposure(server.rules.host, attended=session.attended))

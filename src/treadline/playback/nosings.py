@@ -77,7 +77,7 @@ class NosingComparison:
     """
 
     def __init__(self, staircase: Staircase, camera: PinholeCamera) -> None:
-        self._camera = camera
+        self.camera = camera
         self._within_m = MATCH_SHARE * staircase.pitch_m
         steps = [(k, step) for k, flight in enumerate(staircase.flights) for step in flight if not step.missing]
         self.numbers = np.array([step.index + 1 for _, step in steps])
@@ -95,7 +95,8 @@ class NosingComparison:
         half_rise_m, half_run_m = (0.5 * staircase.pitch_m * f(staircase.slope_rad) for f in (math.sin, math.cos))
         # An edge shows only where the surfaces on its two sides do: to the middle of the riser and to the middle of the tread.
         riser_W = np.broadcast_to([0.0, 0.0, -half_rise_m], (len(onward), 3))
-        self._sides_W = np.stack([riser_W, half_run_m * np.array(onward)])
+        self.sides_W = np.stack([riser_W, half_run_m * np.array(onward)])
+        """Vectors from each nosing to the middles of its riser and of its tread in W [m], of shape (2, n, 3)."""
 
     def compare(
         self, nosings_B: Float[np.ndarray, "n 3"], R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
@@ -111,16 +112,12 @@ class NosingComparison:
             R_WB: Attitude at the exposure.
             p_WB: Position at the exposure.
         """
-        ends_B = (self.ends_W - p_WB) @ R_WB
-        y0, y1 = ends_B[:, 0, 1], ends_B[:, 1, 1]
-        crosses = (y0 * y1 <= 0.0) & (y0 != y1)
-        share = np.where(crosses, y0 / np.where(y0 == y1, 1.0, y0 - y1), 0.0)
-        points_B = (ends_B[:, 0] + share[:, None] * (ends_B[:, 1] - ends_B[:, 0]))[crosses]
+        crosses, points_B = self.ahead(R_WB, p_WB)
         numbers, seen = self.numbers[crosses], nosings_B[np.isfinite(nosings_B).all(axis=1)]
         gaps = np.linalg.norm(points_B[:, None] - seen[None], axis=2).min(axis=1, initial=np.inf)
         found = gaps <= self._within_m
         reach_m = np.abs(seen[:, 0]).max() + self._within_m if len(seen) else np.inf
-        in_view = np.logical_and.reduce([self._in_view(points_B + side[crosses] @ R_WB) for side in self._sides_W])
+        in_view = np.logical_and.reduce([self.in_view(points_B + side[crosses] @ R_WB) for side in self.sides_W])
         places = np.flatnonzero(found)
         between = np.zeros(len(found), dtype=bool)
         if len(places):
@@ -128,8 +125,19 @@ class NosingComparison:
         missed = ~found & (between | (in_view & (np.abs(points_B[:, 0]) <= reach_m)))
         return tuple(numbers[found].tolist()), tuple(numbers[missed].tolist())
 
-    def _in_view(self, points_B: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-        camera = self._camera
+    def ahead(
+        self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
+    ) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, "k 3"]]:
+        """Return which nosings cross the chair's middle plane, and their intersections with it in B [m]."""
+        ends_B = (self.ends_W - p_WB) @ R_WB
+        y0, y1 = ends_B[:, 0, 1], ends_B[:, 1, 1]
+        crosses = (y0 * y1 <= 0.0) & (y0 != y1)
+        share = np.where(crosses, y0 / np.where(y0 == y1, 1.0, y0 - y1), 0.0)
+        return crosses, (ends_B[:, 0] + share[:, None] * (ends_B[:, 1] - ends_B[:, 0]))[crosses]
+
+    def in_view(self, points_B: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Return which points are in the image."""
+        camera = self.camera
         x, y, z = ((points_B - np.array(camera.mount_m)) @ camera.R_BC).T
         depth = np.where(z > 0.0, z, 1.0)
         u, v = camera.fx_px * x / depth + camera.cx_px, camera.fy_px * y / depth + camera.cy_px

@@ -1,23 +1,48 @@
 """Viewer in the browser: panels and controls around the scene, updated by one thread. ``Session -> page``."""
 
 import json
+import math
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from html import escape
-from typing import Any, get_args
+from typing import Any
 
 from treadline.errors import SettingsError
-from treadline.faults import EXTENTS, Conditions, Fault, FaultKind
-from treadline.playback.recording import PHASES
+from treadline.faults import EXTENTS, Conditions, FaultKind
+from treadline.viewer.moments import RunMoments
 from treadline.viewer.nosings import SeenNosings
 from treadline.viewer.opening import Opened
-from treadline.viewer.pages import camera_html, events_html, handset_html, state_html, timeline_html, transitions_html
+from treadline.viewer.pages import (
+    answers_html,
+    camera_html,
+    camera_warning,
+    events_html,
+    handset_html,
+    legend_of_scene,
+    state_html,
+    terms_html,
+    timeline_html,
+    transitions_html,
+)
 from treadline.viewer.plots import RED, SKY, PlotSpec, legend_html, plot_data, plot_specs
 from treadline.viewer.scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SceneChoices, SceneView
 from treadline.viewer.server import GuardedServer
-from treadline.viewer.session import SPEEDS, Session
+from treadline.viewer.session import SPEEDS, STEPS, TRANSPORT, Session
+from treadline.viewer.whatif import (
+    CHANGES,
+    FORKS,
+    FRICTION_MAX,
+    FRICTION_MIN,
+    INJECTIONS,
+    LASTS_S,
+    complain,
+    fault_of,
+    meaning,
+    outcome_html,
+    said_of,
+)
 
 SCENE_S, TEXT_S, PLOT_S = 1.0 / 25.0, 0.1, 0.4
 """Intervals of the updates of scene, text and plots [s]."""
@@ -25,21 +50,8 @@ PLOT_PX = 72
 """Height of a plot [px]: six of them fit on a laptop's screen."""
 NARROW_PX = 576
 """Largest width of a page that shows the panels at its lower edge [px], as in ``narrow.css``."""
-OBSTACLE = "obstacle ahead (value in metres)"
-CHANGES: dict[str, tuple[FaultKind, float, float, str]] = {
-    "friction of the steps (× value)": ("low_friction", 1.0, 0.5, "factor on the friction of both belts, 0.1 to 2"),
-    "friction, left belt (× value)": ("track_slip", 1.0, 0.5, "factor on the friction of the left belt, 0.1 to 2"),
-    "friction, right belt (× value)": ("track_slip", -1.0, 0.5, "factor on the friction of the right belt, 0.1 to 2"),
-    "passenger's weight forward (value in metres)": ("payload_forward", 1.0, 0.15, EXTENTS["payload_forward"].means),
-    "passenger's weight to the left (value in metres)": ("payload_left", 1.0, 0.15, EXTENTS["payload_left"].means),
-    "passenger's weight up (value in metres)": ("payload_up", 1.0, 0.15, EXTENTS["payload_up"].means),
-    OBSTACLE: ("obstacle", 1.0, 1.2, "distance from the leading end to a box [m]"),
-}
-"""Changes that stay, by name: fault, sign of its value, default value, meaning."""
-FRICTION_MIN, FRICTION_MAX = 0.1, 2.0
-"""Range of the factor on the friction: from oil on the steps to twice the scenario's friction."""
-FOREVER_S = 1e6
-"""Duration of a change that stays [s]."""
+EDITED_S = 0.8
+"""Time after a client's edit of the time box for which the server leaves it alone [s]: longer than between two typed digits."""
 WEIGHT: tuple[tuple[str, FaultKind], ...] = (("forward", "payload_forward"), ("left", "payload_left"), ("up", "payload_up"))
 """Directions in which the passenger's weight moves, with the faults of the same range."""
 NO_FORK = (
@@ -47,7 +59,6 @@ NO_FORK = (
     "Run folders of treadline climb can be forked.</div>"
 )
 """Content of the tab of a run that cannot be forked."""
-NOTHING = "nothing (must coincide)"
 
 
 class App:
@@ -69,8 +80,11 @@ class App:
         self._texts: dict[int, str] = {}
         self._legends: list[Any] = []
         self._plots: list[Any] = []
-        self._jumps: dict[str, float] = {}
-        self._moving_slider = False
+        self._edited_at = -math.inf
+        self._is_stale = False
+        self._moments = RunMoments(chair=stage.chair, recording=opened.recording)
+        self._ghost_moments = RunMoments(chair=stage.chair)
+        self._forked_at = 0.0
         self.failure: Exception | None = None
         """Exception that ended the updates; None while all is well."""
         self.updates = 0
@@ -92,6 +106,8 @@ class App:
         self._build_transport(gui)
         self._camera = gui.add_html("")
         tabs = gui.add_tab_group()
+        with tabs.add_tab("Moments"):
+            self._answers = gui.add_html("")
         with tabs.add_tab("Phases"):
             self._transitions = gui.add_html("")
         with tabs.add_tab("Events"):
@@ -117,16 +133,12 @@ class App:
 
         @self._slider.on_update
         def _(event: Any) -> None:
-            if event.client is not None and not self._moving_slider:
-                with self._lock:
-                    session.seek(float(self._slider.value))
+            if event.client is not None:
+                self._edited_at = time.perf_counter()
+                self.jump(float(self._slider.value))
 
-        buttons = gui.add_button_group("play", ("start", "−1", "play", "+1", "end"))
-
-        @buttons.on_click
-        def _(_event: Any) -> None:
-            with self._lock:
-                session.press_transport(str(buttons.value))
+        for label, names in (("play", TRANSPORT), ("step", tuple(STEPS))):
+            self._add_transport(gui, label, names)
 
         speed = gui.add_dropdown("speed ×", tuple(f"{value:g}" for value in SPEEDS), initial_value="1")
 
@@ -135,18 +147,24 @@ class App:
             with self._lock:
                 session.set_speed(float(speed.value))
 
-        self._jump = gui.add_dropdown("go to", ("–",))
-
-        @self._jump.on_update
-        def _(event: Any) -> None:
-            if event.client is not None and self._jump.value in self._jumps:
-                with self._lock:
-                    session.playing = False
-                    session.seek(self._jumps[self._jump.value])
-
         for label, hotkey, ticks in (("Play or pause", "K", 0), ("Back one tick", "J", -1), ("Forward one tick", "L", 1)):
             command = gui.add_command(label, hotkey=hotkey)
             command.on_trigger(self._stepper(ticks))
+
+    def _add_transport(self, gui: Any, label: str, names: tuple[str, ...]) -> None:
+        buttons = gui.add_button_group(label, names)
+
+        @buttons.on_click
+        def _(_event: Any) -> None:
+            with self._lock:
+                self._session.press_transport(str(buttons.value))
+
+    def jump(self, t_s: float) -> None:
+        """Move the cursor, and stay there."""
+        with self._lock:
+            if not self._session.is_live:
+                self._session.playing = False
+            self._session.seek(t_s)
 
     def _stepper(self, ticks: int) -> Callable[[Any], None]:
         def triggered(_event: Any) -> None:
@@ -158,32 +176,54 @@ class App:
 
         return triggered
 
+    def _build_form(self, gui: Any, label: str, choices: tuple[str, ...]) -> tuple[Any, Any, Any]:
+        """Add choice, value and duration of a change; a choice fills in its default value."""
+        choice = gui.add_dropdown(label, choices)
+        value = gui.add_number("value", 0.0, step=0.05)
+        lasts = gui.add_number("for [s]", LASTS_S, min=0.1, step=0.5)
+
+        def fill() -> None:
+            change = CHANGES.get(choice.value)
+            value.value = 0.0 if change is None else change.default
+            value.disabled = change is None or not change.has_value
+            lasts.disabled = change is None or change.stays
+
+        choice.on_update(lambda _event: fill())
+        fill()
+        return choice, value, lasts
+
+    def _add_hint(self, gui: Any, choice: Any) -> None:
+        hint = gui.add_html("")
+
+        def show() -> None:
+            hint.content = f'<div style="font-size:12px;margin-right:14px">{escape(meaning(choice.value))}</div>'
+
+        choice.on_update(lambda _event: show())
+        show()
+
     def _build_what_if(self, gui: Any) -> None:
         session = self._session
-        kinds = tuple(kind for kind in get_args(FaultKind) if kind not in ("operator_stop", "link_lost"))
-        self._change = gui.add_dropdown("change", (NOTHING, *CHANGES, *kinds))
-        self._value = gui.add_number("value (0: default)", 0.0, step=0.05)
-        self._lasts = gui.add_number("for [s]", 5.0, min=0.1, step=0.5)
-        hint = gui.add_html("")
-        fork = gui.add_button("Fork here")
-        drop = gui.add_button("Remove the fork")
+        choice, value, lasts = self._build_form(gui, "change", FORKS)
+        fork = gui.add_button("Fork here", hint="repeat the run up to the cursor, and go on with the change")
+        self._drop = gui.add_button("Remove the fork", visible=False)
+        self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
+        self._add_hint(gui, choice)
         self._outcome = gui.add_html("")
-
-        @self._change.on_update
-        def _(_event: Any) -> None:
-            hint.content = f'<div style="font-size:12px">{_meaning(self._change.value)}</div>'
 
         @fork.on_click
         def _(event: Any) -> None:
+            chosen = choice.value, float(value.value), float(lasts.value)
             try:
-                change = _fault(self._change.value, float(self._value.value), float(self._lasts.value))
+                change = fault_of(*chosen)
             except ValueError as error:
-                _complain(event, error)
+                complain(event, error)
                 return
+            self._ghost_moments = RunMoments(chair=self._opened.stage.chair)
+            self._forked_at = time.perf_counter()
             with self._lock:
-                session.fork(change)
+                session.fork(change, said_of(*chosen))
 
-        @drop.on_click
+        @self._drop.on_click
         def _(_event: Any) -> None:
             with self._lock:
                 session.drop_ghost()
@@ -212,15 +252,9 @@ class App:
             "arrow keys or the left stick. Letting go, or leaving the page, stops the chair; then re-arm.</div>"
         )
         self._handset = gui.add_html("")
-        kind = gui.add_dropdown("break something", (OBSTACLE, *get_args(FaultKind)))
-        value = gui.add_number("value (0: default)", 0.0, step=0.05)
-        lasts = gui.add_number("for [s]", 3.0, min=0.1, step=0.5)
-        hint = gui.add_html("")
+        choice, value, lasts = self._build_form(gui, "break something", INJECTIONS)
         inject = gui.add_button("Inject now")
-
-        @kind.on_update
-        def _(_event: Any) -> None:
-            hint.content = f'<div style="font-size:12px">{_meaning(kind.value)}</div>'
+        self._add_hint(gui, choice)
 
         @manual.on_update
         def _(_event: Any) -> None:
@@ -230,9 +264,9 @@ class App:
         @inject.on_click
         def _(event: Any) -> None:
             try:
-                change = _fault(kind.value, float(value.value), float(lasts.value))
+                change = fault_of(choice.value, float(value.value), float(lasts.value))
             except ValueError as error:
-                _complain(event, error)
+                complain(event, error)
                 return
             if change is not None:
                 with self._lock:
@@ -273,13 +307,15 @@ class App:
             ("follow", "follow the chair"),
             ("passenger", "passenger"),
             ("planes", "detected treads and risers"),
-            ("forces", "belt forces"),
+            ("forces", "belt forces (live runs)"),
             ("contacts", "contact forces"),
             ("swept", "swept volume"),
         ):
             box = gui.add_checkbox(label, initial_value=getattr(self._choices, name))
             box.on_update(self._chooser(box, name))
         self._contacts_note = gui.add_html("")
+        gui.add_html(legend_of_scene())
+        gui.add_html(terms_html())
 
     def _chooser(self, box: Any, name: str) -> Callable[[Any], None]:
         def chosen(_event: Any) -> None:
@@ -293,7 +329,12 @@ class App:
     def _plot(self, gui: Any, spec: PlotSpec) -> Any:
         from viser import uplot
 
-        lines = [uplot.Series(label="fork", stroke=SKY, width=1.4, points={"show": False}, show=spec.ghost is not None)]
+        # Values under the pointer are those of the curves: see page.css.
+        aid: dict[str, Any] = {"class": "treadline-aid"}
+        lines = [uplot.Series(**aid, label="fork", stroke=SKY, width=1.4, points={"show": False}, show=spec.ghost is not None)]
+        lines += [
+            uplot.Series(**aid, label="limit", stroke=RED, width=1.0, dash=(6, 4), points={"show": False}) for _ in spec.limits
+        ]
         lines += [
             uplot.Series(
                 label=curve.label,
@@ -304,16 +345,15 @@ class App:
             )
             for curve in spec.curves
         ]
-        lines += [uplot.Series(label="limit", stroke=RED, width=1.0, dash=(6, 4), points={"show": False}) for _ in spec.limits]
-        lines.append(uplot.Series(label="cursor", stroke="#444", width=1.0, points={"show": False}))
-        self._legends.append(gui.add_html(legend_html(spec, forked=False)))
+        lines.append(uplot.Series(**aid, label="cursor", stroke="#444", width=1.0, points={"show": False}))
+        self._legends.append(gui.add_html(""))
         last = spec is plot_specs(self._session.tape.limits)[-1]
         return gui.add_uplot(
             data=plot_data(spec, self._session.tape, 0.0),
             series=(uplot.Series(label="t [s]"), *lines),
             scales={"x": uplot.Scale(time=False)},
             axes=(uplot.Axis(size=24) if last else uplot.Axis(show=False), uplot.Axis(size=38)),
-            legend=uplot.Legend(show=False),
+            legend=uplot.Legend(show=True, live=True),
             height=PLOT_PX + (20 if last else 0),
             padding=(4, 8, 0, 0),
         )
@@ -357,46 +397,71 @@ class App:
     def _show_scene(self, t_s: float) -> None:
         session = self._session
         with self._viser.atomic():
-            self._scene.show(session.tape, t_s, self._choices, None if session.ghost is None else session.ghost.tape)
+            self._scene.show(
+                session.tape, t_s, self._choices, None if session.ghost is None else session.ghost.tape, session.ghost_name
+            )
         self.updates += 1
 
     def _show_text(self, t_s: float, end_s: float) -> None:
         session, tape = self._session, self._session.tape
-        self._say(self._state, state_html(tape, t_s, live=session.is_live, title=session.feed.error or self._opened.title))
-        self._say(self._timeline, timeline_html(tape, t_s, None if session.ghost is None else session.ghost_from_s))
+        self._moments.update(session.feed)
+        listed = self._moments.listed
+        title = session.feed.error or self._opened.title
+        self._say(self._state, state_html(tape, t_s, live=session.is_live, title=title, least=self._moments.margin))
+        self._say(self._timeline, timeline_html(tape, t_s, None if session.ghost is None else session.ghost_from_s, listed))
+        self._say(self._answers, answers_html(self._moments.answers, live=session.is_live))
         self._say(self._transitions, transitions_html(tape, t_s))
-        self._say(self._events, events_html(tape, t_s))
+        self._say(self._events, events_html(tape, t_s, listed))
         look = tape.look_at(t_s)
-        seen, missed = ([], []) if look is None else self._nosings.compare(look, tape.at(look.t_s))
+        warning = camera_warning(tape, t_s, listed)
+        seen, missed = ((), ()) if look is None else self._nosings.judge(look, tape.at(look.t_s))
         reasons = {} if look is None else {number: self._nosings.why_missed(number, look, tape.at(look.t_s)) for number in missed}
-        self._say(self._camera, camera_html(look, seen, reasons, t_s))
+        self._say(self._camera, camera_html(look, seen, reasons, warning))
         if self._opened.can_fork:
-            self._say(self._outcome, outcome_html(session))
+            self._show_fork()
         if session.attended:
             self._say(self._handset, handset_html(session.handset, tape, t_s))
         note = session.contacts_note if self._choices.contacts else ""
         self._say(self._contacts_note, f'<div style="font-size:12px">{note}</div>')
         self._show_slider(t_s, end_s)
-        jumps = {f"{span.start_s:.2f} s {span.name}": span.start_s for span in tape.phases}
-        jumps |= {
-            f"{event.t_s:.2f} s {event.name}: {event.cause}"[:60]: event.t_s for event in tape.events if event.name not in PHASES
-        }
-        if jumps.keys() != self._jumps.keys():
-            self._jumps = jumps
-            self._jump.options = ("–", *sorted(jumps, key=lambda label: jumps[label]))
+
+    def _show_fork(self) -> None:
+        """Show how far the fork is, and how it went."""
+        session, ghost = self._session, self._session.ghost
+        self._set(self._drop, "visible", ghost is not None)
+        busy = ghost is not None and ghost.worker is not None
+        self._set(self._progress, "visible", busy)
+        if ghost is None:
+            self._say(self._outcome, "")
+            return
+        self._set(self._drop, "label", "Cancel the fork" if busy else "Remove the fork")
+        self._set(self._progress, "value", round(100.0 * min(ghost.tape.end_s / max(session.tape.end_s, 1.0), 1.0), 1))
+        margins = ["", ""]
+        if ghost.tape.verdict is not None:
+            self._ghost_moments.update(ghost)
+            margins = [self._ghost_moments.margin, self._moments.margin]
+        waited_s = time.perf_counter() - self._forked_at
+        self._say(self._outcome, outcome_html(session, waited_s, (margins[0], margins[1])))
+
+    @staticmethod
+    def _set(handle: Any, name: str, value: Any) -> None:
+        """Set a property of a control, if it has changed."""
+        if getattr(handle, name) != value:
+            setattr(handle, name, value)
 
     def _show_slider(self, t_s: float, end_s: float) -> None:
-        self._moving_slider = True
-        try:
-            if abs(self._slider.max - max(end_s, 1.0)) > 0.5 or (end_s > 0.0 and not self._session.is_live):
-                wanted = max(round(end_s, 2), 1.0)
-                if self._slider.max != wanted:
-                    self._slider.max = wanted
-            value = min(round(t_s, 2), self._slider.max)
-            if abs(self._slider.value - value) > 0.005:
-                self._slider.value = value
-        finally:
-            self._moving_slider = False
+        """Set slider and time box to the cursor; a client that edits them has precedence, and is corrected afterwards."""
+        if time.perf_counter() - self._edited_at < EDITED_S:
+            self._is_stale = True
+            return
+        wanted = max(round(end_s, 2), 1.0)
+        # A live run grows at every call; its slider follows in steps of half a second.
+        if self._slider.max != wanted and (not self._session.is_live or abs(self._slider.max - wanted) > 0.5):
+            self._slider.max = wanted
+        value = min(round(t_s, 2), self._slider.max)
+        if self._is_stale or abs(self._slider.value - value) > 0.005:
+            self._is_stale = False
+            self._slider.value = value
 
     def _say(self, handle: Any, text: str) -> None:
         """Set the content of a panel, if it has changed."""
@@ -415,7 +480,7 @@ class App:
             with self._plot_tab:
                 self._plots = [self._plot(self._viser.gui, spec) for spec in plot_specs(self._session.tape.limits)]
         for handle, legend, spec in zip(self._plots, self._legends, plot_specs(self._session.tape.limits), strict=True):
-            self._say(legend, legend_html(spec, forked=ghost is not None))
+            self._say(legend, legend_html(spec, session.tape, t_s, forked=ghost is not None))
             handle.data = plot_data(spec, session.tape, t_s, ghost)
 
 
@@ -424,57 +489,29 @@ def vars_of(choices: SceneChoices) -> tuple[bool, ...]:
     return choices.planes, choices.forces, choices.contacts, choices.swept, choices.follow, choices.passenger
 
 
-def outcome_html(session: Session) -> str:
-    """Return how a fork went, next to the run."""
-    ghost = session.ghost
-    if ghost is None:
-        return ""
-
-    said = ghost.error or ghost.tape.verdict or f"simulated to {ghost.tape.end_s:.1f} s …"
-    run = escape(session.tape.verdict or "–")
-    return f'<div style="font-size:12px"><b>fork at {session.ghost_from_s:.2f} s</b>: {escape(said)}<br>run: {run}</div>'
-
-
-def _meaning(choice: str) -> str:
-    if choice == NOTHING:
-        return "The plant is deterministic: the fork coincides with the run."
-    if choice in CHANGES:
-        return CHANGES[choice][3] + f"; default {CHANGES[choice][2]:g}, until the end of the run"
-    extent = EXTENTS[choice]  # type: ignore[index]
-    return f"value: {extent.means}" + (f"; default {extent.default:g}" if extent.low != extent.high else "")
-
-
-def _fault(choice: str, value: float, lasts_s: float) -> Fault | None:
-    """Return the fault behind a choice.
-
-    Raises:
-        ValueError: If the value means nothing for this kind.
-    """
-    if choice == NOTHING:
-        return None
-    if choice in CHANGES:
-        kind, sign, default, _ = CHANGES[choice]
-        if kind in ("low_friction", "track_slip") and value and not FRICTION_MIN <= value <= FRICTION_MAX:
-            raise ValueError(f"value is {value:g}; a factor on the friction must be from {FRICTION_MIN:g} to {FRICTION_MAX:g}")
-        return Fault(kind=kind, at_s=0.0, for_s=FOREVER_S, value=sign * (value or default))
-    return Fault(kind=choice, at_s=0.0, for_s=lasts_s, value=value)  # type: ignore[arg-type]
-
-
-def _last_line(error: ValueError) -> str:
-    """Return the sentence about the value: pydantic adds a heading and a link."""
-    lines = str(error).splitlines()
-    return lines[-2 if len(lines) > 1 else 0].strip()
-
-
-def _complain(event: Any, error: ValueError) -> None:
-    if event.client is not None:
-        event.client.add_notification(title="not injected", body=_last_line(error), color="red")
-
-
 def show_above_sheet(client: Any) -> None:
     """Turn the first view of a narrow screen, whose lower part the panels cover, so that the chair is above them."""
     if client.camera.image_width <= NARROW_PX:
         client.camera.position, client.camera.look_at = NARROW_CAMERA_M, NARROW_LOOK_AT_M
+
+
+def jump_handler(app: App) -> Callable[[Any], Any]:
+    """Return the handler of the page's jumps to the times of its marks."""
+
+    async def serve(connection: Any) -> None:
+        from websockets.exceptions import ConnectionClosed
+
+        try:
+            async for message in connection:
+                t_s = float(json.loads(message)["t_s"])
+                if math.isfinite(t_s):
+                    app.jump(t_s)
+        except ConnectionClosed:
+            pass
+        except (ValueError, TypeError, KeyError):
+            await connection.close(1003, "not a time")
+
+    return serve
 
 
 def handset_handler(session: Session) -> Callable[[Any], Any]:

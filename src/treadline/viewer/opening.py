@@ -12,7 +12,7 @@ from treadline.io.runs import FORMER_RUN_CONTROLLER, LOG, MANIFEST, RUN_CONTROLL
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import build_staircase
 from treadline.models import ControllerDesign, json_of, read_json
-from treadline.playback import manifest_in
+from treadline.playback import Recording, manifest_in
 from treadline.scenario import Belts, Scenario, read_scenario
 from treadline.viewer.orders import ImageOrder, Order, Worker
 from treadline.viewer.scene import Stage
@@ -33,6 +33,8 @@ class Opened:
     """Whether the run can be repeated: its scenario and seed are known."""
     missing: tuple[str, ...] = ()
     """Sentences about what a log does not hold."""
+    recording: Recording | None = None
+    """Recording of a run that is not live."""
 
 
 def is_recorded(target: str) -> bool:
@@ -97,6 +99,7 @@ def open_recorded(target: str) -> Opened:
         title=str(target),
         can_fork=can_fork,
         missing=recording.missing,
+        recording=recording,
     )
 
 

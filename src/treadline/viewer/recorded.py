@@ -1,10 +1,12 @@
-"""Tape of a recorded run: ``Recording -> Tape``."""
+"""Tape of a recorded run, and recording of a live one: ``Recording <-> Tape``."""
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.faults import payload_shift_m
-from treadline.playback import Recording
+from treadline.mechanics.chair import ChairDescription
+from treadline.playback import PerceivedStair, Recording
+from treadline.scenario import Scenario
 from treadline.viewer.tape import COLUMNS, NUMBER, Look, Tape
 
 
@@ -47,6 +49,52 @@ def tape_of(recording: Recording) -> Tape:
     if recording.verdict is not None:
         tape.verdict = recording.verdict + (f": {recording.cause}" if recording.cause else "")
     return tape
+
+
+SAME = (
+    "seat_rad", "flipper_rad", "heading_rad", "estimate_rad", "sigma_rad", "pitch_rad", "pitch_rate_rad_s", "seat_pitch_rad",
+    "margin_rad", "friction_use",
+)  # fmt: skip
+"""Quantities with the same name in both."""
+
+
+def recording_of(tape: Tape, chair: ChairDescription, scenario: Scenario, seed: int) -> Recording:
+    """Return the recording of what a tape holds so far; an accepted frame with nosings is a perceived stair.
+
+    Args:
+        scenario: Scenario with the faults that were injected so far.
+    """
+
+    def columns(*names: str) -> Float[np.ndarray, "n k"]:
+        return np.column_stack([tape.column(name) for name in names])
+
+    place = columns("x_m", "y_m", "z_m")
+    return Recording.of_curves(
+        tape.column("t_s").copy(),
+        chair,
+        **{name: tape.column(name).copy() for name in SAME},
+        p_WB=place,
+        quat_WB=columns("qw", "qx", "qy", "qz"),
+        belt_m_s=columns("left_m_s", "right_m_s"),
+        belt_travel_m=columns("left_travel_m", "right_travel_m"),
+        command_m_s=columns("command_left_m_s", "command_right_m_s"),
+        events=tuple(tape.events),
+        phases=tape.phases,
+        maps=tuple(
+            PerceivedStair(
+                t_s=look.t_s,
+                taken_s=look.taken_s,
+                nosings_B=look.nosings_B,
+                nosings_W=np.full_like(look.nosings_B, np.nan),
+                ends=False,
+            )
+            for look in tape.looks
+            if look.is_judged and len(look.nosings_B)
+        ),
+        scenario=scenario,
+        seed=seed,
+        limits=tape.limits,
+    )
 
 
 def _look(t_s: float, taken_s: float, nosings_B: Float[np.ndarray, "n 3"]) -> Look:

@@ -10,31 +10,26 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, quaternion_of, rotation_of, rotation_z
+from treadline.angles import DEG, quaternion_of, rotation_z
 from treadline.appearance import MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.stability import centre_of_mass
 from treadline.mechanics.staircase import Staircase
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
 from treadline.scenario import Belts, Chair
-from treadline.viewer.nosings import SeenNosings
+from treadline.viewer.colours import BAD, CONTACT, GHOST, GOOD, MISSED, RISER, SEEN, SWEPT, TREAD, TRUE, WARN
+from treadline.viewer.nosings import SeenNosings, pose_of
 from treadline.viewer.support import support_of
 from treadline.viewer.tape import ContactForces, Look, Tape
 
-GOOD, WARN, BAD = (0, 158, 115), (230, 159, 0), (213, 94, 0)
-"""Colours of a value within its limit, near it and beyond (Okabe and Ito, 2008)."""
-TRUE, SEEN, MISSED, GHOST = (0, 114, 178), (220, 40, 180), (213, 94, 0), (86, 180, 233)
-"""Colours of true, perceived and missed nosings, and of the ghost."""
-TREAD, RISER = (70, 150, 255), (255, 150, 50)
-"""Colours of detected treads and risers, as in the camera image."""
 PLANES_MAX = 24
 """Largest number of treads, and of risers, that are shown: more than a camera sees of a flight."""
 PLANE_LIFT_M = 0.015
 """Distance of detected planes from the true ones towards the camera [m], so that they do not hide each other."""
 QUADS = np.concatenate([4 * k + np.array([[0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 3, 2]]) for k in range(PLANES_MAX)])
 """Triangles of the planes, each from both sides."""
-CONTACT = (60, 60, 160)
-"""Colour of contact forces."""
+NOWHERE = np.full((4 * PLANES_MAX, 3), -100.0, dtype=np.float32)
+"""Corners of planes that are not shown [m]: below every stair."""
 WEDGE_M = 1.8
 """Length of the heading wedge [m]: to the nosings ahead of the flipper."""
 WEDGE_LIFT_M = 0.25
@@ -58,6 +53,8 @@ FLAT: dict[str, Any] = {"material": "toon3", "cast_shadow": False, "receive_shad
 before the first picture, and without shadows and physically based shading, which it draws slowly."""
 NARROW_CAMERA_M, NARROW_LOOK_AT_M = (-1.6, -6.0, 1.9), (0.4, 0.0, -0.5)
 """First view on a narrow screen: from farther away, and the chair in the upper half of the picture."""
+LABEL_M = 2.0
+"""Height of the ghost's label above the belts [m]: above the label of the margin, so that both can be read."""
 GHOST_OPACITY = 0.3
 """Opacity of the other chair."""
 
@@ -112,6 +109,7 @@ class SceneView:
         self._obstacle: Any = None
         self._obstacle_at: Any = None
         self._ghost: _Body | None = None
+        self._ghost_label: Any = None
         self._add_world(server)
         self._chair = self._add_chair("/world/chair", None)
         self._add_marks()
@@ -175,9 +173,7 @@ class SceneView:
         self._seen = scene.add_line_segments("/world/nosings/perceived", nothing, SEEN, thickness=0.012)
         self._missed = scene.add_line_segments("/world/nosings/missed", nothing, MISSED, thickness=0.014)
         self._planes = [
-            scene.add_mesh_simple(
-                f"/world/planes/{name}", np.full((4 * PLANES_MAX, 3), -100.0), QUADS, color=colour, opacity=0.5, **FLAT
-            )
+            scene.add_mesh_simple(f"/world/planes/{name}", NOWHERE, QUADS, color=colour, opacity=0.5, **FLAT)
             for name, colour in (("treads", TREAD), ("risers", RISER))
         ]
         camera = self._camera
@@ -226,7 +222,7 @@ class SceneView:
         reach = stage.chair.rear_reach_m if stage.rear_camera else stage.chair.reach_m
         self._swept = scene.add_box(
             "/world/chair/swept",
-            color=SEEN,
+            color=SWEPT,
             dimensions=(SWEPT_M, 2.0 * swept, high - low),
             opacity=0.2,
             position=(ahead_m * (reach + 0.5 * SWEPT_M), 0.0, 0.5 * (low + high)),
@@ -249,17 +245,18 @@ class SceneView:
         zero = np.zeros(len(half))
         return poses[:, :3, 3].astype(np.float32), np.stack([np.cos(half), zero, np.sin(half), zero], axis=1).astype(np.float32)
 
-    def show(self, tape: Tape, t_s: float, choices: SceneChoices, ghost: Tape | None = None) -> None:
+    def show(self, tape: Tape, t_s: float, choices: SceneChoices, ghost: Tape | None = None, ghost_name: str = "") -> None:
         """Update the scene to an instant of a tape; nothing changes if the tape is empty.
 
         Args:
             ghost: Run whose chair is shown as a ghost at the same instant.
+            ghost_name: Change of that run, which labels its chair.
         """
         if not len(tape):
             return
         row = tape.at(t_s)
         self._move(self._chair, row)
-        self._show_ghost(ghost, t_s)
+        self._show_ghost(ghost, t_s, ghost_name)
         R_WB, p_WB = pose_of(row)
         self._world.position = (-float(p_WB[0]), 0.0, -float(p_WB[2])) if choices.follow else (0.0, 0.0, 0.0)
         self._show_heading(row, p_WB)
@@ -289,15 +286,22 @@ class SceneView:
                 row["left_travel_m"], row["right_travel_m"], row["flipper_rad"]
             )
 
-    def _show_ghost(self, ghost: Tape | None, t_s: float) -> None:
+    def _show_ghost(self, ghost: Tape | None, t_s: float, name: str) -> None:
         if ghost is None or not len(ghost):
             if self._ghost is not None:
-                self._ghost.root.visible = False
+                self._ghost.root.visible = self._ghost_label.visible = False
             return
         if self._ghost is None:
             self._ghost = self._add_chair("/world/ghost", GHOST_OPACITY)
-        self._ghost.root.visible = True
-        self._move(self._ghost, ghost.at(t_s))
+            self._ghost_label = self._scene.add_label("/world/ghost_label", "", anchor="bottom-center")
+        self._ghost.root.visible = self._ghost_label.visible = True
+        row = ghost.at(t_s)
+        self._move(self._ghost, row)
+        _, p_WB = pose_of(row)
+        self._ghost_label.position = p_WB + np.array([0.0, 0.0, LABEL_M])
+        self._ghost_label.text = f"fork: {name}" + (
+            f", ended at {ghost.end_s:.1f} s" if t_s > ghost.end_s and ghost.verdict else ""
+        )
 
     def _show_heading(self, row: dict[str, float], p_WB: Float[np.ndarray, " 3"]) -> None:
         staircase = self._stage.staircase
@@ -342,11 +346,15 @@ class SceneView:
         return row["payload_forward_m"] + x + a * sway, row["payload_left_m"] + y + b * sway, row["payload_up_m"]
 
     def _show_look(self, tape: Tape, t_s: float) -> None:
-        look = tape.look_at(t_s)
+        look = tape.fresh_look_at(t_s)
         if look is self._look:
             return
         self._look = look
         if look is None:
+            self._seen.visible = self._missed.visible = False
+            for node in self._planes:
+                node.vertices = NOWHERE
+            self._frustum.color, self._frustum.image = WARN, None
             return
         seen, missed = self._nosings.lines(look, tape.at(look.t_s))
         self._seen.visible, self._missed.visible = len(seen) > 0, len(missed) > 0
@@ -405,9 +413,3 @@ def _show_contacts(arrows: Any, found: ContactForces | None) -> None:
     if found is not None and len(found.points_W):
         tips = found.points_W + found.forces_W / CONTACT_N_PER_M
         arrows.points = np.stack([found.points_W, tips], axis=1).astype(np.float32)
-
-
-def pose_of(row: dict[str, float]) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
-    """Return rotation and position of the chair in a row of a tape."""
-    quaternion = np.array([row["qw"], row["qx"], row["qy"], row["qz"]])
-    return rotation_of(quaternion), np.array([row["x_m"], row["y_m"], row["z_m"]])

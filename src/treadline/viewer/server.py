@@ -11,7 +11,7 @@ from typing import Any
 from treadline.errors import SettingsError
 from treadline.viewer.access import AccessRules, Handler, RequestCheck
 
-FILES = ("handset.js", "narrow.css")
+FILES = ("handset.js", "jump.js", "narrow.css", "page.css")
 """Files that the page loads in addition to viser's."""
 TOKEN_BYTES = 18
 """Length of the token: 144 random bits, 24 letters in the address."""

@@ -17,6 +17,10 @@ from treadline.viewer.tape import Look, Tape
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 """Speeds of the display as multiples of real time."""
+STEPS = {"−1 s": -100, "−0.01 s": -1, "+0.01 s": 1, "+1 s": 100}
+"""Buttons that move the cursor, and their ticks."""
+TRANSPORT = ("start", "play", "end")
+"""Further buttons below the timeline; every other name than the outer two plays or pauses."""
 PAUSE, FASTEST = -1.0, 0.0
 """Speeds of a worker that mean pause and as fast as possible."""
 PICTURES_MAX = 1500
@@ -173,6 +177,8 @@ class Session:
     """Whether the cursor stays at the newest instant of a live run."""
     ghost: Feed | None = None
     ghost_from_s: float = 0.0
+    ghost_name: str = ""
+    """Change of the fork, for people."""
     manual: bool = False
     _handset: Handset = field(default_factory=Handset)
     _reported_at: float = 0.0
@@ -238,12 +244,12 @@ class Session:
         self.following = self.is_live and self.cursor_s >= self.tape.end_s - TICK_S
 
     def press_transport(self, button: str) -> None:
-        """Press a button below the timeline: ``start``, ``−1``, ``play``, ``+1`` or ``end``."""
+        """Press a button below the timeline: one of ``TRANSPORT`` or ``STEPS``."""
         match button:
             case "start":
                 self.seek(0.0)
-            case "−1" | "+1":
-                self.step(1 if button == "+1" else -1)
+            case _ if button in STEPS:
+                self.step(STEPS[button])
             case "end":
                 self.seek(self.tape.end_s)
                 self.following = self.is_live
@@ -342,15 +348,19 @@ class Session:
 
     # What if
 
-    def fork(self, change: Fault | None) -> None:
-        """Repeat the run to the cursor and go on with one change, or with none."""
+    def fork(self, change: Fault | None, name: str = "") -> None:
+        """Repeat the run to the cursor and go on with one change, or with none.
+
+        Args:
+            name: The change, for people.
+        """
         self.drop_ghost()
         tick = round(self.cursor_s / TICK_S) + 1
         before = [entry for entry in self.feed.script if entry[0] <= tick]
         if change is not None:
             before.append((tick, change.model_copy(update={"at_s": tick * TICK_S})))
         order = replace(self.feed.order, script=tuple(before), speed=FASTEST, attended=False, pictures=False, contacts=True)
-        self.ghost, self.ghost_from_s = Feed(order=order), self.cursor_s
+        self.ghost, self.ghost_from_s, self.ghost_name = Feed(order=order), self.cursor_s, name
         self.ghost.start()
 
     def drop_ghost(self) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.playback import Limits, PhaseSpan
+from treadline.playback.moments import ROUNDING_S, SILENT_S
 from treadline.playback.recording import SLIP_WINDOW_S, phases_of, slip_ratio
 from treadline.signals import TICK_S, Event
 
@@ -151,6 +152,11 @@ class Tape:
         """Return the newest camera frame that the mission had received at a time, None before the first."""
         number = bisect_right([look.taken_s for look in self.looks], t_s + 1e-6)
         return self.looks[number - 1] if number else None
+
+    def fresh_look_at(self, t_s: float) -> Look | None:
+        """Return the newest camera frame that the mission had received at a time; None if the camera is silent since then."""
+        look = self.look_at(t_s)
+        return look if look is not None and t_s - look.taken_s <= SILENT_S + ROUNDING_S else None
 
     def obstacle_at(self, t_s: float) -> Obstacle | None:
         """Return the obstacle at a time, None without one."""
