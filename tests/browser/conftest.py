@@ -25,6 +25,8 @@ OPTIONS = (
 """Switches of Chromium: no traffic of its own, and WebGL in software where there is no graphics card."""
 PATIENCE_S = 40.0
 """Longest wait for anything on the page [s]: two loaded cores draw the scene in software."""
+COMPILING_S = 300.0
+"""Longest wait for the start of a simulation [s]: on an empty cache its kernels are compiled first."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -47,14 +49,18 @@ class Page:
     def text(self) -> str:
         return str(self.driver.execute_script("return document.body ? document.body.innerText : ''"))
 
-    def until(self, wanted: Callable[[], Any], what: str) -> Any:
-        end = time.monotonic() + PATIENCE_S
+    def until(self, wanted: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
+        end = time.monotonic() + patience_s
         while time.monotonic() < end:
             found = wanted()
             if found is not None and found is not False:
                 return found
             time.sleep(0.1)
-        raise AssertionError(f"waited {PATIENCE_S:.0f} s for {what}; the page says:\n{self.text()}")
+        raise AssertionError(f"waited {patience_s:.0f} s for {what}; the page says:\n{self.text()}")
+
+    def until_it_runs(self) -> None:
+        """Wait for the simulation of a live run."""
+        self.until(lambda: self.t_s > 0.5, "a running simulation", COMPILING_S)
 
     def sees(self, pattern: str) -> "re.Match[str]":
         return self.until(lambda: re.search(pattern, self.text()), pattern)

@@ -114,7 +114,7 @@ def test_a_wrong_token_and_a_foreign_page_are_refused(page: Any, recorded: str, 
 def test_stop_rearm_and_a_fault_reach_the_chair_and_two_clients_see_it(page: Any, make_page: Callable[[], Any], live: str) -> None:
     """Test: two clients of one live run; the second is killed. Expected: both see stop, re-arm and fault, and the run goes on."""
     page.driver.get(live)
-    page.until(lambda: page.t_s > 0.5, "a running simulation")
+    page.until_it_runs()
     page.click("Control")
     page.click("STOP")
     page.sees("HOLD since .*\n?.*operator stop")
@@ -147,7 +147,7 @@ PUSHED = "window.pad.axes[1] = -1; window.pad.buttons[5].pressed = arguments[0];
 def driving(page: Any, by_hand: str) -> Iterator[Any]:
     """Page of a live run whose chair a person drives."""
     page.driver.get(by_hand)
-    page.until(lambda: page.t_s > 0.5, "a running simulation")
+    page.until_it_runs()
     page.click("Control")
     page.tick("Drive by hand")
     # Nobody holds the switch yet, so that the chair stands; a report of the page that a person drives takes 0.2 s.
@@ -209,7 +209,7 @@ def test_a_narrow_page_shows_scene_and_stop(page: Any, live: str) -> None:
     """Test: a phone of 390 by 844 px. Expected: STOP in view, the panels over less than half of the page, the scene drawn above."""
     with narrow(page):
         page.driver.get(live)
-        page.until(lambda: page.t_s > 0.5, "a running simulation")
+        page.until_it_runs()
         top = page.driver.execute_script(
             "const stop = [...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'STOP');"
             "const { top, bottom, width } = stop.getBoundingClientRect();"
