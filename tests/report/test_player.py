@@ -16,8 +16,9 @@ from treadline.faults import Fault
 from treadline.mechanics.chair import read_chair
 from treadline.playback import Recording
 from treadline.playback.moments import findings_of
+from treadline.report.answers import moments_of
 from treadline.report.packed import packed, packed_indices, unpacked
-from treadline.report.player import moments_of, player_data, player_page, write_player
+from treadline.report.player import player_data, player_page, write_player
 from treadline.report.plot_data import MOST_SAMPLES, uniform
 from treadline.report.scene import creases, scene_of
 from treadline.scenario import Chair

@@ -34,7 +34,7 @@ from treadline.viewer.pages import (
 )
 from treadline.viewer.plots import legend_html, plot_data, plot_specs
 from treadline.viewer.session import PAUSE, SILENT_S, Feed, Session
-from treadline.viewer.support import NEAR_M, support_of
+from treadline.viewer.support import support_of
 from treadline.viewer.tape import COLUMNS, DEPTH_STEP, NUMBER, Look, Obstacle, Tape
 
 END_S = 30.0
@@ -248,10 +248,11 @@ def test_the_support_is_the_flat_run_on_a_floor_and_less_over_an_edge() -> None:
     assert support_of(chair, staircase, np.eye(3), np.array([-2.0, 0.0, 0.5])) is None
 
 
-def test_the_support_reaches_as_far_as_that_of_the_tip_over_margin() -> None:
-    from treadline.devices.instruments import ROCKING_M
-
-    assert NEAR_M == ROCKING_M
+@pytest.mark.parametrize(("gap_m", "is_supported"), [(0.014, True), (0.016, False)])
+def test_the_support_reaches_as_far_as_that_of_the_tip_over_margin(gap_m: float, *, is_supported: bool) -> None:
+    """Test: a chair above the floor. Expected: support up to the 15 mm of the instruments' tip-over margin."""
+    staircase, chair = as_designed(Stair(steps=8)), read_chair("wheelchair")
+    assert (support_of(chair, staircase, np.eye(3), np.array([-2.0, 0.0, gap_m])) is not None) == is_supported
 
 
 def test_the_slip_ratio_is_zero_when_the_chair_follows_its_belts_and_one_when_it_stands() -> None:

@@ -14,6 +14,7 @@ from treadline.devices.transport import CameraLink, Encoder
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.stability import payload_com, payload_origin, seat_mass_kg
 from treadline.mechanics.staircase import Staircase
+from treadline.mechanics.tipping import ROCKING_M, TIP_GAP_M
 from treadline.mechanics.traction import friction_use
 from treadline.ports import Truth
 from treadline.scenario import Chair, Scenario
@@ -26,11 +27,6 @@ CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
 SUPPORT_TICKS = 25
 """Number of ticks during which a contact counts as support: contacts of a rocking chair are intermittent, and a chair drives 5 cm
 in a quarter of a second."""
-ROCKING_M = 0.015
-"""Largest gap between a nosing and the belts for the nosing to count as support [m]: the chair tips onto it within 1.5°."""
-TIP_GAP_M = 0.010
-"""Largest gap between the front tip and the ground for the tip to count as support [m]: the tip is 0.4 m ahead of the front pulley,
-so the chair tips onto it within 1.5°, as for ``ROCKING_M``. The capacity of the flipper motor is not considered."""
 SUPPORT_WITHIN_M = (ROCKING_M, TIP_GAP_M)
 """Support distances for ``kernels.truth``: ``ROCKING_M`` and ``TIP_GAP_M`` [m]."""
 SEAT_PITCH_NOISE_RAD = 0.05 * DEG

@@ -294,6 +294,18 @@ class Staircase:
             ]
         )
 
+    def above_ground_m(self, points_W: Float[np.ndarray, "n 3"], sunk_m: float = 0.0) -> Float[np.ndarray, " n"]:
+        """Return the height of points above the highest floor, tread or landing below them [m]; inf where there is none.
+
+        Args:
+            sunk_m: Largest height of the ground above a point that lies in it.
+        """
+        x, y, c, s, half_length, half_width, height = self.surfaces.T
+        dx, dy = points_W[:, :1] - x, points_W[:, 1:2] - y
+        inside = (np.abs(dx * c + dy * s) <= half_length) & (np.abs(dy * c - dx * s) <= half_width)
+        below = inside & (height <= points_W[:, 2:] + sunk_m)
+        return np.asarray(points_W[:, 2] - np.where(below, height, -np.inf).max(axis=1))
+
     def _under(self, step: Step, after: Step) -> float:
         """Return the length of a tread under the next step [m], so that a rotated nosing leaves no gap."""
         if self.open_risers:

@@ -16,6 +16,13 @@ MARGIN_LIMIT_RAD = 7.0 * DEG
 """Least accepted tip-over margin [rad]: the value of ISO 7176-24; conformity with the standard is not claimed."""
 
 
+ROCKING_M = 0.015
+"""Largest gap between a nosing and the belts for the nosing to count as support [m]: the chair tips onto it within 1.5°."""
+TIP_GAP_M = 0.010
+"""Largest gap between the front tip and the ground for the tip to count as support [m]: the tip is 0.4 m ahead of the front pulley,
+so the chair tips onto it within 1.5°, as for ``ROCKING_M``. The capacity of the flipper motor is not considered."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins:
     """Tip-over margins [rad]; negative after tipping."""

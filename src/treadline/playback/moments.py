@@ -20,14 +20,14 @@ from treadline.faults import EXTENTS, Fault, payload_shift_m
 from treadline.io.columns import read_contents
 from treadline.io.decode import CdrReader
 from treadline.io.mcap_read import has_arrivals
-from treadline.io.runs import LOG, MANIFEST
+from treadline.io.runs import LOG
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.stability import centre_of_mass
 from treadline.mechanics.staircase import Staircase
-from treadline.mechanics.tipping import Margins, Support, tipping_margins
-from treadline.models import read_json
+from treadline.mechanics.tipping import ROCKING_M, TIP_GAP_M, Margins, Support, tipping_margins
 from treadline.playback.nosings import NosingRecord, nosing_record
-from treadline.playback.recording import Recording
+from treadline.playback.read import manifest_of
+from treadline.playback.recording import SLIP_WINDOW_S, Recording
 from treadline.scenario import Chair
 from treadline.signals import Event
 
@@ -41,16 +41,9 @@ TURNED_SHARE = 0.9
 """Share of the slope that the median pitch on a flight exceeds; jitter of the steps changes the slope by less than a tenth."""
 SILENT_S = 0.3
 """Time without a frame from which a camera counts as silent [s]: three periods at 10 Hz, as the default of the guard's timeout."""
-SLIP_WINDOW_S = 0.5
-"""Time over which slip is judged [s], as in the guard's slip monitor."""
-NEAR_M = 0.015
-"""Largest gap between a nosing and the flat run for support [m]: ``ROCKING_M`` of the plant's instruments, which import compiled
-code."""
 CONTACT_M = 0.002
 """Largest gap of a contact between pulley and ground, or between nosing and flipper [m]. From 0.5 mm to 8 mm the share of samples
 whose margin agrees with the simulator's within 2° changes by at most three hundredths."""
-TIP_NEAR_M = 0.010
-"""Largest gap between the flipper's tip and the ground for support [m]: ``TIP_GAP_M`` of the plant's instruments."""
 ROUNDING_S = 1e-6
 """Rounding of stamps [s]."""
 
@@ -114,6 +107,16 @@ class Findings:
     """Events of the log and all other moments, in order of time."""
     holds: tuple[Hold, ...]
     nosings: NosingRecord | None
+    margin: tuple[float, float, Direction | None] | None
+    """Least tip-over margin, see ``least_margin``."""
+
+    @property
+    def margin_text(self) -> str:
+        """Least tip-over margin with its direction and time; empty without margins."""
+        if self.margin is None:
+            return ""
+        t_s, margin_rad, direction = self.margin
+        return f"least tip-over margin {margin_rad / DEG:.1f}°{f' {direction}' if direction else ''} at {t_s:.2f} s"
 
 
 def findings_of(recording: Recording, notes: LogNotes | None = None) -> Findings:
@@ -133,6 +136,7 @@ def findings_of(recording: Recording, notes: LogNotes | None = None) -> Findings
         moments=tuple(sorted(found, key=lambda moment: moment.t_s)),
         holds=holds_of(recording, notes),
         nosings=nosing_record(recording),
+        margin=least_margin(recording),
     )
 
 
@@ -141,15 +145,15 @@ def notes_of(recording: Recording) -> LogNotes:
 
     Raises:
         LogFormatError: If the log is damaged.
+        SettingsError: If its manifest is damaged.
     """
     source = Path(recording.source)
-    folder, log = (source, source / LOG) if source.is_dir() else (source.parent, source)
-    exposures_s = None
+    log = source / LOG if source.is_dir() else source
+    exposures_s, guard = None, None
     if recording.source and log.is_file() and has_arrivals(log):
         stamps = read_contents(log, [], [], [QUALITY]).messages.get(QUALITY)
         exposures_s = None if stamps is None else np.unique([CdrReader(message).time() for _, message in stamps])
-    of_run = recording.source and (source.is_dir() or source.name == LOG) and (folder / MANIFEST).is_file()
-    guard = read_json(folder / MANIFEST).get("guard") if of_run else None
+        guard = (manifest_of(source) or {}).get("guard")
     return LogNotes(
         exposures_s=exposures_s,
         guard=guard if isinstance(guard, dict) else {},
@@ -312,6 +316,7 @@ def holds_of(recording: Recording, notes: LogNotes) -> tuple[Hold, ...]:
     """Return each hold with its cause in full and with what preceded it."""
     found = []
     events = recording.events
+    reasons = (*fault_moments(notes.faults, recording.duration_s), *slipping(recording)) if len(recording.t_s) else ()
     for k, event in enumerate(events):
         if event.name != "hold":
             continue
@@ -321,7 +326,7 @@ def holds_of(recording: Recording, notes: LogNotes) -> tuple[Hold, ...]:
                 start_s=event.t_s,
                 end_s=max(end_s, event.t_s),
                 cause=full_cause(event, recording, notes.guard),
-                chain=_chain(event, recording, notes),
+                chain=_chain(event, recording, reasons),
             )
         )
     return tuple(found)
@@ -347,14 +352,16 @@ def roll_back_m(recording: Recording, t_s: float) -> float | None:
     return float(np.max(up) - up[-1]) if len(up) and np.isfinite(up).all() else None
 
 
-def _chain(hold: Event, recording: Recording, notes: LogNotes) -> tuple[Moment, ...]:
-    """Return faults active in the phase of the hold, slip, and the guard's interventions since the first of them."""
+def _chain(hold: Event, recording: Recording, reasons: Iterable[Moment]) -> tuple[Moment, ...]:
+    """Return faults and slip in the phase of the hold, and the guard's interventions since the first of them.
+
+    Args:
+        reasons: All faults and all slip of the run.
+    """
     phase = recording.phase_at(hold.t_s)
     since_s = recording.t_s[0] if phase is None else phase.start_s
     before = [
-        moment
-        for moment in (*fault_moments(notes.faults, recording.duration_s), *slipping(recording))
-        if moment.t_s <= hold.t_s + ROUNDING_S and (moment.end_s is None or moment.end_s >= since_s)
+        moment for moment in reasons if moment.t_s <= hold.t_s + ROUNDING_S and (moment.end_s is None or moment.end_s >= since_s)
     ]
     since_s = min((moment.t_s for moment in before), default=since_s)
     slowed = [
@@ -428,24 +435,16 @@ def _support(
     axes = np.array([[-half_m, radius_m], [half_m, radius_m], [tip_x, radius_m + tracks.approach_m * math.sin(flipper_rad)]])
     nosings = ((staircase.nosings_W - p_WB) @ R_WB)[:, [0, 2]]
     inside = np.abs(nosings[:, 0]) < half_m
-    touched = inside & (np.abs(nosings[:, 1]) < NEAR_M)
+    touched = inside & (np.abs(nosings[:, 1]) < ROCKING_M)
     for start, end in pairwise(axes):
         share = np.clip((nosings - start) @ (end - start) / max(float(np.dot(end - start, end - start)), 1e-12), 0.0, 1.0)
         touched |= np.linalg.norm(nosings - start - share[:, None] * (end - start), axis=1) - radius_m < CONTACT_M
     reach = nosings[touched, 0].tolist()
     # A pulley's lowest point is below its axis in W.
-    for (x, z), within_m in zip(axes, (CONTACT_M, CONTACT_M, TIP_NEAR_M), strict=True):
+    for (x, z), within_m in zip(axes, (CONTACT_M, CONTACT_M, TIP_GAP_M), strict=True):
         ends_B = np.array([[x, side * 0.5 * tracks.gauge_m, z] for side in (-1.0, 1.0)])
-        if (_above_ground_m(staircase, p_WB + ends_B @ R_WB.T) - radius_m <= within_m).any():
+        if (staircase.above_ground_m(p_WB + ends_B @ R_WB.T) - radius_m <= within_m).any():
             reach.append(float(x - radius_m * R_WB[2, 0]))
     if not reach:
         return None
     return Support(front_m=max(reach), rear_m=-min(reach), left_m=side_m, right_m=side_m)
-
-
-def _above_ground_m(staircase: Staircase, points_W: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-    """Return the height of points above the highest floor, tread or landing below them [m]; inf where there is none."""
-    x, y, c, s, half_length, half_width, height = staircase.surfaces.T
-    dx, dy = points_W[:, :1] - x, points_W[:, 1:2] - y
-    inside = (np.abs(dx * c + dy * s) <= half_length) & (np.abs(dy * c - dx * s) <= half_width)
-    return np.asarray(points_W[:, 2] - np.where(inside & (height < points_W[:, 2:]), height, -np.inf).max(axis=1))

@@ -48,8 +48,13 @@ class NosingRecord:
 
     def missed(self) -> dict[int, tuple[float, ...]]:
         """Return the exposure times of the frames that missed a nosing, by the number of the nosing [s]."""
-        numbers = sorted({number for frame in self.frames for number in frame.missed})
-        return {number: tuple(frame.t_s for frame in self.frames if number in frame.missed) for number in numbers}
+        numbers = sorted({number for frame in self.missing for number in frame.missed})
+        return {number: tuple(frame.t_s for frame in self.missing if number in frame.missed) for number in numbers}
+
+    @property
+    def missing(self) -> tuple[FrameNosings, ...]:
+        """Frames that missed a nosing."""
+        return tuple(frame for frame in self.frames if frame.missed)
 
     def verdict(self) -> str:
         """Return one sentence about all frames."""
@@ -57,9 +62,8 @@ class NosingRecord:
         missed = self.missed()
         if not missed:
             return f"no nosing was missed in {count} frame{'' if count == 1 else 's'} with a perceived stair"
-        frames = sum(bool(frame.missed) for frame in self.frames)
         parts = "; ".join(_counted(number, times) for number, times in missed.items())
-        return f"{frames} of {count} frames with a perceived stair missed a nosing: {parts}"
+        return f"{len(self.missing)} of {count} frames with a perceived stair missed a nosing: {parts}"
 
 
 def _counted(number: int, times_s: tuple[float, ...]) -> str:

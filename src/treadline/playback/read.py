@@ -65,8 +65,8 @@ def read_recording(target: str | Path) -> Recording:
     path = Path(target)
     if not path.exists():
         raise LogFormatError(f"{path}: no such file or folder; give a run folder, an MCAP log or a ROS bag")
-    folder = path if path.is_dir() else path.parent
-    if (folder / MANIFEST).is_file() and (path.is_dir() or path.name == LOG):
+    folder = run_folder_of(path)
+    if folder is not None:
         return _of_run(folder)
     if path.is_file() and has_arrivals(path):
         manifest = manifest_in(path)
@@ -81,6 +81,25 @@ def read_recording(target: str | Path) -> Recording:
     for signal, taken_s in _bag_signals(path):
         builder(signal, taken_s)
     return builder.build()
+
+
+def run_folder_of(target: Path) -> Path | None:
+    """Return the run folder of a folder or of the log in it; None for a log on its own and for a bag."""
+    folder = target if target.is_dir() else target.parent
+    return folder if (folder / MANIFEST).is_file() and (target.is_dir() or target.name == LOG) else None
+
+
+def manifest_of(target: Path) -> dict[str, Any] | None:
+    """Return the manifest of a run folder, or the one that a log on its own keeps; None without one.
+
+    Raises:
+        LogFormatError: If the log is damaged.
+        SettingsError: If the manifest is damaged.
+    """
+    folder = run_folder_of(target)
+    if folder is not None:
+        return read_json(folder / MANIFEST)
+    return manifest_in(target) if target.is_file() and has_arrivals(target) else None
 
 
 def manifest_in(log: Path) -> dict[str, Any] | None:

@@ -9,13 +9,11 @@ import hashlib
 import io
 import json
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from PIL import Image
@@ -23,8 +21,9 @@ from PIL import Image
 from treadline.angles import DEG, rotation_of
 from treadline.models import write_whole
 from treadline.playback import PerceivedStair, Recording, read_frames
-from treadline.playback.moments import Findings, Hold, Moment, findings_of, least_margin, on_flight
-from treadline.playback.nosings import FrameNosings, NosingRecord, comparison_of
+from treadline.playback.moments import Findings, Hold, Moment, findings_of
+from treadline.playback.nosings import FrameNosings, comparison_of
+from treadline.report.answers import moments_of
 from treadline.report.packed import packed
 from treadline.report.plot_data import plots_of, uniform
 from treadline.report.scene import scene_of
@@ -36,10 +35,6 @@ IMAGE_PX, IMAGE_QUALITY, MOST_IMAGES = 240, 62, 120
 """Height, JPEG quality and largest number of embedded camera images: about 10 kB each, so 1.2 MB."""
 TALL_M = 1.4
 """Height of a seated passenger's head above the ground [m], with room: the drawn passenger is 1.3 m tall."""
-MOST_SPANS = 3
-"""Largest number of spans without a frame or a stair among the answers."""
-SHOWN = ("tips over the top edge", "level on the landing", "level on the floor", "slip")
-"""Names of the motions among the answers."""
 SETTLED_RAD = 2.0 * DEG
 """Largest deviation from the final heading of a settled run [rad], as in the settling time of the scores."""
 TRANSIENT_SHARE = 0.5
@@ -120,7 +115,10 @@ def player_data(recording: Recording) -> dict[str, Any]:
             for moment in _listed(findings)
         ],
         "holds": [_hold(hold) for hold in findings.holds],
-        "missed": [{"t": frame.t_s, "numbers": _runs(list(frame.missed))} for frame in _missing(findings.nosings)],
+        "missed": [
+            {"t": frame.t_s, "numbers": _runs(list(frame.missed))}
+            for frame in (findings.nosings.missing if findings.nosings else ())
+        ],
         "moments": moments_of(recording, findings),
         "terms": {name: {"text": text, "labels": labels} for name, (text, labels) in TERMS.items()},
         "phase_terms": PHASES,
@@ -137,10 +135,6 @@ def _listed(findings: Findings) -> list[Moment]:
         replace(moment, cause=causes.get(moment.t_s, moment.cause)) if moment.name == "hold" else moment
         for moment in findings.moments
     ]
-
-
-def _missing(record: NosingRecord | None) -> list[FrameNosings]:
-    return [] if record is None else [frame for frame in record.frames if frame.missed]
 
 
 def _hold(hold: Hold) -> dict[str, Any]:
@@ -192,65 +186,6 @@ def _summary(recording: Recording) -> str:
 def _scene_text(recording: Recording) -> str:
     phases = ", ".join(span.name for span in recording.phases)
     return f"Scene of chair and stair over {recording.duration_s:.0f} s" + (f"; phases: {phases}" if phases else "")
-
-
-def moments_of(recording: Recording, findings: Findings) -> list[dict[str, Any]]:
-    """Return the answers to the usual questions, each with the time to which it leads.
-
-    Holds with their faults, least margin, ends of the flight, missed nosings, spans without camera or stair, and extremes.
-    """
-    found: list[dict[str, Any]] = []
-    for hold in findings.holds:
-        faults = [moment for moment in hold.chain if moment.kind == "fault"]
-        found += [_answer(f"fault at {moment.t_s:.2f} s: {moment.cause}", moment.t_s, "fault") for moment in faults]
-        found.append(_answer(f"hold at {hold.start_s:.2f} s: {hold.cause}", hold.start_s, "hold"))
-    if (least := least_margin(recording)) is not None:
-        t_s, margin_rad, direction = least
-        towards = "" if direction is None else f" {direction}"
-        found.append(_answer(f"least tip-over margin {margin_rad / DEG:.1f}°{towards} at {t_s:.2f} s", t_s))
-    shown = [moment for moment in findings.moments if moment.name in SHOWN]
-    found += [_answer(f"{moment.name} at {moment.t_s:.2f} s", moment.t_s, note=moment.cause) for moment in shown]
-    if findings.nosings is not None and findings.nosings.frames:
-        missing = _missing(findings.nosings)
-        found.append(_answer(findings.nosings.verdict(), missing[0].t_s if missing else None, "missed" if missing else ""))
-    found += [_answer(f"{moment.name} {moment.cause}", moment.t_s, "perception") for moment in _longest(findings.moments)]
-    use = np.where(on_flight(recording), recording.friction_use, np.nan)
-    needed = _friction_needed(recording, use)
-    found += _extreme(recording.t_s, 100.0 * use, "highest friction use on the flight", " %", digits=0, more=needed)
-    found += _extreme(recording.t_s, recording.pitch_rate_rad_s / DEG, "fastest pitch", "°/s")
-    error_rad = recording.estimate_rad - recording.heading_rad
-    return found + _extreme(recording.t_s, error_rad / DEG, "largest heading error of the estimate", "°")
-
-
-def _longest(moments: Sequence[Moment]) -> list[Moment]:
-    """Return the longest spans without a frame or without a stair, in order of time; the list of events has all."""
-    unseen = [moment for moment in moments if moment.kind == "perception"]
-    longest = sorted(unseen, key=lambda moment: moment.t_s - (moment.end_s or moment.t_s))[:MOST_SPANS]
-    return sorted(longest, key=lambda moment: moment.t_s)
-
-
-def _answer(label: str, t_s: float | None, kind: str = "", note: str = "") -> dict[str, Any]:
-    """Return an answer: its text, the time to which it leads, its kind as a style, and a note for its tooltip."""
-    return {"label": label, "t": t_s, "kind": kind, "note": note}
-
-
-def _extreme(
-    t_s: Float[np.ndarray, " T"], values: Float[np.ndarray, " T"], words: str, unit: str, *, digits: int = 1, more: str = ""
-) -> list[dict[str, Any]]:
-    """Return the value of the largest magnitude with its time, or nothing if no value is known."""
-    if not np.isfinite(values).any():
-        return []
-    k = int(np.nanargmax(np.abs(values)))
-    value = f"{values[k]:.{digits}f}".replace("-", "−")
-    return [_answer(f"{words} {value}{unit} at {t_s[k]:.2f} s{more}", float(t_s[k]))]
-
-
-def _friction_needed(recording: Recording, use: Float[np.ndarray, " T"]) -> str:
-    """Return below which friction the chair would slide; empty if it slides, or if the friction is unknown."""
-    if recording.scenario is None or not np.isfinite(use).any() or not 0.0 < (most := float(np.nanmax(use))) < 1.0:
-        return ""
-    along = recording.scenario.stair.friction[0]
-    return f"; the chair slides on steps with friction below {most * along:.2f} (here {along:g})"
 
 
 def _pose(recording: Recording) -> dict[str, Any]:

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from treadline.angles import DEG
 from treadline.faults import Fault
 from treadline.mechanics.chair import ChairDescription
 from treadline.playback import Recording
-from treadline.playback.moments import LogNotes, Moment, findings_of, least_margin
+from treadline.playback.moments import LogNotes, Moment, findings_of
+from treadline.report.answers import moments_of
 from treadline.viewer.recorded import recording_of
 from treadline.viewer.session import Feed
 
@@ -47,11 +47,9 @@ class RunMoments:
             recording, notes = self.recording, None
         else:
             recording, notes = self._live(feed)
-        from treadline.report.player import moments_of  # imports templates and images, which the first picture can do without
-
         findings = findings_of(recording, notes)
         self.listed, self.answers = findings.moments, tuple(moments_of(recording, findings))
-        self.margin = margin_text(recording)
+        self.margin = findings.margin_text
         cost_s = time.perf_counter() - began_s
         self._due_s = began_s + max(LEAST_PAUSE_S, cost_s / LARGEST_SHARE)
         return True
@@ -64,13 +62,3 @@ class RunMoments:
         recording = recording_of(feed.tape, self.chair, scenario, order.seed)
         exposures_s = np.array([look.t_s for look in feed.tape.looks])
         return replace(recording, verdict=feed.tape.verdict), LogNotes(exposures_s=exposures_s, faults=scenario.fault)
-
-
-def margin_text(recording: Recording) -> str:
-    """Return the least tip-over margin of a recording with its direction; empty without margins."""
-    least = least_margin(recording)
-    if least is None:
-        return ""
-    t_s, margin_rad, direction = least
-    towards = "" if direction is None else f" {direction}"
-    return f"least tip-over margin {margin_rad / DEG:.1f}°{towards} at {t_s:.2f} s"

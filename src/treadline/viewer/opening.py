@@ -8,11 +8,11 @@ import numpy as np
 
 from treadline.errors import LogFormatError, SettingsError
 from treadline.io.mcap_read import has_arrivals, run_metadata
-from treadline.io.runs import FORMER_RUN_CONTROLLER, LOG, MANIFEST, RUN_CONTROLLER
+from treadline.io.runs import FORMER_RUN_CONTROLLER, LOG, RUN_CONTROLLER
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.staircase import build_staircase
-from treadline.models import ControllerDesign, json_of, read_json
-from treadline.playback import Recording, manifest_in
+from treadline.models import ControllerDesign, json_of
+from treadline.playback import Recording, manifest_of, run_folder_of
 from treadline.scenario import Belts, Scenario, read_scenario
 from treadline.viewer.orders import ImageOrder, Order, Worker
 from treadline.viewer.scene import Stage
@@ -117,30 +117,19 @@ def stage_of(scenario: Scenario, seed: int, chair: ChairDescription) -> Stage:
     )
 
 
-def _folder_of(target: Path) -> Path | None:
-    """Return the run folder of a target, or None for a log on its own."""
-    if target.is_dir():
-        return target
-    return target.parent if target.name == LOG and (target.parent / MANIFEST).is_file() else None
-
-
 def _controller_of(target: Path) -> ControllerDesign | None:
     """Return the controller that a run folder or the metadata of a log keeps."""
-    folder = _folder_of(target)
+    folder = run_folder_of(target)
     if folder is not None:
         found = next((folder / name for name in (RUN_CONTROLLER, FORMER_RUN_CONTROLLER) if (folder / name).is_file()), None)
         return None if found is None else ControllerDesign.load(found)
-    kept = run_metadata(target).get("controller") if has_arrivals(target) else None
+    kept = run_metadata(target).get("controller") if target.is_file() and has_arrivals(target) else None
     return None if kept is None else ControllerDesign.of_tables(json_of(kept, str(target)), target)
 
 
 def _has_plugins(target: Path) -> bool:
     """Return whether a run used plug-ins, which are never loaded on behalf of a log."""
-    folder = _folder_of(target)
-    if folder is not None:
-        return (folder / MANIFEST).is_file() and bool(read_json(folder / MANIFEST).get("plugins"))
-    manifest = manifest_in(target) if has_arrivals(target) else None
-    return manifest is not None and bool(manifest.get("plugins"))
+    return bool((manifest_of(target) or {}).get("plugins"))
 
 
 def check_export(path: Path, *, force: bool) -> None:

@@ -8,10 +8,8 @@ from jaxtyping import Float
 
 from treadline.mechanics.chair import ChairDescription
 from treadline.mechanics.staircase import Staircase
+from treadline.mechanics.tipping import ROCKING_M
 
-NEAR_M = 0.015
-"""Largest gap under a supported point of the belts [m]: ``ROCKING_M`` of the plant's instruments, repeated here because they import
-compiled code."""
 SAMPLES = 49
 """Points along the flat run of a belt: 2 cm apart for a run of 0.95 m, less than the depth of the strip that supports it."""
 ACROSS = 3
@@ -23,23 +21,14 @@ def support_of(
 ) -> tuple[float, float, float, float] | None:
     """Return the reach of the supported points from B [m], front, rear, left, right, each positive outwards; None without support.
 
-    A point of the belts' lower line is supported if ground is at most ``NEAR_M`` below it, as for the tip-over margin.
+    A point of the belts' lower line is supported if ground is at most ``ROCKING_M`` below it, as for the tip-over margin.
     """
     tracks = chair.tracks
     along = np.linspace(-0.5 * tracks.flat_run_m, 0.5 * tracks.flat_run_m, SAMPLES)
     aside = 0.5 * tracks.gauge_m + np.linspace(-0.5, 0.5, ACROSS) * tracks.belt_width_m
     x, y = (grid.ravel() for grid in np.meshgrid(along, np.concatenate([-aside, aside]), indexing="ij"))
     points_W = p_WB + np.stack([x, y, np.zeros(len(x))], axis=1) @ R_WB.T
-    near = ground_below(staircase, points_W) <= NEAR_M
+    near = staircase.above_ground_m(points_W, ROCKING_M) <= ROCKING_M
     if not near.any():
         return None
     return float(x[near].max()), float(-x[near].min()), float(y[near].max()), float(-y[near].min())
-
-
-def ground_below(staircase: Staircase, points_W: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-    """Return the height of points above the highest floor, tread or landing near or below them [m]; inf where there is none."""
-    x, y, c, s, half_length, half_width, height = staircase.surfaces.T
-    dx, dy = points_W[:, :1] - x, points_W[:, 1:2] - y
-    inside = (np.abs(dx * c + dy * s) <= half_length) & (np.abs(dy * c - dx * s) <= half_width)
-    below = inside & (height <= points_W[:, 2:] + NEAR_M)
-    return np.asarray(points_W[:, 2] - np.where(below, height, -np.inf).max(axis=1))

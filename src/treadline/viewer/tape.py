@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.playback import Limits, PhaseSpan
-from treadline.playback.moments import ROUNDING_S, SILENT_S
+from treadline.playback.moments import ROUNDING_S, SILENT_S, holding_at
 from treadline.playback.recording import SLIP_WINDOW_S, phases_of, slip_ratio
 from treadline.signals import TICK_S, Event
 
@@ -172,7 +172,4 @@ class Tape:
 
     def holding_at(self, t_s: float) -> Event | None:
         """Return the event of the hold that lasts at a time, None if the guard does not hold."""
-        last = next(
-            (event for event in reversed(self.events) if event.t_s <= t_s + 1e-6 and event.name in ("hold", "rearmed")), None
-        )
-        return last if last is not None and last.name == "hold" else None
+        return holding_at(self.events, t_s)
