@@ -1,8 +1,10 @@
 """Fusion of frames: errors agree with their declared variances, and a map outlives refused and wrong frames."""
 
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -219,3 +221,19 @@ def test_the_covariance_stays_symmetric_and_positive() -> None:
         nosings.update([(k, (0.3 * k + 1.0 + 0.02 * float(rng.normal()), 0.16 * k), 1.0 + 0.3 * k) for k in numbers])
     np.testing.assert_allclose(nosings.covariance, nosings.covariance.T, atol=1e-12)
     assert np.linalg.eigvalsh(nosings.covariance).min() > -1e-12
+
+
+def test_the_noise_model_is_that_of_the_statistical_camera_and_of_the_detector() -> None:
+    """Test: constants next to the fit and the detector that they stand for. Expected: equal up to the digits of the docstrings."""
+    from treadline.mission import flight_shape, nosing_filter
+    from treadline.perception.lattice_kernels import RISE_IRREGULAR_M, RUN_IRREGULAR_M
+    from treadline.perception.robust import GRAVITY_SIGMA
+
+    camera = json.loads((resources.files("treadline") / "data/cameras/statistical.json").read_text(encoding="utf-8"))
+    for axis, name in enumerate(("along", "height")):
+        frozen, decaying, length_m = camera["shared"][f"nosing {name}"]
+        assert nosing_filter.COMMON[axis] == camera["common"][name]
+        assert pytest.approx(length_m, abs=0.01) == nosing_filter.CORRELATED_M
+        assert pytest.approx(1.0 - frozen - decaying, abs=0.02) == nosing_filter.OWN_SHARE
+    assert tuple(flight_shape.IRREGULAR_M) == (RUN_IRREGULAR_M, RISE_IRREGULAR_M)
+    assert flight_shape.GRAVITY_RAD == GRAVITY_SIGMA
