@@ -39,8 +39,6 @@ REPLAY = Scenario(
     sensors=Sensors(camera="statistical"),
 )
 """Recorded run: 300 s at 0.1 m/s on one flight, with every signal of a log and without images."""
-FLAGS = tuple(flag for flag in HEADLESS if not flag.startswith("--use-"))
-"""Flags of the browser. With WebGL in software the page itself must not be drawn by WebGL: a fifth of the frames would remain."""
 WINDOW = (1440, 900)
 SETTLING_S = 4.0
 """Time from the first picture to the measurement of the updates [s]: the compiled code of the simulation is loaded."""
@@ -90,7 +88,7 @@ def browser() -> Iterator[Any]:
     options = webdriver.ChromeOptions()
     options.binary_location = chromium
     with tempfile.TemporaryDirectory() as profile:
-        for option in (*FLAGS, f"--window-size={WINDOW[0]},{WINDOW[1]}", f"--user-data-dir={profile}"):
+        for option in (*HEADLESS, f"--window-size={WINDOW[0]},{WINDOW[1]}", f"--user-data-dir={profile}"):
             options.add_argument(option)
         options.set_capability("goog:loggingPrefs", {"performance": "ALL"})
         driver = webdriver.Chrome(options=options, service=Service(driver_path))

@@ -16,13 +16,11 @@ from typing import Any
 
 import pytest
 
+from treadline.report.climb_picture import HEADLESS
+
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-OPTIONS = (
-    "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader",
-    "--window-size=1440,900",
-)  # fmt: skip
-"""Switches of Chromium: no traffic of its own, and WebGL in software where there is no graphics card."""
+OPTIONS = (*HEADLESS, "--disable-quic", "--window-size=1440,900")
+"""Flags of Chromium."""
 PATIENCE_S = 40.0
 """Longest wait for anything on the page [s]: two loaded cores draw the scene in software."""
 COMPILING_S = 300.0
