@@ -75,6 +75,11 @@ class PinholeCamera:
     """Kind of the depth sensor, a prior of its noise."""
 
     @property
+    def pinhole(self) -> tuple[float, float, float, float]:
+        """Focal lengths and principal point fx, fy, cx, cy [px]."""
+        return self.fx_px, self.fy_px, self.cx_px, self.cy_px
+
+    @property
     def R_BC(self) -> Float[np.ndarray, "3 3"]:
         """Rotation of the camera in the chair frame B."""
         return _turned(self.mount_yaw_rad, self.mount_pitch_rad, self.mount_roll_rad).copy()

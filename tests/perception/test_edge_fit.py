@@ -9,11 +9,10 @@ from jaxtyping import Float
 from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.mechanics.chair import read_chair
 from treadline.perception.edge_fit import EdgeFit, fit_edges
-from treadline.perception.gravity_from_treads import down_of_treads
-from treadline.perception.kernels import BEYOND
-from treadline.perception.lines import Line
+from treadline.perception.gravity import down_of_treads
 from treadline.perception.steps import NosingObservation
-from treadline.perception.surfaces import Ends, Surface
+from treadline.perception.surface_kernels import BEYOND
+from treadline.perception.surfaces import Ends, Line, Surface
 
 CAMERA = read_chair("wheelchair").camera_at(240)
 DOWN = np.array([0.0, 1.0, 0.0])

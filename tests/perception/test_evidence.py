@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG
 from treadline.perception import StairDetector
-from treadline.perception.lattice import EVIDENCE, UNCONFIRMED
+from treadline.perception.acceptance import EVIDENCE, UNCONFIRMED
 from treadline.perception.lattice_kernels import best_lattice
 from treadline.perception.stair_shape import Placed, spacing
 from treadline.perception.steps import seed_points
@@ -139,11 +139,11 @@ def test_rise_and_run_far_away_are_in_their_intervals(sensor: str, distance_m: f
 @pytest.mark.parametrize(("noise_px", "low", "high"), [(0.055, 1.0, 1.0), (0.15, 1.4, 2.6), (0.6, 3.0, 3.0)])
 def test_noise_of_a_frame_scales_its_thresholds(noise_px: float, low: float, high: float) -> None:
     """Test: white disparity noise on a plane; 0.16 px is a block's limit. Expected result: 1 for a Kinect, 2.2 times the ratio."""
-    from treadline.perception import kernels
+    from treadline.perception import surface_kernels
 
     rng = np.random.default_rng(3)
     nearness = 0.5 + BLOCK_RESIDUAL * noise_px / 0.16 * rng.standard_normal((320, 240))
-    cells = kernels.cell_sums(nearness, 4, 285.0, 285.0, 159.5, 119.5, 0.4, 4.5)
+    cells = surface_kernels.cell_sums(nearness, 4, (285.0, 285.0, 159.5, 119.5), 0.4, 4.5)
     noise, window_px = noise_of(cells, 0.6 * 16)
     assert low <= noise <= high
     # White noise; cells of 16 pixels show its correlation to 0.3 px.

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from treadline.mechanics.chair import read_chair
-from treadline.perception.kernels import BEYOND
-from treadline.perception.lines import Line, nosing_line
-from treadline.perception.surfaces import Ends, Surface
+from treadline.perception.surface_kernels import BEYOND
+from treadline.perception.surfaces import Ends, Line, Surface
 
 CAMERA = read_chair("wheelchair").camera_at(240)
 NO_ENDS = Ends(columns=np.arange(0), rows=np.zeros(0), follows=np.full(0, BEYOND))
@@ -25,7 +24,7 @@ def line_of(*beside: tuple[int, int, float]) -> Line:
     plane = Surface(
         normal=normal, covariance=1e-8 * np.eye(3), centre=np.array([0.0, 0.5, 1.0]), blocks=np.arange(9), upper=NO_ENDS, lower=ends
     )
-    found = nosing_line(plane, "lower", CAMERA)
+    found = plane.line("lower", CAMERA)
     assert found is not None
     return found
 

@@ -8,9 +8,7 @@ from jaxtyping import Float
 
 from treadline.angles import DEG, rotation_x, rotation_y
 from treadline.mechanics.chair import read_chair
-from treadline.perception.kernels import BEYOND
-from treadline.perception.lines import End, Line
-from treadline.perception.nuisance.directions import (
+from treadline.perception.nuisance import (
     MOTION,
     RATE_RAD_S,
     READOUT_S,
@@ -20,7 +18,8 @@ from treadline.perception.nuisance.directions import (
     turns_of_line,
     turns_of_surface,
 )
-from treadline.perception.surfaces import Ends, Surface, surface_blocks
+from treadline.perception.surface_kernels import BEYOND
+from treadline.perception.surfaces import End, Ends, Line, Surface, surface_blocks
 from treadline.sim.camera import ViewRecipe, draw_view
 
 CAMERA = read_chair("wheelchair").camera_at(240)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.perception import kernels
+from treadline.perception import surface_kernels
 
 FOCAL_PX = 285.0
 PLANE = np.array([0.02, 0.45, 0.31])
@@ -15,7 +15,7 @@ NOISE = 1e-3
 def sums_of(rows: range, columns: range, seed: int = 0) -> Float[np.ndarray, "10"]:
     """Return the sums over some pixels that see the plane, in an image of 320×240."""
     rng = np.random.default_rng(seed)
-    sums = np.zeros(kernels.SUMS)
+    sums = np.zeros(surface_kernels.SUMS)
     for v in rows:
         for u in columns:
             x, y = (u - 159.5) / FOCAL_PX, (v - 119.5) / FOCAL_PX
@@ -34,7 +34,7 @@ def test_a_plane_is_found_within_what_its_covariance_says(
     squares = []
     for seed in range(20):
         plane, inverse = np.empty(3), np.empty((3, 3))
-        assert kernels.solved_plane(sums_of(rows, columns, seed), plane, inverse) > 0.0
+        assert surface_kernels.solved_plane(sums_of(rows, columns, seed), plane, inverse) > 0.0
         assert np.linalg.eigvalsh(inverse).min() > 0.0
         off = plane - PLANE
         squares.append(off @ np.linalg.solve(inverse * NOISE**2, off))
@@ -49,4 +49,4 @@ def test_pixels_in_one_row_or_column_have_no_plane(at: int) -> None:
         for last in range(30, 240, 7):
             plane, inverse = np.empty(3), np.empty((3, 3))
             sums = sums_of(rows[:last], columns[:last])
-            assert np.isnan(kernels.solved_plane(sums, plane, inverse))
+            assert np.isnan(surface_kernels.solved_plane(sums, plane, inverse))

@@ -8,9 +8,9 @@ import pytest
 from treadline.angles import rotation_y
 from treadline.mechanics.chair import read_chair
 from treadline.mechanics.staircase import build_staircase
-from treadline.perception import kernels, stair_map
-from treadline.perception.detection import SWEPT_HALF_M
+from treadline.perception import point_kernels, stair_map
 from treadline.perception.detector import DetectorConfig, StairDetector
+from treadline.perception.flat_ground import SWEPT_HALF_M
 from treadline.scenario import Stair
 from treadline.sim.camera import Camera
 from treadline.sim.camera.solids import SceneBox, solids_of
@@ -51,8 +51,8 @@ def test_what_is_no_higher_than_an_edge_spreads_is_nothing(depth_m: float, heigh
     strip = np.where((above > height_m - 0.01) & (above < height_m), depth_m, np.nan)
     depth = np.repeat(strip[:, None], 20, axis=1).astype(np.float32)
     axes = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [0.0, -1.0, 0.0]])
-    found = kernels.points_above(
-        depth, 1, focal, focal, 10.0, 120.0, axes, -0.5, -0.5, stair_map.CLEAR_M, stair_map.BLUR_RAD, 1.5, 0.0, 0.0, 9.0
+    found = point_kernels.points_above(
+        depth, 1, (focal, focal, 10.0, 120.0), axes, -0.5, -0.5, stair_map.CLEAR_M, stair_map.BLUR_RAD, 1.5, 0.0, 0.0, 9.0
     )
     assert bool(len(found)) is met
 

@@ -12,13 +12,14 @@ from jaxtyping import UInt8
 from treadline.angles import DEG
 from treadline.errors import ImageError
 from treadline.frames.named_frame import NamedFrame
-from treadline.perception.detection import StairDetection, StairShape, refused
+from treadline.perception.detection import StairDetection, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.overlay import overlay
 from treadline.perception.paper.algorithm import PaperConfig
 from treadline.perception.paper.edges import ThresholdRule
 from treadline.perception.paper.heading import heading_about
 from treadline.perception.paper.pictures import write_picture, write_stages
+from treadline.perception.stair_shape import StairShape
 from treadline.signals import RgbdFrame, StairMap
 
 NO_MOUNT = (

@@ -24,7 +24,7 @@ from treadline.mission.drivers import Driver
 from treadline.mission.guard import Guard
 from treadline.mission.planner import Planner
 from treadline.mission.rates import seat_now
-from treadline.perception.detection import SWEPT_HALF_M
+from treadline.perception.flat_ground import SWEPT_HALF_M
 from treadline.ports import Plant
 from treadline.signals import (
     TICK_S,

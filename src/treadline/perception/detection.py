@@ -7,32 +7,11 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from treadline.angles import DEG
-from treadline.perception.steps import Direction, NosingObservation
+from treadline.perception.stair_shape import StairShape
+from treadline.perception.steps import NosingObservation
 from treadline.perception.surfaces import PlanarBlocks, Surface
 from treadline.printing import Printable
 from treadline.signals import StairAxes, StairMap
-
-SWEPT_HALF_M = 0.40
-"""Half width swept by the shipped wheelchair [m], for frames without a chair."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StairShape:
-    """Dimensions of the stair from one frame."""
-
-    rise_m: float
-    run_m: float
-    slope_rad: float
-    rise_sigma_m: float
-    run_sigma_m: float
-    slope_sigma_rad: float
-    """Standard deviation of the slope of the nosing plane, the error of the vertical included [rad]."""
-    plane_sigma_rad: float
-    """Standard deviation of the angle of the nosing plane in the camera frame, which has no error of the vertical [rad]."""
-    distance_m: float
-    """Horizontal distance from the camera to the nearest visible nosing, perpendicular to the nosing [m]."""
-    direction: Direction
-    """Direction of the visible flight: rising or falling."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,9 +61,8 @@ class StairDetection(Printable):
     """Angle of the edges about the vertical from risers minus that from lines [rad]; None unless both are visible."""
     axes: StairAxes | None = None
     parts: Parts | None = None
-    draw_map: Callable[[float], StairMap] | None = None
-    """Function from half swept width to the map, called once."""
-    swept_half_m: float = SWEPT_HALF_M
+    draw_map: Callable[[], StairMap] | None = None
+    """Function that returns the map, computed once."""
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the heading with its uncertainty and the geometry of the stair, or why there is no heading."""
@@ -106,7 +84,7 @@ class StairDetection(Printable):
     @property
     def stair_map(self) -> StairMap | None:
         """Map of the stair, computed on first access."""
-        return None if self.draw_map is None else self.draw_map(self.swept_half_m)
+        return None if self.draw_map is None else self.draw_map()
 
 
 def refused(reason: str, *, edge_count: int = 0, stages: Stages | None = None, evidence: float | None = None) -> StairDetection:

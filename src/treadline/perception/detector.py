@@ -14,10 +14,11 @@ from jaxtyping import Float
 from treadline.angles import DEG
 from treadline.arrays import shaped
 from treadline.errors import ImageError
-from treadline.perception.detection import SWEPT_HALF_M, StairDetection, StairShape
+from treadline.perception.detection import StairDetection
+from treadline.perception.flat_ground import SWEPT_HALF_M
 from treadline.perception.paper.algorithm import PaperConfig, look_as_printed
-from treadline.perception.robust import detect_stair
-from treadline.perception.stopwatch import Stopwatch
+from treadline.perception.robust import Stopwatch, detect_stair
+from treadline.perception.stair_shape import StairShape
 from treadline.signals import HeadingMeasurement, RgbdFrame, StairMap
 
 PAPER_SIGMA_RAD = 2.0 * DEG
@@ -117,7 +118,7 @@ class StairDetector:
         if self._config.method == "robust":
             watch = Stopwatch()
             self.timings = watch.laps_ms
-            return replace(detect_stair(frame, gravity_C, self._config.swept_half_m, watch), swept_half_m=self._config.swept_half_m)
+            return detect_stair(frame, gravity_C, self._config.swept_half_m, watch)
         return look_as_printed(frame, self._config.paper, PAPER_SIGMA_RAD, stages=stages)
 
 

@@ -2,25 +2,26 @@
 
 Every tread, every riser and every plane through a nosing and the camera centre contains the edge direction e, so each normal n
 satisfies n·e = 0. The unknowns are small angles relative to an initial direction: α, the rotation of the edges about the vertical,
-ρ, their tilt from horizontal, and the nuisance directions of camera and flight (``nuisance.directions``). Risers determine α,
+ρ, their tilt from horizontal, and the nuisance directions of camera and flight (``nuisance``). Risers determine α,
 treads and gravity ρ, nosings seen from above a mixture of both. A warp tilts all planes from depth, increasingly with distance, but
 no line in the image: lines and planes together, and planes at different places and distances, determine it.
 
 The error of a surface has two parts: sensor noise, visible in the residuals, and irregularity of the stair, whose steps are not
 exactly parallel: riser and nosing of a step rotate together, tread and nosing tilt together. The sizes of irregularity and warp,
 and the hypotheses of a curved flight, a rolling shutter and multipath, are nuisance parameters and are marginalised
-(``nuisance.kernels``).
+(``nuisance_kernels``).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from statistics import median
+from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
-from treadline.perception.nuisance.directions import (
+from treadline.perception.gravity import gravity_variance
+from treadline.perception.irregularity import Prior, prior
+from treadline.perception.nuisance import (
     COLUMNS,
     CURVATURE,
     CURVATURE_1_M,
@@ -33,11 +34,9 @@ from treadline.perception.nuisance.directions import (
     turns_of_line,
     turns_of_surface,
 )
-from treadline.perception.nuisance.kernels import marginal_posterior, reject_outliers, variances
-from treadline.perception.nuisance.prior import Prior, prior
-from treadline.perception.steps import NosingObservation
+from treadline.perception.nuisance_kernels import marginal_posterior, reject_outliers, variances
+from treadline.perception.steps import Axes, NosingObservation, cross
 from treadline.perception.surfaces import Surface
-from treadline.perception.vectors import cross
 from treadline.signals import PinholeCamera
 
 ANGLES = np.geomspace(0.0005 * DEG, 2.0 * DEG, 8)
@@ -58,9 +57,6 @@ SAME_STEP_M = 0.03
 OUTLIER, OUTLIER_SIGMAS = 3.0 * DEG, 5.0
 """Surfaces whose directions differ by more than this angle [rad], and by this number of standard deviations, do not belong to one
 straight flight."""
-GRAVITY_REJECTED, AGREED_SHARE = 2.0, 0.5
-"""Number of declared standard deviations between treads and IMU above which the IMU is rejected, and the agreement of the treads as
-a fraction of it."""
 ASSUMED_TILT = 0.5 * DEG
 """Assumed standard deviation of a single tread's tilt in the comparison of risers and nosings [rad]."""
 
@@ -95,13 +91,6 @@ class EdgeFit:
         """Return the standard deviation of a quantity with the differential ``change · de``."""
         by = np.array([float(change @ self.ahead), float(change @ self.down)])
         return float(np.sqrt(by @ self.covariance @ by))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Axes:
-    edge: Float[np.ndarray, " 3"]
-    ahead: Float[np.ndarray, " 3"]
-    down: Float[np.ndarray, " 3"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -155,37 +144,6 @@ class _Solution:
     warp_px: float
 
 
-def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:
-    """Return the variance of the IMU's gravity direction, from the tilt of the treads [rad²].
-
-    Treads that agree with each other but not with the IMU indicate a mount error: degrees where half a degree is declared.
-
-    Args:
-        tilts: Angles of the treads about one axis relative to the IMU's horizontal.
-        sigma_rad: Declared standard deviation.
-    """
-    if len(tilts) >= 2:
-        gap = abs(median(tilts.tolist()))
-        if gap > GRAVITY_REJECTED * sigma_rad and float(np.ptp(tilts)) < AGREED_SHARE * gap:
-            return gap**2
-    return sigma_rad**2
-
-
-def off_gravity(normals: Float[np.ndarray, "k 3"], imu_down: Float[np.ndarray, " 3"]) -> float | None:
-    """Return the mean tilt of the treads from the IMU's gravity if they agree against the IMU about both axes; else None.
-
-    Args:
-        normals: Unit normals of the treads, all pointing down.
-        imu_down: Unit vector of gravity from the IMU.
-    """
-    if len(normals) < 2:
-        return None
-    mean = normals.mean(axis=0)
-    gap = float(np.arccos(np.clip(mean @ imu_down / np.linalg.norm(mean), -1.0, 1.0)))
-    apart = float(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0)))
-    return gap if apart < AGREED_SHARE * gap else None
-
-
 def fit_edges(
     nosings: Sequence[NosingObservation],
     treads: Sequence[Surface],
@@ -222,13 +180,13 @@ def fit_edges(
         rows = _only(rows, chosen)
         solution = _solved(rows, *((FINE, possible) if last else (ROUGH, possible.simplest)))
         alpha, rho = solution.mean[-2:].tolist()
-        edge = axes.edge + alpha * axes.ahead + rho * axes.down
+        edge = axes.right + alpha * axes.ahead - rho * axes.up
         edge /= np.linalg.norm(edge)
     off = angles - alpha
     return EdgeFit(
         edge=edge,
         ahead=axes.ahead,
-        down=axes.down,
+        down=-axes.up,
         covariance=solution.covariance,
         agreeing=float(kept.mean()),
         widest_rad=float(np.abs(off).max()),
@@ -239,27 +197,10 @@ def fit_edges(
     )
 
 
-def _axes(edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> _Axes:
+def _axes(edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> Axes:
     d = down - float(down @ edge) * edge
     d = d / np.linalg.norm(d)
-    return _Axes(edge=edge, ahead=cross(edge, d), down=d)
-
-
-def _turns(
-    nosings: Sequence[NosingObservation],
-    treads: Sequence[Surface],
-    edge: Float[np.ndarray, " 3"],
-    camera: PinholeCamera,
-    spread_px: float,
-) -> Float[np.ndarray, "k 3 c"]:
-    """Return the derivative of each normal with respect to each nuisance direction, in the order of the equations."""
-    drift = drift_of(camera)
-    found = [turns_of_surface(tread, None, camera, drift) for tread in treads]
-    for nosing in nosings:
-        if nosing.riser is not None:
-            found.append(turns_of_surface(nosing.riser, edge, camera, drift))
-        found += [turns_of_line(line, camera, drift, spread_px) for line in nosing.lines]
-    return np.array([*found, np.zeros((3, COLUMNS))])
+    return Axes(ahead=cross(edge, d), up=-d, right=edge)
 
 
 def _steps(nosings: Sequence[NosingObservation], treads: Sequence[Surface]) -> list[int]:
@@ -281,43 +222,38 @@ def _normals(
     camera: PinholeCamera,
     spread_px: float,
 ) -> _Normals:
-    units = [tread.unit for tread in treads]
-    covariances = [tread.unit_covariance for tread in treads]
-    tilts, group, stray = [True] * len(treads), [-1] * len(treads), [STRAY] * len(treads)
+    drift = drift_of(camera)
+    found = [(tread.unit, tread.unit_covariance, turns_of_surface(tread, None, camera, drift), True, -1, STRAY) for tread in treads]
     for number, nosing in enumerate(nosings):
         if nosing.riser is not None:
-            units.append(nosing.riser.unit)
-            covariances.append(nosing.riser.unit_covariance)
-            tilts.append(False)
-            stray.append(STRAY)
+            turns = turns_of_surface(nosing.riser, edge, camera, drift)
+            found.append((nosing.riser.unit, nosing.riser.unit_covariance, turns, False, number, STRAY))
         for line in nosing.lines:
-            units.append(line.normal)
-            covariances.append(line.covariance)
-            tilts.append(True)
-            stray.append(STRAY if line.kind == "edge" else CORNER_STRAY)
-        group += [number] * (len(units) - len(group))
-    group.append(-1)
+            turns, own = turns_of_line(line, camera, drift, spread_px), STRAY if line.kind == "edge" else CORNER_STRAY
+            found.append((line.normal, line.covariance, turns, True, number, own))
+    found.append((down, np.zeros((3, 3)), np.zeros((3, COLUMNS)), False, -1, 0.0))
+    unit, covariance, of_nuisances, tilts, group, stray = map(np.array, zip(*found, strict=True))
     return _Normals(
-        unit=np.array([*units, down]),
-        covariance=np.array([*covariances, np.zeros((3, 3))]),
-        turns=_turns(nosings, treads, edge, camera, spread_px),
-        reach_m=np.array([0.0 if k < 0 else nosings[k].ahead_m for k in group]),
-        tilts=np.array([*tilts, False]),
-        group=np.array(group),
-        step=np.array([*_steps(nosings, treads), *group[len(treads) :]]),
-        stray=np.array([*stray, 0.0]),
+        unit=unit,
+        covariance=covariance,
+        turns=of_nuisances,
+        reach_m=np.array([0.0 if k < 0 else nosings[k].ahead_m for k in group.tolist()]),
+        tilts=tilts,
+        group=group,
+        step=np.array([*_steps(nosings, treads), *group[len(treads) :].tolist()]),
+        stray=stray,
         treads=len(treads),
     )
 
 
-def _rows(normals: _Normals, down_sigma_rad: float, axes: _Axes, camera: PinholeCamera) -> _Rows:
+def _rows(normals: _Normals, down_sigma_rad: float, axes: Axes, camera: PinholeCamera) -> _Rows:
     """Return the equations of all normals, gravity last."""
-    value = -(normals.unit @ axes.edge)
-    by = np.column_stack([normals.unit @ axes.ahead, normals.unit @ axes.down])
-    noise = variances(normals.covariance, axes.edge)
+    value = -(normals.unit @ axes.right)
+    by = np.column_stack([normals.unit @ axes.ahead, normals.unit @ -axes.up])
+    noise = variances(normals.covariance, axes.right)
     level = value[: normals.treads] / by[: normals.treads, 1]
     noise[-1] = gravity_variance(level - value[-1] / by[-1, 1], down_sigma_rad)
-    turns = -np.einsum("i,kit->kt", axes.edge, normals.turns)
+    turns = -np.einsum("i,kit->kt", axes.right, normals.turns)
     turns[:, CURVATURE] = CURVATURE_1_M * by[:, 0] * (normals.reach_m + reach_of(camera, axes.ahead)) * (normals.group >= 0)
     return _Rows(
         value=value,
@@ -332,16 +268,7 @@ def _rows(normals: _Normals, down_sigma_rad: float, axes: _Axes, camera: Pinhole
 
 
 def _only(rows: _Rows, chosen: Bool[np.ndarray, " k"]) -> _Rows:
-    return _Rows(
-        value=rows.value[chosen],
-        by=rows.by[chosen],
-        turns=rows.turns[chosen],
-        noise=rows.noise[chosen],
-        tilts=rows.tilts[chosen],
-        group=rows.group[chosen],
-        step=rows.step[chosen],
-        stray=rows.stray[chosen],
-    )
+    return _Rows(**{field.name: getattr(rows, field.name)[chosen] for field in fields(rows)})
 
 
 def _angles(rows: _Rows, count: int) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:

@@ -10,12 +10,14 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
-from treadline.perception import kernels
-from treadline.perception.detection import SWEPT_HALF_M
-from treadline.perception.geometry import first_crowd, viewing_direction
-from treadline.perception.vectors import cross
+from treadline.perception import point_kernels
+from treadline.perception.steps import cross, viewing_direction
 from treadline.signals import RgbdFrame
 
+SWEPT_HALF_M = 0.40
+"""Half width swept by the shipped wheelchair [m], for frames without a chair."""
+SWEPT_HEIGHT_M = 1.5
+"""Height of a seated person above the ground or the nosing plane [m]."""
 STRIDE_AT_240 = 4
 """Subsampling of the image at 240 rows [px]: a leg at two metres is four points wide."""
 LEVEL = float(np.cos(20.0 * DEG))
@@ -24,8 +26,8 @@ GROUND_BIN_M, GROUND_POINTS = 0.03, 40
 """Height range of one ground level [m], and its least number of patches."""
 GROUND_HALF_M = 0.5
 """Least lateral extent of the ground [m]: a suitcase's lid is horizontal too, and narrower."""
-CLEAR_M, SWEPT_HEIGHT_M = 0.10, 1.5
-"""Height above ground below which an object may be noise, and height of a seated person [m]."""
+CLEAR_M = 0.10
+"""Height above ground below which an object may be noise [m]."""
 FAR_M = 3.0
 """Largest distance from mid-track [m]: depth beyond is too noisy, and a chair stops within one metre."""
 CROWD_M, CROWD_POINTS = 0.10, 6
@@ -50,17 +52,14 @@ def obstacle_on_flat_ground(
     ahead = way * camera.R_BC[0] - float(way * camera.R_BC[0] @ up) * up
     ahead /= np.linalg.norm(ahead)
     stride = max(1, round(STRIDE_AT_240 * camera.height_px / 240))
-    points, (far, aside, height) = kernels.places_of(
+    points, (far, aside, height) = point_kernels.places_of(
         frame.depth_m[::stride, ::stride].astype(float),
         stride,
-        camera.fx_px,
-        camera.fy_px,
-        camera.cx_px,
-        camera.cy_px,
+        camera.pinhole,
         camera.R_BC.T @ np.array(camera.mount_m),
         np.stack([ahead, cross(ahead, up), up]),
     )
-    level_m = kernels.ground_level(
+    level_m = point_kernels.ground_level(
         points, up, LEVEL, far, aside, height, FAR_M, GROUND_BIN_M, GROUND_POINTS, 2.0 * GROUND_HALF_M, way > 0.0
     )
     if math.isnan(level_m):
@@ -72,3 +71,11 @@ def obstacle_on_flat_ground(
         above &= points @ camera.R_BC[2] > CLEAR_M
         far = np.minimum(far, way * (points @ camera.R_BC[0]))
     return next(iter(first_crowd(far[above], CROWD_M, CROWD_POINTS)), None)
+
+
+def first_crowd(places: Float[np.ndarray, " k"], within: float, least: int) -> list[float]:
+    """Return the nearest cluster of at least ``least`` places, in order, and its start; an empty list without one."""
+    places = np.sort(places)
+    together = np.searchsorted(places, places + within) - np.arange(places.size)
+    first = np.flatnonzero(together >= least)
+    return places[first[0] : first[0] + together[first[0]]].tolist() if first.size else []

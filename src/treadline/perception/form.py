@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.perception import form_kernels
-from treadline.perception.random_effects import pooled_mean
+from treadline.perception.irregularity import pooled_mean
 from treadline.perception.steps import Axes
 from treadline.perception.surfaces import JUMP, Ends, PlanarBlocks, Surface
 from treadline.signals import PinholeCamera
@@ -93,7 +93,6 @@ def sides_of(
     surfaces: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
 ) -> tuple[Side | None, Side | None]:
     """Return the left and right side of a flight in the camera's view; None where none is seen."""
-    pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     look = max(2, camera.width_px // LOOK_SHARE)
     found: list[Side | None] = []
     for way in (-1, 1):
@@ -109,7 +108,7 @@ def sides_of(
                 way,
                 look,
                 JUMP * blocks.noise,
-                *pinhole,
+                camera.pinhole,
             )
         found.append(_side(way * places, kinds, way))
     return found[0], found[1]
@@ -145,7 +144,6 @@ def bow_of(
         fronts: Treads whose front is a nosing, with that end.
         warp_px: Size of the depth warp [px of Kinect disparity].
     """
-    pinhole = (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     curvatures: list[float] = []
     variances: list[float] = []
     middles: list[float] = []
@@ -168,7 +166,7 @@ def bow_of(
             is_riser,
             PARTS,
             BIN_M,
-            *pinhole,
+            camera.pinhole,
             shapes[row],
             weights[row],
         )

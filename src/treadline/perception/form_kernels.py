@@ -6,7 +6,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from treadline.perception.kernels import BEFORE, BORDER_PX
+from treadline.perception.surface_kernels import BEFORE, BORDER_PX
 
 CUT, WALL, OPEN = 0, 1, 2
 """Codes for the side of a surface: cut off by the image or unknown, a nearer surface, a further one or nothing."""
@@ -25,7 +25,7 @@ MEDIAN_SIGMA = 1.4826
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, fx, fy, cx, cy):
+def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, pinhole):
     """Return the lateral place of a surface's first or last column and the code of what follows.
 
     Args:
@@ -35,6 +35,7 @@ def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, fx, 
         look: Largest number of columns past the end.
         jump: Least difference of another surface [1/m].
     """
+    fx, fy, cx, cy = pinhole
     width, count = nearness.shape[0], columns.size
     if count == 0:
         return np.nan, CUT
@@ -86,7 +87,7 @@ def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, fx, 
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def curvature_of(
-    nearness, columns, upper, lower, rows, follows, plane, ahead, right, is_riser, parts, bin_m, fx, fy, cx, cy, profile, held_by
+    nearness, columns, upper, lower, rows, follows, plane, ahead, right, is_riser, parts, bin_m, pinhole, profile, held_by
 ):
     """Return the curvature of a surface's edge, its standard deviation, mean lateral position and width; NaN without a profile.
 
@@ -97,6 +98,7 @@ def curvature_of(
         profile: Filled with the mean residual in bins of ``bin_m`` across, the middle one at the camera; ``held_by`` with the
             inverse of its variance for white noise, zero without points.
     """
+    fx, fy, cx, cy = pinhole
     profile[:], held_by[:] = 0.0, 0.0
     x, y = np.empty(columns.size), np.empty(columns.size)
     count, ragged = 0, max(RAGGED_PX, columns.size // RAGGED_SHARE)

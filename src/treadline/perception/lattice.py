@@ -13,30 +13,26 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
-from treadline.perception.geometry import viewing_direction
 from treadline.perception.lattice_kernels import best_lattice
-from treadline.perception.lines import Line
 from treadline.perception.steps import (
     LEAST_LEVER,
     Axes,
     Direction,
+    Flight,
     NosingObservation,
     Riser,
     Tread,
+    cross,
+    level_axes,
     riser_of,
     riser_rows,
     seed_points,
     tread_of,
     tread_rows,
 )
-from treadline.perception.stopwatch import Stopwatch
-from treadline.perception.surfaces import PlanarBlocks, Surface, components, joined
-from treadline.perception.vectors import cross
-from treadline.perception.votes import line_votes, place_votes, votes_of
+from treadline.perception.surfaces import Line, PlanarBlocks, Surface, components, joined
 from treadline.signals import PinholeCamera, RgbdFrame
 
-EVIDENCE, UNCONFIRMED = 4.2, 3.4
-"""Least log-evidence of a stair, and of an unconfirmed one [nats]: two levels and two fronts reach at most 3.92."""
 UPRIGHT = 18.0 * DEG
 """Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""
 RISER_SPREAD = 14.0 * DEG
@@ -51,33 +47,21 @@ TALLEST_M = 0.25
 """Largest height of a riser [m]."""
 TURNED = 1.0 * DEG
 """Angle between vote and matched parts above which the parts are measured again in their own axes [rad]."""
-LEVEL_LEAST = 0.2
-"""Least horizontal component of the chair's longitudinal axis for the definition of the forward direction."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Flight:
-    """Visible part of a flight."""
-
-    direction: Direction
-    evidence: float
-    """Log-evidence against a scene without a stair [nats]."""
-    rise_m: float
-    run_m: float
-    levels: int
-    """Number of steps with a measured height."""
-    risers: list[Surface]
-    treads: list[Surface]
-    """All horizontal surfaces in view."""
-    steps: list[Surface]
-    """Treads of the flight, with a floor or landing on its lattice."""
-    nosings: list[NosingObservation]
-    """Nosings, nearest first."""
-    facing: Float[np.ndarray, " 3"]
-    """Horizontal unit vector, approximately perpendicular to the edges, in C."""
-    matched_treads: list[tuple[int, bool, Tread]]
-    """Step, whether the front is a nosing, and tread."""
-    matched_risers: list[tuple[int, Riser]]
+VOTE_LIMIT = 50.0 * DEG
+"""Azimuth beyond which a vertical surface is a side wall [rad]."""
+VOTE_BIN = 2.0 * DEG
+"""Width of a bin of the vote [rad]."""
+VOTES = 3
+"""Number of peaks tried: a wall at the landing can outvote the last risers."""
+APART = 14.0 * DEG
+"""Least angle between two peaks [rad]."""
+LEAST_VOTES = 16
+"""Least number of votes of a peak."""
+PLACE_STEP, PLACE_BIN_M = 3.0 * DEG, 0.04
+"""Steps of azimuth [rad] and of distance [m] in the search of azimuths at which blocks lie at few distances: half a step turns a
+riser 1 m wide over 26 mm of distance."""
+WIDTH_PX = 320
+"""Image width at which a line's columns have the same weight as blocks [px]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -130,7 +114,7 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3
         down: Unit vector in C.
         is_uncertain: Whether ``blocks`` include those with an uncertain normal.
     """
-    level = _level_axes(down, frame.camera.R_BC)
+    level = level_axes(down, frame.camera.R_BC)
     if level is None:
         return None
     rise = blocks.unit @ down
@@ -160,24 +144,22 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3
     )
 
 
-def flight_in(scene: Scene, directions: Sequence[Direction], watch: Stopwatch) -> Flight | str:
+def flight_in(scene: Scene, directions: Sequence[Direction]) -> Flight | str:
     """Return the flight with the most evidence, or the reason of its absence."""
     level, camera = scene.level, scene.frame.camera
     lines = [line for tread in scene.treads for line in (tread.lower, tread.upper) if line is not None]
-    watch.lap("treads")
     best: Flight | None = None
     most_risers, voted = 0, False
     if scene.is_uncertain:
-        peaks = place_votes(scene.blocks.centres[scene.upright], level)
+        peaks = _place_votes(scene.blocks.centres[scene.upright], level)
     else:
-        peaks = votes_of(scene.azimuth, *line_votes(lines, camera.width_px, level))
+        peaks = _votes(scene.azimuth, *_line_votes(lines, camera.width_px, level))
     for peak in peaks:
         voted = True
         found, risers = _flight_at(scene, peak, directions)
         most_risers = max(most_risers, risers)
         if found is not None and (best is None or found.evidence > best.evidence):
             best = found
-    watch.lap("flight")
     if best is not None:
         return best
     if not voted:
@@ -275,7 +257,7 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         treads,
         upright,
         blocks.nearness,
-        (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px),
+        camera.pinhole,
         np.stack([sign * axes.ahead, axes.up, axes.right]),
         match.of_tread,
         match.front_on,
@@ -352,12 +334,60 @@ def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:
     return float(np.arccos(min(1.0, abs(float(surface.unit @ direction)))))
 
 
-def _level_axes(down: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> Axes | None:
-    """Return horizontal axes, forward in the camera's viewing direction along the chair, or up the image if undefined."""
-    for towards in (viewing_direction(R_BC) * R_BC[0], np.array([0.0, -1.0, 0.0])):
-        ahead = towards - float(towards @ down) * down
-        length = float(np.linalg.norm(ahead))
-        if length > LEVEL_LEAST:
-            ahead = ahead / length
-            return Axes(ahead=ahead, up=-down, right=cross(down, ahead))
-    return None
+def _line_votes(lines: Sequence[Line], width_px: int, level: Axes) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Return the azimuths of lines, and their weights."""
+    azimuths, weights = [], []
+    for line in lines:
+        across = cross(cross(line.normal, level.up), level.up)
+        across = across if across @ level.ahead > 0.0 else -across
+        azimuths.append(math.atan2(float(across @ level.right), float(across @ level.ahead)))
+        weights.append(line.count * WIDTH_PX / width_px)
+    return np.array(azimuths), np.array(weights)
+
+
+def _votes(
+    blocks: Float[np.ndarray, " b"], lines: Float[np.ndarray, " k"], line_weights: Float[np.ndarray, " k"]
+) -> Iterator[float]:
+    """Yield the azimuths with most vertical blocks and lines, the strongest first."""
+    seen = np.concatenate([blocks, lines])
+    weights = np.concatenate([np.ones(len(blocks)), line_weights])
+    inside = np.abs(seen) < VOTE_LIMIT
+    seen, weights = seen[inside], weights[inside]
+    edges = np.arange(-VOTE_LIMIT, VOTE_LIMIT + VOTE_BIN, VOTE_BIN)
+    counts = np.bincount(np.searchsorted(edges, seen, side="right") - 1, weights, minlength=edges.size - 1)[: edges.size - 1]
+    smooth = np.convolve(counts, [0.5, 1.0, 1.0, 1.0, 0.5], mode="same")
+    for _ in range(VOTES):
+        top = int(np.argmax(smooth))
+        if smooth[top] < LEAST_VOTES:
+            return
+        peak = float(edges[top] + 0.5 * VOTE_BIN)
+        for width in (10.0 * DEG, 6.0 * DEG):
+            near = np.abs(seen - peak) < width
+            if near.any():
+                peak = _weighted_median(seen[near], weights[near])
+        yield peak
+        middle = edges[:-1] + 0.5 * VOTE_BIN
+        smooth[np.abs(middle - edges[top]) < APART] = 0.0
+
+
+def _place_votes(points: Float[np.ndarray, "b 3"], level: Axes) -> Iterator[float]:
+    """Yield the azimuths at which points lie at the fewest distances, as those on risers do, the best first."""
+    azimuths = np.arange(-VOTE_LIMIT, VOTE_LIMIT + PLACE_STEP, PLACE_STEP)
+    scores = np.empty(azimuths.size)
+    for k, azimuth in enumerate(azimuths):
+        places = points @ (math.cos(azimuth) * level.ahead + math.sin(azimuth) * level.right) / PLACE_BIN_M
+        counts = np.bincount(np.maximum(places, 0.0).astype(np.int64), minlength=2)
+        both = counts[:-1] + counts[1:]
+        scores[k] = float(both @ both)
+    for _ in range(VOTES):
+        best = int(np.argmax(scores))
+        if not scores[best] > 0.0:
+            return
+        yield float(azimuths[best])
+        scores[np.abs(azimuths - azimuths[best]) < APART] = 0.0
+
+
+def _weighted_median(values: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -> float:
+    order = np.argsort(values)
+    total = np.cumsum(weights[order])
+    return float(values[order[int(np.searchsorted(total, 0.5 * total[-1]))]])

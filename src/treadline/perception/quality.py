@@ -9,8 +9,7 @@ import zlib
 import numpy as np
 from jaxtyping import Float
 
-from treadline.perception.detection import SWEPT_HALF_M
-from treadline.perception.flat_ground import obstacle_on_flat_ground
+from treadline.perception.flat_ground import SWEPT_HALF_M, obstacle_on_flat_ground
 from treadline.signals import FrameQuality, RgbdFrame
 
 STRIDE_AT_240 = 8

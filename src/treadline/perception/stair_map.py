@@ -10,11 +10,11 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
-from treadline.perception import kernels
-from treadline.perception.detection import StairShape
+from treadline.perception import point_kernels
+from treadline.perception.flat_ground import SWEPT_HEIGHT_M, first_crowd
 from treadline.perception.form import Side
-from treadline.perception.geometry import first_crowd, normal_of, viewing_direction
-from treadline.perception.steps import Axes, NosingObservation
+from treadline.perception.stair_shape import StairShape
+from treadline.perception.steps import Axes, NosingObservation, viewing_direction
 from treadline.perception.surfaces import PlanarBlocks
 from treadline.signals import RgbdFrame, StairMap
 
@@ -22,8 +22,6 @@ SIDE_WALL = 15.0 * DEG
 """Largest angle between the normal of a side wall and the edge direction [rad]."""
 WALL_BLOCKS = 16
 """Least number of blocks of a wall."""
-SWEPT_HEIGHT_M = 1.5
-"""Height of a seated person above the nosing plane [m]."""
 CLEAR_M = 0.06
 """Height above the nosing plane below which points are ignored [m]: lower objects pass under the belts or are irregularities of the
 stair."""
@@ -142,16 +140,13 @@ def _standing(
     extended towards the camera. A descending flight starts at the nosing plane, because the chair's support is higher.
     """
     camera = frame.camera
-    normal = normal_of(axes, shape)
+    normal = shape.normal(axes)
     ahead = [float(point @ axes.ahead) for point in points]
     first = min(ahead) - shape.run_m
-    return kernels.points_above(
+    return point_kernels.points_above(
         frame.depth_m,
         max(1, round(STRIDE_AT_240 * camera.height_px / 240)),
-        camera.fx_px,
-        camera.fy_px,
-        camera.cx_px,
-        camera.cy_px,
+        camera.pinhole,
         np.stack([axes.ahead, normal, axes.up]),
         median(float(point @ normal) for point in points),
         float(min(points, key=lambda point: float(point @ axes.ahead)) @ axes.up) - shape.rise_m,
@@ -223,16 +218,13 @@ def _ends(frame: RgbdFrame, points: Sequence[Float[np.ndarray, " 3"]], axes: Axe
     else:
         places, heights = ahead + shape.run_m * TREAD_SHARES, np.array([up - shape.rise_m])
     camera = frame.camera
-    seen, expected = kernels.depths_at(
+    seen, expected = point_kernels.depths_at(
         frame.depth_m,
         places,
         middle + ASIDES_M,
         heights,
         np.stack([axes.ahead, axes.right, axes.up]),
-        camera.fx_px,
-        camera.fy_px,
-        camera.cx_px,
-        camera.cy_px,
+        camera.pinhole,
     )
     if seen.size < END_POINTS:
         return False

@@ -1,4 +1,4 @@
-"""Dimensions of a flight: rise, run and slope with their standard deviations.
+"""Axes and dimensions of a flight: vertical, rise, run and slope with their standard deviations.
 
 Errors have three parts: those of single surfaces, irregularity of single steps, and errors common to all steps, which do not
 average out: the vertical, and a warp of the depth image. A tread far away covers few rows, and pixels of the risers at its ends
@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.perception.detection import StairShape
-from treadline.perception.geometry import Levelled
-from treadline.perception.lattice import Flight
+from treadline.perception.gravity import gravity_variance
+from treadline.perception.irregularity import pooled_mean, posterior_weights
 from treadline.perception.lattice_kernels import (
     HIDDEN_SIGMA_M,
     OVERHANG_SIGMA_M,
@@ -23,14 +22,46 @@ from treadline.perception.lattice_kernels import (
     RUN_MEAN_M,
     RUN_SIGMA_M,
 )
-from treadline.perception.nuisance.directions import stretch_of
-from treadline.perception.random_effects import posterior_weights
-from treadline.perception.steps import riser_rows, tread_rows
-from treadline.perception.surfaces import PlanarBlocks
-from treadline.signals import PinholeCamera
+from treadline.perception.nuisance import stretch_of
+from treadline.perception.steps import Axes, Direction, Flight, cross, riser_rows, tread_rows
+from treadline.perception.surfaces import PlanarBlocks, Surface
+from treadline.signals import PinholeCamera, StairAxes
 
 IRREGULAR_M = np.geomspace(0.0005, 0.015, 6)
 """Grid of the standard deviation of a step from the lattice [m]: from cast steps to worn ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StairShape:
+    """Dimensions of the stair from one frame."""
+
+    rise_m: float
+    run_m: float
+    slope_rad: float
+    rise_sigma_m: float
+    run_sigma_m: float
+    slope_sigma_rad: float
+    """Standard deviation of the slope of the nosing plane, the error of the vertical included [rad]."""
+    plane_sigma_rad: float
+    """Standard deviation of the angle of the nosing plane in the camera frame, which has no error of the vertical [rad]."""
+    distance_m: float
+    """Horizontal distance from the camera to the nearest visible nosing, perpendicular to the nosing [m]."""
+    direction: Direction
+    """Direction of the visible flight: rising or falling."""
+
+    def normal(self, axes: Axes) -> Float[np.ndarray, " 3"]:
+        """Return the unit normal of the nosing plane in C, pointing away from the stair."""
+        tilt = self.slope_rad if self.direction == "up" else -self.slope_rad
+        return np.asarray(np.cos(tilt) * axes.up - np.sin(tilt) * axes.ahead)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Levelled:
+    """Axes of the stair and the uncertainty of the vertical."""
+
+    axes: Axes
+    down_sigma_rad: float
+    """Standard deviation of the vertical [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -60,6 +91,61 @@ class Spacing:
     def sigma_m(self) -> float:
         """Standard deviation, common errors included."""
         return math.sqrt(self.own_variance_m2 + float(self.common_m @ self.common_m))
+
+
+def axes_of(
+    edge: Float[np.ndarray, " 3"],
+    down: Float[np.ndarray, " 3"],
+    down_sigma_rad: float,
+    treads: Sequence[Surface],
+    adjoining_rad: Sequence[float],
+) -> Levelled:
+    """Return the axes of the stair, with the vertical as weighted mean of treads and gravity.
+
+    Args:
+        edge: Unit vector along the edges, pointing right in the camera's view.
+        down: Gravity direction from the IMU or from the treads.
+        treads: Surfaces assumed to be horizontal.
+        adjoining_rad: Standard deviation of the tilt of each by pixels of adjacent risers.
+    """
+    d = down - float(down @ edge) * edge
+    d /= np.linalg.norm(d)
+    ahead = cross(edge, d)
+    tilts, variances = [0.0], [down_sigma_rad**2]
+    for tread, by_risers_rad in zip(treads, adjoining_rad, strict=True):
+        n = tread.unit if float(tread.unit @ d) > 0.0 else -tread.unit
+        tilts.append(float(np.arctan2(n @ ahead, n @ d)))
+        variances.append(float(ahead @ tread.unit_covariance @ ahead) + by_risers_rad**2)
+    variances[0] = gravity_variance(np.array(tilts[1:]), down_sigma_rad)
+    regular = np.zeros(len(tilts), dtype=bool)
+    regular[0] = True
+    tilt = pooled_mean(np.array(tilts), np.array(variances), regular)
+    d = np.cos(tilt.mean) * d + np.sin(tilt.mean) * ahead
+    return Levelled(axes=Axes(ahead=cross(edge, d), up=-d, right=edge), down_sigma_rad=tilt.sigma)
+
+
+def directions_of(
+    t_s: float,
+    levelled: Levelled,
+    shape: StairShape,
+    edge: Float[np.ndarray, " 3"],
+    edge_sigma_rad: float,
+) -> StairAxes:
+    """Return the stair's directions in C, for the calibration of the camera mount.
+
+    Args:
+        edge: Unit vector along the edges, to the chair's right.
+    """
+    axes = levelled.axes
+    return StairAxes(
+        t_s=t_s,
+        edge_C=edge,
+        down_C=-axes.up,
+        normal_C=shape.normal(axes),
+        edge_sigma_rad=edge_sigma_rad,
+        down_sigma_rad=levelled.down_sigma_rad,
+        normal_sigma_rad=shape.plane_sigma_rad,
+    )
 
 
 def shape_of(flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, levelled: Levelled, warp_px: float) -> StairShape:

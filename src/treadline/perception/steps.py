@@ -12,9 +12,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from treadline.perception import kernels
-from treadline.perception.lines import Line, nosing_line
-from treadline.perception.surfaces import Ends, PlanarBlocks, Surface
+from treadline.perception import surface_kernels
+from treadline.perception.surfaces import Ends, Line, PlanarBlocks, Surface
 from treadline.signals import PinholeCamera
 
 TREAD_SIGMA_M, FRONT_SIGMA_M, CORNER_SIGMA_M = 0.007, 0.008, 0.010
@@ -28,6 +27,8 @@ END_PX = 0.6
 """Standard deviation of a surface's end in the image [px]: edges of a Kinect jitter by 0.8 px of its sensor."""
 LEAST_LEVER = 0.17
 """Least component of a line's normal along ahead: a nosing within 10° of the camera height determines a height but no direction."""
+LEVEL_LEAST = 0.2
+"""Least horizontal component of the chair's longitudinal axis for the definition of the forward direction."""
 
 Direction = Literal["up", "down"]
 """Direction of the flight ahead."""
@@ -99,14 +100,66 @@ class NosingObservation:
         return self.riser is not None or bool(self.lines)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flight:
+    """Visible part of a flight."""
+
+    direction: Direction
+    evidence: float
+    """Log-evidence against a scene without a stair [nats]."""
+    rise_m: float
+    run_m: float
+    levels: int
+    """Number of steps with a measured height."""
+    risers: list[Surface]
+    treads: list[Surface]
+    """All horizontal surfaces in view."""
+    steps: list[Surface]
+    """Treads of the flight, with a floor or landing on its lattice."""
+    nosings: list[NosingObservation]
+    """Nosings, nearest first."""
+    facing: Float[np.ndarray, " 3"]
+    """Horizontal unit vector, approximately perpendicular to the edges, in C."""
+    matched_treads: list[tuple[int, bool, Tread]]
+    """Step, whether the front is a nosing, and tread."""
+    matched_risers: list[tuple[int, Riser]]
+
+
+def cross(a: Float[np.ndarray, " 3"], b: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+    """Return a × b; ``numpy.cross`` takes ten times as long for one pair."""
+    ax, ay, az = a.tolist()
+    bx, by, bz = b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
+def viewing_direction(R_BC: Float[np.ndarray, "3 3"]) -> float:
+    """Return 1 for a front camera, and -1 for a camera looking back over the chair.
+
+    For a camera looking straight down, the upper edge of its image gives the direction.
+    """
+    look, image_up = R_BC[0, 2], -R_BC[0, 1]
+    return 1.0 if look + image_up > 0.0 else -1.0
+
+
+def level_axes(down: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> Axes | None:
+    """Return horizontal axes, forward in the camera's viewing direction along the chair, or up the image if undefined."""
+    for towards in (viewing_direction(R_BC) * R_BC[0], np.array([0.0, -1.0, 0.0])):
+        ahead = towards - float(towards @ down) * down
+        length = float(np.linalg.norm(ahead))
+        if length > LEVEL_LEAST:
+            ahead = ahead / length
+            return Axes(ahead=ahead, up=-down, right=cross(down, ahead))
+    return None
+
+
 def tread_of(surface: Surface, camera: PinholeCamera) -> Tread:
     """Return a horizontal surface with the lines at its ends."""
-    return Tread(surface=surface, lower=nosing_line(surface, "lower", camera), upper=nosing_line(surface, "upper", camera))
+    return Tread(surface=surface, lower=surface.line("lower", camera), upper=surface.line("upper", camera))
 
 
 def riser_of(surface: Surface, camera: PinholeCamera) -> Riser:
     """Return a vertical surface with the line at its upper end before a larger depth."""
-    line = nosing_line(surface, "upper", camera)
+    line = surface.line("upper", camera)
     return Riser(surface=surface, upper=None if line is None or line.kind == "corner" else line)
 
 
@@ -151,17 +204,14 @@ def riser_rows(risers: Sequence[Riser], blocks: PlanarBlocks, axes: Axes, camera
         pixel_m = surface.distance_m / camera.fy_px
         row[0], row[1] = float(surface.centre @ axes.ahead), RISER_SIGMA_M**2
         for k, ends in ((2, surface.upper), (4, surface.lower)):
-            height_m = kernels.height_of_end(
+            height_m = surface_kernels.height_of_end(
                 ends.columns,
                 ends.rows,
                 ends.follows,
                 surface.normal,
                 axes.up,
                 camera.height_px,
-                camera.fx_px,
-                camera.fy_px,
-                camera.cx_px,
-                camera.cy_px,
+                camera.pinhole,
             )
             known = math.isfinite(height_m)
             row[k] = height_m if known else 0.0

@@ -1,21 +1,24 @@
-"""Treads and risers as planes: blocks of pixels, sorted by gravity and joined to surfaces.
+"""Planes and lines of a depth image: planar blocks of pixels, surfaces joined from them, and the lines at their ends.
 
 A plane n·p = 1 appears in the image as w = n·(x, y, 1) with w = 1/Z, so the three coefficients of a block's fit are its normal. The
 blocks find the surfaces; each surface is then fitted to all of its pixels, column by column, which also gives its ends and their
 surroundings.
+
+A line in the image and the camera centre span a plane that contains the edge, so its normal m satisfies m·e = 0, like the normal of
+a tread. Depth along the edge, where it is least accurate, is not needed.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from treadline.angles import DEG
-from treadline.perception import kernels
+from treadline.perception import surface_kernels
 from treadline.signals import PinholeCamera
 
 CELL_AT_240 = 4
@@ -60,6 +63,20 @@ TURN_NOISE_MOST = 1.5
 """Largest factor on ``TURN_LIMIT``: beyond 12° a block no longer separates a riser from a tread."""
 JUMP = 0.45 / DISPARITY_PX_M
 """Depth difference between a surface and the background at its end [1/m]: 9 cm at 3 m."""
+NEAR_AT_240 = 1.5
+"""Largest distance of a point from a line at 240 rows [rows]: depth is ragged at edges."""
+ALIASING_PX = 0.15
+"""Lower limit of the relative error of a line's ends, for any number of points [px]: rows are integers."""
+LEAST_SHARE = 0.08
+"""Least length of a line as a fraction of the image width."""
+BEYOND_SHARE = 0.5
+"""Least fraction of a surface's end with a larger depth behind; otherwise it is a corner, or occluded."""
+
+LineKind = Literal["edge", "corner", "vague"]
+"""Kind of a line by what is measured past it."""
+End = Literal["upper", "lower"]
+"""End of a surface in the image."""
+_KINDS: dict[int, LineKind] = {surface_kernels.BEYOND: "edge", surface_kernels.CREASE: "corner", surface_kernels.UNKNOWN: "vague"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +120,7 @@ def noise_of(cells: Float[np.ndarray, "r c 10"], full: float) -> tuple[float, fl
     The quantile holds planar blocks alone as long as a third of the image is flat. Noise that is correlated over a square of
     ``window`` pixels has cell means of ``window²`` times the variance of white noise.
     """
-    residuals, contrasts = kernels.block_residuals(cells, full).T
+    residuals, contrasts = surface_kernels.block_residuals(cells, full).T
     if residuals.size == 0:
         return 1.0, 1.0
     quantile = float(np.quantile(residuals, NOISE_QUANTILE))
@@ -115,19 +132,12 @@ def noise_of(cells: Float[np.ndarray, "r c 10"], full: float) -> tuple[float, fl
 def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -> PlanarBlocks:
     """Return the planar blocks of a depth image."""
     size = max(3, round(CELL_AT_240 * camera.height_px / 240))
-    nearness = kernels.nearness_of(depth_m)
-    cells = kernels.cell_sums(nearness, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
+    nearness = surface_kernels.nearness_of(depth_m)
+    cells = surface_kernels.cell_sums(nearness, size, camera.pinhole, NEAR_M, FAR_M)
     noise, window_px = noise_of(cells, FULL * size * size)
     turn_limit = TURN_LIMIT * min(noise, TURN_NOISE_MOST)
-    sums, normals, unit, centres, places, turns = kernels.plane_blocks(
-        cells,
-        FULL * size * size,
-        BLOCK_RESIDUAL * noise,
-        DEPTH_RESIDUAL_M * noise,
-        turn_limit,
-        LEAST_RESIDUAL,
-    )
-    exponent, span = kernels.noise_law(sums, normals, centres[:, 2].copy(), places, LAW_PARTS)
+    sums, normals, unit, centres, places, turns = _planar(cells, size, noise, turn_limit)
+    exponent, span = surface_kernels.noise_law(sums, normals, centres[:, 2].copy(), places, LAW_PARTS)
     return PlanarBlocks(
         nearness=nearness,
         measures_range=exponent < LAW_EXPONENT and span > LAW_SPAN,
@@ -147,16 +157,16 @@ def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -
 def uncertain_blocks(blocks: PlanarBlocks, camera: PinholeCamera) -> PlanarBlocks:
     """Return the planar blocks of half the size, those with an uncertain normal included: far steps cover few rows."""
     size = blocks.cell_px // 2
-    cells = kernels.cell_sums(blocks.nearness, size, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px, NEAR_M, FAR_M)
-    sums, normals, unit, centres, places, turns = kernels.plane_blocks(
-        cells,
-        FULL * size * size,
-        BLOCK_RESIDUAL * blocks.noise,
-        DEPTH_RESIDUAL_M * blocks.noise,
-        math.inf,
-        LEAST_RESIDUAL,
-    )
+    cells = surface_kernels.cell_sums(blocks.nearness, size, camera.pinhole, NEAR_M, FAR_M)
+    sums, normals, unit, centres, places, turns = _planar(cells, size, blocks.noise, math.inf)
     return replace(blocks, cell_px=size, sums=sums, normals=normals, unit=unit, centres=centres, places=places, turns=turns)
+
+
+def _planar(cells: Float[np.ndarray, "r c 10"], size: int, noise: float, turn_limit: float) -> tuple[np.ndarray, ...]:
+    """Return sums, normals, unit normals, centres, places and deviations of the blocks on one plane."""
+    limits = BLOCK_RESIDUAL * noise, DEPTH_RESIDUAL_M * noise, turn_limit, LEAST_RESIDUAL
+    found: tuple[np.ndarray, ...] = surface_kernels.plane_blocks(cells, FULL * size * size, *limits)
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -167,7 +177,29 @@ class Ends:
     rows: Float[np.ndarray, " k"]
     """Row half a pixel beyond the last one on the surface."""
     follows: Int[np.ndarray, " k"]
-    """Surroundings of the end: ``kernels.CREASE``, ``BEYOND``, ``BEFORE`` or ``UNKNOWN``."""
+    """Surroundings of the end: ``surface_kernels.CREASE``, ``BEYOND``, ``BEFORE`` or ``UNKNOWN``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Line:
+    """Image line of one nosing."""
+
+    normal: Float[np.ndarray, " 3"]
+    """Unit normal m of the plane through the line and the camera centre, in C."""
+    covariance: Float[np.ndarray, "3 3"]
+    """Covariance of m, from the scatter of the points about the line."""
+    middle: Float[np.ndarray, " 3"]
+    """Middle of the line on its surface, in C [m]."""
+    ends_m: Float[np.ndarray, "2 3"]
+    """Ends of the line on its surface, left end first, in C [m]."""
+    ends_px: Float[np.ndarray, " 4"]
+    """Ends of the line u1, v1, u2, v2, left end first [px]."""
+    kind: LineKind
+    """Surroundings of the line: a larger depth (``edge``), an adjacent surface (``corner``), or nothing known (``vague``)."""
+    count: int
+    """Number of columns."""
+    end: End
+    """End of the surface in the image."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,7 +233,7 @@ class Surface:
 
     def span_m(self, blocks: PlanarBlocks, direction: Float[np.ndarray, " 3"]) -> tuple[float, float]:
         """Return the range of the blocks' centres along a direction [m]."""
-        return kernels.span(blocks.centres, self.blocks, direction)
+        return surface_kernels.span(blocks.centres, self.blocks, direction)
 
     def heights_m(self, camera: PinholeCamera, up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
         """Return the height of the surface in each of its columns [m]."""
@@ -231,7 +263,7 @@ class Surface:
             length_m: Largest extent of the surface along ``ahead``: the run of a tread. A plane far away that is turned extends
                 over the risers at its ends.
         """
-        creased = sum(float(np.mean(end.follows != kernels.BEYOND)) for end in (self.upper, self.lower) if end.follows.size)
+        creased = sum(float(np.mean(end.follows != surface_kernels.BEYOND)) for end in (self.upper, self.lower) if end.follows.size)
         y = float(self.centre[1] / self.centre[2])
         lever = abs(float(ahead[1] - y * ahead[2]))
         of_length = length_m * lever * camera.fy_px / float(self.centre[2])
@@ -239,6 +271,38 @@ class Surface:
         step = abs(float(self.normal[1] - ahead[1] / (ahead @ self.centre))) / camera.fy_px
         turned = creased * 3.0 * (TOLERANCE * noise) ** 2 / (step * rows**2)
         return turned * camera.fy_px * self.distance_m * lever
+
+    def line(self, end: End, camera: PinholeCamera) -> Line | None:
+        """Return the line at an end of the surface, or None; the image border and objects in front give no line.
+
+        A corner belongs to a riser too low in the image to be a separate surface. The end of the surface has a constant offset
+        along a corner, so that the direction of the line is correct.
+        """
+        ends = self.upper if end == "upper" else self.lower
+        count, kind, normal, covariance, points, ends_px = surface_kernels.nosing_line(
+            ends.columns,
+            ends.rows,
+            ends.follows,
+            self.normal,
+            camera.height_px,
+            NEAR_AT_240 * camera.height_px / 240,
+            LEAST_SHARE * camera.width_px,
+            BEYOND_SHARE,
+            ALIASING_PX,
+            camera.pinhole,
+        )
+        if not count:
+            return None
+        return Line(
+            normal=normal,
+            covariance=covariance,
+            middle=points[0],
+            ends_m=points[1:],
+            ends_px=ends_px,
+            kind=_KINDS[kind],
+            count=count,
+            end=end,
+        )
 
     def within(self, kept: Bool[np.ndarray, " k"], blocks: PlanarBlocks) -> "Surface":
         """Return the part of the surface in some of its columns, with the same plane."""
@@ -271,7 +335,7 @@ def joined(
         return []
     levels = blocks.centres[members] @ direction
     order = np.argsort(levels, kind="stable")
-    members, stops, normals, squares = kernels.planes_along(
+    members, stops, normals, squares = surface_kernels.planes_along(
         blocks.sums,
         blocks.centres,
         members[order],
@@ -283,7 +347,7 @@ def joined(
         SAMPLE,
         FRAGMENT,
     )
-    found = kernels.surfaces(
+    found = surface_kernels.surfaces(
         blocks.nearness,
         members,
         stops,
@@ -296,14 +360,24 @@ def joined(
         JUMP * blocks.noise,
         ASIDE_M,
         LEAST_RESIDUAL**2,
-        camera.fx_px,
-        camera.fy_px,
-        camera.cx_px,
-        camera.cy_px,
+        camera.pinhole,
     )
+    planes, covariances, centres, held, columns, upper, lower, above, below = found
     # Pixels within a matching window have a common error.
-    normals, covariances, *rest = found
-    return list(_surfaces(members, stops, normals, covariances * blocks.window_px**2, *rest))
+    covariances = covariances * blocks.window_px**2
+    starts = [0, *stops.tolist()]
+    return [
+        Surface(
+            normal=planes[s],
+            covariance=covariances[s],
+            centre=centres[s],
+            blocks=members[starts[s] : starts[s + 1]],
+            upper=Ends(columns=columns[s, :count], rows=upper[s, :count], follows=above[s, :count]),
+            lower=Ends(columns=columns[s, :count], rows=lower[s, :count], follows=below[s, :count]),
+        )
+        for s, count in enumerate(held.tolist())
+        if count
+    ]
 
 
 def components(blocks: PlanarBlocks, members: Int[np.ndarray, " m"]) -> list[Int[np.ndarray, " k"]]:
@@ -317,31 +391,3 @@ def components(blocks: PlanarBlocks, members: Int[np.ndarray, " m"]) -> list[Int
     of_member = labels[row, column]
     groups = [members[of_member == label] for label in range(1, count)]
     return sorted(groups, key=len, reverse=True)
-
-
-def _surfaces(
-    members: Int[np.ndarray, " k"],
-    stops: Int[np.ndarray, " s"],
-    normals: Float[np.ndarray, "s 3"],
-    covariances: Float[np.ndarray, "s 3 3"],
-    centres: Float[np.ndarray, "s 3"],
-    held: Int[np.ndarray, " s"],
-    columns: Int[np.ndarray, "s w"],
-    upper: Float[np.ndarray, "s w"],
-    lower: Float[np.ndarray, "s w"],
-    above: Int[np.ndarray, "s w"],
-    below: Int[np.ndarray, "s w"],
-) -> Iterator[Surface]:
-    """Yield the surfaces with a plane, from the result of ``kernels.surfaces``."""
-    begin = 0
-    for s, (stop, count) in enumerate(zip(stops.tolist(), held.tolist(), strict=True)):
-        group, begin = members[begin:stop], stop
-        if count:
-            yield Surface(
-                normal=normals[s],
-                covariance=covariances[s],
-                centre=centres[s],
-                blocks=group,
-                upper=Ends(columns=columns[s, :count], rows=upper[s, :count], follows=above[s, :count]),
-                lower=Ends(columns=columns[s, :count], rows=lower[s, :count], follows=below[s, :count]),
-            )

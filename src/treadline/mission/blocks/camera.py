@@ -13,8 +13,8 @@ from treadline.errors import ImageError
 from treadline.estimation import MountMonitor
 from treadline.mission.gravity import GravityAtExposure, gravity_in
 from treadline.perception import StairDetector
-from treadline.perception.detection import SWEPT_HALF_M
 from treadline.perception.detector import FrameResult
+from treadline.perception.flat_ground import SWEPT_HALF_M
 from treadline.perception.quality import quality_of
 from treadline.signals import (
     Event,

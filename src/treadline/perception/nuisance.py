@@ -16,9 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.angles import DEG
-from treadline.perception.lines import Line
-from treadline.perception.nuisance import kernels
-from treadline.perception.surfaces import DISPARITY_PX_M, Surface
+from treadline.perception import nuisance_kernels
+from treadline.perception.surfaces import DISPARITY_PX_M, Line, Surface
 from treadline.signals import PinholeCamera
 
 ORDER = 3
@@ -55,7 +54,7 @@ at 0.2 m/s."""
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NuisanceModel:
-    """NuisanceModel that are possible for a camera, each hypothesis with those that are present together."""
+    """Nuisance directions that are possible for a camera: hypotheses, each with those that are present together."""
 
     present: Bool[np.ndarray, "h c"]
     """Whether each direction is present under each hypothesis; warp and spread are present in all."""
@@ -129,17 +128,14 @@ def turns_of_surface(
     if columns.size < 2:  # with unknown ends the surface is assumed to fill the image
         columns, top, bottom = np.array([0, camera.width_px - 1]), np.zeros(2), np.full(2, camera.height_px - 1.0)
     turns = np.zeros((3, COLUMNS))
-    kernels.turns_of_plane(
+    nuisance_kernels.turns_of_plane(
         columns,
         top,
         bottom,
         POINTS,
         camera.width_px,
         camera.height_px,
-        camera.fx_px,
-        camera.fy_px,
-        camera.cx_px,
-        camera.cy_px,
+        camera.pinhole,
         surface.normal,
         SIZES,
         READOUT_S,

@@ -280,7 +280,7 @@ def variances(covariances, direction):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def turns_of_plane(columns, top, bottom, points, width, height, fx, fy, cx, cy, plane, sizes, readout, rate, drift, turns):
+def turns_of_plane(columns, top, bottom, points, width, height, pinhole, plane, sizes, readout, rate, drift, turns):
     """Fill ``turns`` with the change of n that fits each direction best at the top, middle and bottom of ``points`` columns.
 
     Args:
@@ -289,6 +289,7 @@ def turns_of_plane(columns, top, bottom, points, width, height, fx, fy, cx, cy, 
         drift: Velocity of the camera for each unit of motion.
         turns: Columns as in ``directions``; those of spread, detour and curvature are left at zero.
     """
+    fx, fy, cx, cy = pinhole
     terms = sizes.size
     M, right = np.zeros((3, 3)), np.zeros((3, turns.shape[1]))
     ray, across, down, error = np.ones(3), np.ones(4), np.ones(4), np.zeros(turns.shape[1])

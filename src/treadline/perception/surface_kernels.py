@@ -1,6 +1,7 @@
-"""Pixel loops over a depth image, compiled.
+"""Planes in a depth image: blocks, surfaces, their ends and the lines at them; compiled.
 
-With w = 1/Z a plane n·p = 1 is linear in the image, w = n·(x, y, 1), and the noise of a disparity sensor is uniform.
+With w = 1/Z a plane n·p = 1 is linear in the image, w = n·(x, y, 1), and the noise of a disparity sensor is uniform. ``pinhole`` is
+fx, fy, cx, cy in pixels.
 """
 
 import math
@@ -17,15 +18,15 @@ GAP_PX = 2
 """Number of pixels off a surface that do not end it: a hole, a speck."""
 ROUNDING = 1e-11
 """Relative threshold of a centred sum of squares: pixels in a single row or column. Two rows at the image border give 1e-6."""
-WIDENED = 3.7
-"""Number of median deviations within which points of a line are kept: 2.5 sigma of a normal error."""
 HOLE_SHARE = 12
 """Image rows divided by the longest hole past which the surroundings of a surface's end are evaluated: the infrared shadow of a
 nosing, a strip without return, the occlusion of a stereo camera."""
-BORDER_PX = 4
-"""Distance from the image border within which a surface's end is the image's."""
+WIDENED = 3.7
+"""Number of median deviations within which points of a line are kept: 2.5 sigma of a normal error."""
 VAGUE_SHARE = 0.4
 """Least fraction of a surface's end on one line if nothing is known of its surroundings."""
+BORDER_PX = 4
+"""Distance from the image border within which a surface's end is the image's."""
 CREASE, BEYOND, BEFORE, UNKNOWN = 0, 1, 2, 3
 """Codes for the surroundings of a surface's end: an adjacent surface, a surface behind, an object in front, unknown."""
 
@@ -47,8 +48,9 @@ def nearness_of(depth):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def cell_sums(nearness, size, fx, fy, cx, cy, near, far):
+def cell_sums(nearness, size, pinhole, near, far):
     """Return sums over the valid pixels of each ``size × size`` cell of the grid."""
+    fx, fy, cx, cy = pinhole
     rows, columns = nearness.shape[1] // size, nearness.shape[0] // size
     least, most = 1.0 / far, 1.0 / near
     sums, ys = np.zeros((rows, columns, SUMS)), np.empty(nearness.shape[1])
@@ -416,7 +418,7 @@ def _ending(near, v, way, start, slope, jump):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, aside, least_square, fx, fy, cx, cy):
+def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, aside, least_square, pinhole):
     """Return the surfaces of some planes, each fitted to all of its pixels, with its ends in each column of the image.
 
     Args:
@@ -433,6 +435,7 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
         n of each surface, its covariance, its centre, and its number of columns; none if its pixels do not determine a plane. Then
         one row per surface: these columns, half a pixel beyond its first and last row there, and the codes of its surroundings.
     """
+    fx, fy, cx, cy = pinhole
     width, height, count = nearness.shape[0], nearness.shape[1], stops.shape[0]
     normals, covariances, centres = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
     held, columns = np.zeros(count, dtype=np.int64), np.empty((count, width), dtype=np.int64)
@@ -538,6 +541,64 @@ def _add_column(near, rows, ys, x, level, slope, off, sums):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
+def along(point, direction):
+    """Return the coordinate of a point along a direction, rounded as by BLAS for a row of points."""
+    return fused(point[2], direction[2], fused(point[0], direction[0], point[1] * direction[1]))
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def span(points, members, direction):
+    """Return the range of some of many points along a direction."""
+    low, high = np.inf, -np.inf
+    for k in members:
+        place = along(points[k], direction)
+        low, high = min(low, place), max(high, place)
+    return low, high
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def middle_of(units, start, spread, bundle, least, mean):
+    """Fill ``mean`` with the mean of unit vectors in a bundle about a direction; return whether there are enough.
+
+    Args:
+        units: Unit vectors; the sign is irrelevant.
+        spread: Cosine of the largest angle from ``start`` in the search for the centre of the bundle.
+        bundle: Cosine of the largest angle of a member from that centre.
+    """
+    near, count = np.empty((3, units.shape[0])), 0
+    for k in range(units.shape[0]):
+        cosine = along(units[k], start)
+        if abs(cosine) > spread:
+            for i in range(3):
+                near[i, count] = -units[k, i] if cosine < 0.0 else units[k, i]
+            count += 1
+    if count < least:
+        return False
+    middle, total, held = np.empty(3), np.zeros(3), 0
+    for i in range(3):
+        middle[i] = np.median(near[i, :count])
+    length = math.sqrt(dot(middle, middle))
+    for i in range(3):
+        middle[i] /= length
+    for k in range(count):
+        if along(near[:, k], middle) > bundle:
+            for i in range(3):
+                total[i] += near[i, k]
+            held += 1
+    if held < least:
+        return False
+    for i in range(3):
+        total[i] /= held
+    length = math.sqrt(dot(total, total))
+    for i in range(3):
+        mean[i] = total[i] / length
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
 def fit_line(u, v, near, line):
     """Fill ``line`` with the line v = v₀ + a (u - u₀) through most points; return the number of points on it.
 
@@ -612,7 +673,7 @@ def fit_line(u, v, near, line):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def nosing_line(columns, rows, follows, plane, height, near, least, beyond, aliasing, fx, fy, cx, cy):
+def nosing_line(columns, rows, follows, plane, height, near, least, beyond, aliasing, pinhole):
     """Return the line at a surface's end before a larger depth or at a corner, and the plane through line and camera centre.
 
     Args:
@@ -629,6 +690,7 @@ def nosing_line(columns, rows, follows, plane, height, near, least, beyond, alia
         for a line past which nothing is known; the plane's unit normal and its covariance; the line's middle and ends on the
         surface; u1, v1, u2, v2 of its ends, the left one first.
     """
+    fx, fy, cx, cy = pinhole
     normal, covariance, points, ends = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(4)
     held = np.zeros(UNKNOWN + 1, dtype=np.int64)
     for what in follows:
@@ -671,36 +733,19 @@ def nosing_line(columns, rows, follows, plane, height, near, least, beyond, alia
         if nearness <= 0.0:  # behind the camera
             return 0, kind, normal, covariance, points, ends
         ray[0], ray[1], ray[2] = ray[0] / nearness, ray[1] / nearness, ray[2] / nearness
-    _through_eye(a, v0, u0, line[3] + (aliasing / (right - left)) ** 2, line[4], fx, fy, cx, cy, normal, covariance)
+    _through_eye(a, v0, u0, line[3] + (aliasing / (right - left)) ** 2, line[4], pinhole, normal, covariance)
     return count, kind, normal, covariance, points, ends
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def along(point, direction):
-    """Return the coordinate of a point along a direction, rounded as by BLAS for a row of points."""
-    return fused(point[2], direction[2], fused(point[0], direction[0], point[1] * direction[1]))
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def span(points, members, direction):
-    """Return the range of some of many points along a direction."""
-    low, high = np.inf, -np.inf
-    for k in members:
-        place = along(points[k], direction)
-        low, high = min(low, place), max(high, place)
-    return low, high
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def height_of_end(columns, rows, follows, plane, up, height, fx, fy, cx, cy):
+def height_of_end(columns, rows, follows, plane, up, height, pinhole):
     """Return the median height of a surface's end; NaN if an object in front or the image border cuts off most of it.
 
     Args:
         height: Number of image rows.
     """
+    fx, fy, cx, cy = pinhole
     heights, count, ray = np.empty(columns.size), 0, np.ones(3)
     for k in range(columns.size):
         if follows[k] != BEFORE and BORDER_PX <= rows[k] < height - BORDER_PX:
@@ -712,48 +757,9 @@ def height_of_end(columns, rows, follows, plane, up, height, fx, fy, cx, cy):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def middle_of(units, start, spread, bundle, least, mean):
-    """Fill ``mean`` with the mean of unit vectors in a bundle about a direction; return whether there are enough.
-
-    Args:
-        units: Unit vectors; the sign is irrelevant.
-        spread: Cosine of the largest angle from ``start`` in the search for the centre of the bundle.
-        bundle: Cosine of the largest angle of a member from that centre.
-    """
-    near, count = np.empty((3, units.shape[0])), 0
-    for k in range(units.shape[0]):
-        cosine = along(units[k], start)
-        if abs(cosine) > spread:
-            for i in range(3):
-                near[i, count] = -units[k, i] if cosine < 0.0 else units[k, i]
-            count += 1
-    if count < least:
-        return False
-    middle, total, held = np.empty(3), np.zeros(3), 0
-    for i in range(3):
-        middle[i] = np.median(near[i, :count])
-    length = math.sqrt(dot(middle, middle))
-    for i in range(3):
-        middle[i] /= length
-    for k in range(count):
-        if along(near[:, k], middle) > bundle:
-            for i in range(3):
-                total[i] += near[i, k]
-            held += 1
-    if held < least:
-        return False
-    for i in range(3):
-        total[i] /= held
-    length = math.sqrt(dot(total, total))
-    for i in range(3):
-        mean[i] = total[i] / length
-    return True
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def _through_eye(a, v0, u0, var_a, var_v, fx, fy, cx, cy, m, covariance):
+def _through_eye(a, v0, u0, var_a, var_v, pinhole, m, covariance):
     """Fill ``m`` with the unit normal of the plane through camera centre and line v = v₀ + a (u - u₀), and its covariance."""
+    fx, fy, cx, cy = pinhole
     # Line y = A x + B in normalised image coordinates.
     A = a * fx / fy
     B = (v0 + a * (cx - u0) - cy) / fy
@@ -767,159 +773,3 @@ def _through_eye(a, v0, u0, var_a, var_v, fx, fy, cx, cy, m, covariance):
     for i in range(3):
         for j in range(3):
             covariance[i, j] = var_a * (by_a[i] * by_a[j]) + var_v * (by_v[i] * by_v[j])
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def points_above(depth, stride, fx, fy, cx, cy, axes, level, foot, low, blur, high, begin, start, end):
-    """Return the points of every ``stride``-th pixel above a flight.
-
-    Args:
-        axes: Rows: ahead, normal of the nosing plane, up.
-        level: Height of the nosing plane along its normal; ``foot``: height of the ground before it along up.
-        low: Least height above these for a point, ``blur`` times its depth if larger, and largest height ``high``.
-        begin: Range along ahead: the foot from ``begin`` to ``start``, the nosing plane from there to ``end``.
-    """
-    rows, columns = depth.shape
-    found = np.empty((((rows + stride - 1) // stride) * ((columns + stride - 1) // stride), 3))
-    count = 0
-    for v in range(0, rows, stride):
-        y = (v - cy) / fy
-        for u in range(0, columns, stride):
-            z = depth[v, u]
-            if not (z > 0.0 and z < 1e6):
-                continue
-            x = (u - cx) / fx
-            ahead = z * (axes[0, 0] * x + axes[0, 1] * y + axes[0, 2])
-            if not (begin < ahead < end):
-                continue
-            if ahead < start:
-                above = z * (axes[2, 0] * x + axes[2, 1] * y + axes[2, 2]) - foot
-            else:
-                above = z * (axes[1, 0] * x + axes[1, 1] * y + axes[1, 2]) - level
-            if not (max(low, blur * z) < above < high):
-                continue
-            found[count, 0], found[count, 1], found[count, 2] = x * z, y * z, z
-            count += 1
-    return found[:count].copy()
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def depths_at(depth, aheads, asides, heights, axes, fx, fy, cx, cy):
-    """Return the measured depth at the points of a grid and their geometric depth, where both exist.
-
-    Args:
-        axes: Rows: the directions in C of ``aheads``, ``asides`` and ``heights``.
-    """
-    seen, expected = np.empty(aheads.size * asides.size * heights.size), np.empty(aheads.size * asides.size * heights.size)
-    count, point = 0, np.empty(3)
-    for ahead in aheads:
-        for height in heights:
-            for aside in asides:
-                for i in range(3):
-                    point[i] = fused(height, axes[2, i], fused(aside, axes[1, i], ahead * axes[0, i]))
-                if not point[2] > 0.1:
-                    continue
-                u, v = np.rint(fx * point[0] / point[2] + cx), np.rint(fy * point[1] / point[2] + cy)
-                if not (0 <= u < depth.shape[1] and 0 <= v < depth.shape[0]):
-                    continue
-                z = depth[int(v), int(u)]
-                if np.isfinite(z) and z > 0.0:
-                    seen[count], expected[count] = z, point[2]
-                    count += 1
-    return seen[:count].copy(), expected[:count].copy()
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def places_of(depth, stride, fx, fy, cx, cy, origin, axes):
-    """Return pixels as points in C, NaN without depth, and their coordinates along some directions.
-
-    Args:
-        depth: Depth of every ``stride``-th pixel of every ``stride``-th row.
-        origin: Added to each point.
-        axes: Rows: the directions of the coordinates.
-    """
-    rows, columns = depth.shape
-    points, places = np.empty((rows, columns, 3)), np.empty((axes.shape[0], rows, columns))
-    for i in range(rows):
-        y = (i * stride - cy) / fy
-        for j in range(columns):
-            z = depth[i, j] if depth[i, j] > 0.0 else np.nan
-            point = points[i, j]
-            point[0], point[1], point[2] = (j * stride - cx) / fx * z + origin[0], y * z + origin[1], z + origin[2]
-            for k in range(axes.shape[0]):
-                places[k, i, j] = dot(point, axes[k])
-    return points, places
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def level_patches(points, up, level):
-    """Return the mask of grid points in horizontal patches of five points.
-
-    Args:
-        points: Rows and columns of points, NaN without depth.
-        level: Cosine of the largest angle between a patch's normal and ``up``.
-    """
-    rows, columns = points.shape[0], points.shape[1]
-    found = np.zeros((rows, columns), dtype=np.bool_)
-    for i in range(2, rows - 2):
-        for j in range(2, columns - 2):
-            top, bottom, left, right = points[i - 2, j], points[i + 2, j], points[i, j - 2], points[i, j + 2]
-            ax, ay, az = bottom[0] - top[0], bottom[1] - top[1], bottom[2] - top[2]
-            bx, by, bz = right[0] - left[0], right[1] - left[1], right[2] - left[2]
-            nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-            rise = abs(nx * up[0] + ny * up[1] + nz * up[2])
-            found[i, j] = rise > level * math.sqrt(nx * nx + ny * ny + nz * nz)
-    return found
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def ground_level(points, up, level, far, aside, height, furthest, bin_size, least, width, highest):
-    """Return the height of the highest or lowest level in a grid of points wide enough to drive on; NaN without one.
-
-    Args:
-        points: Rows and columns of points, NaN without depth.
-        level: Cosine of the largest angle between a patch's normal and ``up``.
-        far: Coordinate of each point ahead, ``aside`` and ``height`` likewise.
-        furthest: Largest distance of a patch.
-        bin_size: Height range of patches on one level.
-        least: Least number of patches of a level in its own and the next bin.
-        width: Lateral extent exceeded by a level.
-        highest: Whether to return the highest level, else the lowest.
-    """
-    patches = level_patches(points, up, level)
-    heights, sides, bins = np.empty(patches.size), np.empty(patches.size), np.empty(patches.size, dtype=np.int64)
-    count = 0
-    for i in range(patches.shape[0]):
-        for j in range(patches.shape[1]):
-            if patches[i, j] and far[i, j] < furthest:
-                heights[count], sides[count] = height[i, j], aside[i, j]
-                bins[count] = np.int64(math.floor(height[i, j] / bin_size))
-                count += 1
-    order = np.sort(bins[:count])
-    within = np.empty(count)
-    last = count if highest else -1
-    while True:
-        # The next bin in the order in which levels are tried.
-        following = last - 1 if highest else last + 1
-        if not 0 <= following < count:
-            return np.nan
-        place = order[following]
-        first, stop = np.searchsorted(order, place), np.searchsorted(order, place, side="right")
-        last = first if highest else stop - 1
-        beside = place - 1 if highest else place + 1
-        together = stop - first + np.searchsorted(order, beside, side="right") - np.searchsorted(order, beside)
-        if together < least:
-            continue
-        low, high, held = np.inf, -np.inf, 0
-        for k in range(count):
-            if bins[k] == place or bins[k] == beside:
-                low, high = min(low, sides[k]), max(high, sides[k])
-                within[held] = heights[k]
-                held += 1
-        if high - low > width:
-            return np.median(within[:held])

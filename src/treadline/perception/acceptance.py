@@ -1,0 +1,96 @@
+"""Rules by which a flight that was found is accepted as a stair that can be driven on, or rejected with a reason."""
+
+import numpy as np
+
+from treadline.angles import DEG
+from treadline.perception.edge_fit import EdgeFit
+from treadline.perception.form import Bow, Side
+from treadline.perception.stair_shape import StairShape
+from treadline.perception.steps import Flight
+
+EVIDENCE, UNCONFIRMED = 4.2, 3.4
+"""Least log-evidence of a stair, and of an unconfirmed one [nats]: two levels and two fronts reach at most 3.92."""
+HEADING_LIMIT = 45.0 * DEG
+"""Largest accepted heading [rad]."""
+SLOPE_LIMIT = 45.0 * DEG
+"""Largest accepted slope [rad]."""
+AGREEING = 0.7
+"""Least fraction of consistent nosings: winders are not parallel."""
+STRAIGHT_LEAST = 2
+"""Least number of nosings with a direction, which are parallel on a straight flight."""
+SIGMA_LIMIT = 1.0 * DEG
+"""Largest accepted standard deviation of the heading [rad]."""
+CURVED = 0.5
+"""Probability above which a flight is called curved."""
+DISAGREEMENT, DISAGREEMENT_SIGMAS = 2.0 * DEG, 4.0
+"""Angle between risers and nosings [rad], and number of standard deviations, above which one of them does not belong to the
+stair."""
+
+
+def lacking_evidence(flight: Flight) -> str:
+    """Return which evidence is lacking for a stair."""
+    return (
+        f"steps of {1e3 * flight.rise_m:.0f} by {1e3 * flight.run_m:.0f} mm would explain what is seen, evidence "
+        f"{flight.evidence:.1f} of {EVIDENCE:g} needed"
+    )
+
+
+def rejection_reason(
+    heading_rad: float,
+    sigma_rad: float,
+    flight: Flight,
+    fit: EdgeFit,
+    shape: StairShape,
+    bow: Bow,
+    sides: tuple[Side | None, Side | None],
+    *,
+    swept_half_m: float,
+    least_levels: int,
+) -> str | None:
+    """Return the reason for rejection as a stair, or None.
+
+    Args:
+        sides: Left and right side of the flight.
+        swept_half_m: Half width of the volume swept by the chair.
+        least_levels: Least number of evenly spaced treads.
+    """
+    if shape.slope_rad > SLOPE_LIMIT:
+        return f"a slope of {shape.slope_rad / DEG:.0f}° is too steep to drive on"
+    if flight.levels < least_levels:
+        return f"no gravity, and {flight.levels} evenly spaced level(s) to replace it; {least_levels} needed"
+    if abs(heading_rad) > HEADING_LIMIT:
+        return f"heading {heading_rad / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°"
+    return _not_straight(flight, fit) or _uncertain(sigma_rad, bow) or _too_narrow(sides, swept_half_m)
+
+
+def _not_straight(flight: Flight, fit: EdgeFit) -> str | None:
+    if sum(nosing.has_direction for nosing in flight.nosings) < STRAIGHT_LEAST:
+        return "one edge in view has a direction: a straight flight is not distinguished from winders"
+    if fit.agreeing < AGREEING or fit.agreeing * len(flight.nosings) < 1.5:
+        return f"nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other: no straight flight"
+    turned = fit.curvature_1_m * float(np.mean([nosing.ahead_m for nosing in flight.nosings]))
+    if fit.curved > CURVED and abs(turned) > SIGMA_LIMIT:
+        return f"edges turn by {fit.curvature_1_m * flight.run_m / DEG:+.1f}° at each step: no straight flight"
+    apart = fit.planes_against_lines_rad
+    if apart is not None and abs(apart[0]) > max(DISAGREEMENT, DISAGREEMENT_SIGMAS * apart[1]):
+        return f"risers and nosings disagree by {abs(apart[0]) / DEG:.1f}°"
+    return None
+
+
+def _uncertain(sigma_rad: float, bow: Bow) -> str | None:
+    if sigma_rad <= SIGMA_LIMIT:
+        return None
+    known = f"the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only"
+    if bow.bowed > 0.5:
+        return f"edges bowed by {abs(bow.curvature_1_m):.2f} per metre: {known}, {1.96 * SIGMA_LIMIT / DEG:.1f}° needed"
+    return known
+
+
+def _too_narrow(sides: tuple[Side | None, Side | None], swept_half_m: float) -> str | None:
+    left, right = sides
+    if left is None or right is None or right.aside_m - left.aside_m >= 2.0 * swept_half_m:
+        return None
+    return (
+        f"the flight is {right.aside_m - left.aside_m:.2f} m wide between {left.kind} and {right.kind} side; the chair sweeps "
+        f"{2.0 * swept_half_m:.2f} m"
+    )

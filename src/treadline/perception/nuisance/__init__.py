@@ -1,1 +1,0 @@
-"""Nuisance parameters of stair and camera: irregularity of the steps and warp of the depth."""
