@@ -39,9 +39,6 @@ OVERLAP_M = 0.08
 """Least common width of steps in view one after another [m]: two blocks 2 m away."""
 SIGMAS = 3.0
 """Largest residual of a part of the lattice, in standard deviations."""
-STRAY, OTHER_END = 0.15, 0.3
-"""Prior probabilities that a part at a place of the lattice does not belong to it, and that a tread's end is that of a landing or
-floor, or of an object on it."""
 FOREIGN, MISSING = -0.7, -3.0
 """Log-probabilities of a level between two steps, and of a step that is not there where it is in view."""
 PROBES = 7
@@ -50,83 +47,11 @@ SEEN_THROUGH = 0.5
 """Least fraction of these points past which the depth image shows something lower for a missing tread."""
 BELOW_EYE_M = 0.10
 """Least height of the camera above a tread whose absence can be seen [m]."""
-KEPT = 6
-"""Number of hypotheses that are refined."""
+KEPT, FITS = 6, 2
+"""Number of hypotheses that are refined, and of fits to their parts."""
 NONE = -1000
 """Step number of a part outside the lattice."""
 LOG_2PI = math.log(2.0 * math.pi)
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def _term(residual, variance, cell, stray):
-    """Return the log-likelihood of a residual relative to a uniform density over a cell, with a probability of a stray part."""
-    return math.log(stray + (1.0 - stray) * cell / math.sqrt(2.0 * math.pi * variance) * math.exp(-0.5 * residual**2 / variance))
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def _score(treads, risers, rise, run, x0, z0, levels, fronts):
-    """Return the score of a hypothesis in the search; ``levels`` and ``fronts`` are buffers with one place per step."""
-    levels[:] = 0.0
-    fronts[:] = 0.0
-    irregular_z, irregular_x = RISE_IRREGULAR_M**2, RUN_IRREGULAR_M**2
-    for t in range(treads.shape[0]):
-        k = int(round((treads[t, 0] - z0) / rise))
-        variance = treads[t, 1] + irregular_z
-        off = treads[t, 0] - z0 - k * rise
-        if abs(k) > LAST or off * off > SIGMAS**2 * variance:
-            continue
-        score = _term(off, variance, rise, STRAY)
-        if treads[t, 3] < np.inf:
-            score += _term(treads[t, 2] - x0 - k * run, treads[t, 3] + irregular_x, run, OTHER_END)
-        if treads[t, 5] < np.inf:
-            score += _term(treads[t, 4] - x0 - (k + 1) * run, treads[t, 5] + irregular_x, run, OTHER_END)
-        levels[k + LAST] = max(levels[k + LAST], score)
-    for r in range(risers.shape[0]):
-        k = int(round((risers[r, 0] - x0) / run))
-        variance = risers[r, 1] + irregular_x
-        off = risers[r, 0] - x0 - k * run
-        if abs(k) > LAST or off * off > SIGMAS**2 * variance:
-            continue
-        score = _term(off, variance, run, STRAY)
-        if risers[r, 3] < np.inf:
-            score += _term(risers[r, 2] - z0 - k * rise, risers[r, 3] + irregular_z, rise, OTHER_END)
-        if risers[r, 5] < np.inf:
-            score += _term(risers[r, 4] - z0 - (k - 1) * rise, risers[r, 5] + irregular_z, rise, OTHER_END)
-        fronts[k + LAST] = max(fronts[k + LAST], score)
-    return levels.sum() + fronts.sum()
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def _seeds(points, treads, risers, best, levels, fronts):
-    """Keep the hypotheses with the highest scores of all pairs of points.
-
-    Args:
-        points: Kind, x, z, lateral range; kind 2 are feet of risers, one rise below their nosing.
-        best: Filled with score, rise, run, x0, z0.
-    """
-    best[:] = -np.inf
-    for i in range(points.shape[0]):
-        for j in range(points.shape[0]):
-            if points[i, 0] != points[j, 0]:
-                continue
-            along, up = points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-            if not (along > 0.0 and up > 0.0):
-                continue
-            if min(points[i, 4], points[j, 4]) - max(points[i, 3], points[j, 3]) < OVERLAP_M:
-                continue
-            for count in range(1, APART + 1):
-                rise, run = up / count, along / count
-                if not (RISE_M[0] <= rise <= RISE_M[1] and RUN_M[0] <= run <= RUN_M[1] and rise <= STEEPEST * run):
-                    continue
-                x0, z0 = points[i, 1], points[i, 2] + (rise if points[i, 0] == 2.0 else 0.0)
-                score = _score(treads, risers, rise, run, x0, z0, levels, fronts)
-                score -= 0.5 * ((rise - RISE_MEAN_M) / RISE_SIGMA_M) ** 2 + 0.5 * ((run - RUN_MEAN_M) / RUN_SIGMA_M) ** 2
-                place = np.argmin(best[:, 0])
-                if score > best[place, 0]:
-                    best[place, 0], best[place, 1], best[place, 2], best[place, 3], best[place, 4] = score, rise, run, x0, z0
 
 
 @njit(cache=True, error_model="numpy")
@@ -273,6 +198,69 @@ def _group(heights, places, spans, bounds):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
+def _is_step(rise, run):
+    """Return whether a step of these dimensions can be climbed."""
+    return RISE_M[0] <= rise <= RISE_M[1] and RUN_M[0] <= run <= RUN_M[1] and rise <= STEEPEST * run
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _fit(treads, risers, lattice, of_tread, front_on, of_riser, room):
+    """Assign parts to a lattice, and fit it to them; return the log-evidence, -inf with fewer than two heights or places.
+
+    Args:
+        lattice: Rise, run, x0, z0; filled with the fitted ones.
+        of_tread, front_on, of_riser: Filled as in ``_assign``.
+        room: Buffers: sums of heights and places and spans of each step, values and variances, bounds, both lines.
+    """
+    heights, places, spans, values, variances, bounds, along, up = room
+    _assign(treads, risers, lattice[0], lattice[1], lattice[2], lattice[3], of_tread, front_on, of_riser, heights, places, spans)
+    _group(heights, places, spans, bounds)
+    _nodes(heights, HIDDEN_SIGMA_M, RISE_IRREGULAR_M, bounds[0], bounds[1], values, variances)
+    evidence = _line_evidence(values, variances, RISE_MEAN_M, RISE_SIGMA_M, RISE_GAP_M, up)
+    _nodes(places, OVERHANG_SIGMA_M, RUN_IRREGULAR_M, bounds[0], bounds[1], values, variances)
+    evidence += _line_evidence(values, variances, RUN_MEAN_M, RUN_SIGMA_M, RUN_GAP_M, along)
+    if up[2] < 2 or along[2] < 2:
+        return -np.inf
+    lattice[0], lattice[1], lattice[2], lattice[3] = up[1], along[1], along[0], up[0]
+    return evidence
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _seeds(points, treads, risers, best, of_tread, front_on, of_riser, room):
+    """Keep the lattices with the most evidence of all pairs of points.
+
+    Args:
+        points: Kind, x, z, lateral range; kind 2 are feet of risers, one rise below their nosing.
+        best: Filled with evidence, rise, run, x0, z0.
+    """
+    best[:] = -np.inf
+    lattice = np.empty(4)
+    for i in range(points.shape[0]):
+        for j in range(points.shape[0]):
+            if points[i, 0] != points[j, 0]:
+                continue
+            along, up = points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+            if not (along > 0.0 and up > 0.0):
+                continue
+            if min(points[i, 4], points[j, 4]) - max(points[i, 3], points[j, 3]) < OVERLAP_M:
+                continue
+            for count in range(1, APART + 1):
+                rise, run = up / count, along / count
+                if not _is_step(rise, run):
+                    continue
+                lattice[0], lattice[1], lattice[2] = rise, run, points[i, 1]
+                lattice[3] = points[i, 2] + (rise if points[i, 0] == 2.0 else 0.0)
+                evidence = _fit(treads, risers, lattice, of_tread, front_on, of_riser, room)
+                place = np.argmin(best[:, 0])
+                if evidence > best[place, 0]:
+                    best[place, 0] = evidence
+                    best[place, 1:] = lattice
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
 def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, front_on, of_riser):
     """Return the staircase with the most evidence; NaN evidence without one.
 
@@ -286,29 +274,29 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
         Evidence, rise, run, z0, first and last step, and number of steps with a height.
     """
     size = 2 * LAST + 1
-    levels, fronts, best = np.empty(size), np.empty(size), np.empty((KEPT, 5))
-    _seeds(points, treads, risers, best, levels, fronts)
-    heights, places, spans = np.empty((size, 2, 2)), np.empty((size, 2, 2)), np.empty((size, 2))
-    values, variances, bounds = np.empty(size), np.empty(size), np.empty(2, dtype=np.int64)
-    along, up, found = np.empty(3), np.empty(3), np.full(7, np.nan)
+    room = (
+        np.empty((size, 2, 2)),
+        np.empty((size, 2, 2)),
+        np.empty((size, 2)),
+        np.empty(size),
+        np.empty(size),
+        np.empty(2, dtype=np.int64),
+        np.empty(3),
+        np.empty(3),
+    )
+    spans, bounds, up = room[2], room[5], room[7]
+    best, found = np.empty((KEPT, 5)), np.full(7, np.nan)
     mine, mine_on, my_risers = np.empty_like(of_tread), np.empty_like(front_on), np.empty_like(of_riser)
+    _seeds(points, treads, risers, best, mine, mine_on, my_risers, room)
     for s in range(KEPT):
         if best[s, 0] == -np.inf:
             continue
-        rise, run, x0, z0 = best[s, 1], best[s, 2], best[s, 3], best[s, 4]
+        lattice = best[s, 1:]
         evidence = -np.inf
-        for _ in range(3):
-            _assign(treads, risers, rise, run, x0, z0, mine, mine_on, my_risers, heights, places, spans)
-            _group(heights, places, spans, bounds)
-            _nodes(heights, HIDDEN_SIGMA_M, RISE_IRREGULAR_M, bounds[0], bounds[1], values, variances)
-            evidence = _line_evidence(values, variances, RISE_MEAN_M, RISE_SIGMA_M, RISE_GAP_M, up)
-            _nodes(places, OVERHANG_SIGMA_M, RUN_IRREGULAR_M, bounds[0], bounds[1], values, variances)
-            evidence += _line_evidence(values, variances, RUN_MEAN_M, RUN_SIGMA_M, RUN_GAP_M, along)
-            if up[2] < 2 or along[2] < 2:
-                evidence = -np.inf
-                break
-            z0, rise, x0, run = up[0], up[1], along[0], along[1]
-        if not (RISE_M[0] <= rise <= RISE_M[1] and RUN_M[0] <= run <= RUN_M[1] and rise <= STEEPEST * run):
+        for _ in range(FITS):
+            evidence = _fit(treads, risers, lattice, mine, mine_on, my_risers, room)
+        rise, run, x0, z0 = lattice
+        if not _is_step(rise, run):
             continue
         evidence += _foreign_levels(treads, rise, run, x0, z0, mine, bounds, spans)
         evidence += _missing(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans)
