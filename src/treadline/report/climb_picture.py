@@ -4,12 +4,12 @@
 camera that follows the chair, one image per frame.
 """
 
+import argparse
 import base64
 import io
 import re
 import shutil
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
-from treadline.errors import SettingsError
+from treadline.errors import SettingsError, TreadlineError
 from treadline.playback import Recording, read_recording
 from treadline.report.player import TEMPLATES, json_in_page
 from treadline.report.scene import scene_of
@@ -131,5 +131,19 @@ def _captioned(image: Image.Image, recording: Recording, t_s: float) -> Image.Im
     return image
 
 
+def main() -> None:
+    """Write the picture named on the command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m treadline.report.climb_picture", description="Write an animated WebP of a recorded run; needs Chromium."
+    )
+    parser.add_argument("run", type=Path, help="run folder with a log, written by treadline climb")
+    parser.add_argument("picture", type=Path, help="file to write, such as climb.webp")
+    order = parser.parse_args()
+    try:
+        write_climb_picture(order.run, order.picture)
+    except TreadlineError as error:
+        parser.error(str(error))
+
+
 if __name__ == "__main__":
-    write_climb_picture(Path(sys.argv[1]), Path(sys.argv[2]))
+    main()
