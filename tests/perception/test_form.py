@@ -1,5 +1,7 @@
 """Width, sides and bow of a flight, as the detector reports them."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,26 @@ def test_a_flight_narrower_than_the_chair_is_rejected_with_its_width() -> None:
     widths = [sight.stair_map.width_m for sight in robot if sight.stair_map is not None and sight.stair_map.width_m is not None]
     assert len(widths) >= len(narrow)
     assert np.abs(np.array(widths) - 0.45).max() < 0.02
+
+
+@pytest.mark.parametrize("sensor", ["d435", "d455"])
+def test_the_band_that_one_imager_does_not_see_is_no_open_side(sensor: Literal["d435", "d455"]) -> None:
+    """Test: stereo frames, without depth in a band at the left border as wide as the disparity. Expected result: flights are not
+    called narrow, and a side is reported where the flight ends, or not at all.
+
+    5 cm: half of a matching window of 7 px, 2 m away, beside the 2 cm of other frames.
+    """
+    sides = []
+    for view, sight in looks(ViewRecipe(sensor=sensor, sigma_px=0.12, height_px=480), range(3_000, 3_022)):
+        assert "m wide" not in str(sight.reason)
+        if sight.stair_map is not None and view.stair is not None:
+            sides += [
+                (sight.stair_map.left_edge_m, view.stair.left_edge_m),
+                (sight.stair_map.right_edge_m, view.stair.right_edge_m),
+            ]
+    errors = [found - true for found, true in sides if found is not None]
+    assert len(errors) > 0.5 * len(sides)
+    assert np.abs(errors).max() < 0.05
 
 
 def test_a_side_that_is_not_seen_is_unknown() -> None:

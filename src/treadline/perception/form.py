@@ -22,6 +22,9 @@ SideKind = Literal["wall", "open"]
 """What follows beyond the side of a flight."""
 LOOK_SHARE = 24
 """Image width divided by the largest number of columns past a surface's end in which its surroundings are looked for."""
+BASELINE_M = 0.095
+"""Largest distance between the imagers of a stereo camera, or imager and projector [m]: that of a D455 (data sheet); a Kinect 1 has
+0.075 m and a D435 0.050 m."""
 SAME_SIDE_M, SURPASSED_M = 0.05, 0.08
 """Largest lateral distance of ends at one side [m], and distance by which another surface surpasses a side that is none."""
 ENDS_LEAST = 2
@@ -108,6 +111,7 @@ def sides_of(
                 way,
                 look,
                 JUMP * blocks.noise,
+                BASELINE_M,
                 camera.pinhole,
             )
         found.append(_side(way * places, kinds, way))

@@ -25,7 +25,7 @@ MEDIAN_SIGMA = 1.4826
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, pinhole):
+def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, baseline, pinhole):
     """Return the lateral place of a surface's first or last column and the code of what follows.
 
     Args:
@@ -34,6 +34,7 @@ def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, pinh
         way: -1 for the left side, 1 for the right one.
         look: Largest number of columns past the end.
         jump: Least difference of another surface [1/m].
+        baseline: Distance between two imagers, or imager and projector [m]: one of them does not see a band at the image border.
     """
     fx, fy, cx, cy = pinhole
     width, count = nearness.shape[0], columns.size
@@ -46,6 +47,7 @@ def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, pinh
     place = (right[0] * x + right[1] * y + right[2]) / there
     if u < BORDER_PX or u >= width - BORDER_PX:
         return place, CUT
+    in_band = (u if way < 0 else width - 1 - u) < BORDER_PX + fx * baseline * there
     nearer = further = on_plane = empty = 0
     first, last = upper[at] + 0.5, lower[at] - 0.5
     for i in range(ROWS):
@@ -73,7 +75,7 @@ def side_of(nearness, columns, upper, lower, plane, right, way, look, jump, pinh
             further += 1
         elif code == 3:
             on_plane += 1
-        else:
+        elif not in_band:
             empty += 1
     # No depth at all past a surface is a drop out of range; a shadow falls on one side of a sensor alone.
     away = further + empty
