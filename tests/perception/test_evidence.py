@@ -26,11 +26,11 @@ def tread_row(step: int, *, rise: float = RISE, run: float = RUN, front: bool = 
 
 def riser_row(step: int, *, rise: float = RISE, run: float = RUN) -> list[float]:
     x, z = 1.0 + step * run, -0.9 + step * rise
-    return [x, 0.01**2, z, 0.009**2, z - rise, 0.009**2, -0.5, 0.5]
+    return [x, 0.01**2, z, 0.009**2, z - rise, 0.009**2, -0.5, 0.5, z - rise + 0.02, z - 0.02]
 
 
 def evidence(treads: list[list[float]], risers: list[list[float]], nearness: Float[np.ndarray, "w h"] = EMPTY) -> float:
-    tread_table, riser_table = np.array(treads).reshape(-1, 10), np.array(risers).reshape(-1, 8)
+    tread_table, riser_table = np.array(treads).reshape(-1, 10), np.array(risers).reshape(-1, 10)
     found = best_lattice(
         seed_points(tread_table, riser_table),
         tread_table,
@@ -47,7 +47,7 @@ def evidence(treads: list[list[float]], risers: list[list[float]], nearness: Flo
 
 def test_two_steps_however_well_they_fit_are_unconfirmed() -> None:
     """Test: two treads with their risers, of average measures, without any error. Expected result: less than a stair needs."""
-    two = evidence([tread_row(0), tread_row(1)], [[*riser_row(0)[:4], 0.0, np.inf, -0.5, 0.5], riser_row(1)])
+    two = evidence([tread_row(0), tread_row(1)], [[*riser_row(0)[:4], 0.0, np.inf, *riser_row(0)[6:]], riser_row(1)])
     assert UNCONFIRMED < two < EVIDENCE
 
 
@@ -63,6 +63,21 @@ def test_unequal_steps_are_no_stair() -> None:
     shelf = [tread_row(0), tread_row(1), tread_row(1)]
     shelf[2] = [shelf[1][0] + 1.33 * RISE, *shelf[1][1:2], shelf[1][2] + 0.67 * RUN, *shelf[1][3:]]
     assert not evidence(shelf, []) > EVIDENCE
+
+
+@pytest.mark.parametrize("known_top", [False, True], ids=["its ends unknown", "its top seen"])
+def test_a_wall_behind_open_steps_is_no_riser(known_top: bool) -> None:
+    """Test: three steps, and a wall at the place of a fourth riser, seen two rises above it. Expected result: the evidence of three
+    steps; a riser between its tread and its nosing adds to it."""
+    treads, risers = [tread_row(k) for k in range(3)], [riser_row(k) for k in range(3)]
+    x, z = riser_row(3)[0], riser_row(3)[2]
+    unknown = [x, 0.01**2, 0.0, np.inf, 0.0, np.inf, -0.5, 0.5]
+    # The wall goes on from the foot of the riser to above its nosing, or both of its ends are cut off.
+    top = [z + 2.0 * RISE, 0.009**2, z - RISE, 0.009**2] if known_top else [0.0, np.inf, 0.0, np.inf]
+    wall = [*unknown[:2], *top, *unknown[6:], z - RISE if known_top else z + 1.5 * RISE, z + 2.0 * RISE]
+    three = evidence(treads, risers)
+    assert evidence(treads, [*risers, wall]) == pytest.approx(three, abs=1e-9)
+    assert evidence(treads, [*risers, [*unknown, z - 0.15, z - 0.02]]) > three + 1.0
 
 
 def test_a_missing_step_in_view_costs_what_it_should() -> None:

@@ -88,7 +88,7 @@ class Match:
 
     risers: list[Riser]
     tread_rows: Float[np.ndarray, "t 10"]
-    riser_rows: Float[np.ndarray, "r 8"]
+    riser_rows: Float[np.ndarray, "r 10"]
     of_tread: Int[np.ndarray, " t"]
     of_riser: Int[np.ndarray, " r"]
     front_on: Bool[np.ndarray, " t"]

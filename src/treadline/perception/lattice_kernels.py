@@ -5,8 +5,8 @@ nosing k, starts there and ends under nosing k + 1; riser k stands under nosing 
 mirrored by its caller.
 
 Columns of ``treads``: height and its variance, front and its variance, back and its variance, lateral range, extent along x.
-Columns of ``risers``: place and its variance, top and its variance, bottom and its variance, lateral range. Unknown values have an
-infinite variance.
+Columns of ``risers``: place and its variance, top and its variance, bottom and its variance, lateral range, extent along z. Unknown
+values have an infinite variance.
 """
 
 import math
@@ -84,10 +84,17 @@ def _assign(treads, risers, rise, run, x0, z0, of_tread, front_on, of_riser, hei
             continue
         top = risers[r, 2] - z0 - k * rise
         has_top = top * top < SIGMAS**2 * (risers[r, 3] + irregular_z + HIDDEN_SIGMA_M**2) and risers[r, 3] < np.inf
+        # No riser goes on above its nosing.
+        if top > 0.0 and not has_top and risers[r, 3] < np.inf:
+            continue
         bottom = risers[r, 4] - z0 - (k - 1) * rise
         has_bottom = bottom * bottom < SIGMAS**2 * (risers[r, 5] + irregular_z) and risers[r, 5] < np.inf
         # A riser whose ends are seen, neither of them on the lattice, is a part of something else at this place.
         if not (has_top or has_bottom) and (risers[r, 3] < np.inf or risers[r, 5] < np.inf):
+            continue
+        # A riser lies between its tread and its nosing; a wall behind open steps is at the place of one, at other heights.
+        overlap = min(risers[r, 9], z0 + k * rise) - max(risers[r, 8], z0 + (k - 1) * rise)
+        if overlap < 0.5 * min(rise, risers[r, 9] - risers[r, 8]):
             continue
         of_riser[r] = k
         _add(places, k, 1, risers[r, 0], risers[r, 1])

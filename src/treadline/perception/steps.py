@@ -196,9 +196,9 @@ def _place(line: Line | None, axes: Axes, camera: PinholeCamera) -> tuple[float,
     return ahead, near**2 + TREAD_SIGMA_M**2 + (END_PX * pixel_m) ** 2 + vague**2
 
 
-def riser_rows(risers: Sequence[Riser], blocks: PlanarBlocks, axes: Axes, camera: PinholeCamera) -> Float[np.ndarray, "r 8"]:
+def riser_rows(risers: Sequence[Riser], blocks: PlanarBlocks, axes: Axes, camera: PinholeCamera) -> Float[np.ndarray, "r 10"]:
     """Return the rows of ``lattice_kernels`` for risers."""
-    rows = np.empty((len(risers), 8))
+    rows = np.empty((len(risers), 10))
     for row, riser in zip(rows, risers, strict=True):
         surface = riser.surface
         pixel_m = surface.distance_m / camera.fy_px
@@ -217,10 +217,11 @@ def riser_rows(risers: Sequence[Riser], blocks: PlanarBlocks, axes: Axes, camera
             row[k] = height_m if known else 0.0
             row[k + 1] = TOP_SIGMA_M**2 + (END_PX * pixel_m) ** 2 if known else math.inf
         row[6:8] = surface.span_m(blocks, axes.right)
+        row[8:10] = surface.span_m(blocks, axes.up)
     return rows
 
 
-def seed_points(treads: Float[np.ndarray, "t 10"], risers: Float[np.ndarray, "r 8"]) -> Float[np.ndarray, "p 5"]:
+def seed_points(treads: Float[np.ndarray, "t 10"], risers: Float[np.ndarray, "r 10"]) -> Float[np.ndarray, "p 5"]:
     """Return the points of which pairs propose a staircase: fronts of treads, tops of risers, feet of risers."""
     fronts, tops, feet = treads[np.isfinite(treads[:, 3])], risers[np.isfinite(risers[:, 3])], risers[np.isfinite(risers[:, 5])]
     return np.concatenate(
