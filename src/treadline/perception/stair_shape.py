@@ -1,8 +1,8 @@
 """Axes and dimensions of a flight: vertical, rise, run and slope with their standard deviations.
 
-Errors have three parts: those of single surfaces, irregularity of single steps, and errors common to all steps, which do not
-average out: the vertical, and a warp of the depth image. A tread far away covers few rows, and pixels of the risers at its ends
-within the tolerance of its plane turn it towards the nosing plane: the vertical takes this into account.
+Errors have three parts: those of single surfaces, irregularity of single steps and of single spacings, and errors common to all
+steps, which do not average out: the vertical, and a warp of the depth image. A tread far away covers few rows, and pixels of the
+risers at its ends within the tolerance of its plane turn it towards the nosing plane: the vertical takes this into account.
 """
 
 import math
@@ -28,7 +28,12 @@ from treadline.perception.surfaces import PlanarBlocks, Surface
 from treadline.signals import PinholeCamera, StairAxes
 
 IRREGULAR_M = np.geomspace(0.0005, 0.015, 6)
-"""Grid of the standard deviation of a step from the lattice [m]: from cast steps to worn ones."""
+"""Grid of the standard deviations of single steps from the lattice, and of single spacings [m]: from cast steps to worn ones."""
+USUAL_M = 0.0031
+"""Standard deviation at which the prior of the irregularity is halved [m], decreasing beyond: the largest and the smallest of ten
+risers then differ by 9.5 mm, the limit of building codes (IBC 1011.5.4)."""
+IRREGULAR_LOGS = -np.add.outer(np.log1p(IRREGULAR_M / USUAL_M), np.log1p(IRREGULAR_M / USUAL_M)).ravel()
+"""Log prior of each pair of standard deviations, of steps and of spacings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,28 +234,37 @@ def _rise_and_run(
 def spacing(parts: Sequence[Placed], prior: tuple[float, float]) -> Spacing:
     """Return the spacing of a stair's steps from all kinds of parts.
 
-    A step deviates from the lattice with all of its parts. The size of the deviations is unknown: the estimates for each size are
-    averaged by their likelihood, with a uniform prior over a geometric grid.
+    Single spacings differ, so that deviations of the steps from the lattice accumulate, and each step deviates on its own, with all
+    of its parts. The sizes of both deviations are unknown: the estimates for each pair of sizes are averaged by posterior weight.
 
     Args:
         prior: Mean and standard deviation of the spacing.
     """
-    steps = np.concatenate([part.steps for part in parts]).astype(float)
+    steps = np.concatenate([part.steps for part in parts])
     values = np.concatenate([part.values_m for part in parts])
     common = np.concatenate([part.common_m for part in parts])
     noise = np.diag(np.concatenate([part.variances_m2 for part in parts])) + common @ common.T
     kinds = np.concatenate([np.full(part.steps.size, k) for k, part in enumerate(parts)])
     offsets = np.array([part.offset_sigma_m for part in parts])[kinds] ** 2
     noise += np.where(kinds[:, None] == kinds[None, :], offsets[:, None], 0.0)
-    together = (steps[:, None] == steps[None, :]).astype(float)
-    by = np.column_stack([np.ones(steps.size), steps])
-    inverse = np.linalg.inv(noise + IRREGULAR_M[:, None, None] ** 2 * together)
+    # One weighted mean for each step has all of the information on the lattice.
+    of_step = np.unique(steps)
+    at = (steps[:, None] == of_step[None, :]).astype(float)
+    pooled = np.linalg.inv(noise) @ at
+    own = np.linalg.inv(at.T @ pooled)
+    values, common = own @ pooled.T @ values, own @ pooled.T @ common
+    after = (of_step - of_step[0]).astype(float)
+    by = np.column_stack([np.ones(after.size), after])
+    squares = IRREGULAR_M[:, None, None] ** 2
+    alone, accumulated = squares * np.eye(after.size), squares * np.minimum.outer(after, after)
+    inverse = np.linalg.inv(own + (alone[:, None] + accumulated[None, :]).reshape(-1, after.size, after.size))
     normal = by.T @ inverse @ by + np.diag([0.0, prior[1] ** -2])
     covariance = np.linalg.inv(normal)
     right = by.T @ inverse @ values + [0.0, prior[0] / prior[1] ** 2]
     solution = np.einsum("gij,gj->gi", covariance, right)
     chi = values @ inverse @ values + (prior[0] / prior[1]) ** 2 - np.einsum("gi,gi->g", solution, right)
-    weights = posterior_weights(0.5 * (np.linalg.slogdet(inverse)[1] + np.linalg.slogdet(covariance)[1] - chi))
+    likelihoods = 0.5 * (np.linalg.slogdet(inverse)[1] + np.linalg.slogdet(covariance)[1] - chi)
+    weights = posterior_weights(likelihoods + IRREGULAR_LOGS)
     mean = float(weights @ solution[:, 1])
     total = float(weights @ (covariance[:, 1, 1] + (solution[:, 1] - mean) ** 2))
     response = weights @ (covariance[:, 1:] @ by.T @ inverse @ common)[:, 0]
