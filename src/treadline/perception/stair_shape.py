@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from treadline.perception import surface_kernels
 from treadline.perception.gravity import gravity_variance
 from treadline.perception.irregularity import pooled_mean, posterior_weights
 from treadline.perception.lattice_kernels import (
@@ -24,11 +25,15 @@ from treadline.perception.lattice_kernels import (
 )
 from treadline.perception.nuisance import stretch_of
 from treadline.perception.steps import Axes, Direction, Flight, cross, riser_rows, tread_rows
-from treadline.perception.surfaces import PlanarBlocks, Surface
+from treadline.perception.surfaces import End, PlanarBlocks, Surface
 from treadline.signals import PinholeCamera, StairAxes
 
 IRREGULAR_M = np.geomspace(0.0005, 0.015, 6)
 """Grid of the standard deviations of single steps from the lattice, and of single spacings [m]: from cast steps to worn ones."""
+ENDS: tuple[End, End] = ("upper", "lower")
+"""Ends of a surface in the image."""
+PAST_SIGMA_M = 0.010
+"""Standard deviation of the shift of ends without a surface next to them [m]: half of the width of a metal strip or a shadow."""
 USUAL_M = 0.0031
 """Standard deviation at which the prior of the irregularity is halved [m], decreasing beyond: the largest and the smallest of ten
 risers then differ by 9.5 mm, the limit of building codes (IBC 1011.5.4)."""
@@ -201,9 +206,11 @@ def _rise_and_run(
         turned: Float[np.ndarray, "k 1"],
         stretched: Float[np.ndarray, "k t"],
         offset_sigma_m: float,
+        shifts_m: Float[np.ndarray, "k 2"] | float = 0.0,
     ) -> Placed:
         known = np.isfinite(values[:, 1])
-        common = np.column_stack([values[:, :1] * stretched, turned])[known]
+        shifts = np.full((len(values), 2), shifts_m)
+        common = np.column_stack([values[:, :1] * stretched, shifts, turned])[known]
         return Placed(
             steps=steps[known],
             values_m=values[known, 0],
@@ -217,10 +224,11 @@ def _rise_and_run(
     own_heights = np.column_stack([heights, noise[of_treads] * heights**2])
     own_places = np.column_stack([places, noise[of_risers] * places**2])
     low, high = lowered[of_risers], stretch[of_risers]
+    of_upper, of_lower = (_shifts_m([riser.surface for _, riser in flight.matched_risers], end, blocks, camera) for end in ENDS)
     rise = [
         placed(of_tread, own_heights, lowered[of_treads], stretch[of_treads], 0.0),
-        placed(of_riser, risers[:, 2:4], low, high, HIDDEN_SIGMA_M),
-        placed(of_riser - 1, risers[:, 4:6], low, high, HIDDEN_SIGMA_M),
+        placed(of_riser, risers[:, 2:4], low, high, HIDDEN_SIGMA_M, of_upper),
+        placed(of_riser - 1, risers[:, 4:6], low, high, HIDDEN_SIGMA_M, -of_lower),
     ]
     run = [
         placed(of_riser, own_places, moved[of_risers], stretch[of_risers], 0.0),
@@ -229,6 +237,18 @@ def _rise_and_run(
         ),
     ]
     return spacing(rise, (RISE_MEAN_M, RISE_SIGMA_M)), spacing(run, (RUN_MEAN_M, RUN_SIGMA_M))
+
+
+def _shifts_m(risers: Sequence[Surface], end: End, blocks: PlanarBlocks, camera: PinholeCamera) -> Float[np.ndarray, "k 2"]:
+    """Return the standard deviations of the common outward shifts of the risers' ends that have no surface next to them [m].
+
+    A metal strip or a shadow shifts all of them alike; a matching window shifts those before a larger depth by pixels.
+    """
+    ends = [riser.upper if end == "upper" else riser.lower for riser in risers]
+    follows = np.array([np.bincount(found.follows, minlength=1).argmax() for found in ends], dtype=np.int64)
+    pixels_m = np.array([riser.distance_m for riser in risers]) / camera.fy_px
+    of_window = np.where(follows == surface_kernels.BEYOND, blocks.spread_px * pixels_m, 0.0)
+    return np.column_stack([np.where(follows == surface_kernels.CREASE, 0.0, PAST_SIGMA_M), of_window])
 
 
 def spacing(parts: Sequence[Placed], prior: tuple[float, float]) -> Spacing:
