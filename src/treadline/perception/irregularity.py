@@ -73,19 +73,25 @@ def pooled_mean(
     variances: Float[np.ndarray, " k"],
     regular: Bool[np.ndarray, " k"],
     sizes: Float[np.ndarray, " g"] = TURNS,
+    common: Float[np.ndarray, " k"] | float = 0.0,
 ) -> PooledMean:
     """Return the pooled mean of values with known noise and an unknown common irregularity.
 
     Args:
         regular: Mask of measurements without irregularity: gravity.
         sizes: Grid of the irregularity, in the unit of the values.
+        common: Change of each value by one standard deviation of an error that they have in common.
     """
     spread = variances[None, :] + np.where(regular, 0.0, 1.0)[None, :] * sizes[:, None] ** 2
     precision = 1.0 / spread
-    total = precision.sum(axis=1)
-    means = precision @ values / total
-    residual = (precision * (values[None, :] - means[:, None]) ** 2).sum(axis=1)
-    belief = posterior_weights(-0.5 * (np.log(spread).sum(axis=1) + np.log(total) + residual))
+    # Sherman-Morrison: the common error adds the product of ``common`` with itself to the covariance.
+    shared = precision * common
+    kept = 1.0 / (1.0 + (shared * common).sum(axis=1))
+    total = precision.sum(axis=1) - kept * shared.sum(axis=1) ** 2
+    means = (precision @ values - kept * shared.sum(axis=1) * (shared @ values)) / total
+    off = values[None, :] - means[:, None]
+    residual = (precision * off**2).sum(axis=1) - kept * (shared * off).sum(axis=1) ** 2
+    belief = posterior_weights(-0.5 * (np.log(spread).sum(axis=1) - np.log(kept) + np.log(total) + residual))
     mean = float(belief @ means)
     return PooledMean(mean=mean, sigma=float(np.sqrt(belief @ (1.0 / total + (means - mean) ** 2))))
 

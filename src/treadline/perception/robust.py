@@ -206,7 +206,11 @@ class _Search:
         adjoining_rad = [
             tread.adjoining_tilt_rad(camera, fit.ahead, blocks.noise, runs_m.get(id(tread), np.inf)) for tread in flight.treads
         ]
-        level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, flight.treads, adjoining_rad)
+        detour_rad = [
+            tread.detour_tilt_rad(fit.ahead, runs_m.get(id(tread), np.inf), blocks) if blocks.measures_range else 0.0
+            for tread in flight.treads
+        ]
+        level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, flight.treads, adjoining_rad, detour_rad)
         shape = shape_of(flight, blocks, camera, level, fit.warp_px)
         reason = rejection_reason(
             heading, sigma, flight, fit, shape, bow, sides, swept_half_m=self.swept_half_m, least_levels=down.least_levels

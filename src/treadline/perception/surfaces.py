@@ -61,6 +61,9 @@ CELLS_ALIKE = 1.7
 over 7×7 px has a contrast of 4.1² in cells of 8 px, one over 3×3 px of 2.3² in cells of 4 px."""
 TURN_NOISE_MOST = 1.5
 """Largest factor on ``TURN_LIMIT``: beyond 12° a block no longer separates a riser from a tread."""
+DETOUR_M = 0.005
+"""Standard deviation of the change of range along a tread towards its corner with the next riser, by light that takes a detour over
+that riser [m]: of 2 to 50 mm in a corner (Fuchs, ICPR 2010). Along the corner it is that of ``nuisance.DETOUR_RAD``."""
 JUMP = 0.45 / DISPARITY_PX_M
 """Depth difference between a surface and the background at its end [1/m]: 9 cm at 3 m."""
 NEAR_AT_240 = 1.5
@@ -271,6 +274,19 @@ class Surface:
         step = abs(float(self.normal[1] - ahead[1] / (ahead @ self.centre))) / camera.fy_px
         turned = creased * 3.0 * (TOLERANCE * noise) ** 2 / (step * rows**2)
         return turned * camera.fy_px * self.distance_m * lever
+
+    def detour_tilt_rad(self, ahead: Float[np.ndarray, " 3"], length_m: float, blocks: PlanarBlocks) -> float:
+        """Return the tilt of a horizontal surface by light that reaches it over the next riser [rad].
+
+        The range increases towards the riser by ``DETOUR_M``, of which the component along the normal turns the surface.
+
+        Args:
+            ahead: Horizontal unit vector in C, perpendicular to the edges.
+            length_m: Largest extent of the surface along ``ahead``: the run of a tread.
+        """
+        first, last = self.span_m(blocks, ahead)
+        along_normal = self.distance_m / float(np.linalg.norm(self.centre))
+        return DETOUR_M * along_normal / max(min(last - first, length_m), DETOUR_M)
 
     def line(self, end: End, camera: PinholeCamera) -> Line | None:
         """Return the line at an end of the surface, or None; the image border and objects in front give no line.
