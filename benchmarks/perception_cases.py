@@ -4,9 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from treadline.experiments.heading_scores import LEAST_SHARE, wilson
+import numpy as np
 
-LIFELIKE: dict[str, object] = {
+from treadline.experiments.heading_scores import LEAST_SHARE, wilson
+from treadline.sim.camera import ViewRecipe
+from treadline.sim.camera.recipe import ALONE
+
+LIFELIKE: dict[str, float] = {
     "grain_px": 1.2,
     "warp_px": 0.03,
     "worn_m": 0.006,
@@ -17,6 +21,14 @@ LIFELIKE: dict[str, object] = {
     "rock_deg": 0.5,
 }
 """Imperfections of real frames: spatially correlated noise, residual distortion after calibration, uneven steps."""
+UNEVEN = ("tread_tilt_deg", "nosing_yaw_jitter_deg", "rise_jitter_m", "run_jitter_m")
+"""Sizes of ``LIFELIKE`` that belong to the stair: nosings whose ends are off by 3 mm are turned by 0.2° over 1.2 m."""
+UNEVEN_TIMES = (1.0 / 3.0, 4.0 / 3.0)
+"""Range of the factor on ``UNEVEN`` of one stair: rises of 1 mm, as of precast steps, to 4 mm. With 3.1 mm the largest and the
+smallest of ten rises differ by 9.5 mm, the limit of IBC 1011.5.4; DIN 18065 allows ±5 mm."""
+WARPS_PX = (0.01, 0.1)
+"""Range of the warp of one camera [px of Kinect 1 disparity]. Two Kinects 1 had 0.07 and 0.08 px (evidence 0012); 0.1 px is 9 mm at
+2 m, within the 11 mm of an Azure Kinect (Tölgyessy et al., Sensors 21, 2021) and the 2 % of the D435 data sheet."""
 ROLLING: dict[str, object] = {"readout_s": 0.03, "speed_m_s": (0.1, 0.3), "turn_rate_deg_s": 8.0}
 """Rolling shutter of a Kinect 1 on a chair that drives and rocks: at 1 Hz, an amplitude of 1.8° has rates of 8°/s RMS."""
 
@@ -32,6 +44,19 @@ class Case:
     knows_down: bool = True
     least_share: float = LEAST_SHARE
     """Least share of the image that the stair covers in a frame that counts."""
+    is_lifelike: bool = False
+    """Whether each frame has another uneven stair and another camera with a warp of its own."""
+
+    def recipe_of(self, seed: int) -> ViewRecipe:
+        """Return the recipe of one frame; what the row itself sets has precedence over what is drawn."""
+        if not self.is_lifelike:
+            return ViewRecipe(**self.recipe)
+        rng = np.random.default_rng([seed, len(LIFELIKE)])
+        times, warp_px = (float(np.exp(rng.uniform(*np.log(limits)))) for limits in (UNEVEN_TIMES, WARPS_PX))
+        drawn = LIFELIKE | {name: times * LIFELIKE[name] for name in UNEVEN} | {"warp_px": warp_px}
+        # Worn nosings are not supported with some shapes of steps.
+        dropped = {"worn_m"} if any("worn_m" in others and name in self.recipe for name, others in ALONE.items()) else set()
+        return ViewRecipe(**{name: value for name, value in (drawn | self.recipe).items() if name not in dropped})
 
 
 def fixed(value: float) -> tuple[float, float]:
