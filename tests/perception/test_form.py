@@ -91,6 +91,33 @@ def test_a_side_that_is_not_seen_is_unknown() -> None:
         assert sight.stair_map.width_m is None
 
 
+@pytest.mark.parametrize("seed", [730042020, 730042028])
+def test_a_footstool_before_a_sofa_is_no_flight(seed: int) -> None:
+    """Test: a footstool and a seat of a stair's measures, the seat wider by 0.4 m. Expected result: rejected for that."""
+    recipe = ViewRecipe(scenes=("sofa",), pitch_deg=(10.0, 50.0), lateral_m=(-0.5, 0.5), textures=("wood", "carpet", "terrazzo"))
+    view = draw_view(np.random.default_rng(seed), recipe)
+    sight = StairDetector().look(view.frame, view.gravity_C)
+    assert not sight.accepted
+    assert sight.reason is not None
+    assert "narrower than the steps above" in sight.reason
+
+
+def test_a_flight_five_metres_away_is_seen_with_an_honest_interval() -> None:
+    """Test: 14 flights 5 m before a D455. Expected result: half of them accepted, headings within 3 of their deviations of at most
+    1.5°, and a squared error over the declared one below 3.5, the 99.9 % quantile of the mean of 7."""
+    recipe = ViewRecipe(sensor="d455", scenes=("foot",), place_m=(5.0, 5.0), pitch_deg=(10.0, 10.0))
+    ratios = []
+    for seed in range(54_000, 54_014):
+        view = draw_view(np.random.default_rng(seed), recipe)
+        sight = StairDetector().look(view.frame, view.gravity_C)
+        if sight.accepted and sight.heading_rad is not None and sight.sigma_rad is not None and view.stair is not None:
+            assert sight.sigma_rad <= 1.5 * DEG
+            ratios.append((sight.heading_rad - view.stair.heading_rad) / sight.sigma_rad)
+    assert len(ratios) >= 7
+    assert np.abs(ratios).max() < 3.0
+    assert np.mean(np.square(ratios)) < 3.5
+
+
 @pytest.mark.parametrize("bow_m", [0.05, 0.15])
 def test_bowed_edges_are_rejected(bow_m: float) -> None:
     """Test: edges bowed by 5 and 15 cm over the flight's width. Expected result: rejected, or a heading inside its interval."""

@@ -143,7 +143,9 @@ def test_no_output_is_ever_not_a_number(view, detector: StairDetector) -> None:
         for gravity in (down, None):
             sight = detector.look(worse, gravity)
             assert np.isfinite(numbers(sight)).all()
-            assert sight.accepted == (sight.reason is None) == (sight.heading_rad is not None) == (sight.sigma_rad is not None)
+            assert sight.accepted == (sight.reason is None)
+            has_heading = sight.accepted or sight.unconfirmed
+            assert has_heading == (sight.heading_rad is not None) == (sight.sigma_rad is not None)
             assert sight.sigma_rad is None or sight.sigma_rad > 0.0
 
 

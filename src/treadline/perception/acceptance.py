@@ -28,6 +28,9 @@ FORM_LIMIT = 1.0 * DEG
 """Largest accepted rotation of a curved flight's edges between those in view and the chair, and largest accepted standard deviation
 of the heading on bowed edges [rad]: the heading error of a chair that counts as square. It does not decrease as the chair
 approaches."""
+NARROWER_M = 0.3
+"""Largest width by which a step may be narrower than those above it [m]: treads of gratings, which are seen through, reach 0.29 m,
+footstools before a sofa 0.40 to 0.56 m."""
 CURVED = 0.5
 """Probability above which a flight is called curved."""
 DISAGREEMENT, DISAGREEMENT_SIGMAS = 2.0 * DEG, 4.0
@@ -52,6 +55,7 @@ def rejection_reason(
     bow: Bow,
     sides: tuple[Side | None, Side | None],
     *,
+    narrower_m: float,
     swept_half_m: float,
     least_levels: int,
 ) -> str | None:
@@ -59,6 +63,7 @@ def rejection_reason(
 
     Args:
         sides: Left and right side of the flight.
+        narrower_m: Largest width by which a step is narrower than those above it.
         swept_half_m: Half width of the volume swept by the chair.
         least_levels: Least number of evenly spaced treads.
     """
@@ -68,6 +73,8 @@ def rejection_reason(
         return f"no gravity, and {flight.levels} evenly spaced level(s) to replace it; {least_levels} needed"
     if abs(heading_rad) > HEADING_LIMIT:
         return f"heading {heading_rad / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°"
+    if narrower_m > NARROWER_M:
+        return f"a step is {narrower_m:.2f} m narrower than the steps above it: no flight"
     return _not_straight(flight, fit) or _uncertain(sigma_rad, bow) or _too_narrow(sides, swept_half_m)
 
 

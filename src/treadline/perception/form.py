@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from treadline.perception import form_kernels
 from treadline.perception.irregularity import pooled_mean
@@ -61,6 +61,16 @@ class Side:
     kind: SideKind
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SurfaceEnds:
+    """Ends of surfaces on one side."""
+
+    outward_m: Float[np.ndarray, " k"]
+    """Lateral distance of each end from the camera, outward [m]; NaN where unknown."""
+    kinds: Int[np.ndarray, " k"]
+    """What follows: ``form_kernels.CUT``, ``WALL`` or ``OPEN``."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bow:
     """Curvature of the edges in the horizontal plane."""
@@ -92,12 +102,18 @@ class Bow:
         return math.sqrt(self.bowed * ((share * self.curvature_1_m) ** 2 + share * self.sigma_1_m**2)) if share else 0.0
 
 
-def sides_of(
-    surfaces: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
-) -> tuple[Side | None, Side | None]:
+def sides_of(ends: Sequence[SurfaceEnds]) -> tuple[Side | None, Side | None]:
     """Return the left and right side of a flight in the camera's view; None where none is seen."""
+    left, right = (_side(end.outward_m, end.kinds, way) for way, end in zip((-1, 1), ends, strict=True))
+    return left, right
+
+
+def ends_of(
+    surfaces: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
+) -> tuple[SurfaceEnds, SurfaceEnds]:
+    """Return where the surfaces of a flight end on the left and on the right."""
     look = max(2, camera.width_px // LOOK_SHARE)
-    found: list[Side | None] = []
+    found: list[SurfaceEnds] = []
     for way in (-1, 1):
         places, kinds = np.empty(len(surfaces)), np.empty(len(surfaces), dtype=np.int64)
         for k, surface in enumerate(surfaces):
@@ -114,8 +130,30 @@ def sides_of(
                 BASELINE_M,
                 camera.pinhole,
             )
-        found.append(_side(way * places, kinds, way))
+        found.append(SurfaceEnds(outward_m=way * places, kinds=kinds))
     return found[0], found[1]
+
+
+def narrower_by_m(ends: Sequence[SurfaceEnds], steps: Int[np.ndarray, " k"]) -> float:
+    """Return the largest width by which higher steps extend beyond the ends of a lower one.
+
+    A step ends where its surfaces end together, at least one of them open: a footstool before a sofa, not a step behind an object.
+
+    Args:
+        steps: Step of each surface.
+    """
+    most_m = 0.0
+    for step in np.unique(steps):
+        narrower_m = 0.0
+        for end in ends:
+            known = np.isfinite(end.outward_m)
+            own, above = known & (steps == step) & (end.kinds != form_kernels.CUT), known & (steps > step)
+            places_m = end.outward_m[own]
+            together = places_m.size >= ENDS_LEAST and np.ptp(places_m) < SAME_SIDE_M
+            if together and (end.kinds[own] == form_kernels.OPEN).any() and above.any():
+                narrower_m += max(float(end.outward_m[above].max() - places_m.mean()), 0.0)
+        most_m = max(most_m, narrower_m)
+    return most_m
 
 
 def _side(outward: Float[np.ndarray, " k"], kinds: np.ndarray, way: int) -> Side | None:

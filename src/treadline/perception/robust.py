@@ -18,7 +18,7 @@ from treadline.angles import DEG
 from treadline.perception.acceptance import EVIDENCE, UNCONFIRMED, lacking_evidence, rejection_reason
 from treadline.perception.detection import Parts, StairDetection, refused
 from treadline.perception.edge_fit import EdgeFit, fit_edges
-from treadline.perception.form import bow_of, sides_of, turn_by
+from treadline.perception.form import bow_of, ends_of, narrower_by_m, sides_of, turn_by
 from treadline.perception.gravity import down_of_treads, levelled, off_gravity
 from treadline.perception.lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scene_of
 from treadline.perception.stair_map import map_of
@@ -193,7 +193,10 @@ class _Search:
         R_BC = camera.R_BC
         in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
         fronts = [(tread.surface, tread.nosing_end(in_view, flight.direction)) for _, on, tread in flight.matched_treads if on]
-        sides = sides_of([*(tread for tread, _ in fronts), *flight.risers], blocks, camera, in_view)
+        faced = [(nosing.step, nosing.riser) for nosing in flight.nosings if nosing.riser is not None]
+        ends = ends_of([*(tread for tread, _ in fronts), *(riser for _, riser in faced)], blocks, camera, in_view)
+        steps = [step for step, on, _ in flight.matched_treads if on] + [step for step, _ in faced]
+        sides = sides_of(ends)
         bow = bow_of(fronts, flight.risers, blocks, camera, in_view, fit.warp_px)
         turn, turn_sigma = turn_by(bow, sides)
         chord = fit.edge + turn * fit.ahead
@@ -213,7 +216,16 @@ class _Search:
         level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, flight.treads, adjoining_rad, detour_rad)
         shape = shape_of(flight, blocks, camera, level, fit.warp_px)
         reason = rejection_reason(
-            heading, sigma, flight, fit, shape, bow, sides, swept_half_m=self.swept_half_m, least_levels=down.least_levels
+            heading,
+            sigma,
+            flight,
+            fit,
+            shape,
+            bow,
+            sides,
+            narrower_m=narrower_by_m(ends, np.array(steps)),
+            swept_half_m=self.swept_half_m,
+            least_levels=down.least_levels,
         )
         if reason is not None:
             return refused(reason, edge_count=len(flight.nosings), evidence=flight.evidence)
