@@ -1,4 +1,4 @@
-"""Conversion and checking of numeric arrays from callers, once, at the interface."""
+"""Numeric arrays: conversion and checking of those from callers, once, at the interface; products of single vectors."""
 
 from dataclasses import fields
 
@@ -68,3 +68,10 @@ def _called(given: object, array: np.ndarray) -> str:
         return f"{given!r}, of type {type(given).__name__}"
     kind = {"c": "complex", "O": "object", "U": "str", "S": "bytes"}.get(array.dtype.kind, str(array.dtype))
     return f"an array of {kind} values"
+
+
+def cross(a: Float[np.ndarray, " 3"], b: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+    """Return a × b; ``numpy.cross`` takes ten times as long for one pair."""
+    ax, ay, az = a.tolist()
+    bx, by, bz = b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
+from treadline.arrays import cross
 from treadline.perception.gravity import gravity_variance
 from treadline.perception.irregularity import Prior, prior
 from treadline.perception.nuisance import (
@@ -35,7 +36,7 @@ from treadline.perception.nuisance import (
     turns_of_surface,
 )
 from treadline.perception.nuisance_kernels import marginal_posterior, reject_outliers, variances
-from treadline.perception.steps import Axes, NosingObservation, cross
+from treadline.perception.steps import Axes, NosingObservation
 from treadline.perception.surfaces import Surface
 from treadline.signals import PinholeCamera
 

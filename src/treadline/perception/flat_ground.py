@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.arrays import cross
 from treadline.perception import point_kernels
-from treadline.perception.steps import cross, viewing_direction
+from treadline.perception.steps import viewing_direction
 from treadline.signals import RgbdFrame
 
 SWEPT_HALF_M = 0.40

@@ -13,6 +13,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
+from treadline.arrays import cross
+from treadline.perception import surface_kernels
 from treadline.perception.lattice_kernels import best_lattice
 from treadline.perception.steps import (
     LEAST_LEVER,
@@ -22,7 +24,6 @@ from treadline.perception.steps import (
     NosingObservation,
     Riser,
     Tread,
-    cross,
     level_axes,
     riser_of,
     riser_rows,
@@ -30,7 +31,7 @@ from treadline.perception.steps import (
     tread_of,
     tread_rows,
 )
-from treadline.perception.surfaces import Line, PlanarBlocks, Surface, components, joined
+from treadline.perception.surfaces import Line, PlanarBlocks, Surface, components, planes_of, surfaces_on
 from treadline.signals import PinholeCamera, RgbdFrame
 
 UPRIGHT = 18.0 * DEG
@@ -84,8 +85,20 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Match:
-    """Parts of a scene as numbers in the axes of the edges, and the step that each belongs to."""
+    """Parts of a scene as numbers in the axes of the edges, the staircase that explains most of them, and the step of each."""
 
+    direction: Direction
+    evidence: float
+    """Log-evidence against a scene without a stair [nats]."""
+    rise_m: float
+    run_m: float
+    z0_m: float
+    """Height of the first nosing [m]."""
+    first: int
+    last: int
+    """First and last step in view."""
+    levels: int
+    """Number of steps with a measured height."""
     risers: list[Riser]
     tread_rows: Float[np.ndarray, "t 10"]
     riser_rows: Float[np.ndarray, "r 10"]
@@ -96,15 +109,15 @@ class Match:
 
     def treads_of(self, step: int) -> list[int]:
         """Return the indices of a step's treads."""
-        return np.flatnonzero(self.of_tread == step).tolist()
+        return [t for t, own in enumerate(self.of_tread.tolist()) if own == step]
 
     def fronts_of(self, step: int) -> list[int]:
         """Return the indices of the treads whose fronts are the step's nosing."""
-        return np.flatnonzero((self.of_tread == step) & self.front_on).tolist()
+        return [t for t in self.treads_of(step) if self.front_on[t]]
 
     def risers_of(self, step: int) -> list[int]:
         """Return the indices of a step's risers."""
-        return np.flatnonzero(self.of_riser == step).tolist()
+        return [r for r, own in enumerate(self.of_riser.tolist()) if own == step]
 
 
 def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3"], *, is_uncertain: bool = False) -> Scene | None:
@@ -121,14 +134,8 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3
     slack = TURN_SIGMAS * blocks.turns * is_uncertain
     upright = np.flatnonzero(np.abs(rise) < np.sin(np.minimum(UPRIGHT + slack, 0.5 * np.pi)))
     level_blocks = (np.abs(rise) > np.cos(UPRIGHT)) & (blocks.turns <= blocks.turn_limit)
-    surfaces = joined(
-        frame.camera,
-        blocks,
-        np.flatnonzero(level_blocks),
-        level.up,
-        gap_m=TREAD_GAP_M,
-        least=LEAST_BLOCKS,
-    )
+    planes = planes_of(blocks, np.flatnonzero(level_blocks), level.up, gap_m=TREAD_GAP_M, least=LEAST_BLOCKS)
+    surfaces = surfaces_on(planes, blocks, frame.camera)
     # A horizontal surface above the camera is the underside of an object.
     kept = [s for s in surfaces if _turned_from(s, level.up) < UPRIGHT and float(s.centre @ level.up) < 0.0]
     units = blocks.unit[upright]
@@ -156,7 +163,7 @@ def flight_in(scene: Scene, directions: Sequence[Direction]) -> Flight | str:
         peaks = _votes(scene.azimuth, *_line_votes(lines, camera.width_px, level))
     for peak in peaks:
         voted = True
-        found, risers = _flight_at(scene, peak, directions)
+        found, risers = _flight_at(scene, peak, directions, -math.inf if best is None else best.evidence)
         most_risers = max(most_risers, risers)
         if found is not None and (best is None or found.evidence > best.evidence):
             best = found
@@ -167,15 +174,21 @@ def flight_in(scene: Scene, directions: Sequence[Direction]) -> Flight | str:
     return f"{len(scene.treads)} level surface(s) and {most_risers} riser(s) in view, none of which repeat as steps do"
 
 
-def _flight_at(scene: Scene, azimuth: float, directions: Sequence[Direction]) -> tuple[Flight | None, int]:
-    """Return the flight with the most evidence near an azimuth, and the number of risers there."""
+def _flight_at(scene: Scene, azimuth: float, directions: Sequence[Direction], least: float) -> tuple[Flight | None, int]:
+    """Return the flight with the most evidence near an azimuth, and the number of risers there.
+
+    Args:
+        least: Evidence of the best flight so far [nats]; a flight measured again with no more is not returned.
+    """
     best: Flight | None = None
     risers: list[Riser] = []
     for last in (False, True):
         axes = _turned_axes(scene.level, azimuth)
         risers = list(_risers_at(scene, azimuth, axes))
-        found = [_best_of(scene, risers, axes, direction) for direction in directions]
-        best = max((flight for flight in found if flight is not None), key=lambda flight: flight.evidence, default=None)
+        matches = [match for direction in directions if (match := _matched(scene, risers, axes, direction)) is not None]
+        matches = sorted(matches, key=lambda match: match.evidence, reverse=True)
+        flights = (_flight_of(scene, match, axes) for match in matches if not last or match.evidence > least)
+        best = next((flight for flight in flights if flight is not None), None)
         if best is None or last:
             break
         turn = _turn_of(best, axes)
@@ -210,18 +223,16 @@ def _risers_at(scene: Scene, azimuth: float, axes: Axes) -> Iterator[Riser]:
     """
     camera, blocks = scene.frame.camera, scene.blocks
     members = scene.upright[np.abs(scene.azimuth - azimuth) < RISER_SPREAD + scene.slack]
-    for surface in joined(camera, blocks, members, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS):
-        if _is_low(surface, blocks, axes):
-            parts = [surface]
-        else:
-            groups = components(blocks, surface.blocks)
-            parts = [
+    for plane in planes_of(blocks, members, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS):
+        planes = [plane]
+        if not _are_low(plane.blocks, blocks, axes):
+            planes = [
                 part
-                for group in groups
-                for part in joined(camera, blocks, group, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
+                for component in components(blocks, plane.blocks)
+                for part in planes_of(blocks, component, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
             ]
-        for part in parts:
-            low = part if _is_low(part, blocks, axes) else _low_part(part, blocks, camera, axes)
+        for part in surfaces_on(planes, blocks, camera):
+            low = part if _are_low(part.blocks, blocks, axes) else _low_part(part, blocks, camera, axes)
             if low is not None and _turned_from(low, axes.ahead) < RISER_SPREAD:
                 yield riser_of(low, camera)
 
@@ -234,23 +245,18 @@ def _low_part(surface: Surface, blocks: PlanarBlocks, camera: PinholeCamera, axe
     # Gaps between adjacent tall columns.
     runs = np.cumsum(tall)
     part = surface.within(~tall & (runs == np.argmax(np.bincount(runs[~tall]))), blocks)
-    return part if part.blocks.size >= LEAST_BLOCKS and _is_low(part, blocks, axes) else None
+    return part if part.blocks.size >= LEAST_BLOCKS and _are_low(part.blocks, blocks, axes) else None
 
 
-def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction) -> Flight | None:
+def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction) -> Match | None:
+    """Return the staircase with the most evidence in one direction, or None."""
     camera, blocks = scene.frame.camera, scene.blocks
     if direction == "down":
         risers = []
     treads = tread_rows(scene.treads, blocks, axes, camera, direction)
     upright = riser_rows(risers, blocks, axes, camera)
-    match = Match(
-        risers=risers,
-        tread_rows=treads,
-        riser_rows=upright,
-        of_tread=np.empty(len(treads), dtype=np.int64),
-        of_riser=np.empty(len(upright), dtype=np.int64),
-        front_on=np.empty(len(treads), dtype=np.bool_),
-    )
+    of_tread, of_riser = np.empty(len(treads), dtype=np.int64), np.empty(len(upright), dtype=np.int64)
+    front_on = np.empty(len(treads), dtype=np.bool_)
     sign = 1.0 if direction == "up" else -1.0
     found = best_lattice(
         seed_points(treads, upright),
@@ -259,32 +265,54 @@ def _best_of(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         blocks.nearness,
         camera.pinhole,
         np.stack([sign * axes.ahead, axes.up, axes.right]),
-        match.of_tread,
-        match.front_on,
-        match.of_riser,
+        of_tread,
+        front_on,
+        of_riser,
     )
     if not math.isfinite(found[0]):
         return None
     evidence, rise, run, z0, first, last, levels = found.tolist()
-    inside = (match.of_tread >= first) & (match.of_tread <= last)
-    standing = (match.of_riser >= first) & (match.of_riser <= last)
-    steps = range(int(first), int(last) + 1)
-    nosings = [nosing for k in steps if (nosing := _nosing(scene, match, k, axes, sign, z0 + k * rise)) is not None]
-    if not any(nosing.has_direction for nosing in nosings):
-        return None
-    return Flight(
+    return Match(
         direction=direction,
         evidence=evidence,
         rise_m=rise,
         run_m=run,
+        z0_m=z0,
+        first=int(first),
+        last=int(last),
         levels=int(levels),
+        risers=risers,
+        tread_rows=treads,
+        riser_rows=upright,
+        of_tread=of_tread,
+        of_riser=of_riser,
+        front_on=front_on,
+    )
+
+
+def _flight_of(scene: Scene, match: Match, axes: Axes) -> Flight | None:
+    """Return the flight of a staircase with its nosings; None if none of them has a direction."""
+    sign = 1.0 if match.direction == "up" else -1.0
+    steps = range(match.first, match.last + 1)
+    observed = (_nosing(scene, match, k, axes, sign, match.z0_m + k * match.rise_m) for k in steps)
+    nosings = [nosing for nosing in observed if nosing is not None]
+    if not any(nosing.has_direction for nosing in nosings):
+        return None
+    inside = (match.of_tread >= match.first) & (match.of_tread <= match.last)
+    standing = (match.of_riser >= match.first) & (match.of_riser <= match.last)
+    return Flight(
+        direction=match.direction,
+        evidence=match.evidence,
+        rise_m=match.rise_m,
+        run_m=match.run_m,
+        levels=match.levels,
         risers=[nosing.riser for nosing in nosings if nosing.riser is not None],
         treads=[tread.surface for tread in scene.treads],
         steps=[tread.surface for tread, own in zip(scene.treads, inside.tolist(), strict=True) if own],
         nosings=sorted(nosings, key=lambda nosing: nosing.ahead_m),
         facing=axes.ahead,
         matched_treads=[(int(match.of_tread[t]), bool(match.front_on[t]), scene.treads[t]) for t in np.flatnonzero(inside)],
-        matched_risers=[(int(match.of_riser[r]), risers[r]) for r in np.flatnonzero(standing)],
+        matched_risers=[(int(match.of_riser[r]), match.risers[r]) for r in np.flatnonzero(standing)],
     )
 
 
@@ -325,9 +353,9 @@ def _height_at(tread: Surface, point: Float[np.ndarray, " 3"], axes: Axes) -> fl
     return float((1.0 - tread.normal @ foot) / (tread.normal @ axes.up))
 
 
-def _is_low(surface: Surface, blocks: PlanarBlocks, axes: Axes) -> bool:
-    bottom_m, top_m = surface.span_m(blocks, axes.up)
-    return top_m - bottom_m < TALLEST_M
+def _are_low(members: Int[np.ndarray, " k"], blocks: PlanarBlocks, axes: Axes) -> bool:
+    bottom_m, top_m = surface_kernels.span(blocks.centres, members, axes.up)
+    return bool(top_m - bottom_m < TALLEST_M)
 
 
 def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.angles import DEG
+from treadline.arrays import cross
 from treadline.perception import nuisance_kernels
 from treadline.perception.surfaces import DISPARITY_PX_M, Line, Surface
 from treadline.signals import PinholeCamera
@@ -112,7 +113,7 @@ def drift_of(camera: PinholeCamera) -> Float[np.ndarray, "4 3"]:
     """Return the velocity of the camera in C for each unit of motion [m/s]: those of the rates by the lever of the mount."""
     R_BC = camera.R_BC
     mount_m = np.array(camera.mount_m)
-    of_rates = [R_BC.T @ np.cross(RATE_RAD_S * axis, mount_m) for axis in R_BC.T]
+    of_rates = [R_BC.T @ cross(RATE_RAD_S * axis, mount_m) for axis in R_BC.T]
     return np.array([*of_rates, SPEED_M_S * R_BC[0]])
 
 
@@ -158,12 +159,15 @@ def turns_of_line(line: Line, camera: PinholeCamera, drift: Float[np.ndarray, "4
     turns = np.zeros((3, COLUMNS))
     shift = spread_px / camera.fy_px * (1.0 if line.end == "lower" else -1.0)
     right = np.zeros((3, COLUMNS))
+    x, y, z = line.normal.tolist()
+    turned = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # rows: normal × unit vector
+    by_drift = drift @ line.normal
     for row, point in enumerate(line.ends_m):
         ray = point / point[2]
         after_s = READOUT_S * ((ray[1] * camera.fy_px + camera.cy_px) / camera.height_px - 0.5)
         right[row, SPREAD] = -shift * line.normal[1]
-        right[row, MOTION] = after_s * (drift @ line.normal) / point[2]
-        right[row, MOTION.start : MOTION.stop - 1] += after_s * RATE_RAD_S * np.cross(line.normal, np.eye(3)) @ ray
+        right[row, MOTION] = after_s * by_drift / point[2]
+        right[row, MOTION.start : MOTION.stop - 1] += after_s * RATE_RAD_S * turned @ ray
     rays = np.array([*(line.ends_m / line.ends_m[:, 2:]), line.normal])
     turns[:] = np.linalg.solve(rays, right)
     return turns

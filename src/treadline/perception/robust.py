@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.angles import DEG
+from treadline.arrays import cross
 from treadline.perception.acceptance import EVIDENCE, UNCONFIRMED, lacking_evidence, rejection_reason
 from treadline.perception.detection import Parts, StairDetection, refused
 from treadline.perception.edge_fit import EdgeFit, fit_edges
@@ -23,7 +24,7 @@ from treadline.perception.gravity import down_of_treads, levelled, off_gravity
 from treadline.perception.lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scene_of
 from treadline.perception.stair_map import map_of
 from treadline.perception.stair_shape import axes_of, directions_of, shape_of
-from treadline.perception.steps import Axes, Direction, Flight, cross, viewing_direction
+from treadline.perception.steps import Axes, Direction, Flight, viewing_direction
 from treadline.perception.surfaces import PlanarBlocks, Surface, surface_blocks, uncertain_blocks
 from treadline.signals import PinholeCamera, RgbdFrame, StairMap
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from treadline.arrays import cross
 from treadline.perception import surface_kernels
 from treadline.perception.gravity import gravity_variance
 from treadline.perception.irregularity import pooled_mean, posterior_weights
@@ -24,7 +25,7 @@ from treadline.perception.lattice_kernels import (
     RUN_SIGMA_M,
 )
 from treadline.perception.nuisance import stretch_of
-from treadline.perception.steps import Axes, Direction, Flight, cross, riser_rows, tread_rows
+from treadline.perception.steps import Axes, Direction, Flight, riser_rows, tread_rows
 from treadline.perception.surfaces import End, PlanarBlocks, Surface
 from treadline.signals import PinholeCamera, StairAxes
 

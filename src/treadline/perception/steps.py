@@ -12,6 +12,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from treadline.arrays import cross
 from treadline.perception import surface_kernels
 from treadline.perception.surfaces import Ends, Line, PlanarBlocks, Surface
 from treadline.signals import PinholeCamera
@@ -125,13 +126,6 @@ class Flight:
     matched_risers: list[tuple[int, Riser]]
 
 
-def cross(a: Float[np.ndarray, " 3"], b: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
-    """Return a × b; ``numpy.cross`` takes ten times as long for one pair."""
-    ax, ay, az = a.tolist()
-    bx, by, bz = b.tolist()
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
-
-
 def viewing_direction(R_BC: Float[np.ndarray, "3 3"]) -> float:
     """Return 1 for a front camera, and -1 for a camera looking back over the chair.
 
@@ -223,10 +217,10 @@ def riser_rows(risers: Sequence[Riser], blocks: PlanarBlocks, axes: Axes, camera
 
 def seed_points(treads: Float[np.ndarray, "t 10"], risers: Float[np.ndarray, "r 10"]) -> Float[np.ndarray, "p 5"]:
     """Return the points of which pairs propose a staircase: fronts of treads, tops of risers, feet of risers."""
-    fronts, tops, feet = treads[np.isfinite(treads[:, 3])], risers[np.isfinite(risers[:, 3])], risers[np.isfinite(risers[:, 5])]
-    return np.concatenate(
-        [
-            np.column_stack([np.full(len(rows), float(kind)), rows[:, columns]])
-            for kind, rows, columns in ((0, fronts, [2, 0, 6, 7]), (1, tops, [0, 2, 6, 7]), (2, feet, [0, 4, 6, 7]))
-        ]
-    )
+    kinds = (treads, [2, 0, 6, 7], 3), (risers, [0, 2, 6, 7], 3), (risers, [0, 4, 6, 7], 5)
+    found = [rows[rows[:, variance] < math.inf][:, columns] for rows, columns, variance in kinds]
+    points, begin = np.empty((sum(len(rows) for rows in found), 5)), 0
+    for kind, rows in enumerate(found):
+        end = begin + len(rows)
+        points[begin:end, 0], points[begin:end, 1:], begin = kind, rows, end
+    return points

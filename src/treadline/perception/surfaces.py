@@ -9,6 +9,7 @@ a tread. Depth along the edge, where it is least accurate, is not needed.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -330,22 +331,27 @@ class Surface:
         return replace(self, blocks=self.blocks[full], upper=upper, lower=lower)
 
 
-def joined(
-    camera: PinholeCamera,
-    blocks: PlanarBlocks,
-    members: Int[np.ndarray, " m"],
-    direction: Float[np.ndarray, " 3"],
-    *,
-    gap_m: float,
-    least: int,
-) -> list[Surface]:
-    """Return the surfaces among some blocks: runs of blocks at one level along a direction.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plane:
+    """Plane of a run of blocks, not yet fitted to its pixels."""
+
+    blocks: Int[np.ndarray, " k"]
+    """Indices of its blocks."""
+    normal: Float[np.ndarray, " 3"]
+    square: float
+    """Mean squared residual of its blocks [1/m²]."""
+
+
+def planes_of(
+    blocks: PlanarBlocks, members: Int[np.ndarray, " m"], direction: Float[np.ndarray, " 3"], *, gap_m: float, least: int
+) -> list[Plane]:
+    """Return the planes among some blocks: runs of blocks at one level along a direction.
 
     Args:
         members: Indices of the blocks.
-        direction: Unit vector in C along which surfaces are separated.
-        gap_m: Separation of different surfaces.
-        least: Least number of blocks of a surface.
+        direction: Unit vector in C along which planes are separated.
+        gap_m: Separation of different planes.
+        least: Least number of blocks of a plane.
     """
     if members.size < least:
         return []
@@ -363,14 +369,25 @@ def joined(
         SAMPLE,
         FRAGMENT,
     )
+    starts = [0, *stops.tolist()]
+    return [
+        Plane(blocks=members[start:stop], normal=normal, square=float(square))
+        for start, stop, normal, square in zip(starts[:-1], starts[1:], normals, squares, strict=True)
+    ]
+
+
+def surfaces_on(planes: Sequence[Plane], blocks: PlanarBlocks, camera: PinholeCamera) -> list[Surface]:
+    """Return the surfaces on planes, each fitted to all of its pixels; without those whose pixels determine none."""
+    if not planes:
+        return []
     found = surface_kernels.surfaces(
         blocks.nearness,
-        members,
-        stops,
+        np.concatenate([plane.blocks for plane in planes]),
+        np.cumsum([plane.blocks.size for plane in planes]),
         blocks.places,
         blocks.cell_px,
-        normals,
-        squares,
+        np.array([plane.normal for plane in planes]),
+        np.array([plane.square for plane in planes]),
         TOLERANCE * blocks.noise,
         TOLERANCE_SIGMAS,
         JUMP * blocks.noise,
@@ -378,16 +395,15 @@ def joined(
         LEAST_RESIDUAL**2,
         camera.pinhole,
     )
-    planes, covariances, centres, held, columns, upper, lower, above, below = found
+    normals, covariances, centres, held, columns, upper, lower, above, below = found
     # Pixels within a matching window have a common error.
     covariances = covariances * blocks.window_px**2
-    starts = [0, *stops.tolist()]
     return [
         Surface(
-            normal=planes[s],
+            normal=normals[s],
             covariance=covariances[s],
             centre=centres[s],
-            blocks=members[starts[s] : starts[s + 1]],
+            blocks=planes[s].blocks,
             upper=Ends(columns=columns[s, :count], rows=upper[s, :count], follows=above[s, :count]),
             lower=Ends(columns=columns[s, :count], rows=lower[s, :count], follows=below[s, :count]),
         )
