@@ -87,6 +87,7 @@ class Scene:
 class Match:
     """Parts of a scene as numbers in the axes of the edges, the staircase that explains most of them, and the step of each."""
 
+    axes: Axes
     direction: Direction
     evidence: float
     """Log-evidence against a scene without a stair [nats]."""
@@ -154,48 +155,39 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3
 def flight_in(scene: Scene, directions: Sequence[Direction]) -> Flight | str:
     """Return the flight with the most evidence, or the reason of its absence."""
     level, camera = scene.level, scene.frame.camera
-    lines = [line for tread in scene.treads for line in (tread.lower, tread.upper) if line is not None]
-    best: Flight | None = None
-    most_risers, voted = 0, False
     if scene.is_uncertain:
-        peaks = _place_votes(scene.blocks.centres[scene.upright], level)
+        peaks = list(_place_votes(scene.blocks.centres[scene.upright], level))
     else:
-        peaks = _votes(scene.azimuth, *_line_votes(lines, camera.width_px, level))
-    for peak in peaks:
-        voted = True
-        found, risers = _flight_at(scene, peak, directions, -math.inf if best is None else best.evidence)
-        most_risers = max(most_risers, risers)
-        if found is not None and (best is None or found.evidence > best.evidence):
-            best = found
-    if best is not None:
-        return best
-    if not voted:
+        lines = [line for tread in scene.treads for line in (tread.lower, tread.upper) if line is not None]
+        peaks = list(_votes(scene.azimuth, *_line_votes(lines, camera.width_px, level)))
+    if not peaks:
         return "no riser and no nosing faces the camera"
-    return f"{len(scene.treads)} level surface(s) and {most_risers} riser(s) in view, none of which repeat as steps do"
-
-
-def _flight_at(scene: Scene, azimuth: float, directions: Sequence[Direction], least: float) -> tuple[Flight | None, int]:
-    """Return the flight with the most evidence near an azimuth, and the number of risers there.
-
-    Args:
-        least: Evidence of the best flight so far [nats]; a flight measured again with no more is not returned.
-    """
-    best: Flight | None = None
-    risers: list[Riser] = []
-    for last in (False, True):
-        axes = _turned_axes(scene.level, azimuth)
-        risers = list(_risers_at(scene, azimuth, axes))
-        matches = [match for direction in directions if (match := _matched(scene, risers, axes, direction)) is not None]
-        matches = sorted(matches, key=lambda match: match.evidence, reverse=True)
-        flights = (_flight_of(scene, match, axes) for match in matches if not last or match.evidence > least)
-        best = next((flight for flight in flights if flight is not None), None)
-        if best is None or last:
-            break
-        turn = _turn_of(best, axes)
-        if abs(turn) < TURNED:
-            break
+    risers = [list(_risers_at(scene, peak)) for peak in peaks]
+    found = [match for peak, own in zip(peaks, risers, strict=True) for match in _matches_at(scene, peak, own, directions)]
+    best = _best_of(scene, found)
+    if best is None:
+        most = max(len(own) for own in risers)
+        return f"{len(scene.treads)} level surface(s) and {most} riser(s) in view, none of which repeat as steps do"
+    # In axes along its edges the flight's parts are measured once more.
+    azimuth = math.atan2(float(best.facing @ level.right), float(best.facing @ level.ahead))
+    turn = _turn_of(best, _turned_axes(level, azimuth))
+    if abs(turn) >= TURNED:
         azimuth += turn
-    return best, len(risers)
+        best = _best_of(scene, _matches_at(scene, azimuth, list(_risers_at(scene, azimuth)), directions)) or best
+    return best
+
+
+def _matches_at(scene: Scene, azimuth: float, risers: list[Riser], directions: Sequence[Direction]) -> list[Match]:
+    """Return the staircase with the most evidence in each direction at an azimuth."""
+    axes = _turned_axes(scene.level, azimuth)
+    found = [_matched(scene, risers if direction == "up" else [], axes, direction) for direction in directions]
+    return [match for match in found if match is not None]
+
+
+def _best_of(scene: Scene, matches: Sequence[Match]) -> Flight | None:
+    """Return the flight of the staircase with the most evidence whose nosings have a direction."""
+    by_evidence = sorted(matches, key=lambda match: match.evidence, reverse=True)
+    return next((flight for match in by_evidence if (flight := _flight_of(scene, match)) is not None), None)
 
 
 def _turned_axes(level: Axes, azimuth: float) -> Axes:
@@ -215,13 +207,13 @@ def _turn_of(flight: Flight, axes: Axes) -> float:
     return float(np.median([math.atan2(float(n @ axes.right), float(n @ axes.ahead)) for n in normals]))
 
 
-def _risers_at(scene: Scene, azimuth: float, axes: Axes) -> Iterator[Riser]:
+def _risers_at(scene: Scene, azimuth: float) -> Iterator[Riser]:
     """Yield the vertical surfaces that face an azimuth and are no higher than a step.
 
     A wall next to the flight can lie in the plane of a riser: planes taller than a step are separated by their connection in the
     image, and by columns.
     """
-    camera, blocks = scene.frame.camera, scene.blocks
+    camera, blocks, axes = scene.frame.camera, scene.blocks, _turned_axes(scene.level, azimuth)
     members = scene.upright[np.abs(scene.azimuth - azimuth) < RISER_SPREAD + scene.slack]
     for plane in planes_of(blocks, members, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS):
         planes = [plane]
@@ -251,8 +243,6 @@ def _low_part(surface: Surface, blocks: PlanarBlocks, camera: PinholeCamera, axe
 def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction) -> Match | None:
     """Return the staircase with the most evidence in one direction, or None."""
     camera, blocks = scene.frame.camera, scene.blocks
-    if direction == "down":
-        risers = []
     treads = tread_rows(scene.treads, blocks, axes, camera, direction)
     upright = riser_rows(risers, blocks, axes, camera)
     of_tread, of_riser = np.empty(len(treads), dtype=np.int64), np.empty(len(upright), dtype=np.int64)
@@ -273,6 +263,7 @@ def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         return None
     evidence, rise, run, z0, first, last, levels = found.tolist()
     return Match(
+        axes=axes,
         direction=direction,
         evidence=evidence,
         rise_m=rise,
@@ -290,11 +281,11 @@ def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
     )
 
 
-def _flight_of(scene: Scene, match: Match, axes: Axes) -> Flight | None:
+def _flight_of(scene: Scene, match: Match) -> Flight | None:
     """Return the flight of a staircase with its nosings; None if none of them has a direction."""
     sign = 1.0 if match.direction == "up" else -1.0
     steps = range(match.first, match.last + 1)
-    observed = (_nosing(scene, match, k, axes, sign, match.z0_m + k * match.rise_m) for k in steps)
+    observed = (_nosing(scene, match, k, sign) for k in steps)
     nosings = [nosing for nosing in observed if nosing is not None]
     if not any(nosing.has_direction for nosing in nosings):
         return None
@@ -310,15 +301,15 @@ def _flight_of(scene: Scene, match: Match, axes: Axes) -> Flight | None:
         treads=[tread.surface for tread in scene.treads],
         steps=[tread.surface for tread, own in zip(scene.treads, inside.tolist(), strict=True) if own],
         nosings=sorted(nosings, key=lambda nosing: nosing.ahead_m),
-        facing=axes.ahead,
+        facing=match.axes.ahead,
         matched_treads=[(int(match.of_tread[t]), bool(match.front_on[t]), scene.treads[t]) for t in np.flatnonzero(inside)],
         matched_risers=[(int(match.of_riser[r]), match.risers[r]) for r in np.flatnonzero(standing)],
     )
 
 
-def _nosing(scene: Scene, match: Match, step: int, axes: Axes, sign: float, z_m: float) -> NosingObservation | None:
+def _nosing(scene: Scene, match: Match, step: int, sign: float) -> NosingObservation | None:
     """Return the nosing of one step from its parts; None without a riser and a front."""
-    fronts, own = match.fronts_of(step), match.risers_of(step)
+    axes, fronts, own = match.axes, match.fronts_of(step), match.risers_of(step)
     if not fronts and not own:
         return None
     lines: list[Line] = []
@@ -335,7 +326,7 @@ def _nosing(scene: Scene, match: Match, step: int, axes: Axes, sign: float, z_m:
     ahead_m = float(match.riser_rows[own, 0].mean()) if own else sign * float(match.tread_rows[fronts, 2].mean())
     start = riser.surface.centre if riser is not None else lines[0].middle
     heights = [_height_at(scene.treads[t].surface, start, axes) for t in match.treads_of(step)]
-    up_m = float(np.mean(heights)) if heights else z_m
+    up_m = float(np.mean(heights)) if heights else match.z0_m + step * match.rise_m
     point = start + (up_m - float(start @ axes.up)) * axes.up + (ahead_m - float(start @ axes.ahead)) * axes.ahead
     return NosingObservation(
         step=step,
