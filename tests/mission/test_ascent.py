@@ -15,6 +15,7 @@ from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.mechanics.chair import read_chair
 from treadline.mission import ascent
 from treadline.mission.ascent import LOSES_GRIP_M_S, Ascent, AscentConfig
+from treadline.mission.entry import MEASURED_RAD
 from treadline.mission.flipper_planner import (
     CATCHES,
     FLIPPER_RAD_S,
@@ -254,6 +255,47 @@ def test_what_mechanics_forbid_is_refused_at_the_foot_with_its_number() -> None:
     assert world.phases == ["search", "align", "refused"]
     assert all(plan.speed_m_s == 0.0 for plan in world.plans)
     assert world.plans[-1].turn_m_s == 0.0
+
+
+def rising_by(rise_m: float, until_m: float = 0.0) -> Callable[[StairMap], StairMap]:
+    """Return a camera that measures another rise, nosings included, while the nearest nosing is beyond ``until_m``."""
+
+    def measured(seen: StairMap) -> StairMap:
+        if not len(seen.nosings_B) or seen.nosings_B[0, 0] < until_m:
+            return seen
+        return replace(
+            seen, nosings_B=seen.nosings_B * [1.0, 1.0, rise_m / RISE_M], rise_m=rise_m, slope_rad=math.atan2(rise_m, RUN_M)
+        )
+
+    return measured
+
+
+JUST_TOO_HIGH_M, TOO_HIGH_M = (math.tan(CHAIR.rating.slope_deg * DEG + MEASURED_RAD) * RUN_M + more for more in (0.002, 0.03))
+"""Rises above the limit of the chair by less than the standard deviation of the first maps from 2.4 m, and by far more."""
+
+
+def test_a_rise_above_the_limit_by_less_than_its_uncertainty_is_looked_at_again_from_nearby() -> None:
+    """Test: the rise is 2 mm too high until the flight is 1.4 m away. Expected result: the chair approaches and mounts."""
+    world = World(first_m=2.4, spoil=rising_by(JUST_TOO_HIGH_M, until_m=1.4))
+    assert world.run("approach", "refused").phase == "approach"
+    assert world.run("mount", "refused").phase == "mount"
+
+
+def test_a_rise_that_stays_above_the_limit_is_refused_before_the_chair_touches_the_flight() -> None:
+    """Test: the rise is 2 mm too high from everywhere. Expected result: refused on the floor, not later than at the mount."""
+    world = World(first_m=2.4, spoil=rising_by(JUST_TOO_HIGH_M))
+    plan = world.run("mount", "refused")
+    assert plan.phase == "refused"
+    assert "steep" in plan.cause
+    assert world.phases == ["search", "align", "approach", "refused"]
+    assert world.front_before_m > CONFIG.mount_from_m - 0.01
+    assert world.pitch_rad == 0.0
+
+
+def test_a_rise_far_above_the_limit_is_refused_at_once() -> None:
+    world = World(first_m=2.4, spoil=rising_by(TOO_HIGH_M))
+    world.run("refused")
+    assert world.phases == ["search", "align", "refused"]
 
 
 def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_climbs() -> None:

@@ -9,7 +9,7 @@ from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription, read_chair
 from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.tracks import minimum_track_length
-from treadline.mission.entry import MEASURED_M, reject_reason
+from treadline.mission.entry import MEASURED_M, MEASURED_RAD, SHAPE_SIGMAS, certain_reject_reason, reject_reason
 from treadline.scenario import Chair, Scenario, Stair
 from treadline.setup import ready, with_seat_shifted
 
@@ -110,3 +110,22 @@ def test_the_noise_of_a_frames_mean_does_not_refuse_what_the_seat_can() -> None:
 def test_a_stair_steeper_than_the_chair_is_rated_for_is_refused_with_both_angles() -> None:
     answer = reject_reason(CHAIR, 50.0, 0.18, 0.24, 36.9 * DEG)
     assert answer == "the stair is 36.9° steep, chair 'wheelchair' is rated for 32°; take another way"
+
+
+@settings(derandomize=True, max_examples=30)
+@given(more_m=st.floats(0.001, 0.02), ratio=st.floats(0.05, 3.0))
+def test_a_rise_above_the_limit_is_refused_for_good_only_beyond_its_interval(more_m: float, ratio: float) -> None:
+    """Test: a rise above the rated slope by ``ratio`` half axes. Expected result: refused if the ellipse is above it."""
+    rise_m = math.tan(CHAIR.rating.slope_deg * DEG + MEASURED_RAD) * 0.30 + more_m
+    assume(abs(ratio - 1.0) > 0.02)  # at one the rounding decides
+    sigma_m = more_m / ratio / SHAPE_SIGMAS
+    refused = certain_reject_reason(CHAIR, 50.0, rise_m, 0.30, (sigma_m, 0.0))
+    assert refusal(rise_m, 0.30) is not None
+    assert (refused is not None) == (ratio > 1.0)
+    if refused is not None:
+        assert refused == refusal(rise_m, 0.30)
+
+
+def test_before_the_rise_is_measured_nothing_is_refused_and_a_feasible_stair_never() -> None:
+    assert certain_reject_reason(CHAIR, 50.0, 0.21, 0.27, (math.inf, math.inf)) is None
+    assert certain_reject_reason(CHAIR, 50.0, 0.16, 0.30, (0.0, 0.0)) is None

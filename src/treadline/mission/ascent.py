@@ -12,7 +12,6 @@ from treadline.angles import DEG
 from treadline.control.allocate import inner_speed_ratio
 from treadline.control.crest import Crest, CrestCommand, CrestConfig
 from treadline.control.flipper import OVER_BELTS_RAD
-from treadline.mission.entry import reject_reason
 from treadline.mission.planner import PlannerInput
 from treadline.mission.traction import TractionConfig, TractionTest
 from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step, on_the_tip
@@ -144,9 +143,7 @@ class Ascent(Traversal):
             return self._stand(t_s)
         if self._level.is_square(estimate, t_s):
             where = self._where
-            chair, payload_kg = self._config.chair, self._config.payload_kg
-            refusal = reject_reason(chair, payload_kg, where.rise_m, where.run_m, where.slope_rad)
-            if refusal is not None:
+            if (refusal := self._infeasible(self._config.chair, self._config.payload_kg, enters=False)) is not None:
                 return self._begin(t_s, "refused", refusal)
             shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
             to_go_m = (where.first_ahead_m() or math.inf) - self._pivot_m
@@ -165,6 +162,8 @@ class Ascent(Traversal):
         enters = before < config.mount_from_m or where.pitch_rad > config.touched_rad
         if self._phase == "approach" and (side := self._open_side(enters=enters)) is not None:
             return self._stand(t_s, side)
+        if self._phase == "approach" and (refusal := self._infeasible(config.chair, config.payload_kg, enters=enters)) is not None:
+            return self._begin(t_s, "refused", refusal)
         if self._phase == "approach" and enters:
             return self._begin(t_s, "mount", f"first nosing {before:.2f} m before the front pulley")
         if self._phase == "mount" and where.travel_m - self._from_m > config.mount_m:

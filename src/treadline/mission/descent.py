@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 from treadline.angles import DEG
 from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
-from treadline.mission.entry import reject_reason
 from treadline.mission.flipper_planner import FLIPPER_RAD_S
 from treadline.mission.stair_tracker import NEAR_M
 from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, beside, missing_step, on_the_tip
@@ -128,9 +127,7 @@ class Descent(Traversal):
         if not self._level.is_square(estimate, t_s):
             return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
         config, where = self._config, self._where
-        chair = config.chair
-        refusal = reject_reason(chair, config.payload_kg, where.rise_m, where.run_m, where.slope_rad)
-        if refusal is not None:
+        if (refusal := self._infeasible(config.chair, config.payload_kg, enters=False)) is not None:
             return self._begin(t_s, "refused", refusal)
         edge = where.top_ahead_m()
         if edge is None or edge > -self._pivot_m:
@@ -139,7 +136,7 @@ class Descent(Traversal):
         if below_m > config.lower * where.rise_m:
             hidden = "the edge is nearer, hidden under the camera"
             return self._stand(t_s, f"the highest nosing in view is {below_m:.2f} m below the belts: {hidden}")
-        edge_config = EdgeConfig(chair=chair, payload_kg=self._config.payload_kg, cruise_m_s=self._config.slow_m_s)
+        edge_config = EdgeConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.slow_m_s)
         self._edge = Edge(edge_config, -edge, where.slope_rad)
         to_go_m = -edge - self._pivot_m
         cause = f"square within {abs(estimate.heading_rad) / DEG:.1f}°; edge {to_go_m:.2f} m behind"
@@ -152,6 +149,10 @@ class Descent(Traversal):
         enters = edge is None or -edge - self._pivot_m < self._config.enter_from_m
         if self._phase == "approach" and (stops := self._stuck() or self._narrow() or self._open_side(enters=enters)) is not None:
             return self._stand(t_s, stops)
+        if self._phase == "approach":
+            refusal = self._infeasible(self._config.chair, self._config.payload_kg, enters=enters)
+            if refusal is not None:
+                return self._begin(t_s, "refused", refusal)
         whole_to_m = -math.inf if edge is None else self._whole_below_edge_m - edge
         missing = self._missing(self._checked_to_m(whole_to_m) - self._pivot_m)
         if missing is not None and (self._phase == "approach" or not self._edge.turn_back()):

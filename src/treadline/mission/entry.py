@@ -13,6 +13,7 @@ from treadline.mechanics.linkage import SeatLinkage
 from treadline.mechanics.loading import Loading, centre_of_mass_level
 from treadline.mechanics.tipping import MARGIN_LIMIT_RAD, tipping_margins, worst_support
 from treadline.mechanics.tracks import minimum_track_length
+from treadline.perception.lattice_kernels import RISE_M, RUN_M
 
 MEASURED_RAD = 1.0 * DEG
 """Reserve for the error of the measured slope [rad]: three standard deviations."""
@@ -21,6 +22,33 @@ UNKNOWN_RAD = 5.0 * DEG
 degrees. ``check`` knows the place of the passenger and requires the whole margin."""
 MEASURED_M = 0.01
 """Reserve for the error of the measured nosing distance [m]."""
+SHAPE_SIGMAS = 3.0
+"""Half axes of the ellipse of rise and run that may be true, in standard deviations: a refusal from afar is for good."""
+ELLIPSE = tuple((math.cos(turn), math.sin(turn)) for turn in (k * math.tau / 16 for k in range(16)))
+"""Directions to points of the ellipse."""
+
+
+def certain_reject_reason(
+    chair: ChairDescription, payload_kg: float, rise_m: float, run_m: float, sigmas_m: tuple[float, float]
+) -> str | None:
+    """Return ``reject_reason`` of the measured stair if no stair that may be the true one can be entered, or None.
+
+    Args:
+        chair: Chair.
+        payload_kg: Weight of the passenger as entered by the operator.
+        rise_m: Measured rise.
+        run_m: Measured run.
+        sigmas_m: Standard deviations of rise and run; infinite before they are measured.
+    """
+    reason = reject_reason(chair, payload_kg, rise_m, run_m, math.atan2(rise_m, run_m))
+    if reason is None or not all(map(math.isfinite, sigmas_m)):
+        return None
+    for along_rise, along_run in ELLIPSE:
+        rise = min(max(rise_m + SHAPE_SIGMAS * along_rise * sigmas_m[0], RISE_M[0]), RISE_M[1])
+        run = min(max(run_m + SHAPE_SIGMAS * along_run * sigmas_m[1], RUN_M[0]), RUN_M[1])
+        if reject_reason(chair, payload_kg, rise, run, math.atan2(rise, run)) is None:
+            return None
+    return reason
 
 
 def reject_reason(chair: ChairDescription, payload_kg: float, rise_m: float, run_m: float, slope_rad: float) -> str | None:

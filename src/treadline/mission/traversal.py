@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 
 from treadline.angles import DEG
 from treadline.mechanics.chair import ChairDescription
+from treadline.mission.entry import certain_reject_reason, reject_reason
 from treadline.mission.flipper_planner import LIFTED_HEADING_RAD, FlipperPlanner, turning_share
 from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import PlannerInput
@@ -121,6 +122,8 @@ class Traversal:
         self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
         self._skid = SkidMonitor()
         self._narrow_maps = 0
+        self._judged = (0, False)
+        """Number of maps when the stair was last judged, and whether the chair was about to enter."""
         self._flipper_planner.forget()
 
     def update(self, signal: PlannerInput) -> None:
@@ -178,6 +181,24 @@ class Traversal:
                 shown = f"was in view up to {max(seen_m, 0.0):.2f} m from" if math.isfinite(seen_m) else "was not in view from"
                 return f"the flight's {side} side {shown} {needs}: start further away, or take another way"
         return None
+
+    def _infeasible(self, chair: ChairDescription, payload_kg: float, *, enters: bool) -> str | None:
+        """Return the reason why the chair must not enter the measured stair, once for each map; None if it may.
+
+        Args:
+            chair: Chair.
+            payload_kg: Weight of the passenger.
+            enters: Whether the chair is about to drive onto the flight: the measured rise and run then count as they are. Further
+                away a stair is refused only if none that may be the true one can be entered, because the measurement improves on the
+                way.
+        """
+        where, judged = self._where, (self._where.map_count, enters)
+        if judged == self._judged:
+            return None
+        self._judged = judged
+        if enters:
+            return reject_reason(chair, payload_kg, where.rise_m, where.run_m, where.slope_rad)
+        return certain_reject_reason(chair, payload_kg, where.rise_m, where.run_m, (where.rise_sigma_m, where.run_sigma_m))
 
     def _gap(self, way: float) -> tuple[float, float] | None:
         """Return the next gap before the leading pulley: distances of its nearer and further nosing [m]; None without a gap.
