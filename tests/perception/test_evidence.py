@@ -1,5 +1,7 @@
 """Evidence of a stair: what two steps can reach, what a repetition adds, and what a series of frames remembers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from jaxtyping import Float
@@ -11,7 +13,8 @@ from treadline.perception.irregularity import pooled_mean
 from treadline.perception.lattice_kernels import best_lattice
 from treadline.perception.stair_shape import Placed, spacing
 from treadline.perception.steps import seed_points
-from treadline.perception.surfaces import BLOCK_RESIDUAL, noise_of
+from treadline.perception.surfaces import BLOCK_RESIDUAL, noise_of, surface_blocks
+from treadline.signals import DepthSensor
 from treadline.sim.camera import ViewRecipe, draw_view
 
 RISE, RUN = 0.17, 0.29
@@ -211,3 +214,11 @@ def test_a_frame_of_two_steps_counts_after_one_that_confirmed_the_flight() -> No
     assert detector.see(frame, whole.gravity_C).measurement is not None
     late = type(frame)(t_s=11.1, rgb=frame.rgb, depth_m=frame.depth_m, camera=frame.camera)
     assert detector.see(late, whole.gravity_C).measurement is None
+
+
+@pytest.mark.parametrize(("sensor", "measures_range"), [("tof", True), ("kinect2", True), ("kinect1", False), ("auto", False)])
+def test_the_kind_of_sensor_named_in_the_camera_file_decides_what_it_measures(sensor: DepthSensor, measures_range: bool) -> None:
+    """Test: a wall at one distance, whose noise says nothing about its dependence on distance."""
+    view = draw_view(np.random.default_rng(3), ViewRecipe())
+    wall = (2.0 + 0.002 * np.random.default_rng(4).standard_normal((240, 320))).astype(np.float32)
+    assert surface_blocks(wall, replace(view.frame.camera, sensor=sensor)).measures_range == measures_range

@@ -189,8 +189,8 @@ class Traversal:
             chair: Chair.
             payload_kg: Weight of the passenger.
             enters: Whether the chair is about to drive onto the flight: the measured rise and run then count as they are. Further
-                away a stair is refused only if none that may be the true one can be entered, because the measurement improves on the
-                way.
+                away a stair is refused only if none that may be the true one can be entered, because the measurement improves
+                on the way.
         """
         where, judged = self._where, (self._where.map_count, enters)
         if judged == self._judged:

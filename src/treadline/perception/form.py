@@ -22,9 +22,9 @@ SideKind = Literal["wall", "open"]
 """What follows beyond the side of a flight."""
 LOOK_SHARE = 24
 """Image width divided by the largest number of columns past a surface's end in which its surroundings are looked for."""
-BASELINE_M = 0.095
-"""Largest distance between the imagers of a stereo camera, or imager and projector [m]: that of a D455 (data sheet); a Kinect 1 has
-0.075 m and a D435 0.050 m."""
+BASELINES_M = {"kinect1": 0.075, "d435": 0.050, "d455": 0.095, "kinect2": 0.0, "tof": 0.0, "auto": 0.095}
+"""Distance between the imagers of a stereo camera, or imager and projector, of each kind of sensor [m] (data sheets): the largest
+for an unknown one."""
 SAME_SIDE_M, SURPASSED_M = 0.05, 0.08
 """Largest lateral distance of ends at one side [m], and distance by which another surface surpasses a side that is none."""
 ENDS_LEAST = 2
@@ -127,7 +127,7 @@ def ends_of(
                 way,
                 look,
                 JUMP * blocks.noise,
-                BASELINE_M,
+                BASELINES_M[camera.sensor],
                 camera.pinhole,
             )
         found.append(SurfaceEnds(outward_m=way * places, kinds=kinds))

@@ -55,6 +55,8 @@ LAW_PARTS, LAW_SPAN, LAW_EXPONENT = 6, 0.35, -0.3
 """Number of ranges of depth, least span of log depth and largest exponent of a time-of-flight camera's noise. Exponents over 40
 kinds of rendered frames: -0.1 to 0.2 for disparities, -1.8 to -0.9 for time of flight; recorded frames of a Kinect 1 have 0.03 and
 0.05, one of a Kinect 2 -0.6."""
+RANGE_SENSORS = ("kinect2", "tof")
+"""Kinds of sensors that measure the time of flight."""
 CHI_SQUARE_MEDIAN = 0.455
 """Median of the square of a standard normal number."""
 CELLS_ALIKE = 1.7
@@ -110,7 +112,7 @@ class PlanarBlocks:
     """Width of the noise's correlation: that of the matching window of a stereo camera [px]."""
 
     measures_range: bool
-    """Whether the noise depends on depth as that of a time-of-flight camera, not as that of a disparity."""
+    """Whether the camera is one of time of flight: by its file, or for an unknown one by the dependence of the noise on depth."""
 
     @property
     def spread_px(self) -> float:
@@ -141,10 +143,13 @@ def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -
     noise, window_px = noise_of(cells, FULL * size * size)
     turn_limit = TURN_LIMIT * min(noise, TURN_NOISE_MOST)
     sums, normals, unit, centres, places, turns = _planar(cells, size, noise, turn_limit)
-    exponent, span = surface_kernels.noise_law(sums, normals, centres[:, 2].copy(), places, LAW_PARTS)
+    measures_range = camera.sensor in RANGE_SENSORS
+    if camera.sensor == "auto":
+        exponent, span = surface_kernels.noise_law(sums, normals, centres[:, 2].copy(), places, LAW_PARTS)
+        measures_range = exponent < LAW_EXPONENT and span > LAW_SPAN
     return PlanarBlocks(
         nearness=nearness,
-        measures_range=exponent < LAW_EXPONENT and span > LAW_SPAN,
+        measures_range=measures_range,
         sums=sums,
         normals=normals,
         unit=unit,
