@@ -7,6 +7,8 @@ import pytest
 
 from treadline.angles import DEG
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
+from treadline.perception.form import LateralEnds, narrower_by_m
+from treadline.perception.form_kernels import OPEN
 from treadline.sim.camera import View, ViewRecipe, draw_view
 
 LEAST_SHARE = 0.15
@@ -89,6 +91,16 @@ def test_a_side_that_is_not_seen_is_unknown() -> None:
     for _, sight in looks(ViewRecipe(width_m=(6.0, 6.0), walls=("none",), lateral_m=(-0.1, 0.1)), range(48_000, 48_006)):
         assert sight.stair_map is not None
         assert sight.stair_map.width_m is None
+
+
+@pytest.mark.parametrize(("narrow", "narrower_m"), [(1, 1.4), (3, 0.0)])
+def test_a_wider_landing_above_several_steps_is_no_reason_to_reject(narrow: int, narrower_m: float) -> None:
+    """Test: one or three steps 1 m wide, open at both sides, below a surface 2.4 m wide. Expected result: the single step, as of a
+    footstool, is 1.4 m narrower; three steps are a flight with a wide landing."""
+    steps = np.repeat(np.arange(narrow + 1), 2)
+    outward_m = np.where(steps < narrow, 0.5, 1.2)
+    end = LateralEnds(outward_m=outward_m, kinds=np.full(steps.size, OPEN))
+    assert narrower_by_m((end, end), steps) == pytest.approx(narrower_m)
 
 
 @pytest.mark.parametrize("seed", [730042020, 730042028])

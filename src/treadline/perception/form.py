@@ -62,7 +62,7 @@ class Side:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SurfaceEnds:
+class LateralEnds:
     """Ends of surfaces on one side."""
 
     outward_m: Float[np.ndarray, " k"]
@@ -102,18 +102,18 @@ class Bow:
         return math.sqrt(self.bowed * ((share * self.curvature_1_m) ** 2 + share * self.sigma_1_m**2)) if share else 0.0
 
 
-def sides_of(ends: Sequence[SurfaceEnds]) -> tuple[Side | None, Side | None]:
+def sides_of(ends: Sequence[LateralEnds]) -> tuple[Side | None, Side | None]:
     """Return the left and right side of a flight in the camera's view; None where none is seen."""
     left, right = (_side(end.outward_m, end.kinds, way) for way, end in zip((-1, 1), ends, strict=True))
     return left, right
 
 
-def ends_of(
+def lateral_ends_of(
     surfaces: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
-) -> tuple[SurfaceEnds, SurfaceEnds]:
+) -> tuple[LateralEnds, LateralEnds]:
     """Return where the surfaces of a flight end on the left and on the right."""
     look = max(2, camera.width_px // LOOK_SHARE)
-    found: list[SurfaceEnds] = []
+    found: list[LateralEnds] = []
     for way in (-1, 1):
         places, kinds = np.empty(len(surfaces)), np.empty(len(surfaces), dtype=np.int64)
         for k, surface in enumerate(surfaces):
@@ -130,30 +130,34 @@ def ends_of(
                 BASELINES_M[camera.sensor],
                 camera.pinhole,
             )
-        found.append(SurfaceEnds(outward_m=way * places, kinds=kinds))
+        found.append(LateralEnds(outward_m=way * places, kinds=kinds))
     return found[0], found[1]
 
 
-def narrower_by_m(ends: Sequence[SurfaceEnds], steps: Int[np.ndarray, " k"]) -> float:
-    """Return the largest width by which higher steps extend beyond the ends of a lower one.
+def narrower_by_m(ends: Sequence[LateralEnds], steps: Int[np.ndarray, " k"]) -> float:
+    """Return the largest width by which higher steps extend beyond the ends of a single lower one [m].
 
     A step ends where its surfaces end together, at least one of them open: a footstool before a sofa, not a step behind an object.
+    Several steps that end at one place belong to a flight whose landing is wider.
 
     Args:
         steps: Step of each surface.
     """
-    most_m = 0.0
-    for step in np.unique(steps):
-        narrower_m = 0.0
-        for end in ends:
-            known = np.isfinite(end.outward_m)
-            own, above = known & (steps == step) & (end.kinds != form_kernels.CUT), known & (steps > step)
-            places_m = end.outward_m[own]
-            together = places_m.size >= ENDS_LEAST and np.ptp(places_m) < SAME_SIDE_M
-            if together and (end.kinds[own] == form_kernels.OPEN).any() and above.any():
-                narrower_m += max(float(end.outward_m[above].max() - places_m.mean()), 0.0)
-        most_m = max(most_m, narrower_m)
-    return most_m
+    most_m: dict[int, float] = {}
+    for end in ends:
+        known = np.isfinite(end.outward_m)
+        places_m: dict[int, float] = {}
+        for step in np.unique(steps).tolist():
+            own = known & (steps == step) & (end.kinds != form_kernels.CUT)
+            together = np.count_nonzero(own) >= ENDS_LEAST and np.ptp(end.outward_m[own]) < SAME_SIDE_M
+            if together and (end.kinds[own] == form_kernels.OPEN).any():
+                places_m[step] = float(end.outward_m[own].mean())
+        for step, place_m in places_m.items():
+            above = known & (steps > step)
+            alone = all(other == step or abs(its_m - place_m) > SAME_SIDE_M for other, its_m in places_m.items())
+            if alone and above.any():
+                most_m[step] = most_m.get(step, 0.0) + max(float(end.outward_m[above].max()) - place_m, 0.0)
+    return max(most_m.values(), default=0.0)
 
 
 def _side(outward: Float[np.ndarray, " k"], kinds: np.ndarray, way: int) -> Side | None:

@@ -47,6 +47,8 @@ SEEN_THROUGH = 0.5
 """Least fraction of these points past which the depth image shows something lower for a missing tread."""
 BELOW_EYE_M = 0.10
 """Least height of the camera above a tread whose absence can be seen [m]."""
+SAME_EVIDENCE = 1e-6
+"""Difference of log-evidence below which two lattices are the same: rounding [nats]."""
 KEPT, FITS = 6, 2
 """Number of hypotheses that are refined, and of fits to their parts."""
 NONE = -1000
@@ -261,7 +263,9 @@ def _seeds(points, treads, risers, best, of_tread, front_on, of_riser, room):
                 lattice[3] = points[i, 2] + (rise if points[i, 0] == 2.0 else 0.0)
                 evidence = _fit(treads, risers, lattice, of_tread, front_on, of_riser, room)
                 place = np.argmin(best[:, 0])
-                if evidence > best[place, 0]:
+                # Pairs of one staircase lead to the same lattice.
+                known = np.abs(best[:, 0] - evidence).min() < SAME_EVIDENCE
+                if evidence > best[place, 0] and not known and _is_step(lattice[0], lattice[1]):
                     best[place, 0] = evidence
                     best[place, 1:] = lattice
 

@@ -19,7 +19,7 @@ from treadline.arrays import cross
 from treadline.perception.acceptance import EVIDENCE, UNCONFIRMED, lacking_evidence, rejection_reason
 from treadline.perception.detection import Parts, StairDetection, refused
 from treadline.perception.edge_fit import EdgeFit, fit_edges
-from treadline.perception.form import bow_of, ends_of, narrower_by_m, sides_of, turn_by
+from treadline.perception.form import bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
 from treadline.perception.gravity import down_of_treads, levelled, off_gravity
 from treadline.perception.lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scene_of
 from treadline.perception.stair_map import map_of
@@ -195,7 +195,7 @@ class _Search:
         in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
         fronts = [(tread.surface, tread.nosing_end(in_view, flight.direction)) for _, on, tread in flight.matched_treads if on]
         faced = [(nosing.step, nosing.riser) for nosing in flight.nosings if nosing.riser is not None]
-        ends = ends_of([*(tread for tread, _ in fronts), *(riser for _, riser in faced)], blocks, camera, in_view)
+        ends = lateral_ends_of([*(tread for tread, _ in fronts), *(riser for _, riser in faced)], blocks, camera, in_view)
         steps = [step for step, on, _ in flight.matched_treads if on] + [step for step, _ in faced]
         sides = sides_of(ends)
         bow = bow_of(fronts, flight.risers, blocks, camera, in_view, fit.warp_px)
