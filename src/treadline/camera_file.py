@@ -39,7 +39,7 @@ class CameraFile(Settings):
     depth_unit_m: Annotated[float, Field(gt=0.0, le=1.0)] = 0.001
     """Depth per count of the depth image; counts 0 and 65535 mean no return."""
     sensor: DepthSensor = "auto"
-    """Kind of the depth sensor, a prior of its noise: kinect1 (also Xtion, Astra), kinect2, d435, d455, tof or auto."""
+    """Kind of the depth sensor, which decides what it measures: kinect1 (also Xtion, Astra), kinect2, d435, d455, tof or auto."""
     registered: bool = True
     """Whether colour and depth share one image plane; if not, the calibration is that of the depth camera."""
     X_depth_colour: tuple[float, ...] | None = None

@@ -72,7 +72,7 @@ class PinholeCamera:
     mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Position of C in B [m]."""
     sensor: DepthSensor = "auto"
-    """Kind of the depth sensor, a prior of its noise."""
+    """Kind of the depth sensor: it decides whether ranges or disparities are measured, and the distance between the imagers."""
 
     @property
     def pinhole(self) -> tuple[float, float, float, float]:

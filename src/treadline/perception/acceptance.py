@@ -1,5 +1,7 @@
 """Rules by which a flight that was found is accepted as a stair that can be driven on, or rejected with a reason."""
 
+import math
+
 import numpy as np
 
 from treadline.angles import DEG
@@ -40,9 +42,10 @@ stair."""
 
 def lacking_evidence(flight: Flight) -> str:
     """Return which evidence is lacking for a stair."""
+    shown = math.floor(10.0 * flight.evidence) / 10.0  # never rounded up to what is needed
     return (
         f"steps of {1e3 * flight.rise_m:.0f} by {1e3 * flight.run_m:.0f} mm would explain what is seen, evidence "
-        f"{flight.evidence:.1f} of {EVIDENCE:.1f} needed"
+        f"{shown:.1f} of {EVIDENCE:.1f} needed"
     )
 
 

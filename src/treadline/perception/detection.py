@@ -55,8 +55,8 @@ class StairDetection(Printable):
     evidence: float | None = None
     """Log-evidence of a stair against a scene without one [nats]; None for a frame without even a candidate."""
     unconfirmed: bool = False
-    """Whether two levels and two fronts are all that is seen, which furniture in front of a wall can show as well: the heading is
-    that of a stair if this is one, and rise and run are hardly known."""
+    """Whether the evidence is that of two levels and two fronts, or of a third that fits badly. Furniture before a wall can show
+    it as well: the heading is that of a stair if this is one, and rise and run are hardly known."""
     planes_against_lines_rad: float | None = None
     """Angle of the edges about the vertical from risers minus that from lines [rad]; None unless both are visible."""
     axes: StairAxes | None = None

@@ -29,8 +29,8 @@ from treadline.perception.nuisance import (
     SPREAD,
     TERMS,
     NuisanceModel,
-    directions_of,
     drift_of,
+    nuisance_model_of,
     reach_of,
     turns_of_line,
     turns_of_surface,
@@ -165,7 +165,7 @@ def fit_edges(
         spread_px: Standard deviation of the shift of surfaces' ends that all lines have in common [px].
         measures_range: Whether the camera is one of time of flight.
     """
-    possible = directions_of(measures_range=measures_range)
+    possible = nuisance_model_of(measures_range=measures_range)
     edge = start / np.linalg.norm(start)
     nosings = [nosing for nosing in nosings if nosing.has_direction]
     normals = _normals(nosings, treads, down, edge, camera, spread_px)

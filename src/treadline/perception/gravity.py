@@ -18,7 +18,7 @@ ROLL_LIMIT = 20.0 * DEG
 """Largest roll of the camera [rad]."""
 BUNDLE = 8.0 * DEG
 """Half width of a bundle of normals [rad]."""
-LEAST_BLOCKS = 24
+BUNDLE_BLOCKS = 24
 """Least number of blocks of a bundle."""
 MIDDLES = 200
 """Largest number of normals tried as centre of a bundle."""
@@ -38,13 +38,13 @@ def down_of_treads(unit: Float[np.ndarray, "b 3"], pitch_limits_rad: tuple[float
     pitch = np.arctan2(away[:, 2], away[:, 1])
     roll = np.arcsin(np.clip(away[:, 0], -1.0, 1.0))
     candidates = away[(pitch > pitch_limits_rad[0]) & (pitch < pitch_limits_rad[1]) & (np.abs(roll) < ROLL_LIMIT)]
-    if len(candidates) < LEAST_BLOCKS:
+    if len(candidates) < BUNDLE_BLOCKS:
         return None
     # A subset of a few hundred normals suffices as candidates for the centre of the bundle.
     middles = candidates[:: max(1, len(candidates) // MIDDLES)]
     alike = middles @ candidates.T > np.cos(BUNDLE)
     bundle = candidates[alike[int(np.argmax(alike.sum(axis=1)))]]
-    if len(bundle) < LEAST_BLOCKS:
+    if len(bundle) < BUNDLE_BLOCKS:
         return None
     mean = np.median(bundle, axis=0)
     # A bundle truncated by the limits is biased away from them, so all of its members are used.
@@ -64,7 +64,7 @@ def levelled(imu_down: Float[np.ndarray, " 3"], unit: Float[np.ndarray, "b 3"], 
         spread_rad: Largest angle of a horizontal surface's normal from it.
     """
     mean = np.empty(3)
-    enough = surface_kernels.middle_of(unit, imu_down, math.cos(spread_rad), math.cos(BUNDLE), LEAST_BLOCKS, mean)
+    enough = surface_kernels.middle_of(unit, imu_down, math.cos(spread_rad), math.cos(BUNDLE), BUNDLE_BLOCKS, mean)
     return mean if enough else imu_down
 
 

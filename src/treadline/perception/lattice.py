@@ -1,8 +1,7 @@
 """Flight in a frame: the staircase with the most evidence from treads, risers and their ends.
 
 One hypothesis, azimuth of the edges, rise, run and place of the first nosing, explains all parts in view; each adds log-evidence
-against a scene whose surfaces lie anywhere. Two levels and two fronts reach at most 3.9 nats however well they fit: a box before a
-wall gives as much. One repetition more gives 3 to 4 nats.
+against a scene whose surfaces lie anywhere. How much of it makes a stair is decided in ``acceptance``.
 """
 
 import math
@@ -41,7 +40,8 @@ RISER_SPREAD = 14.0 * DEG
 TURN_SIGMAS = 2.0
 """Error of an uncertain normal within which its block can belong to a riser, in standard deviations."""
 RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
-"""Separation of different surfaces along their normal [m]: less than half of the smallest run and rise."""
+"""Separation of different surfaces along their normal [m]: less than half of the smallest run, and than the smallest rise but for
+the noise of two heights."""
 LEAST_BLOCKS = 8
 """Least number of blocks of a surface."""
 TALLEST_M = 0.25
@@ -54,7 +54,7 @@ VOTE_BIN = 2.0 * DEG
 """Width of a bin of the vote [rad]."""
 VOTES = 3
 """Number of peaks tried: a wall at the landing can outvote the last risers."""
-APART = 14.0 * DEG
+PEAKS_APART = 14.0 * DEG
 """Least angle between two peaks [rad]."""
 LEAST_VOTES = 16
 """Least number of votes of a peak."""
@@ -94,7 +94,7 @@ class Match:
     rise_m: float
     run_m: float
     z0_m: float
-    """Height of the first nosing [m]."""
+    """Height of nosing 0 of the lattice, which need not be in view [m]."""
     first: int
     last: int
     """First and last step in view."""
@@ -386,7 +386,7 @@ def _votes(
                 peak = _weighted_median(seen[near], weights[near])
         yield peak
         middle = edges[:-1] + 0.5 * VOTE_BIN
-        smooth[np.abs(middle - edges[top]) < APART] = 0.0
+        smooth[np.abs(middle - edges[top]) < PEAKS_APART] = 0.0
 
 
 def _place_votes(points: Float[np.ndarray, "b 3"], level: Axes) -> Iterator[float]:
@@ -403,7 +403,7 @@ def _place_votes(points: Float[np.ndarray, "b 3"], level: Axes) -> Iterator[floa
         if not scores[best] > 0.0:
             return
         yield float(azimuths[best])
-        scores[np.abs(azimuths - azimuths[best]) < APART] = 0.0
+        scores[np.abs(azimuths - azimuths[best]) < PEAKS_APART] = 0.0
 
 
 def _weighted_median(values: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -> float:

@@ -33,7 +33,7 @@ OVERHANG_SIGMA_M, HIDDEN_SIGMA_M = 0.02, 0.03
 overhang."""
 LAST = 40
 """Largest step number on either side of the first."""
-APART = 4
+STEPS_APART = 4
 """Largest number of steps between two that are seen."""
 OVERLAP_M = 0.08
 """Least common width of steps in view one after another [m]: two blocks 2 m away."""
@@ -193,7 +193,8 @@ def _group(heights, places, spans, bounds):
             continue
         k = index - LAST
         has_span = spans[index, 1] > spans[index, 0]
-        if k - last > APART or (has_span and high > low and min(high, spans[index, 1]) - max(low, spans[index, 0]) < OVERLAP_M):
+        beside = has_span and high > low and min(high, spans[index, 1]) - max(low, spans[index, 0]) < OVERLAP_M
+        if k - last > STEPS_APART or beside:
             first, count = k, 0
             low, high = np.inf, -np.inf
         if has_span:
@@ -255,7 +256,7 @@ def _seeds(points, treads, risers, best, of_tread, front_on, of_riser, room):
                 continue
             if min(points[i, 4], points[j, 4]) - max(points[i, 3], points[j, 3]) < OVERLAP_M:
                 continue
-            for count in range(1, APART + 1):
+            for count in range(1, STEPS_APART + 1):
                 rise, run = up / count, along / count
                 if not _is_step(rise, run):
                     continue

@@ -75,7 +75,7 @@ CURVED, DRIVING, ROCKING, DETOURED = 0.04, 0.1, 0.1, 0.75
 drives, half of them on one that rocks as well, and three time-of-flight cameras in four see multipath that matters."""
 
 
-def directions_of(*, measures_range: bool) -> NuisanceModel:
+def nuisance_model_of(*, measures_range: bool) -> NuisanceModel:
     """Return the hypotheses for a camera; the first has neither curvature, detour nor motion.
 
     Args:

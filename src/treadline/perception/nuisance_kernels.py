@@ -287,7 +287,7 @@ def turns_of_plane(columns, top, bottom, points, width, height, pinhole, plane, 
         plane: n of the surface.
         sizes: Standard deviations of the warp terms, ``rate`` of the angular rates.
         drift: Velocity of the camera for each unit of motion.
-        turns: Columns as in ``directions``; those of spread, detour and curvature are left at zero.
+        turns: Columns as in ``nuisance``; those of spread, detour and curvature are left at zero.
     """
     fx, fy, cx, cy = pinhole
     terms = sizes.size

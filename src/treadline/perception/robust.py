@@ -23,7 +23,7 @@ from treadline.perception.form import bow_of, lateral_ends_of, narrower_by_m, si
 from treadline.perception.gravity import down_of_treads, levelled, off_gravity
 from treadline.perception.lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scene_of
 from treadline.perception.stair_map import map_of
-from treadline.perception.stair_shape import axes_of, directions_of, shape_of
+from treadline.perception.stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception.steps import Axes, Direction, Flight, viewing_direction
 from treadline.perception.surfaces import PlanarBlocks, Surface, surface_blocks, uncertain_blocks
 from treadline.signals import PinholeCamera, RgbdFrame, StairMap
@@ -252,7 +252,7 @@ class _Search:
             stages=None,
             evidence=flight.evidence,
             planes_against_lines_rad=None if apart is None else apart[0],
-            axes=directions_of(self.frame.t_s, level, shape, edge, sigma),
+            axes=stair_axes_of(self.frame.t_s, level, shape, edge, sigma),
             parts=Parts(
                 risers=tuple(flight.risers),
                 treads=tuple(flight.treads),

@@ -139,7 +139,7 @@ def axes_of(
     return Levelled(axes=Axes(ahead=cross(edge, d), up=-d, right=edge), down_sigma_rad=tilt.sigma)
 
 
-def directions_of(
+def stair_axes_of(
     t_s: float,
     levelled: Levelled,
     shape: StairShape,
