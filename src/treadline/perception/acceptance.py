@@ -96,12 +96,11 @@ def _not_straight(flight: Flight, fit: EdgeFit) -> str | None:
 
 
 def _uncertain(sigma_rad: float, bow: Bow) -> str | None:
-    bowed = bow.bowed > 0.5
-    limit_rad = FORM_LIMIT if bowed else SIGMA_LIMIT
+    limit_rad = FORM_LIMIT if bow.is_bowed else SIGMA_LIMIT
     if sigma_rad <= limit_rad:
         return None
     known = f"the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only, {1.96 * limit_rad / DEG:.1f}° needed"
-    return f"edges bowed by {abs(bow.curvature_1_m):.2f} per metre: {known}" if bowed else known
+    return f"edges bowed by {abs(bow.curvature_1_m):.2f} per metre: {known}" if bow.is_bowed else known
 
 
 def _too_narrow(sides: tuple[Side | None, Side | None], swept_half_m: float) -> str | None:

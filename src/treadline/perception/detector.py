@@ -57,8 +57,8 @@ class FrameResult:
 class StairDetector:
     """Detector for single frames; ``see`` and ``step`` remember the last flight that a frame confirmed.
 
-    A frame that shows two steps alone is unconfirmed: furniture in front of a wall can look the same. It counts for
-    ``CONFIRMED_FOR_S`` after a frame that showed more, with the same rise and run.
+    A frame with the evidence of two steps alone, or of a third that fits badly, is unconfirmed: furniture in front of a wall can
+    look the same. It counts for ``CONFIRMED_FOR_S`` after a frame that showed more, with the same rise and run.
     """
 
     def __init__(self, config: DetectorConfig | None = None) -> None:

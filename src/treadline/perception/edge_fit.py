@@ -19,7 +19,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.angles import DEG
-from treadline.arrays import cross
 from treadline.perception.gravity import gravity_variance
 from treadline.perception.irregularity import Prior, prior
 from treadline.perception.nuisance import (
@@ -36,7 +35,7 @@ from treadline.perception.nuisance import (
     turns_of_surface,
 )
 from treadline.perception.nuisance_kernels import marginal_posterior, reject_outliers, variances
-from treadline.perception.steps import Axes, NosingObservation
+from treadline.perception.steps import Axes, NosingObservation, axes_about
 from treadline.perception.surfaces import Surface
 from treadline.signals import PinholeCamera
 
@@ -170,7 +169,7 @@ def fit_edges(
     nosings = [nosing for nosing in nosings if nosing.has_direction]
     normals = _normals(nosings, treads, down, edge, camera, spread_px)
     for last in (False, True):
-        axes = _axes(edge, down)
+        axes = axes_about(edge, down)
         rows = _rows(normals, down_sigma_rad, axes, camera)
         angles, noise = _angles(rows, len(nosings))
         kept = _agreeing(angles, noise)
@@ -196,12 +195,6 @@ def fit_edges(
         curved=float(solution.beliefs[1]),
         warp_px=solution.warp_px,
     )
-
-
-def _axes(edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> Axes:
-    d = down - float(down @ edge) * edge
-    d = d / np.linalg.norm(d)
-    return Axes(ahead=cross(edge, d), up=-d, right=edge)
 
 
 def _steps(nosings: Sequence[NosingObservation], treads: Sequence[Surface]) -> list[int]:

@@ -96,6 +96,11 @@ class Bow:
         return odds / (1.0 + odds)
 
     @property
+    def is_bowed(self) -> bool:
+        """Whether the edges are more likely bowed than straight."""
+        return self.bowed > 0.5
+
+    @property
     def root_mean_square_1_m(self) -> float:
         """Root of the mean square of the curvature [1/m], straight edges included."""
         share = BOW_1_M**2 / (BOW_1_M**2 + self.sigma_1_m**2) if self.bowed else 0.0
@@ -241,7 +246,7 @@ def bow_of(
 def turn_by(bow: Bow, sides: tuple[Side | None, Side | None]) -> tuple[float, float]:
     """Return the angle by which a bow turns the edge in view from the chord of the flight, and its standard deviation [rad]."""
     left, right = sides
-    if left is None or right is None or bow.bowed < 0.5:
+    if left is None or right is None or not bow.is_bowed:
         return 0.0, bow.root_mean_square_1_m * UNSEEN_MIDDLE_M
     middle = 0.5 * (left.aside_m + right.aside_m)
     turn = bow.curvature_1_m * (middle - bow.seen_aside_m)

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from treadline.angles import DEG
 from treadline.arrays import cross
 from treadline.perception import surface_kernels
-from treadline.perception.lattice_kernels import best_lattice
+from treadline.perception.lattice_kernels import RISE_M, best_lattice
 from treadline.perception.steps import (
     LEAST_LEVER,
     Axes,
@@ -44,7 +44,7 @@ RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
 the noise of two heights."""
 LEAST_BLOCKS = 8
 """Least number of blocks of a surface."""
-TALLEST_M = 0.25
+TALLEST_M = RISE_M[1]
 """Largest height of a riser [m]."""
 TURNED = 1.0 * DEG
 """Angle between vote and matched parts above which the parts are measured again in their own axes [rad]."""

@@ -8,7 +8,7 @@ stair must be visible.
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -106,7 +106,7 @@ class _Search:
 
     frame: RgbdFrame
     swept_half_m: float
-    watch: Stopwatch = field(default_factory=Stopwatch)
+    watch: Stopwatch
 
     def with_imu(self, blocks: PlanarBlocks, gravity_C: Float[np.ndarray, " 3"]) -> StairDetection:
         """Return the result with gravity from the IMU.

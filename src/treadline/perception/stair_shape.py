@@ -25,7 +25,7 @@ from treadline.perception.lattice_kernels import (
     RUN_SIGMA_M,
 )
 from treadline.perception.nuisance import stretch_of
-from treadline.perception.steps import Axes, Direction, Flight, riser_rows, tread_rows
+from treadline.perception.steps import Axes, Direction, Flight, axes_about, riser_rows, tread_rows
 from treadline.perception.surfaces import End, PlanarBlocks, Surface
 from treadline.signals import PinholeCamera, StairAxes
 
@@ -121,9 +121,8 @@ def axes_of(
         adjoining_rad: Standard deviation of the tilt of each by pixels of adjacent risers.
         detour_rad: Standard deviation of the tilt of each by light that takes a detour, common to all.
     """
-    d = down - float(down @ edge) * edge
-    d /= np.linalg.norm(d)
-    ahead = cross(edge, d)
+    start = axes_about(edge, down)
+    d, ahead = -start.up, start.ahead
     tilts, variances = [0.0], [down_sigma_rad**2]
     for tread, by_risers_rad in zip(treads, adjoining_rad, strict=True):
         n = tread.unit if float(tread.unit @ d) > 0.0 else -tread.unit

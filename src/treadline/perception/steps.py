@@ -135,6 +135,13 @@ def viewing_direction(R_BC: Float[np.ndarray, "3 3"]) -> float:
     return 1.0 if look + image_up > 0.0 else -1.0
 
 
+def axes_about(edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> Axes:
+    """Return the axes of edges along a unit vector in C, with the vertical as near to ``down`` as they allow."""
+    d = down - float(down @ edge) * edge
+    d = d / np.linalg.norm(d)
+    return Axes(ahead=cross(edge, d), up=-d, right=edge)
+
+
 def level_axes(down: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> Axes | None:
     """Return horizontal axes, forward in the camera's viewing direction along the chair, or up the image if undefined."""
     for towards in (viewing_direction(R_BC) * R_BC[0], np.array([0.0, -1.0, 0.0])):
@@ -217,10 +224,10 @@ def riser_rows(risers: Sequence[Riser], blocks: PlanarBlocks, axes: Axes, camera
 
 def seed_points(treads: Float[np.ndarray, "t 10"], risers: Float[np.ndarray, "r 10"]) -> Float[np.ndarray, "p 5"]:
     """Return the points of which pairs propose a staircase: fronts of treads, tops of risers, feet of risers."""
-    kinds = (treads, [2, 0, 6, 7], 3), (risers, [0, 2, 6, 7], 3), (risers, [0, 4, 6, 7], 5)
-    found = [rows[rows[:, variance] < math.inf][:, columns] for rows, columns, variance in kinds]
-    points, begin = np.empty((sum(len(rows) for rows in found), 5)), 0
-    for kind, rows in enumerate(found):
-        end = begin + len(rows)
-        points[begin:end, 0], points[begin:end, 1:], begin = kind, rows, end
-    return points
+    fronts, tops, feet = treads[np.isfinite(treads[:, 3])], risers[np.isfinite(risers[:, 3])], risers[np.isfinite(risers[:, 5])]
+    return np.concatenate(
+        [
+            np.column_stack([np.full(len(rows), float(kind)), rows[:, columns]])
+            for kind, rows, columns in ((0, fronts, [2, 0, 6, 7]), (1, tops, [0, 2, 6, 7]), (2, feet, [0, 4, 6, 7]))
+        ]
+    )
