@@ -73,7 +73,7 @@ slow: $(VENV)/.test setup
 test-gazebo: $(VENV)/.test
 	@ros/gazebo/environment.sh >/dev/null; status=$$?; \
 	if [ $$status = 77 ]; then echo "test-gazebo: skipped"; exit 0; fi; [ $$status = 0 ] || exit $$status; \
-	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest -n 2 tests/gazebo tests/devices/test_plant_contract.py
+	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest -n 2 tests/plant/gazebo tests/plant/test_plant_contract.py
 
 $(VENV)/.browser: $(VENV)/.test
 	$(PIP) -e ".[browser]"

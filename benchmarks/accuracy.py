@@ -15,7 +15,7 @@ from score import relative_error
 from systems import Experiment, driven, equation_12, in_closed_loop, light_damping, unstable
 from tables import Row, table
 
-from treadline import paper
+from treadline.core import paper
 from treadline.identification import IdentificationOptions, identify
 
 STEPS = 20

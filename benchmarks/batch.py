@@ -19,14 +19,14 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
-from treadline.angles import DEG
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import build_staircase
-from treadline.scenario import Chair, Control, Scenario, Stair, Start, read_scenario
-from treadline.signals import SeatCommand, TrackCommand
-from treadline.sim import MujocoPlant, open_plant
-from treadline.sim.physics import Physics
-from treadline.sim.scene import model_xml
+from treadline.core.angles import DEG
+from treadline.core.signals import SeatCommand, TrackCommand
+from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco.mjcf_scene import model_xml
+from treadline.plant.mujoco.physics import Physics
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start, read_scenario
+from treadline.vehicle.staircase import build_staircase
 
 SPAN_S = 2.0
 REPEATS = 5

@@ -15,10 +15,10 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from treadline.controller_files import shipped_controller
-from treadline.experiments.traverse import traverse
-from treadline.processes import default_workers
-from treadline.scenario import scenario_of
+from treadline.core.processes import default_workers
+from treadline.run.episode import traverse
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import scenario_of
 
 RISE_M = 0.1595128
 """Rise of the nominal step [m]: 28° with a run of 0.30 m."""

@@ -19,16 +19,17 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_of, rotation_y
-from treadline.mechanics.bodies import solids, vehicle
-from treadline.mechanics.chair import GRAVITY_M_S2, read_chair
-from treadline.mechanics.quasi_static import steady_motion
-from treadline.mechanics.quasi_static_run import quasi_static_run
-from treadline.mechanics.stability import centre_of_mass
-from treadline.mechanics.stance import floor_stance
-from treadline.scenario import Chair, Control, Scenario, Stair, Start
-from treadline.signals import TICK_S, SeatCommand, TrackCommand
-from treadline.sim import MujocoPlant, kernels, open_plant
+from treadline.core.angles import DEG, rotation_of, rotation_y
+from treadline.core.signals import TICK_S, SeatCommand, TrackCommand
+from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco import step_kernels as kernels
+from treadline.scenario.chair import GRAVITY_M_S2, read_chair
+from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
+from treadline.vehicle.bodies import solids, vehicle
+from treadline.vehicle.quasi_static import steady_motion
+from treadline.vehicle.quasi_static_run import quasi_static_run
+from treadline.vehicle.stance import floor_stance
+from treadline.vehicle.static_stability import centre_of_mass
 
 MISSING = "benchmarks/contact.py needs Drake, which is no dependency of treadline: pip install drake"
 MU = 0.62

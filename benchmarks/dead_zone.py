@@ -5,14 +5,14 @@ import sys
 
 from tables import table
 
-from treadline.angles import DEG
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.dead_zone import DIFFERENCES_M_S, HEADINGS_RAD, dead_zone_table, mean_distance_m, turning_room_m
-from treadline.mechanics.quasi_static import steady_motion
-from treadline.mechanics.stance import stair_stance
-from treadline.paper import FRICTION
-from treadline.scenario import Chair
-from treadline.stair_settings import RUN_DEFAULT_M
+from treadline.core.angles import DEG
+from treadline.core.paper import FRICTION
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Chair
+from treadline.scenario.stair import RUN_DEFAULT_M
+from treadline.vehicle.dead_zone import DIFFERENCES_M_S, HEADINGS_RAD, dead_zone_table, mean_distance_m, turning_room_m
+from treadline.vehicle.quasi_static import steady_motion
+from treadline.vehicle.stance import stair_stance
 
 SLOW_M_S = 0.1
 FRICTIONS = (FRICTION, (0.7, 0.5), (0.8, 0.5), (0.9, 0.5), (0.62, 0.3))

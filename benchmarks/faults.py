@@ -24,19 +24,19 @@ from pathlib import Path
 
 import numpy as np
 
-from treadline.angles import DEG
-from treadline.campaign.scenario_file import scenario_toml
-from treadline.controller_files import shipped_controller
-from treadline.experiments.job_pool import run_jobs
-from treadline.experiments.traverse import Traverse, traverse
-from treadline.faults import Fault, Process
-from treadline.mission.guard.phases import TIPPING
+from treadline.campaign.scenario_text import scenario_toml
+from treadline.core.angles import DEG
+from treadline.core.processes import default_workers
+from treadline.core.signals import TICK_S
+from treadline.guard.phase_groups import TIPPING
 from treadline.mission.loop import Tick
-from treadline.processes import default_workers
-from treadline.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
-from treadline.signals import TICK_S
-from treadline.sim import open_plant
-from treadline.sim.plant import MujocoPlant
+from treadline.plant.mujoco import open_plant
+from treadline.plant.mujoco.mujoco_plant import MujocoPlant
+from treadline.run.episode import Traverse, traverse
+from treadline.run.job_pool import run_jobs
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.faults import Fault, Process
+from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
 
 STEPS = 8
 FRICTION_OF_TANGENT = 1.166

@@ -16,14 +16,8 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, quaternion_of, rms, rotation_of, rotation_y, rotation_z, wrap
-from treadline.devices.imu import IMUS, Imu
-from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig, MountEstimate, OffsetEstimator
-from treadline.estimation.aberration import AberrationRule
-from treadline.mechanics.chair import read_chair
-from treadline.perception import StairDetector
-from treadline.scenario import Scenario
-from treadline.signals import (
+from treadline.core.angles import DEG, quaternion_of, rms, rotation_of, rotation_y, rotation_z, wrap
+from treadline.core.signals import (
     TICK_S,
     HeadingEstimate,
     HeadingMeasurement,
@@ -34,7 +28,13 @@ from treadline.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.sim import open_plant
+from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig, MountEstimate, OffsetEstimator
+from treadline.estimation.aberration import AberrationRule
+from treadline.perception import StairDetector
+from treadline.plant.mujoco import open_plant
+from treadline.plant.sensors.imu_noise import IMUS, Imu
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario
 
 SLOPE_RAD = 28.0 * DEG
 VISION_SIGMA_RAD = 0.3 * DEG

@@ -14,9 +14,9 @@ from typing import Literal
 from perception_cases import percent
 
 from treadline.experiments.heading_scores import LEAST_SHARE, HeadingResult, HeadingScores, read_results, read_truth, score
-from treadline.frames.evaluation import see_frames
-from treadline.frames.sources import read_frames
-from treadline.sim.camera.benchmark import CONDITIONS, FRAMES_PER_CONDITION, write_benchmark
+from treadline.io.frames.sources import read_frames
+from treadline.perception.frame_evaluation import see_frames
+from treadline.plant.sensors.camera.benchmark import CONDITIONS, FRAMES_PER_CONDITION, write_benchmark
 
 REJECTED = HeadingResult(heading_deg=None)
 LABELS = ("treadline", "Algorithm 1 as printed", "Algorithm 1 less 90°")

@@ -8,14 +8,16 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from treadline.angles import DEG
-from treadline.controller_files import shipped_controller
-from treadline.experiments.traverse import traverse
-from treadline.mechanics.chair import read_chair
-from treadline.ports import Truth
-from treadline.scenario import Belts, Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
-from treadline.signals import SeatCommand, TrackCommand
-from treadline.sim import MujocoPlant, kernels, lug_kernels, open_plant
+from treadline.core.angles import DEG
+from treadline.core.ports import Truth
+from treadline.core.signals import SeatCommand, TrackCommand
+from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco import lug_contact_kernels as lug_kernels
+from treadline.plant.mujoco import step_kernels as kernels
+from treadline.run.episode import traverse
+from treadline.scenario.chair import read_chair
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Belts, Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 
 RUN_M = 0.30
 SEEDS = (1, 2, 3, 4)

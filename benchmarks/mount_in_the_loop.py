@@ -11,14 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from treadline.angles import DEG
-from treadline.experiments.traverse import run_episode
-from treadline.mechanics.chair import read_chair
-from treadline.ports import Truth, TruthPlant
-from treadline.scenario import Scenario
-from treadline.setup import resolve
-from treadline.signals import Event, HeadingMeasurement, Reading, RgbdFrame
-from treadline.sim import open_plant
+from treadline.core.angles import DEG
+from treadline.core.ports import Truth, TruthPlant
+from treadline.core.signals import Event, HeadingMeasurement, Reading, RgbdFrame
+from treadline.plant.mujoco import open_plant
+from treadline.run.episode import run_episode
+from treadline.run.resolve import resolve
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario
 
 ERRORS_DEG = ((0.0, 0.0), (3.0, 0.0), (5.0, 0.0), (-5.0, 3.0))
 """Roll and pitch of the mount against its calibration [°]."""

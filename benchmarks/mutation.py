@@ -27,7 +27,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 GUARD = ROOT / "src" / "treadline" / "mission" / "guard"
-PACKAGE = "treadline.mission.guard"
+PACKAGE = "treadline.guard"
 TESTS = [*sorted((ROOT / "tests" / "mission").glob("test_guard*.py"))]
 PATIENCE_S = 30
 """CPU time limit of a mutant's tests [s]; a mutant that exceeds it counts as detected (``hangs``)."""

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from treadline.nodes import channels as on
-from treadline.nodes.wire import WireTransport
-from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, PinholeCamera, RgbdFrame, TrackCommand
+from treadline.core.signals import HeadingEstimate, HeadingMeasurement, ImuSample, PinholeCamera, RgbdFrame, TrackCommand
+from treadline.ros import channels as on
+from treadline.ros.wire import WireTransport
 
 ENDPOINT = "tcp/127.0.0.1:17469"
 SCENARIO = """
@@ -33,10 +33,10 @@ duration_s = 600
 
 def wire(kind: str, name: str, *, listen: bool = False) -> WireTransport:
     if kind == "ros1":
-        from treadline.nodes.ros1 import Ros1Transport
+        from treadline.ros.ros1 import Ros1Transport
 
         return Ros1Transport(name)
-    from treadline.nodes.zenoh import ZenohTransport
+    from treadline.ros.zenoh import ZenohTransport
 
     return ZenohTransport(name, endpoint=ENDPOINT, listen=listen)
 

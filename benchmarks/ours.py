@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from systems import StateSpace, driven, equation_12
 
-from treadline.errors import TreadlineError
+from treadline.core.errors import TreadlineError
+from treadline.core.models import InputOutputRecord
 from treadline.identification import IdentificationOptions, era, identify
 from treadline.identification.gram import gram, units_of
-from treadline.models import InputOutputRecord
 
 WAYS: dict[str, dict[str, Any]] = {
     "okid-era (gram)": {"method": "okid-era", "solver": "gram"},

@@ -29,17 +29,17 @@ import numpy as np
 from jaxtyping import Float
 from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, sensor_cases
 
-from treadline.angles import DEG, rotation_of
-from treadline.camera_file import CameraFile, read_camera
-from treadline.devices.imu import IMUS, Imu
+from treadline.core.angles import DEG, rotation_of
+from treadline.core.signals import StairMap
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
 from treadline.experiments.heading_scores import wilson
-from treadline.frames.folders import COLOUR_ENDINGS, DEPTH_ENDING
-from treadline.frames.image_files import read_frame
+from treadline.io.frames.folders import COLOUR_ENDINGS, DEPTH_ENDING
+from treadline.io.frames.image_files import read_frame
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
-from treadline.signals import StairMap
-from treadline.sim.camera import STAIRLESS_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
-from treadline.sim.camera.recipe import STEPPED_SCENES
+from treadline.plant.sensors.camera import STAIRLESS_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
+from treadline.plant.sensors.camera.recipe import STEPPED_SCENES
+from treadline.plant.sensors.imu_noise import IMUS, Imu
+from treadline.scenario.camera_file import CameraFile, read_camera
 
 RECORDED = Path(__file__).parents[2] / "shared" / "data" / "vision"
 TABLES = ("heading", "sensors", "conditions", "geometry", "axes", "drives", "stairless", "paper", "real")

@@ -7,8 +7,8 @@ from typing import Any, Literal
 import numpy as np
 
 from treadline.experiments.heading_scores import LEAST_SHARE, wilson
-from treadline.sim.camera import ViewRecipe
-from treadline.sim.camera.recipe import ALONE
+from treadline.plant.sensors.camera import ViewRecipe
+from treadline.plant.sensors.camera.recipe import ALONE
 
 LIFELIKE: dict[str, float] = {
     "grain_px": 1.2,

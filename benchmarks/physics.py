@@ -7,14 +7,14 @@ from itertools import product
 
 import numpy as np
 
-from treadline.angles import DEG
-from treadline.controller_files import shipped_controller
-from treadline.experiments.traverse import traverse
-from treadline.mechanics.chair import read_chair
-from treadline.scenario import Chair, Control, Scenario, Stair, Start, read_scenario
-from treadline.signals import SeatCommand, TrackCommand
-from treadline.sim import MujocoPlant, open_plant
-from treadline.sim.physics import Physics
+from treadline.core.angles import DEG
+from treadline.core.signals import SeatCommand, TrackCommand
+from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco.physics import Physics
+from treadline.run.episode import traverse
+from treadline.scenario.chair import read_chair
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start, read_scenario
 
 SEED = 0
 SIMULATED_S = 30.0

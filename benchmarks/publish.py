@@ -7,7 +7,7 @@ import argparse
 import json
 from pathlib import Path
 
-from treadline.models import write_whole
+from treadline.core.models import write_whole
 from treadline.report.headline_figures import published, with_table
 from treadline.report.results import Results, read_part
 

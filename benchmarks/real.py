@@ -15,8 +15,8 @@ from peers import Fit, PeerError, centred
 from score import fit_percent
 from systems import DataSet, StateSpace, halves, part
 
+from treadline.core.models import InputOutputRecord
 from treadline.identification import IdentificationOptions, identify
-from treadline.models import InputOutputRecord
 
 ORDERS = range(1, 13)
 BLOCK_ROWS = (10, 20, 30)

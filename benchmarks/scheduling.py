@@ -9,12 +9,12 @@ import argparse
 from statistics import mean
 
 from treadline.control.tune import tune
-from treadline.controller_files import shipped_controller
-from treadline.experiments.excite import PERIOD_S, excite, long_enough
-from treadline.experiments.traverse import traverse
+from treadline.core.models import ControllerDesign
 from treadline.identification import IdentificationOptions, identify
-from treadline.models import ControllerDesign
-from treadline.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.run.episode import traverse
+from treadline.run.excitation_run import PERIOD_S, excite, long_enough
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
 
 CELLS = ((20.0, 0.0), (20.0, 110.0), (25.0, 50.0), (28.0, 50.0), (30.0, 0.0), (30.0, 80.0))
 """Slope [°], payload [kg]: the corners of the envelope, and the paper's."""

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 from systems import StateSpace
 
-from treadline.models import InputOutputRecord
+from treadline.core.models import InputOutputRecord
 
 BLOCKS, DRAWS, BOOTSTRAP_SEED = 20, 500, 1
 """Block bootstrap: blocks per resampled record, number of resamples, and seed. Blocks exceed the correlation time of the errors."""

@@ -17,8 +17,8 @@ from score import markov
 from systems import driven, equation_12, light_damping
 from tables import Row, table
 
+from treadline.core.models import InputOutputRecord
 from treadline.identification import IdentificationOptions, identify
-from treadline.models import InputOutputRecord
 
 GRID = ((1_000, 20), (100_000, 20), (1_000_000, 20), (1_000_000, 50), (10_000_000, 50))
 QUICK_GRID = GRID[:2]

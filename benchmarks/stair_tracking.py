@@ -17,14 +17,14 @@ from jaxtyping import Float
 from statistical import AS_BUILT, CHAIR, DOWN_W, FLAT_M, pose_at, tilt_of
 from tables import table
 
-from treadline.angles import DEG, quaternion_of, rotation_y
-from treadline.mechanics.staircase import Staircase
+from treadline.core.angles import DEG, quaternion_of, rotation_y
+from treadline.core.signals import ImuSample, StairMap, TrackReading
 from treadline.mission.stair_tracker import StairTracker
 from treadline.perception import StairDetector
 from treadline.perception.detector import DetectorConfig
-from treadline.signals import ImuSample, StairMap, TrackReading
-from treadline.sim.camera import Camera, ViewRecipe
-from treadline.sim.camera.flight import draw_flight
+from treadline.plant.sensors.camera import Camera, ViewRecipe
+from treadline.plant.sensors.camera.flight import draw_flight
+from treadline.vehicle.staircase import Staircase
 
 FRAME_S, SPEED_M_S, TICKS = 0.1, 0.2, 10
 SLOPE_DEG, RISE_M, STEPS = (24.0, 32.0), (0.14, 0.18), (8, 12)

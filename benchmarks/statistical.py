@@ -20,8 +20,13 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import ks_2samp, norm, rankdata
 
-from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
-from treadline.devices.statistical import (
+from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.core.signals import HeadingMeasurement, StairMap
+from treadline.perception import StairDetector
+from treadline.plant.sensors.camera import Camera, ViewRecipe
+from treadline.plant.sensors.camera.flight import TiltedFlight, draw_flight
+from treadline.plant.sensors.camera.ray_camera import TEXTURES
+from treadline.plant.sensors.statistical_camera import (
     COUNTS,
     DEPTHS_M,
     LONGEST_RUN_M,
@@ -32,14 +37,9 @@ from treadline.devices.statistical import (
     end_class,
     reported_cell,
 )
-from treadline.devices.visibility import Geometry, Visibility, VisibleSide, Wall
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import Staircase
-from treadline.perception import StairDetector
-from treadline.signals import HeadingMeasurement, StairMap
-from treadline.sim.camera import Camera, ViewRecipe
-from treadline.sim.camera.camera import TEXTURES
-from treadline.sim.camera.flight import TiltedFlight, draw_flight
+from treadline.plant.sensors.visibility import Geometry, Visibility, VisibleSide, Wall
+from treadline.scenario.chair import read_chair
+from treadline.vehicle.staircase import Staircase
 
 AS_BUILT: dict[str, Any] = {
     "grain_px": 1.2,

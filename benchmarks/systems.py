@@ -9,8 +9,8 @@ from jaxtyping import Float
 from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
-from treadline import paper
-from treadline.models import InputOutputRecord
+from treadline.core import paper
+from treadline.core.models import InputOutputRecord
 
 MODES_SEED = 2021
 """Draws the lightly damped system; never used for data."""

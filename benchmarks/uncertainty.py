@@ -14,12 +14,12 @@ from typing import Any
 
 from tables import table
 
+from treadline.core.models import write_whole
 from treadline.experiments.budget_runs import QUICK, QUICK_RUNS, WHOLE, BudgetJob, runs_of
-from treadline.experiments.job_pool import run_jobs
 from treadline.experiments.uncertainty import GROUP_OF, BudgetRow, RunOutcomes, budget
 from treadline.experiments.variations import LUG_GROUP, QUICK_VARIATIONS, SEED_GROUP, SOURCES, VARIATIONS
 from treadline.io.provenance import git_commit
-from treadline.models import write_whole
+from treadline.run.job_pool import run_jobs
 
 ROOT = Path(__file__).parents[1]
 EVIDENCE = ROOT / "docs" / "evidence" / "uncertainty.md"

@@ -24,10 +24,10 @@ from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from tables import table
 
-from treadline.experiments.recorded import recorded_run
 from treadline.report.climb_picture import HEADLESS
-from treadline.scenario import DriveSettings, Scenario, Sensors, Stair, Start
-from treadline.setup import resolve
+from treadline.run.recorded_run import recorded_run
+from treadline.run.resolve import resolve
+from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Stair, Start
 
 LIVE = "up-28"
 """Scenario of the live run: a traversal with rendered images, detector and fusion."""

@@ -3,7 +3,7 @@
 import sys
 
 import treadline as tl
-from treadline.scenario import Scenario
+from treadline.scenario.scenario import Scenario
 
 short = Scenario.model_validate({"stair": {"steps": 6, "landing_m": 3.0}, "sensors": {"camera": "statistical"}})
 run = tl.climb(short, seed=2)

@@ -11,10 +11,10 @@ import sys
 from dataclasses import replace
 
 from treadline.control import tune
-from treadline.controller_files import SHIPPED
-from treadline.experiments.excite import PERIOD_S, excite
 from treadline.experiments.plan import CONTROLLER_GROUND, excitation
 from treadline.identification import IdentificationOptions, identify
+from treadline.run.excitation_run import PERIOD_S, excite
+from treadline.scenario.controller_files import SHIPPED
 
 SEED, SAMPLES = 100, 1000
 PAYLOAD_KG = {"wheelchair": 50.0, "rescue": 3.0}

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 import treadline as tl
-from treadline.control.allocate import BeltLimits, back_safe, climb_safe
-from treadline.scenario import Scenario
-from treadline.signals import TrackCommand
+from treadline.control.belt_allocation import BeltLimits, back_safe, climb_safe
+from treadline.core.signals import TrackCommand
+from treadline.scenario.scenario import Scenario
 
 HORIZON, PRICE = 12, 0.3  # periods; price of a belt difference [rad per m/s]
 

@@ -7,9 +7,9 @@ treadline climb up-28 --controller examples/own_controller_pid.py:HeadingPid --o
 import numpy as np
 
 import treadline as tl
-from treadline.control.allocate import BeltLimits, back_safe, climb_safe
-from treadline.scenario import Scenario
-from treadline.signals import TrackCommand
+from treadline.control.belt_allocation import BeltLimits, back_safe, climb_safe
+from treadline.core.signals import TrackCommand
+from treadline.scenario.scenario import Scenario
 
 KP, KI, KD = 1.6, 0.2, 0.3  # m/s per rad, per rad·s and per rad/s
 

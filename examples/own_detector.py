@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import treadline as tl
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.scenario import Scenario
+from treadline.scenario.scenario import Scenario
 
 
 class MedianDetector:

@@ -5,8 +5,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import treadline as tl
-from treadline.chair_files import chair_file
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
+from treadline.scenario.chair_files import chair_file
 
 text = chair_file("wheelchair").read_text(encoding="utf-8")
 text = re.sub(r'^name = ".*"', 'name = "long-chair"', text, flags=re.MULTILINE)

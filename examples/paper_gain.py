@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from treadline import paper
 from treadline.control import lqr_gain
+from treadline.core import paper
 from treadline.experiments.as_printed import asked_at
 
 K = lqr_gain(paper.A, paper.B, paper.Q, paper.R)

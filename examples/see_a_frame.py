@@ -5,8 +5,8 @@ import sys
 import numpy as np
 
 import treadline as tl
-from treadline.angles import DEG
-from treadline.sim.camera import ViewRecipe, draw_view
+from treadline.core.angles import DEG
+from treadline.plant.sensors.camera import ViewRecipe, draw_view
 
 seed = int(sys.argv[1]) if len(sys.argv) > 1 else 1
 view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=("up",), heading_deg=(-30.0, 30.0)))

@@ -22,7 +22,7 @@ WITH_SHAPES = [
 """Modules with declared array shapes."""
 install_import_hook(WITH_SHAPES, "beartype.beartype")
 
-from treadline.signals import PinholeCamera  # noqa: E402 - after the import hook
+from treadline.core.signals import PinholeCamera  # noqa: E402 - after the import hook
 
 hypothesis.settings.register_profile("busy machine", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
 hypothesis.settings.load_profile("busy machine")

@@ -10,7 +10,7 @@ from importlib import import_module
 
 from systems import StateSpace
 
-from treadline.models import InputOutputRecord
+from treadline.core.models import InputOutputRecord
 
 Fit = Callable[[InputOutputRecord, int, int], StateSpace]
 MODULES = ("slicot", "python_control", "modred_okid", "sippy", "nfoursid")

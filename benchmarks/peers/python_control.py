@@ -6,7 +6,7 @@ import numpy as np
 from systems import StateSpace, without_offsets
 
 from peers import Fit, PeerError
-from treadline.models import InputOutputRecord
+from treadline.core.models import InputOutputRecord
 
 PACKAGE = "python-control"
 INSTALL = "pip install control"

@@ -13,7 +13,7 @@ import numpy as np
 from systems import StateSpace, without_offsets
 
 from peers import Fit, PeerError
-from treadline.models import InputOutputRecord
+from treadline.core.models import InputOutputRecord
 
 PACKAGE = "SIPPY"
 INSTALL = "pip install sippy_unipi"

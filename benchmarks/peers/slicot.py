@@ -12,7 +12,7 @@ from jaxtyping import Float
 from systems import StateSpace, without_offsets
 
 from peers import Fit, PeerError
-from treadline.models import InputOutputRecord
+from treadline.core.models import InputOutputRecord
 
 PACKAGE = "SLICOT"
 INSTALL = "apt-get install libslicot0 libopenblas0"

@@ -5,9 +5,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from treadline.scenario import Scenario
-from treadline.setting_docs import meanings
-from treadline.settings import Settings
+from treadline.core.setting_docs import meanings
+from treadline.core.settings import Settings
+from treadline.scenario.scenario import Scenario
 
 
 def schema() -> dict[str, Any]:

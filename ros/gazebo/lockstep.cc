@@ -4,7 +4,7 @@
 // Gazebo's own plugin takes a Twist on a topic, whenever it arrives. This one sets the two belts' speeds themselves, holds the
 // world until it is told how many steps to go, and answers with the state after them: the same orders give the same run.
 //
-// One order is eight doubles, one answer COLUMNS doubles, both little-endian; see src/treadline/gazebo/server.py, which speaks
+// One order is eight doubles, one answer COLUMNS doubles, both little-endian; see src/treadline/plant/gazebo/server.py, which speaks
 // the other end. A client that closes the socket ends the process.
 
 #include <arpa/inet.h>

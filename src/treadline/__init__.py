@@ -15,6 +15,8 @@
 from importlib import import_module
 from typing import Any
 
+from treadline.core import aliases
+
 __version__ = "0.2.0"
 __all__ = [
     "IdentificationOptions",
@@ -35,10 +37,13 @@ _MODULE_OF = {
     "detect_stair": "treadline.api.vision",
     "identify": "treadline.api.models",
     "load_model": "treadline.api.models",
-    "read_frames": "treadline.frames",
+    "read_frames": "treadline.io.frames",
     "tune": "treadline.api.models",
 }
 """Module of each public function. Named by text, so that importing the package, or one of its blocks, loads none of them."""
+
+
+aliases.install()
 
 
 def __getattr__(name: str) -> Any:

@@ -3,7 +3,7 @@
 import signal
 import sys
 
-from treadline import interrupts
+from treadline.core import interrupts
 
 
 def main() -> int:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import treadline as tl
-from treadline.errors import ImageError, RecordError, SettingsError, TreadlineError
-from treadline.models import LinearModel
-from treadline.scenario import Scenario
-from treadline.sim.camera import ViewRecipe, draw_view
+from treadline.core.errors import ImageError, RecordError, SettingsError, TreadlineError
+from treadline.core.models import LinearModel
+from treadline.plant.sensors.camera import ViewRecipe, draw_view
+from treadline.scenario.scenario import Scenario
 
 PUBLIC = {"IdentificationOptions", "check", "climb", "detect_stair", "identify", "load_model", "read_frames", "tune"}
 SHORT = {"drive": {"duration_s": 0.5}, "sensors": {"camera": "statistical"}}

@@ -175,9 +175,9 @@ def served(*arguments: str) -> Iterator[str]:
 @pytest.fixture(scope="session")
 def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two recorded seconds on the flight."""
-    from treadline.experiments.recorded import recorded_run
-    from treadline.scenario import DriveSettings, Scenario, Sensors, Start
-    from treadline.setup import resolve
+    from treadline.run.recorded_run import recorded_run
+    from treadline.run.resolve import resolve
+    from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Start
 
     folder = tmp_path_factory.mktemp("run") / "short"
     scenario = Scenario(

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from treadline.errors import SimulationDiverged
-from treadline.scenario import Scenario
+from treadline.core.errors import SimulationDiverged
+from treadline.scenario.scenario import Scenario
 
 BAD_KG, DEADLY_KG = 80.0, 92.0
 

@@ -12,10 +12,10 @@ import pytest
 
 from treadline.campaign import cluster
 from treadline.campaign.cluster import LOCAL, Cluster
-from treadline.campaign.run import Episode, EpisodeRunner, Row
+from treadline.campaign.sampled_run import Episode, EpisodeRunner, Row
 from treadline.campaign.spec import read_spec
 from treadline.campaign.sweep import SweepPlan
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
 
 distributed = pytest.importorskip("distributed", reason="Dask is an extra")
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from treadline.campaign.frontier import frontier_of, separation
-from treadline.campaign.run import VIEW, Row
+from treadline.campaign.sampled_run import VIEW, Row
 from treadline.campaign.tables import flat
 from treadline.campaign.thumbnails import thumbnail, view_of
-from treadline.mechanics.chair import read_chair
 from treadline.playback import Recording
-from treadline.scenario import Scenario
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario
 
 
 def runs(count: int, *, seed: int) -> list[Row]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from treadline.campaign.page import COLOURS, OTHER, write_page
+from treadline.campaign.campaign_page import COLOURS, OTHER, write_page
 from treadline.campaign.summary import summarise
 
 DRAWN = ["stair.texture", "stair.open_risers", "stair.friction.0", "chair.payload_kg", "start.heading_deg"]

@@ -12,12 +12,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.campaign.sampling import points, run_seed
-from treadline.campaign.scenario_file import scenario_toml
+from treadline.campaign.scenario_text import scenario_toml
+from treadline.campaign.sobol_sampling import points, run_seed
 from treadline.campaign.spec import Drawn, Spec, read_spec
-from treadline.errors import SettingsError
-from treadline.faults import Fault
-from treadline.scenario import Scenario, read_scenario
+from treadline.core.errors import SettingsError
+from treadline.scenario.faults import Fault
+from treadline.scenario.scenario import Scenario, read_scenario
 
 Write = Callable[[str], Path]
 ENVELOPE = read_spec("envelope")

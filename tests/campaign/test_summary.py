@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.campaign.summary import SHOWN, clopper_pearson, lines, summarise, worst
-from treadline.experiments.scores import Scores
+from treadline.run.run_scores import Scores
 
 
 @pytest.mark.parametrize(

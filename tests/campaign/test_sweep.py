@@ -17,11 +17,11 @@ import pytest
 
 from treadline.campaign.journal import NAME, Journal
 from treadline.campaign.pool import Pool, Runners
-from treadline.campaign.run import EpisodeRunner, Row
+from treadline.campaign.sampled_run import EpisodeRunner, Row
 from treadline.campaign.spec import read_spec
 from treadline.campaign.sweep import SweepPlan, replay_command, run_sweep
-from treadline.errors import LogFormatError, SettingsError, TreadlineError
-from treadline.scenario import read_scenario
+from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
+from treadline.scenario.scenario import read_scenario
 
 HERE = Path(__file__).parent
 ROW: Row = {"index": 0, "seed": 7, "verdict": "arrived", "cause": "the landing"}

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from treadline import paper
-from treadline.chair_files import CHAIRS
+from treadline.core import paper
 from treadline.experiments.as_printed import paper_model
 from treadline.io.mcap_log import RunLog
+from treadline.scenario.chair_files import CHAIRS
 
 SCENARIOS = {
     "unknown key": ("[stair]\nriser_m = 0.16\n", "stair.riser_m: unknown key; did you mean rise_m?"),

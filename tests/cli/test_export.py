@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from treadline.controller_files import SHIPPED
 from treadline.experiments.as_printed import paper_model
+from treadline.scenario.controller_files import SHIPPED
 
 CONTROLLER = SHIPPED / "wheelchair.json"
 

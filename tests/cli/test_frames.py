@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
-from treadline.settings import read_toml
-from treadline.sim.camera import ViewRecipe
+from treadline.core.angles import DEG
+from treadline.core.settings import read_toml
+from treadline.plant.sensors.camera import ViewRecipe
 
 
 def table(path: Path) -> dict[str, dict[str, str]]:
@@ -160,7 +160,7 @@ def test_frames_of_another_run_are_not_mixed_in(run, tmp_path: Path) -> None:
 
 
 def test_an_interruption_leaves_tables_of_what_was_finished(run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from treadline.sim.camera import folder
+    from treadline.plant.sensors.camera import folder
 
     drawn = folder.draw_view
     calls = []

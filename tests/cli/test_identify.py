@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from treadline.core.models import LinearModel
 from treadline.io.model_files import read_model
-from treadline.models import LinearModel
 
 CHANNELS = ["--inputs", "left_m_s,right_m_s", "--outputs", "heading_rad,yaw_rate_rad_s"]
 POLES = (0.5, 0.9)

@@ -14,9 +14,9 @@ import pytest
 
 from treadline import cli
 from treadline.cli import main
-from treadline.interrupts import Terminated
+from treadline.core.interrupts import Terminated
+from treadline.core.ports import Truth
 from treadline.io.mcap_read import read_log
-from treadline.ports import Truth
 
 LONG = '[stair]\nslope_deg = 25\nsteps = 400\nwidth_m = 2.4\n[start]\nplace = "flight"\nstep = 6\n[drive]\nduration_s = 600\n'
 

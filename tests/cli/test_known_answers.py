@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from treadline.experiments.heading_scores import HeadingResult, TrueFrame, score, wilson
-from treadline.sim.camera.benchmark import CONDITIONS
+from treadline.plant.sensors.camera.benchmark import CONDITIONS
 
 TRUTH = "name,scene,heading_deg,share\na/0,up,10.0,0.5\na/1,up,-5.0,0.4\na/2,foot,3.0,0.05\nb/0,shelf,,\nb/1,floor,,\n"
 PERFECT = "name,heading_deg,sigma_deg\na/0,10.0,0.1\na/1,-5.0,0.1\na/2,3.0,0.1\nb/0,,\nb/1,,\n"

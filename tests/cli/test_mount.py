@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, quaternion_of
-from treadline.camera_file import read_camera
+from treadline.core.angles import DEG, quaternion_of
+from treadline.core.signals import HeadingMeasurement, ImuSample, RgbdFrame, TrackReading
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
-from treadline.signals import HeadingMeasurement, ImuSample, RgbdFrame, TrackReading
-from treadline.sim.camera import RecordedDrive, ViewRecipe
+from treadline.plant.sensors.camera import RecordedDrive, ViewRecipe
+from treadline.scenario.camera_file import read_camera
 
 SECONDS = 26
 """Eight stretches of three seconds, and two for the tail: the least that the calibrator answers to."""

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from treadline.cli.out import claim
-from treadline.controller_files import SHIPPED
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
+from treadline.scenario.controller_files import SHIPPED
 
 FOLDERS = {
     "climb": ("up-28",),

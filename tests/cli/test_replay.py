@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.angles import rotation_of
 from treadline.cli import main
 from treadline.cli import replay as replay_verb
+from treadline.core.angles import rotation_of
+from treadline.core.ports import Truth
+from treadline.core.signals import HeadingEstimate, ImuSample, RgbdFrame, SeatCommand, TrackCommand
 from treadline.io.cdr import seconds_of
 from treadline.io.decode import LogDecoder
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import mcap_messages, read_log
 from treadline.io.runs import read_series
-from treadline.mechanics.chair import read_chair
-from treadline.ports import Truth
-from treadline.signals import HeadingEstimate, ImuSample, RgbdFrame, SeatCommand, TrackCommand
+from treadline.scenario.chair import read_chair
 
 SCENARIO = """
 [stair]
@@ -298,7 +298,7 @@ def test_an_interrupted_replay_leaves_what_is_done_readable(
 
 
 def test_the_controller_of_the_run_is_used_again_whatever_became_of_its_file(run, tmp_path: Path) -> None:
-    from treadline.controller_files import shipped_controller
+    from treadline.scenario.controller_files import shipped_controller
 
     shipped = shipped_controller("wheelchair")
     (tmp_path / "short.toml").write_text(SCENARIO)
@@ -324,7 +324,7 @@ def test_the_controller_of_the_run_is_used_again_whatever_became_of_its_file(run
 
 
 def test_an_old_run_is_driven_by_the_controller_that_its_command_named(run, blind: Path, tmp_path: Path) -> None:
-    from treadline.controller_files import shipped_controller
+    from treadline.scenario.controller_files import shipped_controller
 
     named = tmp_path / "named"
     shutil.copytree(blind, named)

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
-from treadline.controller_files import shipped_controller
+from treadline.core.angles import DEG
 from treadline.io.runs import read_series
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.tracks import minimum_track_length
-from treadline.mechanics.verdict import check
-from treadline.scenario import Chair, Scenario, Stair, Start
+from treadline.scenario.chair import read_chair
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Chair, Scenario, Stair, Start
+from treadline.vehicle.track_length import minimum_track_length
+from treadline.vehicle.verdict import check
 
 FLIGHT = """\
 [stair]

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_z
-from treadline.camera_file import read_camera
 from treadline.cli import main
-from treadline.frames.image_files import read_frame
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import build_staircase
+from treadline.core.angles import DEG, rotation_z
+from treadline.core.signals import RgbdFrame
+from treadline.io.frames.image_files import read_frame
 from treadline.perception import StairDetector
-from treadline.scenario import Stair
-from treadline.signals import RgbdFrame
-from treadline.sim.camera import Camera
+from treadline.plant.sensors.camera import Camera
+from treadline.scenario.camera_file import read_camera
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Stair
+from treadline.vehicle.staircase import build_staircase
 
 HEADING_DEG = 12.0
 KEYS = {"accepted", "reason", "heading_deg", "sigma_deg", "edge_direction", "edges", "box_px", "stair", "ms"}

@@ -2,9 +2,9 @@
 
 import tomllib
 
-from treadline.attendant import OperatorAct
-from treadline.scenario import Scenario, Stair, StepOverride, read_scenario, scenario_of, shipped_scenarios
-from treadline.setting_docs import meanings, tables_of
+from treadline.core.setting_docs import meanings, tables_of
+from treadline.scenario.operator_actions import OperatorAct
+from treadline.scenario.scenario import Scenario, Stair, StepOverride, read_scenario, scenario_of, shipped_scenarios
 
 
 def test_what_is_listed_is_a_scenario_of_defaults(run, tmp_path) -> None:

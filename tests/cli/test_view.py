@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from treadline.experiments.recorded import recorded_run
+from treadline.core.signals import TrackReading
 from treadline.io.mcap_log import RunLog
-from treadline.scenario import DriveSettings, Scenario, Sensors, Start
-from treadline.setup import resolve
-from treadline.signals import TrackReading
+from treadline.run.recorded_run import recorded_run
+from treadline.run.resolve import resolve
+from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Start
 
 
 def refused(outcome: Any, *words: str) -> None:

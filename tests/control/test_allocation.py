@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.angles import DEG
-from treadline.control.allocate import (
+from treadline.control.belt_allocation import (
     BeltLimits,
     back_safe,
     climb_safe,
     clipped,
     inner_speed_ratio,
 )
+from treadline.core.angles import DEG
 
 ROUNDING = 1e-12
 asked_m_s = st.floats(min_value=-1e3, max_value=1e3)

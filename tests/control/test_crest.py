@@ -5,15 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, quaternion_of, rotation_y
-from treadline.control.crest import Crest, CrestCommand, CrestConfig
-from treadline.control.flipper import FlipperGeometry
-from treadline.errors import MechanicsError
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.loading import centre_of_mass_level, plumb
-from treadline.mechanics.stability import centre_of_mass
-from treadline.scenario import Chair
-from treadline.signals import FlipperReading, ImuSample, TrackReading
+from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
+from treadline.control.flipper_geometry import FlipperGeometry
+from treadline.core.angles import DEG, quaternion_of, rotation_y
+from treadline.core.errors import MechanicsError
+from treadline.core.signals import FlipperReading, ImuSample, TrackReading
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Chair
+from treadline.vehicle.loading import centre_of_mass_level, plumb
+from treadline.vehicle.static_stability import centre_of_mass
 
 CHAIR = read_chair("wheelchair")
 GEOMETRY = FlipperGeometry(pivot_m=0.475, radius_m=0.07, length_m=0.45)

@@ -7,8 +7,8 @@ import pytest
 
 from treadline.control import tune
 from treadline.control.design_warning import design_warning, heading_response
+from treadline.core.models import LinearModel
 from treadline.experiments.as_printed import paper_model
-from treadline.models import LinearModel
 
 
 def found_model() -> LinearModel:

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
-from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
-from treadline.control.flipper import FlipperGeometry
-from treadline.errors import MechanicsError
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.loading import plumb
-from treadline.signals import FlipperReading, ImuSample, TrackReading
+from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
+from treadline.control.flipper_geometry import FlipperGeometry
+from treadline.core.angles import DEG
+from treadline.core.errors import MechanicsError
+from treadline.core.signals import FlipperReading, ImuSample, TrackReading
+from treadline.scenario.chair import read_chair
+from treadline.vehicle.loading import plumb
 
 CHAIR = read_chair("wheelchair")
 CONFIG = EdgeConfig(chair=CHAIR, payload_kg=50.0)

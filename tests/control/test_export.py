@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from treadline.control import ControllerConfig, HeadingController, tune
-from treadline.control.export import SOURCES, Exchange, exported, rehearsal
-from treadline.controller_files import shipped_controller
-from treadline.experiments.traverse import traverse
-from treadline.models import ControllerDesign, LinearModel
-from treadline.scenario import Control, DriveSettings, Scenario, Stair, Start
-from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
+from treadline.control.c_export import SOURCES, Exchange, exported, rehearsal
+from treadline.core.models import ControllerDesign, LinearModel
+from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
+from treadline.run.episode import traverse
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Control, DriveSettings, Scenario, Stair, Start
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 needs_a_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc or clang) on the path")

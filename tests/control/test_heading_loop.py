@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline import paper
-from treadline.angles import DEG
 from treadline.control import ControllerConfig, HeadingController, closed_loop_poles, tune
 from treadline.control.observer import Observer
 from treadline.control.tune import BELT_DIFFERENCE
-from treadline.errors import ModelError, NotDetectable, NotStabilisable, PeriodMismatch, ShapeMismatch
-from treadline.models import ControllerDesign, LinearModel
-from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
+from treadline.core import paper
+from treadline.core.angles import DEG
+from treadline.core.errors import ModelError, NotDetectable, NotStabilisable, PeriodMismatch, ShapeMismatch
+from treadline.core.models import ControllerDesign, LinearModel
+from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
 
 PERIOD_S = 0.25
 YAW_GAIN = 0.8

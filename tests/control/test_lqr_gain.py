@@ -4,10 +4,10 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from treadline import paper
 from treadline.control import lqr_gain
 from treadline.control.reconstruct import static_reconstruction
-from treadline.errors import NotDefinite, NotInvertible, NotStabilisable, ShapeMismatch
+from treadline.core import paper
+from treadline.core.errors import NotDefinite, NotInvertible, NotStabilisable, ShapeMismatch
 
 
 def test_gain_is_the_one_in_eq_14() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 from treadline.cli import VERBS
-from treadline.scenario import shipped_scenarios
+from treadline.scenario.scenario import shipped_scenarios
 
 DOCS = Path(__file__).parents[2] / "docs"
 

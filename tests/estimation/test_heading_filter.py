@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.angles import DEG, rms, rotation_y, rotation_z, wrap
-from treadline.errors import ShapeMismatch
+from treadline.core.angles import DEG, rms, rotation_y, rotation_z, wrap
+from treadline.core.errors import ShapeMismatch
+from treadline.core.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 from treadline.estimation import FilterConfig, HeadingFilter
-from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 
 IMU_S, FRAME_S = 0.01, 0.1
 TICKS_PER_FRAME = 10

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, quaternion_of, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y, rotation_z
+from treadline.core.signals import ImuSample, PinholeCamera, StairAxes, TrackReading
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate, calibrated
-from treadline.signals import ImuSample, PinholeCamera, StairAxes, TrackReading
 
 FRAME_S = 0.1
 MEANT = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5, mount_pitch_rad=22.0 * DEG)

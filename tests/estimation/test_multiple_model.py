@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
 from treadline.estimation.multiple_model import GyroModel, MultipleModelKalmanFilter
 
 

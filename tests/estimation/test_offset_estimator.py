@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.angles import DEG, quaternion_of, rotation_z, wrap
+from treadline.core.angles import DEG, quaternion_of, rotation_z, wrap
+from treadline.core.signals import HeadingMeasurement, ImuSample
 from treadline.estimation import OffsetEstimator
 from treadline.estimation.offset import heading_offset
-from treadline.signals import HeadingMeasurement, ImuSample
 
 angle = st.floats(min_value=-np.pi, max_value=np.pi, exclude_max=True)
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.angles import DEG, levelling, quaternion_of, rotation_about, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG, levelling, quaternion_of, rotation_about, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.signals import ImuSample
 from treadline.estimation.tilt import Tilt
-from treadline.signals import ImuSample
 
 UP = np.array([0.0, 0.0, 1.0])
 

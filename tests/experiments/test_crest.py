@@ -5,7 +5,7 @@ from collections.abc import Callable
 import jaxtyping
 import pytest
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
 from treadline.experiments.crest import CrestCase, Crossing, Direction, cross
 
 NOMINAL_DEG_S, WITH_ERRORS_DEG_S, NEVER_DEG_S = 15.0, 20.0, 25.0

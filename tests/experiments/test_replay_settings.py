@@ -6,16 +6,16 @@ from typing import Any, Literal
 
 import pytest
 
-from treadline.angles import DEG
-from treadline.controller_files import shipped_controller
-from treadline.errors import SettingsError
+from treadline.core.angles import DEG
+from treadline.core.errors import SettingsError
+from treadline.core.settings import settings_of
+from treadline.core.signals import PinholeCamera
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.experiments.replay_settings import applied, key_table, resolved, table_of
-from treadline.mechanics.chair import read_chair
-from treadline.mission.config import MissionConfig, guard_config
+from treadline.mission.mission_config import MissionConfig, guard_config
 from treadline.perception import StairDetector
-from treadline.settings import settings_of
-from treadline.signals import PinholeCamera
+from treadline.scenario.chair import read_chair
+from treadline.scenario.controller_files import shipped_controller
 
 BASE = MissionConfig(chair=read_chair("wheelchair"))
 LOGGED = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=288.5, cx_px=159.5, cy_px=119.5)

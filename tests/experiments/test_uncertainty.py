@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from treadline.core.models import read_json
 from treadline.experiments.budget_runs import ALL_RUNS, LUG_RUNS, RUNS, BudgetJob, Spans, runs_of
 from treadline.experiments.plan import turn, without_images
 from treadline.experiments.sensitivity import NEAREST, SENSITIVITY, read_sensitivity, shown, with_nearest, with_sensitivity
 from treadline.experiments.uncertainty import FIGURES, VariedFigure, budget
 from treadline.experiments.variations import MAIN_SOURCES, NOMINAL_VARIATION, SOURCES, SUMMED, VARIATIONS, Variation
-from treadline.mechanics.chair import read_chair
-from treadline.models import read_json
+from treadline.plant.mujoco import MujocoPlant
 from treadline.report.results import Moves
-from treadline.scenario import Belts, Chair, Scenario
-from treadline.sim import MujocoPlant
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Belts, Chair, Scenario
 
 
 def named(name: str) -> Variation:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline import paper
+from treadline.core import paper
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification.validate import simulate
-from treadline.models import InputOutputRecord, LinearModel
 
 NAMES = {"input_names": ("left_m_s", "right_m_s"), "output_names": ("heading", "yaw_rate")}
 Draw = Callable[..., InputOutputRecord]

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.delays import with_delays, without_delays
 from treadline.identification.validate import impulse_response, simulate
-from treadline.models import InputOutputRecord, LinearModel
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.errors import PoorExcitation
+from treadline.core.errors import PoorExcitation
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, gram, identify
 from treadline.identification.checks import excitation_order
 from treadline.identification.gram import units_of
 from treadline.identification.validate import crosscorrelation_p, simulate, whiteness_p
-from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 LAGS = 12

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jaxtyping import Float
 
-from treadline.errors import LogFormatError, ShapeMismatch, TreadlineError
+from treadline.core.errors import LogFormatError, ShapeMismatch, TreadlineError
+from treadline.core.models import InputOutputRecord
 from treadline.identification import Gram, gram
 from treadline.identification.gram import GramBuilder, Units, units_of
-from treadline.models import InputOutputRecord
 
 ROUNDING = 1e-11
 """Absolute tolerance: sums of a few hundred products of size ten, each accurate to 1e-16, slid along the diagonal; 1e-13 was

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import Gram, IdentificationOptions, gram, identify
 from treadline.identification.validate import impulse_response, simulate
-from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 METHODS = ("okid-era", "era-dc", "pbsid")

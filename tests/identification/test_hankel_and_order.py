@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.errors import PoorExcitation
+from treadline.core.errors import PoorExcitation
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, era, identify
 from treadline.identification.era import hankel, hankel_svd, hankel_times
-from treadline.identification.order import choose_order
+from treadline.identification.model_order import choose_order
 from treadline.identification.validate import impulse_response, simulate
-from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from treadline.core.models import LinearModel
 from treadline.identification.gram import Units
 from treadline.identification.okid import ObserverMarkov
 from treadline.identification.realisation import observer_gain
-from treadline.models import LinearModel
 
 LAGS = 60
 

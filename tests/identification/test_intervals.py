@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from jaxtyping import Complex, Float
 
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.affine import Affine, to_model
 from treadline.identification.gram import units_of
-from treadline.identification.intervals import ConfidenceIntervals, of_refined
+from treadline.identification.pole_intervals import ConfidenceIntervals, of_refined
 from treadline.identification.refine import experiments_of, refined
 from treadline.identification.validate import impulse_response, simulate
-from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 FREE = np.zeros((2, 3), dtype=bool)

@@ -7,9 +7,9 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from treadline.errors import ModelError, NotFinite, PoorExcitation, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.core.errors import ModelError, NotFinite, PoorExcitation, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
-from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 Spoil = Callable[[InputOutputRecord], InputOutputRecord]

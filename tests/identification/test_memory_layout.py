@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from treadline.core.models import InputOutputRecord
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.affine import Affine
-from treadline.identification.kernels import tangents
+from treadline.identification.recursion_kernels import tangents
 from treadline.identification.refine import Experiment, directions, jacobian
-from treadline.models import InputOutputRecord
 
 
 def test_matrices_cut_from_a_larger_one_compile_no_second_kernel() -> None:

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.validate import impulse_response
-from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 STEPS = 20

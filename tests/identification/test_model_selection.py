@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.affine import Affine
 from treadline.identification.fitting import Candidate, Fitting
 from treadline.identification.gram import Units, gram_of
 from treadline.identification.model_selection import free_run_squares
 from treadline.identification.validate import impulse_response, simulate
-from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 STEPS = 20

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from treadline.errors import PoorExcitation, SettingsError
+from treadline.core.errors import PoorExcitation, SettingsError
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.deconvolution import deconvolve, input_matrix
 from treadline.identification.validate import impulse_response, simulate
-from treadline.models import InputOutputRecord, LinearModel
 
 SAMPLES = 50
 

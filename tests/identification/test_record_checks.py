@@ -8,7 +8,7 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from treadline.errors import (
+from treadline.core.errors import (
     ModelError,
     NotFinite,
     PeriodMismatch,
@@ -19,9 +19,9 @@ from treadline.errors import (
     TooFewSamples,
     TreadlineError,
 )
+from treadline.core.models import InputOutputRecord
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.windows import fewest_samples, max_supported_lags
-from treadline.models import InputOutputRecord
 
 Draw = Callable[..., InputOutputRecord]
 Spoil = Callable[[np.ndarray, np.ndarray], None]

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from jaxtyping import Complex, Float
 
-from treadline.errors import ModelError
+from treadline.core.errors import ModelError
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, balanced_truncation, identify
 from treadline.identification.affine import Affine
 from treadline.identification.reduction import stabilised
 from treadline.identification.validate import impulse_response
-from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 GRID = np.concatenate([[0.0], np.geomspace(1e-3, np.pi, 300)])

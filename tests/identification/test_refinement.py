@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.affine import Affine
 from treadline.identification.gram import Units
-from treadline.identification.kernels import free_run
 from treadline.identification.modal import modes_of
+from treadline.identification.recursion_kernels import free_run
 from treadline.identification.refine import (
     Directions,
     Experiment,
@@ -25,7 +26,6 @@ from treadline.identification.refine import (
     residual,
 )
 from treadline.identification.validate import impulse_response, simulate
-from treadline.models import InputOutputRecord, LinearModel
 
 STEPS = 20
 """Number of Markov parameters in the error."""

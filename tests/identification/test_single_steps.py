@@ -6,10 +6,10 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from treadline.errors import NotFinite, PoorExcitation, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.core.errors import NotFinite, PoorExcitation, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, era, identify, okid, pbsid, system_markov
 from treadline.identification.validate import impulse_response
-from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
+from treadline.core.models import LinearModel
 from treadline.identification.era import hankel_svd, realise
 from treadline.identification.stabilisation import (
     StabilisationDiagram,
@@ -14,7 +15,6 @@ from treadline.identification.stabilisation import (
     stabilisation_of_svd,
 )
 from treadline.identification.validate import impulse_response
-from treadline.models import LinearModel
 
 DT_S = 0.02
 FREQUENCIES_HZ = (2.1, 5.7, 11.3)

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from treadline.errors import NotFinite, PeriodMismatch, PoorExcitation, RecordError
+from treadline.core.errors import NotFinite, PeriodMismatch, PoorExcitation, RecordError
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify, identify_chunks, stream
 from treadline.identification.validate import impulse_response, part
-from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 

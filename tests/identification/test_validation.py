@@ -7,9 +7,10 @@ import pytest
 from jaxtyping import Float
 from scipy.signal import dlsim
 
-from treadline.errors import PoorExcitation
+from treadline.core.errors import PoorExcitation
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
-from treadline.identification.excitation import Excitation, ExcitationConfig
+from treadline.identification.excitation_signal import Excitation, ExcitationConfig
 from treadline.identification.gram import gram, units_of
 from treadline.identification.okid import observer_markov
 from treadline.identification.validate import (
@@ -22,7 +23,6 @@ from treadline.identification.validate import (
     vaf_percent,
     whiteness_p,
 )
-from treadline.models import InputOutputRecord, LinearModel
 
 Draw = Callable[..., InputOutputRecord]
 GAIN = np.array([[0.6, 0.1], [0.2, 0.4]])

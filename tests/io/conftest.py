@@ -10,8 +10,8 @@ import pytest
 from mcap.writer import CompressionType, IndexType, Writer
 from scipy.io import savemat
 
+from treadline.core.models import InputOutputRecord
 from treadline.io.records import write_record
-from treadline.models import InputOutputRecord
 
 Names = tuple[str, ...]
 START_NS = 1_700_000_000_000_000_000

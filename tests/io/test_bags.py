@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType, Writer
 
-from treadline.errors import LogFormatError, NotFinite, RecordError, TreadlineError
+from treadline.core.errors import LogFormatError, NotFinite, RecordError, TreadlineError
+from treadline.core.models import InputOutputRecord
 from treadline.io.records import read_record
-from treadline.models import InputOutputRecord
 
 SECOND = 1_000_000_000
 FLOAT = "float64 data"

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, SettingsError
+from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, SettingsError
+from treadline.core.models import InputOutputRecord
 from treadline.io import delimited, parquet
 from treadline.io.chunks import ChunkReader, read_chunks
 from treadline.io.records import read_record
-from treadline.models import InputOutputRecord
 
 KINDS = ("csv", "spreadsheet", "parquet")
 

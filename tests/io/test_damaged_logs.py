@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from treadline.errors import TreadlineError
+from treadline.core.errors import TreadlineError
+from treadline.core.models import InputOutputRecord
 from treadline.io.records import read_record
-from treadline.models import InputOutputRecord
 
 CHECKSUMMED = ("npz", "mat compressed", "mcap", "mcap lz4")
 """What is read from these after damage is what was written."""

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch, TreadlineError
+from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch, TreadlineError
+from treadline.core.models import InputOutputRecord
+from treadline.core.signals import HeadingEstimate, TrackCommand
 from treadline.io import arrays, mcap_read
 from treadline.io.mcap_log import RunLog
 from treadline.io.records import read_record
-from treadline.models import InputOutputRecord
-from treadline.signals import HeadingEstimate, TrackCommand
 
 
 def refused(path: Path, inputs: tuple[str, ...], outputs: tuple[str, ...], words: str, **options: object) -> TreadlineError:

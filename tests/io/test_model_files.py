@@ -9,9 +9,9 @@ import pytest
 from scipy.io import loadmat, savemat
 from scipy.signal import dlti
 
-from treadline.errors import ModelError, SettingsError, TreadlineError
+from treadline.core.errors import ModelError, SettingsError, TreadlineError
+from treadline.core.models import LinearModel
 from treadline.io.model_files import from_statespace, read_model, to_statespace, write_model
-from treadline.models import LinearModel
 
 
 def model(order: int = 3, *, gain: bool = True, seed: int = 4) -> LinearModel:

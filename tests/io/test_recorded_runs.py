@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from treadline.errors import SettingsError
-from treadline.experiments.excite import INPUTS, OUTPUTS, Excited
-from treadline.experiments.recorded import recorded_excitation
-from treadline.identification.excitation import ExcitationConfig
+from treadline.core.errors import SettingsError
+from treadline.core.ports import Truth
+from treadline.identification.excitation_signal import ExcitationConfig
 from treadline.io.mcap_read import read_log
 from treadline.io.records import read_record
 from treadline.io.runs import read_series
-from treadline.ports import Truth
-from treadline.scenario import read_scenario
+from treadline.run.excitation_run import INPUTS, OUTPUTS, Excited
+from treadline.run.recorded_run import recorded_excitation
+from treadline.scenario.scenario import read_scenario
 
 SCENARIO = read_scenario("paper-28")
 

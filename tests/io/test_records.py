@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch, TreadlineError
+from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch, TreadlineError
+from treadline.core.models import InputOutputRecord
 from treadline.io.chunks import read_chunks
 from treadline.io.records import read_record, write_record
-from treadline.models import InputOutputRecord
 
 INPUTS = ("left_m_s", "right_m_s")
 OUTPUTS = ("heading_rad",)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from treadline.errors import TreadlineError
+from treadline.core.errors import TreadlineError
 from treadline.io import provenance
 from treadline.io.runs import begin_run, read_series, write_manifest, write_result, write_series
 

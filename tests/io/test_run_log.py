@@ -11,13 +11,9 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 
-from treadline.errors import LogFormatError, TreadlineError
-from treadline.io import mcap_read
-from treadline.io.mcap_log import RunLog
-from treadline.io.mcap_read import read_log
-from treadline.io.messages import TRUTH_NAMES
-from treadline.ports import Truth
-from treadline.signals import (
+from treadline.core.errors import LogFormatError, TreadlineError
+from treadline.core.ports import Truth
+from treadline.core.signals import (
     Event,
     FlipperCommand,
     FlipperReading,
@@ -32,6 +28,10 @@ from treadline.signals import (
     TrackCommand,
     TrackReading,
 )
+from treadline.io import mcap_read
+from treadline.io.mcap_log import RunLog
+from treadline.io.mcap_read import read_log
+from treadline.io.messages import TRUTH_NAMES
 
 CAMERA = PinholeCamera(width_px=5, height_px=3, fx_px=4.5, fy_px=4.25, cx_px=2.0, cy_px=1.0)
 
@@ -245,7 +245,7 @@ def test_a_log_without_checksums_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_rendered_frame_is_written_like_any_other(tmp_path: Path) -> None:
-    from treadline.sim.camera.rendered_frame import RenderedFrame
+    from treadline.plant.sensors.camera.rendered_frame import RenderedFrame
 
     frame = RenderedFrame(
         t_s=0.1,

@@ -8,11 +8,11 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from treadline.errors import ImageError, LogFormatError, SettingsError, TreadlineError
+from treadline.core.errors import ImageError, LogFormatError, SettingsError, TreadlineError
+from treadline.core.signals import Event, HeadingMeasurement, ImuSample, PinholeCamera, RgbdFrame
 from treadline.io.mcap_log import RunLog
 from treadline.io.sensor_log import EVENTS_MAX, SensorLog
 from treadline.io.topics import parse_topics
-from treadline.signals import Event, HeadingMeasurement, ImuSample, PinholeCamera, RgbdFrame
 
 CAMERA = PinholeCamera(width_px=6, height_px=4, fx_px=5.0, fy_px=5.5, cx_px=2.5, cy_px=1.5)
 LEVEL = (1.0, 0.0, 0.0, 0.0)

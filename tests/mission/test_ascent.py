@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, quaternion_of, rotation_y
-from treadline.control.crest import CrestCommand, CrestConfig
-from treadline.control.flipper import OVER_BELTS_RAD
-from treadline.mechanics.chair import read_chair
+from treadline.control.crest_sequence import CrestCommand, CrestConfig
+from treadline.control.flipper_geometry import OVER_BELTS_RAD
+from treadline.core.angles import DEG, quaternion_of, rotation_y
+from treadline.core.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 from treadline.mission import ascent
 from treadline.mission.ascent import LOSES_GRIP_M_S, Ascent, AscentConfig
-from treadline.mission.entry import MEASURED_RAD
+from treadline.mission.entry_check import MEASURED_RAD
 from treadline.mission.flipper_planner import (
     CATCHES,
     FLIPPER_RAD_S,
@@ -28,7 +28,7 @@ from treadline.mission.flipper_planner import (
 )
 from treadline.mission.tip_over import FALL_RATE_RAD_S, LIMIT_M_S, TipOverFeedforward
 from treadline.mission.traversal import BLIND_RAD, SIDE_MARGIN_M
-from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
+from treadline.scenario.chair import read_chair
 
 CHAIR = read_chair("wheelchair")
 CONFIG = AscentConfig(chair=CHAIR, payload_kg=50.0)

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, quaternion_of, rotation_y
-from treadline.control.edge import EdgeCommand, EdgeConfig
-from treadline.errors import SettingsError
-from treadline.mechanics.chair import read_chair
+from treadline.control.edge_sequence import EdgeCommand, EdgeConfig
+from treadline.core.angles import DEG, quaternion_of, rotation_y
+from treadline.core.errors import SettingsError
+from treadline.core.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 from treadline.mission import descent
-from treadline.mission.config import MissionConfig, planner_of
 from treadline.mission.descent import LETS_DOWN_RAD_S, Descent, DescentConfig
 from treadline.mission.flipper_planner import CLEAR_M, FLIPPER_RAD_S, LAID_RAD, LATE_S
+from treadline.mission.mission_config import MissionConfig, planner_of
 from treadline.mission.tip_over import LIMIT_M_S
 from treadline.mission.traversal import BLIND_RAD
-from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
+from treadline.scenario.chair import read_chair
 
 CHAIR = read_chair("wheelchair")
 CONFIG = DescentConfig(chair=CHAIR, payload_kg=50.0)

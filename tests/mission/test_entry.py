@@ -5,13 +5,13 @@ import math
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from treadline.angles import DEG
-from treadline.mechanics.chair import ChairDescription, read_chair
-from treadline.mechanics.linkage import SeatLinkage
-from treadline.mechanics.tracks import minimum_track_length
-from treadline.mission.entry import MEASURED_M, MEASURED_RAD, SHAPE_SIGMAS, certain_reject_reason, reject_reason
-from treadline.scenario import Chair, Scenario, Stair
-from treadline.setup import ready, with_seat_shifted
+from treadline.core.angles import DEG
+from treadline.mission.entry_check import MEASURED_M, MEASURED_RAD, SHAPE_SIGMAS, certain_reject_reason, reject_reason
+from treadline.run.resolve import ready, with_seat_shifted
+from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.scenario import Chair, Scenario, Stair
+from treadline.vehicle.linkage import SeatLinkage
+from treadline.vehicle.track_length import minimum_track_length
 
 CHAIR = read_chair("wheelchair")
 

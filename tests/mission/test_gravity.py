@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, quaternion_of, rotation_y
+from treadline.core.angles import DEG, quaternion_of, rotation_y
+from treadline.core.signals import HeadingMeasurement, ImuSample, PinholeCamera, RgbdFrame, StairMap
+from treadline.guard import GuardConfig
 from treadline.mission.blocks import CameraBlock
-from treadline.mission.gravity import GravityAtExposure
-from treadline.mission.guard import GuardConfig
-from treadline.nodes import channels as on
-from treadline.nodes.block_nodes import CameraNode
-from treadline.nodes.inproc import InProcess
-from treadline.signals import HeadingMeasurement, ImuSample, PinholeCamera, RgbdFrame, StairMap
+from treadline.mission.frame_gravity import GravityAtExposure
+from treadline.ros import channels as on
+from treadline.ros.block_nodes import CameraNode
+from treadline.ros.inproc import InProcess
 
 CAMERA = PinholeCamera(width_px=8, height_px=6, fx_px=5.0, fy_px=5.0, cx_px=3.5, cy_px=2.5, mount_pitch_rad=30.0 * DEG)
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.angles import DEG
-from treadline.mission.level import LevelConfig, LevelSteering
-from treadline.signals import HeadingEstimate
+from treadline.core.angles import DEG
+from treadline.core.signals import HeadingEstimate
+from treadline.mission.flat_ground_steering import LevelConfig, LevelSteering
 
 GAUGE_M, TICK_S = 0.65, 0.01
 CONFIG = LevelConfig(gauge_m=GAUGE_M)

@@ -7,12 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.mission.drivers import ConstantSpeed, Driver
-from treadline.mission.guard import Guard, GuardConfig
-from treadline.mission.loop import Blocks, Mission, Signal
-from treadline.mission.planner import Cruise, Planner, PlannerInput
-from treadline.mission.rates import Rate
-from treadline.signals import (
+from treadline.core.signals import (
     Event,
     FlipperCommand,
     FlipperReading,
@@ -29,6 +24,11 @@ from treadline.signals import (
     TrackCommand,
     TrackReading,
 )
+from treadline.guard import Guard, GuardConfig
+from treadline.mission.belt_controllers import ConstantSpeed, Driver
+from treadline.mission.loop import Blocks, Mission, Signal
+from treadline.mission.planner import Cruise, Planner, PlannerInput
+from treadline.mission.rates import Rate
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, quaternion_of, rotation_x, rotation_y
+from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y
+from treadline.core.signals import Event, HeadingMeasurement, ImuSample, RgbdFrame, StairMap, TrackReading
+from treadline.guard import GuardConfig
 from treadline.mission.blocks import CameraBlock
-from treadline.mission.guard import GuardConfig
-from treadline.nodes import channels as on
-from treadline.nodes.block_nodes import CameraNode
-from treadline.nodes.inproc import InProcess
 from treadline.perception import StairDetector
-from treadline.signals import Event, HeadingMeasurement, ImuSample, RgbdFrame, StairMap, TrackReading
-from treadline.sim.camera import RecordedDrive, ViewRecipe
+from treadline.plant.sensors.camera import RecordedDrive, ViewRecipe
+from treadline.ros import channels as on
+from treadline.ros.block_nodes import CameraNode
+from treadline.ros.inproc import InProcess
 
 Take = Callable[[ImuSample | TrackReading | RgbdFrame], list[object]]
 FRAME_S = 0.5

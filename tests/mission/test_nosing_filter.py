@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.angles import quaternion_of, rotation_y
+from treadline.core.angles import quaternion_of, rotation_y
+from treadline.core.signals import ImuSample, StairMap, TrackReading
 from treadline.mission.nosing_filter import COMMON, CORRELATED_M, FAR_1_M, OWN_M, OWN_SHARE, SLIP_RATIO, NosingFilter
 from treadline.mission.stair_tracker import StairTracker
-from treadline.signals import ImuSample, StairMap, TrackReading
 
 RISE_M, RUN_M, STEPS = 0.16, 0.30, 10
 SLOPE_RAD = math.atan2(RISE_M, RUN_M)
@@ -227,7 +227,7 @@ def test_the_noise_model_is_that_of_the_statistical_camera_and_of_the_detector()
     """Test: constants next to the fit and the detector that they stand for. Expected: equal up to the digits of the docstrings."""
     from treadline.mission import flight_shape, nosing_filter
     from treadline.perception.lattice_kernels import RISE_IRREGULAR_M, RUN_IRREGULAR_M
-    from treadline.perception.robust import GRAVITY_SIGMA
+    from treadline.perception.robust_method import GRAVITY_SIGMA
 
     camera = json.loads((resources.files("treadline") / "data/cameras/statistical.json").read_text(encoding="utf-8"))
     for axis, name in enumerate(("along", "height")):

@@ -7,18 +7,18 @@ from typing import Any
 
 import pytest
 
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
+from treadline.core.signals import TrackCommand
 from treadline.estimation import HeadingFilter
-from treadline.mechanics.chair import read_chair
 from treadline.mission.ascent import Ascent
-from treadline.mission.config import MissionConfig, build_blocks, is_full_traversal
+from treadline.mission.mission_config import MissionConfig, build_blocks, is_full_traversal
 from treadline.mission.planner import Cruise
 from treadline.mission.plugins import Plugins, load_plugin
-from treadline.signals import TrackCommand
+from treadline.scenario.chair import read_chair
 
 CHAIR = read_chair("wheelchair")
 SOURCE = """
-from treadline.signals import TrackCommand
+from treadline.core.signals import TrackCommand
 
 class Straight:
     follows_plan = True

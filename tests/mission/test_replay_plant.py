@@ -5,10 +5,10 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, quaternion_of, rotation_of, rotation_y, rotation_z
-from treadline.mission.replay import ReplayPlant
-from treadline.ports import Plant
-from treadline.signals import ImuSample, OperatorInput, PinholeCamera, Reading, SeatCommand, TrackCommand
+from treadline.core.angles import DEG, quaternion_of, rotation_of, rotation_y, rotation_z
+from treadline.core.ports import Plant
+from treadline.core.signals import ImuSample, OperatorInput, PinholeCamera, Reading, SeatCommand, TrackCommand
+from treadline.mission.replay_plant import ReplayPlant
 
 UP = np.array([0.0, 0.0, 1.0])
 

@@ -2,7 +2,8 @@
 
 import pytest
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
+from treadline.core.signals import HeadingEstimate, TrackReading
 from treadline.mission.skid_monitor import (
     APART_M_S,
     AWAY_RAD,
@@ -18,7 +19,6 @@ from treadline.mission.skid_monitor import (
     WINDOW_S,
     SkidMonitor,
 )
-from treadline.signals import HeadingEstimate, TrackReading
 
 BEYOND, WITHIN = 1.1, 0.95
 TICK_S = 0.0125

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.angles import DEG, quaternion_of, rotation_y, rotation_z
+from treadline.core.angles import DEG, quaternion_of, rotation_y, rotation_z
+from treadline.core.signals import ImuSample, StairMap, TrackReading
 from treadline.mission.stair_tracker import KNOWN_AFTER, StairTracker
-from treadline.signals import ImuSample, StairMap, TrackReading
 
 RISE_M, RUN_M = 0.16, 0.30
 SLOPE_RAD = math.atan2(RISE_M, RUN_M)

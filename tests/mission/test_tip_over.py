@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
+from treadline.core.signals import TICK_S, ImuSample
 from treadline.mission.tip_over import TipOverFeedforward
-from treadline.signals import TICK_S, ImuSample
 
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.angles import DEG, quaternion_of, rotation_y
-from treadline.mission.traction import TractionConfig, TractionTest
-from treadline.signals import ImuSample, TrackReading
+from treadline.core.angles import DEG, quaternion_of, rotation_y
+from treadline.core.signals import ImuSample, TrackReading
+from treadline.mission.traction_test import TractionConfig, TractionTest
 
 G_M_S2, TICK_S = 9.81, 0.01
 CONFIG = TractionConfig()

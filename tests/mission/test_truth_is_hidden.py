@@ -5,16 +5,16 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from treadline.core.models import ControllerDesign, LinearModel
+from treadline.core.ports import Plant, TruthPlant
+from treadline.core.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
 from treadline.experiments.as_printed import paper_model
 from treadline.experiments.plan import turn
-from treadline.mission.config import MissionConfig, build_blocks
 from treadline.mission.loop import Mission
-from treadline.models import ControllerDesign, LinearModel
-from treadline.ports import Plant, TruthPlant
-from treadline.scenario import Scenario
-from treadline.setup import mission_config
-from treadline.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
-from treadline.sim import open_plant
+from treadline.mission.mission_config import MissionConfig, build_blocks
+from treadline.plant.mujoco import open_plant
+from treadline.run.resolve import mission_config
+from treadline.scenario.scenario import Scenario
 
 
 def controller() -> ControllerDesign:
@@ -118,14 +118,14 @@ def test_a_plant_port_offers_no_truth() -> None:
 
 
 def test_a_closed_loop_without_a_controller_is_refused() -> None:
-    from treadline.errors import SettingsError
+    from treadline.core.errors import SettingsError
 
     with pytest.raises(SettingsError, match="needs a controller"):
         build_blocks(mission_config(turn(28, 0, 1.0), None))
 
 
 def test_a_controller_of_another_vehicle_is_refused() -> None:
-    from treadline.errors import SettingsError
+    from treadline.core.errors import SettingsError
 
     design = ControllerDesign(
         model=paper_model(), K=np.zeros((2, 2)), observer_gain=np.zeros((2, 2)), period_s=1.0, vehicle="rescue"

@@ -5,7 +5,7 @@ import pytest
 from jaxtyping import Bool
 
 from treadline.perception.paper.edges import canny, depth_image, grey_of, thresholds, without_abrupt_depth
-from treadline.perception.paper.segments import bounding_box, merged, most_frequent_slope, near_level, segments, slopes
+from treadline.perception.paper.hough_segments import bounding_box, merged, most_frequent_slope, near_level, segments, slopes
 
 
 def picture_of_a_line(v1: int, v2: int) -> Bool[np.ndarray, "h w"]:

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from treadline import paper
 from treadline.control import lqr_gain
+from treadline.core import paper
 from treadline.experiments.as_printed import asked_at
 from treadline.experiments.plan import WHOLE
 from treadline.identification.gram import Units
 from treadline.identification.okid import ObserverMarkov, system_markov
-from treadline.mechanics.chair import read_chair
+from treadline.scenario.chair import read_chair
 
 
 def test_another_weight_does_not_give_equation_14() -> None:

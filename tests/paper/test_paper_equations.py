@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline import paper
-from treadline.angles import DEG
 from treadline.control import lqr_gain
-from treadline.errors import MechanicsError, PoorExcitation
+from treadline.core import paper
+from treadline.core.angles import DEG
+from treadline.core.errors import MechanicsError, PoorExcitation
 from treadline.estimation.offset import heading_offset
 from treadline.experiments.as_printed import paper_model
 from treadline.identification import era
 from treadline.identification.deconvolution import deconvolve, input_matrix
 from treadline.identification.era import hankel
 from treadline.identification.validate import impulse_response, simulate
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.linkage import SeatLinkage
-from treadline.mechanics.tracks import minimum_track_length, nosings_touched
+from treadline.scenario.chair import read_chair
+from treadline.vehicle.linkage import SeatLinkage
+from treadline.vehicle.track_length import minimum_track_length, nosings_touched
 
 Markov = Float[np.ndarray, "n p m"]
 

@@ -10,8 +10,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from treadline.perception.paper import heading
-from treadline.perception.paper.heading import world_x
+from treadline.perception.paper import printed_heading as heading
+from treadline.perception.paper.printed_heading import world_x
 
 ROOT = Path(__file__).parents[2]
 MAP = ROOT / "docs" / "paper-map.md"
@@ -44,7 +44,7 @@ class Row:
     item: str
     what: str
     code: list[str]
-    """File and function, as in ``src/treadline/paper.py:K``."""
+    """File and function, as in ``src/treadline/core/paper.py:K``."""
     test: list[str]
     command: str
 

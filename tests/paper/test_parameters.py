@@ -4,13 +4,13 @@ import math
 
 import pytest
 
-from treadline import paper
-from treadline.control.heading import ControllerConfig
+from treadline.control.heading_controller import ControllerConfig
+from treadline.core import paper
+from treadline.core.signals import TICK_S
 from treadline.experiments.as_printed import paper_controller
 from treadline.experiments.plan import SLOPES_DEG, turn
-from treadline.scenario import Scenario
-from treadline.signals import TICK_S
-from treadline.sim import CAMERA_PERIOD_S
+from treadline.plant.mujoco import CAMERA_PERIOD_S
+from treadline.scenario.scenario import Scenario
 
 
 @pytest.fixture

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.angles import rotation_z
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import build_staircase
-from treadline.scenario import Stair
-from treadline.signals import RgbdFrame
-from treadline.sim.camera import Camera
+from treadline.core.angles import rotation_z
+from treadline.core.signals import RgbdFrame
+from treadline.plant.sensors.camera import Camera
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Stair
+from treadline.vehicle.staircase import build_staircase
 
 View = Callable[..., tuple[RgbdFrame, Float[np.ndarray, " 3"]]]
 

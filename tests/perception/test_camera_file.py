@@ -2,9 +2,9 @@
 
 import pytest
 
-from treadline.camera_file import CameraFile
-from treadline.errors import SettingsError
-from treadline.settings import settings_of
+from treadline.core.errors import SettingsError
+from treadline.core.settings import settings_of
+from treadline.scenario.camera_file import CameraFile
 
 CALIBRATION: dict[str, object] = {"width": 320, "height": 240, "fx_px": 287.5, "fy_px": 287.5, "cx_px": 159.5, "cy_px": 119.5}
 

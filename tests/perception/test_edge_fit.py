@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_x, rotation_y, rotation_z
-from treadline.mechanics.chair import read_chair
+from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.perception.edge_fit import EdgeFit, fit_edges
-from treadline.perception.gravity import down_of_treads
-from treadline.perception.steps import NosingObservation
-from treadline.perception.surface_kernels import BEYOND
-from treadline.perception.surfaces import Ends, Line, Surface
+from treadline.perception.gravity_direction import down_of_treads
+from treadline.perception.plane_segmentation import Ends, Line, Surface
+from treadline.perception.plane_segmentation_kernels import BEYOND
+from treadline.perception.step_parts import NosingObservation
+from treadline.scenario.chair import read_chair
 
 CAMERA = read_chair("wheelchair").camera_at(240)
 DOWN = np.array([0.0, 1.0, 0.0])

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_y, rotation_z
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.core.angles import DEG, rotation_y, rotation_z
+from treadline.core.signals import PinholeCamera, RgbdFrame
 from treadline.perception.flat_ground import obstacle_on_flat_ground
-from treadline.scenario import Stair
-from treadline.signals import PinholeCamera, RgbdFrame
-from treadline.sim.camera import Camera
-from treadline.sim.camera.solids import SceneBox, solids_of
+from treadline.plant.sensors.camera import Camera
+from treadline.plant.sensors.camera.solids import SceneBox, solids_of
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Stair
+from treadline.vehicle.staircase import Staircase, build_staircase
 
 CHAIR = read_chair("wheelchair")
 BOX_HALF_M = np.array([0.125, 0.3, 0.25])

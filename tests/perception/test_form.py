@@ -5,11 +5,11 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.perception.form import LateralEnds, narrower_by_m
 from treadline.perception.form_kernels import OPEN
-from treadline.sim.camera import View, ViewRecipe, draw_view
+from treadline.plant.sensors.camera import View, ViewRecipe, draw_view
 
 LEAST_SHARE = 0.15
 

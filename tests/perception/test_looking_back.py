@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.angles import DEG, rms, rotation_z
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import Staircase, build_staircase
+from treadline.core.angles import DEG, rms, rotation_z
+from treadline.core.signals import PinholeCamera, RgbdFrame
 from treadline.perception import StairDetection, StairDetector
 from treadline.perception.overlay import overlay
-from treadline.scenario import Stair
-from treadline.signals import PinholeCamera, RgbdFrame
-from treadline.sim.camera import Camera, View, ViewRecipe, draw_view
+from treadline.plant.sensors.camera import Camera, View, ViewRecipe, draw_view
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Stair
+from treadline.vehicle.staircase import Staircase, build_staircase
 
 DETECTOR = StairDetector()
 REAR = read_chair("wheelchair").camera_at(240, rear=True)

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from jaxtyping import Float, Float32
 
-from treadline.angles import DEG, rotation_x, rotation_y
-from treadline.errors import ImageError
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import build_staircase
+from treadline.core.angles import DEG, rotation_x, rotation_y
+from treadline.core.errors import ImageError
+from treadline.core.signals import RgbdFrame
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
-from treadline.scenario import Stair
-from treadline.signals import RgbdFrame
-from treadline.sim.camera import Camera
-from treadline.sim.camera.solids import solids_of, upright
+from treadline.plant.sensors.camera import Camera
+from treadline.plant.sensors.camera.solids import solids_of, upright
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Stair
+from treadline.vehicle.staircase import build_staircase
 
 ROBUST = StairDetector(DetectorConfig(method="robust"))
 PAPER = StairDetector(DetectorConfig(method="paper"))

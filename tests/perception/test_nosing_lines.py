@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from treadline.mechanics.chair import read_chair
-from treadline.perception.surface_kernels import BEYOND
-from treadline.perception.surfaces import Ends, Line, Surface
+from treadline.perception.plane_segmentation import Ends, Line, Surface
+from treadline.perception.plane_segmentation_kernels import BEYOND
+from treadline.scenario.chair import read_chair
 
 CAMERA = read_chair("wheelchair").camera_at(240)
 NO_ENDS = Ends(columns=np.arange(0), rows=np.zeros(0), follows=np.full(0, BEYOND))

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_x, rotation_y
-from treadline.mechanics.chair import read_chair
+from treadline.core.angles import DEG, rotation_x, rotation_y
 from treadline.perception.nuisance import (
     MOTION,
     RATE_RAD_S,
@@ -18,9 +17,10 @@ from treadline.perception.nuisance import (
     turns_of_line,
     turns_of_surface,
 )
-from treadline.perception.surface_kernels import BEYOND
-from treadline.perception.surfaces import End, Ends, Line, Surface, surface_blocks
-from treadline.sim.camera import ViewRecipe, draw_view
+from treadline.perception.plane_segmentation import End, Ends, Line, Surface, surface_blocks
+from treadline.perception.plane_segmentation_kernels import BEYOND
+from treadline.plant.sensors.camera import ViewRecipe, draw_view
+from treadline.scenario.chair import read_chair
 
 CAMERA = read_chair("wheelchair").camera_at(240)
 RISER = rotation_y(25.0 * DEG) @ rotation_x(-28.0 * DEG) @ np.array([0.0, 0.0, 1.0])

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, rotation_y, rotation_z
+from treadline.core.angles import DEG, rotation_y, rotation_z
+from treadline.core.signals import PinholeCamera, RgbdFrame
 from treadline.perception import StairDetector
-from treadline.signals import PinholeCamera, RgbdFrame
 
 RISE_M, RUN_M, WIDTH_M = 0.17, 0.28, 1.2
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]

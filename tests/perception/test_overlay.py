@@ -6,9 +6,9 @@ import pytest
 from treadline.perception import StairDetector
 from treadline.perception import overlay as drawn
 from treadline.perception.overlay import BAND_PX, WIDTH_PX, ends_of, overlay
-from treadline.perception.surfaces import Surface
-from treadline.sim.camera.recipe import ViewRecipe
-from treadline.sim.camera.views import View, draw_view
+from treadline.perception.plane_segmentation import Surface
+from treadline.plant.sensors.camera.recipe import ViewRecipe
+from treadline.plant.sensors.camera.views import View, draw_view
 
 
 def seen(scene: str) -> tuple[View, np.ndarray]:

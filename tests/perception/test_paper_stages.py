@@ -7,14 +7,14 @@ import cv2
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
+from treadline.core.signals import PinholeCamera, RgbdFrame
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.paper.algorithm import BOX_COLOUR, PaperConfig, run_steps
 from treadline.perception.paper.edges import canny, depth_image, grey_of, thresholds, without_abrupt_depth
+from treadline.perception.paper.hough_segments import bounding_box, merged, most_frequent_slope, near_level, segments, slopes
 from treadline.perception.paper.pictures import write_stages
-from treadline.perception.paper.segments import bounding_box, merged, most_frequent_slope, near_level, segments, slopes
-from treadline.scenario import Stair
-from treadline.signals import PinholeCamera, RgbdFrame
+from treadline.scenario.scenario import Stair
 
 CAMERA = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)
 NOSINGS = (40, 80, 120, 160, 200)

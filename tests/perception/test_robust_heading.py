@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.angles import DEG, rms, rotation_x, rotation_z
-from treadline.errors import ImageError, ShapeMismatch
+from treadline.core.angles import DEG, rms, rotation_x, rotation_z
+from treadline.core.errors import ImageError, ShapeMismatch
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
-from treadline.scenario import Stair
+from treadline.scenario.scenario import Stair
 
 TEXTURES = ("wood", "concrete", "carpet", "terrazzo", "dark")
 ROBUST = StairDetector(DetectorConfig(method="robust"))

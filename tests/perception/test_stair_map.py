@@ -5,15 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from treadline.angles import rotation_y
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import build_staircase
-from treadline.perception import point_kernels, stair_map
+from treadline.core.angles import rotation_y
+from treadline.perception import pixel_to_point_kernels as point_kernels
+from treadline.perception import stair_map
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.flat_ground import SWEPT_HALF_M
-from treadline.scenario import Stair
-from treadline.sim.camera import Camera
-from treadline.sim.camera.solids import SceneBox, solids_of
+from treadline.plant.sensors.camera import Camera
+from treadline.plant.sensors.camera.solids import SceneBox, solids_of
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Stair
+from treadline.vehicle.staircase import build_staircase
 
 LEG_HALF_M = np.array([0.06, 0.06, 0.4])
 

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, rms
+from treadline.core.angles import DEG, rms
 from treadline.perception import StairDetection, StairDetector
-from treadline.sim.camera.recipe import ROOM_SCENES, ViewRecipe
-from treadline.sim.camera.views import StairTruth, View, draw_view
+from treadline.plant.sensors.camera.recipe import ROOM_SCENES, ViewRecipe
+from treadline.plant.sensors.camera.views import StairTruth, View, draw_view
 
 DETECTOR = StairDetector()
 LEAST_SHARE = 0.15

@@ -8,12 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
-from treadline.io.mcap_log import RunLog
-from treadline.io.runs import begin_run, write_result
-from treadline.ports import Truth
-from treadline.scenario import Chair, Scenario, Stair
-from treadline.signals import (
+from treadline.core.angles import DEG
+from treadline.core.ports import Truth
+from treadline.core.signals import (
     Event,
     FlipperReading,
     HeadingEstimate,
@@ -25,6 +22,9 @@ from treadline.signals import (
     TrackCommand,
     TrackReading,
 )
+from treadline.io.mcap_log import RunLog
+from treadline.io.runs import begin_run, write_result
+from treadline.scenario.scenario import Chair, Scenario, Stair
 
 TICKS = 40
 SCENARIO = Scenario(stair=Stair(rise_jitter_m=0.004), chair=Chair())

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from treadline.errors import LogFormatError, SettingsError, TreadlineError
+from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
+from treadline.core.signals import OperatorInput
 from treadline.io.mcap_log import RunLog
 from treadline.playback import read_recording
-from treadline.signals import OperatorInput
 
 from .conftest import signals_of_a_run
 

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, attitude_of, rotation_y
-from treadline.faults import Fault
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import as_designed
+from treadline.core.angles import DEG, attitude_of, rotation_y
+from treadline.core.signals import Event, FrameQuality, SeatCommand, TrackCommand
+from treadline.plant.mujoco import open_plant
 from treadline.playback import PerceivedStair, PhaseSpan, Recording, RecordingBuilder, read_recording
-from treadline.playback.moments import (
+from treadline.playback.findings import (
     SETTLED_RAD,
     LogNotes,
     crossings,
@@ -30,10 +29,11 @@ from treadline.playback.moments import (
     slipping,
     tipping_direction,
 )
-from treadline.playback.nosings import NosingComparison, comparison_of, nosing_record
-from treadline.scenario import Chair, Scenario, Stair
-from treadline.signals import Event, FrameQuality, SeatCommand, TrackCommand
-from treadline.sim import open_plant
+from treadline.playback.nosing_matches import NosingComparison, comparison_of, nosing_record
+from treadline.scenario.chair import read_chair
+from treadline.scenario.faults import Fault
+from treadline.scenario.scenario import Chair, Scenario, Stair
+from treadline.vehicle.staircase import as_designed
 
 from .conftest import signals_of_a_run
 

@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, rotation_of, rotation_x, rotation_y, rotation_z
-from treadline.experiments.recorded import recorded_run
+from treadline.core.angles import DEG, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.ports import Truth
+from treadline.core.signals import HeadingEstimate, ImuSample, RgbdFrame, SeatCommand, TrackCommand
 from treadline.io.columns import read_contents
 from treadline.io.decode import OURS
 from treadline.io.mcap_read import read_log
 from treadline.io.runs import LOG
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.stability import payload_com, payload_origin
-from treadline.mechanics.staircase import as_designed
-from treadline.nodes.bags import open_bag
+from treadline.plant.mujoco import open_plant
 from treadline.playback import Recording, RecordingBuilder, read_frames, read_recording
-from treadline.ports import Truth
-from treadline.scenario import DriveSettings, Scenario, Sensors, Start
-from treadline.setup import resolve
-from treadline.signals import HeadingEstimate, ImuSample, RgbdFrame, SeatCommand, TrackCommand
-from treadline.sim import open_plant
+from treadline.ros.bag_writer import open_bag
+from treadline.run.recorded_run import recorded_run
+from treadline.run.resolve import resolve
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Start
+from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.static_stability import payload_com, payload_origin
 
 from .conftest import SCENARIO, TICKS, signals_of_a_run, stair_map, truth
 
@@ -209,7 +209,7 @@ def test_decimation_keeps_every_nth_sample() -> None:
 
 
 def test_every_topic_that_is_read_in_columns_is_one_of_ours() -> None:
-    from treadline.playback.read import IMU, NUMERIC, TRUTH
+    from treadline.playback.read_run import IMU, NUMERIC, TRUTH
 
     assert {*NUMERIC, IMU, TRUTH} <= set(OURS)
 

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from treadline.angles import DEG, rotation_y
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.staircase import as_designed
+from treadline.core.angles import DEG, rotation_y
+from treadline.core.ports import Truth
+from treadline.core.signals import Event, HeadingEstimate, StairMap, TrackCommand
 from treadline.playback import Limits, Recording, RecordingBuilder
-from treadline.ports import Truth
 from treadline.report.climb_picture import HEADLESS
-from treadline.scenario import Chair, Scenario, Stair
-from treadline.signals import Event, HeadingEstimate, StairMap, TrackCommand
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Chair, Scenario, Stair
+from treadline.vehicle.staircase import as_designed
 
 Tables = dict[str, Any]
 MakeFolder = Callable[..., Path]

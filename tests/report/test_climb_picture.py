@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from treadline.errors import LogFormatError, SettingsError
+from treadline.core.errors import LogFormatError, SettingsError
+from treadline.core.ports import Truth
 from treadline.io.mcap_log import RunLog
 from treadline.playback import Recording
-from treadline.ports import Truth
 from treadline.report.climb_picture import SIZE_PX, render, write_climb_picture
 
 from .conftest import CHROMIUM

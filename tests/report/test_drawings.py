@@ -6,9 +6,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+from treadline.report.drawing_pen import turned
 from treadline.report.drawings import DRAWINGS, write_drawings
-from treadline.report.figures import svg_of
-from treadline.report.pen import turned
+from treadline.report.svg_figures import svg_of
 
 SHIPPED = Path(__file__).parents[2] / "docs" / "drawings"
 LARGEST_BYTES = 120_000

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline import paper
-from treadline.errors import TreadlineError
+from treadline.core import paper
+from treadline.core.errors import TreadlineError
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify, validate
 from treadline.identification.era import hankel_svd
 from treadline.identification.stabilisation import stabilisation_of_svd
-from treadline.models import InputOutputRecord, LinearModel
 from treadline.report import model_figures as figures
 from treadline.report import model_runs as runs
 from treadline.report.channels import both_angles, channel, ratio_unit
-from treadline.report.identification import write_identification_page
+from treadline.report.identification_page import write_identification_page
 from treadline.report.model_figures import StabilisationLike
 
 HOSTILE = '<script>alert("x")</script><img src=http://example.org/x onerror=alert(1)>{{ 7*7 }}$x$ --><b>'

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from treadline.angles import rotation_x, rotation_z
-from treadline.appearance import body_poses, chair_parts
-from treadline.appearance.mesh import Mesh, band, box, merged
-from treadline.appearance.parts import part
-from treadline.mechanics.chair import read_chair
+from treadline.core.angles import rotation_x, rotation_z
 from treadline.report.outlines import ABOVE, SIDE, Loop, silhouettes
-from treadline.scenario import Chair
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Chair
+from treadline.vehicle.appearance import body_poses, chair_parts
+from treadline.vehicle.appearance.mesh import Mesh, band, box, merged
+from treadline.vehicle.appearance.parts import part
 
 GREY = (0.5, 0.5, 0.5)
 

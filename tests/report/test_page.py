@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
+from treadline.core.printing import p_text
 from treadline.io.mcap_log import RunLog
-from treadline.printing import p_text
 from treadline.report import write_report
-from treadline.report.page import ratio
+from treadline.report.run_page import ratio
 
 from .conftest import truths_of_a_climb
 

@@ -10,19 +10,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from treadline.appearance import body_poses, chair_parts
-from treadline.appearance.mesh import box, cylinder
-from treadline.faults import Fault
-from treadline.mechanics.chair import read_chair
+from treadline.core.signals import Event
 from treadline.playback import Recording
-from treadline.playback.moments import findings_of
+from treadline.playback.findings import findings_of
 from treadline.report.answers import moments_of
 from treadline.report.packed import packed, packed_indices, unpacked
-from treadline.report.player import player_data, player_page, write_player
+from treadline.report.player_page import player_data, player_page, write_player
+from treadline.report.player_scene import creases, scene_of
 from treadline.report.plot_data import MOST_SAMPLES, uniform
-from treadline.report.scene import creases, scene_of
-from treadline.scenario import Chair
-from treadline.signals import Event
+from treadline.scenario.chair import read_chair
+from treadline.scenario.faults import Fault
+from treadline.scenario.scenario import Chair
+from treadline.vehicle.appearance import body_poses, chair_parts
+from treadline.vehicle.appearance.mesh import box, cylinder
 
 from .conftest import HOSTILE, Browser, climbing
 

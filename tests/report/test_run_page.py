@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.experiments.scores import Scores, Trace, comfort_of
+from treadline.core.ports import Truth
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import read_series
-from treadline.mechanics.comfort import lasting
-from treadline.ports import Truth
 from treadline.report import write_report
 from treadline.report.headline import headline
 from treadline.report.motion import read_motion
 from treadline.report.results import Manifest, RunResult
 from treadline.report.run_figure import single_run
-from treadline.report.run_scores import WORDS, score_groups
+from treadline.report.score_labels import WORDS, score_groups
+from treadline.run.run_scores import Scores, Trace, comfort_of
+from treadline.vehicle.comfort import lasting
 
 SEAT = {"settle_s": 1.73, "start_deg": 24.1, "steady_error_deg": 0.001, "steady_rms_deg": 0.01, "max_error_deg": 0.95}
 PHASES = [[0.0, "search"], [0.1, "align"], [5.4, "approach"], [9.9, "climb"], [25.0, "arrived"]]

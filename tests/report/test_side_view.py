@@ -8,7 +8,7 @@ import pytest
 
 from treadline.playback import Recording
 from treadline.report.film_strip import film_strip
-from treadline.report.player import transient_s
+from treadline.report.player_page import transient_s
 from treadline.report.recorded_series import of_series
 from treadline.report.results import RunResult
 from treadline.report.side_view import SideViews, _hull

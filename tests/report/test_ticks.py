@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from treadline.report.figures import STYLE, svg_of
+from treadline.report.svg_figures import STYLE, svg_of
 from treadline.report.ticks import plain_log_labels
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from treadline.playback import Recording
-from treadline.report.player import write_player
+from treadline.report.player_page import write_player
 
 from .conftest import Browser
 

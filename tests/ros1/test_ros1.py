@@ -77,9 +77,9 @@ def test_rostest_passes(environment: dict[str, str], tmp_path: Path, name: str, 
 SOURCE = """
 import sys, time
 import numpy as np
-from treadline.nodes import channels as on
-from treadline.nodes.ros1 import Ros1Transport
-from treadline.signals import ImuSample, PinholeCamera, RgbdFrame
+from treadline.ros import channels as on
+from treadline.ros.ros1 import Ros1Transport
+from treadline.core.signals import ImuSample, PinholeCamera, RgbdFrame
 wire = Ros1Transport("source")
 camera = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)
 rgb, depth = np.full((240, 320, 3), 99, np.uint8), np.full((240, 320), 1.5, np.float32)
@@ -98,8 +98,8 @@ wire.close()
 """
 SINK = """
 import sys, time
-from treadline.nodes import channels as on
-from treadline.nodes.ros1 import Ros1Transport
+from treadline.ros import channels as on
+from treadline.ros.ros1 import Ros1Transport
 wire = Ros1Transport("sink")
 wire.spare = 50
 came = {on.IMU: [], on.CAMERA: []}

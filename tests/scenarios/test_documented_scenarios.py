@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.verdict import check
-from treadline.scenario import Scenario, read_scenario
-from treadline.signals import SeatCommand, TrackCommand
-from treadline.sim import open_plant
-from treadline.sim.faults import faulty
+from treadline.core.signals import SeatCommand, TrackCommand
+from treadline.plant.faults import faulty
+from treadline.plant.mujoco import open_plant
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario, read_scenario
+from treadline.vehicle.verdict import check
 
 PAGE = (Path(__file__).parents[2] / "docs" / "scenarios.md").read_text(encoding="utf-8")
 EXAMPLES: dict[str, str] = dict(re.findall(r"\n### ([^\n]+)\n[^#]*?```toml\n(.*?)```", PAGE, re.DOTALL))

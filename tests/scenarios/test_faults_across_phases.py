@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
-from treadline.controller_files import shipped_controller
-from treadline.experiments.traverse import Traverse, traverse
-from treadline.faults import Fault, Process
-from treadline.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.core.angles import DEG
+from treadline.run.episode import Traverse, traverse
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.faults import Fault, Process
+from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
 
 TICK_S = 0.01
 FOREVER_S = 1000.0

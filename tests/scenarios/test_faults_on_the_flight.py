@@ -9,13 +9,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
-from treadline.controller_files import shipped_controller
-from treadline.experiments.traverse import Traverse, traverse
-from treadline.faults import Fault, Process
-from treadline.perception.quality import ENOUGH
-from treadline.scenario import DriveSettings, Scenario, Sensors, Stair, Start
-from treadline.sim.faults.sensors import DEPTH_ENOUGH
+from treadline.core.angles import DEG
+from treadline.perception.frame_quality import ENOUGH
+from treadline.plant.faults.sensor_faults import DEPTH_ENOUGH
+from treadline.run.episode import Traverse, traverse
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.faults import Fault, Process
+from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Stair, Start
 
 TICK_S = 0.01
 WAITS_S = 3.1

@@ -5,13 +5,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from treadline.angles import DEG, quaternion_of
-from treadline.mechanics.chair import read_chair
+from treadline.core.angles import DEG, quaternion_of
+from treadline.core.signals import (
+    FlipperReading,
+    HeadingEstimate,
+    HeadingMeasurement,
+    ImuSample,
+    MotionPlan,
+    StairMap,
+    TrackReading,
+)
 from treadline.mission.ascent import Ascent, AscentConfig
 from treadline.mission.blocks import CameraBlock
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.signals import FlipperReading, HeadingEstimate, HeadingMeasurement, ImuSample, MotionPlan, StairMap, TrackReading
-from treadline.sim.camera import RecordedDrive, ViewRecipe
+from treadline.plant.sensors.camera import RecordedDrive, ViewRecipe
+from treadline.scenario.chair import read_chair
 
 CHAIR = read_chair("wheelchair")
 FROM_M, TICK_S, TICKS_PER_FRAME, LIMIT_S = 1.3, 0.05, 4, 10.0

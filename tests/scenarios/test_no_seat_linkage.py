@@ -10,26 +10,26 @@ from xml.etree.ElementTree import fromstring
 import numpy as np
 import pytest
 
-from treadline.chair_files import chair_file
 from treadline.cli import app
-from treadline.controller_files import shipped_controller
-from treadline.errors import SettingsError
-from treadline.experiments.recorded import recorded_run
-from treadline.mechanics.bodies import vehicle
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.formats.sdf import sdf_model
-from treadline.mechanics.formats.urdf import urdf
-from treadline.mechanics.loading import Loading
-from treadline.mechanics.stability import centre_of_mass, payload_place
-from treadline.mechanics.verdict import check
-from treadline.mission.config import build_blocks, guard_config
+from treadline.core.errors import SettingsError
+from treadline.core.signals import SeatCommand, SeatReading
 from treadline.mission.loop import Mission
-from treadline.nodes.assembly import driving_nodes, node_of
-from treadline.nodes.lockstep import LockStep
-from treadline.scenario import Chair, Scenario
-from treadline.setup import mission_config, resolve
-from treadline.signals import SeatCommand, SeatReading
-from treadline.sim import open_plant
+from treadline.mission.mission_config import build_blocks, guard_config
+from treadline.plant.mujoco import open_plant
+from treadline.ros.assembly import driving_nodes, node_of
+from treadline.ros.lockstep import LockStep
+from treadline.run.recorded_run import recorded_run
+from treadline.run.resolve import mission_config, resolve
+from treadline.scenario.chair import read_chair
+from treadline.scenario.chair_files import chair_file
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Chair, Scenario
+from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.formats.sdf import sdf_model
+from treadline.vehicle.formats.urdf import urdf
+from treadline.vehicle.loading import Loading
+from treadline.vehicle.static_stability import centre_of_mass, payload_place
+from treadline.vehicle.verdict import check
 
 PAYLOAD = "[payload]\ncom_m = [0.25, 0.0, 0.45]\nsize_m = [0.35, 0.40, 0.30]\n\n"
 

@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 
-from treadline.attendant import OperatorAct, does
-from treadline.controller_files import shipped_controller
-from treadline.errors import SettingsError
-from treadline.experiments.traverse import Traverse, traverse
-from treadline.scenario import Scenario, scenario_of
+from treadline.core.errors import SettingsError
+from treadline.run.episode import Traverse, traverse
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.operator_actions import OperatorAct, does
+from treadline.scenario.scenario import Scenario, scenario_of
 
 FLIGHT: dict[str, Any] = {
     "stair": {"slope_deg": 25.0, "steps": 8, "landing_m": 3.0},

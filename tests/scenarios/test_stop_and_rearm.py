@@ -6,16 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from treadline.angles import DEG
-from treadline.controller_files import shipped_controller
-from treadline.mechanics.comfort import lasting
-from treadline.mission.config import build_blocks
+from treadline.core.angles import DEG
+from treadline.core.ports import Truth, TruthPlant
+from treadline.core.signals import Event, FlipperCommand, MotionPlan, OperatorInput, Reading, SeatCommand, TrackCommand
 from treadline.mission.loop import Mission, Signal
-from treadline.ports import Truth, TruthPlant
-from treadline.scenario import Scenario
-from treadline.setup import mission_config
-from treadline.signals import Event, FlipperCommand, MotionPlan, OperatorInput, Reading, SeatCommand, TrackCommand
-from treadline.sim import open_plant
+from treadline.mission.mission_config import build_blocks
+from treadline.plant.mujoco import open_plant
+from treadline.run.resolve import mission_config
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Scenario
+from treadline.vehicle.comfort import lasting
 
 LIMIT_S = 150.0
 SPEAKS_S = 0.1

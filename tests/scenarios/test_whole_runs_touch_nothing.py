@@ -2,9 +2,9 @@
 
 import pytest
 
-from treadline.controller_files import shipped_controller
-from treadline.experiments.traverse import traverse
-from treadline.scenario import read_scenario
+from treadline.run.episode import traverse
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import read_scenario
 
 
 @pytest.mark.parametrize("name", ["up-28", "down-28"])

@@ -1,1 +1,1 @@
-"""Lifecycle nodes for ROS 2 around the shells of ``treadline.nodes``."""
+"""Lifecycle nodes for ROS 2 around the shells of ``treadline.ros``."""

@@ -12,11 +12,11 @@ import rclpy
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.lifecycle.node import LifecycleState
 
-from treadline.errors import TreadlineError
-from treadline.nodes.assembly import mount_of, node_of
-from treadline.nodes.plant import PlantNode
-from treadline.nodes.process import NodeRunner, run_plant
-from treadline.setup import resolve
+from treadline.core.errors import TreadlineError
+from treadline.ros.assembly import mount_of, node_of
+from treadline.ros.node_process import NodeRunner, run_plant
+from treadline.ros.plant_node import PlantNode
+from treadline.run.resolve import resolve
 from treadline_ros2.transport import RclpyTransport
 
 

@@ -5,9 +5,9 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from treadline.nodes.channels import Channel
-from treadline.nodes.wire import WireTransport
-from treadline.signals import PinholeCamera
+from treadline.core.signals import PinholeCamera
+from treadline.ros.channels import Channel
+from treadline.ros.wire import WireTransport
 
 
 class RclpyTransport(WireTransport):

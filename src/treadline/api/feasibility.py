@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.verdict import CheckReport
-from treadline.mechanics.verdict import check as checked
-from treadline.scenario import Scenario, read_scenario
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario, read_scenario
+from treadline.vehicle.verdict import CheckReport
+from treadline.vehicle.verdict import check as checked
 
 
 def check(scenario: str | Path | Scenario) -> CheckReport:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from treadline.control import tune as tuned
-from treadline.errors import RecordError, SettingsError
+from treadline.core.errors import RecordError, SettingsError
+from treadline.core.models import ControllerDesign, InputOutputRecord, LinearModel, Reconstruct
 from treadline.identification import IdentificationOptions, Identified
 from treadline.identification import identify as identified
-from treadline.models import ControllerDesign, InputOutputRecord, LinearModel, Reconstruct
 
 
 def identify(

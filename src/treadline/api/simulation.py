@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.errors import TreadlineError
-from treadline.experiments.recorded import recorded_run, series
-from treadline.experiments.scores import Scores
-from treadline.experiments.traverse import Traverse, run_episode
-from treadline.io.plain import plain
-from treadline.printing import Printable
-from treadline.scenario import Scenario
-from treadline.setup import ControllerSource, DetectorSource, EstimatorSource, resolve
+from treadline.core.errors import TreadlineError
+from treadline.core.plain_values import plain
+from treadline.core.printing import Printable
+from treadline.run.episode import Traverse, run_episode
+from treadline.run.recorded_run import recorded_run, series
+from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource, resolve
+from treadline.run.run_scores import Scores
+from treadline.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from treadline.camera_file import read_camera
-from treadline.errors import ImageError
+from treadline.core.errors import ImageError
+from treadline.core.signals import PinholeCamera, RgbdFrame
 from treadline.perception import StairDetector
 from treadline.perception.detection import StairDetection
-from treadline.signals import PinholeCamera, RgbdFrame
+from treadline.scenario.camera_file import read_camera
 
 
 def detect_stair(

@@ -13,8 +13,8 @@ from types import TracebackType
 from typing import Any
 
 from treadline.campaign.pool import LIVES, ONE_THREAD, not_for_children
-from treadline.campaign.run import Episode, EpisodeRunner, Row, failed, run_one
-from treadline.errors import SettingsError
+from treadline.campaign.sampled_run import Episode, EpisodeRunner, Row, failed, run_one
+from treadline.core.errors import SettingsError
 from treadline.io.provenance import versions
 
 LOCAL = "local"

@@ -12,8 +12,8 @@ import numpy as np
 from pydantic import Field
 
 from treadline.campaign.scenario_paths import DERIVED, LABEL, Tables, check_path, check_value, get_value, is_integer
-from treadline.errors import SettingsError
-from treadline.settings import Settings
+from treadline.core.errors import SettingsError
+from treadline.core.settings import Settings
 
 KINDS = ("uniform", "normal", "choice", "value")
 

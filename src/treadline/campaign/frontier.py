@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.campaign.run import Row
+from treadline.campaign.sampled_run import Row
 
 ARRIVED = ("arrived", "end_of_flight")
 """Verdicts of runs that did what was asked."""

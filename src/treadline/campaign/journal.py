@@ -13,8 +13,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
-from treadline.campaign.run import Row
-from treadline.errors import LogFormatError, SettingsError, TreadlineError
+from treadline.campaign.sampled_run import Row
+from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
 
 NAME = "journal.jsonl"
 REQUIRED = ("index", "seed", "verdict", "cause")

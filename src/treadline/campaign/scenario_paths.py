@@ -6,9 +6,9 @@ from typing import Any
 
 from pydantic import create_model
 
-from treadline.errors import SettingsError
-from treadline.scenario import Scenario, Stair
-from treadline.settings import Settings, settings_of
+from treadline.core.errors import SettingsError
+from treadline.core.settings import Settings, settings_of
+from treadline.scenario.scenario import Scenario, Stair
 
 LABEL = "label"
 """Key outside the scenario: a free label for conditions of other draws, and a column of the results."""

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from treadline.angles import DEG
 from treadline.campaign.draws import Draw, check_draw
 from treadline.campaign.scenario_paths import LABEL, LISTS, Tables, get_value, set_value
-from treadline.errors import SettingsError
-from treadline.io.plain import plain
-from treadline.scenario import SHIPPED, Scenario, is_sweep, scenario_of, shipped_scenarios
-from treadline.settings import Settings, parse_toml, settings_of
+from treadline.core.angles import DEG
+from treadline.core.errors import SettingsError
+from treadline.core.plain_values import plain
+from treadline.core.settings import Settings, parse_toml, settings_of
+from treadline.scenario.scenario import SHIPPED, Scenario, is_sweep, scenario_of, shipped_scenarios
 
 CORNERS = 256
 """Number of corners of the ranges checked when the file is read."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from treadline.campaign.run import Row
+from treadline.campaign.sampled_run import Row
 from treadline.report.channels import channel, suffix
 
 CONFIDENCE = 0.95

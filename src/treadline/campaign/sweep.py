@@ -18,23 +18,23 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from treadline.campaign.campaign_page import write_page
 from treadline.campaign.journal import Journal
-from treadline.campaign.page import write_page
 from treadline.campaign.pool import Runners
-from treadline.campaign.run import Episode, Row
-from treadline.campaign.sampling import Sampling, points, run_seed
-from treadline.campaign.scenario_file import scenario_toml
+from treadline.campaign.sampled_run import Episode, Row
 from treadline.campaign.scenario_paths import LISTS
+from treadline.campaign.scenario_text import scenario_toml
 from treadline.campaign.search import budget, generation_size, search
+from treadline.campaign.sobol_sampling import Sampling, points, run_seed
 from treadline.campaign.spec import SHAPE, Spec
 from treadline.campaign.summary import harm, summarise
 from treadline.campaign.tables import flat, write_tables
 from treadline.campaign.thumbnails import thumbnail
-from treadline.errors import SettingsError
-from treadline.io.plain import plain
+from treadline.core.errors import SettingsError
+from treadline.core.models import read_json, write_whole
+from treadline.core.plain_values import plain
 from treadline.io.provenance import git_commit
 from treadline.io.runs import write_manifest
-from treadline.models import read_json, write_whole
 
 MARGIN = "min_stability_margin_deg"
 

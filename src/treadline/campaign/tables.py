@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from treadline.campaign.run import TIMES, VIEW, Row
-from treadline.models import write_whole, written_whole
+from treadline.campaign.sampled_run import TIMES, VIEW, Row
+from treadline.core.models import write_whole, written_whole
 
 
 def write_tables(folder: Path, rows: Sequence[Row]) -> list[Path]:

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from treadline.campaign.run import VIEW, Row
-from treadline.mechanics.chair import read_chair
+from treadline.campaign.sampled_run import VIEW, Row
 from treadline.playback import Recording
 from treadline.report.side_view import SideViews
-from treadline.scenario import Scenario
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario
 
 DIGITS = 5
 """Decimals of a kept pose: 0.01 mm, and 1e-5 of a unit quaternion."""

@@ -47,8 +47,8 @@ from treadline.cli import (
 from treadline.cli.answer import Answer, say
 from treadline.cli.numbers import check_whole_numbers
 from treadline.cli.start_line import start_line
-from treadline.errors import SimulationDiverged, TreadlineError
-from treadline.interrupts import Terminated, on_terminate
+from treadline.core.errors import SimulationDiverged, TreadlineError
+from treadline.core.interrupts import Terminated, on_terminate
 
 AGAIN_S = 0.25
 """Delay after which a lost interrupt is sent again [s]: longer than a burst that counts as one (``interrupts``)."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from treadline.io.plain import plain
+from treadline.core.plain_values import plain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

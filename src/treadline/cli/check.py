@@ -15,10 +15,10 @@ def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
     """
     from dataclasses import asdict
 
-    from treadline.errors import SettingsError
-    from treadline.mechanics.chair import read_chair
-    from treadline.mechanics.verdict import check as judge
-    from treadline.scenario import read_scenario
+    from treadline.core.errors import SettingsError
+    from treadline.scenario.chair import read_chair
+    from treadline.scenario.scenario import read_scenario
+    from treadline.vehicle.verdict import check as judge
 
     if keys:
         return _keys()
@@ -44,9 +44,9 @@ def _keys() -> Answer:
     """Return all keys of a scenario; the lines are a scenario file of the defaults."""
     from pydantic_core import PydanticUndefined
 
-    from treadline.faults import EXTENTS
-    from treadline.scenario import Scenario, shipped_scenarios
-    from treadline.setting_docs import tables_of
+    from treadline.core.setting_docs import tables_of
+    from treadline.scenario.faults import EXTENTS
+    from treadline.scenario.scenario import Scenario, shipped_scenarios
 
     tables = tables_of(Scenario)
     shipped = sorted(shipped_scenarios())

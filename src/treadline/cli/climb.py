@@ -40,8 +40,8 @@ def climb(
     """
     from treadline.cli.compiling import report_compiling
     from treadline.cli.progress import SimulatedTime
-    from treadline.experiments.recorded import recorded_run
-    from treadline.setup import resolve
+    from treadline.run.recorded_run import recorded_run
+    from treadline.run.resolve import resolve
 
     claim(out, force=force)
     report_compiling()

@@ -101,7 +101,7 @@ def compile_once() -> float | None:
 def _run_jobs() -> float:
     from treadline.cli import app
     from treadline.cli.progress import Progress
-    from treadline.compiling import compiling
+    from treadline.core.compile_time import compiling
 
     started_s = compiling().spent_s
     with TemporaryDirectory() as folder, Progress("compile", len(JOBS)) as progress:
@@ -116,7 +116,7 @@ def _run_jobs() -> float:
 
 def report_compiling() -> None:
     """Write one line to stderr if this command has to compile for long."""
-    from treadline.compiling import compiling
+    from treadline.core.compile_time import compiling
 
     compiling().call_once_if_long(_write_compiling)
 

@@ -71,7 +71,7 @@ def _rospy() -> dict[str, object]:
     """Look where the transport looks: on the path, then among Debian's packages."""
     version, remedy = None, ""
     try:
-        from treadline.nodes.ros1 import DEBIAN, INSTALL
+        from treadline.ros.ros1 import DEBIAN, INSTALL
 
         version, remedy = "here" if util.find_spec("rospy") or (DEBIAN / "rospy").is_dir() else None, INSTALL
     except ImportError as error:
@@ -80,11 +80,11 @@ def _rospy() -> dict[str, object]:
 
 
 def _gazebo() -> dict[str, object]:
-    from treadline.errors import GazeboError
+    from treadline.core.errors import GazeboError
 
     version, remedy = None, ""
     try:
-        from treadline.gazebo import find_environment
+        from treadline.plant.gazebo import find_environment
 
         find_environment()
         version = "11"

@@ -33,15 +33,15 @@ def excite(
         seed: Random seed. The same seed gives byte-identical results.
         log_images: Keep every frame in the log.
     """
-    from treadline.angles import DEG
     from treadline.cli.compiling import report_compiling
     from treadline.cli.progress import SimulatedTime
-    from treadline.errors import SettingsError
-    from treadline.experiments.excite import INPUTS, OUTPUTS
-    from treadline.experiments.recorded import recorded_excitation
+    from treadline.core.angles import DEG
+    from treadline.core.errors import SettingsError
+    from treadline.core.signals import TICK_S, on_the_tick
     from treadline.identification.windows import fewest_samples
-    from treadline.scenario import read_scenario
-    from treadline.signals import TICK_S, on_the_tick
+    from treadline.run.excitation_run import INPUTS, OUTPUTS
+    from treadline.run.recorded_run import recorded_excitation
+    from treadline.scenario.scenario import read_scenario
 
     claim(out, force=force)
     report_compiling()

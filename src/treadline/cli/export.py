@@ -6,7 +6,7 @@ from typing import get_args
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import choice
 from treadline.cli.out import Force, claim
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
 
 LAYOUTS = Path(__file__).parents[1] / "data" / "layouts"
 """Folder of the shipped layouts."""
@@ -51,9 +51,9 @@ def export(
     if to == "rrd":
         return _rrd(source, out, force=force)
     from treadline.control import ControllerConfig
-    from treadline.control.export import Target, exported
-    from treadline.mechanics.chair import read_chair
-    from treadline.models import ControllerDesign, Reconstruct, write_whole
+    from treadline.control.c_export import Target, exported
+    from treadline.core.models import ControllerDesign, Reconstruct, write_whole
+    from treadline.scenario.chair import read_chair
 
     target = choice("--to", to, get_args(Target))
     shared = choice("--allocation", allocation, ("climb-safe", "paper"))
@@ -81,8 +81,8 @@ def export(
 
 def _rrd(source: Path, out: Path, *, force: bool) -> Answer:
     """Write a run as a Rerun recording."""
+    from treadline.core.models import written_whole
     from treadline.experiments.rerun_export import write_rrd
-    from treadline.models import written_whole
 
     claim(out, force=force, kind="file")
     with written_whole(out) as part:
@@ -95,7 +95,7 @@ def _rrd(source: Path, out: Path, *, force: bool) -> Answer:
 
 def _layouts(source: Path | None, out: Path, *, force: bool) -> Answer:
     """Write the layouts for the viewers of logs."""
-    from treadline.models import write_whole
+    from treadline.core.models import write_whole
 
     if source is not None:
         raise SettingsError(f"export --to layouts takes no source, and {source} is given; a layout shows any run's log")

@@ -6,7 +6,7 @@ from typing import Any
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import List, choice
 from treadline.cli.out import Force, claim
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
 
 
 def frames(
@@ -77,7 +77,7 @@ def _options(
 ) -> dict[str, Any]:
     """Return the keys of a recipe that the command line gives."""
     from treadline.cli.numbers import numbers, words
-    from treadline.sim.camera.recipe import CLUTTER
+    from treadline.plant.sensors.camera.recipe import CLUTTER
 
     options: dict[str, Any] = {"sensor": sensor, "height_px": height, "open_risers": open_risers or None}
     if scene is not None:
@@ -94,10 +94,10 @@ def _views(out: Path, count: int, seed: int, options: dict[str, Any], recipe: Pa
     """Render frames of one recipe."""
     from treadline.cli.compiling import report_compiling
     from treadline.cli.progress import Progress
+    from treadline.core.settings import parse_toml, settings_of
     from treadline.io.runs import remove
-    from treadline.settings import parse_toml, settings_of
-    from treadline.sim.camera import ViewRecipe
-    from treadline.sim.camera.folder import write_views
+    from treadline.plant.sensors.camera import ViewRecipe
+    from treadline.plant.sensors.camera.folder import write_views
 
     report_compiling()
     file = {} if recipe is None else parse_toml(recipe)
@@ -115,7 +115,7 @@ def _benchmark(out: Path, count: int | None, seed: int, *, force: bool) -> Answe
     from treadline.cli.compiling import report_compiling
     from treadline.cli.progress import Progress
     from treadline.io.runs import remove
-    from treadline.sim.camera.benchmark import CONDITIONS, FRAMES_PER_CONDITION, write_benchmark
+    from treadline.plant.sensors.camera.benchmark import CONDITIONS, FRAMES_PER_CONDITION, write_benchmark
 
     report_compiling()
     frames = FRAMES_PER_CONDITION if count is None else count
@@ -148,7 +148,7 @@ def _score(results: Path | None, truth: Path | None, *, others: tuple[object, ..
 
 def _scenes(word: str) -> tuple[str, ...]:
     """Return the scenes that a name stands for: a group, or one scene."""
-    from treadline.sim.camera import ROOM_SCENES, STAIR_SCENES, STAIRLESS_SCENES
+    from treadline.plant.sensors.camera import ROOM_SCENES, STAIR_SCENES, STAIRLESS_SCENES
 
     several: dict[str, tuple[str, ...]] = {
         "down": ("down", "edge", "bottom"),

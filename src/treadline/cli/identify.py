@@ -10,11 +10,11 @@ from cyclopts import Parameter
 from treadline.cli.answer import Answer
 from treadline.cli.numbers import choice, words
 from treadline.cli.out import Force, claim
-from treadline.errors import SettingsError, TooFewSamples
+from treadline.core.errors import SettingsError, TooFewSamples
 
 if TYPE_CHECKING:
+    from treadline.core.models import InputOutputRecord
     from treadline.identification import Gram, IdentificationOptions, Identified
-    from treadline.models import InputOutputRecord
 
 STREAMED_BYTES = 256 * 1024**2
 """Size from which a CSV or Parquet file is read in chunks: some four million rows of five columns."""
@@ -171,10 +171,10 @@ def _in_chunks(logs: Sequence[Path], asked: IdentifyOptions) -> bool:
 
 def _whole(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
     from treadline.cli.progress import Status
+    from treadline.core.models import InputOutputRecord
     from treadline.identification import Gram
     from treadline.identification import identify as fit
     from treadline.io.records import read_record
-    from treadline.models import InputOutputRecord
 
     def read(path: Path) -> InputOutputRecord:
         return read_record(
@@ -273,7 +273,7 @@ def _share_kept(asked: IdentifyOptions) -> str:
 def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
     from treadline.cli.progress import Status
     from treadline.identification.stabilisation import stabilisation_of_svd
-    from treadline.report.identification import write_identification_page
+    from treadline.report.identification_page import write_identification_page
 
     with Status("drawing"):
         diagram = stabilisation_of_svd(found.svd, found.model.dt_s)

@@ -19,7 +19,7 @@ SUFFIX = ".nbs"
 
 def marker_path() -> Path:
     """Return the marker's path; its name changes with the kernels' sources, the compiler and the processor."""
-    from treadline.fma import dot
+    from treadline.core.fma import dot
 
     return Path(dot.stats.cache_path) / f"compiled-{_fingerprint()}{SUFFIX}"
 

@@ -35,12 +35,12 @@ def model(
     """
     import numpy as np
 
-    from treadline.mechanics.bodies import standing, vehicle
-    from treadline.mechanics.chair import read_chair
-    from treadline.mechanics.formats import sdf_model, sdf_world
-    from treadline.mechanics.staircase import build_staircase
-    from treadline.models import write_whole
-    from treadline.scenario import read_scenario
+    from treadline.core.models import write_whole
+    from treadline.scenario.chair import read_chair
+    from treadline.scenario.scenario import read_scenario
+    from treadline.vehicle.bodies import standing, vehicle
+    from treadline.vehicle.formats import sdf_model, sdf_world
+    from treadline.vehicle.staircase import build_staircase
 
     choice("--to", to, ("mjcf", "urdf", "sdf"))
     claim(out, force=force, kind="file")
@@ -51,7 +51,7 @@ def model(
     start = standing(staircase, chair.tracks, settings.start)
     meshes = out.with_name(f"{out.stem}_meshes")
     if to == "urdf":
-        from treadline.appearance.files import drawn_urdf
+        from treadline.vehicle.appearance.mesh_files import drawn_urdf
 
         claim(meshes, force=force)
         drawn = drawn_urdf(chair, loading, settings.belts, f"{meshes.name}/" if mesh_url is None else f"{mesh_url.rstrip('/')}/")
@@ -64,7 +64,7 @@ def model(
     elif to == "sdf":
         text = sdf_world(staircase, chair, loading, start=start)
     else:
-        from treadline.sim.scene import model_xml
+        from treadline.plant.mujoco.mjcf_scene import model_xml
 
         friction = staircase.friction[0]
         text = model_xml(None if chair_only else staircase, chair, loading, friction=friction, start=None if chair_only else start)

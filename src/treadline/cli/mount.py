@@ -33,11 +33,11 @@ def mount(
         topics: Topics by role, where their types are ambiguous: depth=/a,color=/b,info=/c,imu=/d,accel=/e.
         out: Calibration file to write. Default: camera.toml.
     """
-    from treadline.camera_file import read_camera
     from treadline.cli.compiling import report_compiling
     from treadline.cli.progress import Share
-    from treadline.experiments.mount import MountStudy
+    from treadline.experiments.mount_calibration import MountStudy
     from treadline.io.topics import parse_topics
+    from treadline.scenario.camera_file import read_camera
 
     claim(out, force=force, kind="file")
     report_compiling()

@@ -12,8 +12,8 @@ from treadline.cli.numbers import check_times
 from treadline.cli.out import Force, claim, make_way
 
 if TYPE_CHECKING:
-    from treadline.mission.config import MissionConfig
-    from treadline.nodes.wire import WireTransport
+    from treadline.mission.mission_config import MissionConfig
+    from treadline.ros.wire import WireTransport
 
 STARTED_BY = "TREADLINE_STARTED_BY"
 """Environment variable with the id of the process that a node must not outlive."""
@@ -64,12 +64,12 @@ def node(
         stick: Let the guard take /cmd_vel (geometry_msgs/Twist) instead of the driver's commands.
         out: Run folder, or .mcap, .bag or .db3 file, that the recorder writes.
     """
-    from treadline.errors import SettingsError
-    from treadline.nodes.assembly import node_of
-    from treadline.nodes.plant import PlantNode
-    from treadline.nodes.process import NodeRunner, run_plant
-    from treadline.nodes.recorder import RecorderNode
-    from treadline.setup import resolve
+    from treadline.core.errors import SettingsError
+    from treadline.ros.assembly import node_of
+    from treadline.ros.node_process import NodeRunner, run_plant
+    from treadline.ros.plant_node import PlantNode
+    from treadline.ros.recorder import RecorderNode
+    from treadline.run.resolve import resolve
 
     if transport == "inproc":
         raise SettingsError("--transport inproc: one node alone hears nobody; treadline nodes runs all in one process")
@@ -108,13 +108,13 @@ def wired(
     transport: WireName, name: str, config: "MissionConfig", *, endpoint: str, domain: int, arguments: tuple[str, ...] = ()
 ) -> "WireTransport":
     """Return the transport of one node."""
-    from treadline.nodes.assembly import mount_of
+    from treadline.ros.assembly import mount_of
 
     if transport == "ros1":
-        from treadline.nodes.ros1 import Ros1Transport
+        from treadline.ros.ros1 import Ros1Transport
 
         return Ros1Transport(name, arguments=arguments, mount=mount_of(config))
-    from treadline.nodes.zenoh import ZenohTransport
+    from treadline.ros.zenoh import ZenohTransport
 
     return ZenohTransport(name, endpoint=endpoint, listen=name == "guard", domain=domain, mount=mount_of(config))
 

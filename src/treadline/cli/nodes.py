@@ -13,7 +13,7 @@ from treadline.cli.answer import Answer
 from treadline.cli.node import STARTED_BY, PlantName, TransportName, stopping, wired
 from treadline.cli.numbers import check_times
 from treadline.cli.out import Force, claim, make_way
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
 
 GONE_S = 4.0
 """Time to keep the graph running after a node was lost [s], so that the guard can hold and the hold is recorded."""
@@ -54,9 +54,9 @@ def nodes(
         without: Leave out the plant node; the drivers of a real chair take its place.
         out: Run folder, or .mcap, .bag or .db3 file, to record to. Default: no recording.
     """
-    from treadline.attendant import rearms_until_s
     from treadline.cli.compiling import compile_once
-    from treadline.setup import resolve
+    from treadline.run.resolve import resolve
+    from treadline.scenario.operator_actions import rearms_until_s
 
     check_times(pace=pace, duration=duration)
     if without is not None and transport == "inproc":
@@ -75,7 +75,7 @@ def nodes(
     options = ["--transport", transport, "--plant", plant, "--seed", str(seed), "--pace", str(pace), "--duration", str(seconds)]
     options += ["--endpoint", endpoint, "--domain", str(domain)]
     options += [] if controller is None else ["--controller", controller]
-    from treadline.nodes.assembly import driving_nodes
+    from treadline.ros.assembly import driving_nodes
 
     names = [name for name in driving_nodes(config.chair) if name != without] + (["recorder"] if out is not None else [])
     running: dict[str, subprocess.Popen[bytes]] = {}
@@ -140,7 +140,7 @@ class _Watch:
         self._x_m = 0.0
 
     def listen(self, transport: Any) -> None:
-        from treadline.nodes import channels as on
+        from treadline.ros import channels as on
 
         takers = ((on.PLAN, self._plan), (on.GUARD, self._guard), (on.DIAGNOSTICS, self._event), (on.TRUTH, self._truth))
         for channel, take in takers:
@@ -148,7 +148,7 @@ class _Watch:
 
     def answer(self, ended: str | None, where: dict[str, Any], transport: str) -> Answer:
         """Return the outcome."""
-        from treadline.angles import DEG
+        from treadline.core.angles import DEG
 
         verdict = "time_up"
         if self._holding is not None:
@@ -192,7 +192,7 @@ class _Watch:
             self._held_s = state.t_s
 
     def _event(self, event: Any) -> None:
-        from treadline.signals import Event
+        from treadline.core.signals import Event
 
         if isinstance(event, Event) and event.t_s < self._until_s:
             self._events.append({"t_s": event.t_s, "name": event.name, "cause": event.cause})
@@ -210,10 +210,10 @@ class _Watch:
 
 def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, out: Path | None, rearms_until: float) -> Answer:
     from treadline.cli.progress import SimulatedTime
-    from treadline.mission.config import build_blocks, guard_config
-    from treadline.nodes.assembly import driving_nodes, mount_of
-    from treadline.nodes.lockstep import LockStep
-    from treadline.nodes.recorder import RecorderNode
+    from treadline.mission.mission_config import build_blocks, guard_config
+    from treadline.ros.assembly import driving_nodes, mount_of
+    from treadline.ros.lockstep import LockStep
+    from treadline.ros.recorder import RecorderNode
 
     blocks = build_blocks(config)
     limits = guard_config(config, blocks.driver.period_s)
@@ -240,6 +240,6 @@ def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, ou
 
 def _table(where: dict[str, str], transport: str) -> list[str]:
     """Return a table of the nodes and their processes."""
-    from treadline.nodes.assembly import ROLES
+    from treadline.ros.assembly import ROLES
 
     return [f"treadline: {name:9} {place:13} {transport:7} {ROLES[name]}" for name, place in where.items()]

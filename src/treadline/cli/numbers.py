@@ -7,7 +7,7 @@ from typing import Annotated, Any, get_args
 
 from cyclopts import App, ArgumentCollection, Parameter
 
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
 
 List = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """A list that may begin with a minus: -35,35."""

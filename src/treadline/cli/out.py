@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
 
 Force = Annotated[bool, Parameter(help="Overwrite an existing result; without it an existing, non-empty --out is refused.")]
 """The option ``--force`` of a verb."""

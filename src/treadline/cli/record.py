@@ -11,7 +11,7 @@ from treadline.cli.numbers import check_times
 from treadline.cli.out import Force, claim, make_way
 
 if TYPE_CHECKING:
-    from treadline.nodes.wire import WireTransport
+    from treadline.ros.wire import WireTransport
 
 
 def record(
@@ -46,7 +46,7 @@ def record(
     claim(out, force=force, kind="either")
     if log is not None:
         return _copied(log, out, force=force)
-    from treadline.setup import resolve
+    from treadline.run.resolve import resolve
 
     make_way(out, force=force)
     config = resolve(scenario).mission
@@ -64,9 +64,9 @@ def record(
 def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, images: bool) -> tuple[int, str | None]:
     from threading import Timer
 
-    from treadline import paper
-    from treadline.nodes.process import NodeRunner
-    from treadline.nodes.recorder import RecorderNode
+    from treadline.core import paper
+    from treadline.ros.node_process import NodeRunner
+    from treadline.ros.recorder import RecorderNode
 
     node = RecorderNode(out, 1.0 / paper.CONTROL_RATE_HZ, frames=images)
     stop = stopping()
@@ -85,9 +85,9 @@ def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, ima
 
 def _copied(log: Path, out: Path, *, force: bool) -> Answer:
     """Convert a log, signal by signal in order of time."""
-    from treadline.errors import SettingsError
+    from treadline.core.errors import SettingsError
     from treadline.io.sensor_log import SensorLog
-    from treadline.nodes.bags import open_bag
+    from treadline.ros.bag_writer import open_bag
 
     source = log / "log.mcap" if (log / "log.mcap").is_file() else log
     recording = SensorLog(source)

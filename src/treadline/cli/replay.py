@@ -49,7 +49,7 @@ def replay(
         log_images: Keep the frames in the new log.
     """
     from treadline.cli.compiling import report_compiling
-    from treadline.errors import SettingsError
+    from treadline.core.errors import SettingsError
     from treadline.io.topics import parse_topics
 
     report_compiling()
@@ -57,9 +57,9 @@ def replay(
         return _keys(log)
     if log is None or out is None:
         raise SettingsError("replay needs a log and --out RUN; treadline replay --keys lists what --set may change")
-    from treadline.camera_file import read_camera
     from treadline.experiments.replay_settings import camera_items
     from treadline.experiments.replayed import replayed_run
+    from treadline.scenario.camera_file import read_camera
 
     claim(out, force=force)
     settings = () if camera is None else camera_items(read_camera(camera))
@@ -83,8 +83,8 @@ def replay(
 def _keys(log: Path | None) -> Answer:
     from treadline.experiments.replay_settings import key_table
     from treadline.experiments.replay_source import CHAIR, source_of
-    from treadline.mechanics.chair import read_chair
-    from treadline.mission.config import MissionConfig
+    from treadline.mission.mission_config import MissionConfig
+    from treadline.scenario.chair import read_chair
 
     table = key_table(MissionConfig(chair=read_chair(CHAIR)) if log is None else source_of(log).base)
     return Answer(

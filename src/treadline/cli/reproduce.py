@@ -33,11 +33,11 @@ def reproduce(
 
     from treadline.cli.compiling import compile_once
     from treadline.cli.progress import Progress
-    from treadline.errors import SettingsError
+    from treadline.core.errors import SettingsError
+    from treadline.core.processes import default_workers
     from treadline.experiments.plan import QUICK, WHOLE
     from treadline.experiments.reproduce import job_count, reproduce_paper
     from treadline.io.runs import remove
-    from treadline.processes import default_workers
     from treadline.report import write_report
 
     if workers is not None and workers < 1:

@@ -18,7 +18,7 @@ def seat(scenario: str, /, *, out: Path, seed: int = 0, force: Force = False) ->
     """
     from treadline.cli.compiling import report_compiling
     from treadline.experiments.fig11 import level_seat
-    from treadline.scenario import read_scenario
+    from treadline.scenario.scenario import read_scenario
 
     claim(out, force=force)
     report_compiling()

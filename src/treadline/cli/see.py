@@ -10,8 +10,8 @@ from treadline.cli.numbers import List, choice
 from treadline.cli.out import Force, claim
 
 if TYPE_CHECKING:
-    from treadline.frames.named_frame import FrameSource
-    from treadline.signals import PinholeCamera
+    from treadline.core.named_frame import FrameSource
+    from treadline.core.signals import PinholeCamera
 
 MANY = 20
 """Number of frames above which progress is shown."""
@@ -71,8 +71,8 @@ def see(
             the robust method (NAME-seen.png); of --live, the newest picture (live-seen.png).
     """
     from treadline.cli.compiling import report_compiling
-    from treadline.errors import SettingsError
-    from treadline.frames.point_cloud import AXES
+    from treadline.core.errors import SettingsError
+    from treadline.io.frames.point_cloud import AXES
     from treadline.perception.paper.edges import ThresholdRule
 
     if out is not None:
@@ -114,9 +114,9 @@ def _source(
     *,
     colour: bool,
 ) -> "FrameSource":
-    from treadline.camera_file import read_camera
-    from treadline.frames.named_frame import gravity_of
-    from treadline.frames.sources import FrameOptions, open_frames
+    from treadline.core.named_frame import gravity_of
+    from treadline.io.frames.sources import FrameOptions, open_frames
+    from treadline.scenario.camera_file import read_camera
 
     options = FrameOptions(
         camera=None if camera is None else read_camera(camera),
@@ -144,9 +144,9 @@ def _mount_of_run(source: Path) -> "PinholeCamera | None":
 
 def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, out: Path | None) -> Answer:
     """Evaluate the frames of a source; a single frame answers for itself, several with a summary."""
-    from treadline.frames.evaluation import see_frames
-    from treadline.frames.named_frame import SeveralFrames
-    from treadline.frames.results import HeadingTable, Summary
+    from treadline.core.named_frame import SeveralFrames
+    from treadline.io.frames.results import HeadingTable, Summary
+    from treadline.perception.frame_evaluation import see_frames
 
     summary, seen = Summary(), list[dict[str, Any]]()
     with ExitStack() as stack:

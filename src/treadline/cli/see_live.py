@@ -27,14 +27,14 @@ def see_live(
         CameraError: If the camera is missing, busy, or stops.
         ImageError: If its images do not fit its intrinsics.
     """
-    from treadline.camera_file import read_camera
     from treadline.cli.numbers import check_times
-    from treadline.frames.evaluation import FrameEvaluator, write_seen
-    from treadline.frames.live.depth_camera import camera_by_name
-    from treadline.frames.live.stream import LiveFrames
-    from treadline.frames.named_frame import gravity_of
-    from treadline.frames.results import HeadingTable, Summary
-    from treadline.interrupts import Terminated, deferred
+    from treadline.core.interrupts import Terminated, deferred
+    from treadline.core.named_frame import gravity_of
+    from treadline.io.frames.results import HeadingTable, Summary
+    from treadline.io.live.depth_camera import camera_by_name
+    from treadline.io.live.stream import LiveFrames
+    from treadline.perception.frame_evaluation import FrameEvaluator, write_seen
+    from treadline.scenario.camera_file import read_camera
 
     check_times(seconds=seconds)
     calibration = None if camera is None else read_camera(camera)

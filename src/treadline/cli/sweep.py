@@ -13,7 +13,7 @@ from treadline.cli.out import Force, claim
 from treadline.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from treadline.scenario import Scenario
+    from treadline.scenario.scenario import Scenario
 
 
 def sweep(
@@ -63,10 +63,10 @@ def sweep(
     from treadline.campaign.summary import FAILED, lines
     from treadline.campaign.sweep import SweepPlan, run_sweep
     from treadline.cli.compiling import compile_once
-    from treadline.errors import SettingsError
+    from treadline.core.errors import SettingsError
+    from treadline.core.processes import default_workers
     from treadline.io.runs import remove
-    from treadline.processes import default_workers
-    from treadline.setup import resolved_controller, resolved_plugin
+    from treadline.run.resolve import resolved_controller, resolved_plugin
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")
@@ -115,7 +115,7 @@ def scores() -> tuple[str, ...]:
     """Return the names of the scores of a traversal that are numbers."""
     from dataclasses import fields
 
-    from treadline.experiments.scores import Scores
+    from treadline.run.run_scores import Scores
 
     return tuple(field.name for field in fields(Scores) if field.name != "phases")
 
@@ -133,11 +133,11 @@ class RunScenario:
 
     def __call__(self, scenario: "Scenario", seed: int, watched_s: float) -> Mapping[str, Any]:
         """Return the summary of one run; a held chair is simulated for ``watched_s`` more seconds."""
-        from treadline.campaign.run import VIEW
+        from treadline.campaign.sampled_run import VIEW
         from treadline.campaign.thumbnails import view_of
-        from treadline.experiments.traverse import run_episode
         from treadline.playback import RecordingBuilder
-        from treadline.setup import resolve
+        from treadline.run.episode import run_episode
+        from treadline.run.resolve import resolve
 
         setup = resolve(scenario, self.controller, seed, detector=self.detector, estimator=self.estimator)
         builder = RecordingBuilder(setup.mission.chair, setup.scenario, seed=seed)

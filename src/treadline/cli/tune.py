@@ -37,9 +37,9 @@ def tune(
     from treadline.control import closed_loop_poles
     from treadline.control import tune as design
     from treadline.control.design_warning import design_warning
-    from treadline.errors import SettingsError
-    from treadline.mechanics.chair import read_chair
-    from treadline.models import LinearModel, Reconstruct
+    from treadline.core.errors import SettingsError
+    from treadline.core.models import LinearModel, Reconstruct
+    from treadline.scenario.chair import read_chair
 
     chosen = choice("--reconstruct", reconstruct, get_args(Reconstruct))
     if state_weight is not None and output_weight is not None:

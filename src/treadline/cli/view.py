@@ -54,9 +54,9 @@ def view(
     if export is not None:
         return _exported(target, export, force=force)
     from treadline.cli.compiling import report_compiling
-    from treadline.errors import SettingsError
-    from treadline.viewer.opening import is_recorded, open_live, open_recorded
-    from treadline.viewer.server import GuardedServer, import_viser
+    from treadline.core.errors import SettingsError
+    from treadline.view.opening import is_recorded, open_live, open_recorded
+    from treadline.view.server import GuardedServer, import_viser
 
     import_viser()
     if not 0 <= port <= 65535:
@@ -80,8 +80,8 @@ def view(
 
 def _served(server: Any, opened: Any, handlers: dict[str, Any], *, no_browser: bool, seconds: float | None) -> Answer:
     """Serve the page until Ctrl-C or the end of the given time."""
-    from treadline.errors import SettingsError
-    from treadline.viewer.app import App, handset_handler, jump_handler
+    from treadline.core.errors import SettingsError
+    from treadline.view.app import App, handset_handler, jump_handler
 
     session = opened.session
     handlers["handset"] = handset_handler(session)
@@ -121,7 +121,7 @@ def _served(server: Any, opened: Any, handlers: dict[str, Any], *, no_browser: b
 
 
 def _exposure(host: str, *, attended: bool) -> str:
-    from treadline.viewer.access import LOOPBACK
+    from treadline.view.access import LOOPBACK
 
     may = "may stop, drive and disturb the chair" if attended else "may only view"
     if host in LOOPBACK:
@@ -132,16 +132,16 @@ def _exposure(host: str, *, attended: bool) -> str:
 
 
 def _exported(target: str, export: Path, *, force: bool) -> Answer:
-    from treadline.errors import SettingsError
+    from treadline.core.errors import SettingsError
     from treadline.playback import read_recording
-    from treadline.viewer.opening import check_export, is_recorded
+    from treadline.view.opening import check_export, is_recorded
 
     check_export(export, force=force)
     if not is_recorded(target):
         raise SettingsError(
             f"--export: {target} is no recorded run; make one with treadline climb {target} --out RUN, and export RUN"
         )
-    from treadline.report.player import write_player
+    from treadline.report.player_page import write_player
 
     _say(f"view: writes the page that plays {target} to {export.resolve()}")
     write_player(read_recording(target), export)

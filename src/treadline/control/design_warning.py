@@ -8,9 +8,9 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG
 from treadline.control.tune import BELT_DISTURBANCE_M_S
-from treadline.models import ControllerDesign
+from treadline.core.angles import DEG
+from treadline.core.models import ControllerDesign
 
 LARGE_HEADING_RAD = 30.0 * DEG
 """Largest initial heading in the paper [rad]; a response smaller than belt slip does not steer."""

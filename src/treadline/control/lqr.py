@@ -4,9 +4,9 @@ import numpy as np
 from jaxtyping import Complex, Float
 from scipy.linalg import LinAlgError, solve_discrete_are
 
-from treadline.arrays import matrix
-from treadline.errors import NotDefinite, NotFinite, NotStabilisable, ShapeMismatch
-from treadline.models import ControllerDesign
+from treadline.core.arrays import matrix
+from treadline.core.errors import NotDefinite, NotFinite, NotStabilisable, ShapeMismatch
+from treadline.core.models import ControllerDesign
 
 SYMMETRY = 1e-9
 """Relative asymmetry of a weight attributed to rounding."""

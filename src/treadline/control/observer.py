@@ -10,8 +10,8 @@ from jaxtyping import Float
 from scipy.linalg import LinAlgError, solve_discrete_are
 
 from treadline.control.lqr import spectral_radius
-from treadline.errors import NotDetectable
-from treadline.models import LinearModel
+from treadline.core.errors import NotDetectable
+from treadline.core.models import LinearModel
 
 DISTURBANCE_LIMIT = 0.2
 """Largest belt speed difference attributed to mismatch [m/s]: turning on a 30° stair gives 0.15, a chair slowed by the guard

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from treadline.errors import NotInvertible
+from treadline.core.errors import NotInvertible
 
 CONDITION_LIMIT = 1e6
 """Condition number above which one unit in the last place of a 16-bit sensor changes the state by its own size."""

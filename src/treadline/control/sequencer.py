@@ -1,6 +1,6 @@
 """Base of the crest and edge sequences: clock, nosing position, tip load, one command per tick.
 
-``ImuSample, FlipperReading, TrackReading -> PitchCommand``. ``control/crest.py`` and ``control/edge.py`` add their stages.
+``ImuSample, FlipperReading, TrackReading -> PitchCommand``. ``crest_sequence.py`` and ``edge_sequence.py`` add their stages.
 """
 
 import math
@@ -8,10 +8,10 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Generic, TypeVar
 
-from treadline.angles import DEG
-from treadline.control.flipper import FLIPPER_PER_S, SMALL_RAD, UNLOADED_N, FlipperRate, Tip, flipper_of, geometry_of
-from treadline.mechanics.loading import Loading, plumb
-from treadline.signals import FlipperCommand, FlipperReading, ImuSample, TrackReading
+from treadline.control.flipper_geometry import FLIPPER_PER_S, SMALL_RAD, UNLOADED_N, FlipperRate, Tip, flipper_of, geometry_of
+from treadline.core.angles import DEG
+from treadline.core.signals import FlipperCommand, FlipperReading, ImuSample, TrackReading
+from treadline.vehicle.loading import Loading, plumb
 
 StageT = TypeVar("StageT", bound=str)
 STEP_MAX_S = 0.1

@@ -11,13 +11,13 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import expm, logm
 
-from treadline.angles import DEG
 from treadline.control.lqr import closed_loop_poles, lqr_gain
 from treadline.control.observer import kalman_gain, with_disturbance
 from treadline.control.reconstruct import static_reconstruction
-from treadline.errors import NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
-from treadline.models import ControllerDesign, LinearModel, Reconstruct
-from treadline.signals import PERIOD_ROUNDING_S, TICK_S, on_the_tick
+from treadline.core.angles import DEG
+from treadline.core.errors import NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
+from treadline.core.models import ControllerDesign, LinearModel, Reconstruct
+from treadline.core.signals import PERIOD_ROUNDING_S, TICK_S, on_the_tick
 
 OUTPUT_WEIGHT = (1.0, 0.0)
 """Weights of heading [1/rad²] and yaw rate [1/(rad/s)²]."""

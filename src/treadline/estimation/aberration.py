@@ -5,7 +5,7 @@ The paper gives no rule; this rule compares the turn between frames by vision wi
 
 from dataclasses import dataclass
 
-from treadline.angles import DEG, wrap
+from treadline.core.angles import DEG, wrap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from statistics import median
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
 
 NORMAL_95 = 1.96
 """Half width of a 95 % interval [sigma]."""

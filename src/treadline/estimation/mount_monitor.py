@@ -16,10 +16,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_of
+from treadline.core.angles import DEG, rotation_of
+from treadline.core.signals import Event, ImuSample, PinholeCamera, StairAxes, TrackReading
 from treadline.estimation.block_means import NORMAL_95, REPORTED_RAD, AngleEstimate, BlockMeans, difference, more_accurate
-from treadline.estimation.mount import STANDING_M_S, MountConfig
-from treadline.signals import Event, ImuSample, PinholeCamera, StairAxes, TrackReading
+from treadline.estimation.camera_mount import STANDING_M_S, MountConfig
 
 FRAME_BLOCK_S = 0.5
 """Block length of a comparison between treads and gravity [s]: depth noise of frames is independent, rocking moves both. With 0.25,

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, wrap
-from treadline.estimation import kernels
+from treadline.core.angles import DEG, wrap
+from treadline.estimation import multiple_model_kernels as kernels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

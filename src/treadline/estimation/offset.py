@@ -9,9 +9,9 @@ from collections import deque
 
 import numpy as np
 
-from treadline.angles import DEG, rotation_of, wrap
+from treadline.core.angles import DEG, rotation_of, wrap
+from treadline.core.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 from treadline.estimation.aberration import AberrationRule
-from treadline.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 
 OFFSET_SIGMA_RAD = 0.5 * DEG
 """Declared standard deviation [rad]; the method provides none."""

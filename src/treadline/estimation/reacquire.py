@@ -7,7 +7,7 @@ track that jumped must last as long as the track it contradicts.
 
 from dataclasses import dataclass
 
-from treadline.angles import DEG, wrap
+from treadline.core.angles import DEG, wrap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

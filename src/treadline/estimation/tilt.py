@@ -7,8 +7,8 @@ integrated gyro rate: its zero is arbitrary and it drifts, as documented for ``I
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import levelling, quaternion_of, rotation_about, rotation_of
-from treadline.signals import ImuSample
+from treadline.core.angles import levelling, quaternion_of, rotation_about, rotation_of
+from treadline.core.signals import ImuSample
 
 BLEND_S = 2.0
 """Time constant of the complementary filter [s]: longer than a step's jolt, shorter than 0.1° of drift of a low-cost gyro."""

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline import paper
-from treadline.angles import DEG
 from treadline.control import lqr_gain
 from treadline.control.reconstruct import static_reconstruction
+from treadline.core import paper
+from treadline.core.angles import DEG
+from treadline.core.models import ControllerDesign, LinearModel
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import FIG10_SLOPE, TABLE_SPEED_M_S, ReproducePlan, turn
-from treadline.models import ControllerDesign, LinearModel
-from treadline.scenario import Scenario
+from treadline.scenario.scenario import Scenario
 
 
 def paper_model(climb_speed_m_s: float = 0.0) -> LinearModel:

@@ -11,22 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from treadline.angles import DEG
-from treadline.controller_files import shipped_controller
-from treadline.errors import RecordError, SimulationDiverged
+from treadline.core.angles import DEG
+from treadline.core.errors import RecordError, SimulationDiverged
+from treadline.core.models import ControllerDesign, write_whole
+from treadline.core.plain_values import plain
+from treadline.core.ports import TruthPlant
+from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments import as_printed, dead_zone, fig05, fig11, lugs, plan
-from treadline.experiments.excite import PERIOD_S, excite
-from treadline.experiments.traverse import FALLEN_SLIDE_M, traverse
 from treadline.experiments.variations import LUG_GROUP, MAIN_SOURCES, NOMINAL_VARIATION, Variation
 from treadline.identification import IdentificationOptions, identify
-from treadline.io.plain import plain
-from treadline.mechanics.chair import GRAVITY_M_S2, read_chair
-from treadline.mission.drivers import ConstantSpeed
-from treadline.models import ControllerDesign, write_whole
-from treadline.ports import TruthPlant
-from treadline.scenario import DriveSettings, Scenario, Stair, Start, read_scenario
-from treadline.setup import Opener, ready
-from treadline.signals import SeatCommand, TrackCommand
+from treadline.mission.belt_controllers import ConstantSpeed
+from treadline.run.episode import FALLEN_SLIDE_M, traverse
+from treadline.run.excitation_run import PERIOD_S, excite
+from treadline.run.resolve import Opener, ready
+from treadline.scenario.chair import GRAVITY_M_S2, read_chair
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import DriveSettings, Scenario, Stair, Start, read_scenario
 
 CHAIR = "wheelchair"
 START_DEG = 30

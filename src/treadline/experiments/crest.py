@@ -10,17 +10,17 @@ from typing import Any, Literal
 
 import numpy as np
 
-from treadline.angles import DEG
-from treadline.control.crest import Crest, CrestCommand, CrestConfig
-from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
-from treadline.mechanics.chair import ChairDescription, read_chair
-from treadline.mechanics.comfort import lasting_change
-from treadline.ports import Truth
-from treadline.scenario import Chair, Control, Scenario, Sensors, Stair, Start
-from treadline.seat import Leveller, LevellerConfig
-from treadline.seat.feed_forward import PitchFeedForward
-from treadline.signals import TICK_S, FlipperReading, ImuSample, Reading, SeatReading, TrackCommand, TrackReading
-from treadline.sim import MujocoPlant, open_plant
+from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
+from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
+from treadline.control.seat import Leveller, LevellerConfig
+from treadline.control.seat.feed_forward import PitchFeedForward
+from treadline.core.angles import DEG
+from treadline.core.ports import Truth
+from treadline.core.signals import TICK_S, FlipperReading, ImuSample, Reading, SeatReading, TrackCommand, TrackReading
+from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.scenario import Chair, Control, Scenario, Sensors, Stair, Start
+from treadline.vehicle.comfort import lasting_change
 
 STEPS = 8
 Direction = Literal["up", "down"]

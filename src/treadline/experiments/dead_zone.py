@@ -9,14 +9,14 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
+from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments.plan import FIG10_SLOPE, turn
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.quasi_static_run import quasi_static_run
-from treadline.scenario import Scenario
-from treadline.setup import Opener
-from treadline.signals import SeatCommand, TrackCommand
-from treadline.sim import open_plant as open_mujoco
+from treadline.plant.mujoco import open_plant as open_mujoco
+from treadline.run.resolve import Opener
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario
+from treadline.vehicle.quasi_static_run import quasi_static_run
 
 HEADINGS_DEG = (0, 5, 10, 15, 30)
 DIFFERENCES_M_S = (0.05, 0.1, 0.2, 0.4, 0.8)

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, rotation_of
+from treadline.core.angles import DEG, rotation_of
+from treadline.core.signals import ImuSample, RgbdFrame
 from treadline.experiments.plan import FIG10_SLOPE, turn
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.paper.pictures import write_stages
-from treadline.setup import Opener
-from treadline.signals import ImuSample, RgbdFrame
-from treadline.sim import open_plant as open_mujoco
+from treadline.plant.mujoco import open_plant as open_mujoco
+from treadline.run.resolve import Opener
 
 HEADING_DEG = 10
 

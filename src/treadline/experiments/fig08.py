@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from treadline.angles import DEG
-from treadline.experiments.excite import PERIOD_S
+from treadline.core.angles import DEG
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.experiments.plan import Ground, excitation
-from treadline.experiments.recorded import recorded_excitation
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.validate import h_step_rmse, impulse_response
-from treadline.models import InputOutputRecord, LinearModel
-from treadline.scenario import Scenario
-from treadline.setup import Opener, PlantName
+from treadline.run.excitation_run import PERIOD_S
+from treadline.run.recorded_run import recorded_excitation
+from treadline.run.resolve import Opener, PlantName
+from treadline.scenario.scenario import Scenario
 
 IMPULSE_S = 20.0
 """Duration of the drawn impulse response [s]; after the first second the integrator keeps its value."""

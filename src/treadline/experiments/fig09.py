@@ -6,9 +6,9 @@ Paper: Section VI.C.1, Fig. 9.
 from pathlib import Path
 from typing import Any
 
+from treadline.core.models import ControllerDesign
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import FIG10_SLOPE, ReproducePlan, straight
-from treadline.models import ControllerDesign
 
 KEYS = (
     "slope_deg",

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from treadline import paper
-from treadline.angles import DEG, rms
+from treadline.core import paper
+from treadline.core.angles import DEG, rms
 from treadline.experiments.plan import turn
-from treadline.experiments.recorded import recorded_run
-from treadline.experiments.scores import Trace, settling_time
 from treadline.io.runs import write_result
-from treadline.mission.drivers import ConstantSpeed
-from treadline.scenario import Scenario
-from treadline.setup import resolve
+from treadline.mission.belt_controllers import ConstantSpeed
+from treadline.run.recorded_run import recorded_run
+from treadline.run.resolve import resolve
+from treadline.run.run_scores import Trace, settling_time
+from treadline.scenario.scenario import Scenario
 
 DURATION_S = 40.0
 """Fig. 11's time axis."""

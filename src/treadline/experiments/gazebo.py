@@ -13,17 +13,17 @@ from typing import Any
 
 import numpy as np
 
+from treadline.core.models import ControllerDesign, write_whole
+from treadline.core.plain_values import plain
 from treadline.experiments import fig09, table2
 from treadline.experiments.fig08 import ExcitationRun, ExciteJob
-from treadline.experiments.job_pool import run_jobs
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
 from treadline.experiments.reproduce import FIT_SEED, FRESH_SEED, Done, learn
-from treadline.gazebo import find_environment
-from treadline.io.plain import plain
 from treadline.io.provenance import provenance
-from treadline.models import ControllerDesign, write_whole
-from treadline.setup import PlantName
+from treadline.plant.gazebo import find_environment
+from treadline.run.job_pool import run_jobs
+from treadline.run.resolve import PlantName
 
 SIMULATORS: tuple[PlantName, ...] = ("gazebo", "mujoco")
 GROUNDS = (CONTROLLER_GROUND,)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
 from treadline.estimation.block_means import NORMAL_95
 
 LEAST_SHARE = 0.15

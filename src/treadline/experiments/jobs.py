@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from treadline.experiments.recorded import recorded_run
-from treadline.models import ControllerDesign
-from treadline.scenario import Scenario
-from treadline.setup import Opener, PlantName, resolve
+from treadline.core.models import ControllerDesign
+from treadline.run.recorded_run import recorded_run
+from treadline.run.resolve import Opener, PlantName, resolve
+from treadline.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,11 +7,11 @@ change with lugs of 15 mm every 80 mm. The seed draws the phase of the lugs; ``b
 from pathlib import Path
 from typing import Any, Literal
 
+from treadline.core.models import ControllerDesign
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import FIG10_SLOPE, ReproducePlan, turn, without_images
-from treadline.models import ControllerDesign
-from treadline.scenario import Belts, Scenario, read_scenario
-from treadline.sim.physics import NOMINAL
+from treadline.plant.mujoco.physics import NOMINAL
+from treadline.scenario.scenario import Belts, Scenario, read_scenario
 
 LUG: Literal["15/80"] = "15/80"
 NOMINAL_RUBBER_S = NOMINAL.contact_time_constant_s

@@ -9,9 +9,9 @@ The seeds reported here were used for nothing else: weights and thresholds were 
 
 from dataclasses import dataclass
 
-from treadline import paper
-from treadline.experiments.excite import long_enough
-from treadline.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.core import paper
+from treadline.run.excitation_run import long_enough
+from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 
 SLOPES_DEG = (25, 28, 30)
 STARTS_DEG = (30, -30)

@@ -12,13 +12,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, rms, wrap
-from treadline.experiments.recorded import PLAIN_SERIES, SERIES
-from treadline.experiments.scores import STEADY_FROM_S, settling_time
-from treadline.mission.loop import Signal, Tick
-from treadline.mission.recent import Recent
-from treadline.ports import Truth
-from treadline.signals import (
+from treadline.core.angles import DEG, rms, wrap
+from treadline.core.ports import Truth
+from treadline.core.recent import Recent
+from treadline.core.signals import (
     TICK_S,
     Event,
     HeadingEstimate,
@@ -28,6 +25,9 @@ from treadline.signals import (
     SeatReading,
     TrackCommand,
 )
+from treadline.mission.loop import Signal, Tick
+from treadline.run.recorded_run import PLAIN_SERIES, SERIES
+from treadline.run.run_scores import STEADY_FROM_S, settling_time
 
 ROUNDING_TICKS = 1e-6
 """Rounding error of a time stamp [ticks]."""

@@ -15,22 +15,22 @@ from jaxtyping import Float
 from numpy import ndarray
 from pydantic import Field, create_model
 
-from treadline.angles import DEG
-from treadline.camera_file import CameraFile, Pixels
-from treadline.controller_files import shipped_controller
-from treadline.errors import SettingsError
+from treadline.core.angles import DEG
+from treadline.core.errors import SettingsError
+from treadline.core.models import ControllerDesign, Reconstruct
+from treadline.core.setting_docs import meanings
+from treadline.core.settings import Settings, settings_of
+from treadline.core.signals import PinholeCamera
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.estimation.aberration import AberrationRule
-from treadline.mission.config import MissionConfig, build_blocks, guard_config, heading_driver
-from treadline.mission.guard import Guard
+from treadline.guard import Guard
 from treadline.mission.loop import Blocks
+from treadline.mission.mission_config import MissionConfig, build_blocks, guard_config, heading_driver
 from treadline.mission.planner import Cruise
-from treadline.models import ControllerDesign, Reconstruct
 from treadline.perception import DetectorConfig
-from treadline.scenario import Control, DriveSettings
-from treadline.setting_docs import meanings
-from treadline.settings import Settings, settings_of
-from treadline.signals import PinholeCamera
+from treadline.scenario.camera_file import CameraFile, Pixels
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Control, DriveSettings
 
 Positive = Annotated[float, Field(gt=0.0)]
 Turn = Annotated[float, Field(ge=-180.0, le=180.0)]

@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from treadline.errors import LogFormatError, SettingsError
+from treadline.core.errors import LogFormatError, SettingsError
+from treadline.core.models import read_json
+from treadline.core.settings import settings_of
 from treadline.io.runs import FORMER_RUN_CONTROLLER, LOG, MANIFEST, RUN_CONTROLLER
-from treadline.mechanics.chair import read_chair
-from treadline.mission.config import MissionConfig
-from treadline.models import read_json
-from treadline.scenario import Scenario
-from treadline.settings import settings_of
-from treadline.setup import mission_config
+from treadline.mission.mission_config import MissionConfig
+from treadline.run.resolve import mission_config
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario
 
 CHAIR = "wheelchair"
 """Chair of a log without a manifest."""

@@ -15,26 +15,26 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.compiling import compiling
-from treadline.errors import LogFormatError, SettingsError
+from treadline.core.compile_time import compiling
+from treadline.core.errors import LogFormatError, SettingsError
+from treadline.core.models import ControllerDesign
+from treadline.core.signals import TICK_S, Event, RgbdFrame
 from treadline.experiments.replay_scores import ReplayScores
 from treadline.experiments.replay_settings import ReplaySettings, resolved
 from treadline.experiments.replay_source import Source, source_of
-from treadline.experiments.scene_log import SceneLog, WatchedDetector
-from treadline.experiments.traverse import Watch
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
 from treadline.io.sensor_log import SensorLog
 from treadline.mission.blocks import Detector
-from treadline.mission.config import detector_of
 from treadline.mission.loop import Mission, Signal
+from treadline.mission.mission_config import detector_of
 from treadline.mission.plugins import Plugins
-from treadline.mission.replay import ReplayPlant
-from treadline.models import ControllerDesign
+from treadline.mission.replay_plant import ReplayPlant
 from treadline.perception import StairDetector
-from treadline.scenario import Chair
-from treadline.setup import SHIPPED, resolved_controller, resolved_plugin
-from treadline.signals import TICK_S, Event, RgbdFrame
+from treadline.run.episode import Watch
+from treadline.run.resolve import SHIPPED, resolved_controller, resolved_plugin
+from treadline.run.scene_log import SceneLog, WatchedDetector
+from treadline.scenario.scenario import Chair
 
 _NUMBER = re.compile(r"(?<!\()[+-]?\d+(\.\d+)?")
 

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from treadline.control.tune import tune
+from treadline.core.models import ControllerDesign, write_whole
+from treadline.core.plain_values import plain
 from treadline.experiments import as_printed, dead_zone, fig05, fig08, fig09, fig11, lugs, table1, table2
 from treadline.experiments.fig08 import ExcitationRun, ExciteJob
-from treadline.experiments.job_pool import Job, JobPool
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import (
     CONTROLLER_GROUND,
@@ -27,9 +28,8 @@ from treadline.experiments.plan import (
 )
 from treadline.experiments.sensitivity import read_sensitivity, with_sensitivity
 from treadline.experiments.speed import physics_real_time_factor
-from treadline.io.plain import plain
 from treadline.io.provenance import provenance
-from treadline.models import ControllerDesign, write_whole
+from treadline.run.job_pool import Job, JobPool
 
 Done = Callable[[str], None]
 FIT_SEED, FRESH_SEED = 0, 1

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, quaternion_of
-from treadline.appearance import MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
-from treadline.appearance.palette import SEEN_NOSING, Colour
-from treadline.errors import SettingsError
-from treadline.experiments.scene_log import SEEN_WIDTH_M, nosing_ends
+from treadline.core.angles import DEG, quaternion_of
+from treadline.core.errors import SettingsError
 from treadline.io.mcap_read import mcap_messages
 from treadline.io.ros_types import decoder_of
 from treadline.io.runs import LOG
-from treadline.mechanics.bodies import sides
 from treadline.playback import Recording, read_recording
-from treadline.scenario import Chair
+from treadline.run.scene_log import SEEN_WIDTH_M, nosing_ends
+from treadline.scenario.scenario import Chair
+from treadline.vehicle.appearance import MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
+from treadline.vehicle.appearance.palette import SEEN_NOSING, Colour
+from treadline.vehicle.bodies import sides
 
 CLOCK = "time"
 """Name of the timeline: mission time."""

@@ -7,9 +7,9 @@ A figure that the budget does not vary has the changes of the nearest figure tha
 from pathlib import Path
 from typing import Any
 
+from treadline.core.models import read_json
 from treadline.experiments.plan import CONTROLLER_GROUND, FIG10_SLOPE, GROUNDS, SLOPES_DEG, Ground
 from treadline.experiments.variations import MAIN_SOURCES
-from treadline.models import read_json
 
 SENSITIVITY = Path(__file__).parents[1] / "data" / "sensitivity.json"
 Changes = dict[str, dict[str, Any]]

@@ -3,10 +3,10 @@
 import statistics
 import time
 
+from treadline.core.ports import TruthPlant
+from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments.plan import straight
-from treadline.ports import TruthPlant
-from treadline.signals import SeatCommand, TrackCommand
-from treadline.sim import open_plant
+from treadline.plant.mujoco import open_plant
 
 SPAN_S = 10.0
 REPEATS = 5

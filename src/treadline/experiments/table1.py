@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from treadline import paper
+from treadline.core import paper
+from treadline.core.signals import TICK_S
 from treadline.experiments.plan import SLOPES_DEG, TABLE_SPEED_M_S, turn
-from treadline.mechanics.chair import read_chair
-from treadline.signals import TICK_S
-from treadline.sim import CAMERA_PERIOD_S
+from treadline.plant.mujoco import CAMERA_PERIOD_S
+from treadline.scenario.chair import read_chair
 
 
 def rows() -> list[dict[str, Any]]:

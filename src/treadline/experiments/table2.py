@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from treadline import paper
+from treadline.core import paper
+from treadline.core.models import ControllerDesign
 from treadline.experiments.jobs import RunJob
 from treadline.experiments.plan import (
     FIG10_SLOPE,
@@ -23,7 +24,6 @@ from treadline.experiments.plan import (
     turn,
     without_images,
 )
-from treadline.models import ControllerDesign
 
 PAPER_LABEL = {30: "anticlockwise", -30: "clockwise"}
 VARIANTS = {"climb-safe": "turn", "paper": "turn-rollback"}

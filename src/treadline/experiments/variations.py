@@ -7,11 +7,11 @@ building where nobody has measured the friction.
 from dataclasses import dataclass
 from functools import partial
 
-from treadline.mechanics.chair import ChairDescription, read_chair
-from treadline.scenario import Scenario
-from treadline.setup import Opener
-from treadline.sim import MujocoPlant
-from treadline.sim.physics import NOMINAL, Physics
+from treadline.plant.mujoco import MujocoPlant
+from treadline.plant.mujoco.physics import NOMINAL, Physics
+from treadline.run.resolve import Opener
+from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,9 +6,9 @@ from treadline.identification.identified import Identified
 from treadline.identification.identify import identify
 from treadline.identification.okid import observer_markov, system_markov
 from treadline.identification.options import METHODS, SOLVERS, IdentificationOptions
+from treadline.identification.quality_report import IdentificationReport
 from treadline.identification.reduction import balanced_truncation
-from treadline.identification.report import IdentificationReport
-from treadline.identification.steps import okid, pbsid
+from treadline.identification.single_steps import okid, pbsid
 from treadline.identification.stream import identify_chunks
 
 __all__ = [

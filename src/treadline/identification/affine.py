@@ -9,9 +9,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Num
 
-from treadline.arrays import store_contiguous
+from treadline.core.arrays import store_contiguous
+from treadline.core.models import LinearModel, Provenance
 from treadline.identification.gram import Units
-from treadline.models import LinearModel, Provenance
 
 FREE = 1e4
 """Weight of the state equations against the operating point's distance: large enough to leave the state free."""

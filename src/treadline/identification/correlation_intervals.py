@@ -10,8 +10,8 @@ from jaxtyping import Float
 from treadline.identification.affine import Affine
 from treadline.identification.era import HankelSvd, hankel
 from treadline.identification.gram import Gram, Units
-from treadline.identification.intervals import ConfidenceIntervals, markov_changes, with_constant
 from treadline.identification.okid import ObserverMarkov
+from treadline.identification.pole_intervals import ConfidenceIntervals, markov_changes, with_constant
 from treadline.identification.realisation import correlations
 from treadline.identification.refine import Directions
 

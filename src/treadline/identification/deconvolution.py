@@ -10,11 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from treadline.errors import PoorExcitation, SettingsError
+from treadline.core.errors import PoorExcitation, SettingsError
+from treadline.core.models import InputOutputRecord
 from treadline.identification.era import HankelSvd, hankel_svd
 from treadline.identification.gram import Units
 from treadline.identification.okid import ObserverMarkov
-from treadline.models import InputOutputRecord
 
 CONDITION_LIMIT = 1e8
 """Condition number above which single-precision data leave no correct digit in the solution."""

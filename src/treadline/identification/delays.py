@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification.okid import ObserverMarkov
-from treadline.models import InputOutputRecord, LinearModel
 
 SIGNIFICANCE = 1e-4
 """p-value below which an input's coefficients of one lag differ significantly from zero."""

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification.gram import Gram, Units, gram_of, units_of
-from treadline.identification.intervals import ConfidenceIntervals
+from treadline.identification.pole_intervals import ConfidenceIntervals
 from treadline.identification.structure import min_bic
-from treadline.models import InputOutputRecord, LinearModel
 
 LEFT, RIGHT = "left", "right"
 TURN_PREFIXES = ("yaw", "heading")

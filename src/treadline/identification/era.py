@@ -12,10 +12,10 @@ from jaxtyping import Float
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import lapack
 
-from treadline.arrays import shaped
-from treadline.errors import NotFinite, PoorExcitation, ShapeMismatch
+from treadline.core.arrays import shaped
+from treadline.core.errors import NotFinite, PoorExcitation, ShapeMismatch
 from treadline.identification.checks import check_integers
-from treadline.identification.kernels import hankel_matrix
+from treadline.identification.recursion_kernels import hankel_matrix
 
 DENSE_MOST = 300
 """Rows up to which a dense decomposition is as fast as a randomised one."""

@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.linalg import solve_discrete_are
 
-from treadline.errors import PoorExcitation
+from treadline.core.errors import PoorExcitation
+from treadline.core.models import InputOutputRecord
 from treadline.identification.affine import Affine
 from treadline.identification.era import HankelSvd
 from treadline.identification.gram import Gram, Units, gram_of
@@ -36,7 +37,6 @@ from treadline.identification.refine import (
     refined,
 )
 from treadline.identification.structure import bic_order
-from treadline.models import InputOutputRecord
 
 GAIN_SAMPLES = 20_000
 """Number of most recent samples used to fit the innovation gain."""

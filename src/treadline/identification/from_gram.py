@@ -6,6 +6,7 @@ Paper: Section IV.B. OKID → singular values → order → ERA, PBSID or cross-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from treadline.core.models import InputOutputRecord
 from treadline.identification.affine import Affine
 from treadline.identification.checks import channel_names, check_excitation, check_independent
 from treadline.identification.deconvolution import observer_of
@@ -13,14 +14,13 @@ from treadline.identification.era import HankelSvd
 from treadline.identification.fitting import Candidate, Fitting
 from treadline.identification.gram import Gram, GramBuilder, Units, gram_of
 from treadline.identification.identified import FittedSystem
+from treadline.identification.model_order import OrderChoice, gap_at, stands_out
 from treadline.identification.model_selection import CvScore, select_model
 from treadline.identification.okid import ObserverMarkov, scaled_observer
 from treadline.identification.options import IdentificationOptions
-from treadline.identification.order import OrderChoice, gap_at, stands_out
 from treadline.identification.realisation import realised
 from treadline.identification.structure import choose_structure, gap_of, noise_level, settle_order, structural_order
 from treadline.identification.windows import max_supported_lags
-from treadline.models import InputOutputRecord
 
 OBSERVERS = ("okid-era", "era-dc")
 """Methods whose model is a realisation of the OKID observer."""

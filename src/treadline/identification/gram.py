@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.errors import LogFormatError, ShapeMismatch
+from treadline.core.errors import LogFormatError, ShapeMismatch
+from treadline.core.models import InputOutputRecord, written_whole
 from treadline.identification.factor import Factor
-from treadline.identification.kernels import column_moments, fold, lagged_products, normalise, slide
-from treadline.models import InputOutputRecord, written_whole
+from treadline.identification.recursion_kernels import column_moments, fold, lagged_products, normalise, slide
 
 CHUNK = 1 << 18
 """Samples per pass: eight megabytes for four channels."""

@@ -7,7 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from treadline.identification import report as reports
+from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.core.printing import Printable
+from treadline.identification import quality_report as reports
 from treadline.identification.affine import Affine
 from treadline.identification.checks import FEW_SAMPLES, excitation_order, insufficient_excitation
 from treadline.identification.correlation_intervals import of_correlations
@@ -16,15 +18,13 @@ from treadline.identification.differential_input import DifferentialInput
 from treadline.identification.era import HankelSvd
 from treadline.identification.fitting import Candidate, Fitting
 from treadline.identification.gram import Gram, Units
-from treadline.identification.intervals import MEMORY_PER_LAG, ConfidenceIntervals, of_observer, of_predicting, of_refined
+from treadline.identification.model_order import OrderChoice
 from treadline.identification.model_selection import CvScore
 from treadline.identification.okid import ObserverMarkov
-from treadline.identification.order import OrderChoice
-from treadline.identification.report import CandidateScore, IdentificationReport
+from treadline.identification.pole_intervals import MEMORY_PER_LAG, ConfidenceIntervals, of_observer, of_predicting, of_refined
+from treadline.identification.quality_report import CandidateScore, IdentificationReport
 from treadline.identification.structure import gap_of
 from treadline.identification.threads import one_thread
-from treadline.models import InputOutputRecord, LinearModel
-from treadline.printing import Printable
 
 DEAD_TIME = 3
 """Delay in samples from which a warning suggests removing the dead time."""

@@ -7,7 +7,8 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from treadline.errors import PoorExcitation, SettingsError
+from treadline.core.errors import PoorExcitation, SettingsError
+from treadline.core.models import InputOutputRecord
 from treadline.identification import validate
 from treadline.identification.affine import Affine, to_model
 from treadline.identification.checks import (
@@ -24,11 +25,10 @@ from treadline.identification.gram import Gram, Units
 from treadline.identification.identified import FittedSystem, Identified
 from treadline.identification.okid import observer_markov
 from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
+from treadline.identification.quality_report import whole_samples
 from treadline.identification.reduction import stabilised
-from treadline.identification.report import whole_samples
 from treadline.identification.structure import choose_structure
 from treadline.identification.threads import one_thread
-from treadline.models import InputOutputRecord
 
 VALIDATION_SAMPLES_MIN = 20
 """Smallest number of complete samples of a validation part: its residuals are tested over ten lags."""

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Complex, Float, Int, Num
 from scipy.linalg import lapack
 
 from treadline.identification.affine import Affine
-from treadline.identification.kernels import modal_chain, modal_filters, modal_products, modal_run, without_columns
+from treadline.identification.recursion_kernels import modal_chain, modal_filters, modal_products, modal_run, without_columns
 
 WELL_SEEN = 1e-4
 """Ratio of pivots above which every direction of an initial state counts as observable."""

@@ -14,16 +14,16 @@ import numpy as np
 from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 
-from treadline.errors import PoorExcitation
+from treadline.core.errors import PoorExcitation
+from treadline.core.models import InputOutputRecord
 from treadline.identification.affine import Affine
 from treadline.identification.fitting import GROWTH, Candidate, Fitting
 from treadline.identification.gram import gram_of
-from treadline.identification.intervals import of_observer
-from treadline.identification.kernels import observability, observer_run
+from treadline.identification.pole_intervals import of_observer
+from treadline.identification.recursion_kernels import observability, observer_run
 from treadline.identification.refine import BRIEF, Experiment, cost, initial_state, residual
 from treadline.identification.structure import ORDER_MOST
 from treadline.identification.validate import most_recent, part
-from treadline.models import InputOutputRecord
 
 FOLDS = 5
 """Number of cross-validation folds."""

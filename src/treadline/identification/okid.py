@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from treadline.identification.factor import RIDGE, inverse
 from treadline.identification.gram import Gram, Units
-from treadline.identification.kernels import unroll
+from treadline.identification.recursion_kernels import unroll
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

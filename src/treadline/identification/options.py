@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
 
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
+from treadline.core.models import InputOutputRecord
 from treadline.identification.checks import check_integers
 from treadline.identification.gram import Gram
-from treadline.models import InputOutputRecord
 
 METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
 SOLVERS = ("gram", "qr")

@@ -5,8 +5,8 @@ from jaxtyping import Float
 
 from treadline.identification.affine import Affine
 from treadline.identification.era import HankelSvd, correlated_svd, hankel_svd, realise, realise_correlated
-from treadline.identification.kernels import observability, unroll
 from treadline.identification.okid import ObserverMarkov, system_markov
+from treadline.identification.recursion_kernels import observability, unroll
 
 BLOCKS_LEAST = 8
 """Smallest number of block rows: two seconds at 4 Hz, enough to separate an integrator from a lag."""

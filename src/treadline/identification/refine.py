@@ -14,12 +14,18 @@ import numpy as np
 from jaxtyping import Bool, Float, Num
 from scipy.linalg import lapack
 
-from treadline.arrays import store_contiguous
+from treadline.core.arrays import store_contiguous
+from treadline.core.models import InputOutputRecord
 from treadline.identification.affine import Affine
 from treadline.identification.gram import Units, runs_of
-from treadline.identification.kernels import gauge_directions, observability, run_residual, subtract_initial_response, tangents
 from treadline.identification.modal import WELL_SEEN, Modes, derivative_sums, modes_of
-from treadline.models import InputOutputRecord
+from treadline.identification.recursion_kernels import (
+    gauge_directions,
+    observability,
+    run_residual,
+    subtract_initial_response,
+    tangents,
+)
 
 ON_CIRCLE = 1e-9
 TRIES = 8

@@ -6,7 +6,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from treadline.errors import PoorExcitation, SettingsError
+from treadline.core.errors import PoorExcitation, SettingsError
+from treadline.core.models import InputOutputRecord
 from treadline.identification.affine import to_model
 from treadline.identification.checks import channel_names, check_alike, check_gaps, check_records, gaps_in
 from treadline.identification.from_gram import from_gram, provenance_of
@@ -16,7 +17,6 @@ from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOpti
 from treadline.identification.threads import one_thread
 from treadline.identification.validate import joined_in_time, most_recent
 from treadline.identification.windows import LAGS_MOST, max_supported_lags
-from treadline.models import InputOutputRecord
 
 METHODS = ("pbsid", "okid-era", "era-dc")
 """Methods that need only the Gram matrix; refinements need all samples."""

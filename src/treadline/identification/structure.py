@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from treadline.identification.era import HankelSvd, hankel, largest
 from treadline.identification.gram import Gram
+from treadline.identification.model_order import OrderChoice, choose_order, gap_at, stands_out
 from treadline.identification.okid import ObserverMarkov, residuals_by_lags, system_markov
-from treadline.identification.order import OrderChoice, choose_order, gap_at, stands_out
 from treadline.identification.pbsid import StateMap, innovations
 
 ORDER_MOST = 16

@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import chi2
 
-from treadline.errors import PoorExcitation
-from treadline.identification.kernels import free_run, observability, observer_run
-from treadline.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
+from treadline.core.errors import PoorExcitation
+from treadline.core.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
+from treadline.identification.recursion_kernels import free_run, observability, observer_run
 
 WHITENESS_LAGS = 10
 CROSS_LAGS = 10

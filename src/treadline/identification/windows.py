@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from treadline.errors import TooFewSamples
-from treadline.models import InputOutputRecord
+from treadline.core.errors import TooFewSamples
+from treadline.core.models import InputOutputRecord
 
 LAGS_MOST = 40
 """Largest number of lags tried by default."""

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Shaped
 
-from treadline.errors import LogFormatError, ShapeMismatch
+from treadline.core.errors import LogFormatError, ShapeMismatch
 from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, seconds_of
 
 MAX_ARRAY_BYTES = 1024**3

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from treadline.errors import LogFormatError, RecordError, TreadlineError
+from treadline.core.errors import LogFormatError, RecordError, TreadlineError
 from treadline.io.channels import Channels, Series
 from treadline.io.mcap_read import mcap_messages
 from treadline.io.resample import held, rows_of

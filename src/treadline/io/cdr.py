@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from treadline.signals import TICK_S
+from treadline.core.signals import TICK_S
 
 HEADER = b"\x00\x01\x00\x00"
 """Encapsulation header: CDR, little-endian."""

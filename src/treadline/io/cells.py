@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int, Shaped
 
-from treadline.errors import LogFormatError, ShapeMismatch
+from treadline.core.errors import LogFormatError, ShapeMismatch
 from treadline.io.tables import NANOSECONDS
 
 

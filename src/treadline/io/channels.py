@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from treadline.errors import LogFormatError, NotFinite, RecordError
+from treadline.core.errors import LogFormatError, NotFinite, RecordError
 from treadline.io import mcap_read
 from treadline.io.ros_types import RecordedTopic, decoder_of
 from treadline.io.tables import listed

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from treadline.errors import LogFormatError, SettingsError
+from treadline.core.errors import LogFormatError, SettingsError
+from treadline.core.models import InputOutputRecord
 from treadline.io.records import file_of, joined, open_log
 from treadline.io.resample import MOST_ROWS, Times, period_of, places_of, spread, uneven
 from treadline.io.tables import Log, Table, check_gaps, check_period, check_values, no_clock
-from treadline.models import InputOutputRecord
 
 ROWS = 262_144
 """Default number of rows per chunk: 10 MB with five columns."""

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.errors import LogFormatError
+from treadline.core.errors import LogFormatError
+from treadline.core.signals import TICK_S
 from treadline.io.cdr import HEADER, TICK_NS, seconds_of
 from treadline.io.decode import CdrReader
 from treadline.io.mcap_read import one_error, sealed_messages
-from treadline.signals import TICK_S
 
 MAX_LAYOUTS = 64
 """Largest number of different labels within one topic; a log of treadline has at most two."""

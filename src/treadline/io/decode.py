@@ -12,11 +12,9 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from treadline.errors import LogFormatError
-from treadline.io.cdr import HEADER, seconds_of
-from treadline.io.messages import MAYBE_OF_MAP, TRUTH_NAMES
-from treadline.ports import Truth
-from treadline.signals import (
+from treadline.core.errors import LogFormatError
+from treadline.core.ports import Truth
+from treadline.core.signals import (
     Event,
     FlipperCommand,
     FlipperReading,
@@ -36,6 +34,8 @@ from treadline.signals import (
     TrackCommand,
     TrackReading,
 )
+from treadline.io.cdr import HEADER, seconds_of
+from treadline.io.messages import MAYBE_OF_MAP, TRUTH_NAMES
 
 
 class CdrReader:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
-from treadline.errors import LogFormatError
+from treadline.core.errors import LogFormatError
 from treadline.io.cells import Parser, Sheet, by_numpy, cells_of, decoded, fastest, nanoseconds_of, parted
 from treadline.io.tables import SECONDS, TIMESTAMPS, Table, check_count, clock_of, missing, seconds_of
 

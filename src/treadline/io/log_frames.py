@@ -6,10 +6,10 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from treadline.errors import ImageError
+from treadline.core.errors import ImageError
+from treadline.core.signals import PinholeCamera, RgbdFrame
 from treadline.io.decode import Picture
 from treadline.io.topics import Topics
-from treadline.signals import PinholeCamera, RgbdFrame
 
 PAIR_S = 0.02
 """Largest time between a depth image and its colour image [s]: two thirds of a frame period at 30 Hz."""

@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 from jaxtyping import Shaped
 
-from treadline.errors import LogFormatError
+from treadline.core.errors import LogFormatError
 from treadline.io.arrays import MAX_ARRAY_BYTES, check_bytes, check_kind, name_of, table_of
 from treadline.io.mat5 import variables
 from treadline.io.tables import Table, missing

@@ -15,12 +15,12 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
-from treadline.errors import TreadlineError
-from treadline.interrupts import deferred
+from treadline.core.errors import TreadlineError
+from treadline.core.interrupts import deferred
+from treadline.core.signals import RgbdFrame
 from treadline.io.cdr import nanoseconds_of
 from treadline.io.mcap_read import LIBRARY
 from treadline.io.messages import DEFINITIONS, Message, messages_of
-from treadline.signals import RgbdFrame
 
 CHUNK_BYTES = 4 * 1024 * 1024
 """Size at which a chunk is complete [bytes]."""

@@ -23,7 +23,7 @@ from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, DataEnd, Header, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from treadline.errors import LogFormatError
+from treadline.core.errors import LogFormatError
 from treadline.io.decode import LogDecoder
 from treadline.io.ros_types import Packet, RecordedTopic
 

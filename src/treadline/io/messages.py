@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from treadline.io.cdr import CdrWriter, MessageForm
-from treadline.ports import Truth
-from treadline.signals import (
+from treadline.core.ports import Truth
+from treadline.core.signals import (
     Event,
     FlipperCommand,
     FlipperReading,
@@ -33,6 +32,7 @@ from treadline.signals import (
     TrackCommand,
     TrackReading,
 )
+from treadline.io.cdr import CdrWriter, MessageForm
 
 Message = tuple[str, str, bytes]
 """Topic, type, bytes."""

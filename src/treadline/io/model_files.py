@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.io import savemat
 
-from treadline.errors import LogFormatError, ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.core.errors import LogFormatError, ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.core.models import LinearModel, write_whole
 from treadline.io.mat import load_mat
-from treadline.models import LinearModel, write_whole
 
 if TYPE_CHECKING:
     from control import StateSpace

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Shaped
 from numpy.lib import format as npy
 
-from treadline.errors import LogFormatError
+from treadline.core.errors import LogFormatError
 from treadline.io.arrays import check_bytes, check_kind, name_of, table_of
 from treadline.io.tables import Table, missing
 

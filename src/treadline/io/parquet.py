@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Shaped
 
-from treadline.errors import LogFormatError
+from treadline.core.errors import LogFormatError
 from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, missing, seconds_of
 
 BATCH_ROWS = 65_536

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from treadline.errors import LogFormatError
+from treadline.core.errors import LogFormatError
 from treadline.io.decode import CdrReader
 
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"

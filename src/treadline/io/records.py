@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from treadline.errors import LogFormatError
+from treadline.core.errors import LogFormatError
+from treadline.core.models import InputOutputRecord, write_whole
 from treadline.io.resample import period_of, resampled, uneven, with_gaps
 from treadline.io.tables import Log, Table, check_gaps, check_period, check_values, gaps_in, no_clock
-from treadline.models import InputOutputRecord, write_whole
 
 TIME = "t_s"
 """Name of the time column of a record."""

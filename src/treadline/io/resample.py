@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float64
 
-from treadline.errors import PeriodMismatch, RecordError
+from treadline.core.errors import PeriodMismatch, RecordError
 from treadline.io.tables import MOST_GAPS, Table, check_gaps, gaps_in
 
 Times = Float64[np.ndarray, " n"]

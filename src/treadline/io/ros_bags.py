@@ -13,7 +13,7 @@ from typing import Any, cast
 
 import zstandard
 
-from treadline.errors import LogFormatError
+from treadline.core.errors import LogFormatError
 from treadline.io import mcap_read
 from treadline.io.mcap_read import inflate_lz4, inflate_zstd
 from treadline.io.ros_types import Packet, RecordedTopic, needs_rosbags

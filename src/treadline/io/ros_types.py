@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from treadline.errors import LogFormatError
+from treadline.core.errors import LogFormatError
 
 MOST_ELEMENTS = 1 << 25
 """Longest decoded sequence; a damaged message can declare billions of elements."""

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.io.plain import plain
+from treadline.core.models import ControllerDesign, write_whole
+from treadline.core.plain_values import plain
 from treadline.io.provenance import provenance
 from treadline.io.records import RECORD
-from treadline.models import ControllerDesign, write_whole
 
 LOG = "log.mcap"
 """File name of the MCAP log."""

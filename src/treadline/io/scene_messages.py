@@ -10,9 +10,9 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from treadline.appearance.parts import MeshPart
 from treadline.io.cdr import CdrWriter, MessageForm
 from treadline.io.messages import Message, Writer
+from treadline.vehicle.appearance.parts import MeshPart
 
 BASE = "base_link"
 """Name of the chair's frame B in its URDF."""

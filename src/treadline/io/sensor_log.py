@@ -19,18 +19,18 @@ from typing import Any
 
 import numpy as np
 
-from treadline.errors import ImageError, LogFormatError
-from treadline.io.cdr import seconds_of
-from treadline.io.decode import EVENTS, HEADINGS, LOOKED, OURS, CdrReader, calibration, imu, picture
-from treadline.io.log_frames import Calibrate, Frames, as_logged
-from treadline.io.mcap_read import BROKEN, has_arrivals
-from treadline.io.topics import Topics, packets, reader_of, roles, survey
-from treadline.signals import (
+from treadline.core.errors import ImageError, LogFormatError
+from treadline.core.signals import (
     Event,
     HeadingMeasurement,
     ImuSample,
     Reading,
 )
+from treadline.io.cdr import seconds_of
+from treadline.io.decode import EVENTS, HEADINGS, LOOKED, OURS, CdrReader, calibration, imu, picture
+from treadline.io.log_frames import Calibrate, Frames, as_logged
+from treadline.io.mcap_read import BROKEN, has_arrivals
+from treadline.io.topics import Topics, packets, reader_of, roles, survey
 
 BELTS = "/tracks/state"
 HORIZON_S = 1.0

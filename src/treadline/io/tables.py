@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Float64, Shaped
 
-from treadline.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError
+from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError
 
 SECONDS = ("t_s", "t", "time")
 """Names of clock columns in seconds."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 
-from treadline.errors import LogFormatError, SettingsError
+from treadline.core.errors import LogFormatError, SettingsError
 from treadline.io.bags import READERS, damage, parts_of
 from treadline.io.decode import HEADINGS, IMU, OURS, CdrReader, Ros1Reader, calibration, heading_of_image, imu
 from treadline.io.mcap_read import mcap_messages

@@ -8,14 +8,14 @@ flipper end each phase; the plan carries the reason, which the mission logs as a
 import math
 from dataclasses import dataclass, field, replace
 
-from treadline.angles import DEG
-from treadline.control.allocate import inner_speed_ratio
-from treadline.control.crest import Crest, CrestCommand, CrestConfig
-from treadline.control.flipper import OVER_BELTS_RAD
+from treadline.control.belt_allocation import inner_speed_ratio
+from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
+from treadline.control.flipper_geometry import OVER_BELTS_RAD
+from treadline.core.angles import DEG
+from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
 from treadline.mission.planner import PlannerInput
-from treadline.mission.traction import TractionConfig, TractionTest
+from treadline.mission.traction_test import TractionConfig, TractionTest
 from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step, on_the_tip
-from treadline.signals import HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
 """Heading error that is not corrected over the crest [rad], and half the belt speed difference per heading error beyond it

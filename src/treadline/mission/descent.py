@@ -8,12 +8,12 @@ would pitch onto its front (docs/decisions/0013).
 import math
 from dataclasses import dataclass
 
-from treadline.angles import DEG
-from treadline.control.edge import Edge, EdgeCommand, EdgeConfig
+from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
+from treadline.core.angles import DEG
+from treadline.core.signals import FlipperCommand, FlipperReading, HeadingEstimate, MotionPlan
 from treadline.mission.flipper_planner import FLIPPER_RAD_S
 from treadline.mission.stair_tracker import NEAR_M
 from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, beside, missing_step, on_the_tip
-from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, MotionPlan
 
 LETS_DOWN_RAD_S = 3.0 * DEG
 """Rate at which the flipper is lifted out of the belts' line [rad/s], slow enough that a chair leaning on it follows."""

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
 from treadline.mission.nosing_filter import CORRELATED_M, FAR_1_M, OWN_M, OWN_SHARE
 
 IRREGULAR_M = np.array([0.008, 0.006])

@@ -1,16 +1,16 @@
 """Flipper commands on floor and flight: move to an angle, ride on the nosings, and detect a flipper that does not follow.
 
-``FlipperReading -> FlipperCommand``. Over crest and edge other sequences command the flipper (``control/crest.py``,
-``control/edge.py``). The riding flipper acts as a spring and damper and follows a falling chair: docs/decisions/0019.
+``FlipperReading -> FlipperCommand``. Over crest and edge other sequences command the flipper (``control/crest_sequence.py``,
+``control/edge_sequence.py``). The riding flipper acts as a spring and damper and follows a falling chair: docs/decisions/0019.
 """
 
 import math
 
-from treadline.angles import DEG
-from treadline.control.flipper import FLIPPER_PER_S, OVER_BELTS_RAD
-from treadline.mechanics.chair import ChairDescription
+from treadline.control.flipper_geometry import FLIPPER_PER_S, OVER_BELTS_RAD
+from treadline.core.angles import DEG
+from treadline.core.signals import FlipperCommand, FlipperReading
 from treadline.mission.tip_over import FALL_RATE_RAD_S
-from treadline.signals import FlipperCommand, FlipperReading
+from treadline.scenario.chair import ChairDescription
 
 CLEAR_M = 0.05
 """Clearance of the flipper's tip above a step while only the flipper passes over nosings [m]. From its rest, at 40°, belts with

@@ -10,7 +10,7 @@ diagram::
                                                                            └────────────► guard ◄────────────────┘
                                                                                             └────► Plant.write()
 
-The loop gets readings, the chair's file and the operator's input, and never the ground truth. The nodes (``treadline.nodes``) wire
+The loop gets readings, the chair's file and the operator's input, and never the ground truth. The nodes (``treadline.ros``) wire
 the same blocks over channels.
 """
 
@@ -18,20 +18,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from treadline.estimation import HeadingHealth
-from treadline.mission.blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
-from treadline.mission.drivers import Driver
-from treadline.mission.guard import Guard
-from treadline.mission.planner import Planner
-from treadline.mission.rates import seat_now
-from treadline.perception.flat_ground import SWEPT_HALF_M
-from treadline.ports import Plant
-from treadline.signals import (
+from treadline.core.ports import Plant
+from treadline.core.signals import (
     TICK_S,
     Event,
     FlipperCommand,
     FlipperReading,
     HeadingEstimate,
+    HeadingHealth,
     HeadingMeasurement,
     ImuSample,
     MotionPlan,
@@ -43,6 +37,12 @@ from treadline.signals import (
     TrackCommand,
     TrackReading,
 )
+from treadline.guard import Guard
+from treadline.mission.belt_controllers import Driver
+from treadline.mission.blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
+from treadline.mission.planner import Planner
+from treadline.mission.rates import seat_now
+from treadline.perception.flat_ground import SWEPT_HALF_M
 
 Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | FlipperCommand | MotionPlan | Event
 """Everything that a run's log may hold, apart from ground truth."""

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
 
 OWN_M, FAR_1_M = 0.8e-3, 0.8e-3
 """Standard deviation of a nosing's error that is new in each frame [m], and ratio of the correlated error to the square of the

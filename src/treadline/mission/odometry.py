@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.signals import ImuSample, TrackReading
 from treadline.mission.nosing_filter import PITCHED_RAD
-from treadline.signals import ImuSample, TrackReading
 
 GAP_S = 0.2
 """Longest interval between two belt readings that is integrated [s]."""

@@ -6,7 +6,7 @@ end in phase ``arrived``, in phase ``refused``, or in a plan with a reason to ho
 
 from typing import Protocol, runtime_checkable
 
-from treadline.signals import FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
+from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 
 PlannerInput = ImuSample | TrackReading | FlipperReading | StairMap
 """Signals that a planner receives."""

@@ -16,13 +16,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from treadline.errors import SettingsError
+from treadline.core.errors import SettingsError
+from treadline.mission.belt_controllers import Driver
 from treadline.mission.blocks import Detector
-from treadline.mission.drivers import Driver
 from treadline.mission.loop import Estimator
 
 if TYPE_CHECKING:
-    from treadline.mission.config import MissionConfig
+    from treadline.mission.mission_config import MissionConfig
 
 
 @runtime_checkable

@@ -3,8 +3,8 @@
 ``MotionPlan, HeadingEstimate -> TrackCommand``.
 """
 
-from treadline.mission.drivers import Driver
-from treadline.signals import HeadingEstimate, MotionPlan, TrackCommand
+from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
+from treadline.mission.belt_controllers import Driver
 
 
 class Proposals:

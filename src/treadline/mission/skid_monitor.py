@@ -8,9 +8,9 @@ its speed: the chair keeps sliding and does not turn. Belts at equal speeds grip
 import math
 from collections import deque
 
-from treadline.angles import DEG
-from treadline.control.heading import usable
-from treadline.signals import HeadingEstimate, TrackReading
+from treadline.control.heading_controller import usable
+from treadline.core.angles import DEG
+from treadline.core.signals import HeadingEstimate, TrackReading
 
 WINDOW_S = 0.2
 """Window over which turn and belt speed difference are averaged [s]."""

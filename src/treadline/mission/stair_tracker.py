@@ -12,10 +12,10 @@ from typing import Literal
 
 import numpy as np
 
+from treadline.core.recent import DEPTH, Recent
+from treadline.core.signals import ImuSample, StairMap, TrackReading
 from treadline.mission.flight_shape import FlightShape
 from treadline.mission.nosing_filter import GATE, PITCHED_RAD, NosingDetection, NosingFilter
-from treadline.mission.recent import DEPTH, Recent
-from treadline.signals import ImuSample, StairMap, TrackReading
 
 SAME = 0.5
 """Distance, as a ratio of the pitch, within which a detection belongs to the nearest nosing or to none: half-way to the next."""

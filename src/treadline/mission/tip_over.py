@@ -7,8 +7,8 @@ as the front drops, so that the chair falls more slowly and stops less hard (doc
 
 import math
 
-from treadline.angles import DEG
-from treadline.signals import TICK_S, ImuSample
+from treadline.core.angles import DEG
+from treadline.core.signals import TICK_S, ImuSample
 
 TIME_CONSTANT_S = 0.015
 """Time constant of the pitch rate filter [s]: a sliding chair vibrates."""

@@ -7,16 +7,25 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from treadline.angles import DEG
-from treadline.mechanics.chair import ChairDescription
-from treadline.mission.entry import certain_reject_reason, reject_reason
+from treadline.core.angles import DEG
+from treadline.core.signals import (
+    FlipperCommand,
+    FlipperReading,
+    HeadingEstimate,
+    ImuSample,
+    MotionPlan,
+    Phase,
+    StairMap,
+    TrackReading,
+)
+from treadline.mission.entry_check import certain_reject_reason, reject_reason
+from treadline.mission.flat_ground_steering import LevelConfig, LevelSteering
 from treadline.mission.flipper_planner import LIFTED_HEADING_RAD, FlipperPlanner, turning_share
-from treadline.mission.level import LevelConfig, LevelSteering
 from treadline.mission.planner import PlannerInput
 from treadline.mission.skid_monitor import SkidMonitor
 from treadline.mission.stair_tracker import Side, StairTracker
 from treadline.mission.tip_over import TipOverFeedforward
-from treadline.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, Phase, StairMap, TrackReading
+from treadline.scenario.chair import ChairDescription
 
 ON_THE_FLIGHT_RAD = 10.0 * DEG
 """Pitch above which a chair that starts stands on a flight [rad]."""

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
 from treadline.perception.edge_fit import EdgeFit
 from treadline.perception.form import Bow, Side
 from treadline.perception.stair_shape import StairShape
-from treadline.perception.steps import Flight
+from treadline.perception.step_parts import Flight
 
 EVIDENCE, UNCONFIRMED = 5.0, 3.4
 """Least log-evidence of a stair, and of an unconfirmed one [nats]: two levels and two fronts reach at most 3.92, a third level that

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
+from treadline.core.printing import Printable
+from treadline.core.signals import StairAxes, StairMap
+from treadline.perception.plane_segmentation import PlanarBlocks, Surface
 from treadline.perception.stair_shape import StairShape
-from treadline.perception.steps import NosingObservation
-from treadline.perception.surfaces import PlanarBlocks, Surface
-from treadline.printing import Printable
-from treadline.signals import StairAxes, StairMap
+from treadline.perception.step_parts import NosingObservation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

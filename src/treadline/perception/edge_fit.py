@@ -18,8 +18,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from treadline.angles import DEG
-from treadline.perception.gravity import gravity_variance
+from treadline.core.angles import DEG
+from treadline.core.signals import PinholeCamera
+from treadline.perception.gravity_direction import gravity_variance
 from treadline.perception.irregularity import Prior, prior
 from treadline.perception.nuisance import (
     COLUMNS,
@@ -35,9 +36,8 @@ from treadline.perception.nuisance import (
     turns_of_surface,
 )
 from treadline.perception.nuisance_kernels import marginal_posterior, reject_outliers, variances
-from treadline.perception.steps import Axes, NosingObservation, axes_about
-from treadline.perception.surfaces import Surface
-from treadline.signals import PinholeCamera
+from treadline.perception.plane_segmentation import Surface
+from treadline.perception.step_parts import Axes, NosingObservation, axes_about
 
 ANGLES = np.geomspace(0.0005 * DEG, 2.0 * DEG, 8)
 """Grid of the standard deviations of step irregularity, about the vertical and from horizontal [rad]."""

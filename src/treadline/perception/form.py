@@ -12,11 +12,11 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
+from treadline.core.signals import PinholeCamera
 from treadline.perception import form_kernels
 from treadline.perception.irregularity import pooled_mean
-from treadline.perception.steps import Axes
-from treadline.perception.surfaces import JUMP, Ends, PlanarBlocks, Surface
-from treadline.signals import PinholeCamera
+from treadline.perception.plane_segmentation import JUMP, Ends, PlanarBlocks, Surface
+from treadline.perception.step_parts import Axes
 
 SideKind = Literal["wall", "open"]
 """What follows beyond the side of a flight."""

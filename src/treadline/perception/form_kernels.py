@@ -6,7 +6,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from treadline.perception.surface_kernels import BEFORE, BORDER_PX
+from treadline.perception.plane_segmentation_kernels import BEFORE, BORDER_PX
 
 CUT, WALL, OPEN = 0, 1, 2
 """Codes for the side of a surface: cut off by the image or unknown, a nearer surface, a further one or nothing."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
 
 AS_DRAWN = 0.2
 """Prior probability of the first component: the smallest sizes of the grids."""

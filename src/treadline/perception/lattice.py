@@ -11,11 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from treadline.angles import DEG
-from treadline.arrays import cross
-from treadline.perception import surface_kernels
+from treadline.core.angles import DEG
+from treadline.core.arrays import cross
+from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.perception import plane_segmentation_kernels as surface_kernels
 from treadline.perception.lattice_kernels import RISE_M, best_lattice
-from treadline.perception.steps import (
+from treadline.perception.plane_segmentation import Line, PlanarBlocks, Surface, components, planes_of, surfaces_on
+from treadline.perception.step_parts import (
     LEAST_LEVER,
     Axes,
     Direction,
@@ -30,8 +32,6 @@ from treadline.perception.steps import (
     tread_of,
     tread_rows,
 )
-from treadline.perception.surfaces import Line, PlanarBlocks, Surface, components, planes_of, surfaces_on
-from treadline.signals import PinholeCamera, RgbdFrame
 
 UPRIGHT = 18.0 * DEG
 """Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""

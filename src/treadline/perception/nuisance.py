@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.angles import DEG
-from treadline.arrays import cross
+from treadline.core.angles import DEG
+from treadline.core.arrays import cross
+from treadline.core.signals import PinholeCamera
 from treadline.perception import nuisance_kernels
-from treadline.perception.surfaces import DISPARITY_PX_M, Line, Surface
-from treadline.signals import PinholeCamera
+from treadline.perception.plane_segmentation import DISPARITY_PX_M, Line, Surface
 
 ORDER = 3
 """Largest order of the Legendre terms."""

@@ -11,7 +11,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from treadline.fma import dot
+from treadline.core.fma import dot
 
 LEFT_OUT = 0.05
 """Probability below which a hypothesis does not enter the moments: what the data do not determine, such as a curvature seen at one

@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
+from treadline.core.signals import PinholeCamera, RgbdFrame
 from treadline.perception.detection import StairDetection
-from treadline.perception.steps import NosingObservation
-from treadline.perception.surfaces import Surface
-from treadline.signals import PinholeCamera, RgbdFrame
+from treadline.perception.plane_segmentation import Surface
+from treadline.perception.step_parts import NosingObservation
 
 Picture = UInt8[np.ndarray, "h w 3"]
 

@@ -9,14 +9,14 @@ from statistics import median
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG
-from treadline.perception import point_kernels
+from treadline.core.angles import DEG
+from treadline.core.signals import RgbdFrame, StairMap
+from treadline.perception import pixel_to_point_kernels as point_kernels
 from treadline.perception.flat_ground import SWEPT_HEIGHT_M, first_crowd
 from treadline.perception.form import Side
+from treadline.perception.plane_segmentation import PlanarBlocks
 from treadline.perception.stair_shape import StairShape
-from treadline.perception.steps import Axes, NosingObservation, viewing_direction
-from treadline.perception.surfaces import PlanarBlocks
-from treadline.signals import RgbdFrame, StairMap
+from treadline.perception.step_parts import Axes, NosingObservation, viewing_direction
 
 SIDE_WALL = 15.0 * DEG
 """Largest angle between the normal of a side wall and the edge direction [rad]."""

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.arrays import cross
-from treadline.perception import surface_kernels
-from treadline.perception.gravity import gravity_variance
+from treadline.core.arrays import cross
+from treadline.core.signals import PinholeCamera, StairAxes
+from treadline.perception import plane_segmentation_kernels as surface_kernels
+from treadline.perception.gravity_direction import gravity_variance
 from treadline.perception.irregularity import pooled_mean, posterior_weights
 from treadline.perception.lattice_kernels import (
     HIDDEN_SIGMA_M,
@@ -25,9 +26,8 @@ from treadline.perception.lattice_kernels import (
     RUN_SIGMA_M,
 )
 from treadline.perception.nuisance import stretch_of
-from treadline.perception.steps import Axes, Direction, Flight, axes_about, riser_rows, tread_rows
-from treadline.perception.surfaces import End, PlanarBlocks, Surface
-from treadline.signals import PinholeCamera, StairAxes
+from treadline.perception.plane_segmentation import End, PlanarBlocks, Surface
+from treadline.perception.step_parts import Axes, Direction, Flight, axes_about, riser_rows, tread_rows
 
 IRREGULAR_M = np.geomspace(0.0005, 0.015, 6)
 """Grid of the standard deviations of single steps from the lattice, and of single spacings [m]: from cast steps to worn ones."""

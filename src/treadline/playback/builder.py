@@ -7,14 +7,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG, attitude_of
-from treadline.errors import LogFormatError
-from treadline.io.messages import TRUTH_NAMES
-from treadline.mechanics.chair import ChairDescription
-from treadline.playback.recording import Limits, PerceivedStair, Recording, in_world, phases_of
-from treadline.ports import Truth
-from treadline.scenario import Scenario
-from treadline.signals import (
+from treadline.core.angles import DEG, attitude_of
+from treadline.core.errors import LogFormatError
+from treadline.core.ports import Truth
+from treadline.core.signals import (
     TICK_S,
     Event,
     FlipperReading,
@@ -26,6 +22,10 @@ from treadline.signals import (
     TrackCommand,
     TrackReading,
 )
+from treadline.io.messages import TRUTH_NAMES
+from treadline.playback.recording import Limits, PerceivedStair, Recording, in_world, phases_of
+from treadline.scenario.chair import ChairDescription
+from treadline.scenario.scenario import Scenario
 
 TRUTH_COLUMNS = ("t_s", *TRUTH_NAMES)
 

@@ -10,12 +10,12 @@ from typing import Any, get_args
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.angles import rotation_of
-from treadline.mechanics.chair import ChairDescription
-from treadline.mechanics.staircase import Staircase, build_staircase
-from treadline.mechanics.tipping import MARGIN_LIMIT_RAD
-from treadline.scenario import Scenario
-from treadline.signals import Event, Phase
+from treadline.core.angles import rotation_of
+from treadline.core.signals import Event, Phase
+from treadline.scenario.chair import ChairDescription
+from treadline.scenario.scenario import Scenario
+from treadline.vehicle.staircase import Staircase, build_staircase
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
 PHASES = get_args(Phase)
 """Names of the events that begin a phase."""

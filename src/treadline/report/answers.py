@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG
+from treadline.core.angles import DEG
 from treadline.playback import Recording
-from treadline.playback.moments import Findings, Moment, on_flight
+from treadline.playback.findings import Findings, Moment, on_flight
 
 MOST_SPANS = 3
 """Largest number of spans without a frame or a stair among the answers."""

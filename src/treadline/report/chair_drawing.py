@@ -1,6 +1,6 @@
 """The chair in line drawings: silhouettes of its meshes, the points of its linkage, payload and field of view.
 
-The meshes are those of ``treadline.appearance``, which viewer and URDF show as well.
+The meshes are those of ``treadline.vehicle.appearance``, which viewer and URDF show as well.
 """
 
 import math
@@ -10,16 +10,16 @@ from itertools import groupby
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG
-from treadline.appearance import BodyName, MeshPart, body_poses, chair_parts
-from treadline.appearance.belts import resting_lugs
-from treadline.mechanics.chair import ChairDescription
-from treadline.mechanics.linkage import SeatLinkage
-from treadline.mechanics.stability import payload_com, payload_origin
-from treadline.report.figures import GREEN, ORANGE
+from treadline.core.angles import DEG
+from treadline.report.drawing_pen import AMBER, WHITE, Pen, Point, pair, turned
 from treadline.report.outlines import SIDE, Silhouette, silhouettes
-from treadline.report.pen import AMBER, WHITE, Pen, Point, pair, turned
-from treadline.scenario import Chair
+from treadline.report.svg_figures import GREEN, ORANGE
+from treadline.scenario.chair import ChairDescription
+from treadline.scenario.scenario import Chair
+from treadline.vehicle.appearance import BodyName, MeshPart, body_poses, chair_parts
+from treadline.vehicle.appearance.belts import resting_lugs
+from treadline.vehicle.linkage import SeatLinkage
+from treadline.vehicle.static_stability import payload_com, payload_origin
 
 EMPTY = Chair(payload_kg=0.0)
 """Loading of a drawn chair: without a person, whose legs would hide the linkage."""

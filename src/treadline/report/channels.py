@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from treadline.units import UNITS, unit_ending
+from treadline.core.units import UNITS, unit_ending
 
 UNKNOWN = "own unit"
 """Unit label of a channel whose name has no unit suffix."""

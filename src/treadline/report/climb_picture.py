@@ -19,10 +19,10 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
-from treadline.errors import SettingsError, TreadlineError
+from treadline.core.errors import SettingsError, TreadlineError
 from treadline.playback import Recording, read_recording
-from treadline.report.player import TEMPLATES, json_in_page
-from treadline.report.scene import scene_of
+from treadline.report.player_page import TEMPLATES, json_in_page
+from treadline.report.player_scene import scene_of
 
 SIZE_PX = (720, 405)
 SPEED_UP = 4.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from treadline import paper
+from treadline.core import paper
 from treadline.report.comparison import NO_TARGET, Comparison, judged, written
 from treadline.report.results import PAPER_FRICTION, BeltRun, Cell, ModelFigures, Results, Straight
 from treadline.report.sensitivity import with_moves

@@ -13,17 +13,17 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from treadline.angles import DEG
-from treadline.mechanics.chair import read_chair
-from treadline.mechanics.linkage import SeatLinkage
-from treadline.mechanics.tracks import minimum_track_length, pulley_centres
-from treadline.models import write_whole
-from treadline.paper import FIG11_SLOPE_DEG
+from treadline.core.angles import DEG
+from treadline.core.models import write_whole
+from treadline.core.paper import FIG11_SLOPE_DEG
 from treadline.report.chair_drawing import TRACK, draw_chair, draw_payload, draw_view_of_camera, mark_linkage, name_linkage
 from treadline.report.diagrams import nodes, scheme
-from treadline.report.figures import BLUE, GREEN, GREY, ORANGE, RED, svg_of
+from treadline.report.drawing_pen import AMBER, INK, STONE, Pen, Point, pair, sheet, turned
 from treadline.report.outlines import ABOVE
-from treadline.report.pen import AMBER, INK, STONE, Pen, Point, pair, sheet, turned
+from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, svg_of
+from treadline.scenario.chair import read_chair
+from treadline.vehicle.linkage import SeatLinkage
+from treadline.vehicle.track_length import minimum_track_length, pulley_centres
 
 RUN_M = 0.30
 SLOPE_RAD = FIG11_SLOPE_DEG * DEG

@@ -5,7 +5,7 @@ import warnings
 
 from matplotlib.figure import Figure
 
-from treadline.report.figures import svg_of
+from treadline.report.svg_figures import svg_of
 
 COORDINATE = re.compile(r"(-?\d+\.\d\d)\d+")
 """A number and the decimals that are cut off: a hundredth of a point is finer than any screen."""

@@ -14,8 +14,8 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from treadline.report.channels import UNKNOWN, ColumnLabel, ratio_unit
-from treadline.report.figures import BLUE, GREY, ORANGE, RED, STYLE
 from treadline.report.model_runs import answering, decimated
+from treadline.report.svg_figures import BLUE, GREY, ORANGE, RED, STYLE
 from treadline.report.ticks import plain_log_labels
 
 WIDTH_IN = 8.0

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
-from treadline.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
+from treadline.core.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
 
 HEAD = 50
 """Number of samples from which the initial state of the one-step predictor is estimated."""

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG
-from treadline.errors import LogFormatError
+from treadline.core.angles import DEG
+from treadline.core.errors import LogFormatError
+from treadline.core.ports import Truth
 from treadline.io.mcap_read import read_log
 from treadline.io.runs import LOG
-from treadline.mechanics.comfort import COMFORT_TICKS, lasting, passenger_acceleration
-from treadline.ports import Truth
+from treadline.vehicle.comfort import COMFORT_TICKS, lasting, passenger_acceleration
 
 TRUTH = "/truth"
 READ_BYTES = 512 * 1024**2

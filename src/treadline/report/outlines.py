@@ -1,6 +1,6 @@
 """Silhouettes of mesh parts for line drawings and side views: ``MeshPart -> closed lines in the plane of the drawing``.
 
-Drawings use the meshes of ``treadline.appearance``, as the viewer and the URDF do. The silhouette of a solid is the boundary of the
+Drawings use the meshes of ``vehicle.appearance``, as the viewer and the URDF do. The silhouette of a solid is the boundary of the
 faces that point towards the viewer: one closed line for a convex solid, one for each border of a ring.
 """
 
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.appearance import BodyName, MeshPart
-from treadline.appearance.palette import Colour
+from treadline.vehicle.appearance import BodyName, MeshPart
+from treadline.vehicle.appearance.palette import Colour
 
 Loop = Float[np.ndarray, "_ 2"]
 """Closed line: right and up in the plane of the drawing [m]."""

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import DEG
-from treadline.mechanics.comfort import COMFORT_TICKS, passenger_acceleration
+from treadline.core.angles import DEG
+from treadline.core.signals import TICK_S
 from treadline.playback import Recording
 from treadline.report.packed import packed
-from treadline.signals import TICK_S
+from treadline.vehicle.comfort import COMFORT_TICKS, passenger_acceleration
 
 MOST_SAMPLES = 40_000
 """Most samples of a page, 400 s at 100 Hz: 80 kB per curve. Longer runs are decimated."""

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
-from treadline.angles import DEG
-from treadline.errors import TreadlineError
+from treadline.core.angles import DEG
+from treadline.core.errors import TreadlineError
+from treadline.core.signals import Event
 from treadline.io.runs import LOG
-from treadline.mechanics.chair import read_chair
 from treadline.playback import PhaseSpan, Recording, read_recording
-from treadline.report.figures import Series
 from treadline.report.results import RunResult
-from treadline.signals import Event
+from treadline.report.svg_figures import Series
+from treadline.scenario.chair import read_chair
 
 READ_BYTES = 512 * 1024**2
 """Largest log that is read for a page [bytes]; a log with images is decompressed as a whole."""

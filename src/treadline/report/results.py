@@ -9,10 +9,10 @@ from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from treadline import paper
-from treadline.errors import SettingsError
-from treadline.models import read_json
-from treadline.signals import Phase
+from treadline.core import paper
+from treadline.core.errors import SettingsError
+from treadline.core.models import read_json
+from treadline.core.signals import Phase
 
 PHASES = get_args(Phase)
 PAPER_FRICTION = list(paper.FRICTION)

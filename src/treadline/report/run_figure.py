@@ -10,10 +10,10 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from treadline.report.figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, Series
 from treadline.report.model_runs import decimated
 from treadline.report.motion import Motion
 from treadline.report.results import RunResult
+from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, Series
 
 WIDTH_IN, PANEL_IN, STRIP_IN = 8.0, 1.3, 0.75
 STEADY_FROM_S = 20.0

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from treadline.angles import rotation_of
-from treadline.appearance import BodyName, MeshPart, body_poses, chair_parts, lug_part, lug_poses
-from treadline.appearance.palette import BELT, Colour
-from treadline.mechanics.staircase import Staircase
+from treadline.core.angles import rotation_of
 from treadline.playback import Recording
 from treadline.report.outlines import Silhouette, silhouettes
-from treadline.scenario import Belts, Chair
+from treadline.scenario.scenario import Belts, Chair
+from treadline.vehicle.appearance import BodyName, MeshPart, body_poses, chair_parts, lug_part, lug_poses
+from treadline.vehicle.appearance.palette import BELT, Colour
+from treadline.vehicle.staircase import Staircase
 
 VIEW_M = (2.6, 1.95)
 """Width and height of a view [m]: the chair with its passenger, and four steps."""

@@ -1,10 +1,10 @@
 """The blocks of Fig. 2 as handlers of one signal: signals in, signals out.
 
-The in-process loop (``mission.loop``) wires the blocks by calls, the nodes (``treadline.nodes``) wire the same blocks by channels.
+The in-process loop (``mission.loop``) wires the blocks by calls, the nodes (``treadline.ros``) wire the same blocks by channels.
 """
 
-from treadline.mission.blocks.camera import CameraBlock, Detection, Detector
-from treadline.mission.blocks.driver import DriverBlock
-from treadline.mission.blocks.seat import SeatBlock, SeatLeveller
+from treadline.mission.blocks.camera_block import CameraBlock, Detection, Detector
+from treadline.mission.blocks.driver_block import DriverBlock
+from treadline.mission.blocks.seat_block import SeatBlock, SeatLeveller
 
 __all__ = ["CameraBlock", "Detection", "Detector", "DriverBlock", "SeatBlock", "SeatLeveller"]

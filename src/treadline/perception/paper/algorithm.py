@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from treadline.core.signals import RgbdFrame
 from treadline.perception.detection import Stages, StairDetection, refused
 from treadline.perception.paper.edges import ThresholdRule, canny, depth_image, grey_of, without_abrupt_depth
-from treadline.perception.paper.heading import delta_d, delta_x, heading_as_printed
-from treadline.perception.paper.segments import bounding_box, merged, most_frequent_slope, near_level, segments
-from treadline.signals import RgbdFrame
+from treadline.perception.paper.hough_segments import bounding_box, merged, most_frequent_slope, near_level, segments
+from treadline.perception.paper.printed_heading import delta_d, delta_x, heading_as_printed
 
 EDGE_COLOUR, LINE_COLOUR, BOX_COLOUR = (255, 255, 255), (255, 196, 0), (0, 200, 255)
 """Colours of edges, lines and the bounding box."""

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from treadline.errors import ImageError
-from treadline.models import write_whole
+from treadline.core.errors import ImageError
+from treadline.core.models import write_whole
 from treadline.perception.detection import Stages
 
 

@@ -1,0 +1,73 @@
+"""Allocation of a demanded belt speed difference to the two belts, within their limits.
+
+Coulomb friction is rate independent: near straight the chair moves with the slower (inner) belt, whatever the speed of the
+other. ``climb_safe`` therefore keeps the inner belt at a minimum ratio of the climb speed and the outer belt within its
+limit: steering has priority, and the common speed follows. ``back_safe`` is for backing down: each belt runs at 0.5 to
+1.5 times the commanded speed. ``clipped`` (allocation ``paper``) only limits each belt, as the paper's "do not exceed the
+maximum speed".
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import DEG
+
+INNER_RATIO_CLIMBING = 0.25
+"""Inner belt speed as a ratio of the climb speed, unless the plan sets another."""
+NEAR_STRAIGHT_RAD = 10.0 * DEG
+"""Heading error within which the inner belt sticks on a 28° stair with friction 0.62/0.5 and carries the chair (quasi-static
+Coulomb friction, ``mechanics.quasi_static``)."""
+INNER_RATIO_NEAR_STRAIGHT, INNER_RATIO_TURNING = 0.5, -0.25
+"""Inner belt speed ratio near straight, and at larger heading errors, where both belts slide and a slow inner belt turns the
+chair faster (decision 0022)."""
+INNER_RATIO_BACKING = 0.5
+"""Inner belt speed ratio while backing down, where turning is unstable."""
+
+
+def inner_speed_ratio(heading_error_rad: float) -> float:
+    """Return the inner belt speed as a ratio of the climb speed, for a heading error [rad]."""
+    return INNER_RATIO_NEAR_STRAIGHT if abs(heading_error_rad) <= NEAR_STRAIGHT_RAD else INNER_RATIO_TURNING
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BeltLimits:
+    """Belt speed limits."""
+
+    climb_speed_m_s: float
+    max_speed_m_s: float
+    max_mean_m_s: float = 0.55
+    min_inner_speed_ratio: float = INNER_RATIO_CLIMBING
+    """Smallest inner belt speed as a ratio of the climb speed."""
+
+    @property
+    def min_inner_m_s(self) -> float:
+        """Smallest inner belt speed [m/s]; with a slower inner belt a turning chair would slide down."""
+        return self.min_inner_speed_ratio * self.climb_speed_m_s
+
+
+def clipped(demanded: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[np.ndarray, " 2"]:
+    """Return each belt speed limited to the maximum."""
+    return np.clip(demanded, -limits.max_speed_m_s, limits.max_speed_m_s)
+
+
+def climb_safe(demanded: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[np.ndarray, " 2"]:
+    """Return belt speeds (left, right) [m/s] with the demanded difference, within the limits.
+
+    The demanded common speed is replaced by the climb speed, or by a higher speed that keeps the inner belt from sliding.
+    """
+    most = min(
+        0.5 * (limits.max_speed_m_s - limits.min_inner_m_s),
+        limits.max_mean_m_s - limits.min_inner_m_s,
+    )
+    half = float(np.clip(0.5 * (demanded[1] - demanded[0]), -most, most))
+    common = max(limits.climb_speed_m_s, abs(half) + limits.min_inner_m_s)
+    return np.array([common - half, common + half])
+
+
+def back_safe(demanded: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[np.ndarray, " 2"]:
+    """Return belt speeds (left, right) [m/s] for backing down at the climb speed, with both belts moving down."""
+    most = (1.0 - INNER_RATIO_BACKING) * limits.climb_speed_m_s
+    half = float(np.clip(0.5 * (demanded[1] - demanded[0]), -most, most))
+    return np.array([-limits.climb_speed_m_s - half, -limits.climb_speed_m_s + half])

@@ -1,0 +1,285 @@
+"""Export of the heading controller: C99, parameters of a ROS node, or JSON.
+
+``ControllerDesign, ControllerConfig -> {file name: text}``. Each export contains a log with the responses of this
+controller, so that the copy can be verified on the target.
+"""
+
+import json
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.control.belt_allocation import INNER_RATIO_BACKING, INNER_RATIO_CLIMBING, BeltLimits, inner_speed_ratio
+from treadline.control.heading_controller import (
+    FASTEST_TURN_RAD_S,
+    YAW_RATE_SIGMA_RAD_S,
+    ControllerConfig,
+    HeadingController,
+    inner_ratio_of,
+)
+from treadline.control.observer import DISTURBANCE_LIMIT
+from treadline.control.reconstruct import static_reconstruction
+from treadline.control.tune import BELT_DIFFERENCE
+from treadline.core.models import ControllerDesign
+from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
+
+SOURCES = Path(__file__).parents[1] / "data" / "export"
+TOLERANCE_M_S = 1e-6
+"""Tolerance on the copy's belt speeds [m/s]: a hundredth of a drive's resolution, a million times the rounding error."""
+REHEARSAL_STEPS = 400
+SEED = 4
+INVALID_PLANS: dict[int, dict[str, Any]] = {
+    90: {"heading_rad": math.nan},
+    91: {"speed_m_s": math.nan},
+    92: {"min_inner_speed_ratio": math.nan},
+    93: {"heading_rad": 4.0},
+    94: {"speed_m_s": 1e3},
+    95: {"min_inner_speed_ratio": -2.0},
+}
+"""Invalid plans by step of the rehearsal, for which a copy must stop."""
+
+Target = Literal["c", "ros", "json"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exchange:
+    """One control period: input of the controller and its response."""
+
+    estimate: HeadingEstimate | None
+    plan: MotionPlan
+    answer: TrackCommand
+
+
+def exported(
+    target: Target, design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange] | None = None
+) -> dict[str, str]:
+    """Return the files of one target: name and text.
+
+    Args:
+        target: Format of the export.
+        design: Controller design.
+        config: Limits, allocation and period.
+        log: Test data of the copy; a rehearsal on the design's own model when left out.
+    """
+    writers: dict[Target, Callable[..., dict[str, str]]] = {"c": c_files, "ros": ros_files, "json": json_files}
+    return writers[target](design, config, rehearsal(design, config) if log is None else log)
+
+
+def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = REHEARSAL_STEPS) -> list[Exchange]:
+    """Return a drive on the design's own model that covers every branch of the controller.
+
+    From 30°, one belt 2 % fast, with noise; missing and non-finite estimates and plans, suspended steering, a new target heading,
+    standing, backing down.
+    """
+    driver, model = HeadingController(design, config), design.model
+    rng = np.random.default_rng(SEED)
+    x = np.linalg.pinv(model.C) @ np.array([math.radians(30.0), 0.0])
+    exchanges = []
+    for k in range(steps):
+        t_s = k * config.period_s
+        y = model.C @ x + np.array([0.002, 0.01]) * rng.standard_normal(2)
+        plan = replace(_rehearsed(k / steps, t_s, config.climb_speed_m_s), **INVALID_PLANS.get(k, {}))
+        estimate = _seen(k, t_s, y)
+        answer = driver.step(estimate, t_s, plan)
+        exchanges.append(Exchange(estimate=estimate, plan=plan, answer=answer))
+        belts = np.array([answer.left_m_s, answer.right_m_s * 1.02])
+        x = model.A @ x + model.B @ (belts - (0.0 if answer.brake else plan.speed_m_s))
+    return exchanges
+
+
+def _rehearsed(share: float, t_s: float, speed_m_s: float) -> MotionPlan:
+    speed = speed_m_s if share < 0.5 else 0.0 if share < 0.55 else 0.5 * speed_m_s if share < 0.7 else -0.75 * speed_m_s
+    error_rad = math.radians(30.0 if share < 0.1 else 5.0)
+    return MotionPlan(
+        t_s=t_s,
+        phase="drive",
+        speed_m_s=speed,
+        turn_m_s=0.0 if 0.25 < share < 0.28 else None,
+        heading_rad=0.1 if 0.3 < share < 0.4 else 0.0,
+        min_inner_speed_ratio=None if share < 0.05 else inner_speed_ratio(error_rad),
+    )
+
+
+def _seen(k: int, t_s: float, y: Float[np.ndarray, " 2"]) -> HeadingEstimate | None:
+    if 60 <= k < 63:
+        return None
+    heading = {80: math.nan, 81: 4.0}.get(k, float(y[0]))
+    return HeadingEstimate(t_s=t_s, heading_rad=heading, heading_rate_rad_s=float(y[1]), sigma_rad=0.002, source="vision")
+
+
+def c_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
+    """Return the controller as C99: source, header, constants, and a test that replays the log."""
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted(SOURCES.glob("heading_*.[ch]"))} | {
+        "heading_numbers.h": _numbers(design, config),
+        "heading_log.h": _log(log),
+    }
+
+
+def _numbers(design: ControllerDesign, config: ControllerConfig) -> str:
+    macros = {
+        "HEADING_STATES": str(design.model.order),
+        "HEADING_PERIOD_S": repr(design.period_s),
+        "HEADING_MAX_SPEED_M_S": repr(config.max_speed_m_s),
+        "HEADING_MAX_MEAN_M_S": repr(BeltLimits(climb_speed_m_s=0.0, max_speed_m_s=config.max_speed_m_s).max_mean_m_s),
+        "HEADING_SLOWEST_CLIMBING": repr(INNER_RATIO_CLIMBING),
+        "HEADING_SLOWEST_BACKING": repr(INNER_RATIO_BACKING),
+        "HEADING_FASTEST_TURN_RAD_S": repr(FASTEST_TURN_RAD_S),
+        "HEADING_DISTURBANCE_LIMIT_M_S": repr(DISTURBANCE_LIMIT),
+        "HEADING_YAW_RATE_SIGMA_RAD_S": repr(YAW_RATE_SIGMA_RAD_S),
+        "HEADING_CLIMB_SAFE": str(int(config.allocation == "climb-safe")),
+        "HEADING_STATIC": str(int(is_static(design, config))),
+        "HEADING_LEARNS": str(int(design.disturbance_gain is not None)),
+    } | {f"HEADING_{name.upper()}": _braces(matrix) for name, matrix in matrices(design, config).items()}
+    lines = [f"#define {name} {value}" for name, value in macros.items()]
+    return _guarded("HEADING_NUMBERS_H", f"The controller of '{design.vehicle}'.", lines)
+
+
+def is_static(design: ControllerDesign, config: ControllerConfig) -> bool:
+    """Whether the state is reconstructed from one output (Eq. 11b) instead of an observer."""
+    return (config.reconstruct or design.reconstruct) == "static"
+
+
+def matrices(design: ControllerDesign, config: ControllerConfig) -> dict[str, Float[np.ndarray, "..."]]:
+    """Return the matrices of the controller under the names of the equations."""
+    model = design.model
+    if is_static(design, config):
+        inverse = static_reconstruction(model.C, model.D, design.K)
+        return {"K": design.K, "inverse": inverse, "output_offset": model.output_offset}
+    found = {
+        "A": model.A,
+        "B": model.B,
+        "C": model.C,
+        "D": model.D,
+        "K": design.K,
+        "output_offset": model.output_offset,
+        "observer_gain": design.observer_gain,
+        "correction": np.linalg.pinv(model.A) @ design.observer_gain,
+        "start": np.linalg.pinv(model.C),
+    }
+    return found if design.disturbance_gain is None else found | {"disturbance_gain": design.disturbance_gain}
+
+
+def _braces(matrix: Float[np.ndarray, "..."]) -> str:
+    """Return an array as a C initialiser; doubles keep all digits."""
+    return repr(matrix.tolist()).replace("[", "{").replace("]", "}")
+
+
+def _log(log: Sequence[Exchange]) -> str:
+    rows = ",\n    ".join(_row(exchange) for exchange in log)
+    return _guarded(
+        "HEADING_LOG_H",
+        "Inputs and responses of treadline's controller.",
+        [
+            f"#define HEADING_TOLERANCE_M_S {TOLERANCE_M_S!r}",
+            f"#define HEADING_LOG_LENGTH {len(log)}",
+            "static const struct {",
+            "    heading_input input; /* has an estimate, steers; heading, rate, speed, target heading, inner speed ratio */",
+            "    heading_command answer;",
+            "} HEADING_LOG[HEADING_LOG_LENGTH] = {",
+            f"    {rows},",
+            "};",
+        ],
+    )
+
+
+def _row(exchange: Exchange) -> str:
+    seen, plan, answer = exchange.estimate, exchange.plan, exchange.answer
+    heading, rate = (0.0, 0.0) if seen is None else (seen.heading_rad, seen.heading_rate_rad_s)
+    steps = ", ".join(_literal(value) for value in (heading, rate, plan.speed_m_s, plan.heading_rad, inner_ratio_of(plan)))
+    outputs = ", ".join(_literal(value) for value in (answer.left_m_s, answer.right_m_s))
+    return f"{{{{{_truth(seen is not None)}, {_truth(plan.turn_m_s is None)}, {steps}}}, {{{outputs}, {_truth(answer.brake)}}}}}"
+
+
+def _literal(value: float) -> str:
+    return repr(float(value)) if math.isfinite(value) else "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "-INFINITY"
+
+
+def _truth(value: bool) -> str:
+    return "true" if value else "false"
+
+
+def _guarded(guard: str, what: str, lines: Iterable[str]) -> str:
+    body = "\n".join(lines)
+    return f"/* {what} Written by `treadline export`; do not edit. */\n#ifndef {guard}\n#define {guard}\n\n{body}\n\n#endif\n"
+
+
+TOPICS = {
+    "heading": "/stair/heading",
+    "imu": "/imu",
+    "tracks": "/tracks/cmd",
+    "tracks_state": "/tracks/state",
+    "diagnostics": "/diagnostics",
+}
+"""Topics of the graph in Fig. 7."""
+
+
+def ros_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
+    """Return a parameter file for the controller's node; ROS parameters are flat lists, so matrices are stored row by row."""
+    del log
+    lines = [
+        f"# The heading controller of '{design.vehicle}'. Written by `treadline export`. Matrices row by row; SI units.",
+        "# ROS 2: --params-file heading_controller.yaml. ROS 1: rosparam load heading_controller.yaml.",
+        "heading_controller:",
+        "  ros__parameters:",
+    ]
+    lines += [f"    {name}: {json.dumps(value)}" for name, value in settings_of(design, config).items()]
+    lines += ["    topics:", *(f"      {name}: {topic}" for name, topic in TOPICS.items())]
+    lines += ["    gains:", f"      states: {design.model.order}"]
+    lines += [f"      {name}: {matrix.ravel().tolist()!r}" for name, matrix in matrices(design, config).items()]
+    return {"heading_controller.yaml": "\n".join(lines) + "\n"}
+
+
+def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
+    """Return design, settings and log in one file."""
+    steps = [
+        {
+            "steers": exchange.plan.turn_m_s is None,
+            "heading_rad": _number(exchange.estimate, "heading_rad"),
+            "heading_rate_rad_s": _number(exchange.estimate, "heading_rate_rad_s"),
+            "speed_m_s": _json_number(exchange.plan.speed_m_s),
+            "target_heading_rad": _json_number(exchange.plan.heading_rad),
+            "min_inner_speed_ratio": _json_number(inner_ratio_of(exchange.plan)),
+            "left_m_s": exchange.answer.left_m_s,
+            "right_m_s": exchange.answer.right_m_s,
+            "brake": exchange.answer.brake,
+        }
+        for exchange in log
+    ]
+    values = {
+        "settings": settings_of(design, config),
+        "matrices": {name: matrix.tolist() for name, matrix in matrices(design, config).items()},
+        "provenance": design.provenance,
+        "self_test": {"tolerance_m_s": TOLERANCE_M_S, "log": steps},
+    }
+    return {"heading_controller.json": json.dumps(values, indent=1, allow_nan=False) + "\n"}
+
+
+def _number(estimate: HeadingEstimate | None, name: str) -> float | None:
+    return None if estimate is None else _json_number(float(getattr(estimate, name)))
+
+
+def _json_number(value: float) -> float | None:
+    """Return a JSON value: None for NaN and Inf, which stop the chair like a missing estimate."""
+    return value if math.isfinite(value) else None
+
+
+def settings_of(design: ControllerDesign, config: ControllerConfig) -> dict[str, Any]:
+    """Return the settings of the controller."""
+    limits = BeltLimits(climb_speed_m_s=config.climb_speed_m_s, max_speed_m_s=config.max_speed_m_s)
+    return {
+        "vehicle": design.vehicle,
+        **asdict(config),
+        "reconstruct": "static" if is_static(design, config) else "observer",
+        "max_mean_m_s": limits.max_mean_m_s,
+        "slowest_climbing": INNER_RATIO_CLIMBING,
+        "slowest_backing": INNER_RATIO_BACKING,
+        "fastest_turn_rad_s": FASTEST_TURN_RAD_S,
+        "disturbance_limit_m_s": DISTURBANCE_LIMIT,
+        "yaw_rate_sigma_rad_s": YAW_RATE_SIGMA_RAD_S,
+        "belt_difference": BELT_DIFFERENCE.tolist(),
+    }

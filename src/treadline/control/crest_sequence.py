@@ -1,0 +1,227 @@
+"""Crossing the crest with a flipper: the flipper reaches the landing first and lowers the chair onto it.
+
+Paper: Section II.A, Fig. 3(b) ("variable angle of attack"); the sequence is our own, see docs/decisions/0013-flipper.md.
+``ImuSample, FlipperReading, TrackReading -> CrestCommand``.
+
+Without a flipper a chair whose centre of mass passes the last nosing falls onto its front. With a flipper there are five
+stages: climb; slow down and align the flipper with the belts; stand still and reach down until the tip carries load; drive
+on with the flipper holding until the centre of mass has passed; lower the pitch. The tip load is measured by motor torque,
+and by the pitch when the flipper lifts the chair.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from treadline.control.flipper_geometry import LIFTED_RAD, OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N
+from treadline.control.sequencer import PitchCommand, Sequencer
+from treadline.core.angles import DEG
+from treadline.core.signals import FlipperReading
+from treadline.vehicle.loading import Loading, plumb
+
+Stage = Literal["climb", "slow", "reach", "carry", "lead", "land", "done", "barred"]
+
+LATER_M = 0.03
+"""Distance of the centre of mass past the nosing before the pitch is lowered, and the increment per retry [m]."""
+NEAR_M = 0.06
+"""Distance of the centre of mass before the nosing at which the chair waits while the tip is unloaded [m]."""
+PROPPED_RAD = 4.0 * DEG
+"""Pitch above the start of reaching at which the flipper is lifting the chair and does not stand on the landing [rad]."""
+EARLY_RAD, EARLY_M = 12.0 * DEG, 0.05
+"""Angle above the expected landing at which the tip stands on the nosing instead [rad], and the nosing's distance ahead of the
+front pulley in that case [m]; slipping belts overestimate the progress."""
+CARRIED_M = 1.2
+"""Belt travel with the tip loaded above which the belts are slipping [m]; 0.8 m suffice with all errors combined."""
+NOT_FOLLOWED_RAD = 0.4 * DEG
+"""Pitch lag behind the reference with an unloaded tip [rad]. The load alone is not sufficient: a tip pushed forward over ground
+with high friction is supported by friction, with almost no motor torque (36 to 45° below horizontal, friction 0.7 to 1)."""
+LAGS_RAD, WAITS_RAD_S = 0.25 * DEG, 3.0 * DEG
+"""Pitch lag [rad] above which a chair that does not lean on the tip is lowered slowly, and that rate [rad/s]: it would fall after
+a faster flipper and land on it with 2.6 to 2.8 m/s² at the passenger."""
+LIES_S = 1.0
+"""Time nearly horizontal with an unloaded tip after which the belts lie on the landing [s], despite the error of gravity."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CrestConfig(Loading):
+    """Chair, assumed load and speeds of the crest sequence."""
+
+    cruise_m_s: float = 0.2
+    crest_m_s: float = 0.1
+    lead_m_s: float = 0.03
+    """Speed while the pitch is lowered [m/s]: the further the chair moves, the more load the flipper carries."""
+    slow_within_m: float = 0.5
+    """Distance of the centre of mass before the nosing at which the chair slows down [m]."""
+    reach_from_m: float = 0.08
+    """Distance of the front pulley past the nosing at which the flipper reaches down [m], before the chair can tip from a high
+    nosing behind it onto the last: 0.16 m at the earliest. A tip that reaches down 15 cm too early stands on the nosing and
+    retries."""
+    reach_rad_s: float = 16.0 * DEG
+    meet_rad_s: float = 8.0 * DEG
+    """Flipper rate at the expected contact with the landing [rad/s]: 16 °/s caused 3 m/s² under a light chair."""
+    lead_rad_s: float = 10.0 * DEG
+    slide_m_s: float = 0.06
+    """Sliding speed of the tip over the landing while the chair is lowered [m/s]. A tip reaching far down onto ground with high
+    friction (36° and friction 1) sticks and springs free: at 0.13 m/s with 19 °/s and 4 m/s² at the seat."""
+    lead_rad_s2: float = 30.0 * DEG
+    """Angular acceleration of the reference at the start [rad/s²]: 0.3 m/s² at the passenger, half a metre from the nosing."""
+    soften_per_s: float = 2.5
+    """Rate of the reference per remaining angle [1/s]: slower over the last 4°."""
+    touch_rad_s: float = 4.0 * DEG
+    """Rate at which the belts touch the landing [rad/s]: 5 cm/s at the seat."""
+    press_n: float = 130.0
+    """Tip load maintained while the chair drives on [N]."""
+    press_rad_s_n: float = 0.1 * DEG
+    """Flipper rate per missing load [rad/s/N]."""
+    trim_per_s: float = 2.0
+    """Flipper rate per pitch lag behind the reference [1/s]."""
+    behind_rad: float = 2.0 * DEG
+    """Largest lead of the reference over the pitch [rad]."""
+    level_rad: float = 0.7 * DEG
+    patience_s: float = 8.0
+    """Time to wait for a loaded tip [s]; a dead motor or a missing landing exceeds it."""
+    stow_rad_s: float = 12.0 * DEG
+
+
+CrestCommand = PitchCommand[Stage]
+"""Belt speed and flipper rate commanded by the crest sequence."""
+
+
+class Crest(Sequencer[Stage]):
+    """State machine for one crossing of the crest.
+
+    Args:
+        config: Chair, load and speeds.
+        nosing_ahead_m: Distance of the last nosing ahead of mid-track along the belts, at the first step; from the stair map.
+    """
+
+    UNTOUCHED = frozenset({"climb", "slow"})
+
+    def __init__(self, config: CrestConfig, nosing_ahead_m: float) -> None:
+        super().__init__(config, "climb", nosing_ahead_m)
+        self._config = config
+        self._press_n = min(config.press_n, PRESS_SHARE * config.weight_n)
+        self._waited_s = self._reached_rad = 0.0
+        self._carried_m = 0.0
+        """Belt travel while the tip was to carry load [m]."""
+        self._tries = 0
+        """Number of attempts in which the tip stood on the nosing instead of the landing."""
+        self._lead_from_m = LATER_M
+
+    def nosing_seen(self, ahead_m: float) -> None:
+        """Update the position of the last nosing, as long as no contact has measured it."""
+        if self._tries == 0:
+            self._see(ahead_m)
+
+    def _sequence(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
+        config = self._config
+        waits = self._stage in ("reach", "carry") and self._tip.load_n < UNLOADED_N and pitch > SMALL_RAD
+        self._waited_s = self._waited_s + dt_s if waits else 0.0
+        beyond = self._com_beyond(pitch)
+        match self._stage:
+            case "reach" | "carry" if cause := self._gets_no_further(pitch):
+                self._stage, self._cause = "barred", cause
+            case "climb" if beyond > -config.slow_within_m or self._past_m > -self._geometry.length_m:
+                self._stage = "slow"
+            case "slow" if self._past_m > config.reach_from_m:
+                self._stage, self._reached_rad = "reach", pitch
+            case "reach" if self._tip.carries or self._is_lifted(pitch):
+                self._meet(pitch, flipper)
+            case "carry" if self._tip.carries and beyond > self._lead_from_m:
+                self._stage = "lead"
+                self._lead_from(pitch)
+            case "lead" if self._tip.load_n < UNLOADED_N and pitch > max(SMALL_RAD, self._lead_rad + NOT_FOLLOWED_RAD):
+                # The chair has not followed: its centre of mass is further back than assumed. Reach for the landing again.
+                self._stage = "carry"
+                self._lead_from_m = beyond + LATER_M
+            case "carry" | "lead" if pitch < config.level_rad:
+                self._stage = "land"
+            case "lead" if pitch < SMALL_RAD and self._tip.unloaded_s > LIES_S:
+                self._stage = "land"
+            case "land" if self._ahead_m < -self._geometry.pivot_m:
+                self._stage = "done"
+            case _:
+                pass
+
+    def _gets_no_further(self, pitch: float) -> str:
+        """Return the reason why the crossing cannot succeed by current measurements, or an empty string."""
+        config = self._config
+        if self._waited_s > config.patience_s:
+            return f"nothing carried the flipper in {config.patience_s:.0f} s: its motor is dead, or the landing is not there"
+        if (lifted := pitch - self._reached_rad) > PROPPED_RAD:
+            return f"the flipper lifted the chair by {lifted / DEG:.1f}°, and stands on something else than the landing"
+        if self._carried_m > CARRIED_M:
+            return f"the belts ran {self._carried_m:.1f} m under a chair that stays: they slip on the last nosing"
+        return ""
+
+    def _meet(self, pitch: float, flipper: FlipperReading) -> None:
+        """Classify the contact of the tip by its position: landing or nosing."""
+        if self._to_go(pitch, flipper) <= EARLY_RAD:
+            self._stage = "carry"
+            self._ahead_m = self._by_the_flipper(pitch, flipper)
+            return
+        self._stage = "slow" if self._may_go_on else "barred"
+        self._tries += 1
+        self._ahead_m = self._geometry.pivot_m + EARLY_M
+        self._cause = f"the flipper stood on the last nosing, try {self._tries}: the belts slip, or its position was wrong"
+
+    @property
+    def _may_go_on(self) -> bool:
+        """Whether another attempt leaves the centre of mass behind the nosing, even if its first position was correct."""
+        goes_m = self._config.reach_from_m + (self._tries + 1) * (EARLY_M + self._config.reach_from_m)
+        return plumb(self._loading, self._reached_rad) < self._geometry.pivot_m - goes_m
+
+    def _act(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
+        config = self._config
+        match self._stage:
+            case "climb":
+                return config.cruise_m_s, 0.0
+            case "slow":
+                return config.crest_m_s, self._towards(OVER_BELTS_RAD, flipper)
+            case "reach":
+                return 0.0, self._reach(pitch, flipper)
+            case "carry":
+                return self._carry(pitch, flipper, speed, dt_s)
+            case "barred":
+                return 0.0, 0.0
+            case "lead":
+                return config.lead_m_s, self._lead(pitch, flipper, speed, dt_s)
+            case _:
+                return config.crest_m_s, min(self._towards(self._rest_rad, flipper), config.stow_rad_s)
+
+    def _reach(self, pitch: float, flipper: FlipperReading) -> float:
+        config = self._config
+        return -min(max(config.soften_per_s * self._to_go(pitch, flipper), config.meet_rad_s), config.reach_rad_s)
+
+    def _to_go(self, pitch: float, flipper: FlipperReading) -> float:
+        """Return the flipper's angle above the expected contact of its tip with the landing."""
+        return flipper.angle_rad + pitch + self._geometry.depression(pitch, self._past_m)
+
+    def _is_lifted(self, pitch: float) -> bool:
+        """Return whether the flipper has pitched the chair up: a light chair is lifted before the tip carries the nominal load."""
+        return pitch > self._reached_rad + LIFTED_RAD
+
+    def _carry(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
+        self._refine(pitch, flipper, dt_s)
+        self._carried_m += abs(speed) * dt_s
+        config = self._config
+        _, per_metre = self._geometry.rates(pitch, self._past_m)
+        missing = 0.0 if self._is_lifted(pitch) else max(self._press_n - self._tip.load_n, 0.0)
+        rate = (per_metre * speed if missing > 0.0 else 0.0) - config.press_rad_s_n * missing
+        waits = self._tip.load_n < UNLOADED_N and self._com_beyond(pitch) > -NEAR_M
+        return (0.0 if waits else config.crest_m_s), rate
+
+    def _lead(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
+        config = self._config
+        self._refine(pitch, flipper, dt_s)
+        softly = max(config.soften_per_s * pitch, config.touch_rad_s)
+        slides_m = max(self._geometry.slide(max(pitch, 0.0), self._past_m), self._geometry.radius_m)  # avoids division by zero
+        smoothly = config.slide_m_s / slides_m
+        lags = self._tip.load_n < UNLOADED_N and pitch > self._lead_rad + LAGS_RAD
+        fastest = WAITS_RAD_S if lags else config.lead_rad_s
+        self._lead_rad_s = min(self._lead_rad_s + config.lead_rad_s2 * dt_s, fastest, softly, smoothly)
+        self._lead_rad = max(self._lead_rad - self._lead_rad_s * dt_s, pitch - config.behind_rad)
+        per_pitch, per_metre = self._geometry.rates(pitch, self._past_m)
+        trim = config.trim_per_s * (self._lead_rad - pitch)
+        if self._tip.load_n < UNLOADED_N:
+            trim = max(trim, 0.0)  # the flipper must not move away from a chair that does not follow
+        return per_pitch * (trim - self._lead_rad_s) + per_metre * speed

@@ -1,0 +1,144 @@
+"""Flipper geometry on landing and last nosing, and the load on its tip.
+
+Shared by ``control/crest_sequence.py`` and ``control/edge_sequence.py``. ``ImuSample, FlipperReading -> load on the tip``.
+"""
+
+import math
+from dataclasses import dataclass
+
+from treadline.core.angles import DEG
+from treadline.core.errors import MechanicsError
+from treadline.core.signals import FlipperReading
+from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Flipper
+from treadline.vehicle.loading import Loading
+
+CARRIES_N = 80.0
+"""Load above which the tip counts as standing [N]: five times the uncertainty from torque noise and flipper weight."""
+CARRIES_SHARE, PRESS_SHARE = 0.2, 0.3
+"""Tip loads as a share of the chair's weight, if smaller than the absolute loads: a light chair would lift off its last nosing."""
+CARRIES_S = 0.1
+"""Duration above that load before the tip counts as standing [s]; longer than a rotor stop."""
+LIFTED_RAD = 1.0 * DEG
+"""Pitch by which the flipper has lifted the chair [rad]; the tip then carries at any load."""
+UNLOADED_N = 30.0
+TIP_S = 0.05
+"""Time constant of the tip load filter [s]."""
+FLIPPER_RAD_S2 = 120.0 * DEG
+"""Angular acceleration limit of the flipper [rad/s²]: keeps the rotor's inertia torque below 2 N·m."""
+FLIPPER_PER_S = 2.0
+"""Flipper rate per remaining angle [1/s]."""
+OVER_BELTS_RAD = 2.0 * DEG
+"""Waiting angle slightly above the belts [rad]: in line with them the flipper would carry load and impede turning."""
+SMALL_RAD = 8.0 * DEG
+"""Pitch below which the flipper's angle no longer determines the distance of the pivot [rad]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlipperGeometry:
+    """Planar geometry of chair, flipper and landing: belts on the last nosing, tip on the landing."""
+
+    pivot_m: float
+    """Distance of the front pulley's axis ahead of mid-track [m]."""
+    radius_m: float
+    length_m: float
+
+    def depression(self, pitch_rad: float, past_m: float) -> float:
+        """Return the flipper's angle below horizontal with its tip on the landing [rad].
+
+        Args:
+            pitch_rad: Chair pitch.
+            past_m: Distance of the pivot beyond the nosing, along the belts.
+        """
+        drop = past_m * math.sin(pitch_rad) - self.radius_m * (1.0 - math.cos(pitch_rad))
+        return math.asin(min(max(drop / self.length_m, -0.99), 0.99))
+
+    def past(self, pitch_rad: float, angle_rad: float) -> float:
+        """Return the distance of the pivot beyond the nosing for a flipper angle [m], tip on the landing.
+
+        Inverse of ``depression``; meaningful only above ``SMALL_RAD`` of pitch, because horizontal belts do not determine the
+        position of the nosing.
+        """
+        drop = self.length_m * math.sin(-(angle_rad + pitch_rad))
+        return (drop + self.radius_m * (1.0 - math.cos(pitch_rad))) / math.sin(pitch_rad)
+
+    def rates(self, pitch_rad: float, past_m: float) -> tuple[float, float]:
+        """Return the change of flipper angle per pitch, and per metre past the nosing [rad/m], tip on the landing."""
+        level = self.length_m * math.cos(self.depression(pitch_rad, past_m))
+        per_pitch = (past_m * math.cos(pitch_rad) - self.radius_m * math.sin(pitch_rad)) / level
+        return -(1.0 + per_pitch), -math.sin(pitch_rad) / level
+
+    def reach(self, pitch_rad: float, past_m: float) -> float:
+        """Return the horizontal distance of the tip ahead of the nosing [m]."""
+        level = self.length_m * math.cos(self.depression(pitch_rad, past_m))
+        return past_m * math.cos(pitch_rad) - self.radius_m * math.sin(pitch_rad) + level
+
+    def slide(self, pitch_rad: float, past_m: float) -> float:
+        """Return the sliding distance of the tip over the landing per pitch reduction [m/rad]: ``-d reach / d pitch``."""
+        c, s = math.cos(pitch_rad), math.sin(pitch_rad)
+        sinks_m = past_m * c - self.radius_m * s
+        return past_m * s + self.radius_m * c + math.tan(self.depression(pitch_rad, past_m)) * sinks_m
+
+
+class Tip:
+    """Filtered load on the flipper's tip, and its durations above and below the thresholds."""
+
+    def __init__(self, loading: Loading) -> None:
+        self._flipper = flipper_of(loading.chair)
+        self._flipper_m = loading.chair.tracks.approach_m
+        self._carries_n = min(CARRIES_N, CARRIES_SHARE * loading.weight_n)
+        self._carried_s = 0.0
+        self.load_n = 0.0
+        self.unloaded_s = 0.0
+
+    @property
+    def carries(self) -> bool:
+        """Whether the tip stands on a surface."""
+        return self._carried_s > CARRIES_S
+
+    def step(self, pitch_rad: float, flipper: FlipperReading, dt_s: float) -> None:
+        """Take the reading of one tick."""
+        self.load_n += (self._load(pitch_rad, flipper) - self.load_n) * (1.0 - math.exp(-dt_s / TIP_S))
+        self._carried_s = self._carried_s + dt_s if self.load_n > self._carries_n else 0.0
+        self.unloaded_s = self.unloaded_s + dt_s if self.load_n < UNLOADED_N else 0.0
+
+    def _load(self, pitch_rad: float, flipper: FlipperReading) -> float:
+        """Return the tip load from the motor torque: the torque that supports the flipper minus its weight."""
+        lever = self._flipper_m * math.cos(flipper.angle_rad + pitch_rad)
+        if lever < 0.3 * self._flipper_m:
+            return 0.0
+        return 0.5 * self._flipper.mass_kg * GRAVITY_M_S2 - flipper.torque_n_m / lever
+
+
+class FlipperRate:
+    """Limiter of the flipper's rate and acceleration."""
+
+    def __init__(self, flipper: Flipper) -> None:
+        self._limit_rad_s = flipper.max_rate_deg_s * DEG
+        self._rate_rad_s = 0.0
+
+    def step(self, wanted_rad_s: float, dt_s: float) -> float:
+        """Return the achievable rate closest to the wanted rate."""
+        change = FLIPPER_RAD_S2 * dt_s
+        rate = min(max(wanted_rad_s, self._rate_rad_s - change), self._rate_rad_s + change)
+        self._rate_rad_s = min(max(rate, -self._limit_rad_s), self._limit_rad_s)
+        return self._rate_rad_s
+
+
+def geometry_of(chair: ChairDescription) -> FlipperGeometry:
+    """Return the planar flipper geometry of a chair."""
+    tracks = chair.tracks
+    return FlipperGeometry(pivot_m=0.5 * tracks.flat_run_m, radius_m=tracks.pulley_radius_m, length_m=tracks.approach_m)
+
+
+def flipper_of(chair: ChairDescription) -> Flipper:
+    """Return the chair's flipper.
+
+    Raises:
+        MechanicsError: If it has none.
+    """
+    if chair.flipper is None:
+        raise MechanicsError(
+            f"chair {chair.name!r} has no driven flipper, and falls over a crest at 120 degrees a second; "
+            "use wheelchair, or end the run before the last nosing"
+        )
+    return chair.flipper

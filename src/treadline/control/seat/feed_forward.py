@@ -1,0 +1,94 @@
+"""Feed-forward from the chassis pitch rate to the seat actuator, compensating the actuator lag.
+
+``ImuSample, SeatReading, SeatCommand -> SeatCommand``, added to the leveller's rate. A feedback loop alone reacts to an error;
+over a crest the chassis turns 10° in a second, and a gain of 2/s would leave the seat 5° behind.
+"""
+
+import math
+from collections import deque
+
+from treadline.control.seat.leveller import Leveller, LevellerConfig
+from treadline.core.angles import DEG
+from treadline.core.signals import ImuSample, SeatCommand, SeatReading
+from treadline.scenario.chair import Seat
+from treadline.vehicle.linkage import SeatLinkage
+
+QUIET_RAD_S, QUIET_S = 1.0 * DEG, 0.3
+"""Mean pitch rate below which the feed-forward is off [rad/s], and its averaging time [s]; chairs rock at 3 to 4 Hz on nosings."""
+ROCKS_S, ROCKS_RAD = 0.8, 1.5 * DEG
+"""Window [s] and amplitude [rad] of rocking: two periods at 2.5 Hz; a chair that pitches this far up and down within them rocks."""
+FRESH_S = 0.05
+ROUNDING_S = 1e-6
+SMOOTHING_S = 0.03
+"""Time constant of the low-pass [s] that bounds the lead 1 + lag·s and its amplification of gyro noise."""
+
+
+class PitchFeedForward:
+    """Lead filter (1 + lag·s)/(1 + smoothing·s) from pitch rate to stroke rate."""
+
+    def __init__(self, seat: Seat) -> None:
+        self._seat = seat
+        self._linkage = SeatLinkage(seat)
+        self._smooth_rad_s = 0.0
+        self._t_s: float | None = None
+
+    def step(self, imu: ImuSample, seat: SeatReading, levelling: SeatCommand) -> SeatCommand:
+        """Return the leveller's rate plus the rate that keeps a level seat level."""
+        pitch_rate = -float(imu.angular_velocity_rad_s[1])
+        dt_s = 0.0 if self._t_s is None else max(imu.t_s - self._t_s, 0.0)
+        self._t_s = imu.t_s
+        self._smooth_rad_s += (pitch_rate - self._smooth_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHING_S))
+        lead = self._smooth_rad_s + (self._seat.lag_s / SMOOTHING_S) * (pitch_rate - self._smooth_rad_s)
+        low, high = self._linkage.stroke_range
+        stroke = min(max(seat.stroke_m, low), high)
+        limit = self._seat.max_rate_m_s
+        rate = levelling.rate_m_s + lead / self._linkage.rate_ratio(stroke)
+        if (stroke >= high and rate > 0.0) or (stroke <= low and rate < 0.0):
+            rate = 0.0
+        return SeatCommand(t_s=imu.t_s, rate_m_s=min(max(rate, -limit), limit))
+
+
+class _Turned:
+    """Integrated upward and downward pitch within a window, from rates."""
+
+    def __init__(self, window_s: float) -> None:
+        self._window_s = window_s
+        self._sums: deque[tuple[float, float, float]] = deque()
+
+    def step(self, t_s: float, rate_rad_s: float) -> tuple[float, float]:
+        """Take one rate; return both angles, neither negative [rad]."""
+        before_s, up, down = self._sums[-1] if self._sums else (t_s, 0.0, 0.0)
+        turned = rate_rad_s * min(max(t_s - before_s, 0.0), FRESH_S)
+        self._sums.append((t_s, up + max(turned, 0.0), down + max(-turned, 0.0)))
+        while t_s - self._sums[0][0] > self._window_s + ROUNDING_S:
+            self._sums.popleft()
+        (_, up_0, down_0), (_, up_1, down_1) = self._sums[0], self._sums[-1]
+        return up_1 - up_0, down_1 - down_0
+
+
+class PitchLeveller:
+    """Seat leveller with feed-forward for a pitching chassis.
+
+    The feed-forward is off below ``QUIET_RAD_S`` of mean pitch rate and while the chair rocks: a seat that follows rocking with the
+    lag of its actuator would excite it.
+    """
+
+    def __init__(self, config: LevellerConfig) -> None:
+        self._leveller = Leveller(config)
+        self._feed_forward = PitchFeedForward(config.seat)
+        self._lately, self._longer = _Turned(QUIET_S), _Turned(ROCKS_S)
+
+    def step(self, reading: SeatReading, imu: ImuSample | None) -> SeatCommand:
+        """Return the command for one reading; without a fresh IMU sample only the feedback loop acts."""
+        levelling = self._leveller.step(reading)
+        if imu is None or abs(imu.t_s - reading.t_s) > FRESH_S or not math.isfinite(float(imu.angular_velocity_rad_s[1])):
+            return levelling
+        led = self._feed_forward.step(imu, reading, levelling)
+        return led if self._manoeuvres(imu) else levelling
+
+    def _manoeuvres(self, imu: ImuSample) -> bool:
+        """Whether the chair pitches in one direction instead of rocking."""
+        rate_rad_s = float(imu.angular_velocity_rad_s[1])
+        up_lately, down_lately = self._lately.step(imu.t_s, rate_rad_s)
+        rocked = min(self._longer.step(imu.t_s, rate_rad_s))
+        return abs(up_lately - down_lately) > QUIET_RAD_S * QUIET_S and rocked < ROCKS_RAD

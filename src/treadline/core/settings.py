@@ -1,0 +1,229 @@
+"""Strict settings from TOML: unknown keys, wrong types and out-of-range values are errors with file, line, key and remedy.
+
+Values are not coerced: ``"0.16"`` is text, ``true`` is not 1 and 20.0 is not an integer. Exceptions: an integer is accepted as a
+real number, and a TOML list as a tuple.
+"""
+
+import difflib
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from treadline.core.errors import SettingsError
+
+
+class Settings(BaseModel):
+    """Base of every settings model: frozen, strict, no unknown keys, no NaN or Inf."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+
+    renamed: ClassVar[Mapping[str, str]] = {}
+    """Keys of the previous release and their present names; both are accepted for one release."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _lists_are_tuples(cls, tables: object) -> object:
+        if not isinstance(tables, Mapping):
+            return tables
+        present = {old: new for old, new in cls.renamed.items() if new not in tables}
+        return {present.get(key, key): _as_tuple(value) for key, value in tables.items()}
+
+
+S = TypeVar("S", bound=Settings)
+Place = tuple[int | str, ...]
+"""Path from the root of a file to a value: keys and list indices."""
+JsonSchema = dict[str, Any]
+
+ONE_OF = {"number": "a number", "integer": "a whole number", "boolean": "true or false", "string": "text"}
+"""Names of scalar types in error messages."""
+MANY_OF = {"number": "numbers", "integer": "whole numbers"}
+"""Names of list item types in error messages."""
+COUNTS = ("no", "one", "two", "three", "four")
+"""Numerals of tuple lengths in error messages."""
+LONGEST_SHOWN = 60
+"""Largest number of characters of a wrong value repeated in an error message."""
+_TABLE = re.compile(r"\s*(\[{1,2})\s*([\w.-]+)\s*\]{1,2}\s*(#.*)?$")
+_KEY = re.compile(r"\s*([\w-]+(?:\.[\w-]+)*)\s*=")
+
+
+def read_toml(path: Path, model: type[S]) -> S:
+    """Return the checked settings in a TOML file.
+
+    Raises:
+        SettingsError: If the file cannot be read or is invalid; one line with file, line, key and value.
+    """
+    return settings_of(parse_toml(path), model, where=str(path), file=path)
+
+
+def parse_toml(path: Path) -> dict[str, object]:
+    """Return the tables of a TOML file.
+
+    Raises:
+        SettingsError: If the file is missing, a folder, not UTF-8 or not TOML.
+    """
+    text = text_of(path, "a settings file")
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        # ValueError: base class of tomllib's error, and Python's own for an integer of thousands of digits.
+        raise SettingsError(f"{path}: not TOML: {error}") from None
+
+
+def text_of(path: Path, kind: str) -> str:
+    """Return the text of a file.
+
+    Args:
+        kind: Expected kind of file, for the error message.
+
+    Raises:
+        SettingsError: If the file is missing, a folder or not UTF-8.
+    """
+    try:
+        return path.read_bytes().decode("utf-8-sig")  # some editors write a byte order mark
+    except FileNotFoundError:
+        raise SettingsError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise SettingsError(f"{path}: is a folder, not {kind}") from None
+    except UnicodeDecodeError as error:
+        raise SettingsError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
+    except OSError as error:
+        raise SettingsError(f"{path}: {error.strerror}") from None
+
+
+def settings_of(tables: Mapping[str, object], model: type[S], *, where: str, file: Path | None = None) -> S:
+    """Return checked settings from parsed tables.
+
+    Args:
+        file: Source file of the unmodified tables; adds the line number to error messages.
+
+    Raises:
+        SettingsError: With ``where``, the key, its value and the allowed values.
+    """
+    try:
+        return model.model_validate(tables)
+    except ValidationError as error:
+        line = None if file is None else line_of(text_of(file, "a settings file"), _place(error.errors(include_url=False)[0]))
+        raise SettingsError(f"{where}{'' if line is None else f':{line}'}: {_first_problem(error, model)}") from None
+
+
+def line_of(text: str, place: Place) -> int | None:
+    """Return the line of a value in a TOML text, or of its table's header; None if the location is ambiguous."""
+    here: Place = ()
+    begun: Counter[str] = Counter()
+    table_line = None
+    for number, line in enumerate(text.splitlines(), start=1):
+        if (table := _TABLE.match(line)) is not None:
+            here = tuple(table[2].split("."))
+            if table[1] == "[[":
+                here = (*here, begun[table[2]])
+                begun[table[2]] += 1
+            table_line = number if here == place[: len(here)] or here[: len(place)] == place else table_line
+        elif (key := _KEY.match(line)) is not None:
+            path = (*here, *key[1].split("."))
+            if path == place[: len(path)]:
+                return number
+    return table_line
+
+
+def allowed_at(model: type[Settings], place: Place) -> str:
+    """Return the allowed values of a key in words: ``a number from 0.05 to 0.3``."""
+    return _wanted(_schema_at(model, place), ".".join(str(part) for part in place))
+
+
+def _as_tuple(value: object) -> object:
+    return tuple(_as_tuple(item) for item in value) if isinstance(value, list) else value
+
+
+def _first_problem(error: ValidationError, model: type[Settings]) -> str:
+    """Return the first error with its key, and the number of further errors."""
+    problems = error.errors(include_url=False)
+    first, place = problems[0], _place(problems[0])
+    others = {_place(problem) for problem in problems} - {place}
+    key = ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in place)
+    message = _what_is_wrong(first, key, model)
+    more = f" (and {len(others)} more)" if others else ""
+    return f"{key}: {message}{more}" if key else f"{message}{more}"
+
+
+def _place(problem: ErrorDetails) -> Place:
+    """Return where the value to correct stands: of a list that is too short, the list."""
+    place = problem["loc"]
+    return place[:-1] if problem["type"] == "missing" and isinstance(place[-1], int) else place
+
+
+def _what_is_wrong(problem: ErrorDetails, key: str, model: type[Settings]) -> str:
+    if problem["type"] == "value_error":
+        return problem["msg"].removeprefix("Value error, ")
+    if problem["type"] == "extra_forbidden":
+        return f"unknown key; {_instead(str(problem['loc'][-1]), list(_schema_at(model, problem['loc'][:-1])['properties']))}"
+    place = _place(problem)
+    wanted = _wanted(_schema_at(model, place), key)
+    if problem["type"] == "missing" and place == problem["loc"]:
+        return f"missing; give {wanted}"
+    return f"must be {wanted} (got {_shown(problem['input'])})"
+
+
+def _instead(key: str, known: list[str]) -> str:
+    """Return a suggestion for an unknown key, or the list of known keys: ``rise`` means rise_m."""
+    meant = [name for name in known if name.startswith(f"{key}_")][:1] or difflib.get_close_matches(key, known, 1)
+    return f"did you mean {meant[0]}?" if meant else f"known here: {', '.join(known)}"
+
+
+def _schema_at(model: type[Settings], place: Place) -> JsonSchema:
+    """Return the JSON schema of the value at a path."""
+    root = model.model_json_schema()
+    here: JsonSchema = root
+    for part in place:
+        if isinstance(part, str):
+            here = here["properties"][part]
+        else:
+            here = here["prefixItems"][part] if "prefixItems" in here else here["items"]
+        # An optional value is "anyOf": itself, or null; a table is a reference to its definition.
+        here = here.get("anyOf", [here])[0]
+        if "$ref" in here:
+            here = root["$defs"][here["$ref"].rpartition("/")[2]]
+    return here
+
+
+def _wanted(schema: JsonSchema, key: str) -> str:
+    """Return the allowed values of a schema in words: ``a number from 0.05 to 0.3``."""
+    if "enum" in schema:
+        *rest, last = (_shown(choice) for choice in schema["enum"])
+        return f"{', '.join(rest)} or {last}"
+    kind = schema["type"]
+    if kind == "object":
+        return "a table" if key[-1:].isdigit() else f"a table, [{key}]"
+    if kind != "array":
+        return ONE_OF[kind] + _range(schema)
+    items = schema.get("prefixItems", [schema.get("items")])
+    if "$ref" in items[0]:
+        return f"a list of tables, [[{key}]]"
+    count = COUNTS[len(items)] if "prefixItems" in schema else "a list of"
+    return f"{count} {MANY_OF[items[0]['type']]}{_range(items[0])}"
+
+
+def _range(schema: JsonSchema) -> str:
+    if "minimum" in schema and "maximum" in schema:
+        return f" from {schema['minimum']:g} to {schema['maximum']:g}"
+    signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+    bounds = [f"{sign} {schema[name]:g}" for name, sign in signs.items() if name in schema]
+    return f" {' and '.join(bounds)}" if bounds else ""
+
+
+def _shown(value: object) -> str:
+    """Return a value in TOML notation, on one line and truncated."""
+    if isinstance(value, bool):
+        text = str(value).lower()
+    elif isinstance(value, tuple):
+        text = f"[{', '.join(_shown(item) for item in value)}]"
+    elif isinstance(value, dict):
+        text = "a table"
+    else:
+        text = repr(value) if isinstance(value, str | int | float) else str(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}…"

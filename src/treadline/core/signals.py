@@ -1,0 +1,400 @@
+"""Signals exchanged between blocks at each tick.
+
+All are frozen dataclasses in SI units, with the unit in the name. ``t_s`` is the mission-clock time of a measurement (sensors) or
+of a computation (commands). A missing measurement is ``None``, never NaN or zero.
+
+Frames (see docs/frames.md): W world, z up, x up the flight, origin on the floor below the first nosing, mid-width; S stair, x up
+the flight in the plane of the nosings, y left along the nosings, z normal to the plane, origin on the first nosing; B chair, x
+forward, y left, z up, origin mid-track on the lower line of the belts; C camera, x right, y down, z forward.
+
+Heading: rotation of the chair about the normal of the nosing plane, zero when square to the nosings and facing up the flight,
+positive anticlockwise seen from above.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from numbers import Real
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from treadline.core import paper
+from treadline.core.angles import rotation_x, rotation_y, rotation_z, tilt_of
+from treadline.core.arrays import shaped
+
+TICK_S = 1.0 / paper.IMU_RATE_HZ
+"""Base period of mission and plant [s]: the sample period of the IMU."""
+PERIOD_ROUNDING_S = 1e-9
+"""Largest difference between two equal periods after rounding [s]."""
+
+CAMERA_AXES_IN_CHAIR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Rotation of C in B for a camera facing straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""
+CAMERA_AXES_IN_CHAIR.setflags(write=False)
+
+IMU_ARRAYS = ("orientation", "angular_velocity_rad_s", "linear_acceleration_m_s2")
+"""Names of the array fields of ``ImuSample``."""
+IMU_SHAPES = ((4,), (3,), (3,))
+"""Shapes of the array fields of ``ImuSample``: a quaternion and two vectors."""
+
+
+def on_the_tick(period_s: float) -> bool:
+    """Return whether a period is an integer multiple of the tick."""
+    return (
+        isinstance(period_s, Real)
+        and 0.5 * TICK_S < period_s < math.inf
+        and abs(round(period_s / TICK_S) * TICK_S - period_s) <= PERIOD_ROUNDING_S
+    )
+
+
+DepthSensor = Literal["auto", "kinect1", "kinect2", "d435", "d455", "tof"]
+"""Kind of a depth sensor: structured light (kinect1, also Xtion and Astra), time of flight (kinect2, or tof for others), active
+stereo (d435, d455), or unknown (auto)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PinholeCamera:
+    """Calibration of a pinhole camera and its mount on the chair. Pixel centres have integer coordinates."""
+
+    width_px: int
+    height_px: int
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    mount_pitch_rad: float = 0.0
+    """Pitch of the mount [rad], positive downwards from the chair's forward axis."""
+    mount_roll_rad: float = 0.0
+    """Roll of the mount about the optical axis [rad]."""
+    mount_yaw_rad: float = 0.0
+    """Yaw of the mount [rad]. The rotation order is yaw, pitch, roll."""
+    mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Position of C in B [m]."""
+    sensor: DepthSensor = "auto"
+    """Kind of the depth sensor: it decides whether ranges or disparities are measured, and the distance between the imagers."""
+
+    @property
+    def pinhole(self) -> tuple[float, float, float, float]:
+        """Focal lengths and principal point fx, fy, cx, cy [px]."""
+        return self.fx_px, self.fy_px, self.cx_px, self.cy_px
+
+    @property
+    def R_BC(self) -> Float[np.ndarray, "3 3"]:
+        """Rotation of the camera in the chair frame B."""
+        return _turned(self.mount_yaw_rad, self.mount_pitch_rad, self.mount_roll_rad).copy()
+
+
+@lru_cache(maxsize=64)
+def _turned(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation of a mount; cached, because each frame of a camera needs the same matrix."""
+    return np.asarray(rotation_z(yaw_rad) @ rotation_y(pitch_rad) @ rotation_x(roll_rad) @ CAMERA_AXES_IN_CHAIR)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RgbdFrame:
+    """Registered colour and depth images of one exposure."""
+
+    t_s: float
+    rgb: UInt8[np.ndarray, "h w 3"]
+    depth_m: Float32[np.ndarray, "h w"]
+    """Distance along the optical axis [m]; NaN at pixels without a return."""
+    camera: PinholeCamera
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImuSample:
+    """One sample of the chair's IMU, expressed in the chair frame B."""
+
+    t_s: float
+    orientation: Float[np.ndarray, " 4"]
+    """Unit quaternion (w, x, y, z) of B in a horizontal frame whose yaw has an arbitrary zero and drifts."""
+    angular_velocity_rad_s: Float[np.ndarray, " 3"]
+    linear_acceleration_m_s2: Float[np.ndarray, " 3"]
+    """Specific force [m/s²]: +g along z at rest on horizontal ground."""
+
+    @property
+    def pitch_rad(self) -> float:
+        """Pitch of the chair from horizontal [rad], front up positive."""
+        return tilt_of(self.orientation.tolist())[0]
+
+    def __post_init__(self) -> None:
+        try:
+            shapes = self.orientation.shape, self.angular_velocity_rad_s.shape, self.linear_acceleration_m_s2.shape
+        except AttributeError:
+            shapes = None
+        if shapes != IMU_SHAPES:
+            for name, shape in zip(IMU_ARRAYS, IMU_SHAPES, strict=True):
+                object.__setattr__(self, name, shaped(name, getattr(self, name), shape, f"{shape[0]} numbers"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeatReading:
+    """Pitch of the seat's own IMU and stroke of the seat actuator. Pitch is positive when the seat leans back (front up)."""
+
+    t_s: float
+    pitch_rad: float
+    stroke_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackReading:
+    """Belt speeds reported by the motor drives."""
+
+    t_s: float
+    left_m_s: float
+    right_m_s: float
+    brake_on: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlipperReading:
+    """Angle and motor torque of the flipper, the front track section on the front pulley's axis.
+
+    The angle is zero in line with the flat run of the belt and positive above it; a positive torque raises the flipper.
+    """
+
+    t_s: float
+    angle_rad: float
+    torque_n_m: float
+    """Motor torque after the gear, both sides together [N m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OperatorInput:
+    """State of the operator's handset: dead-man switch, stop button, re-arm button."""
+
+    t_s: float
+    dead_man: bool = True
+    stop: bool = False
+    rearm: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadingMeasurement:
+    """Heading measured from one camera frame."""
+
+    t_s: float
+    heading_rad: float
+    sigma_rad: float
+    edge_count: int
+    correction_rad: float = 0.0
+    """Heading by the corrected camera mount minus the heading by the mount of the frame before, from this frame [rad]; 0 unless the
+    correction changed with this frame. Earlier headings had this error."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StairAxes:
+    """Directions of the stair measured from one frame, in C; independent of the camera mount calibration."""
+
+    t_s: float
+    edge_C: Float[np.ndarray, " 3"]
+    """Unit vector along the nosings, pointing right."""
+    down_C: Float[np.ndarray, " 3"]
+    """Unit vector normal to the treads and to ``edge_C``: the direction of gravity on a stair with horizontal treads."""
+    normal_C: Float[np.ndarray, " 3"]
+    """Unit vector normal to the nosing plane, pointing away from the stair."""
+    edge_sigma_rad: float
+    """Standard deviation of the edge direction about ``normal_C`` [rad]."""
+    down_sigma_rad: float
+    """Standard deviation of ``down_C`` about the edge [rad]."""
+    normal_sigma_rad: float
+    """Standard deviation of ``normal_C`` about the edge [rad]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StairMap:
+    """Map of the stair ahead measured from one frame, in the chair frame B."""
+
+    t_s: float
+    direction: Literal["up", "down"]
+    """Direction of the flight ahead: rising or falling."""
+    nosings_B: Float[np.ndarray, "n 3"]
+    """Intersections of the visible nosings with the chair's middle plane (y = 0), nearest first [m]."""
+    rise_m: float
+    run_m: float
+    slope_rad: float
+    ends: bool
+    """Whether the last of ``nosings_B`` is the last nosing of the flight: a landing or a floor follows."""
+    left_wall_m: float | None
+    """Free width from the chair's middle plane to the wall or rail on the left [m]; None if none is visible."""
+    right_wall_m: float | None
+    """Free width from the chair's middle plane to the wall or rail on the right [m]; None if none is visible."""
+    obstacle_m: float | None
+    """Distance along x in the camera's viewing direction from B to the nearest obstacle in the volume swept by the chair [m]; None
+    if free."""
+    left_edge_m: float | None = None
+    """Distance from the chair's middle plane to the flight's left side [m]; None if it is not in view, which is no width."""
+    right_edge_m: float | None = None
+    """Distance from the chair's middle plane to the flight's right side [m]; None if it is not in view."""
+    left_side: Literal["wall", "open"] | None = None
+    """What follows beyond the left side: a wall or rail, or a drop; None if the side is not in view."""
+    right_side: Literal["wall", "open"] | None = None
+    """What follows beyond the right side; None if it is not in view."""
+    left_seen_m: float | None = None
+    """Distance from the chair's middle plane to which nosings are in view on the left [m], a lower bound of the width; negative if
+    they are in view on the right alone. None if the detector does not measure it: the mission then does not check the width of this
+    side before it enters the flight."""
+    right_seen_m: float | None = None
+    """The same on the right [m]."""
+
+    @property
+    def width_m(self) -> float | None:
+        """Width of the flight [m]; None unless both sides are in view."""
+        if self.left_edge_m is None or self.right_edge_m is None:
+            return None
+        return self.left_edge_m + self.right_edge_m
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameQuality:
+    """Quality measures of one frame, for the detection of dark, frozen and empty images."""
+
+    t_s: float
+    fingerprint: int
+    """Hash of the depth image: equal for equal images, different for all other images of a camera."""
+    brightness: float
+    """Mean of the colour image, 0 to 1; 0.5 if the colour image was not evaluated."""
+    contrast: float
+    """Standard deviation of the colour image, 0 to 0.5; 0.25 if the colour image was not evaluated."""
+    valid_share: float
+    """Fraction of depth pixels with a return, 0 to 1."""
+    obstacle_m: float | None = None
+    """Distance from mid-track to the nearest obstacle on the ground ahead of the camera [m]; None if free or not evaluated."""
+
+
+Source = Literal["vision", "gyro"]
+"""Sensor behind a heading estimate: vision, or the gyro between accepted vision measurements."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadingEstimate:
+    """Output of the heading filter at one tick."""
+
+    t_s: float
+    heading_rad: float
+    heading_rate_rad_s: float
+    sigma_rad: float
+    source: Source
+
+
+HeadingFault = Literal["stuck", "disagreement", "drift", "jump"]
+"""Kinds of sensor faults in descending severity; the most severe active fault is reported."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeadingHealth:
+    """State of the heading filter's fault detection at one instant."""
+
+    t_s: float
+    fault: HeadingFault | None
+    """Most severe active fault. ``drift``: step of the gyro bias; ``jump``: jump of the gyro; ``stuck``: constant gyro reading
+    while the belts move. These three are corrected as far as vision permits. ``disagreement``: vision and gyro differ, cause
+    unknown."""
+    since_s: float | None
+    """Time at which the fault was detected [s]."""
+    cause: str | None
+    """Description of the evidence, with its number."""
+    disagreement_rad: float
+    """Last vision heading minus prediction [rad] if rejected, else zero."""
+    unseen_s: float
+    """Time since the last accepted heading [s]."""
+    bias_rad_s: float
+    scale: float
+    walk_rad_rts: float
+    """Estimated gyro angle random walk [rad/√s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackCommand:
+    """Commanded speeds of the two belts.
+
+    Positive drives the chair up the stair. Turning left (heading increases) needs ``right_m_s > left_m_s``.
+    """
+
+    t_s: float
+    left_m_s: float
+    right_m_s: float
+    brake: bool = False
+
+    @classmethod
+    def stop(cls, t_s: float) -> "TrackCommand":
+        """Return zero speed with the brake on."""
+        return cls(t_s=t_s, left_m_s=0.0, right_m_s=0.0, brake=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeatCommand:
+    """Commanded rate of the seat actuator; positive lengthens the stroke."""
+
+    t_s: float
+    rate_m_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlipperCommand:
+    """Commanded rate of the flipper; positive raises the flipper."""
+
+    t_s: float
+    rate_rad_s: float
+
+
+Phase = Literal[
+    "search", "align", "approach", "mount", "traction", "climb", "crest", "land",
+    "edge", "descend", "leave", "back_off", "drive", "arrived", "refused",
+]  # fmt: skip
+"""State of the traversal state machine. ``drive`` is a flight without mount and crest (experiments); the last two are terminal."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionPlan:
+    """Phase of the traversal and the motion requested of belts and flipper."""
+
+    t_s: float
+    phase: Phase
+    speed_m_s: float
+    """Mean belt speed [m/s]; negative drives backwards."""
+    turn_m_s: float | None = None
+    """Half the difference of the belt speeds, right minus left [m/s]; None: the heading controller steers."""
+    heading_rad: float = 0.0
+    """Heading set point of the heading controller [rad]."""
+    min_inner_speed_ratio: float | None = None
+    """Smallest ratio of inner-belt speed to climb speed during a turn; a smaller ratio turns faster and rolls back further. None:
+    the heading controller's own limit."""
+    pitch_feedforward_m_s: float = 0.0
+    """Speed added to both belts at each tick [m/s], in every steering mode, to follow a chair that tips over a nosing."""
+    flipper: FlipperCommand | None = None
+    """Flipper command of this tick; None stops the flipper."""
+    needs_stair: bool = True
+    """Whether a stair must be in view: false over the crest, on landings and on the last steps."""
+    cause: str = ""
+    """Reason for the transition to this phase: the observation with its value."""
+    hold: str | None = None
+    """Reason for a permanent stop if the planner has no further action; the guard latches it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """Event for the operator: a refusal, a hold, a limit reached."""
+
+    t_s: float
+    name: str
+    """Name: ``hold``, ``rearmed``, ``slow``, ``resumed``, ``re-referenced``, ``vision_dim``, ``vision_clear``, ``seat_shifted``,
+    ``refused``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, or the phase entered; ``dropped`` and ``ended`` in a recording. Other
+    publishers on the topic use other names."""
+    cause: str
+    """Observation behind the event, with its value."""
+
+
+Reading = (
+    RgbdFrame
+    | ImuSample
+    | SeatReading
+    | TrackReading
+    | FlipperReading
+    | HeadingMeasurement
+    | StairMap
+    | FrameQuality
+    | OperatorInput
+)
+"""Readings from a plant. A camera with its own detector gives ``FrameQuality``, ``HeadingMeasurement`` and ``StairMap``."""

@@ -1,0 +1,292 @@
+"""Camera mount calibration from a recording: ``RgbdFrame | ImuSample | TrackReading -> CalibrationStudy``, written as camera.toml.
+
+The log is read as in a replay. The IMU must be on the chair: an IMU on the camera turns with the mount and does not observe it. The
+detector receives no gravity: gravity transformed by the assumed mount would confirm the assumption.
+"""
+
+import json
+import math
+import re
+from collections import Counter, deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from treadline.core.angles import DEG, rotation_of
+from treadline.core.errors import ImageError, LogFormatError
+from treadline.core.models import write_whole
+from treadline.core.settings import settings_of
+from treadline.core.signals import TICK_S, ImuSample, PinholeCamera, Reading, RgbdFrame, StairAxes, TrackReading
+from treadline.estimation import MountCalibrator, MountConfig, MountEstimate
+from treadline.estimation.camera_mount import PAIRED_S, STANDING_M_S
+from treadline.experiments.replay_source import source_of
+from treadline.io.sensor_log import SensorLog
+from treadline.mission.replay_plant import ReplayPlant
+from treadline.perception import StairDetector
+from treadline.scenario.camera_file import CameraFile
+
+ANGLES = ("pitch", "roll", "yaw")
+GOOD_SHARE = 0.5
+"""Smallest share of used frames at which a longer recording is proposed as the remedy."""
+MOUNT = (*(f"mount_{name}_rad" for name in ANGLES), "mount_m")
+TURNED_RAD = 5.0 * DEG
+"""Smallest range between the 10th and 90th percentile of the headings at which the yaw is reported [rad]. In a smaller range the
+few frames of the first turn determine the yaw, and one bump changed it by a degree (a climb that was square after two seconds)."""
+_NUMBER = re.compile(r"(?<!\()[+-]?\d+(\.\d+)?")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationStudy:
+    """Result of a mount calibration from one recording."""
+
+    camera: CameraFile
+    """Camera calibration with the nominal mount."""
+    estimate: MountEstimate | None
+    reason: str | None
+    """Reason for a missing estimate."""
+    frames: int
+    """Number of frames in the recording."""
+    counted: int
+    """Number of frames used in the estimate, or usable ones if there is no estimate."""
+    left_out: dict[str, int]
+    """Number of unused frames by reason."""
+    dropped: dict[str, int]
+    """Number of unusable messages by topic and reason."""
+    topics: dict[str, str | None]
+    """Topic of each role."""
+
+    @property
+    def calibrated(self) -> CameraFile:
+        """Calibration with the estimated mount angles; an angle without an estimate stays nominal."""
+        found = {f"mount_{name}_deg": round(value, 4) for name in ANGLES if (value := self._deg(name)) is not None}
+        return self.camera.model_copy(update=found)
+
+    def summary(self) -> dict[str, Any]:
+        """Return the study as JSON values."""
+        angles = {f"{name}_deg": self._deg(name) for name in ANGLES}
+        sigmas = {f"{name}_sigma_deg": self._deg(f"{name}_sigma") for name in ANGLES}
+        change = {
+            name: None if (value := angles[f"{name}_deg"]) is None else value - getattr(self.camera, f"mount_{name}_deg")
+            for name in ANGLES
+        }
+        return {
+            "accepted": self.estimate is not None,
+            "reason": self.reason,
+            **angles,
+            **sigmas,
+            "change_deg": change,
+            "frames": self.frames,
+            "counted": self.counted,
+            "left_out": self.left_out,
+            "dropped": self.dropped,
+            "topics": self.topics,
+        }
+
+    def write(self, path: Path) -> None:
+        """Write the calibration with the estimated mount."""
+        values = self.summary()
+        known = ", ".join(
+            f"{name} ±{1.96 * values[f'{name}_sigma_deg']:.3f}" for name in ANGLES if values[f"{name}_sigma_deg"] is not None
+        )
+        lines = [f"# Mount estimated from {values['counted']} frames: {known} degrees (95 %); other angles are unchanged."]
+        # Numbers, strings and lists of JSON are also valid TOML.
+        table = self.calibrated.model_dump(mode="json", exclude_none=True)
+        write_whole(path, "\n".join([*lines, *(f"{key} = {json.dumps(value)}" for key, value in table.items())]) + "\n")
+
+    def _deg(self, name: str) -> float | None:
+        value = getattr(self.estimate, f"{name}_rad", None)
+        return None if value is None else value / DEG
+
+
+class MountStudy:
+    """Streaming calibration of one recording, with one second of readings in memory.
+
+    Raises:
+        TreadlineError: If the log is damaged, or has no images, no calibration or no IMU.
+    """
+
+    def __init__(self, log: Path, *, camera: CameraFile | None = None, topics: dict[str, str] | None = None) -> None:
+        """Survey a log.
+
+        Args:
+            camera: Calibration in place of the log's; missing mount angles come from the chair file.
+            topics: Topics by role, where the types in the log are ambiguous.
+        """
+        source = source_of(log)
+        self._log = log
+        self._nominal = source.base.chair.camera_at()
+        self._given = camera
+        self._used: PinholeCamera | None = None
+        with _mount_remedies():
+            self._recording = SensorLog(
+                source.log,
+                named=topics,
+                sealed=source.sealed,
+                depth_unit_m=self._depth_unit_m,
+                calibrate=self._calibrate,
+            )
+        found = self._recording.topics
+        if found.depth is None:
+            raise LogFormatError(f"{log}: no images, which alone observe the mount; record depth (treadline climb --log-images)")
+        if found.imu is None:
+            raise LogFormatError(f"{log}: no IMU, which distinguishes a flight from a ramp; record sensor_msgs/Imu")
+        self._t_s = 0.0
+        self._detector = StairDetector()
+        self._calibrator: MountCalibrator | None = None
+        self._estimate: MountEstimate | None = None
+        self._imu: ImuSample | None = None
+        self._tracks: TrackReading | None = None
+        self._frames = self._used_count = self._solved = 0
+        self._blocks: set[int] = set()
+        self._headings: deque[float] = deque(maxlen=MountConfig(camera=self._nominal).memory_frames)
+        self._left_out: Counter[str] = Counter()
+
+    @property
+    def share(self) -> float:
+        """Share of the recording that has been read."""
+        return self._t_s / max(self._recording.duration_s, TICK_S)
+
+    def readings(self) -> Iterator[Reading]:
+        """Yield each sensor reading after it has updated the calibration."""
+        plant = ReplayPlant(self._recording.arrivals(lambda _: None))
+        with _mount_remedies():
+            plant.start()
+            tick = 0
+            while not plant.over:
+                plant.advance(tick * TICK_S)
+                for reading in plant.read():
+                    self._update(reading)
+                    yield reading
+                tick += 1
+
+    def calibration(self) -> CalibrationStudy:
+        """Return the result so far."""
+        config = MountConfig(camera=self._nominal if self._used is None else self._used)
+        left_out, estimate = Counter(self._left_out), self._estimate
+        reason = None
+        if estimate is None:
+            common = "".join(f"; {count} ×: {why}" for why, count in left_out.most_common(2))
+            reason = (
+                f"{self._used_count} of {self._frames} frames are usable, in {len(self._blocks)} blocks of {config.block_s:.0f} s "
+                f"of driving on a flight; {config.least_blocks} blocks are needed{self._remedy(config)}{common}"
+            )
+        else:
+            turned = float(np.ptp(np.quantile(self._headings, (0.1, 0.9))))
+            if turned < TURNED_RAD:
+                estimate = replace(estimate, yaw_rad=None, yaw_sigma_rad=None)
+            kept = min(self._solved, config.memory_frames)
+            left_out["outlier"] = kept - estimate.frame_count
+            left_out["after the last solution"] = self._used_count - self._solved
+            left_out[f"older than the last {config.memory_frames} usable frames"] = self._solved - kept
+        return CalibrationStudy(
+            camera=self._camera_file(config.camera),
+            estimate=estimate,
+            reason=reason,
+            frames=self._frames,
+            counted=self._used_count if estimate is None else estimate.frame_count,
+            left_out={why: count for why, count in left_out.most_common() if count > 0},
+            dropped=dict(self._recording.dropped),
+            topics=asdict(self._recording.topics),
+        )
+
+    def _remedy(self, config: MountConfig) -> str:
+        """Return the remedy for a recording that is only too short, else nothing."""
+        more_s = (config.least_blocks - len(self._blocks)) * config.block_s
+        if more_s <= 0.0 or self._used_count < GOOD_SHARE * self._frames:
+            return ""
+        return f": drive and record at least {more_s:.0f} s more on the flight"
+
+    def _update(self, reading: Reading) -> None:
+        self._t_s = reading.t_s
+        match reading:
+            case RgbdFrame():
+                self._detect(reading)
+                return
+            case ImuSample():
+                self._imu = reading
+            case TrackReading():
+                self._tracks = reading
+            case _:
+                return
+        if self._calibrator is not None:
+            self._calibrator.step(reading)
+
+    def _detect(self, frame: RgbdFrame) -> None:
+        self._frames += 1
+        if self._calibrator is None:
+            self._calibrator = MountCalibrator(MountConfig(camera=frame.camera))
+            for reading in (self._imu, self._tracks):
+                if reading is not None:
+                    self._calibrator.step(reading)
+        detection = self._detector.look(frame)
+        if detection.axes is None:
+            self._left_out[_NUMBER.sub("#", detection.reason or "no tread visible, which the slope is measured from")] += 1
+            return
+        dropped_count = self._calibrator.dropped_count
+        estimate = self._calibrator.step(detection.axes)
+        if self._calibrator.dropped_count > dropped_count:
+            self._left_out[self._rejection_reason(detection.axes, frame.camera)] += 1
+            return
+        self._used_count += 1
+        self._headings.append(detection.heading_rad or 0.0)
+        self._blocks.add(int(frame.t_s // MountConfig(camera=frame.camera).block_s))
+        if estimate is not self._estimate:
+            self._estimate, self._solved = estimate, self._used_count
+
+    def _rejection_reason(self, axes: StairAxes, camera: PinholeCamera) -> str:
+        """Return why the calibrator rejected a frame."""
+        config = MountConfig(camera=camera)
+        if self._tracks is not None and max(abs(self._tracks.left_m_s), abs(self._tracks.right_m_s)) < STANDING_M_S:
+            return "the chair is at rest"
+        if self._imu is None or axes.t_s - self._imu.t_s > PAIRED_S:
+            return f"no IMU attitude within {PAIRED_S:g} s of the frame"
+        seen_slope, imu_slope, off_nominal = (
+            math.acos(min(max(cosine, -1.0), 1.0))
+            for cosine in (
+                -float(axes.normal_C @ axes.down_C),
+                float(rotation_of(self._imu.orientation)[2, 2]),
+                float((camera.R_BC @ axes.normal_C)[2]),
+            )
+        )
+        if off_nominal > config.mount_gate_rad:
+            return f"the nosing plane is more than {config.mount_gate_rad / DEG:.0f}° from its direction with the nominal mount"
+        if abs(seen_slope - imu_slope) > config.slope_gate_rad:
+            return f"the slope by vision is more than {config.slope_gate_rad / DEG:.0f}° from the IMU's: not on the visible flight"
+        return "the chair rocks, or the stair's directions are too uncertain"
+
+    @property
+    def _depth_unit_m(self) -> float:
+        return 0.001 if self._given is None else self._given.depth_unit_m
+
+    def _calibrate(self, logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
+        """Return the given calibration, else the one in the log; missing mount angles come from the chair file."""
+        del size
+        known = logged if self._given is None else self._given.camera
+        if known is None:
+            return None
+        given = set() if self._given is None else {name.replace("_deg", "_rad") for name in self._given.model_fields_set}
+        mount: dict[str, Any] = {name: getattr(self._nominal, name) for name in MOUNT if name not in given}
+        self._used = replace(known, **mount)
+        return self._used
+
+    def _camera_file(self, camera: PinholeCamera) -> CameraFile:
+        mount: dict[str, Any] = {f"mount_{name}_deg": getattr(camera, f"mount_{name}_rad") / DEG for name in ANGLES}
+        mount["mount_m"] = camera.mount_m
+        if self._given is not None:
+            return self._given.model_copy(update=mount)
+        intrinsics = {name: getattr(camera, name) for name in ("fx_px", "fy_px", "cx_px", "cy_px")}
+        sizes = {"width": camera.width_px, "height": camera.height_px, "depth_unit_m": self._depth_unit_m}
+        return settings_of(sizes | intrinsics | mount, CameraFile, where=str(self._log))
+
+
+@contextmanager
+def _mount_remedies() -> Iterator[None]:
+    """Adapt the remedies in error messages: a replay sets the camera by --set, this command by a file."""
+    try:
+        yield
+    except (ImageError, LogFormatError) as error:
+        raise type(error)(str(error).replace("--set camera.", "--camera FILE with ")) from None

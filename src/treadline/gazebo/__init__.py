@@ -1,9 +1,0 @@
-"""Chair in Gazebo 11 (ODE): a second simulator with the same interface, using the track model of the paper's reference [20].
-
-Driving does not need this package; it is imported only if a Gazebo plant is requested.
-"""
-
-from treadline.gazebo.environment import Environment, find_environment
-from treadline.gazebo.plant import GazeboPlant, open_gazebo
-
-__all__ = ["Environment", "GazeboPlant", "find_environment", "open_gazebo"]

@@ -1,0 +1,12 @@
+"""The guard, the last block before the plant: passes a command, limits it, or holds the chair.
+
+``TrackCommand -> TrackCommand``. A value that is not finite, a sensor that is silent, frozen or of another time, belts that do not
+follow their command, and a planner or driver that has stopped lead to HOLD (zero speed, brake), latched until a person re-arms. The
+guard computes with plain numbers, is independent of planner and driver, and makes no claim to any safety standard.
+"""
+
+from treadline.guard.admission import ReadingAdmission
+from treadline.guard.guard import Guard
+from treadline.guard.guard_config import GuardConfig
+
+__all__ = ["Guard", "GuardConfig", "ReadingAdmission"]

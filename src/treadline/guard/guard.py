@@ -1,0 +1,410 @@
+"""The guard: connects the monitors of readings, plans and proposals, and decides which command reaches the plant.
+
+``Reading | FrameQuality -> bool``, whether it may be used; ``TrackCommand -> TrackCommand``, and the same for seat and flipper.
+
+One rule for the stamp of every message (readings, plans, health, maps, commands): further ahead of the guard's clock than
+``ahead_s`` it is rejected and counted, and an event reports the first of each series. A plan older than ``plan_timeout_s`` is a
+fault.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+from treadline.core.signals import (
+    Event,
+    FlipperCommand,
+    FlipperReading,
+    FrameQuality,
+    HeadingEstimate,
+    HeadingHealth,
+    HeadingMeasurement,
+    ImuSample,
+    MotionPlan,
+    OperatorInput,
+    Reading,
+    SeatCommand,
+    SeatReading,
+    StairMap,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.guard.admission import ReadingAdmission, is_finite_map
+from treadline.guard.attitude_limits import SeatMonitor, TiltMonitor
+from treadline.guard.belt_monitor import BeltMonitor
+from treadline.guard.guard_config import GuardConfig
+from treadline.guard.gyro_only_turn import GyroOnlyTurn, heading_fault
+from treadline.guard.half_cosine_stop import CauseKind
+from treadline.guard.obstacle_monitor import AheadMonitor
+from treadline.guard.phase_groups import ENDS, FLIGHT, STEADY
+from treadline.guard.sensor_timeouts import SensorTimeouts, estimate_fault
+from treadline.guard.slip_monitor import SlipMonitor
+from treadline.guard.speed_limits import finite, limited, mean_limit, stands
+from treadline.guard.stop_latch import Button, Latch
+from treadline.guard.timestamps import ROUNDING_S, SilenceMonitor
+
+
+class Guard:
+    """Supervisor with a latched HOLD over the command stream."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._config = config
+        self._latch, self._button = Latch(config.drive_lag_s), Button()
+        self._admission = ReadingAdmission(config)
+        self._senses = SensorTimeouts(config)
+        self._belts = BeltMonitor(config)
+        self._slip = SlipMonitor(config)
+        self._ahead = AheadMonitor(config)
+        self._blind = GyroOnlyTurn(config)
+        self._tilt = TiltMonitor(config)
+        self._seat = SeatMonitor(config)
+        self._seat_rad = 0.0
+        self._is_dark = False
+        self._link = SilenceMonitor(config.link_timeout_s, "")
+        self._processes = SilenceMonitor(config.heartbeat_timeout_s, "process ")
+        self._drives = SilenceMonitor(config.readings_timeout_s, "readings of the ")
+        self._command = TrackCommand.stop(0.0)
+        self._driver_s: float | None = None
+        self._t_s: float | None = None
+        self._map_s = -math.inf
+        self._direction = ""
+        self._heading_rad = math.inf
+        self._plan: MotionPlan | None = None
+        self._plan_s = -math.inf
+        self._planned_s: float | None = None
+
+    @property
+    def config(self) -> GuardConfig:
+        """Limits of the guard."""
+        return self._config
+
+    @property
+    def holding(self) -> str | None:
+        """Cause of the HOLD, or None."""
+        return self._latch.cause
+
+    @property
+    def rejected(self) -> Mapping[str, int]:
+        """Number of messages rejected because their stamp is ahead of the clock, by kind."""
+        return self._admission.timestamps.rejected
+
+    def advance(self, t_s: float) -> None:
+        """Set the guard's clock at the start of a tick; the stamps of the tick's messages are compared with it."""
+        if math.isfinite(t_s):
+            self._admission.advance(t_s)
+
+    def admit(self, signal: Reading | FrameQuality) -> bool:
+        """Return whether other blocks may use a reading; the guard receives each reading first."""
+        if isinstance(signal, OperatorInput):
+            return self._obey(signal)
+        if not self._is_new(signal):
+            return False
+        usable = self._admission.is_sound(signal)
+        if isinstance(signal, FrameQuality):
+            self._update_frame(signal, usable=usable)
+        elif usable:
+            self._update(signal)
+        elif isinstance(signal, HeadingMeasurement | StairMap):
+            self._senses.refused = self._admission.frames.refused
+        return usable
+
+    def on_message(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> bool:
+        """Update with a message that other blocks computed from readings; return whether its stamp is acceptable."""
+        if not self._is_timely(signal):
+            if isinstance(signal, MotionPlan):
+                self._latch.hold(self._now(math.inf), CauseKind.PLAN, signal.hold)  # a hold is valid whatever its stamp
+            return False
+        match signal:
+            case HeadingMeasurement():
+                self._senses.seen(signal.t_s)
+                self._blind.seen()
+            case StairMap():
+                self._look_ahead(signal)
+            case HeadingHealth():
+                mended = self._senses.health(signal)
+                if mended is not None:
+                    self._latch.report(mended.t_s, mended.name, mended.cause)
+            case _:
+                self._follow(signal)
+        return True
+
+    def beat(self, process: str, t_s: float) -> None:
+        """Record the heartbeat of a process; its next ones are then expected."""
+        self._processes.heard(process, t_s)
+
+    def propose(self, command: TrackCommand) -> None:
+        """Update with the driver's command; a command older than the last one is ignored."""
+        if not finite(command.t_s, command.left_m_s, command.right_m_s):
+            self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "command is not finite")
+            return
+        if not self._is_timely(command):
+            return
+        if self._driver_s is None or command.t_s >= self._driver_s:
+            self._driver_s = command.t_s
+            self._command = command
+
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> TrackCommand:
+        """Return the command to the belts at ``t_s``: the proposal within its limits, or that of a held chair."""
+        if not math.isfinite(t_s):
+            t_s = self._now(t_s)
+            self._latch.hold(t_s, CauseKind.CLOCK, "mission clock is not finite")
+        self.advance(t_s)
+        late_s = self._lateness(t_s)
+        self._heading_rad = math.inf if estimate is None else estimate.heading_rad
+        for kind, cause in self._alarms(t_s, estimate):
+            if cause is not None:
+                self._latch.hold(t_s, kind, cause)
+        passed = self._limited(t_s, estimate, late_s)
+        ahead = self._ahead.cause(self._belts.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s))
+        self._latch.hold(t_s, CauseKind.AHEAD, ahead)
+        if self._latch.cause is not None:
+            passed = self._latch.stop(t_s, self._belts.expected_m_s)
+        self._belts.ask(passed)
+        return passed
+
+    def pass_seat(self, command: SeatCommand) -> SeatCommand:
+        """Return the command to the seat. Levelling continues under HOLD; a faulty seat is stopped.
+
+        In phases of constant pitch a seat near horizontal moves slowly, so that it does not excite rocking over uneven steps.
+        """
+        if not finite(command.t_s, command.rate_m_s):
+            self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "seat rate is not finite")
+            return SeatCommand(t_s=self._now(command.t_s), rate_m_s=0.0)
+        if self._seat.cause is not None:
+            return replace(command, rate_m_s=0.0)
+        limit, steady = self._config.seat_steady_m_s, self._plan is not None and self._plan.phase in STEADY
+        if not steady or abs(self._seat_rad) > self._config.seat_near_rad or abs(command.rate_m_s) <= limit:
+            return command
+        return replace(command, rate_m_s=math.copysign(limit, command.rate_m_s))
+
+    def pass_flipper(self, command: FlipperCommand | None) -> FlipperCommand | None:
+        """Return the command to the flipper; under HOLD the flipper is stopped."""
+        if command is None:
+            return None
+        if not finite(command.t_s, command.rate_rad_s):
+            self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "flipper rate is not finite")
+            return FlipperCommand(t_s=self._now(command.t_s), rate_rad_s=0.0)
+        return command if self._latch.cause is None else replace(command, rate_rad_s=0.0)
+
+    def take_events(self) -> list[Event]:
+        """Return the events since the last call."""
+        return self._latch.take()
+
+    # Readings
+
+    def _is_new(self, signal: Reading | FrameQuality) -> bool:
+        new = self._admission.is_new(signal)
+        stamps = self._admission.timestamps
+        self._latch.hold(
+            self._now(math.nan), CauseKind.CLOCK, stamps.leap
+        )  # stamped by the guard's clock, not by the clock that leapt
+        self._report_rejection()
+        return new
+
+    def _is_timely(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan | TrackCommand) -> bool:
+        timely = self._admission.timestamps.accept(type(signal).__name__, signal.t_s)
+        self._report_rejection()
+        return timely
+
+    def _report_rejection(self) -> None:
+        rejection = self._admission.timestamps.rejection
+        if rejection is not None:
+            self._latch.report(self._now(math.nan), "rejected", rejection)
+
+    def _update(self, signal: Reading) -> None:
+        match signal:
+            case ImuSample():
+                self._update_motion(signal)
+            case TrackReading():
+                self._drives.heard("belts", signal.t_s)
+                self._belts.update(signal)
+                self._blind.update_belts(signal.t_s, signal.right_m_s - signal.left_m_s, self._plan)
+            case SeatReading():
+                self._drives.heard("seat", signal.t_s)
+                self._seat_rad = signal.pitch_rad
+                if self._config.watches_motion:
+                    self._seat.update(signal.t_s, signal.pitch_rad)
+            case FlipperReading():
+                self._drives.heard("flipper", signal.t_s)
+            case HeadingMeasurement():
+                self._update_sight(signal.t_s)
+                self._senses.seen(signal.t_s)
+                self._blind.seen()
+            case StairMap():
+                self._update_sight(signal.t_s)
+                self._look_ahead(signal)
+            case _:
+                pass  # images are judged by their FrameQuality
+
+    def _update_motion(self, sample: ImuSample) -> None:
+        orientation, pitch_rate = sample.orientation.tolist(), -float(sample.angular_velocity_rad_s[1])
+        self._senses.imu(sample.t_s)
+        self._blind.update_motion(sample.t_s, orientation, pitch_rate)
+        if self._config.watches_motion and self._config.needs_heading:
+            self._tilt.update(sample.t_s, orientation, pitch_rate)
+
+    def _update_frame(self, quality: FrameQuality, *, usable: bool) -> None:
+        frames = self._admission.frames
+        if frames.is_dark != self._is_dark:
+            shown = f"colours of mean {quality.brightness:.2f}, contrast {quality.contrast:.3f}"
+            self._latch.report(quality.t_s, "vision_clear" if self._is_dark else "vision_dim", shown)
+        self._is_dark = frames.is_dark
+        self._senses.refused = frames.refused
+        travel_m, _ = self._belts.travel.at(quality.t_s)
+        needs_stair = self._plan is None or self._plan.needs_stair
+        if usable or (frames.is_alive and not needs_stair):
+            self._senses.frame(quality.t_s, travel_m)
+        if usable and (quality.obstacle_m is None or math.isfinite(quality.obstacle_m)):
+            self._ahead.look_on(quality.obstacle_m, self._plan, travel_m)
+
+    def _update_sight(self, t_s: float) -> None:
+        """Record a measurement of a camera without images as a frame."""
+        self._senses.refused = self._admission.frames.refused
+        self._senses.frame(t_s, self._belts.travel.at(t_s)[0])
+
+    def _look_ahead(self, stair: StairMap) -> None:
+        # A map may arrive twice: as a reading, and as a message.
+        if not stair.t_s > self._map_s or not is_finite_map(stair):
+            return
+        self._map_s = stair.t_s
+        if stair.direction != self._direction:
+            self._slip.begin()
+        self._direction = stair.direction
+        sign = 1.0 if stair.direction == "up" else -1.0
+        travel_m, slow_travel_m = self._belts.travel.at(stair.t_s)
+        places = [(sign * x, z) for x, _, z in stair.nosings_B.tolist()]
+        self._ahead.look(stair, places, sign * travel_m)
+        # In other phases the chair pitches, or is on flat ground, and nosings do not pass at belt speed.
+        plan = self._plan
+        # A chair that climbs to turn square, with its camera on the flight below, does not roll back.
+        on_flight = plan is None or (plan.phase in FLIGHT and (stair.direction == "up") == (plan.speed_m_s >= 0.0))
+        if self._config.watches_slip and on_flight and math.isfinite(self._heading_rad):
+            across = math.cos(self._heading_rad)
+            self._slip.look(stair.t_s, [place * across for place, _ in places], sign * slow_travel_m, self._heading_rad)
+        else:
+            self._slip.forget()
+
+    def _obey(self, operator: OperatorInput) -> bool:
+        """Update with the operator: stop and a released dead-man switch hold whatever their age; re-arm ends a hold."""
+        new = self._is_new(operator)
+        pressed = new and self._button.press(down=operator.rearm)
+        if new:
+            self._link.heard("operator link", operator.t_s)
+        if operator.stop or not operator.dead_man:
+            self._latch.hold(self._now(operator.t_s), CauseKind.OPERATOR, "operator stop")
+        elif pressed and self._latch.release(operator.t_s):
+            self._restart(operator.t_s)
+        return new
+
+    def _restart(self, t_s: float) -> None:
+        """Start all timeouts and monitors again, except those of obstacles and gaps.
+
+        The chair stands until a new command arrives; proposals from before the hold are discarded.
+        """
+        self._driver_s, self._plan_s, self._planned_s = t_s, -math.inf, None
+        self._command = TrackCommand.stop(t_s)
+        self._senses.restart(t_s, self._belts.travel_m)
+        self._link.restart(t_s)
+        self._processes.restart(t_s)
+        self._drives.restart(t_s)
+        for watch in (self._belts, self._slip, self._blind, self._tilt, self._seat):
+            watch.forget()
+
+    # Plans and commands
+
+    def _follow(self, plan: MotionPlan) -> None:
+        if not finite(
+            plan.t_s,
+            plan.speed_m_s,
+            plan.heading_rad,
+            plan.turn_m_s or 0.0,
+            plan.min_inner_speed_ratio or 0.0,
+            plan.pitch_feedforward_m_s,
+        ):
+            self._latch.hold(self._now(plan.t_s), CauseKind.NOT_FINITE, "plan is not finite")
+            return
+        self._latch.hold(plan.t_s, CauseKind.PLAN, plan.hold)  # whatever its age
+        if plan.t_s < self._plan_s:
+            return
+        self._plan, self._plan_s, self._planned_s = plan, plan.t_s, plan.t_s
+        if plan.phase not in FLIGHT:
+            self._slip.begin()
+        if not plan.needs_stair:
+            self._senses.seen(plan.t_s)
+
+    def _lateness(self, t_s: float) -> float:
+        """Record a tick; return the time since the previous tick or since the last command, whichever is longer [s]."""
+        before_s, self._t_s = self._t_s, t_s
+        if before_s is None:
+            self._senses.begin(t_s)
+            before_s = t_s
+        if self._driver_s is None:
+            self._driver_s = t_s
+        if t_s < before_s - self._config.clock_jump_s:
+            self._latch.hold(t_s, CauseKind.CLOCK, f"mission clock leapt by {t_s - before_s:+.2f} s")
+        if t_s - before_s > self._config.readings_timeout_s:
+            # Silence cannot be attributed to a source while the guard itself did not run.
+            self._drives.restart(t_s)
+            self._planned_s = None if self._planned_s is None else t_s
+        if t_s - before_s > self._config.driver_timeout_s:
+            self._latch.hold(t_s, CauseKind.LATE, f"no tick for {t_s - before_s:.2f} s")
+        return max(t_s - before_s, t_s - self._driver_s)
+
+    def _alarms(self, t_s: float, estimate: HeadingEstimate | None) -> Iterator[tuple[CauseKind, str | None]]:
+        """Yield each kind of cause with its cause or None; the guard holds for the first cause."""
+        limits = self._config
+        command_s = 0.0 if self._driver_s is None else t_s - self._driver_s
+        if abs(command_s) > limits.driver_timeout_s:
+            yield CauseKind.LATE, f"no command for {command_s:.2f} s"
+        yield CauseKind.LINK, self._link.cause(t_s)
+        yield CauseKind.PROCESS, self._processes.cause(t_s)
+        if self._planned_s is not None and t_s - self._planned_s > limits.plan_timeout_s + ROUNDING_S:
+            yield CauseKind.STALE_PLAN, f"no plan for {t_s - self._planned_s:.2f} s"
+        yield CauseKind.ATTITUDE, self._tilt.cause
+        yield CauseKind.SEAT, self._seat.cause
+        if limits.watches_motion:
+            yield CauseKind.BELTS, self._drives.cause(t_s)
+            yield CauseKind.BELTS, self._belts.cause
+            yield CauseKind.SLIP, self._slip.cause
+        if limits.needs_heading:
+            phase = None if self._plan is None else self._plan.phase
+            yield CauseKind.HEADING, estimate_fault(estimate, t_s, limits.estimate_timeout_s)
+            lost = self._senses.alarm(t_s, self._belts.travel_m, phase)
+            yield CauseKind.BOTH_SENSES if self._senses.both_lost(t_s) else CauseKind.SENSES, lost
+            yield CauseKind.HEADING, self._blind.cause
+            yield CauseKind.HEADING, heading_fault(limits, estimate, self._plan)
+
+    def _limited(self, t_s: float, estimate: HeadingEstimate | None, late_s: float) -> TrackCommand:
+        limits, plan = self._config, self._plan
+        kind, cause = self._speed_restriction(t_s, late_s)
+        self._latch.slow(t_s, kind, cause)
+        if plan is not None and stands(plan):
+            return TrackCommand(t_s=t_s, left_m_s=0.0, right_m_s=0.0, brake=plan.phase in ENDS)
+        ramp = (limits.driver_timeout_s - late_s) / (0.5 * limits.driver_timeout_s)
+        return limited(
+            self._command,
+            t_s,
+            mean_limit(limits, estimate, plan, restricted=kind not in ("", "late")),
+            limits.belt_limit_m_s,
+            min(max(ramp, 0.0), 1.0),
+        )
+
+    def _speed_restriction(self, t_s: float, late_s: float) -> tuple[str, str]:
+        """Return the speed restriction, as a word and a reason; an empty word if there is none."""
+        senses = self._senses.speed_restriction(t_s) if self._config.needs_heading else None
+        if senses is not None:
+            return senses
+        if self._slip.slip > 0.0 and self._config.watches_motion:
+            return "slip", f"slip {self._slip.slip:.2f}"
+        gap = self._ahead.speed_restriction(self._belts.travel_m)
+        if gap is not None:
+            return "gap", gap
+        if late_s > 0.5 * self._config.driver_timeout_s:
+            return "late", f"no command or tick for {late_s:.2f} s"
+        return "", "nothing is missing any more"
+
+    def _now(self, t_s: float) -> float:
+        """Return the time of an event: the given one if finite, otherwise that of the last tick."""
+        if math.isfinite(t_s):
+            return t_s
+        return 0.0 if self._t_s is None else self._t_s

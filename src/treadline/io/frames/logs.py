@@ -1,0 +1,262 @@
+"""Frames of a recording: depth images with their calibration, or point clouds, of an MCAP file, a ROS bag or a run log.
+
+Topics are found by message type. Depth alone makes a frame; colour images are paired with depth images by their time where
+pictures or Algorithm 1 need them, and a depth image without a partner is used without colour.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.errors import ImageError, LogFormatError, SettingsError
+from treadline.core.named_frame import NamedFrame, black
+from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.io.bags import READERS, parts_of
+from treadline.io.decode import Picture, calibration, picture
+from treadline.io.frames.cloud_files import cloud_of
+from treadline.io.frames.point_cloud import UNITS, Axes, cloud_image
+from treadline.io.log_frames import PAIR_S, depth_metres, rgb_pixels
+from treadline.io.mcap_read import BROKEN
+from treadline.io.point_cloud_message import POINT_CLOUD, point_cloud
+from treadline.io.ros_types import RecordedTopic
+from treadline.io.tables import listed
+from treadline.io.topics import (
+    IMAGE,
+    TopicSummary,
+    color_topic,
+    compressed_hint,
+    depth_topics,
+    info_topic,
+    packets,
+    reader_of,
+    survey,
+)
+from treadline.scenario.camera_file import CameraFile
+
+RUN_LOG = "log.mcap"
+"""File name of the log in a run folder."""
+
+MOUNT = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
+"""Names of the mount of a camera, which CameraInfo messages lack."""
+
+
+def is_log(path: Path) -> bool:
+    """Return whether a path is a recording: a file of messages, a run folder, or the folder of a bag."""
+    if path.is_dir():
+        return bool(parts_of(path))
+    return path.suffix.lower() in READERS
+
+
+class FramesOfLog:
+    """Frames of one recording, in the order of the file.
+
+    Raises:
+        LogFormatError: If the log is missing, damaged, empty, or without depth.
+        SettingsError: If a topic must be named, or is not in the log.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        topic: str | None = None,
+        camera: CameraFile | None = None,
+        gravity_C: Float[np.ndarray, " 3"] | None = None,
+        unit: str | None = None,
+        axes: Axes = "camera",
+        mount: PinholeCamera | None = None,
+        colour: bool = False,
+    ) -> None:
+        """Survey a log.
+
+        Args:
+            topic: Topic of the depth images or point clouds; needed where several exist.
+            camera: Calibration and mount in place of the log's.
+            unit: Unit of 16-bit depth counts or of cloud coordinates.
+            axes: Axes of the clouds.
+            mount: Camera whose mount the log's camera has, unless ``camera`` is given.
+            colour: Whether colour images are wanted.
+        """
+        self._path = path
+        self._sealed = (path / RUN_LOG).is_file()
+        self._log = path / RUN_LOG if self._sealed else path
+        self._given, self._gravity, self._axes = camera, gravity_C, axes
+        self._mount = mount if camera is None else camera.camera
+        self._mount_known = mount is not None if camera is None else camera.mount_known
+        found = survey(self._log, sealed=self._sealed)
+        self.topic = _chosen(path, found, topic)
+        self.is_cloud = found[self.topic].kind == POINT_CLOUD
+        self._unit = unit
+        self._roles = {self.topic: "cloud" if self.is_cloud else "depth"}
+        if not self.is_cloud:
+            self._add_image_topics(found, colour=colour)
+        self._origin_ns = found[self.topic].stamp_ns
+        self.count: int | None = found[self.topic].count
+        self._noted: dict[str, None] = {}
+        self._unpaired = self._repeated = self._uncalibrated = 0
+
+    @property
+    def warnings(self) -> list[str]:
+        """Properties of the log that a user has to know."""
+        counted = [
+            (
+                self._unpaired,
+                f"of {self.count} depth images have no colour image within {1e3 * PAIR_S:.0f} ms and were used without",
+            ),
+            (self._repeated, f"of {self.count} messages on {self.topic} have no later stamp than the one before and were left out"),
+            (self._uncalibrated, f"of {self.count} depth images come before the first calibration and were left out"),
+        ]
+        return [*self._noted, *(f"{count} {what}" for count, what in counted if count)]
+
+    def __iter__(self) -> Iterator[NamedFrame]:
+        self._camera = None if self._given is None else self._given.camera
+        self._depth: Picture | None = None
+        self._colour: Picture | None = None
+        self._last_s = -np.inf
+        number = 0
+        for topic, logged_ns, data in packets(self._log, self._roles.__contains__, sealed=self._sealed):
+            try:
+                ready = list(self._frames(topic, logged_ns, data))
+            except (LogFormatError, *BROKEN) as error:
+                raise LogFormatError(f"{self._path}: {topic.name}: {error}") from None
+            except ImageError as error:
+                raise ImageError(f"{self._path}: {topic.name}: {error}") from None
+            for frame, has_colour in ready:
+                yield self._named(number, frame, has_colour)
+                number += 1
+        for frame, has_colour in self._flushed():
+            yield self._named(number, frame, has_colour)
+            number += 1
+        if number == 0:
+            raise LogFormatError(
+                f"{self._path}: no calibration on {self._info} before the last depth image; give --camera camera.toml"
+            )
+
+    def _add_image_topics(self, found: Mapping[str, TopicSummary], *, colour: bool) -> None:
+        color = color_topic(found, self.topic)
+        self._info = info_topic(found, self.topic, color)
+        if self._given is None and self._info is None:
+            raise LogFormatError(f"{self._path}: no intrinsics: no CameraInfo next to {self.topic}; give --camera camera.toml")
+        self._wants_colour = colour and color is not None
+        if self._wants_colour and color is not None:
+            self._roles[color] = "colour"
+        if self._given is not None:
+            size, of = (self._given.width, self._given.height), "the calibration"
+        else:
+            assert self._info is not None  # noqa: S101 - for the type checker
+            self._roles[self._info] = "info"
+            size, of = found[self._info].size, self._info
+        if size != found[self.topic].size:
+            width, height = found[self.topic].size
+            raise ImageError(f"{self._path}: {self.topic} is {width}×{height} pixels, {of} is for {size[0]}×{size[1]}")
+
+    def _frames(self, topic: RecordedTopic, logged_ns: int, data: bytes) -> Iterator[tuple[RgbdFrame, bool]]:
+        """Yield the frames that a message completes, each with whether it has colour."""
+        reader = reader_of(topic, data, logged_ns, self._origin_ns)
+        match self._roles[topic.name]:
+            case "cloud":
+                message = point_cloud(reader)
+                if self._is_later(message.t_s):
+                    yield self._of_cloud(message.t_s, (message.width, message.height), message.values)
+            case "info":
+                camera = calibration(reader)[1]
+                if not (camera.fx_px > 0.0 and camera.fy_px > 0.0):
+                    raise ImageError(f"no intrinsics: fx = {camera.fx_px:g} px; the camera was never calibrated: give --camera")
+                self._camera = camera
+            case "colour":
+                self._colour = picture(reader)
+                if self._depth is not None and self._colour.t_s >= self._depth.t_s - PAIR_S:
+                    yield from self._flushed()
+            case _:
+                yield from self._flushed()
+                self._uncalibrated += self._depth is not None
+                image = picture(reader)
+                if self._is_later(image.t_s):
+                    self._depth = image
+                    if not self._wants_colour or self._pair() is not None:
+                        yield from self._flushed()
+
+    def _flushed(self) -> Iterator[tuple[RgbdFrame, bool]]:
+        """Yield the frame of the waiting depth image, with colour if there is one of its time."""
+        depth, camera = self._depth, self._camera
+        if depth is None or camera is None:
+            return
+        self._depth = None
+        height, width = depth.pixels.shape[:2]
+        if (width, height) != (camera.width_px, camera.height_px):
+            raise ImageError(
+                f"an image of {width}×{height} pixels at {depth.t_s:.3f} s, the calibration is for "
+                f"{camera.width_px}×{camera.height_px}"
+            )
+        colour = self._pair(depth)
+        self._unpaired += self._wants_colour and colour is None
+        unit_m = UNITS[self._unit] if self._unit else 0.001 if self._given is None else self._given.depth_unit_m
+        frame = RgbdFrame(
+            t_s=depth.t_s,
+            rgb=black(height, width) if colour is None else rgb_pixels(colour),
+            depth_m=depth_metres(depth, unit_m, "--unit mm"),
+            camera=camera,
+        )
+        yield frame, colour is not None
+
+    def _pair(self, depth: Picture | None = None) -> Picture | None:
+        """Return the colour image of the time and size of a depth image, by default the waiting one."""
+        depth, colour = depth or self._depth, self._colour
+        if depth is None or colour is None or abs(colour.t_s - depth.t_s) > PAIR_S:
+            return None
+        return colour if colour.pixels.shape[:2] == depth.pixels.shape[:2] else None
+
+    def _of_cloud(self, t_s: float, size: tuple[int, int], values: np.ndarray) -> tuple[RgbdFrame, bool]:
+        organised = size if min(size) > 1 else None
+        image = cloud_image(
+            f"cloud at {t_s:.3f} s", cloud_of(values, organised, t_s), self._camera, axes=self._axes, unit=self._unit or "m"
+        )
+        if image.warning is not None and not self._noted:
+            self._noted[image.warning] = None
+        return image.frame, image.has_colour
+
+    def _is_later(self, t_s: float) -> bool:
+        """Return whether a stamp is later than the one before; count it otherwise."""
+        later = t_s > self._last_s
+        self._repeated += not later
+        self._last_s = max(t_s, self._last_s)
+        return later
+
+    def _named(self, number: int, frame: RgbdFrame, has_colour: bool) -> NamedFrame:
+        if self._mount is not None:
+            frame = replace(frame, camera=replace(frame.camera, **{name: getattr(self._mount, name) for name in MOUNT}))
+        return NamedFrame(
+            name=f"{number:06d}",
+            frame=frame,
+            mount_known=self._mount_known,
+            gravity_C=self._gravity,
+            has_colour=has_colour,
+            t_s=frame.t_s,
+        )
+
+
+def _chosen(path: Path, found: Mapping[str, TopicSummary], topic: str | None) -> str:
+    """Return the topic of depth images or clouds: the named one, the only one of depth images, or the only one of clouds."""
+    if not found:
+        raise LogFormatError(f"{path}: no messages; was anything recorded?")
+    images = depth_topics(found)
+    clouds = [name for name, item in found.items() if item.kind == POINT_CLOUD]
+    if topic is not None:
+        if topic not in found:
+            raise SettingsError(f"--topic {topic}: no such topic in {path} (there are: {listed(found)})")
+        if topic not in images and topic not in clouds:
+            held = found[topic].kind + (f" '{found[topic].pixels}'" if found[topic].kind == IMAGE else "")
+            raise SettingsError(
+                f"--topic {topic}: holds {held}; depth images or {POINT_CLOUD} are needed: {listed(images + clouds)}"
+            )
+        return topic
+    candidates = images or clouds
+    if not candidates:
+        hint = compressed_hint(found) or "; treadline climb keeps its frames with --log-images"
+        raise LogFormatError(f"{path}: neither depth images nor point clouds{hint} (there are: {listed(found)})")
+    if len(candidates) > 1:
+        raise SettingsError(f"{path}: several topics hold depth: {listed(candidates)}; choose one: --topic {candidates[0]}")
+    return candidates[0]

@@ -1,0 +1,172 @@
+"""Frames of a file, a folder or a recording, by what the path is."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.errors import ImageError, SettingsError
+from treadline.core.named_frame import FrameSource, NamedFrame, SeveralFrames, gravity_of
+from treadline.core.signals import PinholeCamera
+from treadline.io.frames.cloud_files import ENDINGS, read_cloud
+from treadline.io.frames.folders import DEPTH_ENDING, FolderOfFrames
+from treadline.io.frames.image_files import is_photo, nominal_camera, read_frame
+from treadline.io.frames.logs import FramesOfLog, is_log
+from treadline.io.frames.point_cloud import UNITS, Axes, cloud_image
+from treadline.scenario.camera_file import CameraFile, read_camera
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameOptions:
+    """Properties of frames that their files do not hold."""
+
+    camera: CameraFile | None = None
+    """Calibration; a folder has its own camera.toml, a cloud and a log need none."""
+    gravity_C: Float[np.ndarray, " 3"] | None = None
+    """Unit vector that points down in the camera frame."""
+    unit: str | None = None
+    """Unit of depth counts or cloud coordinates: m, cm or mm."""
+    axes: Axes = "camera"
+    """Axes of point clouds."""
+    topic: str | None = None
+    """Topic of the depth images or point clouds of a log."""
+    mount: PinholeCamera | None = None
+    """Camera whose mount the camera of a log has, if no calibration is given."""
+    colour: bool = True
+    """Whether the colour images of a log are wanted; depth alone is read faster."""
+
+
+def read_frames(
+    path: Path | str,
+    depth: Path | str | None = None,
+    *,
+    camera: Path | str | CameraFile | None = None,
+    gravity: str | None = None,
+    unit: str | None = None,
+    axes: Axes = "camera",
+    topic: str | None = None,
+) -> FrameSource:
+    """Return the frames of a depth image, a colour and a depth image, a point cloud, a folder of these, or a log.
+
+    Each frame has ``.name``, ``.frame`` (``.depth_m``, ``.rgb``, ``.camera``) and ``.gravity_C``; frames are read one by one.
+
+    Args:
+        path: Depth image (16-bit PNG), colour image, .ply or .pcd file, folder, or .mcap, .bag or .db3 file.
+        depth: Depth image, if ``path`` is a colour image.
+        camera: Calibration, or its file (TOML).
+        gravity: Unit vector that points down in the camera frame, x,y,z.
+        unit: Unit of depth counts or cloud coordinates: m, cm or mm.
+        axes: Axes of clouds: camera (x right, y down, z forward), ros (x forward, z up) or opengl (y up, z backward).
+        topic: Topic of the depth of a log, if it has several.
+
+    Raises:
+        TreadlineError: If the path holds no frames, or information is missing.
+    """
+    calibration = camera if isinstance(camera, CameraFile | None) else read_camera(Path(camera))
+    options = FrameOptions(camera=calibration, gravity_C=gravity_of(gravity), unit=unit, axes=axes, topic=topic)
+    return open_frames(Path(path), None if depth is None else Path(depth), options)
+
+
+def open_frames(path: Path, depth: Path | None, options: FrameOptions) -> FrameSource:
+    """Return the frames of a path.
+
+    Raises:
+        TreadlineError: If the path holds no frames, or information is missing.
+    """
+    if options.unit is not None and options.unit not in UNITS:
+        raise SettingsError(f"--unit is '{options.unit}'; allowed: {', '.join(UNITS)}")
+    if depth is not None:
+        if options.camera is None:
+            raise SettingsError("no intrinsics: see needs the camera's calibration: --camera camera.toml")
+        return SeveralFrames([_image(path, depth, _with_unit(options.camera, options), options)])
+    if path.suffix.lower() in ENDINGS and not path.is_dir():
+        named, warning = _cloud(path, options)
+        return SeveralFrames([named], [] if warning is None else [warning])
+    if is_log(path):
+        return FramesOfLog(
+            path,
+            topic=options.topic,
+            camera=options.camera,
+            gravity_C=options.gravity_C,
+            unit=options.unit,
+            axes=options.axes,
+            mount=options.mount,
+            colour=options.colour,
+        )
+    if options.topic is not None:
+        raise SettingsError(f"--topic is of logs; {path} is none")
+    return _folder(path, options) if path.is_dir() else _depth_image(path, options)
+
+
+def _folder(path: Path, options: FrameOptions) -> FrameSource:
+    clouds = sorted(file for file in path.iterdir() if file.suffix.lower() in ENDINGS)
+    if clouds and not any(path.glob("*" + DEPTH_ENDING)):
+        return _FolderOfClouds(clouds, options)
+    calibration = options.camera or read_camera(path / "camera.toml")
+    return FolderOfFrames(path, _with_unit(calibration, options), options.gravity_C)
+
+
+def _depth_image(path: Path, options: FrameOptions) -> FrameSource:
+    if is_photo(path):
+        raise ImageError(
+            f"{path}: a photo without depth; a heading needs the 16-bit depth image of the same moment: "
+            "see DEPTH --camera camera.toml, or see RGB DEPTH --camera camera.toml"
+        )
+    if options.camera is not None:
+        return SeveralFrames([_image(None, path, _with_unit(options.camera, options), options)])
+    calibration, warning = nominal_camera(path)
+    return SeveralFrames([_image(None, path, _with_unit(calibration, options), options)], [warning])
+
+
+def _image(rgb: Path | None, depth: Path, calibration: CameraFile, options: FrameOptions) -> NamedFrame:
+    return NamedFrame(
+        name=(rgb or depth).name,
+        frame=read_frame(rgb, depth, calibration),
+        gravity_C=options.gravity_C,
+        mount_known=calibration.mount_known,
+        has_colour=rgb is not None,
+    )
+
+
+def _cloud(path: Path, options: FrameOptions) -> tuple[NamedFrame, str | None]:
+    camera = None if options.camera is None else options.camera.camera
+    image = cloud_image(path, read_cloud(path), camera, axes=options.axes, unit=options.unit or "m")
+    named = NamedFrame(
+        name=path.name,
+        frame=image.frame,
+        gravity_C=options.gravity_C,
+        mount_known=options.camera is not None and options.camera.mount_known,
+        has_colour=image.has_colour,
+    )
+    return named, image.warning
+
+
+class _FolderOfClouds:
+    """Clouds of a folder in the order of their names, read lazily; unreadable clouds are reported as such."""
+
+    def __init__(self, files: list[Path], options: FrameOptions) -> None:
+        self._files = files
+        self._options = options
+        self.count: int | None = len(files)
+        self.warnings: list[str] = []
+
+    def __iter__(self) -> Iterator[NamedFrame]:
+        unread: list[ImageError] = []
+        for path in self._files:
+            try:
+                named, warning = _cloud(path, self._options)
+            except ImageError as error:
+                unread.append(error)
+                named, warning = NamedFrame(name=path.name, frame=None, mount_known=False, gravity_C=None, reason=str(error)), None
+            if warning is not None and not self.warnings:
+                self.warnings.append(f"{path.name}: {warning}")
+            yield named
+        if len(unread) == len(self._files):
+            raise unread[0]
+
+
+def _with_unit(calibration: CameraFile, options: FrameOptions) -> CameraFile:
+    """Return the calibration with the unit that the user gives."""
+    return calibration if options.unit is None else calibration.model_copy(update={"depth_unit_m": UNITS[options.unit]})

@@ -1,0 +1,205 @@
+"""Frames of a live camera, with the checks of its stream: size, stamps, frame rate, pairing of colour, and gravity."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.errors import CameraError, ImageError
+from treadline.core.named_frame import NamedFrame, black
+from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.io.live.depth_camera import STANDARD_GRAVITY_M_S2, CameraImages, DepthCamera
+from treadline.io.log_frames import PAIR_S
+from treadline.scenario.camera_file import CameraFile
+
+TIMEOUT_S = 2.0
+"""Longest wait for an image [s]: 60 frames at 30 Hz; a camera that resets itself on USB takes less than a second."""
+WINDOW_S = 1.0
+"""Period over which the frame rate is measured [s]."""
+SETTLE_S = 2.0
+"""Time after the first frame before the rate is checked [s]: loading the compiled kernels takes a second."""
+COLLAPSED = 0.5
+"""Share of the nominal rate below which the rate has collapsed: automatic exposure in the dark halves it at most."""
+SAME_FOCAL = 0.02
+"""Largest difference between the focal lengths of device and file: 2 % costs 0.2° of heading (docs/how-to/own-camera)."""
+AVERAGE_S = 1.0
+"""Time constant of the mean specific force [s]: two steps of a person who walks with the camera."""
+GRAVITY_OFF_M_S2 = 0.6
+"""Largest deviation of the mean specific force from gravity [m/s²]: cameras without IMU calibration measure 9.4 to 10.2."""
+
+
+class FrameRate:
+    """Rate of the stamps within the last second, or of the last three stamps."""
+
+    def __init__(self) -> None:
+        self._stamps: deque[float] = deque()
+
+    def add(self, t_s: float) -> None:
+        """Add a stamp."""
+        self._stamps.append(t_s)
+        while t_s - self._stamps[0] > WINDOW_S and len(self._stamps) > 3:
+            self._stamps.popleft()
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Frames per second; None before the third frame."""
+        if len(self._stamps) < 3:
+            return None
+        return (len(self._stamps) - 1) / (self._stamps[-1] - self._stamps[0])
+
+
+class GravityAverage:
+    """Direction of gravity from the specific force of a camera that moves little: opposite to its mean."""
+
+    def __init__(self) -> None:
+        self._mean_C: Float[np.ndarray, " 3"] | None = None
+        self._t_s = 0.0
+
+    def step(self, t_s: float, force_C: Float[np.ndarray, " 3"]) -> None:
+        """Add a sample to the exponential mean."""
+        weight = 1.0 if self._mean_C is None else 1.0 - np.exp(-max(t_s - self._t_s, 0.0) / AVERAGE_S)
+        before = force_C if self._mean_C is None else self._mean_C
+        self._mean_C, self._t_s = before + weight * (force_C - before), t_s
+
+    @property
+    def gravity_C(self) -> Float[np.ndarray, " 3"] | None:
+        """Unit vector that points down in the camera frame; None while the camera accelerates."""
+        if self._mean_C is None:
+            return None
+        size = float(np.linalg.norm(self._mean_C))
+        return -self._mean_C / size if abs(size - STANDARD_GRAVITY_M_S2) <= GRAVITY_OFF_M_S2 else None
+
+
+class LiveFrames:
+    """Frames of a camera until it is closed or fails."""
+
+    def __init__(
+        self,
+        camera: DepthCamera,
+        *,
+        calibration: CameraFile | None = None,
+        gravity_C: Float[np.ndarray, " 3"] | None = None,
+        colour: bool = False,
+        on_warning: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """Prepare a stream; the first iteration opens the camera.
+
+        Args:
+            calibration: Mount of the camera. Its intrinsics are compared with those of the device.
+            gravity_C: Direction of gravity in place of the device's IMU.
+            colour: Whether colour images are wanted.
+            on_warning: Function that receives each warning when it arises.
+        """
+        self._camera = camera
+        self._calibration = calibration
+        self._given_C = gravity_C
+        self._colour = colour
+        self._on_warning = on_warning
+        self.count: int | None = None
+        self.rate = FrameRate()
+        self._unpaired = self._repeated = 0
+        self._slowest_hz: float | None = None
+        self._collapsed = False
+
+    @property
+    def warnings(self) -> list[str]:
+        """Properties of the stream up to now."""
+        counted = [
+            (self._unpaired, f"frames used without colour: depth and colour were more than {1e3 * PAIR_S:.0f} ms apart"),
+            (self._repeated, "frames left out: their stamps were not later than the one before"),
+        ]
+        found = [f"{count} {what}" for count, what in counted if count]
+        if self._slowest_hz is not None:
+            found.append(f"the frame rate fell to {self._slowest_hz:.1f} Hz of {self._camera.rate_hz:.0f} Hz")
+        return found
+
+    def __iter__(self) -> Iterator[NamedFrame]:
+        camera = self._camera
+        gravity, start_s, last_s, number = GravityAverage(), 0.0, -np.inf, 0
+        try:
+            camera.open(colour=self._colour)
+            pinhole = self._pinhole(camera.intrinsics())
+            while True:
+                try:
+                    images = camera.next_images(TIMEOUT_S)
+                except CameraError as error:
+                    raise CameraError(f"{error} ({number} frames before)") from None
+                if images.t_s <= last_s:
+                    self._repeated += 1
+                    continue
+                start_s = images.t_s if number == 0 else start_s
+                last_s = images.t_s
+                self._check_rate(images.t_s, images.t_s - start_s)
+                if images.force_C is not None:
+                    gravity.step(images.t_s, images.force_C)
+                down = self._given_C if self._given_C is not None else gravity.gravity_C
+                yield self._named(number, images, images.t_s - start_s, pinhole, down)
+                number += 1
+        finally:
+            camera.close()
+
+    def _pinhole(self, device: PinholeCamera) -> PinholeCamera:
+        """Return the device's intrinsics with the mount of the calibration."""
+        if self._calibration is None:
+            return device
+        own = self._calibration.camera
+        if (own.width_px, own.height_px) != (device.width_px, device.height_px):
+            raise ImageError(
+                f"{self._camera.name}: the calibration is for {own.width_px}×{own.height_px}, the camera gives "
+                f"{device.width_px}×{device.height_px} pixels; calibrate at this size, or leave --camera out (it gives "
+                "the mount only)"
+            )
+        if abs(own.fx_px / device.fx_px - 1.0) > SAME_FOCAL:
+            self._on_warning(
+                f"the calibration's fx = {own.fx_px:.1f} px differs from the device's {device.fx_px:.1f} px by "
+                f"{100.0 * abs(own.fx_px / device.fx_px - 1.0):.1f} %; the device's is used"
+            )
+        return replace(own, fx_px=device.fx_px, fy_px=device.fy_px, cx_px=device.cx_px, cy_px=device.cy_px)
+
+    def _check_rate(self, t_s: float, since_start_s: float) -> None:
+        """Warn once when the rate collapses, and again if it collapses after a recovery."""
+        self.rate.add(t_s)
+        rate_hz, nominal_hz = self.rate.rate_hz, self._camera.rate_hz
+        if rate_hz is None or since_start_s < SETTLE_S:
+            return
+        if rate_hz >= COLLAPSED * nominal_hz:
+            self._collapsed = False
+            return
+        self._slowest_hz = min(rate_hz, self._slowest_hz or np.inf)
+        if not self._collapsed:
+            self._collapsed = True
+            self._on_warning(
+                f"{self._camera.name}: {rate_hz:.1f} of {nominal_hz:.0f} frames per second: a USB 2 port, a long exposure in the "
+                "dark, or a slow computer"
+            )
+
+    def _named(
+        self, number: int, images: CameraImages, t_s: float, camera: PinholeCamera, down: Float[np.ndarray, " 3"] | None
+    ) -> NamedFrame:
+        height, width = images.depth_m.shape
+        if (width, height) != (camera.width_px, camera.height_px):
+            raise ImageError(
+                f"{self._camera.name}: images of {width}×{height} pixels, intrinsics for {camera.width_px}×{camera.height_px}; "
+                "open the camera again, or update its firmware"
+            )
+        rgb = images.rgb if images.rgb is not None and images.rgb.shape[:2] == (height, width) else None
+        if rgb is not None and (images.rgb_t_s is None or abs(images.rgb_t_s - images.t_s) > PAIR_S):
+            rgb = None
+            self._unpaired += 1
+            if self._unpaired == 1 and images.rgb_t_s is not None:
+                apart_ms = 1e3 * abs(images.rgb_t_s - images.t_s)
+                self._on_warning(
+                    f"{self._camera.name}: depth and colour are {apart_ms:.0f} ms apart, at most {1e3 * PAIR_S:.0f} ms are paired; "
+                    "depth alone is used"
+                )
+        frame = RgbdFrame(t_s=t_s, rgb=black(height, width) if rgb is None else rgb, depth_m=images.depth_m, camera=camera)
+        return NamedFrame(
+            name=f"{number:06d}",
+            frame=frame,
+            mount_known=self._calibration is not None and self._calibration.mount_known,
+            gravity_C=down,
+            has_colour=rgb is not None,
+            t_s=t_s,
+        )

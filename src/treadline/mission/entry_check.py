@@ -1,0 +1,80 @@
+"""Feasibility of entering the measured stair with the entered payload, checked before the chair touches a nosing.
+
+``treadline check`` evaluates a description, this module the stair map. Slopes are measured to about 0.3° (RMSE). The limits are one
+degree wider than those of ``check``, so that noise does not reject what ``check`` accepts.
+"""
+
+import math
+
+from treadline.core.angles import DEG
+from treadline.perception.lattice_kernels import RISE_M, RUN_M
+from treadline.scenario.chair import ChairDescription
+from treadline.vehicle.flipper_support import track_on_stair_m
+from treadline.vehicle.linkage import SeatLinkage
+from treadline.vehicle.loading import Loading, centre_of_mass_level
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, tipping_margins, worst_support
+from treadline.vehicle.track_length import minimum_track_length
+
+MEASURED_RAD = 1.0 * DEG
+"""Reserve for the error of the measured slope [rad]: three standard deviations."""
+UNKNOWN_RAD = 5.0 * DEG
+"""Reserve of the tip-over margin for quantities that are not measured [rad]: a passenger 5 cm further back than assumed costs four
+degrees. ``check`` knows the place of the passenger and requires the whole margin."""
+MEASURED_M = 0.01
+"""Reserve for the error of the measured nosing distance [m]."""
+SHAPE_SIGMAS = 3.0
+"""Half axes of the ellipse of rise and run that may be true, in standard deviations: 98.9 % in two dimensions, and 89 % with the
+tracker's mean squared error of 2 for the rise on approach. A refusal from afar is for good; right before the flight the measured
+values count."""
+ELLIPSE = tuple((math.cos(turn), math.sin(turn)) for turn in (k * math.tau / 16 for k in range(16)))
+"""Directions to points of the ellipse."""
+
+
+def certain_reject_reason(
+    chair: ChairDescription, payload_kg: float, rise_m: float, run_m: float, sigmas_m: tuple[float, float]
+) -> str | None:
+    """Return ``reject_reason`` of the measured stair if no stair that may be the true one can be entered, or None.
+
+    Args:
+        chair: Chair.
+        payload_kg: Weight of the passenger as entered by the operator.
+        rise_m: Measured rise.
+        run_m: Measured run.
+        sigmas_m: Standard deviations of rise and run, taken as independent; infinite before they are measured. What may be true is
+            limited to the range of steps that the detector knows.
+    """
+    reason = reject_reason(chair, payload_kg, rise_m, run_m, math.atan2(rise_m, run_m))
+    if reason is None or not all(map(math.isfinite, sigmas_m)):
+        return None
+    for along_rise, along_run in ELLIPSE:
+        rise = min(max(rise_m + SHAPE_SIGMAS * along_rise * sigmas_m[0], RISE_M[0]), RISE_M[1])
+        run = min(max(run_m + SHAPE_SIGMAS * along_run * sigmas_m[1], RUN_M[0]), RUN_M[1])
+        if reject_reason(chair, payload_kg, rise, run, math.atan2(rise, run)) is None:
+            return None
+    return reason
+
+
+def reject_reason(chair: ChairDescription, payload_kg: float, rise_m: float, run_m: float, slope_rad: float) -> str | None:
+    """Return the reason why the chair must not enter, with the number and the remedy; None if it may."""
+    rating = chair.rating
+    if rating is not None and slope_rad > rating.slope_deg * DEG + MEASURED_RAD:
+        steep = f"the stair is {slope_rad / DEG:.1f}° steep"
+        return f"{steep}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
+    if rating is not None and payload_kg > rating.payload_kg:
+        return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {rating.payload_kg:g} kg"
+    lacking_m = minimum_track_length(rise_m, run_m) - track_on_stair_m(chair)
+    if lacking_m > MEASURED_M:
+        return f"the track is {lacking_m:.3f} m too short for steps of {rise_m:.3f} by {run_m:.3f} m; use a longer track"
+    reach = math.inf if chair.seat is None else SeatLinkage(chair.seat).angle_range[1]
+    if reach < slope_rad - MEASURED_RAD:
+        return f"the stair is {slope_rad / DEG:.1f}° steep, the seat stays level to {reach / DEG:.0f}°; lengthen its stroke"
+    loading = Loading(chair=chair, payload_kg=payload_kg)
+    x_m, z_m = centre_of_mass_level(loading, slope_rad)
+    up = (math.sin(slope_rad), 0.0, math.cos(slope_rad))
+    support = worst_support(chair, math.hypot(rise_m, run_m), loading.weight_n)
+    worst = tipping_margins((x_m, 0.0, z_m), up, support).worst
+    if worst < MARGIN_LIMIT_RAD - UNKNOWN_RAD:
+        least = MARGIN_LIMIT_RAD / DEG
+        remedy = "take less payload" if chair.seat is None else "shift the seat or take less payload"
+        return f"the tipping margin would be {worst / DEG:.1f}°, below {least:g}°; {remedy}"
+    return None

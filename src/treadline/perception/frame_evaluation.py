@@ -1,0 +1,171 @@
+"""Evaluation of frames for ``treadline see``: frames in, JSON values and pictures out."""
+
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import UInt8
+
+from treadline.core.angles import DEG
+from treadline.core.errors import ImageError
+from treadline.core.named_frame import NamedFrame
+from treadline.core.signals import RgbdFrame, StairMap
+from treadline.perception.detection import StairDetection, refused
+from treadline.perception.detector import DetectorConfig, StairDetector
+from treadline.perception.overlay import overlay
+from treadline.perception.paper.algorithm import PaperConfig
+from treadline.perception.paper.edges import ThresholdRule
+from treadline.perception.paper.pictures import write_picture, write_stages
+from treadline.perception.paper.printed_heading import heading_about
+from treadline.perception.stair_shape import StairShape
+
+NO_MOUNT = (
+    "the calibration names no mount, so the camera is taken to look level and straight ahead: heading_deg is about the camera's "
+    "own axis; the chair's heading is heading_on_flight_deg where it stands on the flight, heading_on_level_deg on floor or "
+    "landing, if the camera is not turned sideways; learn the mount with treadline mount, or give mount_pitch_deg (0 if it does "
+    "look level)"
+)
+"""Message for a missing mount calibration. Gravity cannot replace the mount: on a flight, z of the chair is not vertical."""
+
+
+class FrameEvaluator:
+    """Detector whose results are JSON values; it measures the processing time of each frame."""
+
+    def __init__(self, method: Literal["paper", "robust"], threshold: ThresholdRule = "median", *, warm_up: bool = True) -> None:
+        """Make the detector.
+
+        Args:
+            threshold: Rule for Canny's thresholds in Algorithm 1.
+            warm_up: Process frames twice up to the first accepted one, so that its time excludes loading the compiled kernels.
+        """
+        self._method = method
+        self._paper = PaperConfig(threshold=threshold)
+        self._detector = StairDetector(DetectorConfig(method=method, paper=self._paper))
+        self._loaded = not warm_up
+
+    def evaluate(self, named: NamedFrame) -> tuple[StairDetection, dict[str, Any]]:
+        """Return the detection in a frame, and its values with the keys of the JSON output.
+
+        Raises:
+            ImageError: If Algorithm 1 has no colour image.
+        """
+        if named.frame is None:
+            sight = refused(named.reason or "no image")
+            return sight, _answer(named, sight, 0.0)
+        if self._method == "paper" and not named.has_colour:
+            raise ImageError(f"{named.name}: no colour image; Algorithm 1 finds its edges in colour: leave --method paper out")
+        if not self._loaded:
+            self._loaded = self._detector.look(named.frame, named.gravity_C).accepted
+        started = time.perf_counter()
+        sight = self._detector.look(named.frame, named.gravity_C)
+        return sight, _answer(named, sight, (time.perf_counter() - started) * 1e3)
+
+    def write_pictures(self, named: NamedFrame, sight: StairDetection, folder: Path) -> None:
+        """Write the six stages of Fig. 5, if the frame has colour, and the detections of the robust method."""
+        if named.frame is None:
+            return
+        prefix = Path(named.name).stem
+        if named.has_colour:
+            printed = StairDetector(DetectorConfig(method="paper", paper=self._paper))
+            shown = printed.look(named.frame, named.gravity_C, stages=True)
+            if shown.stages is not None:
+                write_stages(shown.stages, folder, prefix=prefix)
+        if self._method == "robust":
+            write_seen(named, sight, folder / f"{prefix}-seen.png")
+
+
+def write_seen(named: NamedFrame, sight: StairDetection, path: Path) -> None:
+    """Write the picture of the detections, on the depth image where there is no colour."""
+    if named.frame is not None:
+        frame = named.frame if named.has_colour else replace(named.frame, rgb=_depth_in_grey(named.frame))
+        write_picture(overlay(frame, sight), path)
+
+
+def see_frames(
+    frames: Iterable[NamedFrame],
+    *,
+    method: Literal["paper", "robust"],
+    out: Path | None,
+    threshold: ThresholdRule = "median",
+) -> Iterator[dict[str, Any]]:
+    """Yield the result of each frame, with the keys of the JSON output.
+
+    Args:
+        threshold: Rule for Canny's thresholds in Algorithm 1.
+        out: Folder for the images of each frame: the six stages of Fig. 5 (``NAME-1.png … -6.png``) and the detections of the
+            robust method (``NAME-seen.png``).
+    """
+    evaluator = FrameEvaluator(method, threshold)
+    for named in frames:
+        sight, values = evaluator.evaluate(named)
+        if out is not None:
+            evaluator.write_pictures(named, sight, out)
+        yield values
+
+
+def _depth_in_grey(frame: RgbdFrame) -> UInt8[np.ndarray, "h w 3"]:
+    """Return the depth image as grey values, near is bright; pixels without a return are black."""
+    depth = frame.depth_m
+    known = np.isfinite(depth)
+    if not known.any():
+        return frame.rgb
+    near, far = np.percentile(depth[known], (2.0, 98.0))
+    share = np.clip((far - depth) / max(float(far - near), 1e-3), 0.0, 1.0)
+    grey = np.where(known, 60.0 + 180.0 * np.where(known, share, 0.0), 0.0).astype(np.uint8)
+    return np.repeat(grey[:, :, None], 3, axis=2)
+
+
+def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float) -> dict[str, Any]:
+    shape = sight.shape
+    return {
+        "name": named.name,
+        **({} if named.t_s is None else {"t_s": named.t_s}),
+        "accepted": sight.accepted,
+        "reason": sight.reason,
+        "heading_deg": None if sight.heading_rad is None else sight.heading_rad / DEG,
+        "sigma_deg": None if sight.sigma_rad is None else sight.sigma_rad / DEG,
+        "edge_direction": None if sight.edge_direction_C is None else sight.edge_direction_C.tolist(),
+        "edges": sight.edge_count,
+        "box_px": sight.box_px,
+        "planes_against_lines_deg": None if sight.planes_against_lines_rad is None else sight.planes_against_lines_rad / DEG,
+        "stair": None if shape is None else _stair(shape, sight.stair_map),
+        "ms": spent_ms,
+        "mount_known": named.mount_known,
+        "warning": None if named.mount_known else NO_MOUNT,
+        **({} if named.mount_known else _without_mount(sight)),
+    }
+
+
+def _without_mount(sight: StairDetection) -> dict[str, float | None]:
+    """Return the heading at camera yaw 0, for a chair on the flight and for one on horizontal ground."""
+    if sight.axes is None:
+        return {"heading_on_flight_deg": None, "heading_on_level_deg": None}
+    on_flight = heading_about(sight.axes.normal_C, sight.axes.edge_C)
+    on_level = heading_about(-sight.axes.down_C, sight.axes.edge_C)
+    return {
+        "heading_on_flight_deg": None if on_flight is None else on_flight / DEG,
+        "heading_on_level_deg": None if on_level is None else on_level / DEG,
+    }
+
+
+def _stair(shape: StairShape, seen: StairMap | None) -> dict[str, Any]:
+    """Return the dimensions of the stair and, in the chair frame, the map."""
+    measures: dict[str, Any] = {
+        "direction": shape.direction,
+        "rise_m": shape.rise_m,
+        "run_m": shape.run_m,
+        "slope_deg": shape.slope_rad / DEG,
+        "distance_m": shape.distance_m,
+    }
+    if seen is not None:
+        measures |= {
+            "nosings_m": seen.nosings_B.tolist(),
+            "ends": seen.ends,
+            "left_wall_m": seen.left_wall_m,
+            "right_wall_m": seen.right_wall_m,
+            "obstacle_m": seen.obstacle_m,
+        }
+    return measures

@@ -1,0 +1,58 @@
+"""Frame quality: brightness, contrast, valid depth fraction and fingerprint.
+
+``RgbdFrame -> FrameQuality``. It precedes all other processing of a frame: statistics use every n-th pixel, the fingerprint the
+whole depth image. The heading uses depth; colours are evaluated only if depth is scarce, because rendering them is expensive.
+"""
+
+import zlib
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.signals import FrameQuality, RgbdFrame
+from treadline.perception.flat_ground import SWEPT_HALF_M, obstacle_on_flat_ground
+
+STRIDE_AT_240 = 8
+"""Subsampling for the statistics at 240 rows [px]: 1200 pixels, so fractions are accurate to a hundredth."""
+WHITE = 255.0
+"""Largest colour value."""
+ENOUGH = 0.4
+"""Valid depth fraction above which colours are not evaluated."""
+UNASKED = (0.5, 0.25)
+"""Brightness and contrast reported without evaluation."""
+
+
+def quality_of(
+    frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, swept_half_m: float = SWEPT_HALF_M
+) -> FrameQuality:
+    """Return the quality measures of a frame, and the distance of an obstacle on the ground.
+
+    Two depth images of a working camera never agree in all bits, so a checksum detects a frozen one.
+
+    Args:
+        gravity_C: Unit vector pointing down, in the camera frame; without it obstacles are not evaluated.
+        swept_half_m: Half width of the volume swept by the chair.
+    """
+    stride = max(1, round(STRIDE_AT_240 * frame.camera.height_px / 240))
+    depths = frame.depth_m[::stride, ::stride]
+    share = float(np.mean(np.isfinite(depths) & (depths > 0.0))) if depths.size else 0.0
+    fingerprint = zlib.crc32(np.ascontiguousarray(frame.depth_m).data)
+    brightness, contrast = UNASKED
+    if share < ENOUGH:
+        brightness, contrast = _light_of(frame, stride)
+        # Depth images without any return are identical; the colours still show a working camera.
+        fingerprint = zlib.crc32(np.ascontiguousarray(frame.rgb).data, fingerprint)
+    return FrameQuality(
+        t_s=frame.t_s,
+        fingerprint=fingerprint,
+        brightness=brightness,
+        contrast=contrast,
+        valid_share=share,
+        obstacle_m=None if gravity_C is None or share == 0.0 else obstacle_on_flat_ground(frame, gravity_C, swept_half_m),
+    )
+
+
+def _light_of(frame: RgbdFrame, stride: int) -> tuple[float, float]:
+    """Return mean and standard deviation of the colours, relative to white."""
+    colours = frame.rgb[::stride, ::stride].astype(np.float32)
+    return (float(colours.mean()) / WHITE, float(colours.std()) / WHITE) if colours.size else (0.0, 0.0)

@@ -1,0 +1,430 @@
+"""Planes and lines of a depth image: planar blocks of pixels, surfaces joined from them, and the lines at their ends.
+
+A plane n·p = 1 appears in the image as w = n·(x, y, 1) with w = 1/Z, so the three coefficients of a block's fit are its normal. The
+blocks find the surfaces; each surface is then fitted to all of its pixels, column by column, which also gives its ends and their
+surroundings.
+
+A line in the image and the camera centre span a plane that contains the edge, so its normal m satisfies m·e = 0, like the normal of
+a tread. Depth along the edge, where it is least accurate, is not needed.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Int
+
+from treadline.core.angles import DEG
+from treadline.core.signals import PinholeCamera
+from treadline.perception import plane_segmentation_kernels as surface_kernels
+
+CELL_AT_240 = 4
+"""Edge of a cell at 240 rows [px]; a block is two cells wide."""
+NEAR_M, FAR_M = 0.4, 6.0
+"""Depth range in use [m]: a Kinect 1 and a D455 measure up to 6 m. With 4.5 m, 2 of 11 frames of a Kinect 1 from 5 m before a
+flight were accepted; with 6 m or more, 6 of 11."""
+DISPARITY_PX_M = 575.0 * 0.075
+"""Product f·B of the Kinect 1 [px m]: residuals are expressed in pixels of its disparity."""
+BLOCK_RESIDUAL = 0.16 / DISPARITY_PX_M
+"""Largest RMS residual of a block on one surface [1/m]; Kinect frames have 0.055 to 0.075 px."""
+DEPTH_RESIDUAL_M = 0.003
+"""Largest RMS residual for sensors with depth noise instead of disparity noise [m]: a Kinect 2 on carpet nearby."""
+LEAST_RESIDUAL = 0.02 / DISPARITY_PX_M
+"""Lower limit of the assumed residual of a block [1/m]."""
+TURN_LIMIT = 8.0 * DEG
+"""Largest standard deviation of a block's normal for use [rad]."""
+FRAGMENT = 8
+"""Ratio of block counts above which a smaller plane on the same level counts as a wrinkle."""
+SAMPLE = 16
+"""Number of blocks used to estimate a surface's noise."""
+FULL = 0.6
+"""Least fraction of a block's pixels with depth."""
+TOLERANCE, TOLERANCE_SIGMAS = 0.22 / DISPARITY_PX_M, 3.5
+"""Largest distance of a pixel from its surface: absolute [1/m] and in RMS residuals, whichever is larger."""
+ASIDE_M = 1.0
+"""Largest lateral distance of a wall next to a surface [m]: a plane along the view at that distance leaves the tolerance of the
+surface within three columns of 640."""
+NOISE_QUANTILE, NOISE_MARGIN, NOISE_MOST = 0.35, 2.2, 3.0
+"""Quantile of the residuals of all blocks that stands for a frame's noise, its ratio to the largest residual of a planar block
+(recorded Kinect 1 frames give a noise of 1 to 1.8), and the largest noise: beyond it steps 2 m away are no planes."""
+LAW_PARTS, LAW_SPAN, LAW_EXPONENT = 6, 0.35, -0.3
+"""Number of ranges of depth, least span of log depth and largest exponent of a time-of-flight camera's noise. Exponents over 40
+kinds of rendered frames: -0.1 to 0.2 for disparities, -1.8 to -0.9 for time of flight; recorded frames of a Kinect 1 have 0.03 and
+0.05, one of a Kinect 2 -0.6."""
+RANGE_SENSORS = ("kinect2", "tof")
+"""Kinds of sensors that measure the time of flight."""
+CHI_SQUARE_MEDIAN = 0.455
+"""Median of the square of a standard normal number."""
+CELLS_ALIKE = 1.7
+"""Ratio of a matching window's width to the square root of its contrast, both less one: adjacent cells share a window. A mean
+over 7×7 px has a contrast of 4.1² in cells of 8 px, one over 3×3 px of 2.3² in cells of 4 px."""
+TURN_NOISE_MOST = 1.5
+"""Largest factor on ``TURN_LIMIT``: beyond 12° a block no longer separates a riser from a tread."""
+DETOUR_M = 0.005
+"""Standard deviation of the change of range along a tread towards its corner with the next riser, by light that takes a detour over
+that riser [m]: of 2 to 50 mm in a corner (Fuchs, ICPR 2010). Along the corner it is that of ``nuisance.DETOUR_RAD``."""
+JUMP = 0.45 / DISPARITY_PX_M
+"""Depth difference between a surface and the background at its end [1/m]: 9 cm at 3 m."""
+NEAR_AT_240 = 1.5
+"""Largest distance of a point from a line at 240 rows [rows]: depth is ragged at edges."""
+ALIASING_PX = 0.15
+"""Lower limit of the relative error of a line's ends, for any number of points [px]: rows are integers."""
+LEAST_SHARE = 0.08
+"""Least length of a line as a fraction of the image width."""
+BEYOND_SHARE = 0.5
+"""Least fraction of a surface's end with a larger depth behind; otherwise it is a corner, or occluded."""
+
+LineKind = Literal["edge", "corner", "vague"]
+"""Kind of a line by what is measured past it."""
+End = Literal["upper", "lower"]
+"""End of a surface in the image."""
+_KINDS: dict[int, LineKind] = {surface_kernels.BEYOND: "edge", surface_kernels.CREASE: "corner", surface_kernels.UNKNOWN: "vague"}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanarBlocks:
+    """Planar blocks of a depth image with their pixels."""
+
+    nearness: Float[np.ndarray, "w h"]
+    """Inverse depth 1/Z, one row per image column; NaN without depth."""
+
+    sums: Float[np.ndarray, "b 10"]
+    normals: Float[np.ndarray, "b 3"]
+    """Normals n with n·p = 1; the length is the inverse distance."""
+    unit: Float[np.ndarray, "b 3"]
+    """Unit normals pointing away from the camera."""
+    centres: Float[np.ndarray, "b 3"]
+    """Centres of the blocks in C [m]."""
+    places: Int[np.ndarray, "b 3"]
+    """First row and column of cells, and number of rows of cells of each block."""
+    turns: Float[np.ndarray, " b"]
+    """Standard deviation of each block's normal [rad]."""
+    turn_limit: float
+    """Standard deviation above which a normal is uncertain [rad]."""
+    cell_px: int
+    noise: float
+    """Noise of this frame relative to a Kinect 1; thresholds on residuals are multiplied by it."""
+    window_px: float
+    """Width of the noise's correlation: that of the matching window of a stereo camera [px]."""
+
+    measures_range: bool
+    """Whether the camera is one of time of flight: by its file, or for an unknown one by the dependence of the noise on depth."""
+
+    @property
+    def spread_px(self) -> float:
+        """Standard deviation of the shift of all surfaces' ends: half of the matching window [px]."""
+        return 0.5 * (self.window_px - 1.0)
+
+
+def noise_of(cells: Float[np.ndarray, "r c 10"], full: float) -> tuple[float, float]:
+    """Return the noise of a frame relative to a Kinect 1, and the width of its correlation, from the flatter blocks [px].
+
+    The quantile holds planar blocks alone as long as a third of the image is flat. Noise that is correlated over a square of
+    ``window`` pixels has cell means of ``window²`` times the variance of white noise.
+    """
+    residuals, contrasts = surface_kernels.block_residuals(cells, full).T
+    if residuals.size == 0:
+        return 1.0, 1.0
+    quantile = float(np.quantile(residuals, NOISE_QUANTILE))
+    white = float(np.median(contrasts[residuals <= quantile])) / CHI_SQUARE_MEDIAN
+    window_px = 1.0 + CELLS_ALIKE * (math.sqrt(max(white, 1.0)) - 1.0)
+    return float(np.clip(NOISE_MARGIN * quantile / BLOCK_RESIDUAL, 1.0, NOISE_MOST)), window_px
+
+
+def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -> PlanarBlocks:
+    """Return the planar blocks of a depth image."""
+    size = max(3, round(CELL_AT_240 * camera.height_px / 240))
+    nearness = surface_kernels.nearness_of(depth_m)
+    cells = surface_kernels.cell_sums(nearness, size, camera.pinhole, NEAR_M, FAR_M)
+    noise, window_px = noise_of(cells, FULL * size * size)
+    turn_limit = TURN_LIMIT * min(noise, TURN_NOISE_MOST)
+    sums, normals, unit, centres, places, turns = _planar(cells, size, noise, turn_limit)
+    measures_range = camera.sensor in RANGE_SENSORS
+    if camera.sensor == "auto":
+        exponent, span = surface_kernels.noise_law(sums, normals, centres[:, 2].copy(), places, LAW_PARTS)
+        measures_range = exponent < LAW_EXPONENT and span > LAW_SPAN
+    return PlanarBlocks(
+        nearness=nearness,
+        measures_range=measures_range,
+        sums=sums,
+        normals=normals,
+        unit=unit,
+        centres=centres,
+        places=places,
+        turns=turns,
+        turn_limit=turn_limit,
+        cell_px=size,
+        noise=noise,
+        window_px=window_px,
+    )
+
+
+def uncertain_blocks(blocks: PlanarBlocks, camera: PinholeCamera) -> PlanarBlocks:
+    """Return the planar blocks of half the size, those with an uncertain normal included: far steps cover few rows."""
+    size = blocks.cell_px // 2
+    cells = surface_kernels.cell_sums(blocks.nearness, size, camera.pinhole, NEAR_M, FAR_M)
+    sums, normals, unit, centres, places, turns = _planar(cells, size, blocks.noise, math.inf)
+    return replace(blocks, cell_px=size, sums=sums, normals=normals, unit=unit, centres=centres, places=places, turns=turns)
+
+
+def _planar(cells: Float[np.ndarray, "r c 10"], size: int, noise: float, turn_limit: float) -> tuple[np.ndarray, ...]:
+    """Return sums, normals, unit normals, centres, places and deviations of the blocks on one plane."""
+    limits = BLOCK_RESIDUAL * noise, DEPTH_RESIDUAL_M * noise, turn_limit, LEAST_RESIDUAL
+    found: tuple[np.ndarray, ...] = surface_kernels.plane_blocks(cells, FULL * size * size, *limits)
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ends:
+    """Upper or lower end of a surface in the image, column by column."""
+
+    columns: Int[np.ndarray, " k"]
+    rows: Float[np.ndarray, " k"]
+    """Row half a pixel beyond the last one on the surface."""
+    follows: Int[np.ndarray, " k"]
+    """Surroundings of the end: ``surface_kernels.CREASE``, ``BEYOND``, ``BEFORE`` or ``UNKNOWN``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Line:
+    """Image line of one nosing."""
+
+    normal: Float[np.ndarray, " 3"]
+    """Unit normal m of the plane through the line and the camera centre, in C."""
+    covariance: Float[np.ndarray, "3 3"]
+    """Covariance of m, from the scatter of the points about the line."""
+    middle: Float[np.ndarray, " 3"]
+    """Middle of the line on its surface, in C [m]."""
+    ends_m: Float[np.ndarray, "2 3"]
+    """Ends of the line on its surface, left end first, in C [m]."""
+    ends_px: Float[np.ndarray, " 4"]
+    """Ends of the line u1, v1, u2, v2, left end first [px]."""
+    kind: LineKind
+    """Surroundings of the line: a larger depth (``edge``), an adjacent surface (``corner``), or nothing known (``vague``)."""
+    count: int
+    """Number of columns."""
+    end: End
+    """End of the surface in the image."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Surface:
+    """Tread or riser."""
+
+    normal: Float[np.ndarray, " 3"]
+    """Normal n with n·p = 1."""
+    covariance: Float[np.ndarray, "3 3"]
+    """Covariance of the normal, from the residuals about the plane."""
+    centre: Float[np.ndarray, " 3"]
+    """Point on the plane in the middle of its pixels, in C [m]."""
+    blocks: Int[np.ndarray, " k"]
+    upper: Ends
+    lower: Ends
+
+    @cached_property
+    def unit(self) -> Float[np.ndarray, " 3"]:
+        """Unit normal, pointing away from the camera."""
+        return np.asarray(self.normal * self.distance_m)
+
+    @cached_property
+    def unit_covariance(self) -> Float[np.ndarray, "3 3"]:
+        """Covariance of the unit normal, perpendicular to it."""
+        return np.asarray(self.covariance * self.distance_m**2)
+
+    @cached_property
+    def distance_m(self) -> float:
+        """Distance from the camera to the plane [m]."""
+        return 1.0 / math.sqrt(float(self.normal @ self.normal))
+
+    def span_m(self, blocks: PlanarBlocks, direction: Float[np.ndarray, " 3"]) -> tuple[float, float]:
+        """Return the range of the blocks' centres along a direction [m]."""
+        return surface_kernels.span(blocks.centres, self.blocks, direction)
+
+    def heights_m(self, camera: PinholeCamera, up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
+        """Return the height of the surface in each of its columns [m]."""
+        x = (self.upper.columns - camera.cx_px) / camera.fx_px
+        ends = [
+            np.column_stack([x, (rows - camera.cy_px) / camera.fy_px, np.ones(x.size)])
+            for rows in (self.upper.rows, self.lower.rows)
+        ]
+        top, bottom = ((rays @ up) / (rays @ self.normal) for rays in ends)
+        return np.asarray(top - bottom)
+
+    @property
+    def distance_variance(self) -> float:
+        """Variance of the centre's distance relative to it."""
+        ray = self.centre / self.centre[2]
+        return float(self.centre[2] ** 2 * (ray @ self.covariance @ ray))
+
+    def adjoining_tilt_rad(self, camera: PinholeCamera, ahead: Float[np.ndarray, " 3"], noise: float, length_m: float) -> float:
+        """Return the tilt of a horizontal surface by the pixels of risers at its ends within the tolerance of its plane [rad].
+
+        The residual of the riser's pixels increases by ``step`` per row up to the tolerance. Least squares turn the plane over its
+        rows by 3·tolerance²/(step·rows²) for each end, both towards the nosing plane.
+
+        Args:
+            ahead: Horizontal unit vector in C, perpendicular to the edges.
+            noise: Noise of the frame.
+            length_m: Largest extent of the surface along ``ahead``: the run of a tread. A plane far away that is turned extends
+                over the risers at its ends.
+        """
+        creased = sum(float(np.mean(end.follows != surface_kernels.BEYOND)) for end in (self.upper, self.lower) if end.follows.size)
+        y = float(self.centre[1] / self.centre[2])
+        lever = abs(float(ahead[1] - y * ahead[2]))
+        of_length = length_m * lever * camera.fy_px / float(self.centre[2])
+        rows = min(float(np.median(self.lower.rows - self.upper.rows)), of_length)
+        step = abs(float(self.normal[1] - ahead[1] / (ahead @ self.centre))) / camera.fy_px
+        turned = creased * 3.0 * (TOLERANCE * noise) ** 2 / (step * rows**2)
+        return turned * camera.fy_px * self.distance_m * lever
+
+    def detour_tilt_rad(self, ahead: Float[np.ndarray, " 3"], length_m: float, blocks: PlanarBlocks) -> float:
+        """Return the tilt of a horizontal surface by light that reaches it over the next riser [rad].
+
+        The range increases towards the riser by ``DETOUR_M``, of which the component along the normal turns the surface.
+
+        Args:
+            ahead: Horizontal unit vector in C, perpendicular to the edges.
+            length_m: Largest extent of the surface along ``ahead``: the run of a tread.
+        """
+        first, last = self.span_m(blocks, ahead)
+        along_normal = self.distance_m / float(np.linalg.norm(self.centre))
+        return DETOUR_M * along_normal / max(min(last - first, length_m), DETOUR_M)
+
+    def line(self, end: End, camera: PinholeCamera) -> Line | None:
+        """Return the line at an end of the surface, or None; the image border and objects in front give no line.
+
+        A corner belongs to a riser too low in the image to be a separate surface. The end of the surface has a constant offset
+        along a corner, so that the direction of the line is correct.
+        """
+        ends = self.upper if end == "upper" else self.lower
+        count, kind, normal, covariance, points, ends_px = surface_kernels.nosing_line(
+            ends.columns,
+            ends.rows,
+            ends.follows,
+            self.normal,
+            camera.height_px,
+            NEAR_AT_240 * camera.height_px / 240,
+            LEAST_SHARE * camera.width_px,
+            BEYOND_SHARE,
+            ALIASING_PX,
+            camera.pinhole,
+        )
+        if not count:
+            return None
+        return Line(
+            normal=normal,
+            covariance=covariance,
+            middle=points[0],
+            ends_m=points[1:],
+            ends_px=ends_px,
+            kind=_KINDS[kind],
+            count=count,
+            end=end,
+        )
+
+    def within(self, kept: Bool[np.ndarray, " k"], blocks: PlanarBlocks) -> "Surface":
+        """Return the part of the surface in some of its columns, with the same plane."""
+        columns = self.upper.columns[kept]
+        left = blocks.places[self.blocks, 1] * blocks.cell_px
+        width = 2 * blocks.cell_px
+        full = np.searchsorted(columns, left + width) - np.searchsorted(columns, left) == width
+        upper, lower = (Ends(columns=columns, rows=e.rows[kept], follows=e.follows[kept]) for e in (self.upper, self.lower))
+        return replace(self, blocks=self.blocks[full], upper=upper, lower=lower)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plane:
+    """Plane of a run of blocks, not yet fitted to its pixels."""
+
+    blocks: Int[np.ndarray, " k"]
+    """Indices of its blocks."""
+    normal: Float[np.ndarray, " 3"]
+    square: float
+    """Mean squared residual of its blocks [1/m²]."""
+
+
+def planes_of(
+    blocks: PlanarBlocks, members: Int[np.ndarray, " m"], direction: Float[np.ndarray, " 3"], *, gap_m: float, least: int
+) -> list[Plane]:
+    """Return the planes among some blocks: runs of blocks at one level along a direction.
+
+    Args:
+        members: Indices of the blocks.
+        direction: Unit vector in C along which planes are separated.
+        gap_m: Separation of different planes.
+        least: Least number of blocks of a plane.
+    """
+    if members.size < least:
+        return []
+    levels = blocks.centres[members] @ direction
+    order = np.argsort(levels, kind="stable")
+    members, stops, normals, squares = surface_kernels.planes_along(
+        blocks.sums,
+        blocks.centres,
+        members[order],
+        levels[order],
+        gap_m,
+        least,
+        BLOCK_RESIDUAL * blocks.noise,
+        DEPTH_RESIDUAL_M * blocks.noise,
+        SAMPLE,
+        FRAGMENT,
+    )
+    starts = [0, *stops.tolist()]
+    return [
+        Plane(blocks=members[start:stop], normal=normal, square=float(square))
+        for start, stop, normal, square in zip(starts[:-1], starts[1:], normals, squares, strict=True)
+    ]
+
+
+def surfaces_on(planes: Sequence[Plane], blocks: PlanarBlocks, camera: PinholeCamera) -> list[Surface]:
+    """Return the surfaces on planes, each fitted to all of its pixels; without those whose pixels determine none."""
+    if not planes:
+        return []
+    found = surface_kernels.surfaces(
+        blocks.nearness,
+        np.concatenate([plane.blocks for plane in planes]),
+        np.cumsum([plane.blocks.size for plane in planes]),
+        blocks.places,
+        blocks.cell_px,
+        np.array([plane.normal for plane in planes]),
+        np.array([plane.square for plane in planes]),
+        TOLERANCE * blocks.noise,
+        TOLERANCE_SIGMAS,
+        JUMP * blocks.noise,
+        ASIDE_M,
+        LEAST_RESIDUAL**2,
+        camera.pinhole,
+    )
+    normals, covariances, centres, held, columns, upper, lower, above, below = found
+    # Pixels within a matching window have a common error.
+    covariances = covariances * blocks.window_px**2
+    return [
+        Surface(
+            normal=normals[s],
+            covariance=covariances[s],
+            centre=centres[s],
+            blocks=planes[s].blocks,
+            upper=Ends(columns=columns[s, :count], rows=upper[s, :count], follows=above[s, :count]),
+            lower=Ends(columns=columns[s, :count], rows=lower[s, :count], follows=below[s, :count]),
+        )
+        for s, count in enumerate(held.tolist())
+        if count
+    ]
+
+
+def components(blocks: PlanarBlocks, members: Int[np.ndarray, " m"]) -> list[Int[np.ndarray, " k"]]:
+    """Return some blocks separated by their connection in the image, the largest component first."""
+    mask = np.zeros(np.max(blocks.places[:, :2], axis=0) + 2, dtype=np.uint8)
+    row, column, height = blocks.places[members].T
+    for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        inside = down < height
+        mask[row[inside] + down, column[inside] + right] = 1
+    count, labels = cv2.connectedComponents(mask, connectivity=8)
+    of_member = labels[row, column]
+    groups = [members[of_member == label] for label in range(1, count)]
+    return sorted(groups, key=len, reverse=True)

@@ -1,0 +1,281 @@
+"""Default method of the stair detector: edge direction from all treads, risers and nosings in view.
+
+Gravity sorts surfaces into treads and risers; the flight with the most evidence is searched for among them; the edge direction is
+perpendicular to all of their normals; the heading follows in the chair frame. A frame is rejected, with the reason, unless its
+surfaces repeat as on a stair, unlike walls, shelves and tables. Without an IMU, gravity is estimated from the treads, and more of a
+stair must be visible.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import DEG
+from treadline.core.arrays import cross
+from treadline.core.signals import PinholeCamera, RgbdFrame, StairMap
+from treadline.perception.acceptance import EVIDENCE, UNCONFIRMED, lacking_evidence, rejection_reason
+from treadline.perception.detection import Parts, StairDetection, refused
+from treadline.perception.edge_fit import EdgeFit, fit_edges
+from treadline.perception.form import bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
+from treadline.perception.gravity_direction import down_of_treads, levelled, off_gravity
+from treadline.perception.lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scene_of
+from treadline.perception.plane_segmentation import PlanarBlocks, Surface, surface_blocks, uncertain_blocks
+from treadline.perception.stair_map import map_of
+from treadline.perception.stair_shape import axes_of, shape_of, stair_axes_of
+from treadline.perception.step_parts import Axes, Direction, Flight, viewing_direction
+
+HALF = 0.5
+"""Valid depth fraction below which a rejection names missing depth as the reason, instead of missing planes."""
+LOOKING_AHEAD, LOOKING_DOWN = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG)
+"""Ranges of camera pitch for gravity from treads [rad]: nearer to horizontal, treads vanish; nearer to straight down, a wall seen
+from the front and a floor seen from above are indistinguishable."""
+GRAVITY_SIGMA, TREADS_SIGMA = 0.5 * DEG, 3.0 * DEG
+"""Standard deviation of gravity from the IMU, and from treads [rad]."""
+TREADS_LEAST = 2
+"""Least number of treads horizontal by gravity, above which no tilted ones are considered."""
+
+
+class Stopwatch:
+    """Accumulated wall time of each stage of a detection."""
+
+    def __init__(self) -> None:
+        self.laps_ms: dict[str, float] = {}
+        """Milliseconds by stage, in the order in which the stages first ended."""
+        self._last_s = time.perf_counter()
+
+    def resume(self) -> None:
+        """Start the next stage now; the time before is not assigned."""
+        self._last_s = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """End a stage."""
+        now_s = time.perf_counter()
+        self.laps_ms[stage] = self.laps_ms.get(stage, 0.0) + 1e3 * (now_s - self._last_s)
+        self._last_s = now_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Down:
+    """Hypothesis for the direction of gravity."""
+
+    direction: Float[np.ndarray, " 3"]
+    """Direction used to sort surfaces."""
+    reference: Float[np.ndarray, " 3"]
+    """Reference for the tilt of edges and treads, with its standard deviation."""
+    sigma_rad: float
+    least_levels: int = 0
+    """Least number of evenly spaced tread levels: higher for an uncertain direction."""
+    directions: tuple[Direction, ...] = ("up", "down")
+    """Possible directions of the flight."""
+    may_be_unconfirmed: bool = True
+    """Whether an unconfirmed detection has a heading."""
+
+
+def detect_stair(
+    frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, swept_half_m: float, watch: Stopwatch | None = None
+) -> StairDetection:
+    """Return the detection result of a frame.
+
+    Args:
+        swept_half_m: Half width of the volume swept by the chair; a narrower flight is rejected.
+    """
+    depth_m = frame.depth_m
+    if depth_m.dtype != np.float32 or not (depth_m.flags.c_contiguous and depth_m.flags.writeable):
+        # A contiguous copy: each memory layout would compile the kernels again.
+        frame = replace(frame, depth_m=np.require(depth_m, np.float32, ["C", "W"]))
+    search = _Search(frame=frame, swept_half_m=swept_half_m, watch=watch or Stopwatch())
+    blocks = surface_blocks(frame.depth_m, frame.camera)
+    if len(blocks.sums) < 3 * LEAST_BLOCKS:
+        share = float(np.mean(frame.depth_m > 0.0))
+        return refused(
+            f"only {len(blocks.sums)} blocks with a plane in the depth image, {share:.0%} of which has a depth: "
+            + ("nothing flat in range" if share > HALF else "too little of it")
+            + ", or noise beyond three times that of a Kinect 1"
+        )
+    search.watch.lap("blocks")
+    return search.without_imu(blocks) if gravity_C is None else search.with_imu(blocks, gravity_C)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Search:
+    """Search for a stair in a frame."""
+
+    frame: RgbdFrame
+    swept_half_m: float
+    watch: Stopwatch
+
+    def with_imu(self, blocks: PlanarBlocks, gravity_C: Float[np.ndarray, " 3"]) -> StairDetection:
+        """Return the result with gravity from the IMU.
+
+        Risers alone do not determine the tilt of the edges: gravity does, and its error enters the heading. A frame with hardly a
+        tread is rejected if others agree on another gravity, because the error of gravity makes all treads appear tilted.
+        """
+        length = float(np.linalg.norm(gravity_C))
+        if not (np.isfinite(length) and length > 0.0):
+            return refused(f"gravity is not a direction but ({', '.join(f'{part:g}' for part in gravity_C)})")
+        imu_down = gravity_C / length
+        sight = self.under(
+            _Down(direction=levelled(imu_down, blocks.unit, UPRIGHT), reference=imu_down, sigma_rad=GRAVITY_SIGMA), blocks
+        )
+        if sight.parts is None or len(sight.parts.treads) >= TREADS_LEAST:
+            return sight
+        guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
+        if guess is None or float(guess @ imu_down) > np.cos(UPRIGHT):
+            return sight
+        other = self.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), blocks)
+        treads = () if other.parts is None else other.parts.treads
+        normals = np.array([np.copysign(1.0, tread.unit @ guess) * tread.unit for tread in treads]).reshape(-1, 3)
+        off = off_gravity(normals, imu_down)
+        if off is None:
+            return sight
+        return refused(f"{len(treads)} treads agree on a level {off / DEG:.0f}° off the IMU's gravity", edge_count=sight.edge_count)
+
+    def without_imu(self, blocks: PlanarBlocks) -> StairDetection:
+        """Return the result with gravity from the treads."""
+        sight = refused("no gravity, and no treads to estimate it from")
+        guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
+        if guess is not None:
+            sight = self.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), blocks)
+            if sight.accepted:
+                return sight
+        guess = down_of_treads(blocks.unit, LOOKING_DOWN)
+        if guess is None:
+            return sight
+        # Seen from the front, higher parts of furniture are farther away, as on an ascending flight; a descending one is excluded.
+        ladder = _Down(
+            direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=3, directions=("up",), may_be_unconfirmed=False
+        )
+        tried = self.under(ladder, blocks)
+        return tried if tried.accepted else sight
+
+    def under(self, down: _Down, blocks: PlanarBlocks) -> StairDetection:
+        """Return the result under one hypothesis of gravity."""
+        sight = self._among(down, blocks, is_uncertain=False)
+        if (sight.evidence or 0.0) >= EVIDENCE or down.sigma_rad > GRAVITY_SIGMA:
+            return sight
+        # Noise far away turns the normals of blocks, but not the planes of whole risers.
+        other = self._among(down, uncertain_blocks(blocks, self.frame.camera), is_uncertain=True)
+        return other if other.accepted else sight
+
+    def _among(self, down: _Down, blocks: PlanarBlocks, *, is_uncertain: bool) -> StairDetection:
+        """Return the result of the surfaces among some blocks."""
+        scene = scene_of(self.frame, blocks, down.direction, is_uncertain=is_uncertain)
+        self.watch.lap("treads")
+        if scene is None:
+            return refused("the camera looks straight up or down")
+        flight = flight_in(scene, down.directions)
+        self.watch.lap("flight")
+        if isinstance(flight, str):
+            return refused(flight)
+        if flight.evidence < UNCONFIRMED or (flight.evidence < EVIDENCE and not down.may_be_unconfirmed):
+            return refused(lacking_evidence(flight), edge_count=len(flight.nosings), evidence=flight.evidence)
+        fit = fit_edges(
+            flight.nosings,
+            flight.treads,
+            down.reference,
+            down.sigma_rad,
+            cross(down.direction, flight.facing),
+            self.frame.camera,
+            spread_px=blocks.spread_px,
+            measures_range=blocks.measures_range,
+        )
+        self.watch.lap("direction")
+        sight = self._detection(down, blocks, flight, fit)
+        self.watch.lap("geometry")
+        return sight
+
+    def _detection(self, down: _Down, blocks: PlanarBlocks, flight: Flight, fit: EdgeFit) -> StairDetection:
+        """Return the heading on a flight with its interval, or the reason of its rejection."""
+        camera = self.frame.camera
+        R_BC = camera.R_BC
+        in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
+        fronts = [(tread.surface, tread.nosing_end(in_view, flight.direction)) for _, on, tread in flight.matched_treads if on]
+        faced = [(nosing.step, nosing.riser) for nosing in flight.nosings if nosing.riser is not None]
+        ends = lateral_ends_of([*(tread for tread, _ in fronts), *(riser for _, riser in faced)], blocks, camera, in_view)
+        steps = [step for step, on, _ in flight.matched_treads if on] + [step for step, _ in faced]
+        sides = sides_of(ends)
+        bow = bow_of(fronts, flight.risers, blocks, camera, in_view, fit.warp_px)
+        turn, turn_sigma = turn_by(bow, sides)
+        chord = fit.edge + turn * fit.ahead
+        chord /= np.linalg.norm(chord)
+        # The chair's right is the image's left for a rear camera.
+        edge = chord if float((R_BC @ chord)[1]) < 0.0 else -chord
+        heading, change = _heading(edge, R_BC)
+        sigma = float(np.hypot(fit.sigma_of(change), np.hypot(turn_sigma, bow.uneven_rad)))
+        runs_m = {id(tread.surface): flight.run_m for _, on, tread in flight.matched_treads if on}
+        adjoining_rad = [
+            tread.adjoining_tilt_rad(camera, fit.ahead, blocks.noise, runs_m.get(id(tread), np.inf)) for tread in flight.treads
+        ]
+        detour_rad = [
+            tread.detour_tilt_rad(fit.ahead, runs_m.get(id(tread), np.inf), blocks) if blocks.measures_range else 0.0
+            for tread in flight.treads
+        ]
+        level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, flight.treads, adjoining_rad, detour_rad)
+        shape = shape_of(flight, blocks, camera, level, fit.warp_px)
+        reason = rejection_reason(
+            heading,
+            sigma,
+            flight,
+            fit,
+            shape,
+            bow,
+            sides,
+            narrower_m=narrower_by_m(ends, np.array(steps)),
+            swept_half_m=self.swept_half_m,
+            least_levels=down.least_levels,
+        )
+        if reason is not None:
+            return refused(reason, edge_count=len(flight.nosings), evidence=flight.evidence)
+
+        @cache
+        def draw_map() -> StairMap:
+            self.watch.resume()
+            stair_map = map_of(self.frame, blocks, flight.nosings, level.axes, shape, sides, self.swept_half_m)
+            self.watch.lap("map")
+            return stair_map
+
+        confirmed, apart = flight.evidence >= EVIDENCE, fit.planes_against_lines_rad
+        return StairDetection(
+            accepted=confirmed,
+            reason=None if confirmed else lacking_evidence(flight),
+            unconfirmed=not confirmed,
+            heading_rad=heading,
+            sigma_rad=sigma,
+            edge_direction_C=edge,
+            edge_count=len(flight.nosings),
+            box_px=_box(camera, blocks, [*flight.risers, *flight.steps]),
+            shape=shape,
+            stages=None,
+            evidence=flight.evidence,
+            planes_against_lines_rad=None if apart is None else apart[0],
+            axes=stair_axes_of(self.frame.t_s, level, shape, edge, sigma),
+            parts=Parts(
+                risers=tuple(flight.risers),
+                treads=tuple(flight.treads),
+                flight=tuple(flight.nosings),
+                aside=cross(down.direction, flight.facing),
+                blocks=blocks,
+            ),
+            draw_map=draw_map,
+        )
+
+
+def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> tuple[float, Float[np.ndarray, " 3"]]:
+    """Return ψ = atan2(-e·forward, e·right) of an edge pointing right, and its derivative with respect to the edge vector in C."""
+    e_B = R_BC @ edge
+    forward, left = R_BC[0], R_BC[1]
+    a, b = -float(edge @ forward), -float(edge @ left)
+    return float(np.arctan2(-e_B[0], -e_B[1])), (-b * forward + a * left) / (a * a + b * b)
+
+
+def _box(camera: PinholeCamera, blocks: PlanarBlocks, surfaces: Sequence[Surface]) -> tuple[int, int, int, int] | None:
+    if not surfaces:
+        return None
+    points = blocks.centres[np.concatenate([surface.blocks for surface in surfaces])]
+    u = camera.fx_px * points[:, 0] / points[:, 2] + camera.cx_px
+    v = camera.fy_px * points[:, 1] / points[:, 2] + camera.cy_px
+    return int(u.min()), int(v.min()), int(u.max()), int(v.max())

@@ -1,0 +1,6 @@
+"""Injection of faults of sensors, commands and the chair itself into a simulated chair."""
+
+from treadline.plant.faults.damage import Damage
+from treadline.plant.faults.faulty_plant import FaultyPlant, faulty
+
+__all__ = ["Damage", "FaultyPlant", "faulty"]

@@ -1,0 +1,303 @@
+"""Sensor faults: modification of readings between the plant and the mission.
+
+Each fault maps one reading to zero, one or two readings. Without images (``camera = "statistical"``) an image fault modifies the
+detector output and the frame quality accordingly. A false edge then has no effect: in rendered frames a bar of -15 to 30° changes
+the heading by less than 0.05°.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import accumulate
+from operator import itemgetter
+from typing import get_args
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, UInt8
+
+from treadline.core.angles import DEG, quaternion_of, rotation_of, rotation_z
+from treadline.core.signals import (
+    TICK_S,
+    FlipperReading,
+    FrameQuality,
+    HeadingMeasurement,
+    ImuSample,
+    OperatorInput,
+    Reading,
+    RgbdFrame,
+    SeatReading,
+    StairMap,
+    TrackReading,
+)
+from treadline.plant.sensors.camera.rendered_frame import RenderedFrame
+from treadline.scenario.faults import SAME_TIME_S, Fault, FaultKind, Process
+from treadline.scenario.operator_actions import REPORT_S, OperatorAct, does
+
+CAMERA_READINGS = (RgbdFrame, FrameQuality, HeadingMeasurement, StairMap)
+"""Types of camera readings."""
+HEARTBEAT_TICKS = round(REPORT_S / TICK_S)
+"""Report period of the operator's handset [ticks]."""
+DEPTH_ENOUGH = 0.4
+"""Valid fraction of a depth image above which the colours are not evaluated, as in ``perception.quality``."""
+BLOTCH_PX = 12
+"""Size of the smallest hole in the depth image [px]: lost returns are spatially correlated."""
+JUMP_LEAST_DEG, JUMP_S = 5.0, 0.1
+"""Magnitude above which an IMU bias is a jump [deg], and duration of the jump [s]: the gyro range of 2000 °/s excludes 30° in one
+sample."""
+
+Passed = tuple[Reading, ...]
+"""Readings after a fault."""
+
+
+class SensorFault:
+    """Model of one sensor fault.
+
+    Args:
+        place: Index among the faults of the same kind; each has its own random numbers at each instant.
+    """
+
+    def __init__(self, fault: Fault, seed: int, place: int) -> None:
+        self.fault = fault
+        self.last: dict[type, Reading] = {}
+        """Last reading of each type before the fault."""
+        self._stream = [seed, get_args(FaultKind).index(fault.kind), place]
+
+    def step(self, reading: Reading) -> Passed:
+        """Return the readings that replace a reading."""
+        if self.fault.active(reading.t_s):
+            return CORRUPTIONS[self.fault.kind](self, reading)
+        self.last[type(reading)] = reading
+        return (reading,)
+
+    def chance(self, t_s: float) -> np.random.Generator:
+        """Return the random generator of one instant."""
+        return np.random.default_rng([*self._stream, round(t_s / TICK_S)])
+
+
+def _lost(kinds: tuple[type, ...], _: SensorFault, reading: Reading) -> Passed:
+    return () if isinstance(reading, kinds) else (reading,)
+
+
+def _stuck(kinds: tuple[type, ...], fault_model: SensorFault, reading: Reading) -> Passed:
+    """Repeat the last reading before the fault, or the first during the fault, with new stamps."""
+    if not isinstance(reading, kinds):
+        return (reading,)
+    return (restamped(fault_model.last.setdefault(type(reading), reading), reading.t_s),)
+
+
+def _killed(fault_model: SensorFault, reading: Reading) -> Passed:
+    """Suppress camera readings if the perception process is stopped; other processes do not affect sensors."""
+    return _lost(CAMERA_READINGS if fault_model.fault.size == Process.PERCEPTION else (), fault_model, reading)
+
+
+def _dark(fault_model: SensorFault, reading: Reading) -> Passed:
+    """Scale the brightness of the colours, with noise; with a negative ``value`` also remove the depth."""
+    factor, blind = abs(fault_model.fault.size), fault_model.fault.size < 0.0
+    match reading:
+        case RgbdFrame():
+            # Rendered on first access, with a generator of this instant, so that access does not affect other frames.
+            painter = partial(_lit, reading, factor, fault_model.chance(reading.t_s))
+            depth_m = np.full_like(reading.depth_m, np.nan) if blind else reading.depth_m
+            return (RenderedFrame(t_s=reading.t_s, depth_m=depth_m, camera=reading.camera, painter=painter),)
+        case FrameQuality() if blind or reading.valid_share < DEPTH_ENOUGH:
+            faded = replace(
+                reading, brightness=min(reading.brightness * factor, 1.0), contrast=reading.contrast * min(factor, 1 / factor)
+            )
+            return (replace(faded, valid_share=0.0) if blind else faded,)
+        case HeadingMeasurement() | StairMap() if blind:
+            return ()
+    return (reading,)
+
+
+def _holes(fault_model: SensorFault, reading: Reading) -> Passed:
+    """Remove blotches of the depth image; without images, drop detections with the same probability."""
+    share = fault_model.fault.size
+    match reading:
+        case RgbdFrame():
+            lost = blotches(reading.depth_m.shape, share, fault_model.chance(reading.t_s))
+            depth_m = np.where(lost, np.float32(np.nan), reading.depth_m)
+            return (RenderedFrame(t_s=reading.t_s, depth_m=depth_m, camera=reading.camera, painter=partial(_colours, reading)),)
+        case FrameQuality():
+            return (replace(reading, valid_share=(1.0 - share) * reading.valid_share),)
+        case HeadingMeasurement() | StairMap() if fault_model.chance(reading.t_s).random() < share:
+            return ()
+    return (reading,)
+
+
+def _imu_nan(_: SensorFault, reading: Reading) -> Passed:
+    if not isinstance(reading, ImuSample):
+        return (reading,)
+    nothing = np.full(3, np.nan)
+    return (replace(reading, orientation=np.full(4, np.nan), angular_velocity_rad_s=nothing, linear_acceleration_m_s2=nothing),)
+
+
+def _imu_bias(fault_model: SensorFault, reading: Reading) -> Passed:
+    """Add a constant rate or a jump to the gyro, and the corresponding yaw to the attitude."""
+    if not isinstance(reading, ImuSample):
+        return (reading,)
+    since_s, size = reading.t_s - fault_model.fault.at_s, fault_model.fault.size * DEG
+    if abs(fault_model.fault.size) < JUMP_LEAST_DEG:
+        rate, turned = size, size * (since_s + TICK_S)
+    else:
+        rate = size / JUMP_S if since_s < JUMP_S - SAME_TIME_S else 0.0
+        turned = size * min((since_s + TICK_S) / JUMP_S, 1.0)
+    return (_turning(reading, rate, turned),)
+
+
+def _gyro_ramp(fault_model: SensorFault, reading: Reading) -> Passed:
+    """Add a rate that grows linearly to the gyro, and the corresponding yaw to the attitude."""
+    if not isinstance(reading, ImuSample):
+        return (reading,)
+    since_s = reading.t_s - fault_model.fault.at_s
+    growth = fault_model.fault.size * DEG / fault_model.fault.for_s
+    return (_turning(reading, growth * since_s, 0.5 * growth * since_s * (since_s + TICK_S)),)
+
+
+def _turning(reading: ImuSample, rate_rad_s: float, turned_rad: float) -> ImuSample:
+    """Return a sample with an additional false rotation about the chair's z axis."""
+    orientation = quaternion_of(rotation_z(turned_rad) @ rotation_of(reading.orientation))
+    wrong = reading.angular_velocity_rad_s + np.array([0.0, 0.0, rate_rad_s])
+    return replace(reading, orientation=orientation, angular_velocity_rad_s=wrong)
+
+
+def _person_stops(fault_model: SensorFault, reading: Reading) -> Passed:
+    if not isinstance(reading, OperatorInput):
+        return (reading,)
+    return (replace(reading, dead_man=False) if fault_model.fault.size == 1.0 else replace(reading, stop=True),)
+
+
+def _clock_back(fault_model: SensorFault, reading: Reading) -> Passed:
+    """Shift the stamps back; each reading is delivered twice."""
+    earlier = restamped(reading, reading.t_s - fault_model.fault.size)
+    return (earlier, earlier)
+
+
+CORRUPTIONS: dict[FaultKind, Callable[[SensorFault, Reading], Passed]] = {
+    "camera_frozen": partial(_stuck, CAMERA_READINGS),
+    "depth_holes": _holes,
+    "camera_dark": _dark,
+    "camera_lost": partial(_lost, CAMERA_READINGS),
+    "imu_bias": _imu_bias,
+    "gyro_ramp": _gyro_ramp,
+    "imu_stuck": partial(_stuck, (ImuSample,)),
+    "imu_nan": _imu_nan,
+    "imu_lost": partial(_lost, (ImuSample,)),
+    "readings_lost": partial(_lost, (TrackReading, SeatReading, FlipperReading)),
+    "process_killed": _killed,
+    "operator_stop": _person_stops,
+    "link_lost": partial(_lost, (OperatorInput,)),
+    "clock_back": _clock_back,
+}
+"""Functions of the faults, in order of application: ``_dark`` uses the remaining depth; the clock is last, because the other faults
+use true time."""
+
+
+OF_THE_HANDSET: tuple[FaultKind, ...] = ("operator_stop", "link_lost")
+"""Kinds of faults that need an operator with a handset."""
+
+
+def _order(model: SensorFault) -> int:
+    return list(CORRUPTIONS).index(model.fault.kind)
+
+
+class Burst:
+    """Buffer that delays readings while the mission's computer is stalled, and delivers them in bursts."""
+
+    def __init__(self, fault: Fault) -> None:
+        self._fault = fault
+        self._held: list[Reading] = []
+        self._count = 0
+
+    def deliver(self, t_s: float, readings: list[Reading]) -> list[Reading]:
+        """Return the readings delivered at ``t_s``."""
+        self._held += readings
+        if self._fault.active(t_s):
+            count = math.floor((t_s - self._fault.at_s + SAME_TIME_S) / self._fault.size)
+            if count == self._count:
+                return []
+            self._count = count
+        arrived, self._held = self._held, []
+        return arrived
+
+
+class SensorFaults:
+    """All sensor faults of a run, in order, and the operator's handset."""
+
+    def __init__(self, faults: Sequence[Fault], seed: int, acts: Sequence[OperatorAct] = ()) -> None:
+        active = [SensorFault(fault, seed, place) for place, fault in _numbered(faults) if fault.kind in CORRUPTIONS]
+        self._seed = seed
+        self._sensor_faults = sorted(active, key=_order)
+        self._bursts = [Burst(fault) for fault in faults if fault.kind == "late_tick"]
+        self._acts = acts
+        self._has_operator = bool(acts) or any(fault.kind in OF_THE_HANDSET for fault in faults)
+        self._next_beat = 0
+
+    def add(self, fault: Fault, t_s: float) -> None:
+        """Add a fault at ``t_s`` of a run; the handset reports from then on if the fault concerns the handset."""
+        if fault.kind in CORRUPTIONS:
+            place = sum(model.fault.kind == fault.kind for model in self._sensor_faults)
+            self._sensor_faults = sorted([*self._sensor_faults, SensorFault(fault, self._seed, place)], key=_order)
+        if fault.kind == "late_tick":
+            self._bursts.append(Burst(fault))
+        if fault.kind in OF_THE_HANDSET and not self._has_operator:
+            self._has_operator = True
+            self._next_beat = math.ceil(t_s / (HEARTBEAT_TICKS * TICK_S) - SAME_TIME_S)
+
+    def deliver(self, t_s: float, readings: list[Reading]) -> list[Reading]:
+        """Return the readings delivered to the mission at ``t_s``."""
+        beats = list(self._heartbeat(t_s)) if self._has_operator else []
+        arrived = _merged(readings, beats) if beats else readings
+        for fault_model in self._sensor_faults:
+            arrived = [passed for reading in arrived for passed in fault_model.step(reading)]
+        for burst in self._bursts:
+            arrived = burst.deliver(t_s, arrived)
+        return arrived
+
+    def _heartbeat(self, until_s: float) -> Iterator[OperatorInput]:
+        while (t_s := self._next_beat * HEARTBEAT_TICKS * TICK_S) <= until_s + SAME_TIME_S:
+            stop, release, rearm = (does(self._acts, kind, t_s) for kind in ("stop", "release", "rearm"))
+            yield OperatorInput(t_s=t_s, dead_man=not release, stop=stop, rearm=rearm)
+            self._next_beat += 1
+
+
+def restamped(reading: Reading, t_s: float) -> Reading:
+    """Return a reading with another stamp; the colours of a frame stay lazily rendered."""
+    if isinstance(reading, RgbdFrame):
+        return RenderedFrame(t_s=t_s, depth_m=reading.depth_m, camera=reading.camera, painter=partial(_colours, reading))
+    return replace(reading, t_s=t_s)
+
+
+def blotches(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> Bool[np.ndarray, "h w"]:
+    """Return a mask with the fraction ``share`` set, in connected patches."""
+    height, width = shape
+    coarse = rng.standard_normal((max(height // BLOTCH_PX, 2), max(width // BLOTCH_PX, 2))).astype(np.float32)
+    smooth = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+    return np.asarray(smooth < np.quantile(smooth, share))
+
+
+def _numbered(faults: Sequence[Fault]) -> Iterator[tuple[int, Fault]]:
+    """Yield each fault with its index among the faults of its kind."""
+    counts: dict[FaultKind, int] = {}
+    for fault in faults:
+        counts[fault.kind] = counts.get(fault.kind, -1) + 1
+        yield counts[fault.kind], fault
+
+
+def _merged(readings: Sequence[Reading], beats: Sequence[Reading]) -> list[Reading]:
+    """Return readings and heartbeats in the order of arrival: a late reading arrives after the newest stamp before it."""
+    arrivals_s = accumulate((reading.t_s for reading in readings), max)
+    timed = [*zip(arrivals_s, readings, strict=True), *((beat.t_s, beat) for beat in beats)]
+    return [reading for _, reading in sorted(timed, key=itemgetter(0))]
+
+
+def _colours(frame: RgbdFrame) -> UInt8[np.ndarray, "h w 3"]:
+    return frame.rgb
+
+
+def _lit(frame: RgbdFrame, factor: float, rng: np.random.Generator) -> UInt8[np.ndarray, "h w 3"]:
+    """Return the colours of a frame at a scaled light, with shot noise."""
+    light = frame.rgb.astype(np.float32) * np.float32(factor)
+    noise = rng.standard_normal(light.shape, dtype=np.float32)
+    return np.clip(light + noise * (1.5 + 0.25 * np.sqrt(light)), 0.0, 255.0).astype(np.uint8)

@@ -1,0 +1,179 @@
+"""Chair in Gazebo 11: a ``TruthPlant`` with the actuators, sensors and seeds of the MuJoCo plant and ODE's contacts.
+
+Mission time advances in ticks of 10 ms, ten steps of ODE each. gzserver moves the bodies; actuator, sensor and camera models are
+those of the MuJoCo plant.
+"""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import DEG, rotation_of
+from treadline.core.errors import SettingsError, SimulationDiverged
+from treadline.core.signals import TICK_S
+from treadline.plant import actuator_kernels as kernels
+from treadline.plant.actuators import Actuators
+from treadline.plant.gazebo import server
+from treadline.plant.gazebo.environment import PLUGIN, Environment, find_environment
+from treadline.plant.gazebo.world import world_sdf
+from treadline.plant.sensors.camera.make_camera import look, make_camera
+from treadline.plant.sensors.instruments import ChairState, Instruments, Streams
+from treadline.plant.simulated_plant import InstrumentedPlant
+from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.scenario import Belts, Scenario
+from treadline.vehicle.bodies import standing
+from treadline.vehicle.staircase import Staircase, build_staircase
+
+STEPS = 10
+"""Number of 1 ms steps per tick."""
+SETTLE_TICKS = 100
+"""Duration of settling before t = 0 on a stair of high friction [ticks], until the chair rests on its nosings."""
+SETTLE_FRICTION = (1.0, 1.0)
+"""Friction coefficients of the stair during settling; ODE uses the smaller of the two bodies' coefficients."""
+
+
+class GazeboPlant(InstrumentedPlant):
+    """Simulation of a chair, its stair and its sensors in a separate gzserver."""
+
+    def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, environment: Environment, *, port: int = 0) -> None:
+        streams = np.random.default_rng(seed).spawn(8)  # as in the MuJoCo plant: equal seeds give equal noise
+        _refuse_what_gazebo_cannot(scenario)
+        if chair.seat is None:
+            raise SettingsError(
+                f"chair {chair.name!r} has no seat linkage, whose joint the Gazebo plugin drives; use --plant mujoco"
+            )
+        if scenario.belts != Belts():
+            raise SettingsError("the Gazebo plant has smooth belts of its own stiffness; leave out [belts], or use MuJoCo's plant")
+        self._scenario, self._chair, self._environment, self._port = scenario, chair, environment, port
+        self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
+        camera = make_camera(scenario, self.staircase, chair, statistical_rng=streams[3], render_rng=streams[4])
+        apart = Streams(imu=streams[1], seat=streams[2], flipper=streams[5], link=streams[6])
+        super().__init__(Actuators(scenario, chair), Instruments(scenario, chair, self.staircase, apart, partial(look, camera)))
+        self._server: server.GazeboServer | None = None
+        self._tick = 0
+        self._flipper_rad = 0.0
+        self._began_s = 0.0
+        self._row = np.zeros(server.COLUMNS)
+        self._pending: list[ChairState] = []
+
+    def start(self) -> None:
+        """Place the chair on its nosings in a new world, belts at rest, at ``t = 0``.
+
+        Raises:
+            GazeboError: If Gazebo does not start.
+        """
+        self.close()
+        self._server = server.GazeboServer(self._environment, self._world, port=self._port)
+        self._flipper_rad = self._chair.tracks.approach_angle_deg * DEG
+        self._drives.rest(standing(self.staircase, self._chair.tracks, self._scenario.start).seat_rad, self._flipper_rad)
+        self._drives.command[:] = (0.0, 0.0, 1.0, 0.0, 0.0)
+        rows = [self._step(SETTLE_FRICTION) for _ in range(SETTLE_TICKS)]
+        self._drives.command[:] = 0.0
+        self._tick = 0
+        self._began_s = float(rows[-1][server.T])
+        self._forget()
+        first = self._state_of(rows[-2], rows[-1])
+        self._row = rows[-1]
+        self._instruments.start(first.velocity_W)
+        self._pending = [first]
+
+    def advance(self, until_s: float) -> None:
+        """Step the world until ``until_s``.
+
+        Raises:
+            SimulationDiverged: If the state is not finite, or Gazebo's time is wrong.
+            GazeboError: If gzserver has exited.
+        """
+        while self._tick < round(until_s / TICK_S):
+            row = self._step(self.staircase.friction)
+            self._tick += 1
+            self._check(row)
+            self._pending.append(self._state_of(self._row, row))
+            self._row = row
+
+    def close(self) -> None:
+        """Stop gzserver."""
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+
+    def _world(self, port: int) -> str:
+        return world_sdf(self._scenario, self.staircase, self._chair, plugin=f"/{PLUGIN}", port=port)
+
+    def _step(self, friction: tuple[float, float]) -> Float[np.ndarray, " 22"]:
+        if self._server is None:
+            raise SettingsError("the Gazebo plant was not started; call start() first")
+        self._drives.act(self._flipper_rad)
+        state = self._drives.state
+        left, right = self._drives.belts_m_s
+        seat_rad, flipper_rad, flipper_rate = state[kernels.SEAT_ANGLE], state[kernels.FLIPPER_TARGET], state[kernels.FLIPPER_RATE]
+        row = self._server.step(np.array([STEPS, left, right, seat_rad, flipper_rad, flipper_rate, *friction]))
+        self._flipper_rad = float(row[server.FLIPPER])
+        return row
+
+    def _check(self, row: Float[np.ndarray, " 22"]) -> None:
+        t_s = self._tick * TICK_S
+        if not np.isfinite(row).all():
+            raise SimulationDiverged(f"the state is not finite at {t_s:.2f} s")
+        if abs(float(row[server.T]) - self._began_s - t_s) > 1e-6 * max(1.0, t_s):
+            raise SimulationDiverged(f"Gazebo's clock is at {row[server.T] - self._began_s:.3f} s where {t_s:.2f} s was asked for")
+
+    def _state_of(self, before: Float[np.ndarray, " 22"], row: Float[np.ndarray, " 22"]) -> ChairState:
+        """Return the state at a tick, with velocities as differences over the tick.
+
+        ODE's own velocities jump from step to step on a chair at rest: the correction of one contact's penetration deepens another.
+        """
+        p_WB, R_WB = _pose_of(row)
+        p_before, R_before = _pose_of(before)
+        turn = R_before.T @ R_WB
+        return ChairState(
+            tick=self._tick,
+            p_WB=p_WB,
+            R_WB=R_WB,
+            velocity_W=(p_WB - p_before) / TICK_S,
+            rate_B=np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (2.0 * TICK_S),
+            seat_rad=float(row[server.SEAT]),
+            stroke_m=float(self._drives.state[kernels.STROKE]),
+            belts_m_s=self._drives.belts_m_s,
+            brake_on=bool(self._drives.state[kernels.BRAKED] > 0.5),
+            flipper_rad=float(row[server.FLIPPER]),
+            flipper_torque_n_m=float(row[server.FLIPPER_TORQUE]),
+            reach_m=row[server.REACH : server.REACH + 4],
+        )
+
+    def _passed(self) -> Iterator[tuple[ChairState, float]]:
+        pending, self._pending = self._pending, []
+        for state in pending:
+            yield state, 1.0
+
+
+def _refuse_what_gazebo_cannot(scenario: Scenario) -> None:
+    """Reject keys that this plant would ignore.
+
+    Raises:
+        SettingsError: If the passenger sways, or friction is not uniform over the stair.
+    """
+    stair = scenario.stair
+    if scenario.chair.sways:
+        raise SettingsError(f"chair.sway_m is {scenario.chair.sway_m}: in Gazebo the passenger sits still; use --plant mujoco")
+    own = [step for step in scenario.step if step.friction or step.friction_left or step.friction_right]
+    if own or {stair.friction_left, stair.friction_right, stair.floor_friction} - {None, stair.friction}:
+        where = f"step {own[0].index}" if own else "stair.friction_left, friction_right or floor_friction"
+        raise SettingsError(
+            f"{where} has a friction of its own: in Gazebo the stair has one friction, {stair.friction}; use --plant mujoco"
+        )
+
+
+def _pose_of(row: Float[np.ndarray, " 22"]) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
+    return row[server.POSITION : server.POSITION + 3], rotation_of(row[server.ORIENTATION : server.ORIENTATION + 4])
+
+
+def open_gazebo(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None) -> GazeboPlant:
+    """Return a chair in Gazebo on the scenario's stair.
+
+    Raises:
+        GazeboError: If Gazebo is not installed.
+    """
+    return GazeboPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair, find_environment())

@@ -1,0 +1,193 @@
+"""gzserver process and the plugin's socket: command in, state out, in lock-step.
+
+Each run uses a new process: a second run in the same process would differ in the last bits.
+"""
+
+import os
+import re
+import shutil
+import socket
+import struct
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.errors import GazeboError
+from treadline.core.processes import killed_with_starter
+from treadline.plant.gazebo.environment import BUILD, LIBRARIES, Environment
+
+PROTOCOL, MAJOR = 1, 11
+ORDERS, COLUMNS = 8, 22
+"""Number of doubles in a command and in an answer, as in ``ros/gazebo/lockstep.cc``."""
+T, POSITION, ORIENTATION, VELOCITY, RATE, SEAT, FLIPPER, FLIPPER_TORQUE, CONTACTS, REACH = 0, 1, 4, 8, 11, 14, 15, 16, 17, 18
+COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+START_S = 180.0
+"""Timeout for loading a world [s], on a machine with other load."""
+ANSWER_S = 180.0
+"""Timeout of an answer [s]."""
+TRIES = 3
+"""Number of attempts to start: another process can take a free port before gzserver does."""
+
+
+class GazeboServer:
+    """Process of gzserver with one world, from start to end."""
+
+    def __init__(self, environment: Environment, world: Callable[[int], str], *, port: int = 0) -> None:
+        """Load a world.
+
+        Args:
+            world: Function from the plugin's port to the world's SDF.
+            port: Port of the plugin; zero selects a free one.
+
+        Raises:
+            GazeboError: If gzserver or the plugin does not start.
+        """
+        self._environment = environment
+        base = environment.root / "tmp"
+        base.mkdir(exist_ok=True)
+        self._folder = Path(tempfile.mkdtemp(prefix="treadline-", dir=base))
+        self._process: subprocess.Popen[bytes] | None = None
+        self._socket: socket.socket | None = None
+        for attempt in range(TRIES):
+            try:
+                self._launch(world, port or free_port())
+            except GazeboError as error:
+                self.close()
+                if port or attempt == TRIES - 1 or "taken" not in str(error):
+                    raise
+            else:
+                return
+
+    def step(self, order: Float[np.ndarray, " 8"]) -> Float[np.ndarray, " 22"]:
+        """Send a command, run its steps and return the state after them.
+
+        Raises:
+            GazeboError: If gzserver has exited or hangs.
+        """
+        assert self._socket is not None  # noqa: S101 - launched
+        try:
+            self._socket.sendall(order.tobytes())
+            return np.frombuffer(self._received(8 * COLUMNS))
+        except OSError as error:
+            raise self._died(error) from None
+
+    def close(self) -> None:
+        """Stop gzserver and delete its files."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _launch(self, world: Callable[[int], str], port: int) -> None:
+        self._folder.mkdir(exist_ok=True)
+        file = self._folder / "chair.world"
+        file.write_text(world(port), encoding="utf-8")
+        variables = {
+            "HOME": self._environment.inside(self._folder),
+            "PATH": "/usr/bin:/bin",
+            "LD_LIBRARY_PATH": f"/{LIBRARIES}",
+            "GAZEBO_PLUGIN_PATH": f"/{LIBRARIES}",
+            "GAZEBO_RESOURCE_PATH": "/usr/share/gazebo-11",
+            "GAZEBO_MODEL_PATH": "",
+            "GAZEBO_MODEL_DATABASE_URI": "",
+            "ALSOFT_DRIVERS": "null",  # no sound, and no files of a sound server
+            "GAZEBO_IP": "127.0.0.1",
+            "GAZEBO_MASTER_URI": f"http://127.0.0.1:{free_port()}",
+        }
+        words = ("/usr/bin/gzserver", "--lockstep", "-e", "ode", "--verbose", self._environment.inside(file))
+        with self._log.open("wb") as log:
+            self._process = subprocess.Popen(  # noqa: S603 - our own words
+                self._environment.command(*words),
+                env=os.environ | variables,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                preexec_fn=killed_with_starter(),  # noqa: PLW1509 - it only calls prctl
+            )
+        self._connect(port)
+        self._greet()
+
+    @property
+    def _log(self) -> Path:
+        return self._folder / "gzserver.log"
+
+    def _connect(self, port: int) -> None:
+        assert self._process is not None  # noqa: S101 - just started
+        until = time.monotonic() + START_S
+        while time.monotonic() < until:
+            if self._process.poll() is not None:
+                raise GazeboError(f"gzserver ended before the chair was in it: {self._reason()}")
+            if reason := self._refusal():
+                raise GazeboError(f"gzserver does not load the plugin: {reason}; {BUILD}")
+            try:
+                self._socket = socket.create_connection(("127.0.0.1", port), timeout=ANSWER_S)
+            except OSError:
+                time.sleep(0.05)
+                continue
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return
+        raise GazeboError(f"gzserver did not load the world within {START_S:.0f} s: {self._reason()}")
+
+    def _greet(self) -> None:
+        """Check protocol and version of the plugin before using its data."""
+        try:
+            protocol, major, orders, columns = struct.unpack("<4d", self._received(32))
+        except OSError as error:
+            raise self._died(error) from None
+        if (protocol, orders, columns) != (PROTOCOL, ORDERS, COLUMNS):
+            raise GazeboError(f"the plugin speaks protocol {protocol:g}, this program {PROTOCOL}; {BUILD}")
+        if major != MAJOR:
+            raise GazeboError(f"the plugin was built for Gazebo {major:g}, not {MAJOR}; {BUILD}")
+
+    def _received(self, size: int) -> bytes:
+        assert self._socket is not None  # noqa: S101 - connected
+        data = bytearray()
+        while len(data) < size:
+            part = self._socket.recv(size - len(data))
+            if not part:
+                raise ConnectionResetError("the connection ended")
+            data += part
+        return bytes(data)
+
+    def _died(self, error: OSError) -> GazeboError:
+        code = None
+        if self._process is not None:
+            with suppress(subprocess.TimeoutExpired):
+                code = self._process.wait(timeout=1.0)
+        what = f"gzserver hangs ({error})" if code is None else f"gzserver died (exit code {code})"
+        return GazeboError(f"{what}: {self._reason()}; run it again")
+
+    def _refusal(self) -> str | None:
+        lines = self._lines()
+        return next((line for line in lines if "Failed to load plugin" in line), None)
+
+    def _reason(self) -> str:
+        """Return the last error message in the log."""
+        lines = self._lines()
+        complaints = [line for line in lines if "[Err]" in line or "rror" in line or "taken" in line or "in use" in line]
+        if any("in use" in line for line in complaints):
+            return "a port is taken"
+        return (complaints or lines or ["it said nothing"])[-1]
+
+    def _lines(self) -> list[str]:
+        if not self._log.exists():
+            return []
+        text = self._log.read_text(encoding="utf-8", errors="replace")
+        return [line.strip() for line in COLOURS.sub("", text).splitlines() if line.strip()]
+
+
+def free_port() -> int:
+    """Return an unused port of the loopback interface."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -1,0 +1,73 @@
+"""Parameters of the belt lugs for the compiled loop: ``belts, tracks, model -> Lugs``."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from jaxtyping import Float, Int
+
+from treadline.core.errors import SettingsError
+from treadline.plant.mujoco import lug_contact_kernels as lug_kernels
+from treadline.scenario.chair import Tracks
+from treadline.scenario.scenario import Belts
+from treadline.vehicle.lug_limits import oversized_lugs
+
+DMAX = 0.99
+"""Largest impedance of a contact, as in the scene's solimp."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lugs:
+    """Parameters and state of the lugs of both belts; the compiled loop keeps references to the arrays."""
+
+    numbers: Float[np.ndarray, " n"]
+    """Lug parameters, entries as in ``lug_kernels``; empty for smooth belts."""
+    start_m: Float[np.ndarray, " 2"]
+    """Initial travel of each belt [m], drawn from the seed."""
+    travel_m: Float[np.ndarray, " 2"]
+    """Present travel of each belt [m]."""
+    part_of: Int[np.ndarray, " g"]
+    """Belt part of each geom."""
+
+    def start(self) -> None:
+        """Reset the travel to its initial value."""
+        self.travel_m[:] = self.start_m
+
+
+def fit_lugs(
+    settings: Belts, tracks: Tracks, model: mujoco.MjModel, belts: Int[np.ndarray, "2 5"], draws: np.random.Generator
+) -> Lugs:
+    """Set contact stiffness and lugs of the belts in a model.
+
+    Raises:
+        SettingsError: If the lugs are too large for the chair's pulleys.
+    """
+    height, pitch, tip, flank = settings.measures_m
+    part_of = np.full(model.ngeom, lug_kernels.SMOOTH)
+    part_of[belts] = np.arange(belts.size).reshape(belts.shape)
+    if settings.stiffness_s is not None:
+        model.geom_solref[belts, 0] = settings.stiffness_s
+    time_constant_s = float(model.geom_solref[belts[0, 0], 0])
+    if height == 0.0:
+        return Lugs(numbers=np.array([]), start_m=np.zeros(2), travel_m=np.zeros(2), part_of=part_of)
+    refusal = oversized_lugs(settings, tracks)
+    if refusal is not None:
+        raise SettingsError(refusal)
+    _shrink(model, belts, height)
+    numbers = np.zeros(11)
+    numbers[:5] = height, pitch, tip, flank, 2.0 * DMAX * time_constant_s
+    numbers[5:10] = tracks.flat_run_m, tracks.approach_m, tracks.pulley_radius_m, 0.5 * tracks.belt_width_m, tracks.gauge_m
+    numbers[lug_kernels.STEP_S] = model.opt.timestep
+    return Lugs(numbers=numbers, start_m=draws.uniform(0.0, pitch, 2), travel_m=np.zeros(2), part_of=part_of)
+
+
+def _shrink(model: mujoco.MjModel, belts: Int[np.ndarray, "2 5"], height: float) -> None:
+    """Shrink the belt geoms by the lug height and start contacts at the lug tips, which limits the penetration of the cores."""
+    model.geom_margin[belts] = height
+    model.geom_size[belts[:, :3], 0] -= height  # pulleys
+    for geom in belts[:, 3:].ravel():
+        # The upper face of a box stays in place, because only the lower face is on the outside of the belt.
+        model.geom_size[geom, 2] -= 0.5 * height
+        up = np.zeros(3)
+        mujoco.mju_rotVecQuat(up, np.array([0.0, 0.0, 0.5 * height]), model.geom_quat[geom])
+        model.geom_pos[geom] += up

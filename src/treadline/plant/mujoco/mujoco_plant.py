@@ -1,0 +1,395 @@
+"""Simulated chair on a stair: a ``TruthPlant`` based on MuJoCo.
+
+Mission time advances in ticks of 10 ms: belts and actuators change at ticks, sensors are sampled at ticks, physics runs in between.
+All random numbers derive from the seed, with an independent stream per sensor, so that a change of one sensor leaves the others
+unchanged.
+"""
+
+import ctypes
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import DEG, quaternion_of, rotation_of
+from treadline.core.errors import SettingsError, SimulationDiverged
+from treadline.core.signals import TICK_S, Reading
+from treadline.plant import actuator_kernels as drives
+from treadline.plant.actuators import FLIPPER_FRICTION_N_M_S_RAD, Actuators
+from treadline.plant.faults.damage import Damage
+from treadline.plant.faults.obstacles import OUT_OF_THE_WAY_M, Surroundings, with_box
+from treadline.plant.mujoco import step_kernels as kernels
+from treadline.plant.mujoco.friction_table import friction_table, roughened
+from treadline.plant.mujoco.lug_parameters import fit_lugs
+from treadline.plant.mujoco.mjcf_scene import scene_xml, seat_stiffness
+from treadline.plant.mujoco.native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
+from treadline.plant.mujoco.physics import NOMINAL, Physics
+from treadline.plant.sensors.camera.make_camera import look, make_camera
+from treadline.plant.sensors.camera.solids import SceneBox
+from treadline.plant.sensors.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
+from treadline.plant.simulated_plant import InstrumentedPlant
+from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, read_chair
+from treadline.scenario.scenario import Chair, Scenario
+from treadline.vehicle.bodies import standing, vehicle
+from treadline.vehicle.staircase import Staircase, build_staircase
+
+SETTLE_S = 1.0
+"""Duration of the physics before t = 0 on a stair of high friction [s], until the chair rests on its nosings."""
+SETTLE_FRICTION = 4.0
+"""Friction coefficient during settling."""
+CONTACTS_MAX = 128
+"""Largest supported number of contacts."""
+
+
+class MujocoPlant(InstrumentedPlant):
+    """Simulation of a chair, its stair and its sensors."""
+
+    def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, physics: Physics = NOMINAL) -> None:
+        streams = np.random.default_rng(seed).spawn(8)
+        self._scenario = scenario
+        self._chair = chair
+        self._physics = physics
+        self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
+        direction = 1 if scenario.drive.direction == "up" else -1
+        camera = make_camera(scenario, self.staircase, chair, statistical_rng=streams[3], render_rng=streams[4])
+        self._around = Surroundings(self.staircase, chair, camera, direction)
+        apart = Streams(imu=streams[1], seat=streams[2], flipper=streams[5], link=streams[6])
+        super().__init__(Actuators(scenario, chair), Instruments(scenario, chair, self.staircase, apart, self._look))
+        self._state = self._drives.state
+        self._damage = Damage()
+        self._build_physics(streams[7])
+        self._tick = 0
+        self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
+
+    def start(self) -> None:
+        """Place the chair on its nosings, belts at rest, at ``t = 0``."""
+        mujoco.mj_resetData(self._model, self._data)
+        self._model.opt.noslip_iterations = 0  # still active after a run that ended with the brake on
+        self._model.geom_surfacevel[self._belts] = 0.0
+        if self._scenario.chair.sways:  # at rest until t = 0, at one end of the sway
+            self._sway[kernels.SWAY_PHASE] = self._sway[kernels.SWAY_OMEGA] = 0.0
+        self._pose()
+        self._lugs.start()
+        self.set_damage(Damage())
+        self._settle()
+        self._data.time = 0.0
+        if self._scenario.chair.sways:
+            self._sway[kernels.SWAY_OMEGA] = math.tau / self._scenario.chair.sway_period_s
+        self._tick = 0
+        self._forget()
+        self._instruments.start(self._data.qvel[:3].copy())
+        self._pending = [(0, self._log_row())]
+
+    def advance(self, until_s: float) -> None:
+        """Step the physics until ``until_s``.
+
+        Raises:
+            SimulationDiverged: On a MuJoCo warning, time that does not advance, or a non-finite state.
+        """
+        ticks = round(until_s / TICK_S) - self._tick
+        if ticks <= 0:
+            return
+        log = np.empty((ticks, kernels.COLUMNS))
+        self._run(ticks, log, self._friction)
+        self._pending.extend(enumerate(log, start=self._tick + 1))
+        self._tick += ticks
+
+    def lose_flipper_motor(self) -> None:
+        """Disable the flipper motor: no torque, and the damping of its shorted windings."""
+        self.set_damage(replace(self._damage, flipper_lost=True))
+
+    def set_damage(self, damage: Damage) -> None:
+        """Replace the present damage of the chair."""
+        self._state[drives.STALLED : drives.STALLED + 2] = damage.stalled
+        self._state[drives.POWER_CUT] = damage.power_cut
+        self._state[drives.SEAT_STUCK] = damage.seat_stuck
+        self._state[drives.FLIPPER_STUCK] = damage.flipper_stuck
+        self._grip[self._belts] = np.array(damage.grip)[:, None]
+        self._model.body_ipos[self._seat_body] = rest_m = self._payload_rest_m + damage.payload_m
+        if self._scenario.chair.sways:  # the sway sets the centre of mass before the next step
+            self._sway[kernels.SWAY_REST : kernels.SWAY_REST + 2] = rest_m[:2]
+        if self._chair.flipper is not None:
+            self._state[drives.FLIPPER_LOST] = damage.flipper_lost
+            limit = 0.0 if damage.flipper_lost else self._chair.flipper.torque_n_m
+            self._model.actuator_forcerange[kernels.LAST] = (-limit, limit)
+            self._model.dof_damping[kernels.LAST] = FLIPPER_FRICTION_N_M_S_RAD
+        self._damage = damage
+        self._around.change(damage, *self._pose_WB())
+        if self._model.nmocap:
+            box = self._around.box
+            self._data.mocap_pos[0] = OUT_OF_THE_WAY_M if box is None else box.centre_W
+            self._data.mocap_quat[0] = quaternion_of(np.eye(3) if box is None else box.R_WK)
+
+    @property
+    def obstacle(self) -> SceneBox | None:
+        """Box in the path of the chair; None without an obstacle."""
+        return self._around.box
+
+    @property
+    def gap_m(self) -> float | None:
+        """Distance along the belts from the leading end to the obstacle [m]; None without an obstacle."""
+        return self._around.gap_m(*self._pose_WB())
+
+    @property
+    def passenger_height_m(self) -> float:
+        """Present height of the payload's centre of mass above the floor [m], used for comfort."""
+        return float(self._data.xipos[self._seat_body, 2])
+
+    def contacts(self) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+        """Return points [m] and normal forces on the chair [N], both in W, of the loaded contacts in the last step.
+
+        The run is not affected.
+        """
+        contact, force = self._data.contact, np.zeros(6)
+        normal_n = np.empty(self._data.ncon)
+        for number in range(self._data.ncon):
+            mujoco.mj_contactForce(self._model, self._data, number, force)
+            normal_n[number] = force[0]
+        loaded = normal_n > 0.0
+        # The normal points from the first geom to the second, and the force acts on the second.
+        is_chair = self._model.body_rootid[self._model.geom_bodyid[contact.geom[loaded, 1]]] == 1
+        sign = np.where(is_chair, 1.0, -1.0)
+        return contact.pos[loaded], (sign * normal_n[loaded])[:, None] * contact.frame[loaded, :3]
+
+    def close(self) -> None:
+        """Do nothing; the plant holds no external resources."""
+
+    def _build_physics(self, draws: np.random.Generator) -> None:
+        load_library()
+        scene = scene_xml(self.staircase, self._chair, self._scenario.chair.leaning(), self._physics)
+        if any(fault.kind == "obstacle" for fault in self._scenario.fault):
+            scene = with_box(scene)
+        self._model = mujoco.MjModel.from_xml_string(scene)
+        self._data = mujoco.MjData(self._model)
+        self._is_belt = np.zeros(self._model.ngeom, dtype=np.bool_)
+        self._belts = np.array(
+            [
+                [self._model.geom(f"{side}_{part}").id for part in ("rear", "front", "nose", "flat", "approach")]
+                for side in ("left", "right")
+            ]
+        )
+        self._is_belt[self._belts] = True
+        self._lugs = fit_lugs(self._scenario.belts, self._chair.tracks, self._model, self._belts, draws)
+        self._grip = np.ones(self._model.ngeom)
+        self._friction = friction_table(self._model, self.staircase)
+        self._seat_body = self._model.body(vehicle(self._chair, self._scenario.chair).seat.name).id
+        if self._model.body_sameframe[self._seat_body] == mujoco.mjtSameFrame.mjSAMEFRAME_BODY:
+            # MuJoCo ignores the centre of mass of a body that was compiled with it at the origin.
+            self._model.body_sameframe[self._seat_body] = mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT
+        self._payload_rest_m = self._model.body_ipos[self._seat_body].copy()
+        self._sway = sway_of(
+            self._scenario.chair,
+            self._model.body_mass[self._seat_body],
+            self._model.body_ipos[self._seat_body],
+            self._physics.timestep_s,
+        )
+        self._corrected = np.array([True])
+        """Whether contact forces are corrected to Coulomb's law; False keeps MuJoCo's convex solution, for comparison."""
+        self._weight_n = float(self._model.body_subtreemass[1]) * GRAVITY_M_S2
+
+    def _pose(self) -> None:
+        tracks = self._chair.tracks
+        start = standing(self.staircase, tracks, self._scenario.start)
+        self._data.qpos[:3] = start.p_WB
+        mujoco.mju_mat2Quat(self._data.qpos[3:7], np.ascontiguousarray(start.R_WB).ravel())
+        rest = tracks.approach_angle_deg * DEG
+        self._drives.rest(start.seat_rad, rest)
+        if self._chair.flipper is not None:
+            self._data.qpos[kernels.LAST] = self._data.ctrl[kernels.LAST] = rest
+        if self._chair.seat is not None:
+            self._data.qpos[kernels.SEAT_QPOS] = self._data.ctrl[0] = start.seat_rad
+
+    def _pose_WB(self) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
+        return rotation_of(self._data.qpos[3:7]), self._data.qpos[:3].copy()
+
+    def _settle(self) -> None:
+        mujoco.mj_forward(self._model, self._data)
+        self._attach()
+        self._drives.command[:] = (0.0, 0.0, 1.0, 0.0, 0.0)
+        ticks = round(SETTLE_S / TICK_S)
+        log = np.empty((ticks, kernels.COLUMNS))
+        self._run(ticks, log, roughened(self._friction, SETTLE_FRICTION))
+        self._settled_reach = log[-SUPPORT_TICKS:, kernels.SUPPORT : kernels.SUPPORT + 4].max(axis=0)
+        self._data.qvel[:] = 0.0
+        self._drives.command[:] = 0.0
+
+    def _attach(self) -> None:
+        """Map arrays onto MuJoCo's memory for the compiled loop; all addresses, including the contact list, are constant."""
+        layout = contact_layout()
+        # A chair may start slightly above the stair without contact; it falls until the first contact.
+        for _ in range(200):
+            if self._data.ncon > 0:
+                break
+            mujoco.mj_step(self._model, self._data)
+        belt_side = np.full(self._model.ngeom, -1)
+        belt_side[self._belts] = [[0], [1]]
+        base, data, model = contact_list(self._data), self._data, self._model
+        self._memory = (
+            np.uintp(model._address),  # noqa: SLF001 - the binding's only way to the struct
+            np.uintp(data._address),  # noqa: SLF001 - as above
+            _view(data._address + layout.count_offset, 1, 1, np.int32)[0],  # noqa: SLF001 - as above
+            _view(base, CONTACTS_MAX, layout.stride // 8, np.float64),
+            _view(base, CONTACTS_MAX, layout.stride // 4, np.int32),
+            np.array([layout.frame // 8, layout.friction // 8, layout.surfacevel // 8, layout.geom // 4, layout.efc_address // 4]),
+            (
+                self._corrected,
+                _view(noslip_address(model), 1, 1, np.int32)[0],
+                tuple(_view(data._address + offset, 1, 1, np.uint64)[0] for offset in pointer_offsets()),  # noqa: SLF001 - as above
+                data.qacc,
+                data.qacc_warmstart,
+                np.zeros((CONTACTS_MAX, 2)),
+            ),
+            (self._lugs.numbers, self._lugs.travel_m, self._lugs.part_of, self._chair.tracks.approach_angle_deg * DEG),
+            self._is_belt,
+            data.xmat[1],
+            self._grip,
+            self._drives.command,
+            self._drives.limits,
+            self._drives.mismatch,
+            self._state,
+            self._belts,
+            model.geom_surfacevel,
+            self._chair.tracks.pulley_radius_m,
+            self._drives.seat,
+            self._drives.angles,
+            self._drives.flipper,
+            model.dof_damping,
+            data.actuator_force,
+            data.ctrl,
+            data.qpos,
+            data.qvel,
+            data.warning.number,
+            self._sway,
+            model.body_ipos[self._seat_body],
+            data.xfrc_applied[self._seat_body],
+            data.xmat[self._seat_body],
+            self._physics.substeps,
+            (self._physics.tolerance_m_s2, self._physics.max_solves),
+            belt_side,
+            self._drives.motor,
+            self._drives.electric,
+            self._seat_actuator(),
+            model.actuator_forcerange,
+        )
+
+    def _seat_actuator(self) -> Float[np.ndarray, " n"]:
+        """Return the limits of the seat actuator for the compiled loop; empty without limits."""
+        seat = self._chair.seat
+        if (
+            seat is None
+            or seat.push_n is None
+            or seat.no_load_m_s is None
+            or seat.hold_n is None
+            or not self._scenario.realism.motor_limits
+        ):
+            return np.array([])
+        self._model.actuator_forcelimited[0] = True
+        stiffness, damping = seat_stiffness(vehicle(self._chair, self._scenario.chair).seat)
+        return np.array([seat.push_n, seat.no_load_m_s, seat.hold_n, stiffness, damping / stiffness])
+
+    def _run(self, ticks: int, log: Float[np.ndarray, "n c"], friction: Float[np.ndarray, "g 8"]) -> None:
+        """Run the physics and check the result.
+
+        Raises:
+            SimulationDiverged: If the result is numerically invalid.
+        """
+        began_s = self._data.time
+        expected_s = began_s + ticks * self._physics.substeps * self._physics.timestep_s
+        fault = kernels.advance(ticks, friction, log, *self._memory)
+        in_time = abs(self._data.time - expected_s) <= 1e-6 * max(1.0, expected_s)
+        if fault == kernels.SOUND and in_time:
+            return
+        where = f"at {self._tick * TICK_S:.2f}…{(self._tick + ticks) * TICK_S:.2f} s"
+        if fault == kernels.WARNED:
+            numbers = np.flatnonzero(self._data.warning.number)
+            warned = [str(mujoco.mjtWarning(i).name) for i in numbers if i < len(self._data.warning)]
+            raise SimulationDiverged(f"MuJoCo warned of {', '.join(warned)} {where}")
+        if fault == kernels.NOT_FINITE:
+            raise SimulationDiverged(f"the state is not finite {where}")
+        if not in_time:
+            raise SimulationDiverged(f"time went from {began_s:.3f} s to {self._data.time:.3f} s {where}")
+        raise SimulationDiverged(f"more than {CONTACTS_MAX} contacts {where}")
+
+    def _log_row(self) -> Float[np.ndarray, " c"]:
+        row = np.zeros(kernels.COLUMNS)
+        joints = 0 if self._chair.seat is None else 1
+        row[kernels.QPOS : kernels.QPOS + 7 + joints] = self._data.qpos[: 7 + joints]
+        row[kernels.QVEL : kernels.QVEL + 6 + joints] = self._data.qvel[: 6 + joints]
+        row[kernels.SEAT] = self._state[drives.STROKE]
+        row[kernels.SUPPORT : kernels.SUPPORT + 4] = self._settled_reach
+        row[kernels.ROTATION : kernels.ROTATION + 9] = rotation_of(self._data.qpos[3:7]).ravel()
+        if self._chair.flipper is not None:
+            row[kernels.FLIPPER] = self._data.qpos[kernels.LAST]
+            row[kernels.FLIPPER_TORQUE] = self._data.actuator_force[kernels.LAST]
+        return row
+
+    def _passed(self) -> Iterator[tuple[ChairState, float]]:
+        pending, self._pending = self._pending, []
+        grip = 0.5 * sum(self._damage.grip)
+        for tick, row in pending:
+            yield self._state_of(tick, row), grip
+
+    def _state_of(self, tick: int, row: Float[np.ndarray, " c"]) -> ChairState:
+        numbers = row.tolist()  # an array gives up its elements one by one at ten times the cost
+        return ChairState(
+            tick=tick,
+            p_WB=row[kernels.QPOS : kernels.QPOS + 3],
+            R_WB=row[kernels.ROTATION : kernels.ROTATION + 9].reshape(3, 3),
+            velocity_W=row[kernels.QVEL : kernels.QVEL + 3],
+            rate_B=row[kernels.QVEL + 3 : kernels.QVEL + 6],
+            seat_rad=numbers[kernels.QPOS + 7],
+            stroke_m=numbers[kernels.SEAT],
+            belts_m_s=row[kernels.BELTS : kernels.BELTS + 2],
+            brake_on=numbers[kernels.BRAKE] > 0.5,
+            flipper_rad=numbers[kernels.FLIPPER],
+            flipper_torque_n_m=numbers[kernels.FLIPPER_TORQUE],
+            reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
+            contact_force_share=numbers[kernels.FORCE_MAX] / self._weight_n,
+            airborne_share=numbers[kernels.AIRBORNE] / self._physics.substeps,
+            contact_residual_m_s2=numbers[kernels.RESIDUAL],
+            hull_contacts=int(numbers[kernels.HULL]),
+            traction_n=row[kernels.TRACTION : kernels.TRACTION + 2],
+            power_w=numbers[kernels.POWER],
+            payload_shift_m=self._damage.payload_m,
+        )
+
+    def _look(self, state: ChairState) -> Sequence[Reading]:
+        return [self._around.with_obstacle(seen, state.R_WB, state.p_WB) for seen in look(self._around.camera, state)]
+
+
+def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:
+    """Return an array mapped onto MuJoCo's memory."""
+    size = rows * columns * np.dtype(kind).itemsize
+    return np.frombuffer((ctypes.c_char * size).from_address(address), dtype=kind).reshape(rows, columns)
+
+
+def sway_of(chair: Chair, seat_kg: float, rest_m: Float[np.ndarray, " 3"], timestep_s: float) -> Float[np.ndarray, " k"]:
+    """Return the sway parameters of a passenger for the compiled loop, initially at rest; empty without sway.
+
+    Args:
+        seat_kg: Mass rotating with the seat, including the seat shell.
+        rest_m: Centre of this mass in the seat frame [m].
+        timestep_s: MuJoCo time step [s].
+    """
+    return np.array([0.0, 0.0, timestep_s, seat_kg, *chair.sway_m, rest_m[0], rest_m[1]]) if chair.sways else np.array([])
+
+
+def open_plant(
+    scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None, physics: Physics = NOMINAL
+) -> MujocoPlant:
+    """Return a simulated chair on the scenario's stair.
+
+    Args:
+        chair: Actual chair, if different from the scenario's chair file used by the mission.
+        physics: Step size and contact stiffness.
+
+    Raises:
+        SettingsError: If the argument is a scenario name instead of a Scenario.
+    """
+    if not isinstance(scenario, Scenario):
+        raise SettingsError(f"open_plant is given {scenario!r}; wanted a Scenario: read_scenario returns one for a name or file")
+    return MujocoPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair, physics)

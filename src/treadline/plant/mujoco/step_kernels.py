@@ -1,0 +1,336 @@
+"""Inner loop of the plant, compiled: belts, seat actuator, MuJoCo's stages and rotated contact frames.
+
+MuJoCo's functions are linked by name; ``native.load_library`` must run before the first call. ``no_type_check`` prevents the shape
+checker of the tests from wrapping compiled functions.
+"""
+
+import math
+from typing import no_type_check
+
+from numba import njit, types
+
+from treadline.plant.actuator_kernels import (
+    BRAKED,
+    FLIPPER_LOST,
+    FLIPPER_RATE,
+    FLIPPER_TARGET,
+    LEFT,
+    POWER_CUT,
+    RIGHT,
+    SEAT_ANGLE,
+    STALLED,
+    STROKE,
+    act,
+    rotation,
+)
+from treadline.plant.motor_kernels import CHARGE, limit_belts, limit_seat
+from treadline.plant.motor_kernels import POWER as ELECTRIC_POWER
+from treadline.plant.motor_kernels import TRACTION as CONTACT_FORCE
+from treadline.plant.mujoco.coulomb_kernels import normal_force, solve_contacts
+from treadline.plant.mujoco.lug_contact_kernels import follow_lugs
+from treadline.plant.mujoco.traction_kernels import add_traction
+
+_STAGE = types.void(types.uintp, types.uintp)
+_kinematics = types.ExternalFunction("mj_fwdKinematics", _STAGE)
+_inertia = types.ExternalFunction("mj_makeM", _STAGE)
+_factor = types.ExternalFunction("mj_factorM", _STAGE)
+_collide = types.ExternalFunction("mj_collision", _STAGE)
+_constrain = types.ExternalFunction("mj_makeConstraint", _STAGE)
+_project = types.ExternalFunction("mj_projectConstraint", _STAGE)
+_transmit = types.ExternalFunction("mj_transmission", _STAGE)
+_velocity = types.ExternalFunction("mj_fwdVelocity", _STAGE)
+_actuate = types.ExternalFunction("mj_fwdActuation", _STAGE)
+_accelerate = types.ExternalFunction("mj_fwdAcceleration", _STAGE)
+_solve = types.ExternalFunction("mj_fwdConstraint", _STAGE)
+_integrate = types.ExternalFunction("mj_implicit", _STAGE)
+
+NOSLIP_ITERATIONS = 3
+"""Number of no-slip iterations with the brake on: three reduce the creep of a chair on 28° from millimetres to micrometres per
+minute."""
+
+# Columns of the log, one row per tick. ROTATION: matrix of the quaternion in QPOS, by rows. RESIDUAL: largest residual of the
+# contact forces over the steps of the tick [m/s²]. UNCONVERGED: number of steps with a residual above the tolerance. FORCE_MAX:
+# largest sum of the normal forces [N]. AIRBORNE: number of steps without normal force.
+QPOS, QVEL, BELTS, SEAT, CONTACTS, BRAKE, FLIPPER, FLIPPER_TORQUE, SUPPORT, ROTATION = 0, 8, 15, 17, 18, 19, 20, 21, 22, 26
+RESIDUAL, UNCONVERGED, FORCE_MAX, AIRBORNE = 35, 36, 37, 38
+HULL = 39
+"""Column: largest number of contacts of hull, seat and passenger over the steps of the tick."""
+TRACTION, POWER = 40, 42
+COLUMNS = 43
+"""Number of columns."""
+NO_SUPPORT_M = -1e3
+"""Reach of a chair without contact [m]."""
+SEAT_QPOS = 7
+"""Place of the seat among MuJoCo's positions, after the chassis' free joint."""
+LAST = -1
+"""Place of the flipper among MuJoCo's positions, velocities and actuators: the last joint, with a seat before it or without."""
+# Columns of a geom's friction: along and across for its left half, the same for its right half, a point on the line between the
+# halves and the unit vector to its left, both in the horizontal plane of the world.
+MU_LEFT, MU_RIGHT, MIDDLE, LEFTWARD = 0, 2, 4, 6
+MU_COLUMNS = 8
+# Sway of the passenger: phase, angular frequency [rad/s], time step [s], moving mass [kg], amplitudes forward and left [m], and
+# rest position [m].
+SWAY_PHASE, SWAY_OMEGA, SWAY_STEP, SWAY_KG, SWAY_AMPLITUDE, SWAY_REST = 0, 1, 2, 3, 4, 6
+# Result codes of ``advance``.
+SOUND, WARNED, NOT_FINITE, CROWDED = 0, 1, 2, 3
+
+
+@njit(cache=True)
+@no_type_check
+def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu):
+    """Align the tangents of each belt contact with the belt: along y × n, and across; set the friction of the stair's geom.
+
+    ``real`` and ``whole`` are the contact list as doubles and as integers, one row per contact; ``mu`` has one row per geom, see
+    ``MU_LEFT``.
+    """
+    for i in range(count):
+        row = real[i]
+        first, second = whole[i, geom], whole[i, geom + 1]
+        if is_belt[first]:
+            sign, grip = 1.0, mu[second]
+        elif is_belt[second]:
+            sign, grip = -1.0, mu[first]
+        else:
+            continue
+        # The position of a contact is stored before its frame. The sign of ``aside`` selects the half of the geom.
+        aside = (row[frame - 3] - grip[MIDDLE]) * grip[LEFTWARD] + (row[frame - 2] - grip[MIDDLE + 1]) * grip[LEFTWARD + 1]
+        half = MU_LEFT if aside > 0.0 else MU_RIGHT
+        mu_along, mu_across = grip[half], grip[half + 1]
+        nx, ny, nz = row[frame], row[frame + 1], row[frame + 2]
+        ox, oy, oz = sign * nx, sign * ny, sign * nz
+        tx = chair_y[1] * oz - chair_y[2] * oy
+        ty = chair_y[2] * ox - chair_y[0] * oz
+        tz = chair_y[0] * oy - chair_y[1] * ox
+        length = math.sqrt(tx * tx + ty * ty + tz * tz)
+        if length < 0.1:  # side face of the belt: its tangent plane does not contain the direction of travel
+            row[friction] = mu_across
+            row[friction + 1] = mu_across
+            continue
+        tx, ty, tz = tx / length, ty / length, tz / length
+        sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+        a, b = row[surfacevel], row[surfacevel + 1]
+        vx = a * row[frame + 3] + b * row[frame + 6]
+        vy = a * row[frame + 4] + b * row[frame + 7]
+        vz = a * row[frame + 5] + b * row[frame + 8]
+        row[frame + 3], row[frame + 4], row[frame + 5] = tx, ty, tz
+        row[frame + 6], row[frame + 7], row[frame + 8] = sx, sy, sz
+        row[surfacevel] = vx * tx + vy * ty + vz * tz
+        row[surfacevel + 1] = vx * sx + vy * sy + vz * sz
+        row[friction] = mu_along
+        row[friction + 1] = mu_across
+
+
+@njit(cache=True)
+@no_type_check
+def weaken(count, real, whole, friction, geom, grip):
+    """Scale the friction of each contact by the remaining friction of its belt."""
+    for i in range(count):
+        share = grip[whole[i, geom]] * grip[whole[i, geom + 1]]
+        real[i, friction] *= share
+        real[i, friction + 1] *= share
+
+
+@njit(cache=True)
+@no_type_check
+def contacts_of_no_belt(count, whole, geom, is_belt):
+    """Return the number of contacts of hull, seat and passenger, without any belt."""
+    found = 0
+    for i in range(count):
+        if not (is_belt[whole[i, geom]] or is_belt[whole[i, geom + 1]]):
+            found += 1
+    return found
+
+
+@njit(cache=True)
+@no_type_check
+def reach_of_contacts(count, real, whole, frame, geom, is_belt, qpos, xmat, reach):
+    """Extend ``reach`` (front, rear, left, right of B, each positive outward) to the belt contacts."""
+    for i in range(count):
+        if not (is_belt[whole[i, geom]] or is_belt[whole[i, geom + 1]]):
+            continue
+        # The position of a contact is stored before its frame.
+        dx, dy, dz = real[i, frame - 3] - qpos[0], real[i, frame - 2] - qpos[1], real[i, frame - 1] - qpos[2]
+        x = xmat[0] * dx + xmat[3] * dy + xmat[6] * dz
+        y = xmat[1] * dx + xmat[4] * dy + xmat[7] * dz
+        reach[0], reach[1] = max(reach[0], x), max(reach[1], -x)
+        reach[2], reach[3] = max(reach[2], y), max(reach[3], -y)
+
+
+@njit(cache=True)
+@no_type_check
+def move_payload(sway, qvel, seat_rate, xmat, seat_xmat, com, force):
+    """Set the payload position of the sway, and the reaction force on the seat.
+
+    MuJoCo treats the mass at ``com`` as fixed in the seat: its acceleration lacks the terms of the relative motion d(t), d'' + 2 ω
+    × d'. The reaction to these terms acts on the seat at the same place.
+    """
+    phase, omega, mass = sway[SWAY_PHASE], sway[SWAY_OMEGA], sway[SWAY_KG]
+    c, s = math.cos(phase), math.sin(phase)
+    # qvel[3:6] is the angular velocity of the chassis in its own frame, seat_rate the additional rate of the seat about y.
+    w0, w1, w2 = qvel[3], qvel[4] + seat_rate, qvel[5]
+    wx = xmat[0] * w0 + xmat[1] * w1 + xmat[2] * w2
+    wy = xmat[3] * w0 + xmat[4] * w1 + xmat[5] * w2
+    wz = xmat[6] * w0 + xmat[7] * w1 + xmat[8] * w2
+    a, b = sway[SWAY_AMPLITUDE], sway[SWAY_AMPLITUDE + 1]
+    dx, dy, dz = (
+        seat_xmat[0] * a + seat_xmat[1] * b,
+        seat_xmat[3] * a + seat_xmat[4] * b,
+        seat_xmat[6] * a + seat_xmat[7] * b,
+    )
+    speed, push = -omega * s, -omega * omega * c
+    force[0] = -mass * (push * dx + 2.0 * speed * (wy * dz - wz * dy))
+    force[1] = -mass * (push * dy + 2.0 * speed * (wz * dx - wx * dz))
+    force[2] = -mass * (push * dz + 2.0 * speed * (wx * dy - wy * dx))
+    com[0], com[1] = sway[SWAY_REST] + a * c, sway[SWAY_REST + 1] + b * c
+    sway[SWAY_PHASE] = phase + omega * sway[SWAY_STEP]
+
+
+@njit(cache=True)
+@no_type_check
+def judge(warnings, log, room):
+    """Return the result code: a MuJoCo warning, a non-finite state, more than ``room`` contacts, or sound."""
+    for count in warnings:
+        if count > 0:
+            return WARNED
+    crowded = False
+    for row in log:
+        for value in row:
+            if not math.isfinite(value):
+                return NOT_FINITE
+        crowded = crowded or row[CONTACTS] > room
+    return CROWDED if crowded else SOUND
+
+
+@njit(cache=True, nogil=True)  # several threads can advance their plants in parallel
+@no_type_check
+def advance(
+    ticks, mu, log, model, data, count, real, whole, layout, coulomb, lugs, is_belt, xmat, grip, command, drives, mismatch, state,
+    belts_of, surface_velocity, radius, seat, angles, flipper, damping, force, control, qpos, qvel, warnings,
+    sway, payload_com, payload_force, seat_xmat, substeps, accuracy,
+    belt_side, motor, electric, actuator, force_range,
+):  # fmt: skip
+    """Advance the plant by some ticks, write one row of ``log`` per tick and return the result code.
+
+    Args:
+        mu: Belt friction of each geom, columns as in ``MU_LEFT``.
+        coulomb: Whether contact forces are corrected, MuJoCo's number of no-slip iterations, pointers of the constraint arrays,
+            acceleration, warm start of the solver, working memory.
+        lugs: Lug parameters (empty for smooth belts), travel of the belts, part of each geom, angle of a fixed approach section.
+        grip: Remaining fraction of the friction of each geom.
+        command: left, right [m/s], brake (0 or 1), stroke rate [m/s], flipper rate [rad/s].
+        drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
+        state: actuator state, rows as in ``devices.kernels``; changed in place.
+        belts_of: geom ids as (side, rear front nose flat approach).
+        seat: lower and upper end of the stroke, spacing of ``angles``; empty without a seat.
+        angles: seat angle over the stroke; empty without a seat.
+        flipper: lowest and highest angle, rate limit, servo deflection at full torque, servo lag, damping of an unpowered motor,
+            damping of the joint, stall torque, no-load rate; empty without a flipper.
+        damping: of each degree of freedom; changed in place.
+        warnings: number of MuJoCo warnings by kind.
+        sway: sway parameters for ``move_payload``; empty without sway.
+        payload_com: centre of mass in the seat frame; changed in place.
+        payload_force: force on the seat at that centre [N], in W; changed in place.
+        seat_xmat: rotation of the seat in W, by rows.
+        substeps: number of MuJoCo steps per tick.
+        accuracy: accuracy of the contact forces for ``solve_contacts``.
+        belt_side: side of each geom: 0 left, 1 right, -1 no belt.
+        motor: limits of motors, brakes and battery, as in ``devices.motor_kernels``; empty without limits.
+        electric: state of motors and battery, likewise; changed in place.
+        actuator: limits of the seat actuator, likewise; empty without limits.
+        force_range: force ranges of MuJoCo's actuators; changed in place.
+    """
+    traction = electric[CONTACT_FORCE : CONTACT_FORCE + 2]
+    frame, friction, surfacevel, geom = layout[0], layout[1], layout[2], layout[3]
+    corrected, noslip, pointers, acceleration, warm_start, shift = coulomb
+    lug, travel, part_of, fixed_rad = lugs
+    fields = (friction, layout[4])
+    seated = seat.shape[0] > 0
+    for k in range(ticks):
+        before = (state[0], state[1])
+        act(command, drives, state, seat, angles, flipper, qpos[LAST] if flipper.shape[0] > 0 else 0.0)
+        if motor.shape[0] > 0:
+            held = (state[BRAKED] + state[STALLED] > 0.5, state[BRAKED] + state[STALLED + 1] > 0.5)
+            limit_belts(before, state[:2], held, motor, electric)
+            if electric[CHARGE] == 0.0:
+                state[POWER_CUT] = 1.0  # the fail-safe brakes engage on an empty battery
+        for side in range(2):
+            actual = state[side] * (1.0 + mismatch[side])
+            for j in range(3):
+                surface_velocity[belts_of[side, j], 5] = actual / radius
+            for j in range(3, 5):
+                surface_velocity[belts_of[side, j], 0] = -actual
+        # A braked chair is held by static friction, which MuJoCo regularises to a creep of millimetres per minute.
+        stands = state[BRAKED] > 0.5 and state[LEFT] == 0.0 and state[RIGHT] == 0.0
+        noslip[0] = NOSLIP_ITERATIONS if stands else 0
+        softness = 0.0 if stands else 1.0
+        if actuator.shape[0] > 0:
+            torque = limit_seat(qpos[SEAT_QPOS], qvel[6], state, seat, angles, actuator)
+            force_range[0, 0], force_range[0, 1] = -torque, torque
+        if seated:
+            control[0] = state[SEAT_ANGLE]
+        if flipper.shape[0] > 0:
+            control[LAST] = state[FLIPPER_TARGET] + state[FLIPPER_RATE] * flipper[4]
+
+        row = log[k]
+        row[SUPPORT : SUPPORT + 4] = NO_SUPPORT_M
+        row[RESIDUAL] = row[UNCONVERGED] = row[FORCE_MAX] = row[AIRBORNE] = 0.0
+        row[HULL] = 0.0
+        traction[:] = 0.0
+        for _ in range(substeps):
+            if flipper.shape[0] > 0 and state[FLIPPER_LOST] > 0.5:
+                damping[LAST] = flipper[6] + (flipper[5] if qvel[LAST] > 0.0 else 0.0)
+            elif flipper.shape[0] > 0:
+                share = qvel[LAST] / flipper[8]
+                force_range[LAST, 0] = -flipper[7] * min(max(1.0 + share, 0.0), 1.0)
+                force_range[LAST, 1] = flipper[7] * min(max(1.0 - share, 0.0), 1.0)
+            if sway.shape[0] > 0:
+                move_payload(sway, qvel, qvel[6] if seated else 0.0, xmat, seat_xmat, payload_com, payload_force)
+            _kinematics(model, data)
+            _inertia(model, data)
+            _factor(model, data)
+            _collide(model, data)
+            chair_y = (xmat[1], xmat[4], xmat[7])
+            turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu)
+            if lug.shape[0] > 0:
+                speed = (state[LEFT] * (1.0 + mismatch[0]), state[RIGHT] * (1.0 + mismatch[1]))
+                approach_rad = qpos[LAST] if flipper.shape[0] > 0 else fixed_rad
+                follow_lugs(count[0], real, whole, frame, surfacevel, geom, part_of, speed, approach_rad, qpos, xmat, lug, travel)
+            weaken(count[0], real, whole, friction, geom, grip)
+            reach_of_contacts(count[0], real, whole, frame, geom, is_belt, qpos, xmat, row[SUPPORT : SUPPORT + 4])
+            row[HULL] = max(row[HULL], contacts_of_no_belt(count[0], whole, geom, is_belt))
+            _constrain(model, data)
+            _project(model, data)  # required by the no-slip iterations (crash otherwise); returns immediately without them
+            _transmit(model, data)
+            _velocity(model, data)
+            _actuate(model, data)
+            _accelerate(model, data)
+            if corrected[0]:
+                residual = solve_contacts(
+                    model, data, count[0], real, whole, fields, pointers, acceleration, warm_start, shift, softness, accuracy
+                )
+                row[RESIDUAL] = max(row[RESIDUAL], residual)
+                row[UNCONVERGED] += residual > accuracy[0]
+            else:
+                _solve(model, data)
+            total = normal_force(count[0], whole, fields[1], pointers)
+            row[FORCE_MAX] = max(row[FORCE_MAX], total)
+            row[AIRBORNE] += total == 0.0
+            add_traction(count[0], real, whole, layout, belt_side, chair_y, pointers[3], traction)
+            _integrate(model, data)
+
+        traction /= substeps
+        row[TRACTION : TRACTION + 2] = traction
+        row[POWER] = electric[ELECTRIC_POWER]
+        row[QPOS : QPOS + 7] = qpos[:7]
+        row[QVEL : QVEL + 6] = qvel[:6]
+        row[QPOS + 7] = qpos[SEAT_QPOS] if seated else 0.0
+        row[QVEL + 6] = qvel[6] if seated else 0.0
+        row[BELTS] = state[0] * (1.0 + mismatch[0])
+        row[BELTS + 1] = state[1] * (1.0 + mismatch[1])
+        row[SEAT] = state[STROKE]
+        row[CONTACTS] = count[0]
+        row[BRAKE] = state[BRAKED]
+        row[FLIPPER] = qpos[LAST] if flipper.shape[0] > 0 else 0.0
+        row[FLIPPER_TORQUE] = force[LAST] if flipper.shape[0] > 0 else 0.0
+        rotation(qpos[3], qpos[4], qpos[5], qpos[6], row[ROTATION : ROTATION + 9].reshape(3, 3))
+    return judge(warnings, log, real.shape[0])

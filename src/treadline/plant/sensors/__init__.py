@@ -1,0 +1,1 @@
+"""Sensor models of the simulated chair: IMU, encoders, rendered and statistical camera."""

@@ -1,0 +1,42 @@
+"""Colours, walls and turns shared by the scenes."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from treadline.plant.sensors.camera.solids import Rgb, SceneBox, upright
+
+BEECH: Rgb = (176.0, 132.0, 84.0)
+"""Colours of furniture (red, green, blue)."""
+WHITE: Rgb = (205.0, 203.0, 198.0)
+CARDBOARD: Rgb = (158.0, 124.0, 84.0)
+WALL_M = 3.0
+"""Height of walls [m]."""
+
+
+def oblique_wall(middle_x_m: float, yaw_rad: float, *, y_m: float = 0.0, low_m: float = 0.0, half_m: float = 3.0) -> SceneBox:
+    """Return a wall across the path, rotated about its middle."""
+    centre = np.array([middle_x_m + 0.05 * math.cos(yaw_rad), y_m + 0.05 * math.sin(yaw_rad)])
+    low = (centre[0] - 0.05, centre[1] - half_m, low_m - 0.2)
+    high = (centre[0] + 0.05, centre[1] + half_m, low_m + WALL_M)
+    return upright("wall", low, high, yaw_rad=yaw_rad)
+
+
+def turned(solid: SceneBox, yaw_rad: float, about_m: tuple[float, float]) -> SceneBox:
+    """Return a solid turned about a vertical axis."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    pivot = np.array([*about_m, 0.0])
+    return replace(solid, centre_W=pivot + turn @ (solid.centre_W - pivot), R_WK=turn @ solid.R_WK)
+
+
+def legged(x: float, y: float, half: tuple[float, float], top: float, leg: float, colour: Rgb) -> list[SceneBox]:
+    """Return a plate on four legs: a table or a seat."""
+    plate = upright("furniture", (x - half[0], y - half[1], top - 0.03), (x + half[0], y + half[1], top), colour=colour)
+    legs = [
+        upright("furniture", (cx - leg, cy - leg, 0.0), (cx + leg, cy + leg, top - 0.03), colour=colour)
+        for cx in (x - half[0] + leg, x + half[0] - leg)
+        for cy in (y - half[1] + leg, y + half[1] - leg)
+    ]
+    return [plate, *legs]

@@ -1,0 +1,240 @@
+"""Sensor models of the chair: state at a tick in, readings and ground truth out; independent of the simulator."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import DEG
+from treadline.core.ports import Truth
+from treadline.core.signals import TICK_S, FlipperReading, ImuSample, Reading, SeatReading, TrackReading
+from treadline.plant import actuator_kernels as kernels
+from treadline.plant.sensors.imu_noise import IMUS, Imu
+from treadline.plant.sensors.transport_delays import CameraLink, Encoder
+from treadline.scenario.chair import ChairDescription
+from treadline.scenario.scenario import Chair, Scenario
+from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
+from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M
+from treadline.vehicle.traction import friction_use
+
+CAMERA_TICKS = 10
+"""Ticks per camera frame."""
+CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
+"""Frame period of the camera [s] (Table I: 10 Hz)."""
+SUPPORT_TICKS = 25
+"""Number of ticks during which a contact counts as support: contacts of a rocking chair are intermittent, and a chair drives 5 cm
+in a quarter of a second."""
+SUPPORT_WITHIN_M = (ROCKING_M, TIP_GAP_M)
+"""Support distances for ``kernels.truth``: ``ROCKING_M`` and ``TIP_GAP_M`` [m]."""
+SEAT_PITCH_NOISE_RAD = 0.05 * DEG
+"""Standard deviation of the seat pitch reading [rad]."""
+FLIPPER_TORQUE_NOISE_N_M = 2.0
+"""Standard deviation of the flipper torque estimated from motor current [N m]: 1 % of full torque."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChairState:
+    """State of a simulated chair and its actuators at a tick."""
+
+    tick: int
+    p_WB: Float[np.ndarray, " 3"]
+    R_WB: Float[np.ndarray, "3 3"]
+    velocity_W: Float[np.ndarray, " 3"]
+    rate_B: Float[np.ndarray, " 3"]
+    seat_rad: float
+    stroke_m: float
+    belts_m_s: Float[np.ndarray, " 2"]
+    """Actual belt speeds [m/s], mismatch included."""
+    brake_on: bool
+    flipper_rad: float
+    flipper_torque_n_m: float
+    reach_m: Float[np.ndarray, " 4"]
+    """Reach of the belt contacts since the last tick from B [m]: front, rear, left, right, each positive outward."""
+    contact_force_share: float = math.nan
+    """Contact force over weight, see ``Truth``; NaN if the simulator does not report it."""
+    airborne_share: float = math.nan
+    contact_residual_m_s2: float = math.nan
+    hull_contacts: int = 0
+    """Largest simultaneous number of contacts of hull, seat and passenger since the last tick; 0 if the simulator does not model
+    these contacts."""
+    traction_n: Float[np.ndarray, " 2"] = field(default_factory=lambda: np.zeros(2))
+    """Forward force of the stair on each belt [N], mean over the last tick; zero if the simulator does not report it."""
+    power_w: float = 0.0
+    """Electric power drawn from the battery [W]."""
+    payload_shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Shift of the payload's centre of mass by faults [m]: forward, left, up in the seat frame."""
+
+    @property
+    def t_s(self) -> float:
+        """Mission time [s]."""
+        return self.tick * TICK_S
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Streams:
+    """Independent random generators, one per sensor, so that a change of one sensor leaves the others unchanged."""
+
+    imu: np.random.Generator
+    seat: np.random.Generator
+    flipper: np.random.Generator
+    link: np.random.Generator
+    """Generator of latency and loss of camera readings."""
+
+
+Look = Callable[[ChairState], Sequence[Reading]]
+"""Camera model: readings from a chair state."""
+
+
+class Instruments:
+    """Simulated sensors: converts chair states into readings and ground truth."""
+
+    def __init__(self, scenario: Scenario, chair: ChairDescription, staircase: Staircase, streams: Streams, look: Look) -> None:
+        self._scenario, self._chair, self._staircase = scenario, chair, staircase
+        self._seated = np.array(payload_com(chair, scenario.chair.leaning()))
+        self._numbers = chair_numbers(chair, scenario.chair)
+        self._fixed_rad = chair.tracks.approach_angle_deg * DEG
+        self._imu = Imu(IMUS[scenario.sensors.imu], scenario.sensors.gravity_error_deg * DEG, streams.imu)
+        self._streams = streams
+        self._look = look
+        frames = [staircase.stair_frame(k) for k in range(staircase.flight_count)]
+        self._frames = [(np.ascontiguousarray(R_WS.T), p_WS, along_m) for R_WS, p_WS, along_m in frames]
+        self._link = CameraLink(scenario.realism, streams.link)
+        self._encoders = Encoder(scenario.realism.encoder_counts_m), Encoder(scenario.realism.encoder_counts_m)
+        self._nosings_W = staircase.nosings_W
+        self._surfaces = staircase.surfaces
+        there = [k for k, steps in enumerate(staircase.flights) for step in steps if not step.missing]
+        self._nosings_x_m = np.array(
+            [
+                self._frames[k][2] + self._frames[k][0][0] @ (p - self._frames[k][1])
+                for k, p in zip(there, self._nosings_W, strict=True)
+            ]
+        )
+        grips = np.array([np.min(step.friction, axis=0) for step in staircase.steps if not step.missing])
+        self._grips = None if np.all(grips == staircase.friction) else grips
+        self._velocity_W = np.zeros(3)
+        self._reaches = np.zeros((SUPPORT_TICKS, 4))
+        """Ring buffer of recent contact reaches [m]."""
+        self._ticks = 0
+
+    def start(self, velocity_W: Float[np.ndarray, " 3"]) -> None:
+        """Reset all memory at the start of a run."""
+        self._velocity_W = velocity_W
+        self._ticks = 0
+        self._link.clear()
+
+    def read(self, state: ChairState, grip: float) -> tuple[list[Reading], Truth]:
+        """Return the readings at a tick, and the ground truth.
+
+        Args:
+            grip: Remaining fraction of the stair's friction.
+        """
+        truth, t_s = self._truth_of(state, grip), state.t_s
+        readings: list[Reading] = [self._imu_sample(state)]
+        if self._chair.seat is not None:
+            pitch = truth.seat_pitch_rad + SEAT_PITCH_NOISE_RAD * float(self._streams.seat.standard_normal())
+            readings.append(SeatReading(t_s=t_s, pitch_rad=pitch, stroke_m=state.stroke_m))
+        left = self._encoders[0].speed_m_s(truth.left_m_s)
+        right = self._encoders[1].speed_m_s(truth.right_m_s / (1.0 + self._scenario.chair.belt_mismatch))
+        readings.append(TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=state.brake_on))
+        if self._chair.flipper is not None:
+            torque = state.flipper_torque_n_m + FLIPPER_TORQUE_NOISE_N_M * float(self._streams.flipper.standard_normal())
+            readings.append(FlipperReading(t_s=t_s, angle_rad=state.flipper_rad, torque_n_m=torque))
+        if state.tick % CAMERA_TICKS == 0 and not self._link.is_dropped():
+            self._link.send(state.tick, self._look(state))
+        readings.extend(self._link.arrived(state.tick))
+        return readings, truth
+
+    def _imu_sample(self, state: ChairState) -> ImuSample:
+        acceleration = (state.velocity_W - self._velocity_W) / TICK_S
+        self._velocity_W = state.velocity_W
+        left, right = state.belts_m_s.tolist()
+        moving = abs(left) + abs(right) > 0.01
+        return self._imu.sample(state.t_s, state.R_WB, state.rate_B, acceleration, moving=moving)
+
+    def _payload_at(self, state: ChairState) -> Float[np.ndarray, " 3"]:
+        """Return the payload's centre in the seat frame with sway and shift [m]; comfort is judged without them."""
+        chair = self._scenario.chair
+        if not chair.sways:
+            return self._seated + state.payload_shift_m
+        return np.array(payload_com(self._chair, chair.leaning(chair.sway_at(state.t_s)))) + state.payload_shift_m
+
+    def _friction_at(self, x_m: float) -> tuple[float, float]:
+        """Return the least friction (along, across) of the steps under the flat run, or the stair's default without steps."""
+        if self._grips is None:
+            return self._staircase.friction
+        under = np.abs(self._nosings_x_m - x_m) <= 0.5 * self._chair.tracks.flat_run_m
+        if not under.any():
+            return self._staircase.friction
+        along, across = self._grips[under].min(axis=0)
+        return float(along), float(across)
+
+    def _truth_of(self, state: ChairState, grip: float) -> Truth:
+        R_SW, p_WS, along_m = self._frames[self._staircase.flight_at(state.p_WB, state.R_WB)]
+        place, self._ticks = self._ticks % SUPPORT_TICKS if self._ticks else -1, self._ticks + 1
+        heading, yaw, heading_rate, pitch, roll, x_m, y_m, seat_pitch, margin, *passenger = kernels.truth(
+            R_SW,
+            p_WS,
+            state.R_WB,
+            state.p_WB,
+            state.rate_B,
+            state.seat_rad,
+            self._fixed_rad if self._chair.flipper is None else state.flipper_rad,
+            state.reach_m,
+            place,
+            self._reaches,
+            self._nosings_W,
+            self._surfaces,
+            self._numbers,
+            self._seated,
+            self._payload_at(state),
+            SUPPORT_WITHIN_M,
+        )
+        x_m += along_m
+        along, across = self._friction_at(x_m)
+        (left_m_s, right_m_s), (left_n, right_n) = state.belts_m_s.tolist(), state.traction_n.tolist()
+        chassis_x_m, chassis_y_m, chassis_z_m = state.p_WB.tolist()
+        return Truth(
+            t_s=state.t_s,
+            heading_rad=heading,
+            yaw_rad=yaw,
+            heading_rate_rad_s=heading_rate,
+            pitch_rad=pitch,
+            roll_rad=roll,
+            pitch_rate_rad_s=-float(state.rate_B[1]),
+            x_m=x_m,
+            y_m=y_m,
+            seat_pitch_rad=math.nan if self._chair.seat is None else seat_pitch,
+            left_m_s=left_m_s,
+            right_m_s=right_m_s,
+            stability_margin_rad=margin,
+            friction_use=friction_use(self._staircase.slope_rad, heading, (along * grip, across * grip)),
+            passenger_x_m=passenger[0],
+            passenger_y_m=passenger[1],
+            passenger_z_m=passenger[2],
+            contact_force_share=state.contact_force_share,
+            airborne_share=state.airborne_share,
+            contact_residual_m_s2=state.contact_residual_m_s2,
+            hull_contacts=float(state.hull_contacts),
+            left_force_n=left_n,
+            right_force_n=right_n,
+            power_w=state.power_w,
+            chassis_x_m=chassis_x_m,
+            chassis_y_m=chassis_y_m,
+            chassis_z_m=chassis_z_m,
+        )
+
+
+def chair_numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, " k"]:
+    """Return the parameters of a loaded chair as an array for ``kernels.truth``."""
+    tracks = chair.tracks
+    numbers = np.empty(kernels.CHAIR)
+    numbers[kernels.HALF_RUN], numbers[kernels.APPROACH] = 0.5 * tracks.flat_run_m, tracks.approach_m
+    numbers[kernels.RADIUS], numbers[kernels.HALF_GAUGE] = tracks.pulley_radius_m, 0.5 * tracks.gauge_m
+    numbers[kernels.HINGE : kernels.HINGE + 3] = payload_origin(chair, loading)
+    numbers[kernels.SEAT_KG], numbers[kernels.CHASSIS_KG] = seat_mass_kg(chair, loading), chair.masses.chassis_kg
+    numbers[kernels.CHASSIS : kernels.CHASSIS + 3] = chair.masses.chassis_com_m
+    numbers[kernels.FLIPPER_KG] = 0.0 if chair.flipper is None else chair.flipper.mass_kg
+    return numbers

@@ -1,0 +1,281 @@
+"""Exact visibility of a staircase from a camera on the chair: nosings, walls and the end of the flight.
+
+``pose -> Visibility, or nothing``. ``plant/sensors/statistical_camera.py`` adds the errors of a detector.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from treadline.core.angles import DEG
+from treadline.core.signals import PinholeCamera
+from treadline.vehicle.staircase import Staircase, Step
+
+NEAR_M, FAR_M = 0.45, 4.0
+"""Depth range in which a Kinect resolves adjacent nosings [m]."""
+ASIDES = 13
+"""Number of points per edge tested for visibility."""
+SIDE_ASIDES, END_SEEN_M = 57, 0.01
+"""Number of points per edge tested for the visibility of its sides, and distance of the last one in view from a visible end [m]."""
+LEAST_WIDTH_M = 0.3
+"""Least visible width of an edge [m], as required by ``perception.lattice_kernels``."""
+BEYOND_PX, OUTSIDE_PX = 40.0, -1000.0
+"""Margin outside the image within which an edge can be detected from its riser [px]; and the margin assigned to hidden edges
+[px]."""
+RAYS = (12, 9)
+"""Columns and rows of the coarse image used for the wall fractions."""
+LEAST_NOSINGS = 2
+"""Least number of visible nosings of a detectable stair."""
+HEADING_LIMIT_RAD = 45.0 * DEG
+"""Largest heading of a detectable stair [rad]."""
+END_HEIGHT, END_BEHIND = 0.9, (1.25, 1.9)
+"""Expected location of the next step beyond the end: height above the last nosing [rises], one run behind it; when descending, the
+distance range behind the last nosing [runs], one rise below."""
+END_SHARE = 0.4
+"""Least visible fraction of the points at the expected location of the next step."""
+FAR_FIRST_M = 1.2
+"""Depth of the nearest nosing above which a stair is seen from the floor before the flight [m]."""
+Direction = Literal["up", "down"]
+"""Direction of the flight ahead."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Wall:
+    """Wall next to the flight."""
+
+    free_m: float
+    """Distance from the chair's middle perpendicular to the wall [m]."""
+    share: float
+    """Fraction of the image filled by the wall."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class VisibleSide:
+    """One side of the flight; distances from the chair's middle, perpendicular to the flight."""
+
+    seen_m: float
+    """Distance to which two nosings are in the image [m]."""
+    edge_m: float | None
+    """Distance to the end of the nosings [m]; None unless two nosings are in the image up to their end."""
+    kind: Literal["wall", "open"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Visibility:
+    """Visible part of one flight, without errors."""
+
+    direction: Direction
+    heading_rad: float
+    numbers: Int[np.ndarray, " n"]
+    """Indices of the nosings in the image or slightly outside, nearest first."""
+    nosings_B: Float[np.ndarray, "n 3"]
+    margins_px: Float[np.ndarray, " n"]
+    """Margin of the best ``LEAST_WIDTH_M`` of each nosing from the image border [px], positive inside."""
+    depths_m: Float[np.ndarray, " n"]
+    """Depth of each nosing along the optical axis, at the middle of the flight [m]."""
+    rise_m: float
+    run_m: float
+    """Mean run of these steps [m]; ``rise_m`` likewise."""
+    last: int
+    """Index of the last nosing of the flight."""
+    ends: bool
+    """Whether the absence of a further step is visible."""
+    left: Wall | None
+    right: Wall | None
+    sides: tuple["VisibleSide", "VisibleSide"]
+    """Left and right side of the flight."""
+
+    @property
+    def seen(self) -> Bool[np.ndarray, " n"]:
+        """Mask of the nosings in view."""
+        return (self.margins_px > 0.0) & (self.depths_m > NEAR_M) & (self.depths_m < FAR_M)
+
+    @property
+    def acceptance_row(self) -> int:
+        """Row of the acceptance table: a wall next to the flight and a distant first nosing lower the acceptance."""
+        walled = self.left is not None or self.right is not None
+        return 2 * int(walled) + int(self.depths_m[0] > FAR_FIRST_M)
+
+
+class Geometry:
+    """Visibility model of a staircase and a camera."""
+
+    def __init__(self, staircase: Staircase, calibration: PinholeCamera) -> None:
+        self._staircase = staircase
+        self._camera = calibration
+        steps = [step for step in staircase.steps if not step.missing]
+        self._numbers = np.array([step.index for step in steps])
+        places = np.array([place for place, step in enumerate(staircase.steps) if not step.missing])
+        self._flights = places * staircase.flight_count // len(staircase.steps)
+        self._places_W = np.array([step.nosing_F for step in steps])
+        self._along_W = np.array([[-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0] for step in steps])
+        asides = np.linspace(-0.5, 0.5, ASIDES) * staircase.width_m
+        self._edges_W = self._places_W[:, None] + asides[:, None] * self._along_W[:, None]
+        self._asides_m = np.linspace(-0.5, 0.5, SIDE_ASIDES) * staircase.width_m
+        self._fine_W = self._places_W[:, None] + self._asides_m[:, None] * self._along_W[:, None]
+        self._best = min(ASIDES, math.ceil(LEAST_WIDTH_M / staircase.width_m * (ASIDES - 1)))
+        self._R_BC, self._p_BC = calibration.R_BC, np.array(calibration.mount_m)
+        u = (np.arange(RAYS[0]) + 0.5) * calibration.width_px / RAYS[0]
+        v = (np.arange(RAYS[1]) + 0.5) * calibration.height_px / RAYS[1]
+        across, down = np.meshgrid((u - calibration.cx_px) / calibration.fx_px, (v - calibration.cy_px) / calibration.fy_px)
+        self._rays_C = np.stack([across.ravel(), down.ravel(), np.ones(across.size)], axis=1)
+
+    def visibility(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Visibility | None:
+        """Return the visible stair from a pose, or None without a detectable stair."""
+        R_WC, p_WC = R_WB @ self._R_BC, p_WB + R_WB @ self._p_BC
+        up = bool(R_WC[0, 2] > 0.0)
+        sign = 1.0 if R_WB[1, 1] >= 0.0 else -1.0
+        heading = math.atan2(sign * R_WB[1, 0], sign * R_WB[1, 1])
+        if abs(heading) > HEADING_LIMIT_RAD:
+            return None
+        points = (self._edges_W - p_WC) @ R_WC
+        margins = np.where(self._hidden(p_WC), OUTSIDE_PX, np.sort(self._margins(points), axis=1)[:, -self._best])
+        row = self._row(margins > -BEYOND_PX, up=up)
+        if len(row) < LEAST_NOSINGS:
+            return None
+        first, last = self._places_W[row[0]], self._places_W[row[-1]]
+        flight = int(self._flights[row[0]])
+        steps = self._staircase.flights[flight]
+        left, right = self._walls(flight, R_WC, p_WC, p_WB)
+        sides = self._sides(row, R_WC, p_WC, float(p_WB[1]))
+        return Visibility(
+            direction="up" if up else "down",
+            heading_rad=heading,
+            numbers=self._numbers[row],
+            nosings_B=crossings(self._places_W[row], self._along_W[row], R_WB, p_WB),
+            margins_px=margins[row],
+            depths_m=points[row, ASIDES // 2, 2],
+            rise_m=float(abs(last[2] - first[2])) / (len(row) - 1),
+            run_m=float(abs(last[0] - first[0])) / (len(row) - 1),
+            last=int(self._numbers[self._flights == flight][-1 if up else 0]),
+            ends=self._ends_up(steps, R_WC, p_WC) if up else self._ends_down(steps, R_WC, p_WC),
+            left=left if sign > 0.0 else right,
+            right=right if sign > 0.0 else left,
+            sides=sides if sign > 0.0 else sides[::-1],
+        )
+
+    def _sides(
+        self, row: Int[np.ndarray, " k"], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], aside_m: float
+    ) -> tuple[VisibleSide, VisibleSide]:
+        """Return the sides at +y and -y, from the nosings of one flight."""
+        shown = self._margins((self._fine_W[row] - p_WC) @ R_WC) > 0.0
+        walls = self._staircase.walls
+        sides = []
+        for sign, name in ((1.0, "left"), (-1.0, "right")):
+            outward = np.where(shown, sign * (self._asides_m - aside_m), -np.inf).max(axis=1)
+            seen_m = float(np.sort(outward)[-LEAST_NOSINGS])
+            end_m = 0.5 * self._staircase.width_m - sign * aside_m
+            kind: Literal["wall", "open"] = "wall" if walls in (name, "both") else "open"
+            sides.append(VisibleSide(seen_m=seen_m, edge_m=end_m if seen_m > end_m - END_SEEN_M else None, kind=kind))
+        return sides[0], sides[1]
+
+    def _margins(self, points_C: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
+        """Return the distance of points from the image border [px], positive inside."""
+        camera = self._camera
+        z = np.maximum(points_C[..., 2], 1e-6)
+        u = np.abs(camera.fx_px * points_C[..., 0] / z + camera.cx_px - 0.5 * (camera.width_px - 1))
+        v = np.abs(camera.fy_px * points_C[..., 1] / z + camera.cy_px - 0.5 * (camera.height_px - 1))
+        inside = np.minimum(0.5 * camera.width_px - u, 0.5 * camera.height_px - v)
+        return np.where(points_C[..., 2] > 0.1, np.maximum(inside, OUTSIDE_PX), OUTSIDE_PX)
+
+    def _hidden(self, p_WC: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, " n"]:
+        """Return the mask of nosings hidden by the steps in front, in the profile of the flight."""
+        x, z = self._places_W[:, 0] - p_WC[0], self._places_W[:, 2] - p_WC[2]
+        part = x[None, :] / np.where(np.abs(x) > 1e-9, x, 1e-9)[:, None]
+        return np.asarray(((part > 0.0) & (part < 0.999) & (part * z[:, None] < z[None, :])).any(axis=1))
+
+    def _row(self, near: Bool[np.ndarray, " n"], *, up: bool) -> Int[np.ndarray, " k"]:
+        """Return consecutive nosings without a gap, nearest first, of the nearest flight with enough visible nosings."""
+        places = np.flatnonzero(near)
+        if not up:
+            places = places[::-1]
+        apart = (np.abs(np.diff(self._numbers[places])) > 1) | (np.diff(self._flights[places]) != 0)
+        rows = np.split(places, np.flatnonzero(apart) + 1)
+        row = rows[0]
+        for other in rows[1:]:
+            # The remainder of a flight no longer hides the one across the landing; a gap within a flight hides the nosings beyond.
+            if len(row) >= LEAST_NOSINGS or self._flights[other[0]] == self._flights[row[0]]:
+                break
+            row = other
+        return np.asarray(row)
+
+    def _ends_up(self, flight: Sequence[Step], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
+        """Return whether the landing is visible through the location of a further riser."""
+        staircase, last = self._staircase, flight[-1]
+        height, drop = p_WC[2] - last.z_m, p_WC[2] - last.z_m - END_HEIGHT * last.rise_m
+        run = flight[0].depth_m
+        there = last.x_m + run
+        # Across a landing between two flights the next flight is visible at any distance.
+        end = last.x_m + max(staircase.landing_m, run) if last is staircase.steps[-1] else math.inf
+        if drop <= 0.0 or p_WC[0] + (there - p_WC[0]) * height / drop > end:
+            return False
+        return self._shown([(there, aside, last.z_m + END_HEIGHT * last.rise_m) for aside in (-0.25, 0.0, 0.25)], R_WC, p_WC)
+
+    def _ends_down(self, flight: Sequence[Step], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
+        """Return whether the floor is visible beyond the location of a further tread."""
+        first = flight[0]
+        behind = [first.x_m - part * first.depth_m for part in np.linspace(*END_BEHIND, 4)]
+        return self._shown([(x, aside, first.z_m - first.rise_m) for x in behind for aside in (-0.25, 0.0, 0.25)], R_WC, p_WC)
+
+    def _shown(
+        self, places_W: list[tuple[float, float, float]], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]
+    ) -> bool:
+        return float((self._margins((np.array(places_W) - p_WC) @ R_WC) > 0.0).mean()) > END_SHARE
+
+    def _walls(
+        self, flight: int, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], p_WB: Float[np.ndarray, " 3"]
+    ) -> tuple[Wall | None, Wall | None]:
+        """Return the walls at +y and -y, however small their visible part."""
+        staircase = self._staircase
+        if staircase.walls == "none":
+            return None, None
+        rays = self._rays_C @ R_WC.T
+        places = self._places_W[self._flights == flight]
+        first, last, slope = places[0], places[-1], math.tan(staircase.slope_rad)
+        half = 0.5 * staircase.width_m
+        with np.errstate(divide="ignore", invalid="ignore"):
+            aside = (np.copysign(half, rays[:, 1]) - p_WC[1]) / rays[:, 1]
+            below = (first[2] + slope * (p_WC[0] - first[0]) - p_WC[2]) / (rays[:, 2] - slope * rays[:, 0])
+        below = np.where(below > 0.0, below, np.inf)
+        x = p_WC[0] + np.clip(aside, 0.0, FAR_M) * rays[:, 0]
+        shown = (aside > 0.0) & (aside < np.minimum(below, FAR_M)) & (x > staircase.flights[flight][0].x_m) & (x < last[0])
+        left = Wall(free_m=half - float(p_WB[1]), share=float((shown & (rays[:, 1] > 0.0)).mean()))
+        right = Wall(free_m=half + float(p_WB[1]), share=float((shown & (rays[:, 1] < 0.0)).mean()))
+        return left if staircase.walls in ("left", "both") else None, right if staircase.walls in ("right", "both") else None
+
+
+class TurningGeometry:
+    """Visibility model of a staircase with turning flights: each flight without occlusion by the others."""
+
+    def __init__(self, staircase: Staircase, calibration: PinholeCamera) -> None:
+        self._staircase = staircase
+        self._frames = [staircase.flight_frame(k) for k in range(staircase.flight_count)]
+        self._flights = [Geometry(staircase.alone(k), calibration) for k in range(staircase.flight_count)]
+
+    def visibility(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Visibility | None:
+        """Return the visible part of the chair's own flight, or of a neighbouring one; None without a detectable stair."""
+        own = self._staircase.flight_at(p_WB, R_WB)
+        for k in (own, own + 1, own - 1):
+            if 0 <= k < len(self._flights):
+                R_WF, p_WF = self._frames[k]
+                seen = self._flights[k].visibility(R_WF.T @ R_WB, R_WF.T @ (p_WB - p_WF))
+                if seen is not None:
+                    return seen
+        return None
+
+
+def crossings(
+    places_W: Float[np.ndarray, "n 3"],
+    along_W: Float[np.ndarray, "n 3"],
+    R_WB: Float[np.ndarray, "3 3"],
+    p_WB: Float[np.ndarray, " 3"],
+) -> Float[np.ndarray, "n 3"]:
+    """Return the intersections of edges, extended beyond the stair's width, with the chair's middle plane, in B [m]."""
+    places, along = (places_W - p_WB) @ R_WB, along_W @ R_WB
+    points = places - (places[:, 1] / along[:, 1])[:, None] * along
+    points[:, 1] = 0.0
+    return np.asarray(points)

@@ -1,0 +1,450 @@
+"""Moments of a run that its log does not name: ``Recording, LogNotes -> Findings``.
+
+The crossing of the flight's ends by the pitch, injected faults, slipping, spans without camera frames or without a perceived stair,
+holds with the events that led to them, and the least tip-over margin with its direction. The player page draws them; a live view
+can call the same functions on what it has recorded so far.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from treadline.core.angles import DEG, rotation_of
+from treadline.core.signals import Event
+from treadline.io.columns import read_contents
+from treadline.io.decode import CdrReader
+from treadline.io.mcap_read import has_arrivals
+from treadline.io.runs import LOG
+from treadline.playback.nosing_matches import NosingRecord, nosing_record
+from treadline.playback.read_run import manifest_of
+from treadline.playback.recording import SLIP_WINDOW_S, Recording
+from treadline.scenario.chair import ChairDescription
+from treadline.scenario.faults import EXTENTS, Fault, payload_shift_m
+from treadline.scenario.scenario import Chair
+from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.static_stability import centre_of_mass
+from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M, Margins, Support, tipping_margins
+
+QUALITY = "/camera/quality"
+"""Topic with one message per camera frame that the mission received."""
+SETTLED_RAD = 1.0 * DEG
+"""Pitch within which a chassis counts as level, or as parallel to the flight [rad]: above the noise and the gravity error of an
+IMU, and above the wobble on steps with 4 mm of jitter. Half and twice the value move the crest's moments by at most 0.23 s on two
+climbs of 28°."""
+TURNED_SHARE = 0.9
+"""Share of the slope that the median pitch on a flight exceeds; jitter of the steps changes the slope by less than a tenth."""
+SILENT_S = 0.3
+"""Time without a frame from which a camera counts as silent [s]: three periods at 10 Hz, as the default of the guard's timeout."""
+CONTACT_M = 0.002
+"""Largest gap of a contact between pulley and ground, or between nosing and flipper [m]. From 0.5 mm to 8 mm the share of samples
+whose margin agrees with the simulator's within 2° changes by at most three hundredths."""
+ROUNDING_S = 1e-6
+"""Rounding of stamps [s]."""
+
+Kind = Literal["event", "motion", "fault", "perception"]
+Direction = Literal["forward", "backward", "left", "right"]
+DIRECTIONS: dict[Direction, str] = {"forward": "uphill", "backward": "downhill", "left": "left", "right": "right"}
+"""Directions of tipping over, as seen from the chair, and the margin of each in ``Margins``, which is named on an ascent."""
+
+
+END_NAMES: dict[tuple[str, bool], tuple[str, str]] = {
+    ("foot", True): ("front lifts onto the first nosing", "parallel to the flight"),
+    ("top", False): ("tips over the top edge", "level on the landing"),
+    ("top", True): ("tips over the top edge", "parallel to the flight"),
+    ("foot", False): ("lower end on the floor", "level on the floor"),
+}
+"""Names of the beginning and the end of a transition, by the end of the flight, and by whether the chassis turns to its slope."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moment:
+    """Instant or span of a run."""
+
+    t_s: float
+    name: str
+    cause: str
+    kind: Kind = "event"
+    """Origin: event of the log, motion of the chassis, injected fault, or perception."""
+    end_s: float | None = None
+    """End of a span [s]; None for an instant."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hold:
+    """Span in which the guard holds the chair."""
+
+    start_s: float
+    end_s: float
+    cause: str
+    """Cause with measurement and limit, as far as they are logged."""
+    chain: tuple[Moment, ...]
+    """Fault, slip and guard events that preceded the hold in the same phase, in order of time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LogNotes:
+    """Facts about a run that a recording does not hold."""
+
+    exposures_s: Float[np.ndarray, " n"] | None = None
+    """Exposure times of all frames that the mission received, with or without a stair [s]; None if unknown."""
+    guard: Mapping[str, Any] = field(default_factory=dict)
+    """Limits of the guard by their names in ``manifest.json``; empty if unknown."""
+    faults: tuple[Fault, ...] = ()
+    """Injected faults."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Findings:
+    """Everything that the functions of this module say about a run."""
+
+    moments: tuple[Moment, ...]
+    """Events of the log and all other moments, in order of time."""
+    holds: tuple[Hold, ...]
+    nosings: NosingRecord | None
+    margin: tuple[float, float, Direction | None] | None
+    """Least tip-over margin, see ``least_margin``."""
+
+    @property
+    def margin_text(self) -> str:
+        """Least tip-over margin with its direction and time; empty without margins."""
+        if self.margin is None:
+            return ""
+        t_s, margin_rad, direction = self.margin
+        return f"least tip-over margin {margin_rad / DEG:.1f}°{f' {direction}' if direction else ''} at {t_s:.2f} s"
+
+
+def findings_of(recording: Recording, notes: LogNotes | None = None) -> Findings:
+    """Return all moments, holds and the nosing record of a run.
+
+    Args:
+        notes: Facts besides the recording; None reads them from the files of the run.
+    """
+    notes = notes_of(recording) if notes is None else notes
+    found = [Moment(t_s=event.t_s, name=event.name, cause=event.cause) for event in recording.events]
+    if len(recording.t_s):
+        found += crossings(recording)
+        found += fault_moments(notes.faults, recording.duration_s)
+        found += slipping(recording)
+        found += silences(recording, notes.exposures_s)
+    return Findings(
+        moments=tuple(sorted(found, key=lambda moment: moment.t_s)),
+        holds=holds_of(recording, notes),
+        nosings=nosing_record(recording),
+        margin=least_margin(recording),
+    )
+
+
+def notes_of(recording: Recording) -> LogNotes:
+    """Return the notes of a recorded run: from its log, its manifest and its scenario, as far as they exist.
+
+    Raises:
+        LogFormatError: If the log is damaged.
+        SettingsError: If its manifest is damaged.
+    """
+    source = Path(recording.source)
+    log = source / LOG if source.is_dir() else source
+    exposures_s, guard = None, None
+    if recording.source and log.is_file() and has_arrivals(log):
+        stamps = read_contents(log, [], [], [QUALITY]).messages.get(QUALITY)
+        exposures_s = None if stamps is None else np.unique([CdrReader(message).time() for _, message in stamps])
+        guard = (manifest_of(source) or {}).get("guard")
+    return LogNotes(
+        exposures_s=exposures_s,
+        guard=guard if isinstance(guard, dict) else {},
+        faults=() if recording.scenario is None else tuple(recording.scenario.fault),
+    )
+
+
+# ---- ends of the flight ----
+
+
+def on_flight(recording: Recording) -> Bool[np.ndarray, " T"]:
+    """Return at which samples the chassis is on a flight: above 0.6 of its slope, and until the pitch is below 0.4 of it."""
+    share = np.nan_to_num(np.abs(recording.pitch_rad)) / _slope_rad(recording)
+    decided = (share > 0.6) | (share < 0.4)
+    last = np.maximum.accumulate(np.where(decided, np.arange(len(share)), -1))
+    return np.asarray(np.where(last >= 0, share[last] > 0.5, share > 0.5))
+
+
+def _slope_rad(recording: Recording) -> float:
+    """Return the slope of the flight: of the stair, or the largest pitch that half of the steep samples exceed."""
+    if recording.scenario is not None:
+        return recording.scenario.stair.slope_rad
+    pitch = np.abs(recording.pitch_rad[np.isfinite(recording.pitch_rad)])
+    steep = pitch[pitch > 0.5 * pitch.max(initial=0.0)]
+    return max(float(np.median(steep)) if len(steep) else 0.0, 4.0 * SETTLED_RAD)
+
+
+def crossings(recording: Recording) -> tuple[Moment, ...]:
+    """Return when the chassis leaves and reaches the slope of a flight, and when it becomes level, from the pitch alone.
+
+    Each transition between level and flight passes half the slope (``on_flight``). The moments are the last sample within
+    ``SETTLED_RAD`` of the attitude before, and the first within ``SETTLED_RAD`` of the attitude after it.
+
+    A flight to whose slope the chassis never turned has no moments.
+    """
+    t_s, pitch = recording.t_s, np.nan_to_num(np.abs(recording.pitch_rad))
+    steep = on_flight(recording)
+    turns = np.flatnonzero(np.diff(steep.astype(int)))
+    found: list[Moment] = []
+    for number, k in enumerate(turns):
+        rises = bool(steep[k + 1])
+        before = turns[number - 1] + 1 if number else 0
+        after = turns[number + 1] + 1 if number + 1 < len(turns) else len(t_s)
+        flight = slice(k + 1, after) if rises else slice(before, k + 1)
+        plateau = float(np.median(pitch[flight]))
+        if plateau < TURNED_SHARE * _slope_rad(recording):
+            continue
+        is_level, is_parallel = pitch <= SETTLED_RAD, pitch >= plateau - SETTLED_RAD
+        left = np.flatnonzero((is_level if rises else is_parallel)[before : k + 1])
+        reached = np.flatnonzero((is_parallel if rises else is_level)[k + 1 : after])
+        names = END_NAMES["top" if _is_top(recording, int(k), flight, rises=rises) else "foot", rises]
+        slope, within = f"the slope of {plateau / DEG:.1f}°", f"{SETTLED_RAD / DEG:g}°"
+        was, becomes = ("level", slope) if rises else (slope, "level")
+        causes = f"the pitch departs from {was} by {within}", f"the pitch is within {within} of {becomes}"
+        if left.size:
+            found.append(Moment(t_s=float(t_s[before + left[-1]]), name=names[0], cause=causes[0], kind="motion"))
+        if reached.size:
+            found.append(Moment(t_s=float(t_s[k + 1 + reached[0]]), name=names[1], cause=causes[1], kind="motion"))
+    return tuple(found)
+
+
+def _is_top(recording: Recording, k: int, flight: slice, *, rises: bool) -> bool:
+    """Return whether a transition is at the upper end of a flight: by height, or without poses by the direction of the belts."""
+    if recording.has_poses:
+        return bool(recording.p_WB[k, 2] > np.median(recording.p_WB[flight, 2]))
+    travel_m = np.nan_to_num(recording.belt_m_s[flight]).mean(axis=1)
+    climbs = float((travel_m * np.sign(np.nan_to_num(recording.pitch_rad[flight]))).sum()) >= 0.0
+    return climbs != rises
+
+
+# ---- faults, slip, camera ----
+
+
+def fault_moments(faults: Iterable[Fault], end_s: float) -> tuple[Moment, ...]:
+    """Return the injected faults that begin within the run."""
+    return tuple(
+        Moment(
+            t_s=fault.at_s,
+            name="fault",
+            cause=f"{described(fault)}, until {fault.at_s + fault.for_s:.1f} s",
+            kind="fault",
+            end_s=min(fault.at_s + fault.for_s, end_s),
+        )
+        for fault in faults
+        if fault.at_s <= end_s + ROUNDING_S
+    )
+
+
+def described(fault: Fault) -> str:
+    """Return kind, magnitude and meaning of a fault."""
+    extent = EXTENTS[fault.kind]
+    kind = fault.kind.replace("_", " ")
+    if extent.low == extent.high:
+        return f"{kind} injected: {extent.means.removeprefix('unused: ')}"
+    return f"{kind} injected: {extent.means} = {fault.size:g}"
+
+
+def slipping(recording: Recording) -> tuple[Moment, ...]:
+    """Return the spans in which the friction cannot carry the chair on the flight, by ground truth.
+
+    Pauses shorter than ``SLIP_WINDOW_S`` are part of a span.
+    """
+    use = np.nan_to_num(recording.friction_use)
+    slides = np.r_[False, (use >= 1.0) & on_flight(recording), False]
+    edges = np.flatnonzero(np.diff(slides.astype(int)))
+    apart = np.ones(len(edges), dtype=bool)
+    pauses = np.flatnonzero(recording.t_s[edges[2::2]] - recording.t_s[edges[1:-1:2] - 1] < SLIP_WINDOW_S)
+    apart[2 * pauses + 1] = apart[2 * pauses + 2] = False
+    return tuple(
+        Moment(
+            t_s=float(recording.t_s[first]),
+            name="slip",
+            cause=f"the flight needs {use[first:last].max():.0%} of the friction there is: the belts slide",
+            kind="motion",
+            end_s=float(recording.t_s[last - 1]),
+        )
+        for first, last in edges[apart].reshape(-1, 2)
+    )
+
+
+def silences(recording: Recording, exposures_s: Float[np.ndarray, " n"] | None) -> tuple[Moment, ...]:
+    """Return the spans without a camera frame, and those in which no frame shows a stair."""
+    start_s, end_s = float(recording.t_s[0]), recording.duration_s
+    found = []
+    for a, b in _gaps(exposures_s, start_s, end_s) if exposures_s is not None else ():
+        found.append(Moment(t_s=a, name="no camera frame", cause=f"from {a:.2f} s to {b:.2f} s", kind="perception", end_s=b))
+    if recording.maps or (exposures_s is not None and len(exposures_s)):
+        for a, b in _gaps(np.array([seen.t_s for seen in recording.maps]), start_s, end_s):
+            span = f"from {a:.2f} s to {b:.2f} s"
+            if exposures_s is None:
+                cause = f"{span}; the log does not say whether there were frames"
+            else:
+                frames = int(((exposures_s > a + ROUNDING_S) & (exposures_s < b - ROUNDING_S)).sum())
+                if not frames:
+                    continue  # the camera is silent
+                cause = f"{span}: {frames} frames, none with a stair"
+            found.append(Moment(t_s=a, name="no stair perceived", cause=cause, kind="perception", end_s=b))
+    return tuple(found)
+
+
+def _gaps(times_s: Float[np.ndarray, " n"], start_s: float, end_s: float) -> list[tuple[float, float]]:
+    inside = times_s[(times_s >= start_s) & (times_s <= end_s)]
+    edges = np.concatenate([[start_s], inside, [end_s]])
+    return [(float(a), float(b)) for a, b in pairwise(edges) if b - a > SILENT_S + ROUNDING_S]
+
+
+# ---- holds ----
+
+
+def holding_at(events: Iterable[Event], t_s: float) -> Event | None:
+    """Return the event of the hold that lasts at a time; None if the guard does not hold."""
+    last = None
+    for event in events:
+        if event.t_s <= t_s + ROUNDING_S and event.name in ("hold", "rearmed"):
+            last = event
+    return last if last is not None and last.name == "hold" else None
+
+
+def holds_of(recording: Recording, notes: LogNotes) -> tuple[Hold, ...]:
+    """Return each hold with its cause in full and with what preceded it."""
+    found = []
+    events = recording.events
+    reasons = (*fault_moments(notes.faults, recording.duration_s), *slipping(recording)) if len(recording.t_s) else ()
+    for k, event in enumerate(events):
+        if event.name != "hold":
+            continue
+        end_s = next((later.t_s for later in events[k + 1 :] if later.name == "rearmed"), recording.duration_s)
+        found.append(
+            Hold(
+                start_s=event.t_s,
+                end_s=max(end_s, event.t_s),
+                cause=full_cause(event, recording, notes.guard),
+                chain=_chain(event, recording, reasons),
+            )
+        )
+    return tuple(found)
+
+
+def full_cause(hold: Event, recording: Recording, guard: Mapping[str, Any]) -> str:
+    """Return the cause of a hold; for a roll-back with the guard's limit and the ground truth, as far as both are known."""
+    if not hold.cause.startswith("rolled back"):
+        return hold.cause
+    limit_m = guard.get("roll_back_m")
+    parts = [f"{hold.cause} as the guard measured it from the nosings"]
+    if isinstance(limit_m, int | float):
+        parts.append(f"limit {limit_m:.2f} m")
+    climbs = recording.scenario is not None and recording.scenario.drive.direction == "up"
+    if climbs and (true_m := roll_back_m(recording, hold.t_s)) is not None:
+        parts.append(f"ground truth {true_m:.2f} m")
+    return ", ".join(parts)
+
+
+def roll_back_m(recording: Recording, t_s: float) -> float | None:
+    """Return the distance that the chair has moved down from its highest place on the flight until a time [m], by ground truth."""
+    up = recording.place_S[: recording.index_at(t_s) + 1, 0]
+    return float(np.max(up) - up[-1]) if len(up) and np.isfinite(up).all() else None
+
+
+def _chain(hold: Event, recording: Recording, reasons: Iterable[Moment]) -> tuple[Moment, ...]:
+    """Return faults and slip in the phase of the hold, and the guard's interventions since the first of them.
+
+    Args:
+        reasons: All faults and all slip of the run.
+    """
+    phase = recording.phase_at(hold.t_s)
+    since_s = recording.t_s[0] if phase is None else phase.start_s
+    before = [
+        moment for moment in reasons if moment.t_s <= hold.t_s + ROUNDING_S and (moment.end_s is None or moment.end_s >= since_s)
+    ]
+    since_s = min((moment.t_s for moment in before), default=since_s)
+    slowed = [
+        Moment(t_s=event.t_s, name=event.name, cause=event.cause)
+        for event in recording.events
+        if event.name == "slow" and since_s <= event.t_s <= hold.t_s
+    ]
+    return tuple(sorted([*before, *slowed], key=lambda moment: moment.t_s))
+
+
+# ---- tip-over margin ----
+
+
+def least_margin(recording: Recording) -> tuple[float, float, Direction | None] | None:
+    """Return time [s], least tip-over margin [rad] and its direction, None where it is ambiguous; None without margins."""
+    if not np.isfinite(recording.margin_rad).any():
+        return None
+    k = int(np.nanargmin(recording.margin_rad))
+    return float(recording.t_s[k]), float(recording.margin_rad[k]), tipping_direction(recording, k)
+
+
+def tipping_direction(recording: Recording, k: int) -> Direction | None:
+    """Return the direction in which the chair would tip first at a sample.
+
+    The margins of the four directions follow from pose, stair and load. The direction is given only if its margin deviates less
+    from the logged one than the margin of any other direction does.
+    """
+    margins, logged = margins_at(recording, k), float(recording.margin_rad[k])
+    if margins is None or not math.isfinite(logged):
+        return None
+    values = {direction: getattr(margins, name) for direction, name in DIRECTIONS.items()}
+    least, second = sorted(values, key=lambda direction: values[direction])[:2]
+    return least if abs(values[least] - logged) < abs(values[second] - logged) else None
+
+
+def margins_at(recording: Recording, k: int) -> Margins | None:
+    """Return the four tip-over margins at a sample, from pose, stair and load; None if one of them is unknown or nothing supports.
+
+    A front margin is ``uphill`` and a rear margin is ``downhill``, as on an ascent.
+    """
+    scenario, staircase = recording.scenario, recording.staircase
+    if scenario is None or staircase is None or not np.isfinite(recording.p_WB[k]).all():
+        return None
+    R_WB, p_WB, flipper_rad = rotation_of(recording.quat_WB[k]), recording.p_WB[k], float(recording.flipper_rad[k])
+    support = _support(recording.chair, staircase, R_WB, p_WB, flipper_rad)
+    if support is None:
+        return None
+    loading = _loading(scenario.chair, scenario.fault, float(recording.t_s[k]))
+    com = centre_of_mass(recording.chair, loading, float(recording.seat_rad[k]), flipper_rad)
+    up_x, up_y, up_z = R_WB[2].tolist()
+    return tipping_margins(com, (up_x, up_y, up_z), support)
+
+
+def _loading(chair: Chair, faults: Iterable[Fault], t_s: float) -> Chair:
+    """Return the load with lean, sway and shifts by faults in its offset."""
+    lean = chair.leaning(chair.sway_at(t_s)) if chair.sways else chair.leaning()
+    offset = tuple(a + b for a, b in zip(lean.payload_offset_m, payload_shift_m(faults, t_s), strict=True))
+    return lean.model_copy(update={"payload_offset_m": offset})
+
+
+def _support(
+    chair: ChairDescription, staircase: Staircase, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"], flipper_rad: float
+) -> Support | None:
+    """Return the support by nosings under the belts, by ground under the pulleys, and by the flipper's tip.
+
+    The lower outline of a belt has the distance of the pulleys' radius from the line through rear, front and tip axis.
+    """
+    tracks = chair.tracks
+    radius_m, half_m, side_m = tracks.pulley_radius_m, 0.5 * tracks.flat_run_m, 0.5 * (tracks.gauge_m + tracks.belt_width_m)
+    tip_x = half_m + tracks.approach_m * math.cos(flipper_rad)
+    axes = np.array([[-half_m, radius_m], [half_m, radius_m], [tip_x, radius_m + tracks.approach_m * math.sin(flipper_rad)]])
+    nosings = ((staircase.nosings_W - p_WB) @ R_WB)[:, [0, 2]]
+    inside = np.abs(nosings[:, 0]) < half_m
+    touched = inside & (np.abs(nosings[:, 1]) < ROCKING_M)
+    for start, end in pairwise(axes):
+        share = np.clip((nosings - start) @ (end - start) / max(float(np.dot(end - start, end - start)), 1e-12), 0.0, 1.0)
+        touched |= np.linalg.norm(nosings - start - share[:, None] * (end - start), axis=1) - radius_m < CONTACT_M
+    reach = nosings[touched, 0].tolist()
+    # A pulley's lowest point is below its axis in W.
+    for (x, z), within_m in zip(axes, (CONTACT_M, CONTACT_M, TIP_GAP_M), strict=True):
+        ends_B = np.array([[x, side * 0.5 * tracks.gauge_m, z] for side in (-1.0, 1.0)])
+        if (staircase.above_ground_m(p_WB + ends_B @ R_WB.T) - radius_m <= within_m).any():
+            reach.append(float(x - radius_m * R_WB[2, 0]))
+    if not reach:
+        return None
+    return Support(front_m=max(reach), rear_m=-min(reach), left_m=side_m, right_m=side_m)

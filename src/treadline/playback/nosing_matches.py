@@ -1,0 +1,176 @@
+"""Perceived nosings next to the true ones, in one frame and over a run: ``stair maps, poses, Staircase -> found, missed``.
+
+A live view compares one frame with ``NosingComparison.compare``; a recorded run is judged as a whole by ``nosing_record``.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from treadline.core.angles import rotation_of
+from treadline.core.signals import PinholeCamera
+from treadline.playback.recording import PerceivedStair, Recording
+from treadline.vehicle.staircase import Staircase
+
+MATCH_SHARE = 1.0 / 3.0
+"""Largest distance between a perceived and a true nosing as a share of the distance between neighbours: below a half, no nosing
+takes its neighbour's place."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameNosings:
+    """Numbers of true nosings in one frame, counted from 1 at the lowest step."""
+
+    t_s: float
+    """Exposure time of the frame [s]."""
+    taken_s: float
+    """Time at which the mission took the result [s]."""
+    perceived: int
+    """Number of perceived nosings."""
+    found: tuple[int, ...]
+    """True nosings that were perceived."""
+    missed: tuple[int, ...]
+    """True nosings in the image that were not perceived, see ``NosingComparison.compare``."""
+    ends: bool
+    """Whether the detector took the last perceived nosing for the last of the flight."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NosingRecord:
+    """Nosings of a whole run."""
+
+    frames: tuple[FrameNosings, ...]
+    """Frames in which a stair was perceived."""
+    count: int
+    """Number of nosings of the stair."""
+
+    def missed(self) -> dict[int, tuple[float, ...]]:
+        """Return the exposure times of the frames that missed a nosing, by the number of the nosing [s]."""
+        numbers = sorted({number for frame in self.missing for number in frame.missed})
+        return {number: tuple(frame.t_s for frame in self.missing if number in frame.missed) for number in numbers}
+
+    @property
+    def missing(self) -> tuple[FrameNosings, ...]:
+        """Frames that missed a nosing."""
+        return tuple(frame for frame in self.frames if frame.missed)
+
+    def verdict(self) -> str:
+        """Return one sentence about all frames."""
+        count = len(self.frames)
+        missed = self.missed()
+        if not missed:
+            return f"no nosing was missed in {count} frame{'' if count == 1 else 's'} with a perceived stair"
+        parts = "; ".join(_counted(number, times) for number, times in missed.items())
+        return f"{len(self.missing)} of {count} frames with a perceived stair missed a nosing: {parts}"
+
+
+def _counted(number: int, times_s: tuple[float, ...]) -> str:
+    if len(times_s) == 1:
+        return f"nosing {number} in one frame ({times_s[0]:.2f} s)"
+    return f"nosing {number} in {len(times_s)} frames ({times_s[0]:.2f} s to {times_s[-1]:.2f} s)"
+
+
+class NosingComparison:
+    """Comparison of perceived and true nosings.
+
+    Args:
+        staircase: True stair.
+        camera: Camera of the mission.
+    """
+
+    def __init__(self, staircase: Staircase, camera: PinholeCamera) -> None:
+        self.camera = camera
+        self._within_m = MATCH_SHARE * staircase.pitch_m
+        steps = [(k, step) for k, flight in enumerate(staircase.flights) for step in flight if not step.missing]
+        self.numbers = np.array([step.index + 1 for _, step in steps])
+        """Numbers of the nosings, counted from 1 at the lowest step."""
+        half_m = 0.5 * staircase.width_m
+        ends, onward = [], []
+        for middle, (flight, step) in zip(staircase.nosings_W, steps, strict=True):
+            c, s = math.cos(step.yaw_rad), math.sin(step.yaw_rad)
+            R_WF, _ = staircase.flight_frame(flight)
+            across = R_WF @ np.array([-s, c, 0.0])
+            ends.append((middle - half_m * across, middle + half_m * across))
+            onward.append(R_WF @ np.array([c, s, 0.0]))
+        self.ends_W = np.array(ends)
+        """Right and left end of each nosing in W [m], of shape (n, 2, 3)."""
+        half_rise_m, half_run_m = (0.5 * staircase.pitch_m * f(staircase.slope_rad) for f in (math.sin, math.cos))
+        # An edge shows only where the surfaces on its two sides do: to the middle of the riser and to the middle of the tread.
+        riser_W = np.broadcast_to([0.0, 0.0, -half_rise_m], (len(onward), 3))
+        self.sides_W = np.stack([riser_W, half_run_m * np.array(onward)])
+        """Vectors from each nosing to the middles of its riser and of its tread in W [m], of shape (2, n, 3)."""
+
+    def compare(
+        self, nosings_B: Float[np.ndarray, "n 3"], R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
+    ) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Return the numbers of the true nosings that were perceived and of those that were missed in a frame.
+
+        A nosing is missed if nothing was perceived there, and if it lies between two found ones, or its riser and its tread are in
+        the image in the chair's middle plane, no farther than the farthest perceived nosing. In a frame without a perceived
+        nosing all nosings in the image are missed.
+
+        Args:
+            nosings_B: Perceived nosings in the chair's middle plane.
+            R_WB: Attitude at the exposure.
+            p_WB: Position at the exposure.
+        """
+        crosses, points_B = self.ahead(R_WB, p_WB)
+        numbers, seen = self.numbers[crosses], nosings_B[np.isfinite(nosings_B).all(axis=1)]
+        gaps = np.linalg.norm(points_B[:, None] - seen[None], axis=2).min(axis=1, initial=np.inf)
+        found = gaps <= self._within_m
+        reach_m = np.abs(seen[:, 0]).max() + self._within_m if len(seen) else np.inf
+        in_view = np.logical_and.reduce([self.in_view(points_B + side[crosses] @ R_WB) for side in self.sides_W])
+        places = np.flatnonzero(found)
+        between = np.zeros(len(found), dtype=bool)
+        if len(places):
+            between[places[0] : places[-1]] = True
+        missed = ~found & (between | (in_view & (np.abs(points_B[:, 0]) <= reach_m)))
+        return tuple(numbers[found].tolist()), tuple(numbers[missed].tolist())
+
+    def ahead(
+        self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
+    ) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, "k 3"]]:
+        """Return which nosings cross the chair's middle plane, and their intersections with it in B [m]."""
+        ends_B = (self.ends_W - p_WB) @ R_WB
+        y0, y1 = ends_B[:, 0, 1], ends_B[:, 1, 1]
+        crosses = (y0 * y1 <= 0.0) & (y0 != y1)
+        share = np.where(crosses, y0 / np.where(y0 == y1, 1.0, y0 - y1), 0.0)
+        return crosses, (ends_B[:, 0] + share[:, None] * (ends_B[:, 1] - ends_B[:, 0]))[crosses]
+
+    def in_view(self, points_B: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Return which points are in the image."""
+        camera = self.camera
+        x, y, z = ((points_B - np.array(camera.mount_m)) @ camera.R_BC).T
+        depth = np.where(z > 0.0, z, 1.0)
+        u, v = camera.fx_px * x / depth + camera.cx_px, camera.fy_px * y / depth + camera.cy_px
+        inside = (u >= 0.0) & (u <= camera.width_px) & (v >= 0.0) & (v <= camera.height_px)
+        return np.asarray((z > 0.0) & inside)
+
+
+def nosing_record(recording: Recording) -> NosingRecord | None:
+    """Return the perceived nosings of every frame; None if the stair or the chair's place is unknown."""
+    comparison = comparison_of(recording)
+    if comparison is None or not recording.has_poses:
+        return None
+    return NosingRecord(
+        frames=tuple(_frame(comparison, recording, seen) for seen in recording.maps), count=int(comparison.numbers.max())
+    )
+
+
+def comparison_of(recording: Recording) -> NosingComparison | None:
+    """Return the comparison for a recording's stair and camera; None if the stair is unknown."""
+    scenario, staircase = recording.scenario, recording.staircase
+    if scenario is None or staircase is None:
+        return None
+    rear = scenario.drive.direction == "down"
+    return NosingComparison(staircase, recording.chair.camera_at(scenario.sensors.image_height_px, rear=rear))
+
+
+def _frame(comparison: NosingComparison, recording: Recording, seen: PerceivedStair) -> FrameNosings:
+    k = recording.index_at(seen.t_s)
+    found, missed = comparison.compare(seen.nosings_B, rotation_of(recording.quat_WB[k]), recording.p_WB[k])
+    return FrameNosings(
+        t_s=seen.t_s, taken_s=seen.taken_s, perceived=len(seen.nosings_B), found=found, missed=missed, ends=seen.ends
+    )

@@ -1,0 +1,248 @@
+"""Recordings from files: run folders, MCAP logs of treadline, and ROS bags with its topics."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.errors import LogFormatError, SettingsError
+from treadline.core.models import json_of, read_json
+from treadline.core.ports import Truth
+from treadline.core.signals import (
+    FlipperReading,
+    HeadingEstimate,
+    ImuSample,
+    RgbdFrame,
+    SeatReading,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.io.bags import READERS, parts_of
+from treadline.io.columns import Columns, LogContents, read_contents
+from treadline.io.decode import ADDED_TRUTH, EVENTS, LOOKED, OURS, CdrReader
+from treadline.io.mcap_read import BROKEN, has_arrivals, one_error, read_log, run_metadata
+from treadline.io.messages import TRUTH_NAMES
+from treadline.io.runs import LOG, MANIFEST
+from treadline.io.topics import packets, reader_of
+from treadline.playback.builder import RecordingBuilder
+from treadline.playback.recording import Limits, Recording
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario, scenario_of
+
+MAPS = "/stair/map/detail"
+COLOUR = "/camera/color/image_raw"
+TRUTH = "/truth"
+NUMERIC: dict[str, type] = {
+    "/stair/heading/detail": HeadingEstimate,
+    "/tracks/cmd": TrackCommand,
+    "/tracks/state": TrackReading,
+    "/seat/state": SeatReading,
+    "/flipper/state": FlipperReading,
+    "/arm/state": FlipperReading,  # logs of release 0.1
+}
+"""Topics of numbers besides ground truth and IMU, with the signal that each holds."""
+POSITIONS: dict[type, tuple[str, ...]] = {
+    HeadingEstimate: ("heading_rad", "sigma_rad"),
+    SeatReading: ("pitch", "stroke"),
+    FlipperReading: ("angle",),
+}
+"""Names of the positions that become columns of ``COLUMNS``; belts have velocities."""
+IMU = "/imu"
+DEFAULT_CHAIR = "wheelchair"
+
+
+def read_recording(target: str | Path) -> Recording:
+    """Return the recording of a run folder, of a treadline log, or of a ROS bag.
+
+    A bag that holds no ground truth gives signals without poses; ``Recording.missing`` says so.
+
+    Raises:
+        LogFormatError: If there is no log, or the log is damaged, empty, or holds nothing to play.
+        SettingsError: If the run folder's manifest is of another version.
+    """
+    path = Path(target)
+    if not path.exists():
+        raise LogFormatError(f"{path}: no such file or folder; give a run folder, an MCAP log or a ROS bag")
+    folder = run_folder_of(path)
+    if folder is not None:
+        return _of_run(folder)
+    if path.is_file() and has_arrivals(path):
+        manifest = manifest_in(path)
+        builder = (
+            RecordingBuilder(read_chair(DEFAULT_CHAIR), source=str(path)) if manifest is None else _begun(manifest, path, path)
+        )
+        _take_log(path, builder)
+        return builder.build()
+    if path.is_dir() and not any(part.suffix in READERS for part in parts_of(path)):
+        raise LogFormatError(f"{path}: no {MANIFEST} and no bag; give a run folder, an MCAP log or a ROS bag")
+    builder = RecordingBuilder(read_chair(DEFAULT_CHAIR), source=str(path))
+    for signal, taken_s in _bag_signals(path):
+        builder(signal, taken_s)
+    return builder.build()
+
+
+def run_folder_of(target: Path) -> Path | None:
+    """Return the run folder of a folder or of the log in it; None for a log on its own and for a bag."""
+    folder = target if target.is_dir() else target.parent
+    return folder if (folder / MANIFEST).is_file() and (target.is_dir() or target.name == LOG) else None
+
+
+def manifest_of(target: Path) -> dict[str, Any] | None:
+    """Return the manifest of a run folder, or the one that a log on its own keeps; None without one.
+
+    Raises:
+        LogFormatError: If the log is damaged.
+        SettingsError: If the manifest is damaged.
+    """
+    folder = run_folder_of(target)
+    if folder is not None:
+        return read_json(folder / MANIFEST)
+    return manifest_in(target) if target.is_file() and has_arrivals(target) else None
+
+
+def manifest_in(log: Path) -> dict[str, Any] | None:
+    """Return the manifest that a log keeps in its metadata record, or None for a log of release 0.1.
+
+    Raises:
+        LogFormatError: If the log is damaged.
+        SettingsError: If its record is not a manifest.
+    """
+    text = run_metadata(log).get("manifest")
+    return None if text is None else json_of(text, f"{log}, metadata")
+
+
+def _of_run(folder: Path) -> Recording:
+    manifest = read_json(folder / MANIFEST)
+    if not (folder / LOG).is_file():
+        raise LogFormatError(f"{folder}: no {LOG}; make the run again with treadline climb, which keeps a log")
+    builder = _begun(manifest, folder / MANIFEST, folder)
+    _take_log(folder / LOG, builder)
+    result = read_json(folder / "result.json") if (folder / "result.json").is_file() else {}
+    verdict, cause = result.get("verdict"), result.get("cause")
+    return builder.build(verdict=verdict if isinstance(verdict, str) else None, cause=cause if isinstance(cause, str) else None)
+
+
+def _begun(manifest: dict[str, Any], path: Path, source: Path) -> RecordingBuilder:
+    """Return a builder for the run of a manifest.
+
+    Args:
+        path: File that holds the manifest, for messages and as the place of a chair file.
+    """
+    settings = manifest.get("settings")
+    if not isinstance(settings, dict):
+        raise SettingsError(f"{path}: no settings; make the run again")
+    scenario = _scenario(path, settings)
+    chair = read_chair(DEFAULT_CHAIR if scenario is None else scenario.chair.model)
+    guard, seed = manifest.get("guard"), manifest.get("seed", 0)
+    return RecordingBuilder(
+        chair,
+        scenario,
+        seed=seed if isinstance(seed, int) else 0,
+        source=str(source),
+        limits=Limits.of_guard(guard if isinstance(guard, dict) else {}),
+    )
+
+
+def _scenario(path: Path, settings: dict[str, Any]) -> Scenario | None:
+    """Return the scenario of a manifest; None for a replayed log, whose settings are not a scenario."""
+    if "replay" in settings:
+        return None
+    try:
+        return scenario_of(settings, path, where="settings")
+    except SettingsError as error:
+        raise SettingsError(f"{error}; was the run made by another version? Make it again") from None
+
+
+def _take_log(path: Path, builder: RecordingBuilder) -> None:
+    """Read the needed topics of a treadline log."""
+    contents = read_contents(path, [*NUMERIC, TRUTH], [EVENTS, MAPS], [COLOUR])
+    if TRUTH not in contents.columns:
+        contents = read_contents(path, [*NUMERIC, IMU], [EVENTS, MAPS], [COLOUR])
+    for topic, columns in contents.columns.items():
+        kind, rows = _rows(path, topic, columns)
+        builder.extend(kind, rows)
+    _take_others(path, contents, builder)
+
+
+def _rows(path: Path, topic: str, columns: Columns) -> tuple[type, Float[np.ndarray, "n c"]]:
+    """Return the numbers of a topic in the order of ``COLUMNS``."""
+    if topic == IMU:
+        # Orientation x, y, z, w; then a covariance of nine and the angular velocity.
+        values = columns.position
+        return ImuSample, np.column_stack([columns.t_s, values[:, [3, 0, 1, 2]], values[:, 14]])
+    if topic == TRUTH:
+        lacking = [name for name in TRUTH_NAMES if name not in columns.names and name not in ADDED_TRUTH]
+        if lacking:
+            raise LogFormatError(f"{path}: the ground truth lacks {lacking[0]}; is it of another version?")
+        unknown = np.full(len(columns.t_s), np.nan)
+        found = [columns.column(name) for name in TRUTH_NAMES]
+        return Truth, np.column_stack([columns.t_s, *(unknown if column is None else column for column in found)])
+    kind = NUMERIC[topic]
+    if kind in (TrackCommand, TrackReading):
+        if columns.velocity.shape[1] < 2:
+            raise LogFormatError(f"{path}: {topic} holds no belt speeds; is it of another version?")
+        return kind, np.column_stack([columns.t_s, columns.velocity[:, :2]])
+    known = [column for column in map(columns.column, POSITIONS[kind]) if column is not None]
+    if len(known) < len(POSITIONS[kind]):
+        raise LogFormatError(f"{path}: {topic} lacks {' or '.join(POSITIONS[kind])}; is it of another version?")
+    return kind, np.column_stack([columns.t_s, *known])
+
+
+def _take_others(path: Path, contents: LogContents, builder: RecordingBuilder) -> None:
+    with one_error(path):
+        for topic, read in ((EVENTS, OURS[EVENTS][1]), (MAPS, LOOKED[MAPS][1])):
+            for taken_s, message in contents.messages.get(topic, []):
+                builder(read(CdrReader(message)), taken_s)
+        builder.add_frames([CdrReader(message).time() for _, message in contents.messages.get(COLOUR, [])])
+
+
+def bag_origin_ns(path: Path) -> int:
+    """Return the stamp of a bag's first message that a recording holds [ns]: the origin of the recording's time.
+
+    Raises:
+        LogFormatError: If the bag is damaged.
+    """
+    for topic, logged_ns, data in packets(path, {*NUMERIC, TRUTH, IMU, EVENTS, MAPS}.__contains__, sealed=False):
+        if topic.kind == (OURS | LOOKED)[topic.name][0]:
+            return round(reader_of(topic, data, logged_ns).stamp()[0] * 1e9)
+    return 0
+
+
+def _bag_signals(path: Path) -> Iterator[tuple[Any, float]]:
+    """Yield the signals of a bag on a clock that starts with its first message, and the time at which each was logged."""
+    readers = {**OURS, MAPS: LOOKED[MAPS]}
+    wanted = {*NUMERIC, TRUTH, IMU, EVENTS, MAPS}
+    origin_ns: int | None = None
+    for topic, logged_ns, data in packets(path, wanted.__contains__, sealed=False):
+        kind, read = readers[topic.name]
+        if topic.kind != kind:
+            continue  # a topic of the same name with another meaning
+        if origin_ns is None:
+            origin_ns = round(reader_of(topic, data, logged_ns).stamp()[0] * 1e9)
+        try:
+            yield read(reader_of(topic, data, logged_ns, origin_ns)), 1e-9 * (logged_ns - origin_ns)
+        except LogFormatError as error:
+            if topic.name != EVENTS:  # other nodes publish diagnostics too
+                raise LogFormatError(f"{path}: {topic.name}: {error}") from None
+        except BROKEN as error:
+            raise LogFormatError(f"{path}: {topic.name}: a message that cannot be read: {error}") from None
+
+
+def read_frames(recording: Recording, times_s: list[float]) -> list[RgbdFrame]:
+    """Return the logged camera frame nearest to each time; empty if the log holds no images.
+
+    Raises:
+        LogFormatError: If the log is damaged.
+    """
+    if not len(recording.frames_t_s) or not times_s:
+        return []
+    path = Path(recording.source)
+    path = path / LOG if path.is_dir() else path
+    nearest = [float(recording.frames_t_s[np.argmin(np.abs(recording.frames_t_s - t_s))]) for t_s in times_s]
+    found: dict[float, RgbdFrame] = {}
+    for frame in read_log(path, lambda topic: topic.startswith(("/camera/color", "/camera/depth"))):
+        if isinstance(frame, RgbdFrame) and frame.t_s in nearest:
+            found[frame.t_s] = frame
+    return [found[t_s] for t_s in nearest if t_s in found]

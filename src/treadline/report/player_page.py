@@ -1,0 +1,290 @@
+"""Player page: one HTML file that plays a recorded run, without a request and without a server.
+
+Scene, plots and controls are the package's own scripts in ``templates``; meshes and signals are 16-bit numbers in base64. The
+content security policy admits the page's one script, by its hash, and no request.
+"""
+
+import base64
+import hashlib
+import io
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+from PIL import Image
+
+from treadline.core.angles import DEG, rotation_of
+from treadline.core.models import write_whole
+from treadline.playback import PerceivedStair, Recording, read_frames
+from treadline.playback.findings import Findings, Hold, Moment, findings_of
+from treadline.playback.nosing_matches import FrameNosings, comparison_of
+from treadline.report.answers import moments_of
+from treadline.report.packed import packed
+from treadline.report.player_scene import scene_of
+from treadline.report.plot_data import plots_of, uniform
+from treadline.report.terms import PHASES, TERMS
+
+TEMPLATES = Path(__file__).parent / "templates"
+SCRIPTS = ("packed.js", "scene.js", "plots.js", "player.js")
+IMAGE_PX, IMAGE_QUALITY, MOST_IMAGES = 240, 62, 120
+"""Height, JPEG quality and largest number of embedded camera images: about 10 kB each, so 1.2 MB."""
+TALL_M = 1.4
+"""Height of a seated passenger's head above the ground [m], with room: the drawn passenger is 1.3 m tall."""
+SETTLED_RAD = 2.0 * DEG
+"""Largest deviation from the final heading of a settled run [rad], as in the settling time of the scores."""
+TRANSIENT_SHARE = 0.5
+"""Largest share of a run that counts as a transient."""
+
+
+def write_player(recording: Recording, path: Path) -> Path:
+    """Write the page that plays a recording.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, player_page(recording))
+    return path
+
+
+def player_page(recording: Recording) -> str:
+    """Return the page that plays a recording."""
+    return (
+        environment()
+        .get_template("player.html.j2")
+        .render(
+            title=title_of(recording),
+            summary=_summary(recording),
+            missing=recording.missing,
+            player=embedded(player_data(recording), recording),
+        )
+    )
+
+
+def environment() -> Environment:
+    """Return the template engine of the report's pages, which escapes every value."""
+    return Environment(
+        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+
+
+def embedded(data: dict[str, Any], recording: Recording) -> dict[str, str]:
+    """Return what ``player_body.html.j2`` needs: script with its hash for the content security policy, style, and data."""
+    script = "\n".join((TEMPLATES / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return {
+        # The package's own files, base64, and JSON in which every "<" is escaped.
+        "script": Markup(script),  # noqa: S704
+        "script_hash": Markup(f"sha256-{digest}"),  # noqa: S704
+        "css": Markup((TEMPLATES / "player.css").read_text(encoding="utf-8")),  # noqa: S704
+        "data": Markup(json_in_page(data)),  # noqa: S704
+        "scene_text": _scene_text(recording),
+    }
+
+
+def json_in_page(value: Any) -> str:
+    """Return JSON that cannot end the script element around it: text in a log may hold anything."""
+    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+
+
+def player_data(recording: Recording) -> dict[str, Any]:
+    """Return everything that the player's script reads."""
+    played = uniform(recording)
+    drawn = played.has_poses
+    findings = findings_of(recording)
+    comparison = comparison_of(recording) if drawn else None
+    numbers = [] if comparison is None else comparison.numbers.tolist()
+    frames = [None] * len(recording.maps) if findings.nosings is None else findings.nosings.frames
+    return {
+        "plots": plots_of(played),
+        "pose": _pose(played) if drawn else None,
+        "heading": packed(np.column_stack([played.heading_rad, played.estimate_rad, played.sigma_rad])),
+        "scene": scene_of(played) if drawn else None,
+        "nosings": [] if comparison is None else comparison.ends_W.round(4).tolist(),
+        "maps": [_map(seen, frame, recording, numbers) for seen, frame in zip(recording.maps, frames, strict=True)]
+        if drawn
+        else [],
+        "images": _images(recording),
+        "events": [
+            {"t": moment.t_s, "name": moment.name, "cause": moment.cause, "kind": moment.kind, "end": moment.end_s}
+            for moment in _listed(findings)
+        ],
+        "holds": [_hold(hold) for hold in findings.holds],
+        "missed": [
+            {"t": frame.t_s, "numbers": _runs(list(frame.missed))}
+            for frame in (findings.nosings.missing if findings.nosings else ())
+        ],
+        "moments": moments_of(recording, findings),
+        "terms": {name: {"text": text, "labels": labels} for name, (text, labels) in TERMS.items()},
+        "phase_terms": PHASES,
+        "transient_s": transient_s(played),
+        "reach_m": recording.chair.reach_m,
+        "extent": _extent(played) if drawn else None,
+    }
+
+
+def _listed(findings: Findings) -> list[Moment]:
+    """Return the moments with the full cause of each hold."""
+    causes = {hold.start_s: hold.cause for hold in findings.holds}
+    return [
+        replace(moment, cause=causes.get(moment.t_s, moment.cause)) if moment.name == "hold" else moment
+        for moment in findings.moments
+    ]
+
+
+def _hold(hold: Hold) -> dict[str, Any]:
+    chain = [f"{moment.name} at {moment.t_s:.2f} s ({moment.cause})" for moment in hold.chain]
+    return {
+        "start": hold.start_s,
+        "end": hold.end_s,
+        "cause": hold.cause,
+        "chain": " → ".join([*chain, f"hold at {hold.start_s:.2f} s"]) if chain else "",
+    }
+
+
+def transient_s(recording: Recording) -> float | None:
+    """Return the time up to which the plots of a run first show [s], or None for the whole run.
+
+    A run in one phase, such as a turn on a flight, may settle within a small part of its time: half as long again is shown.
+    """
+    heading = recording.heading_rad
+    if len(recording.phases) > 1 or len(heading) < 2 or not np.isfinite(heading).all():
+        return None
+    off = np.abs(heading - np.median(heading[len(heading) // 2 :])) > SETTLED_RAD
+    settled_s = float(recording.t_s[np.flatnonzero(off)[-1]]) if off.any() else 0.0
+    shown_s = 1.5 * settled_s
+    return round(shown_s, 2) if 0.0 < shown_s < TRANSIENT_SHARE * recording.duration_s else None
+
+
+def title_of(recording: Recording) -> str:
+    """Return the page's title: name, verdict and duration."""
+    name = Path(recording.source).name or "run"
+    verdict = {"end_of_flight": "reached the end of the flight", "time_up": "ran to its time limit"}.get(
+        recording.verdict or "", recording.verdict or "recorded"
+    )
+    cause = f": {recording.cause}" if recording.cause else ""
+    return f"{name} {verdict} after {recording.duration_s:.2f} s{cause}"
+
+
+def _summary(recording: Recording) -> str:
+    scenario = recording.scenario
+    if scenario is None:
+        return f"Chair model: {recording.chair.name}."
+    stair = scenario.stair
+    return (
+        f"Simulated with seed {recording.seed}: {recording.chair.name} with a payload of {scenario.chair.payload_kg:g} kg, "
+        f"{'up' if scenario.drive.direction == 'up' else 'down'} a stair of {stair.slope_rad / DEG:.0f}° with {stair.steps} steps, "
+        f"friction {stair.friction[0]:g} along and {stair.friction[1]:g} across the belts. No claim to any safety standard is made."
+    )
+
+
+def _scene_text(recording: Recording) -> str:
+    phases = ", ".join(span.name for span in recording.phases)
+    return f"Scene of chair and stair over {recording.duration_s:.0f} s" + (f"; phases: {phases}" if phases else "")
+
+
+def _pose(recording: Recording) -> dict[str, Any]:
+    quaternions = recording.quat_WB.copy()
+    flips = np.concatenate([[1.0], np.sign(np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1]))])
+    quaternions *= np.cumprod(np.where(flips < 0.0, -1.0, 1.0))[:, None]  # the page interpolates between neighbours
+    joints = np.column_stack([recording.seat_rad, recording.flipper_rad, recording.belt_travel_m])
+    return {"p": packed(recording.p_WB), "q": packed(quaternions), "joints": packed(joints)}
+
+
+def _map(seen: PerceivedStair, frame: FrameNosings | None, recording: Recording, numbers: list[int]) -> dict[str, Any]:
+    """Return perceived nosings with their direction, and which true nosings in the image were missed.
+
+    Args:
+        numbers: Number of each nosing that the page draws.
+    """
+    k = recording.index_at(seen.t_s)
+    heading = recording.estimate_rad[recording.index_at(seen.taken_s)]
+    R_WB = rotation_of(recording.quat_WB[k])
+    angle = heading if math.isfinite(heading) else 0.0
+    across = R_WB @ np.array([math.sin(angle), math.cos(angle), 0.0])
+    text = f"perceives {len(seen.nosings_W)} nosing{'' if len(seen.nosings_W) == 1 else 's'}"
+    missed: list[int] = []
+    if frame is not None:
+        missed = [numbers.index(number) for number in frame.missed]
+        text += f": {_runs(list(frame.found))} of {max(numbers)}" if frame.found else ""
+        text += f"; missed: {_runs(list(frame.missed))}" if frame.missed else "; none missed"
+    return {
+        "taken": seen.taken_s,
+        "points": [[round(float(value), 3) for value in (*point, *across)] for point in seen.nosings_W],
+        "missed": missed,
+        "text": text + ("; the last one ends the flight" if seen.ends else ""),
+    }
+
+
+def _runs(numbers: list[int]) -> str:
+    """Return sorted numbers with consecutive ones as ranges: 3–5, 7."""
+    parts: list[list[int]] = []
+    for number in numbers:
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1].append(number)
+        else:
+            parts.append([number])
+    return ", ".join(str(part[0]) if len(part) == 1 else f"{part[0]}–{part[-1]}" for part in parts)
+
+
+def _images(recording: Recording) -> list[dict[str, Any]]:
+    """Return camera images as JPEG with the perceived nosings in image coordinates, evenly chosen; empty without images."""
+    count = len(recording.frames_t_s)
+    if not count:
+        return []
+    chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_IMAGES)).round().astype(int))
+    frames = read_frames(recording, recording.frames_t_s[chosen].tolist())
+    by_time = {round(seen.t_s, 6): seen for seen in recording.maps}
+    return [
+        {"t": frame.t_s, "jpeg": jpeg_of(frame.rgb), "lines": nosing_lines_in(recording, by_time.get(round(frame.t_s, 6)))}
+        for frame in frames
+    ]
+
+
+def jpeg_of(rgb: np.ndarray) -> str:
+    """Return an image as base64 JPEG of at most ``IMAGE_PX`` rows."""
+    picture = Image.fromarray(rgb)
+    if picture.height > IMAGE_PX:
+        picture = picture.resize((round(picture.width * IMAGE_PX / picture.height), IMAGE_PX))
+    buffer = io.BytesIO()
+    picture.save(buffer, "JPEG", quality=IMAGE_QUALITY)
+    return base64.b64encode(buffer.getvalue()).decode()
+
+
+def nosing_lines_in(recording: Recording, seen: PerceivedStair | None) -> list[list[float]]:
+    """Return each perceived nosing as a line in image coordinates from 0 to 1, 0.4 m to either side of the middle plane."""
+    if seen is None:
+        return []
+    rear = (
+        recording.scenario is not None and recording.scenario.drive.direction == "down" and recording.chair.rear_camera is not None
+    )
+    camera = recording.chair.camera_at(rear=rear)
+    heading = recording.estimate_rad[recording.index_at(seen.t_s)]
+    heading = heading if math.isfinite(heading) else 0.0
+    across = 0.4 * np.array([math.sin(heading), math.cos(heading), 0.0])
+    found = []
+    for nosing in seen.nosings_B:
+        ends = [camera.R_BC.T @ (nosing + side * across - np.array(camera.mount_m)) for side in (1.0, -1.0)]
+        if all(end[2] > 0.1 for end in ends):
+            pixels = [(camera.cx_px + camera.fx_px * e[0] / e[2], camera.cy_px + camera.fy_px * e[1] / e[2]) for e in ends]
+            found.append([round(v, 4) for x, y in pixels for v in ((x + 0.5) / camera.width_px, (y + 0.5) / camera.height_px)])
+    return found
+
+
+def _extent(recording: Recording) -> dict[str, Any]:
+    """Return the corners of a box about stair, driven path and passenger [m]."""
+    points, staircase = recording.p_WB, recording.staircase
+    low, high = points.min(axis=0) - np.array([recording.chair.reach_m, 0.4, 0.0]), points.max(axis=0)
+    high = high + np.array([recording.chair.reach_m, 0.4, TALL_M])
+    if staircase is not None:
+        for box in staircase.boxes():
+            if box.kind in ("step", "landing"):
+                half_m = np.abs(box.R_WK) @ np.array(box.half_m)
+                low, high = np.minimum(low, box.centre_W - half_m), np.maximum(high, box.centre_W + half_m)
+        low[2] = max(low[2], 0.0)
+    return {"low": low.round(3).tolist(), "high": high.round(3).tolist()}

@@ -1,0 +1,86 @@
+"""Which nodes there are, and how each comes out of the same settings that a mission has."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from treadline.core.errors import SettingsError
+from treadline.core.ports import Plant
+from treadline.core.signals import PinholeCamera
+from treadline.guard import GuardConfig
+from treadline.mission.mission_config import MissionConfig, build_blocks, guard_config
+from treadline.ros.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
+from treadline.ros.plant_node import PlantNode
+from treadline.ros.recorder import RecorderNode
+from treadline.scenario.chair import ChairDescription
+from treadline.vehicle.linkage import SeatLinkage
+
+DRIVING = ("guard", "camera", "heading", "seat", "driver", "plant")
+"""The graph; the guard is started first, the plant last."""
+NAMES = (*DRIVING, "recorder")
+ROLES = {
+    "guard": "passes commands, limits them, or holds",
+    "camera": "images to heading and stair map (the paper's /depth)",
+    "heading": "IMU, belts and measured headings to the heading estimate",
+    "seat": "levels the seat by its IMU",
+    "driver": "planner and LQR: plan and belt speeds",
+    "plant": "the chair on its stair, simulated",
+    "recorder": "identification record and log",
+}
+
+
+def driving_nodes(chair: ChairDescription) -> tuple[str, ...]:
+    """Return the nodes of a chair's graph: without a seat linkage there is no seat node."""
+    return tuple(name for name in DRIVING if name != "seat" or chair.seat is not None)
+
+
+def mount_of(config: MissionConfig) -> PinholeCamera:
+    """Return the camera in use, on the chair."""
+    return config.chair.camera_at(rear=config.direction == "down")
+
+
+def node_of(
+    name: str,
+    config: MissionConfig,
+    *,
+    plant: Callable[[], Plant] | None = None,
+    out: Path | None = None,
+    stick: bool = False,
+) -> Node:
+    """Return a node by its name.
+
+    Args:
+        stick: Whether the guard takes ``/cmd_vel`` instead of the driver's proposals.
+        plant: Makes the chair; only the plant node asks.
+        out: Where the recorder writes.
+
+    Raises:
+        SettingsError: If there is no such node, or it lacks what it needs.
+    """
+    if name == "plant":
+        if plant is None:
+            raise SettingsError("the plant node needs a plant; on a real chair its drivers take its place")
+        return PlantNode(plant())
+    blocks = build_blocks(config)
+    limits: GuardConfig = guard_config(config, blocks.driver.period_s)
+    match name:
+        case "guard":
+            awaited = tuple(
+                other for other in driving_nodes(config.chair) if other != "guard" and not (stick and other == "driver")
+            )
+            return GuardNode(limits, awaited, config.chair.tracks.gauge_m if stick else None)
+        case "camera":
+            node = CameraNode(blocks.detector, limits, blocks.swept_half_m)
+            node.warm_up(mount_of(config), rises=config.direction == "up")
+            return node
+        case "heading":
+            linkage = None if config.chair.seat is None else SeatLinkage(config.chair.seat)
+            return HeadingNode(blocks.estimator, limits, mount_of(config), linkage)
+        case "seat":
+            if blocks.leveller is None:
+                raise SettingsError(f"chair {config.chair.name!r} has no seat linkage; leave out the seat node")
+            return SeatNode(blocks.leveller, limits)
+        case "driver":
+            return DriverNode(blocks.planner, blocks.driver, limits)
+        case "recorder":
+            return RecorderNode(out, blocks.driver.period_s)
+    raise SettingsError(f"no node is called '{name}'; there are: {', '.join(NAMES)}")

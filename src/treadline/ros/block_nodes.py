@@ -1,0 +1,425 @@
+"""The block nodes: each subscribes to channels, hands the signals to its block and publishes the block's outputs.
+
+Paper: Fig. 7. ``plant`` (simulator or drivers) ─► ``camera`` and ``heading`` ─► ``driver`` ─► ``guard`` ─► ``plant``, and
+``seat`` in parallel. The nodes compute nothing: the blocks are those of ``mission.loop``.
+"""
+
+from typing import Protocol, runtime_checkable
+
+from treadline.core.ports import Transport
+from treadline.core.signals import (
+    TICK_S,
+    Event,
+    FlipperCommand,
+    FlipperReading,
+    FrameQuality,
+    HeadingEstimate,
+    HeadingMeasurement,
+    ImuSample,
+    MotionPlan,
+    PinholeCamera,
+    Reading,
+    RgbdFrame,
+    SeatCommand,
+    SeatReading,
+    StairMap,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.guard import Guard, GuardConfig, ReadingAdmission
+from treadline.mission.belt_controllers import Driver
+from treadline.mission.blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
+from treadline.mission.loop import Estimator
+from treadline.mission.odometry import DeadReckoning
+from treadline.mission.planner import Planner
+from treadline.perception.frame_quality import quality_of
+from treadline.ros import channels as on
+from treadline.ros.node_signals import Beat, GuardState, JointAngles, Mounts, VelocityCommand
+from treadline.ros.warm_up import stair_frames
+from treadline.vehicle.linkage import SeatLinkage
+
+ODOM_TICKS = 5
+"""Ticks between two odometry messages: 20 Hz."""
+MOUNTS_S = 1.0
+"""Interval between two messages of the sensors' mounts: a transport may not keep a message for later subscribers."""
+PLAN_TIMEOUT_S = 0.1
+"""Validity of a plan's flipper rate: without a newer plan the flipper stops."""
+
+
+@runtime_checkable
+class Node(Protocol):
+    """A block and its channels."""
+
+    @property
+    def name(self) -> str:
+        """Name of the node in the graph."""
+
+    @property
+    def publishes(self) -> tuple[str, ...]:
+        """Channels that the node publishes."""
+
+    @property
+    def needs(self) -> tuple[tuple[str, ...], ...]:
+        """Required channels; of several in brackets one is enough."""
+
+    def listen(self, transport: Transport) -> None:
+        """Subscribe; messages may arrive from now on."""
+
+    def advance(self, t_s: float) -> None:
+        """Set the node's clock, which stamps are compared with."""
+
+    def tick(self, t_s: float) -> None:
+        """Do what is due at this time."""
+
+
+class CameraNode:
+    """``RgbdFrame -> FrameQuality, HeadingMeasurement, StairMap, Event``; the paper's ``/depth``.
+
+    A camera that measures by itself publishes no frames; its measurements are passed on if they are admitted.
+    """
+
+    name = "camera"
+    publishes = (on.QUALITY, on.MEASURED, on.MAP)
+    needs = ((on.CAMERA, on.CAMERA_QUALITY, on.CAMERA_HEADING),)
+
+    def __init__(self, detector: Detector, config: GuardConfig, swept_half_m: float) -> None:
+        self._detector = detector
+        self._swept_half_m = swept_half_m
+        self._block = CameraBlock(detector, swept_half_m)
+        self._admission = ReadingAdmission(config)
+
+    def listen(self, transport: Transport) -> None:
+        """Subscribe to frames or measurements, and to the readings of gravity and travel."""
+        self._publish = transport.publish
+        transport.subscribe(on.IMU, self._take_imu)
+        transport.subscribe(on.TRACKS, self._take_tracks)
+        transport.subscribe(on.CAMERA, self._take_frame)
+        transport.subscribe(on.CAMERA_QUALITY, self._take_quality)
+        transport.subscribe(on.CAMERA_HEADING, self._pass)
+        transport.subscribe(on.CAMERA_MAP, self._pass)
+
+    def advance(self, t_s: float) -> None:
+        """Set the clock."""
+        self._admission.advance(t_s)
+
+    def tick(self, t_s: float) -> None:
+        """Set the clock; nothing is due."""
+        self.advance(t_s)
+
+    def warm_up(self, camera: PinholeCamera, *, rises: bool) -> None:
+        """Look at synthetic frames of a staircase, so that all kernels are compiled before the first real frame.
+
+        Args:
+            camera: The camera in use, on the chair.
+            rises: Whether the flight that the camera looks at rises, else it falls.
+        """
+        for frame, gravity_C in stair_frames(camera, rises=rises):
+            quality_of(frame, gravity_C, self._swept_half_m)
+            seen = self._detector.see(frame, gravity_C)
+            _ = seen.measurement, seen.stair_map  # the map is made when it is asked for
+
+    def _take_imu(self, sample: ImuSample) -> None:
+        if self._admission.admit(sample):
+            self._block.update(sample)
+
+    def _take_tracks(self, reading: TrackReading) -> None:
+        if self._admission.admit(reading):
+            self._block.update(reading)
+
+    def _take_frame(self, frame: RgbdFrame) -> None:
+        def admit(quality: FrameQuality) -> bool:
+            return self._admission.admit(frame) and self._admission.admit(quality)
+
+        for detected in self._block.step(frame, admit):
+            self._publish(DETECTED[type(detected)], detected)
+
+    def _take_quality(self, quality: FrameQuality) -> None:
+        self._admission.admit(quality)
+        self._publish(on.QUALITY, quality)
+
+    def _pass(self, measured: HeadingMeasurement | StairMap) -> None:
+        if self._admission.admit(measured):
+            self._publish(DETECTED[type(measured)], measured)
+
+
+DETECTED: dict[type, str] = {FrameQuality: on.QUALITY, HeadingMeasurement: on.MEASURED, StairMap: on.MAP, Event: on.DIAGNOSTICS}
+"""Channel of each output of the camera block."""
+
+
+class HeadingNode:
+    """``ImuSample, TrackReading, HeadingMeasurement -> HeadingEstimate, HeadingHealth``.
+
+    ``Odometry, JointAngles, Mounts`` are published for others.
+
+    Args:
+        estimator: Heading filter.
+        config: Limits of the admission of readings.
+        mount: The camera in use, on the chair; None publishes no mounts.
+        linkage: Linkage of the seat, which gives its angle; None for a chair without one.
+    """
+
+    name = "heading"
+    publishes = (on.ESTIMATE, on.HEALTH, on.ODOM, on.JOINT_STATES, on.MOUNTS)
+    needs = ((on.IMU,),)
+
+    def __init__(
+        self,
+        estimator: Estimator,
+        config: GuardConfig,
+        mount: PinholeCamera | None = None,
+        linkage: SeatLinkage | None = None,
+    ) -> None:
+        self._estimator = estimator
+        self._admission = ReadingAdmission(config)
+        self._reckoning = DeadReckoning()
+        self._linkage = linkage
+        self._joints: dict[str, float] = {}
+        self._mount = mount
+        self._mounts_s = -MOUNTS_S
+        self._estimate: HeadingEstimate | None = None
+        self._last_health: tuple[object, ...] | None = None
+
+    def listen(self, transport: Transport) -> None:
+        """Subscribe to the inputs of the heading filter."""
+        self._publish = transport.publish
+        transport.subscribe(on.IMU, self._take_imu)
+        transport.subscribe(on.TRACKS, self._take_tracks)
+        transport.subscribe(on.MEASURED, self._step)
+        transport.subscribe(on.SEAT, self._take_seat)
+        transport.subscribe(on.FLIPPER, self._take_flipper)
+
+    def advance(self, t_s: float) -> None:
+        """Set the clock."""
+        self._admission.advance(t_s)
+
+    def tick(self, t_s: float) -> None:
+        """Publish the filter's health where it has changed, and the mounts at their interval."""
+        self.advance(t_s)
+        if self._mount is not None and t_s - self._mounts_s >= MOUNTS_S:
+            self._mounts_s = t_s
+            self._publish(on.MOUNTS, Mounts(t_s=t_s, camera=self._mount))
+        health = self._estimator.health
+        if health is None:
+            return
+        content = (health.fault, health.since_s, health.cause)
+        if content != self._last_health:
+            self._last_health = content
+            self._publish(on.HEALTH, health)
+
+    def _take_imu(self, sample: ImuSample) -> None:
+        if self._admission.admit(sample):
+            self._reckoning.update(sample)
+            self._step(sample)
+
+    def _take_tracks(self, reading: TrackReading) -> None:
+        if not self._admission.admit(reading):
+            return
+        self._step(reading)
+        odometry = self._reckoning.step(reading)
+        if odometry is not None and round(reading.t_s / TICK_S) % ODOM_TICKS == 0:
+            self._publish(on.ODOM, odometry)
+            if self._joints:
+                names, angles = zip(*self._joints.items(), strict=True)
+                self._publish(on.JOINT_STATES, JointAngles(t_s=reading.t_s, names=names, angles_rad=angles))
+
+    def _take_seat(self, reading: SeatReading) -> None:
+        if self._linkage is not None and self._admission.admit(reading):
+            self._joints["seat_joint"] = self._linkage.nearest_angle(reading.stroke_m)
+
+    def _take_flipper(self, reading: FlipperReading) -> None:
+        if self._admission.admit(reading):
+            self._joints["flipper_joint"] = reading.angle_rad
+
+    def _step(self, signal: ImuSample | TrackReading | HeadingMeasurement) -> None:
+        estimate = self._estimator.step(signal)
+        if estimate is not None and estimate != self._estimate:  # a belt reading seldom changes the estimate
+            self._estimate = estimate
+            self._publish(on.ESTIMATE, estimate)
+
+
+class SeatNode:
+    """``SeatReading, ImuSample -> SeatCommand``: the control loop of the seat."""
+
+    name = "seat"
+    publishes = (on.SEAT_PROPOSED,)
+    needs = ((on.SEAT,),)
+
+    def __init__(self, leveller: SeatLeveller, config: GuardConfig) -> None:
+        self._block = SeatBlock(leveller)
+        self._admission = ReadingAdmission(config)
+
+    def listen(self, transport: Transport) -> None:
+        """Subscribe to the seat's state and the chassis' IMU."""
+        self._publish = transport.publish
+        transport.subscribe(on.IMU, self._take_imu)
+        transport.subscribe(on.SEAT, self._take_seat)
+
+    def advance(self, t_s: float) -> None:
+        """Set the clock."""
+        self._admission.advance(t_s)
+
+    def tick(self, t_s: float) -> None:
+        """Set the clock; nothing is due."""
+        self.advance(t_s)
+
+    def _take_imu(self, sample: ImuSample) -> None:
+        if self._admission.admit(sample):
+            self._block.update(sample)
+
+    def _take_seat(self, reading: SeatReading) -> None:
+        if self._admission.admit(reading):
+            self._publish(on.SEAT_PROPOSED, self._block.step(reading))
+
+
+class DriverNode:
+    """``HeadingEstimate, StairMap, readings -> MotionPlan, TrackCommand``: planner and belt controller."""
+
+    name = "driver"
+    publishes = (on.PLAN, on.TRACKS_PROPOSED)
+    needs = ((on.IMU,), (on.TRACKS,))
+
+    def __init__(self, planner: Planner, driver: Driver, config: GuardConfig) -> None:
+        self._block = DriverBlock(planner, driver)
+        self._admission = ReadingAdmission(config)
+        self._estimate: HeadingEstimate | None = None
+        self._holding: str | None = None
+
+    def listen(self, transport: Transport) -> None:
+        """Subscribe to the heading, the stair map, the readings and the state of the guard."""
+        self._publish = transport.publish
+        for channel in (on.IMU, on.TRACKS, on.FLIPPER):
+            transport.subscribe(channel, self._take_reading)
+        transport.subscribe(on.MAP, self._block.update)
+        transport.subscribe(on.ESTIMATE, self._take_estimate)
+        transport.subscribe(on.GUARD, self._take_guard)
+
+    def advance(self, t_s: float) -> None:
+        """Set the clock."""
+        self._admission.advance(t_s)
+
+    def tick(self, t_s: float) -> None:
+        """Publish the plan, and proposed belt speeds where they are due."""
+        self.advance(t_s)
+        plan = self._block.plan(t_s, self._estimate)
+        self._publish(on.PLAN, plan)
+        command = self._block.propose(plan, self._estimate, held=self._holding is not None)
+        if command is not None:
+            self._publish(on.TRACKS_PROPOSED, command)
+
+    def _take_reading(self, reading: ImuSample | TrackReading | FlipperReading) -> None:
+        if self._admission.admit(reading):
+            self._block.update(reading)
+
+    def _take_estimate(self, estimate: HeadingEstimate) -> None:
+        self._estimate = estimate
+
+    def _take_guard(self, state: GuardState) -> None:
+        self._holding = state.holding
+
+
+class GuardNode:
+    """All readings, plans and proposals ``-> TrackCommand, SeatCommand, FlipperCommand, Event``; independent of all other nodes.
+
+    Args:
+        config: Limits of the guard.
+        awaited: Nodes without which the chair does not start; the belts are braked until each has reported.
+        gauge_m: Distance between the tracks [m], where ``/cmd_vel`` drives (a joystick or another planner); else the driver drives.
+    """
+
+    name = "guard"
+    publishes = (on.TRACKS_CMD, on.SEAT_CMD, on.FLIPPER_CMD, on.GUARD)
+    needs = ()
+
+    def __init__(self, config: GuardConfig, awaited: tuple[str, ...] = (), gauge_m: float | None = None) -> None:
+        self._guard = Guard(config)
+        self._gauge_m = gauge_m
+        self._missing = set(awaited)
+        self._estimate: HeadingEstimate | None = None
+        self._plan: MotionPlan | None = None
+        self._flipper_runs = False
+        self._t_s = 0.0
+        self._last_published: str | None = None
+
+    @property
+    def missing(self) -> set[str]:
+        """Awaited nodes that have not reported yet."""
+        return self._missing
+
+    def listen(self, transport: Transport) -> None:
+        """Subscribe to all readings, estimates, plans and proposals."""
+        self._publish = transport.publish
+        for channel in (on.IMU, on.TRACKS, on.SEAT, on.FLIPPER, on.OPERATOR, on.QUALITY, on.CAMERA_HEADING, on.CAMERA_MAP):
+            transport.subscribe(channel, self._admit)
+        for channel in (on.MEASURED, on.MAP, on.HEALTH):
+            transport.subscribe(channel, self._guard.on_message)
+        transport.subscribe(on.PLAN, self._take_plan)
+        transport.subscribe(on.ESTIMATE, self._take_estimate)
+        if self._gauge_m is None:
+            transport.subscribe(on.TRACKS_PROPOSED, self._guard.propose)
+        else:
+            transport.subscribe(on.TWIST, self._take_velocity)
+        transport.subscribe(on.SEAT_PROPOSED, self._take_seat)
+        transport.subscribe(on.DIAGNOSTICS, self._receive)
+
+    def advance(self, t_s: float) -> None:
+        """Set the clock."""
+        self._guard.advance(t_s)
+
+    def tick(self, t_s: float) -> None:
+        """Publish the commands that may reach the chair now."""
+        self._t_s = t_s
+        self.advance(t_s)
+        if self._missing:
+            self._publish(on.TRACKS_CMD, TrackCommand.stop(t_s))
+            return
+        tracks = self._guard.step(t_s, self._estimate)
+        self._drive_flipper(t_s)
+        self._publish(on.TRACKS_CMD, tracks)
+        self._report_state()
+        for event in self._guard.take_events():
+            self._publish(on.DIAGNOSTICS, event)
+
+    def repeat_state(self) -> None:
+        """Publish again whether the guard holds, for later subscribers."""
+        self._publish(on.GUARD, GuardState(t_s=self._t_s, holding=self._guard.holding))
+
+    def _drive_flipper(self, t_s: float) -> None:
+        plan = self._plan
+        fresh = plan is not None and t_s - plan.t_s <= PLAN_TIMEOUT_S
+        flipper = self._guard.pass_flipper(plan.flipper if plan is not None and fresh else None)
+        if flipper is None and self._flipper_runs:
+            self._publish(on.FLIPPER_CMD, FlipperCommand(t_s=t_s, rate_rad_s=0.0))
+        elif flipper is not None:
+            self._publish(on.FLIPPER_CMD, flipper)
+        self._flipper_runs = flipper is not None
+
+    def _admit(self, reading: Reading) -> None:
+        self._guard.admit(reading)
+        self._report_state()
+
+    def _take_plan(self, plan: MotionPlan) -> None:
+        if self._guard.on_message(plan) and (self._plan is None or plan.t_s >= self._plan.t_s):
+            self._plan = plan
+        self._report_state()
+
+    def _take_estimate(self, estimate: HeadingEstimate) -> None:
+        self._estimate = estimate
+
+    def _take_velocity(self, drive: VelocityCommand) -> None:
+        half_m_s = 0.5 * drive.turn_rad_s * (self._gauge_m or 0.0)
+        speed = drive.speed_m_s
+        self._guard.propose(TrackCommand(t_s=self._t_s, left_m_s=speed - half_m_s, right_m_s=speed + half_m_s))
+
+    def _take_seat(self, command: SeatCommand) -> None:
+        self._publish(on.SEAT_CMD, self._guard.pass_seat(command))
+
+    def _receive(self, message: object) -> None:
+        if isinstance(message, Beat) and message.node != self.name:
+            self._missing.discard(message.node)
+            # The beat counts at its arrival, whatever the clock of its sender.
+            self._guard.beat(message.node, self._t_s)
+
+    def _report_state(self) -> None:
+        if self._guard.holding != self._last_published:
+            self._last_published = self._guard.holding
+            self.repeat_state()

@@ -1,0 +1,54 @@
+"""The whole graph in one process, tick by tick, with the same commands as ``mission.loop``."""
+
+from treadline.core.ports import Plant, Transport
+from treadline.core.signals import TICK_S, PinholeCamera
+from treadline.guard import GuardConfig
+from treadline.mission.loop import Blocks
+from treadline.ros import channels as on
+from treadline.ros.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
+from treadline.ros.inproc import InProcess
+from treadline.ros.node_signals import Beat
+from treadline.ros.plant_node import PlantNode
+
+BEAT_TICKS = 25
+"""Ticks between two heartbeats: a third of the guard's timeout."""
+
+
+class LockStep:
+    """All nodes on one transport, run in the order of the loop."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        blocks: Blocks,
+        config: GuardConfig,
+        *,
+        beside: tuple[Node, ...] = (),
+        mount: PinholeCamera | None = None,
+    ) -> None:
+        """Connect the nodes; those ``beside`` only subscribe, and ``mount`` is published for viewers."""
+        self.transport: Transport = InProcess()
+        self.guard = GuardNode(config)
+        self._plant = PlantNode(plant)
+        driver = DriverNode(blocks.planner, blocks.driver, config)
+        heading = HeadingNode(blocks.estimator, config, mount)
+        camera = CameraNode(blocks.detector, config, blocks.swept_half_m)
+        seat = [] if blocks.leveller is None else [SeatNode(blocks.leveller, config)]
+        # The guard gets each reading first, and publishes its commands last.
+        listeners: list[Node] = [self._plant, self.guard, camera, heading, *seat, driver, *beside]
+        for node in listeners:
+            node.listen(self.transport)
+        self.nodes: list[Node] = [*beside, camera, *seat, driver, heading, self.guard]
+        self._tick = 0
+        self._plant.start()
+
+    def tick(self) -> float:
+        """Advance the plant to the next tick, and let each node do what is due; return the time."""
+        t_s = self._tick * TICK_S
+        self._plant.tick(t_s)
+        for node in self.nodes:
+            node.tick(t_s)
+            if self._tick % BEAT_TICKS == 0:
+                self.transport.publish(on.DIAGNOSTICS, Beat(t_s=t_s, node=node.name))
+        self._tick += 1
+        return t_s

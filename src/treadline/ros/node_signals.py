@@ -1,0 +1,56 @@
+"""Messages between nodes that are no signals of the mission: clock, heartbeat, state of the guard, joint angles, sensor mounts."""
+
+from dataclasses import dataclass
+
+from treadline.core.signals import PinholeCamera
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clock:
+    """The mission clock."""
+
+    t_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beat:
+    """Heartbeat of a node; after the first the guard awaits the next."""
+
+    t_s: float
+    node: str
+    state: str = "ready"
+    """``ready``, or what it waits for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardState:
+    """Cause of the guard's HOLD, None without one."""
+
+    t_s: float
+    holding: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VelocityCommand:
+    """Speed and turn rate of a joystick or another planner (``/cmd_vel``); it has no stamp."""
+
+    speed_m_s: float
+    turn_rad_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointAngles:
+    """Angles of the moving joints of the chair's URDF."""
+
+    t_s: float
+    names: tuple[str, ...]
+    """Names of the joints in the URDF."""
+    angles_rad: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mounts:
+    """Mounts of the sensors on the chair."""
+
+    t_s: float
+    camera: PinholeCamera

@@ -1,0 +1,163 @@
+"""Common part of the transports over a wire: an inbox filled by any thread, delivered in one, the newest where not all fit."""
+
+import time
+from collections import Counter, deque
+from collections.abc import Callable
+from threading import Condition
+from typing import Any, NamedTuple
+
+from treadline.core.signals import PinholeCamera
+from treadline.ros.channels import CHANNELS, Channel
+from treadline.ros.codec import Decoder, encoded
+
+
+class _Subscriber(NamedTuple):
+    channel: str
+    decoder: Decoder
+    take: Callable[[Any], object]
+
+
+class Inbox:
+    """Waiting messages in the order of arrival; of each topic at most its depth, the oldest are dropped."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[str, bytes]] = deque()
+        self._counts: Counter[str] = Counter()
+        self._skip: Counter[str] = Counter()
+        self._depths: dict[str, int] = {}
+        self._come = Condition()
+        self.newest: dict[str, bytes] = {}
+        """Last message received on each topic, whether it has been delivered or still waits."""
+        self.lost: Counter[str] = Counter()
+        """Number of messages dropped for newer ones, by topic; a topic of depth 1 counts none."""
+
+    def expect(self, topic: str, depth: int) -> None:
+        """Take messages of a topic."""
+        self._depths[topic] = max(depth, self._depths.get(topic, 0))
+
+    def put(self, topic: str, data: bytes) -> None:
+        """Take one message; called by whatever thread brings it."""
+        with self._come:
+            self._waiting.append((topic, data))
+            self.newest[topic] = data
+            if self._counts[topic] - self._skip[topic] >= self._depths[topic]:
+                self._skip[topic] += 1
+                if self._depths[topic] > 1:
+                    self.lost[topic] += 1
+            self._counts[topic] += 1
+            self._come.notify()
+
+    def get(self, timeout_s: float) -> tuple[str, bytes] | None:
+        """Return the next message, or None if nothing comes in time."""
+        until_s = time.monotonic() + timeout_s
+        with self._come:
+            while True:
+                while self._waiting:
+                    topic, data = self._waiting.popleft()
+                    self._counts[topic] -= 1
+                    if not self._skip[topic]:
+                        return topic, data
+                    self._skip[topic] -= 1
+                left_s = until_s - time.monotonic()
+                if left_s <= 0.0:
+                    return None
+                self._come.wait(left_s)
+
+
+class WireTransport:
+    """Channels as topics of ROS; a child knows how to advertise, send and receive.
+
+    Args:
+        mount: The camera whose place on the chair frames get.
+    """
+
+    ros1 = False
+
+    def __init__(self, mount: PinholeCamera | None = None) -> None:
+        self._mount = mount
+        self._takers: dict[str, list[_Subscriber]] = {}
+        self._announced: set[str] = set()
+        self.inbox = Inbox()
+        self.spare = 1
+        """Factor on the depth of each channel."""
+
+    def announce(self, channel: str) -> None:
+        """Advertise the topics of a channel."""
+        if channel in self._announced:
+            return
+        self._announced.add(channel)
+        for topic in CHANNELS[channel].topics:
+            self._advertise(topic.name, topic.kind, CHANNELS[channel])
+
+    def publish(self, channel: str, signal: Any) -> None:
+        """Send a signal."""
+        self.announce(channel)
+        for topic, _, data in encoded(channel, signal, ros1=self.ros1):
+            self._send(topic, data)
+
+    def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
+        """Subscribe to a channel."""
+        spec = CHANNELS[channel]
+        decoder = Decoder(channel, ros1=self.ros1, mount=self._mount)
+        for topic in spec.topics:
+            if not topic.read:
+                continue
+            first = topic.name not in self._takers
+            self._takers.setdefault(topic.name, []).append(_Subscriber(channel, decoder, take))
+            depth = self.spare * spec.depth
+            self.inbox.expect(topic.name, depth)
+            if first:
+                self._receive(topic.name, topic.kind, depth)
+
+    def deliver(self, timeout_s: float) -> int:
+        """Deliver the waiting messages, up to a batch; wait for the first at most ``timeout_s``. Return their number."""
+        for count in range(BATCH):
+            message = self.inbox.get(timeout_s if count == 0 else 0.0)
+            if message is None:
+                return count
+            topic, data = message
+            for _, decoder, take in self._takers[topic]:
+                signal = decoder.signal(topic, data)
+                if signal is not None:
+                    take(signal)
+        return BATCH
+
+    def newest(self, channel: str) -> Any | None:
+        """Return the last signal received on a channel of one topic, whether processed or queued; None before the first."""
+        (topic,) = CHANNELS[channel].topics
+        data = self.inbox.newest.get(topic.name)
+        return None if data is None else Decoder(channel, ros1=self.ros1, mount=self._mount).signal(topic.name, data)
+
+    def trouble(self, channel: str) -> str | None:
+        """Return why a channel has no messages (wrong type, no publisher), if the transport reports it; otherwise None."""
+        for topic in CHANNELS[channel].topics:
+            if not topic.read:
+                continue
+            kinds = self._kinds(topic.name)
+            wrong = [kind for kind in kinds if kind != topic.kind]
+            if wrong:
+                return f"{topic.name} is published as {wrong[0]}; {topic.kind} is read"
+            if not kinds:
+                return f"nobody publishes {topic.name}"
+        return None
+
+    def close(self) -> None:
+        """Leave."""
+
+    def _advertise(self, topic: str, kind: str, channel: Channel) -> None:
+        raise NotImplementedError
+
+    def _send(self, topic: str, data: bytes) -> None:
+        raise NotImplementedError
+
+    def _receive(self, topic: str, kind: str, depth: int) -> None:
+        """Have ``inbox.put(topic, data)`` called for each message."""
+        raise NotImplementedError
+
+    def _kinds(self, topic: str) -> list[str]:
+        """Return the types, as ROS 2 writes them, that a topic is published as."""
+        raise NotImplementedError
+
+
+BATCH = 50
+"""Messages delivered before the runner looks at its clock."""

@@ -1,0 +1,287 @@
+"""One simulated run: a resolved setup in, scores and (through a sink) a log out.
+
+The mission receives the plant's sensors only; verdict and scores are computed from the simulator's ground truth.
+"""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import DEG
+from treadline.core.compile_time import compiling
+from treadline.core.errors import SimulationDiverged
+from treadline.core.models import ControllerDesign
+from treadline.core.ports import Truth, TruthPlant
+from treadline.core.signals import TICK_S, Event, HeadingHealth, MotionPlan, StairMap
+from treadline.mission.belt_controllers import Driver
+from treadline.mission.loop import Blocks, GuardMessage, Mission, Signal, Tick
+from treadline.run.resolve import Opener, PlantName, Setup, resolve
+from treadline.run.run_scores import Scores, Trace, score
+from treadline.run.slide import LEVEL_RAD, SlideWatch
+from treadline.scenario.chair import ChairDescription
+from treadline.scenario.faults import Fault, Message, Process, is_killed, stamp_of
+from treadline.scenario.operator_actions import rearms_until_s
+from treadline.scenario.scenario import Scenario
+from treadline.vehicle.staircase import as_designed
+
+FALLEN_RAD = 25.0 * DEG
+"""Tilt beyond which the chair counts as fallen: pitch above the stair's slope, pitch below horizontal, or roll [rad]."""
+FALLEN_SLIDE_M = 0.5
+"""Roll-back beyond which the chair counts as fallen [m]: one and a half steps."""
+
+MESSAGES = {StairMap: Message.MAP, MotionPlan: Message.PLAN, HeadingHealth: Message.HEALTH}
+Sink = Callable[[Signal | Truth, float], None]
+"""Receives every signal of a run, ground truth included, and the mission time at which it was taken [s]: a log."""
+Watch = Callable[[Tick], None]
+"""Receives each tick as it ends."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Traverse:
+    """Result of one simulated run."""
+
+    scenario: Scenario
+    seed: int
+    verdict: str
+    """``arrived`` (on the landing or the floor), ``end_of_flight`` (a run along one flight that ends at its last nosing), ``held``,
+    ``refused``, ``fell``, ``time_up`` or ``diverged``."""
+    cause: str | None
+    scores: Scores
+    trace: Trace
+    estimate_rad: Float[np.ndarray, " T"]
+    """Heading estimate at each tick [rad]; NaN before the first estimate."""
+    events: tuple[Event, ...]
+    cpu_s: float
+    """CPU time of the run [s], without just-in-time compilation."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return the run as JSON values, under the contract's keys."""
+        return {
+            "verdict": self.verdict,
+            "cause": self.cause,
+            "seed": self.seed,
+            **asdict(self.scores),
+            "events": [asdict(event) for event in self.events],
+            "real_time_factor": self.scores.duration_s / max(self.cpu_s, 1e-9),
+        }
+
+
+class _Ending:
+    """End of a run and its verdict, judged by simulator ground truth."""
+
+    def __init__(self, scenario: Scenario, chair: ChairDescription, *, attended: bool = False) -> None:
+        self._slope_rad = scenario.stair.slope_rad
+        self._duration_s = scenario.drive.duration_s
+        staircase = as_designed(scenario.stair, scenario.step)
+        self._last_x_m = staircase.last_nosing_m
+        # Where only a flight is driven, it is the first, and it ends with the front pulley at its last nosing.
+        self._end_x_m = staircase.alone(0).last_nosing_m - 0.5 * chair.tracks.flat_run_m
+        self._is_up = scenario.drive.direction == "up"
+        self._slide = SlideWatch(upward=self._is_up)
+        self._rearms_until_s = math.inf if attended else rearms_until_s(scenario.operator)
+
+    def fall(self, truth: Truth) -> tuple[str, str] | None:
+        """Return the verdict ``fell`` and its cause, or None. Call once per tick: the slide is integrated."""
+        above = max(truth.pitch_rad - self._slope_rad, -truth.pitch_rad, abs(truth.roll_rad))
+        if above > FALLEN_RAD:
+            return "fell", f"tilted {above / DEG:.0f}° beyond the stair at {truth.t_s:.2f} s"
+        roll_back_m = self._slide.update(truth)
+        return ("fell", f"slid {roll_back_m:.2f} m down the flight by {truth.t_s:.2f} s") if roll_back_m > FALLEN_SLIDE_M else None
+
+    def verdict(self, truth: Truth, plan: MotionPlan, holding: str | None) -> tuple[str, str | None] | None:
+        fallen = self.fall(truth)
+        if fallen is not None:
+            return fallen
+        if holding is not None and truth.t_s >= self._rearms_until_s:
+            return "held", holding
+        if plan.phase == "arrived":
+            if self._is_there(truth):
+                return "arrived", None
+            return "held", f"reported arrival at {truth.t_s:.2f} s, and has not arrived"
+        if plan.phase == "refused":
+            return "refused", plan.cause
+        if plan.phase == "drive" and self._is_up and truth.x_m >= self._end_x_m:
+            return "end_of_flight", None
+        if truth.t_s >= self._duration_s - 0.5 * TICK_S:
+            return "time_up", None
+        return None
+
+    def _is_there(self, truth: Truth) -> bool:
+        """Return whether the chair is horizontal with mid-track beyond the flight's last nosing."""
+        beyond_m = truth.x_m - self._last_x_m if self._is_up else -truth.x_m
+        return abs(truth.pitch_rad) < LEVEL_RAD and beyond_m > 0.0
+
+
+def run_episode(
+    setup: Setup,
+    *,
+    blocks: Blocks | None = None,
+    sink: Sink | None = None,
+    watch: Watch | None = None,
+    after_hold_s: float = 0.0,
+    plant: TruthPlant | None = None,
+    faults: Sequence[Fault] | None = None,
+    attended: bool = False,
+) -> Traverse:
+    """Return one simulated run of a resolved setup.
+
+    Args:
+        blocks: The blocks to run, if they have been built already.
+        plant: The plant to run on, if it has been made already.
+        faults: Faults in the messages to the guard, which may grow during the run; those of the scenario when left out.
+        attended: Whether a person may re-arm at any time: a hold does not end the run.
+        sink: Receives every signal, ground truth included.
+        watch: Receives each tick as it ends.
+        after_hold_s: Time for which a held chair is simulated before the run ends [s].
+
+    Raises:
+        SettingsError: If a block cannot be built.
+    """
+    scenario = setup.scenario
+    recorder = _EpisodeRecorder(scenario, setup.seed, sink)
+    refusal = "; ".join(setup.rejections) if setup.is_full_traversal and setup.rejections else None
+    if refusal is None and blocks is None:
+        blocks = setup.build_blocks()
+    if setup.seat_shift is not None:
+        recorder.log(Event(t_s=0.0, name="seat_shifted", cause=setup.seat_shift), 0.0)
+    if refusal is not None:
+        recorder.log(Event(t_s=0.0, name="refused", cause=refusal), 0.0)
+    plant = plant or setup.open_plant()
+    faults = setup.scenario.fault if faults is None else faults
+    started = time.process_time() - compiling().spent_s
+    try:
+        if blocks is None or refusal is not None:
+            plant.start()
+            recorder.collect(plant)
+            over: tuple[str, str | None] = ("refused", refusal)
+        else:
+            ending = _Ending(setup.scenario, setup.mission.chair, attended=attended)
+            over = _drive(ending, plant, blocks, recorder, watch, after_hold_s, faults)
+    except SimulationDiverged as error:
+        # A start that is refused may also be one in which no chair can be put down.
+        over = ("diverged", str(error)) if refusal is None else ("refused", refusal)
+    finally:
+        plant.close()
+    return recorder.result(over, time.process_time() - compiling().spent_s - started)
+
+
+def _drive(
+    ending: _Ending,
+    plant: TruthPlant,
+    blocks: Blocks,
+    recorder: "_EpisodeRecorder",
+    watch: Watch | None,
+    after_hold_s: float,
+    faults: Sequence[Fault],
+) -> tuple[str, str | None]:
+    """Run the mission to its end; return verdict and cause."""
+    mission = Mission(plant, blocks, recorder.log, lambda t_s: is_killed(faults, Process.CONTROLLER, t_s), _stamper(faults))
+    over: tuple[str, str | None] | None = None
+    held_s = 0.0
+    while over is None or (over[0] == "held" and held_s < after_hold_s):
+        tick = mission.tick()
+        recorder.note(tick, plant)
+        if watch is not None:
+            watch(tick)
+        if over is None:
+            over = ending.verdict(recorder.truth[-1], tick.plan, blocks.guard.holding)
+        else:
+            held_s += TICK_S
+            over = ending.fall(recorder.truth[-1]) or over
+    return over
+
+
+def traverse(
+    scenario: Scenario,
+    *,
+    controller: ControllerDesign | None = None,
+    seed: int,
+    driver: Driver | None = None,
+    sink: Sink | None = None,
+    watch: Watch | None = None,
+    after_hold_s: float = 0.0,
+    open_plant: Opener | PlantName = "mujoco",
+) -> Traverse:
+    """Resolve a scenario and return one simulated run, see ``run_episode``.
+
+    Args:
+        controller: Design of the controller; the one shipped for the vehicle when left out.
+        driver: An experiment's own driver in place of the controller.
+        open_plant: Simulator: its name, or a factory of the plant.
+
+    Raises:
+        SettingsError: If the scenario asks for what the chair cannot do.
+    """
+    setup = resolve(scenario, controller if driver is None else driver, seed, open_plant=open_plant)
+    return run_episode(setup, sink=sink, watch=watch, after_hold_s=after_hold_s)
+
+
+def _stamper(faults: Sequence[Fault]) -> Callable[[GuardMessage], GuardMessage]:
+    """Return the function that stamps messages to the guard: the identity, or the one of an injected fault; a list may grow."""
+    if isinstance(faults, tuple) and not any(fault.kind == "wrong_stamp" for fault in faults):
+        return lambda message: message
+    return lambda message: replace(message, t_s=stamp_of(faults, MESSAGES[type(message)], message.t_s))
+
+
+class _EpisodeRecorder:
+    """Recorder of one run: ground truth, estimates, phases and events."""
+
+    def __init__(self, scenario: Scenario, seed: int, sink: Sink | None) -> None:
+        self._scenario, self._seed, self._sink = scenario, seed, sink
+        self.truth: list[Truth] = []
+        self._estimates: list[float] = []
+        self._phases: list[tuple[float, str]] = []
+        self._events: list[Event] = []
+        self._touched = False
+
+    def log(self, signal: Signal, taken_s: float) -> None:
+        """Record a signal of the mission, taken at ``taken_s``."""
+        if isinstance(signal, Event):
+            self._events.append(signal)
+        if self._sink is not None:
+            self._sink(signal, taken_s)
+
+    def note(self, tick: Tick, plant: TruthPlant) -> None:
+        """Record one tick."""
+        self._estimates.append(np.nan if tick.estimate is None else tick.estimate.heading_rad)
+        if not self._phases or self._phases[-1][1] != tick.plan.phase:
+            self._phases.append((tick.t_s, tick.plan.phase))
+        self.collect(plant)
+
+    def collect(self, plant: TruthPlant) -> None:
+        """Record the ground truth of the ticks since the last call."""
+        for sample in plant.truth():
+            if sample.hull_contacts > 0.0 and not self._touched:
+                self._touched = True
+                self.log(
+                    Event(t_s=sample.t_s, name="hull_contact", cause="hull, seat or passenger touches stair, wall or obstacle"),
+                    sample.t_s,
+                )
+            self.truth.append(sample)
+            if self._sink is not None:
+                self._sink(sample, sample.t_s)
+
+    def _held_s(self) -> float | None:
+        """Return the time of the last hold [s], or None if a person re-armed after the hold."""
+        last = next((event for event in reversed(self._events) if event.name in ("hold", "rearmed")), None)
+        return last.t_s if last is not None and last.name == "hold" else None
+
+    def result(self, over: tuple[str, str | None], cpu_s: float) -> Traverse:
+        """Return the run."""
+        trace = Trace.of(self.truth)
+        return Traverse(
+            scenario=self._scenario,
+            seed=self._seed,
+            verdict=over[0],
+            cause=over[1],
+            scores=score(trace, tuple(self._phases), upward=self._scenario.drive.direction == "up", held_s=self._held_s()),
+            trace=trace,
+            estimate_rad=np.array(self._estimates),
+            events=tuple(self._events),
+            cpu_s=cpu_s,
+        )

@@ -1,0 +1,96 @@
+"""Jobs on a process pool: jobs and results are plain data, and the order of results does not depend on timing."""
+
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from functools import partial
+from multiprocessing import active_children, get_context
+from types import TracebackType
+from typing import Protocol, TypeVar, runtime_checkable
+
+from treadline.core.processes import end_with_parent
+
+R_co = TypeVar("R_co", covariant=True)
+R = TypeVar("R")
+
+
+@runtime_checkable
+class Job(Protocol[R_co]):
+    """Unit of work that one worker process runs independently."""
+
+    @property
+    def name(self) -> str:
+        """Name of the job in the progress line."""
+
+    def run(self) -> R_co:
+        """Run the job and return its result."""
+
+
+class JobPool:
+    """Process pool reused between lists of jobs: starting a worker costs as much as ten simulated seconds."""
+
+    def __init__(self, workers: int, done: Callable[[str], None]) -> None:
+        """Create the pool; worker processes start with the first job.
+
+        Args:
+            workers: Number of processes; with one, jobs run in this process.
+            done: Called with the name of each finished job, in a thread of the pool.
+        """
+        self._done = done
+        # Spawned, not forked: a fork would copy the threads' locks of BLAS and OpenCV in whatever state they are.
+        spawn = get_context("spawn")
+        self._workers = (
+            ProcessPoolExecutor(max_workers=workers, mp_context=spawn, initializer=_begin_worker) if workers > 1 else None
+        )
+
+    def __enter__(self) -> "JobPool":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._workers is None:
+            return
+        self._workers.shutdown(wait=error is None, cancel_futures=error is not None)
+        if error is not None:
+            for worker in active_children():
+                worker.terminate()
+
+    def begin(self, jobs: Sequence[Job[R]]) -> Callable[[], list[R]]:
+        """Queue jobs; return a function that waits for the jobs and returns their results in order."""
+        if self._workers is None:
+            return lambda: list(self._in_this_process(jobs))
+        futures = [self._workers.submit(_run, job) for job in jobs]
+        for job, future in zip(jobs, futures, strict=True):
+            future.add_done_callback(partial(self._report, job.name))
+        return lambda: _results(futures)
+
+    def _in_this_process(self, jobs: Sequence[Job[R]]) -> Iterator[R]:
+        for job in jobs:
+            result = job.run()
+            self._done(job.name)
+            yield result
+
+    def _report(self, name: str, future: Future[R]) -> None:
+        if not future.cancelled() and future.exception() is None:
+            self._done(name)
+
+
+def run_jobs(jobs: Sequence[Job[R]], *, workers: int, done: Callable[[str], None]) -> list[R]:
+    """Return the jobs' results in the jobs' order; ``done`` is called with the name of each finished job."""
+    with JobPool(min(workers, len(jobs)), done) as pool:
+        return pool.begin(jobs)()
+
+
+def _results(futures: list[Future[R]]) -> list[R]:
+    for future in as_completed(futures):
+        future.result()  # the first failure ends all jobs
+    return [future.result() for future in futures]
+
+
+def _begin_worker() -> None:
+    """Let Ctrl-C and the end of the parent process end a worker at once, without a traceback: the parent reports the interrupt."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    end_with_parent()
+
+
+def _run(job: Job[R]) -> R:
+    return job.run()

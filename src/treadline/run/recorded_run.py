@@ -1,0 +1,138 @@
+"""Run folders of simulated runs: manifest, result, time series and log."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import DEG
+from treadline.io.mcap_log import RunLog
+from treadline.io.records import RECORD, write_record
+from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
+from treadline.mission.loop import Tick
+from treadline.run.episode import Traverse, Watch, run_episode
+from treadline.run.excitation_run import Excited, excitation_of, excite, long_enough
+from treadline.run.resolve import Opener, PlantName, Setup
+from treadline.run.run_scores import Trace
+from treadline.run.scene_log import SceneLog, WatchedDetector
+from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.scenario import Scenario
+from treadline.vehicle.staircase import build_staircase
+
+SERIES = {
+    "heading_deg": "heading_rad",
+    "yaw_deg": "yaw_rad",
+    "pitch_deg": "pitch_rad",
+    "seat_pitch_deg": "seat_pitch_rad",
+    "stability_margin_deg": "stability_margin_rad",
+}
+PLAIN_SERIES = ("left_m_s", "right_m_s", "x_m", "y_m", "friction_use")
+
+
+def recorded_run(
+    folder: Path,
+    setup: Setup,
+    *,
+    image_every: int = 0,
+    watch: Watch | None = None,
+) -> Traverse:
+    """Run a resolved setup and write its run folder.
+
+    Args:
+        folder: Run folder: manifest.json, result.json, series.csv and log.mcap.
+        image_every: Keep every n-th frame in the log; 0 keeps none.
+        watch: Receives each tick as it ends.
+
+    Raises:
+        TreadlineError: Before anything is written, if the setup cannot be run.
+    """
+    blocks = None if setup.is_full_traversal and setup.rejections else setup.build_blocks()
+    more: dict[str, dict[str, Any]] = {**setup.manifest()}
+    if blocks is not None:
+        more["guard"] = asdict(blocks.guard.config)  # plots draw the limits that applied
+    manifest = begin_run(folder, setup.scenario.model_dump(mode="json"), setup.seed, setup.mission.controller, **more)
+    with _scene_log(folder, setup.scenario, setup.chair, manifest, image_every) as scene:
+        if blocks is not None and image_every:
+            blocks = replace(blocks, detector=WatchedDetector(blocks.detector, scene))
+        run = run_episode(setup, blocks=blocks, sink=scene, watch=_watching(scene, watch))
+    _write(folder, run)
+    return run
+
+
+def recorded_excitation(
+    folder: Path,
+    scenario: Scenario,
+    *,
+    samples: int,
+    period_s: float,
+    seed: int,
+    image_every: int = 0,
+    watch: Watch | None = None,
+    open_plant: Opener | PlantName = "mujoco",
+) -> Excited:
+    """Excite a scenario and write its run folder, ``record.csv`` included.
+
+    Args:
+        samples: Number of input-output samples.
+        period_s: Time between samples [s].
+
+    Raises:
+        TreadlineError: Before anything is written, if the chair cannot be read.
+    """
+    chair = read_chair(scenario.chair.model)
+    whole = long_enough(scenario, (samples + 1) * period_s)
+    manifest = begin_run(folder, whole.model_dump(mode="json"), seed, excitation=asdict(excitation_of(scenario)))
+    with _scene_log(folder, whole, chair, manifest, image_every) as scene:
+        excited = excite(
+            scenario,
+            samples=samples,
+            period_s=period_s,
+            seed=seed,
+            sink=scene,
+            watch=_watching(scene, watch),
+            open_plant=open_plant,
+        )
+    write_record(folder / RECORD, excited.record, excited.first_t_s)
+    _write(folder, excited.run)
+    return excited
+
+
+@contextmanager
+def _scene_log(
+    folder: Path, scenario: Scenario, chair: ChairDescription, manifest: Mapping[str, Any], image_every: int
+) -> Iterator[SceneLog]:
+    """Yield the log of a run folder."""
+    # The stair of a run with this seed: the plant draws it from the first of its streams.
+    rng = np.random.default_rng(manifest["seed"]).spawn(1)[0]
+    staircase = build_staircase(scenario.stair, rng, scenario.step)
+    backwards = scenario.drive.direction == "down"
+    with RunLog(folder / LOG, image_every=image_every, metadata=log_metadata(manifest, manifest["settings"], folder)) as log:
+        yield SceneLog(log, chair, scenario.chair, belts=scenario.belts, staircase=staircase, backwards=backwards)
+
+
+def _watching(scene: SceneLog, watch: Watch | None) -> Watch:
+    """Return what receives each tick: the log, for the plan, and ``watch``."""
+
+    def both(tick: Tick) -> None:
+        scene.plan(tick.plan)
+        if watch is not None:
+            watch(tick)
+
+    return both
+
+
+def _write(folder: Path, run: Traverse) -> None:
+    write_series(folder, series(run.trace, run.estimate_rad))
+    write_result(folder, run.summary())
+
+
+def series(trace: Trace, estimate_rad: Float[np.ndarray, " T"]) -> dict[str, Float[np.ndarray, " T"]]:
+    """Return the columns of ``series.csv`` by name: angles in degrees, everything else in SI units."""
+    columns = {"t_s": trace["t_s"], "estimate_deg": estimate_rad[: len(trace["t_s"])] / DEG}
+    columns |= {name: trace[source] / DEG for name, source in SERIES.items()}
+    columns |= {name: trace[name] for name in PLAIN_SERIES}
+    return columns

@@ -1,0 +1,283 @@
+"""One resolved run: scenario, chair and controller, each read once, and everything that follows from them.
+
+``resolve(scenario, controller, seed) -> Setup``. Command line, experiments, nodes, campaigns and the Python interface start here.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from treadline.core.errors import SettingsError
+from treadline.core.models import ControllerDesign
+from treadline.core.ports import TruthPlant
+from treadline.mission.belt_controllers import Driver
+from treadline.mission.loop import Blocks
+from treadline.mission.mission_config import MissionConfig, build_blocks, is_full_traversal
+from treadline.mission.plugins import (
+    ControllerPlugin,
+    DetectorPlugin,
+    EstimatorPlugin,
+    Plugins,
+    checked_plugin,
+    load_plugin,
+    source_of_plugin,
+)
+from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Scenario, read_scenario
+from treadline.vehicle.verdict import CheckReport, check
+
+SEAT_SHIFT_M = 0.10
+"""Largest shift of the seat along the chair [m] that is applied before a traversal to reach the margin that ``check`` requires."""
+
+SHIPPED = "shipped"
+"""Source that names the shipped controller, detector or estimator."""
+
+Opener = Callable[[Scenario, int], TruthPlant]
+"""Factory of a plant from a scenario and a seed."""
+PlantName = Literal["mujoco", "gazebo"]
+ControllerSource = str | Path | ControllerDesign | Driver | ControllerPlugin | None
+"""File, ``module:Class``, entry point name, design, driver or plug-in class; None for the shipped controller of the vehicle."""
+DetectorSource = str | DetectorPlugin | None
+"""``module:Class``, entry point name or plug-in class; None for the shipped detector."""
+EstimatorSource = str | EstimatorPlugin | None
+"""``module:Class``, entry point name or plug-in class; None for the shipped estimator."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Setup:
+    """One run, resolved: what is run, with which chair, blocks, plant and seed."""
+
+    scenario: Scenario
+    """Scenario as it is run: with the seat shifted, where a shift makes it feasible."""
+    seed: int
+    """Random seed. The same seed gives byte-identical results."""
+    chair: ChairDescription
+    """Chair as its file describes it, without a shift of the seat."""
+    report: CheckReport
+    """Result of ``check`` on the scenario as it was given."""
+    mission: MissionConfig
+    """Mission configuration: what the operator would enter, and no ground truth."""
+    rejections: tuple[str, ...] = ()
+    """Reasons for which the scenario must not be run; empty if it may. ``drive.check = false`` overrides them."""
+    seat_shift: str | None = None
+    """Shift of the seat that was applied, and why; None if none was."""
+    driver: Driver | None = None
+    """An experiment's own driver in place of the configured one."""
+    opener: Opener | PlantName = field(default="mujoco", repr=False)
+
+    @property
+    def is_full_traversal(self) -> bool:
+        """Whether the run goes from floor to landing (or back) instead of along one flight."""
+        return is_full_traversal(self.mission, self.driver)
+
+    def build_blocks(self) -> Blocks:
+        """Return new blocks for one mission.
+
+        Raises:
+            SettingsError: If a block cannot be built, for example because the controller was made for another vehicle.
+        """
+        return build_blocks(self.mission, self.driver)
+
+    def open_plant(self) -> TruthPlant:
+        """Return a new plant of the scenario, with the faults that the scenario injects.
+
+        Raises:
+            TreadlineError: If the plant cannot be made.
+        """
+        from treadline.plant.faults import faulty
+
+        return faulty(self._open(), self.scenario, self.seed)
+
+    def _open(self) -> TruthPlant:
+        if self.opener == "mujoco":
+            from treadline.plant.mujoco import open_plant
+
+            return open_plant(self.scenario, self.seed, chair=self.chair)
+        if self.opener == "gazebo":
+            from treadline.plant.gazebo import open_gazebo
+
+            return open_gazebo(self.scenario, self.seed, chair=self.chair)
+        return self.opener(self.scenario, self.seed)
+
+    def require_controller(self) -> None:
+        """Reject a rejected scenario for whose vehicle no controller is shipped: the answer of ``check`` precedes the controller.
+
+        Raises:
+            SettingsError: With the reasons of ``check``.
+        """
+        has_none = self.driver is None and self.mission.controller is None and self.mission.plugins.controller is None
+        if self.rejections and has_none and self.mission.loop == "closed":
+            raise SettingsError(f"check refuses this scenario: {'; '.join(self.rejections)}")
+
+    def manifest(self) -> dict[str, dict[str, str]]:
+        """Return the plug-ins of the run for its manifest, by kind; empty without plug-ins."""
+        sources = self.mission.plugins.sources()
+        return {"plugins": sources} if sources else {}
+
+
+def resolve(
+    scenario: str | Path | Scenario,
+    controller: ControllerSource = None,
+    seed: int = 0,
+    *,
+    detector: DetectorSource = None,
+    estimator: EstimatorSource = None,
+    open_plant: Opener | PlantName = "mujoco",
+) -> Setup:
+    """Return a run, resolved: each file read once, the scenario checked once.
+
+    Args:
+        scenario: Scenario file, the name of a shipped scenario, or a scenario.
+        controller: File that ``treadline tune`` wrote, ``module:Class``, entry point name, design, plug-in class, or an
+            experiment's own driver; the controller shipped for the vehicle when left out.
+        seed: Random seed. The same seed gives byte-identical results.
+        detector: Stair detector as ``module:Class``, entry point name or plug-in class.
+        estimator: Heading estimator, likewise.
+        open_plant: Simulator: its name, or a factory of the plant.
+
+    Raises:
+        SettingsError: If a file or plug-in is missing or says something that it must not.
+    """
+    given = scenario if isinstance(scenario, Scenario) else read_scenario(scenario)
+    chair = read_chair(given.chair.model)
+    report = check(given, chair)
+    driver = controller if isinstance(controller, Driver) and not isinstance(controller, type) else None
+    source = None if driver is not None else resolved_controller(controller)
+    plugins = Plugins(
+        controller=None if isinstance(source, ControllerDesign) else source,
+        detector=resolved_plugin("detector", detector),
+        estimator=resolved_plugin("estimator", estimator),
+    )
+    design = source if isinstance(source, ControllerDesign) else None
+    mission = mission_config(given, design, chair=chair, plugins=plugins)
+    run, seat_shift = given, None
+    rejections: tuple[str, ...] = ()
+    if given.drive.check and report.verdict != "go":
+        rejections = tuple(report.reasons)
+        if is_full_traversal(mission, driver):
+            run, refusal, seat_shift = ready(given, chair, report)
+            rejections = () if refusal is None else rejections
+    if seat_shift is not None:
+        mission = replace(mission, chair=with_seat_shifted(chair, run.chair.seat_shift_m))
+    if source is None and driver is None and given.control.loop == "closed":
+        mission = replace(mission, controller=_shipped(chair.name, is_needed=not rejections))
+    return Setup(
+        scenario=run,
+        seed=seed,
+        chair=chair,
+        report=report,
+        mission=mission,
+        rejections=rejections,
+        seat_shift=seat_shift,
+        driver=driver,
+        opener=open_plant,
+    )
+
+
+def mission_config(
+    scenario: Scenario,
+    controller: ControllerDesign | None,
+    *,
+    chair: ChairDescription | None = None,
+    plugins: Plugins | None = None,
+) -> MissionConfig:
+    """Return the mission configuration of a scenario: what the operator would enter, and no ground truth.
+
+    Args:
+        chair: The chair, if its file has been read already.
+        plugins: Blocks that replace the shipped ones.
+    """
+    described = read_chair(scenario.chair.model) if chair is None else chair
+    return MissionConfig(
+        chair=with_seat_shifted(described, scenario.chair.seat_shift_m),
+        controller=controller,
+        plugins=plugins or Plugins(),
+        direction=scenario.drive.direction,
+        payload_kg=scenario.chair.entered.payload_kg,
+        climb_speed_m_s=scenario.drive.speed_m_s,
+        flights=scenario.stair.flights,
+        loop=scenario.control.loop,
+        vision="paper" if scenario.control.vision == "paper" else "robust",
+        allocation=scenario.control.allocation,
+        reconstruct=scenario.control.reconstruct,
+    )
+
+
+def with_seat_shifted(chair: ChairDescription, shift_m: float) -> ChairDescription:
+    """Return the chair with its seat shifted along the chair, uphill positive [m]; without a seat, the chair itself."""
+    if chair.seat is None:
+        return chair
+    x, y, z = chair.seat.hinge_m
+    seat = chair.seat.model_copy(update={"hinge_m": (x + shift_m, y, z)})
+    return chair.model_copy(update={"seat": seat})
+
+
+def ready(
+    scenario: Scenario, chair: ChairDescription, report: CheckReport | None = None
+) -> tuple[Scenario, str | None, str | None]:
+    """Return the scenario with a feasible seat position, the reason for a refusal, and the shift that was applied.
+
+    Args:
+        report: Result of ``check`` on this scenario, if it is known already.
+    """
+    report = check(scenario, chair) if report is None else report
+    if report.verdict == "go":
+        return scenario, None, None
+    shift_m = report.proposed_seat_shift_m
+    if shift_m is not None and abs(shift_m - scenario.chair.seat_shift_m) <= SEAT_SHIFT_M:
+        moved = scenario.model_copy(update={"chair": scenario.chair.model_copy(update={"seat_shift_m": shift_m})})
+        if check(moved, chair).verdict == "go":
+            was = scenario.chair.seat_shift_m
+            return moved, None, f"seat shifted by {(shift_m - was) * 1000.0:+.0f} mm along the chair: {report.reasons[0]}"
+    return scenario, "; ".join(report.reasons), None
+
+
+def _shipped(vehicle: str, *, is_needed: bool) -> ControllerDesign | None:
+    """Return the shipped controller; None where none is shipped and the scenario is rejected anyway, for other reasons."""
+    try:
+        return shipped_controller(vehicle)
+    except SettingsError:
+        if is_needed:
+            raise
+        return None
+
+
+def resolved_controller(source: Any) -> ControllerDesign | ControllerPlugin | None:
+    """Return the design or plug-in behind a source.
+
+    Text with a colon is a plug-in, an existing or ``.json`` file a design, ``shipped`` the shipped controller (None), anything else
+    the name of an entry point.
+
+    Raises:
+        SettingsError: If there is none, or it is not a controller.
+    """
+    if source is None or source == SHIPPED:
+        return None
+    if isinstance(source, ControllerDesign):
+        return source
+    if isinstance(source, str | Path):
+        text = str(source)
+        if Path(text).is_file() or Path(text).suffix == ".json" or ("/" in text and ":" not in text):
+            return ControllerDesign.load(Path(text))
+        plugin: ControllerPlugin = load_plugin("controller", text)
+        return plugin
+    checked: ControllerPlugin = checked_plugin("controller", source, f"controller {source!r}")
+    return checked
+
+
+def resolved_plugin(kind: str, source: Any) -> Any:
+    """Return the plug-in class behind a source, or None.
+
+    Args:
+        kind: ``controller``, ``detector`` or ``estimator``.
+
+    Raises:
+        SettingsError: If it cannot be loaded, or lacks an attribute of its kind.
+    """
+    if source is None or source == SHIPPED:
+        return None
+    if isinstance(source, str):
+        return load_plugin(kind, source)
+    return checked_plugin(kind, source, f"{kind} {source_of_plugin(source) if isinstance(source, type) else source!r}")

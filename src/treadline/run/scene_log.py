@@ -1,0 +1,286 @@
+"""Scene of a run for its log: what RViz, Foxglove, Rerun and PlotJuggler need to show it, derived from the run's signals.
+
+``signals, ground truth -> /tf, /tf_static, /odom, /joint_states, /robot_description, /chair, /stair/true, /stair/seen, /plan``, and
+with images ``/camera/overlay/compressed``. Frames: ``world`` (W) holds ``odom``, whose place is corrected by the ground truth, and
+``odom`` holds ``base_link`` (B) by dead reckoning, as a localisation would do it (REP 105). Without ground truth ``odom`` is the
+root. Everything is a function of the signals: the same signals give the same bytes.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import DEG, attitude_of, quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.ports import Truth
+from treadline.core.signals import (
+    CAMERA_AXES_IN_CHAIR,
+    PERIOD_ROUNDING_S,
+    TICK_S,
+    FlipperReading,
+    HeadingMeasurement,
+    ImuSample,
+    MotionPlan,
+    RgbdFrame,
+    SeatReading,
+    StairMap,
+    TrackReading,
+)
+from treadline.io.mcap_log import RunLog
+from treadline.io.messages import joints, messages_of
+from treadline.io.scene_messages import (
+    BASE,
+    LINE_LIST,
+    FramePose,
+    Marker,
+    compressed_message,
+    frames_message,
+    marker_of,
+    markers_message,
+    odometry_message,
+    text_message,
+)
+from treadline.mission.blocks import Detection, Detector
+from treadline.mission.loop import Signal
+from treadline.mission.odometry import DeadReckoning, Odometry
+from treadline.perception.detector import FrameResult
+from treadline.perception.overlay import jpeg, overlay
+from treadline.scenario.chair import CameraMount, ChairDescription
+from treadline.scenario.scenario import Belts, Chair
+from treadline.vehicle.appearance import chair_parts, stair_parts
+from treadline.vehicle.appearance.belts import resting_lugs
+from treadline.vehicle.appearance.mesh_files import LINKAGE_BODIES
+from treadline.vehicle.appearance.palette import SEEN_NOSING
+from treadline.vehicle.bodies import Vehicle, vehicle
+from treadline.vehicle.formats import urdf
+from treadline.vehicle.linkage import SeatLinkage
+from treadline.vehicle.staircase import Staircase
+
+SCENE_TICKS = 5
+"""Ticks between two transforms: 20 Hz, as the nodes publish odometry. The chair moves 10 mm in between."""
+PLAN_TICKS = 10
+"""Ticks between two plans of an unchanged phase: 10 Hz."""
+SEEN_HALF_M = 0.5
+"""Half length of a detected nosing whose ends are out of view [m]: half of a stair of common width."""
+SEEN_WIDTH_M = 0.012
+"""Drawn width of a detected nosing [m]."""
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+"""Quaternion of a frame parallel to its parent."""
+ORIGIN = (0.0, 0.0, 0.0)
+"""Place of a frame at its parent's origin [m]."""
+
+
+class SceneLog:
+    """Run log that also holds the scene: takes signals as ``RunLog`` does, and writes the scene's messages in between.
+
+    Args:
+        log: Log to write.
+        chair: Chair without a shift of the seat.
+        loading: Payload, with the seat's shift.
+        belts: Lug profile; None: smooth belts.
+        staircase: Staircase of a simulated run; None for a recording of an unknown stair.
+        backwards: Whether the rear camera is in use.
+    """
+
+    def __init__(
+        self,
+        log: RunLog,
+        chair: ChairDescription,
+        loading: Chair,
+        *,
+        belts: Belts | None = None,
+        staircase: Staircase | None = None,
+        backwards: bool = False,
+    ) -> None:
+        self._log = log
+        self._linkage = None if chair.seat is None else SeatLinkage(chair.seat)
+        self._vehicle = vehicle(chair, loading)
+        self._turning = self._vehicle.turning
+        self._has_truth = staircase is not None
+        self._placed_s: float | None = None
+        self._reckoning = DeadReckoning()
+        self._odometry: Odometry | None = None
+        self._stroke_m: float | None = None
+        self._flipper_rad = chair.tracks.approach_angle_deg * DEG
+        self._measured: HeadingMeasurement | None = None
+        self._phase: tuple[str, str | None] = ("", None)
+        self._begin(chair, loading, belts, staircase, backwards=backwards)
+
+    def __call__(self, signal: Signal | Truth, taken_s: float | None = None) -> None:
+        """Write one signal, and the messages of the scene that follow from it."""
+        self._log(signal, taken_s)
+        match signal:
+            case ImuSample():
+                self._reckoning.update(signal)
+            case TrackReading():
+                odometry = self._reckoning.step(signal)
+                self._odometry = self._odometry if odometry is None else odometry
+                if not self._has_truth:
+                    self._place_by_odometry(signal.t_s, taken_s)
+            case SeatReading():
+                self._stroke_m = signal.stroke_m
+            case FlipperReading():
+                self._flipper_rad = signal.angle_rad
+            case HeadingMeasurement():
+                self._measured = signal
+            case StairMap():
+                self._log.add([markers_message("/stair/seen", signal.t_s, [self._seen(signal)])], signal.t_s, taken_s)
+            case Truth():
+                self._has_truth = True
+                if _is_due(signal.t_s, SCENE_TICKS):
+                    self._place(signal.t_s, taken_s, signal)
+            case _:
+                pass
+
+    def plan(self, plan: MotionPlan) -> None:
+        """Write the plan of a tick where its phase or hold is new, and at 10 Hz."""
+        phase = (plan.phase, plan.hold)
+        if phase != self._phase or _is_due(plan.t_s, PLAN_TICKS):
+            self._phase = phase
+            self._log.add(messages_of(plan), plan.t_s)
+
+    def saw(self, frame: RgbdFrame, seen: object) -> None:
+        """Write the image with the detection of a frame whose images are kept."""
+        if frame.t_s == self._log.kept_frame_s and isinstance(seen, FrameResult) and seen.sight is not None:
+            image = jpeg(overlay(frame, seen.sight))
+            self._log.add([compressed_message("/camera/overlay/compressed", frame.t_s, "camera", image)], frame.t_s)
+
+    def _begin(
+        self, chair: ChairDescription, loading: Chair, belts: Belts | None, staircase: Staircase | None, *, backwards: bool
+    ) -> None:
+        """Write what does not change: description, fixed frames, and meshes of chair and stair."""
+        fixed = [*_fixed_frames(self._vehicle), *_camera_frames(chair, backwards=backwards)]
+        drawn = (*chair_parts(chair, loading, belts), *resting_lugs(chair, belts))
+        messages = [
+            text_message("/robot_description", urdf(chair, loading)),
+            markers_message("/chair", 0.0, [marker_of(part, part.body) for part in drawn if part.body not in LINKAGE_BODIES]),
+        ]
+        if staircase is not None:
+            fixed.append(
+                FramePose(
+                    parent="world", child="stair", place_m=tuple(staircase.p_WS.tolist()), quaternion=quaternion_of(staircase.R_WS)
+                )
+            )
+            messages.append(markers_message("/stair/true", 0.0, [marker_of(part, "world") for part in stair_parts(staircase)]))
+        self._log.add([frames_message("/tf_static", 0.0, fixed), *messages], 0.0)
+
+    def _place(self, t_s: float, taken_s: float | None, truth: Truth | None) -> None:
+        """Write frames, joint angles and odometry of one instant."""
+        odometry = self._odometry
+        R_OB, p_OB = (np.eye(3), np.zeros(3)) if odometry is None else (rotation_of(odometry.orientation), odometry.p_OB)
+        q_OB = LEVEL if odometry is None else odometry.orientation
+        moved = FramePose(parent="odom", child=BASE, place_m=tuple(p_OB.tolist()), quaternion=q_OB)
+        poses = [moved]
+        if truth is not None and not math.isnan(truth.chassis_x_m):
+            poses.insert(0, _corrected(truth, R_OB, p_OB))
+        seat_rad = 0.0 if self._linkage is None or self._stroke_m is None else self._linkage.nearest_angle(self._stroke_m)
+        angles = {"seat": seat_rad, "flipper": self._flipper_rad}
+        for body, hinge in self._turning:
+            half = 0.5 * angles[body.name] * hinge.axis[1]
+            quaternion = np.array([math.cos(half), 0.0, math.sin(half), 0.0])
+            poses.append(FramePose(parent="chair", child=body.name, place_m=body.origin_m, quaternion=quaternion))
+        messages = [frames_message("/tf", t_s, poses)]
+        if self._turning:
+            names = tuple(f"{body.name}_joint" for body, _ in self._turning)
+            turned = tuple(angles[body.name] for body, _ in self._turning)
+            messages.append(joints("/joint_states", t_s, names, turned, (), "chair"))
+        if odometry is not None:
+            messages.append(odometry_message("/odom", t_s, moved, odometry.speed_m_s, odometry.angular_velocity_rad_s))
+        self._log.add(messages, t_s, taken_s)
+
+    def _place_by_odometry(self, t_s: float, taken_s: float | None) -> None:
+        """Place the chair without ground truth at 20 Hz: a recording's readings are not on the ticks.
+
+        The first reading is too early: the first ground truth follows it.
+        """
+        if self._placed_s is None:
+            self._placed_s = t_s
+        elif t_s - self._placed_s >= SCENE_TICKS * TICK_S - PERIOD_ROUNDING_S:
+            self._placed_s = t_s
+            self._place(t_s, taken_s, None)
+
+    def _seen(self, stair: StairMap) -> Marker:
+        """Return the detected nosings as lines in B, turned by the heading measured in the same frame."""
+        measured = self._measured
+        heading = 0.0 if measured is None or measured.t_s != stair.t_s else measured.heading_rad
+        left = SEEN_HALF_M if stair.left_edge_m is None else stair.left_edge_m
+        right = SEEN_HALF_M if stair.right_edge_m is None else stair.right_edge_m
+        ends = nosing_ends(stair.nosings_B, heading, (left, right)).reshape(-1, 3)
+        return Marker(
+            frame="chair", name="seen", number=0, kind=LINE_LIST, points_m=ends, rgba=(*SEEN_NOSING, 1.0), width_m=SEEN_WIDTH_M
+        )
+
+
+class WatchedDetector:
+    """Stair detector that hands each frame and its result to a scene log.
+
+    Args:
+        detector: Detector in use.
+        scene: Log that draws the overlay.
+    """
+
+    def __init__(self, detector: Detector, scene: SceneLog) -> None:
+        self._detector, self._scene = detector, scene
+
+    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Detection:
+        """Return what the detector returns for a frame."""
+        seen = self._detector.see(frame, gravity_C)
+        self._scene.saw(frame, seen)
+        return seen
+
+
+def nosing_ends(
+    nosings_B: Float[np.ndarray, "n 3"], heading_rad: float, reach_m: tuple[float, float] = (SEEN_HALF_M, SEEN_HALF_M)
+) -> Float[np.ndarray, "n 2 3"]:
+    """Return left and right end of each detected nosing in B [m], parallel to the x-y plane of B.
+
+    Args:
+        nosings_B: Intersections of the nosings with the chair's middle plane [m].
+        heading_rad: Heading of the chair: nosings are turned by its negative in B.
+        reach_m: Length of the nosings to the left and to the right of the middle plane.
+    """
+    across = np.array([math.sin(heading_rad), math.cos(heading_rad), 0.0])
+    return np.stack([nosings_B + reach_m[0] * across, nosings_B - reach_m[1] * across], axis=1)
+
+
+def _is_due(t_s: float, ticks: int) -> bool:
+    return round(t_s / TICK_S) % ticks == 0
+
+
+def _corrected(truth: Truth, R_OB: Float[np.ndarray, "3 3"], p_OB: Float[np.ndarray, " 3"]) -> FramePose:
+    """Return the pose of the odometry's frame in W with which the chair is where it is."""
+    R_WB = rotation_of(attitude_of(np.array(truth.yaw_rad), np.array(truth.pitch_rad), np.array(truth.roll_rad)))
+    R_WO = R_WB @ R_OB.T
+    p_WO = np.array([truth.chassis_x_m, truth.chassis_y_m, truth.chassis_z_m]) - R_WO @ p_OB
+    return FramePose(parent="world", child="odom", place_m=tuple(p_WO.tolist()), quaternion=quaternion_of(R_WO))
+
+
+def _fixed_frames(whole: Vehicle) -> list[FramePose]:
+    """Return the frames of the URDF's fixed links and of the IMU, which is read in the chair's axes."""
+    frames = [FramePose(parent=BASE, child=name, place_m=ORIGIN, quaternion=LEVEL) for name in ("chair", "imu")]
+    for body in whole.bodies:
+        if body.parent is not None and body.hinge is None:
+            frames.append(FramePose(parent=body.parent, child=body.name, place_m=body.origin_m, quaternion=LEVEL))
+        frames += [
+            FramePose(parent=body.name, child=f"{shape.name}_pulley", place_m=shape.centre_m, quaternion=LEVEL)
+            for shape in body.shapes
+            if shape.kind == "cylinder"
+        ]
+    return frames
+
+
+def _camera_frames(chair: ChairDescription, *, backwards: bool) -> list[FramePose]:
+    """Return the frames of the cameras as in the URDF, and ``camera``, the frame of the images in the log."""
+    mounts: Sequence[tuple[str, CameraMount | None]] = (("camera", chair.camera), ("rear_camera", chair.rear_camera))
+    optical = quaternion_of(CAMERA_AXES_IN_CHAIR)
+    frames: list[FramePose] = []
+    for name, mount in mounts:
+        if mount is None:
+            continue
+        R = rotation_z(mount.yaw_deg * DEG) @ rotation_y(mount.pitch_deg * DEG) @ rotation_x(mount.roll_deg * DEG)
+        frames.append(FramePose(parent="chair", child=f"{name}_link", place_m=mount.position_m, quaternion=quaternion_of(R)))
+        frames.append(FramePose(parent=f"{name}_link", child=f"{name}_optical_frame", place_m=ORIGIN, quaternion=optical))
+    used = "rear_camera" if backwards and chair.rear_camera is not None else "camera"
+    frames.append(FramePose(parent=f"{used}_optical_frame", child="camera", place_m=ORIGIN, quaternion=LEVEL))
+    return frames

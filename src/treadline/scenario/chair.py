@@ -1,0 +1,387 @@
+"""Chair description from a file: tracks with three pulleys, masses, seat, drives and camera mounts.
+
+Paper: Section II, Table I. All positions are in B: x forward, y left, z up, origin mid-track on the lower line of the belts.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, ClassVar
+
+from pydantic import AfterValidator, Field, model_validator
+
+from treadline.core.angles import DEG
+from treadline.core.errors import SettingsError
+from treadline.core.settings import Settings, read_toml
+from treadline.core.signals import TICK_S, PinholeCamera
+from treadline.scenario.camera_file import CameraFile, read_camera
+from treadline.scenario.chair_files import chair_file
+
+GRAVITY_M_S2 = 9.81
+"""Acceleration of gravity [m/s²]."""
+EMPTY_SEAT_KG = 0.5
+"""Mass of the seat shell, which rotates with the payload [kg]."""
+KINECT_1 = CameraFile(width=640, height=480, fx_px=575.0, fy_px=575.0, cx_px=319.5, cy_px=239.5)
+"""Intrinsics of a Kinect 1 as its own driver reports them: the camera of a chair whose file names none."""
+SWEPT_SPARE_M = 0.025
+"""Clearance on either side of a chair within which an object counts as an obstacle [m]."""
+
+
+def _a_tick_or_more(lag_s: float) -> float:
+    """Return a lag after checking that it is at least one tick."""
+    if lag_s < TICK_S:
+        raise ValueError(
+            f"a lag of {lag_s:g} s is below the tick of {TICK_S:g} s; give {TICK_S:g} s or more: drives are integrated once a "
+            "tick, and a shorter lag has no effect"
+        )
+    return lag_s
+
+
+def _above_zero(torque_n_m: float) -> float:
+    """Return a torque limit after checking that it is positive."""
+    if torque_n_m <= 0.0:
+        raise ValueError(
+            f"a torque limit of {torque_n_m:g} N·m; give more than 0: the limit holds in both directions, and a motor without "
+            "torque is no [flipper] at all"
+        )
+    return torque_n_m
+
+
+# Bounds far beyond any chair, so that a slipped unit or digit shows.
+Length = Annotated[float, Field(gt=0.0, le=10.0)]
+Place = Annotated[float, Field(ge=-10.0, le=10.0)]
+Mass = Annotated[float, Field(gt=0.0, le=1000.0)]
+Speed = Annotated[float, Field(gt=0.0, le=10.0)]
+Lag = Annotated[float, Field(le=10.0), AfterValidator(_a_tick_or_more)]
+Torque = Annotated[float, Field(le=1e4), AfterValidator(_above_zero)]
+Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
+Point = tuple[Place, Place, Place]
+Size = tuple[Length, Length, Length]
+
+
+class Tracks(Settings):
+    """Two belts, each over a rear, a front and a raised nose pulley (three-pulley mechanism, Fig. 3b)."""
+
+    flat_run_m: Length
+    """Distance between the centres of rear and front pulley: the part in contact with the stair."""
+    approach_m: Length
+    """Distance between the centres of front and nose pulley."""
+    approach_angle_deg: Annotated[float, Field(ge=0.0, le=80.0)]
+    """Angle of attack: angle of the nose section above the flat run."""
+    pulley_radius_m: Length
+    gauge_m: Length
+    """Distance between the belts' centre lines."""
+    belt_width_m: Length
+
+
+class Masses(Settings):
+    """Mass and inertia of the chassis without payload, seat included."""
+
+    chassis_kg: Mass
+    chassis_com_m: Point
+    chassis_size_m: Size
+    """Edges of the uniform box with the inertia of the chassis."""
+
+
+class Seat(Settings):
+    """Seat, its hinge and the slider-bar linkage for levelling (Section II.B)."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"arm_m": "lever_arm_m"}
+
+    hinge_m: Point
+    payload_com_m: Point
+    """Centre of mass of the payload relative to the hinge, with the seat parallel to the chassis."""
+    payload_size_m: Size
+    bar_m: Length
+    """Length of the bar from slider to seat."""
+    lever_arm_m: Length
+    """Distance from the hinge to the bar's pin on the seat."""
+    slider_drop_m: Length
+    """Height of the hinge above the slider rail."""
+    stroke_m: tuple[Place, Place]
+    """Slider positions at the two ends of the actuator, measured rearward from below the hinge."""
+    max_rate_m_s: Speed
+    lag_s: Lag
+    """First-order lag of the actuator."""
+    push_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
+    """Stall force of the actuator, decreasing linearly to zero at ``no_load_m_s``. None: no force limit."""
+    no_load_m_s: Speed | None = None
+    hold_n: Annotated[float, Field(gt=0.0, le=1e5)] | None = None
+    """Holding force of the actuator's screw at standstill."""
+
+    @model_validator(mode="after")
+    def _a_limit_is_whole(self) -> "Seat":
+        given = [value is not None for value in (self.push_n, self.no_load_m_s, self.hold_n)]
+        if any(given) and not all(given):
+            raise ValueError("give push_n, no_load_m_s and hold_n together, or none: they are one actuator")
+        if self.no_load_m_s is not None and self.no_load_m_s < self.max_rate_m_s:
+            raise ValueError(
+                f"seat.no_load_m_s is {self.no_load_m_s:g}, below max_rate_m_s of {self.max_rate_m_s:g}: the actuator never "
+                "reaches that rate"
+            )
+        return self
+
+
+class Payload(Settings):
+    """Payload of a chair without a seat linkage: a box fixed to the chassis."""
+
+    com_m: Point
+    """Centre of mass of the payload in B."""
+    size_m: Size
+    """Edges of the uniform box with the inertia of the payload."""
+
+
+class Drives(Settings):
+    """Belt motors with their inner speed loop."""
+
+    max_speed_m_s: Speed
+    lag_s: Lag
+    """First-order lag from command to belt speed."""
+    max_acceleration_m_s2: Annotated[float, Field(gt=0.0, le=100.0)]
+    brake_hold_n: Annotated[float, Field(gt=0.0, le=1e5)]
+    """Holding force of each belt's brake."""
+
+
+class Motor(Settings):
+    """Motor and gear of one belt: the belt force decreases linearly from stall to no load."""
+
+    peak_force_n: Annotated[float, Field(gt=0.0, le=1e5)]
+    """Belt force at stall and nominal voltage."""
+    no_load_speed_m_s: Speed
+    """Belt speed without load at nominal voltage."""
+    continuous_force_n: Annotated[float, Field(gt=0.0, le=1e5)]
+    """Belt force at thermal equilibrium; the limit of a hot motor."""
+    thermal_time_s: Annotated[float, Field(ge=1.0, le=1e5)]
+    """Time constant of the motor's heating."""
+    moving_mass_kg: Mass
+    """Equivalent mass at the belt of rotor, gear and belt."""
+    nominal_v: Annotated[float, Field(gt=0.0, le=1000.0)]
+
+
+class Battery(Settings):
+    """Battery of both motors."""
+
+    full_v: Annotated[float, Field(gt=0.0, le=1000.0)]
+    """Open-circuit voltage of a full battery; linear in the charge down to ``empty_v``."""
+    empty_v: Annotated[float, Field(gt=0.0, le=1000.0)]
+    resistance_ohm: Annotated[float, Field(ge=0.0, le=100.0)]
+    """Internal resistance, cables included."""
+    capacity_wh: Annotated[float, Field(gt=0.0, le=1e6)]
+
+
+class Flipper(Settings):
+    """Motor on the front pulley's axis that rotates the approach section: a variable angle of attack.
+
+    The section itself is described in ``tracks``: ``approach_m`` is the flipper's length, ``approach_angle_deg`` its rest angle.
+    """
+
+    range_deg: tuple[Annotated[float, Field(ge=-90.0, le=0.0)], Annotated[float, Field(ge=0.0, le=90.0)]]
+    """Lowest and highest angle relative to the flat run."""
+    torque_n_m: Torque
+    """Largest torque of the motor, both sides together."""
+    max_rate_deg_s: Annotated[float, Field(gt=0.0, le=1000.0)]
+    no_load_deg_s: Annotated[float, Field(gt=0.0, le=10000.0)] | None = None
+    """No-load rate of the motor; the torque decreases linearly to zero at this rate. None: full torque at any rate."""
+    lost_damping_n_m_s_rad: Annotated[float, Field(ge=0.0, le=1e4)]
+    """Damping of rising motion with a dead motor: a diode shorts its windings in one direction only."""
+    mass_kg: Mass
+
+
+class Rating(Settings):
+    """Manufacturer's limits; physics may allow more."""
+
+    slope_deg: Annotated[float, Field(gt=0.0, le=45.0)]
+    """Slope of the steepest flight."""
+    payload_kg: Mass
+    """Largest payload on any flight."""
+    steep_payload_kg: Mass
+    """Largest payload on flights steeper than ``steep_deg``, limited by the flipper motor at the crest."""
+    steep_deg: Annotated[float, Field(gt=0.0, le=90.0)]
+
+
+class CameraMount(Settings):
+    """Position and orientation of a depth camera."""
+
+    position_m: Point
+    pitch_deg: Degrees
+    roll_deg: Degrees = 0.0
+    yaw_deg: Degrees = 0.0
+    file: str | None = None
+    """Camera file with the intrinsics, relative to the chair's file; the mount in it is ignored. Unset: a Kinect 1."""
+    calibration: CameraFile | None = None
+    """Intrinsics given in the chair's file itself, in place of ``file``."""
+
+    @model_validator(mode="after")
+    def _intrinsics_are_given_once(self) -> "CameraMount":
+        if self.file is not None and self.calibration is not None:
+            raise ValueError("give camera.file or camera.calibration, not both: both hold the intrinsics")
+        return self
+
+
+class ChairDescription(Settings):
+    """Tracked chair."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"arm": "flipper"}
+
+    name: str
+    tracks: Tracks
+    masses: Masses
+    seat: Seat | None = None
+    """Seat with its linkage for levelling. None: the payload is fixed to the chassis, and nothing is levelled."""
+    payload: Payload | None = None
+    """Place of the payload on a chair without a seat. None: inside the hull, with its centre and its edges."""
+    drives: Drives
+    camera: CameraMount
+    rear_camera: CameraMount | None = None
+    """Rear camera above the back of the chair, for the edge and the flight below. None: the chair only climbs."""
+    rating: Rating | None = None
+    """Manufacturer's limits. None: no limits besides mechanics."""
+    flipper: Flipper | None = None
+    """Flipper. None: the approach section is fixed."""
+    motor: Motor | None = None
+    """Motor of each belt. None: belts follow their commands at any load."""
+    battery: Battery | None = None
+    """Battery of the motors; required with motors."""
+
+    @model_validator(mode="after")
+    def _the_payload_has_one_place(self) -> "ChairDescription":
+        if self.seat is not None and self.payload is not None:
+            raise ValueError("give [seat] or [payload], not both: seat.payload_com_m is the payload's place in a seat")
+        return self
+
+    @model_validator(mode="after")
+    def _motors_have_a_battery(self) -> "ChairDescription":
+        if self.motor is None:
+            return self
+        if self.battery is None:
+            raise ValueError("a chair with a [motor] needs a [battery]: the motors' force depends on its voltage")
+        if self.motor.no_load_speed_m_s < self.drives.max_speed_m_s:
+            raise ValueError(
+                f"motor.no_load_speed_m_s is {self.motor.no_load_speed_m_s:g}, below drives.max_speed_m_s of "
+                f"{self.drives.max_speed_m_s:g}: the motor never reaches that speed"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _the_flipper_rests_within_its_range(self) -> "ChairDescription":
+        if (
+            self.flipper is not None
+            and not self.flipper.range_deg[0] <= self.tracks.approach_angle_deg <= self.flipper.range_deg[1]
+        ):
+            low, high = self.flipper.range_deg
+            raise ValueError(
+                f"tracks.approach_angle_deg is {self.tracks.approach_angle_deg:g}, where the flipper rests; flipper.range_deg is "
+                f"{low:g} to {high:g}"
+            )
+        return self
+
+    @property
+    def levelled_seat(self) -> Seat:
+        """Seat with its linkage.
+
+        Raises:
+            SettingsError: If the chair has no seat linkage.
+        """
+        if self.seat is None:
+            raise SettingsError(f"chair {self.name!r} has no seat linkage, so there is nothing to level; describe it in [seat]")
+        return self.seat
+
+    @property
+    def payload_origin_m(self) -> Point:
+        """Origin of the payload's frame in B [m]: the seat's hinge, or the centre of a payload fixed to the chassis."""
+        if self.seat is not None:
+            return self.seat.hinge_m
+        return self.masses.chassis_com_m if self.payload is None else self.payload.com_m
+
+    @property
+    def payload_com_m(self) -> Point:
+        """Nominal centre of mass of the payload in its frame [m]."""
+        return (0.0, 0.0, 0.0) if self.seat is None else self.seat.payload_com_m
+
+    @property
+    def payload_size_m(self) -> Size:
+        """Edges of the payload's box [m]."""
+        if self.seat is not None:
+            return self.seat.payload_size_m
+        return self.masses.chassis_size_m if self.payload is None else self.payload.size_m
+
+    @property
+    def empty_seat_kg(self) -> float:
+        """Mass of the seat shell [kg]; zero without a seat."""
+        return 0.0 if self.seat is None else EMPTY_SEAT_KG
+
+    def camera_at(self, height_px: int = 240, *, rear: bool = False) -> PinholeCamera:
+        """Return the chair's front or rear camera, its image scaled to a height.
+
+        Args:
+            height_px: Image rows; the simulator renders 240 or 480. Width, focal lengths and principal point scale with it.
+            rear: Whether the camera that faces backwards is asked for.
+
+        Raises:
+            SettingsError: If the chair has no rear camera.
+        """
+        mount = self.rear_camera if rear else self.camera
+        if mount is None:
+            raise SettingsError(f"chair {self.name!r} has no rear_camera, and cannot see where it backs to; it only climbs")
+        known = mount.calibration or KINECT_1
+        scale = height_px / known.height
+        return PinholeCamera(
+            width_px=round(known.width * scale),
+            height_px=height_px,
+            fx_px=known.fx_px * scale,
+            fy_px=known.fy_px * scale,
+            cx_px=(known.cx_px + 0.5) * scale - 0.5,  # pixel centres are integers: the image's edge is at -0.5
+            cy_px=(known.cy_px + 0.5) * scale - 0.5,
+            mount_pitch_rad=mount.pitch_deg * DEG,
+            mount_roll_rad=mount.roll_deg * DEG,
+            mount_yaw_rad=mount.yaw_deg * DEG,
+            mount_m=mount.position_m,
+        )
+
+    @property
+    def half_width_m(self) -> float:
+        """Half of the largest width over belts, chassis and passenger [m]."""
+        tracks = self.tracks
+        return 0.5 * max(tracks.gauge_m + tracks.belt_width_m, self.masses.chassis_size_m[1], self.payload_size_m[1])
+
+    @property
+    def swept_half_m(self) -> float:
+        """Half width of the volume swept in straight motion [m]."""
+        return self.half_width_m + SWEPT_SPARE_M
+
+    @property
+    def reach_m(self) -> float:
+        """Distance from mid-track to the foremost part of the tracks [m]: nose, or tip of a flipper in line with the belts."""
+        end_m = self.nose_m[0] if self.flipper is None else 0.5 * self.tracks.flat_run_m + self.tracks.approach_m
+        return end_m + self.tracks.pulley_radius_m
+
+    @property
+    def rear_reach_m(self) -> float:
+        """Distance from mid-track to the rearmost part of the tracks [m]."""
+        return 0.5 * self.tracks.flat_run_m + self.tracks.pulley_radius_m
+
+    @property
+    def nose_m(self) -> Point:
+        """Centre of the nose pulley, mid-gauge [m]."""
+        angle = self.tracks.approach_angle_deg * DEG
+        return (
+            0.5 * self.tracks.flat_run_m + self.tracks.approach_m * math.cos(angle),
+            0.0,
+            self.tracks.pulley_radius_m + self.tracks.approach_m * math.sin(angle),
+        )
+
+
+def read_chair(model: str) -> ChairDescription:
+    """Return the chair in a file, or the shipped chair of that name.
+
+    Raises:
+        SettingsError: If no such chair exists, or the file is invalid.
+    """
+    path = chair_file(model)
+    chair = read_toml(path, ChairDescription)
+    mounts = {"camera": chair.camera, "rear_camera": chair.rear_camera}
+    calibrated = {
+        name: mount.model_copy(update={"calibration": read_camera(path.parent / mount.file), "file": None})
+        for name, mount in mounts.items()
+        if mount is not None and mount.file is not None
+    }
+    return chair.model_copy(update=calibrated) if calibrated else chair

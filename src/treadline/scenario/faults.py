@@ -1,0 +1,187 @@
+"""Fault injection: kinds of faults, their magnitudes and their duration.
+
+A fault is active from ``at_s`` for ``for_s`` seconds. ``value = 0`` selects the default magnitude in ``EXTENTS``; for kinds with
+numbered choices, zero is the first choice. After the fault all settings are as before, but its physical effects remain (a chair
+that rolled back stays there).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from treadline.core.settings import Settings
+
+FaultKind = Literal[
+    "camera_lost", "camera_frozen", "camera_dark", "depth_holes", "false_edges", "imu_nan", "imu_stuck", "imu_bias",
+    "imu_lost", "clock_back", "late_tick", "track_stalled", "track_slip", "low_friction", "operator_stop",
+    "link_lost", "seat_stuck", "process_killed", "power_cut", "obstacle", "flipper_lost", "flipper_stuck",
+    "readings_lost", "gyro_ramp", "wrong_stamp", "payload_forward", "payload_left", "payload_up",
+]  # fmt: skip
+"""Kinds of faults. New kinds are appended: the position of a kind selects its stream of random numbers."""
+
+RENAMED_KINDS = {"arm_lost": "flipper_lost", "arm_stuck": "flipper_stuck"}
+"""Kinds of the previous release and their present names; both are accepted for one release."""
+
+SAME_TIME_S = 1e-6
+"""Largest time difference treated as the same tick despite rounding [s]."""
+
+
+class Process(IntEnum):
+    """Process stopped by ``process_killed``."""
+
+    MISSION = 0
+    """The whole mission: the chair receives no commands."""
+    PERCEPTION = 1
+    """Camera pipeline: the mission receives no frame, heading or map."""
+    CONTROLLER = 2
+    """Controller: the guard receives no proposal. Implemented by the builder of the mission through ``is_killed``, because a plant
+    cannot suppress proposals."""
+    SEAT = 3
+    """Seat controller: the seat actuator receives no command and continues with the last one until its watchdog stops it."""
+
+
+WRONG_STAMP_S = 1e6
+"""Stamp of a message under ``wrong_stamp`` [s]: eleven days in the future."""
+
+
+class Message(IntEnum):
+    """Message to the guard with a false stamp under ``wrong_stamp``."""
+
+    MAP = 0
+    PLAN = 1
+    HEALTH = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Extent:
+    """Meaning, default and range of ``value`` for one kind of fault."""
+
+    means: str
+    default: float = 0.0
+    low: float = 0.0
+    high: float = 0.0
+    is_choice: bool = False
+    """Whether ``value`` must be a whole number."""
+
+
+EXTENTS: dict[FaultKind, Extent] = {
+    "camera_lost": Extent(means="unused: no frame, heading or map arrives"),
+    "camera_frozen": Extent(means="unused: the last frame, heading and map are repeated with new stamps"),
+    "camera_dark": Extent(
+        means="factor on the light, below 1 dark and above 1 glare; negative: the depth image is empty as well",
+        default=0.02,
+        low=-50.0,
+        high=50.0,
+    ),
+    "depth_holes": Extent(means="fraction of the depth image lost in blotches", default=0.4, high=0.98),
+    "false_edges": Extent(means="angle of a bar across the nosings [°] (rendered images only)", default=15.0, low=-45.0, high=45.0),
+    "imu_nan": Extent(means="unused: every number is NaN"),
+    "imu_stuck": Extent(means="unused: the last sample is repeated with new stamps"),
+    "imu_bias": Extent(
+        means="below 5: bias of the gyro about the chair's z [°/s]; from 5: jump of the heading within 0.1 s [°]",
+        default=1.0,
+        low=-180.0,
+        high=180.0,
+    ),
+    "imu_lost": Extent(means="unused: no sample arrives"),
+    "clock_back": Extent(means="backward jump of all stamps [s]; every reading is delivered twice", default=0.5, high=10.0),
+    "late_tick": Extent(means="delay of commands [s]; readings arrive in bursts of this length", default=0.5, high=10.0),
+    "track_stalled": Extent(means="stalled belt: 0 left, 1 right", high=1.0, is_choice=True),
+    "track_slip": Extent(means="factor on one belt's friction; negative: right belt", default=0.2, low=-2.0, high=2.0),
+    "low_friction": Extent(means="factor on both belts' friction", default=0.5, high=2.0),
+    "operator_stop": Extent(means="operator's action: 0 presses stop, 1 releases the dead-man switch", high=1.0, is_choice=True),
+    "link_lost": Extent(means="unused: the operator's heartbeat does not arrive"),
+    "seat_stuck": Extent(means="unused: the seat actuator is blocked"),
+    "process_killed": Extent(means="killed process: 0 mission, 1 perception, 2 controller, 3 seat", high=3.0, is_choice=True),
+    "power_cut": Extent(means="unused: the brakes engage; gears hold flipper and seat"),
+    "obstacle": Extent(means="distance from the chair's leading end to a box in its path [m]", default=1.2, high=5.0),
+    "flipper_lost": Extent(means="unused: the flipper motor has no power; its shorted windings damp the rise only"),
+    "flipper_stuck": Extent(means="unused: the flipper is blocked"),
+    "readings_lost": Extent(means="unused: no readings of belts, seat and flipper arrive"),
+    "gyro_ramp": Extent(
+        means="bias of the gyro about the chair's z at the end of the fault [°/s], linear from zero",
+        default=0.6,
+        low=-10.0,
+        high=10.0,
+    ),
+    "wrong_stamp": Extent(
+        means="message to the guard stamped 1e6 s: 0 stair map, 1 plan, 2 health of the heading filter",
+        high=2.0,
+        is_choice=True,
+    ),
+    "payload_forward": Extent(means="shift of the passenger's centre of mass forward [m]", default=0.15, low=-0.3, high=0.3),
+    "payload_left": Extent(means="shift of the passenger's centre of mass to the left [m]", default=0.15, low=-0.3, high=0.3),
+    "payload_up": Extent(means="shift of the passenger's centre of mass upward [m]", default=0.15, low=-0.3, high=0.3),
+}  # fmt: skip
+
+
+class Fault(Settings):
+    """One fault: from ``at_s``, for ``for_s`` seconds, with the magnitude ``value`` (unit depends on the kind)."""
+
+    kind: FaultKind
+    """Kind of fault."""
+    at_s: Annotated[float, Field(ge=0.0)] = 10.0
+    """Start time of the fault."""
+    for_s: Annotated[float, Field(gt=0.0)] = 3.0
+    """Duration of the fault."""
+    value: float = 0.0
+    """Magnitude of the fault; the unit depends on the kind, and 0 selects the default of the kind."""
+
+    @field_validator("kind", mode="before")
+    @classmethod
+    def _present_name(cls, kind: object) -> object:
+        return RENAMED_KINDS.get(kind, kind) if isinstance(kind, str) else kind
+
+    @model_validator(mode="after")
+    def _value_means_something(self) -> "Fault":
+        extent = EXTENTS[self.kind]
+        if extent.low <= self.value <= extent.high and not (extent.is_choice and self.value % 1.0):
+            return self
+        if extent.low == extent.high:
+            raise ValueError(f"value is {self.value:g}, but {self.kind} takes no value; remove the key")
+        wanted = "a whole number from" if extent.is_choice else "from"
+        raise ValueError(
+            f"value is {self.value:g}; for {self.kind} it must be {wanted} {extent.low:g} to {extent.high:g} ({extent.means})"
+        )
+
+    @property
+    def size(self) -> float:
+        """Magnitude: ``value``, or the default of the kind if ``value`` is zero."""
+        return self.value or EXTENTS[self.kind].default
+
+    def active(self, t_s: float) -> bool:
+        """Return whether the fault is active at ``t_s``."""
+        return self.at_s <= t_s + SAME_TIME_S < self.at_s + self.for_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """Adjustable conditions of a simulated run; the default changes nothing. Faults add to them."""
+
+    friction: tuple[float, float] = (1.0, 1.0)
+    """Factor on the friction of the left and the right belt, along and across."""
+    payload_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Shift of the passenger's centre of mass in the seat [m]: forward, left, up."""
+
+
+def payload_shift_m(faults: Iterable[Fault], t_s: float) -> tuple[float, float, float]:
+    """Return the shift of the passenger's centre of mass at ``t_s`` [m]: forward, left, up, each the sum of its faults."""
+    on = [fault for fault in faults if fault.active(t_s)]
+    x, y, z = (
+        sum((fault.size for fault in on if fault.kind == kind), 0.0) for kind in ("payload_forward", "payload_left", "payload_up")
+    )
+    return x, y, z
+
+
+def is_killed(faults: Iterable[Fault], process: Process, t_s: float) -> bool:
+    """Return whether a process is stopped at ``t_s``."""
+    return any(fault.kind == "process_killed" and fault.size == process and fault.active(t_s) for fault in faults)
+
+
+def stamp_of(faults: Iterable[Fault], message: Message, t_s: float) -> float:
+    """Return the stamp of a message created at ``t_s``, false under ``wrong_stamp``."""
+    wrong = any(fault.kind == "wrong_stamp" and fault.size == message and fault.active(t_s) for fault in faults)
+    return WRONG_STAMP_S if wrong else t_s

@@ -1,0 +1,59 @@
+"""Operator actions during a run: the ``[[operator]]`` tables of a scenario.
+
+The operator holds a handset with a stop button, a dead-man switch and a re-arm button; the handset reports ten times per second.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from treadline.core.settings import Settings
+
+SAME_TIME_S = 1e-6
+"""Largest time difference treated as the same tick despite rounding [s]."""
+REPORT_S = 0.1
+"""Report period of the handset [s]."""
+
+
+class OperatorAct(Settings):
+    """One operator action: a stop, a released dead-man switch, or a re-arm after a hold."""
+
+    kind: Literal["stop", "release", "rearm"]
+    """Action: press stop, release the dead-man switch, or press re-arm, which ends a hold."""
+    at_s: Annotated[float, Field(ge=0.0)] = 10.0
+    """Start time of the action."""
+    for_s: Annotated[float, Field(ge=0.2, le=3600.0)] = 0.5
+    """Duration of the press or release: at least two handset reports."""
+
+    def active(self, t_s: float) -> bool:
+        """Return whether the action is in progress at ``t_s``."""
+        return self.at_s <= t_s + SAME_TIME_S < self.at_s + self.for_s
+
+
+def does(acts: Sequence[OperatorAct], kind: str, t_s: float) -> bool:
+    """Return whether an action of the given kind is in progress at ``t_s``."""
+    return any(act.kind == kind and act.active(t_s) for act in acts)
+
+
+def rearms_until_s(acts: Sequence[OperatorAct]) -> float:
+    """Return the end of the last re-arm action [s]; a later hold ends the run."""
+    return max((act.at_s + 2.0 * REPORT_S for act in acts if act.kind == "rearm"), default=-math.inf)
+
+
+def act_problem(acts: Sequence[OperatorAct]) -> str | None:
+    """Return an error message for the first re-arm without effect, or None."""
+    for number, act in enumerate(acts):
+        if act.kind != "rearm":
+            continue
+        for other_number, other in enumerate(acts):
+            if other_number == number or not other.at_s <= act.at_s < other.at_s + other.for_s + REPORT_S:
+                continue
+            until_s = other.at_s + other.for_s
+            meanwhile = f"but operator.{other_number} ({other.kind}) lasts until {until_s:g} s"
+            return (
+                f"operator.{number}: a re-arm at {act.at_s:g} s, {meanwhile}; a re-arm counts from {until_s + REPORT_S:g} s on, "
+                "one report of the handset later"
+            )
+    return None

@@ -1,0 +1,271 @@
+"""Scenario files: typed and checked settings of one run. Simulator and experiments read the scenario; the mission never does."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from treadline.core.errors import SettingsError
+from treadline.core.models import Reconstruct
+from treadline.core.settings import Settings, parse_toml, settings_of
+from treadline.scenario.chair_files import CHAIRS, chair_file
+from treadline.scenario.faults import Fault
+from treadline.scenario.operator_actions import OperatorAct, act_problem
+from treadline.scenario.realism import Realism
+from treadline.scenario.stair import RISE_M, RUN_M, SLOPE_DEG, Stair, StepOverride
+from treadline.scenario.step_rules import step_problem
+
+__all__ = [
+    "RISE_M", "RUN_M", "SEAT_SHIFT_M", "SHIPPED", "SLOPE_DEG", "Chair", "Control", "DriveSettings", "Scenario", "Sensors", "Stair",
+    "Start", "StepOverride", "is_sweep", "read_scenario", "scenario_of", "shipped_scenarios",
+]  # fmt: skip
+
+SHIPPED = Path(__file__).parents[1] / "data" / "scenarios"
+SEAT_SHIFT_M = (-0.3, 0.3)
+"""Range of the seat position along the chair [m]."""
+
+
+Offset = Annotated[float, Field(ge=-0.5, le=0.5)]
+Lean = Annotated[float, Field(ge=-0.3, le=0.3)]
+Sway = Annotated[float, Field(ge=0.0, le=0.15)]
+
+
+class Chair(Settings):
+    """Chair model and payload."""
+
+    model: str = "wheelchair"
+    """Name of a shipped chair, or path of a chair's TOML file."""
+    payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] = 50.0
+    """Mass of the passenger."""
+    payload_offset_m: tuple[Offset, Offset, Offset] = (0.0, 0.0, 0.0)
+    """Offset of the passenger's centre of mass from the nominal position in the seat: forward, left, up."""
+    lean_m: tuple[Lean, Lean] = (0.0, 0.0)
+    """Constant lean of the passenger during the run: offset of the centre of mass forward and left. Unknown to the operator."""
+    sway_m: tuple[Sway, Sway] = (0.0, 0.0)
+    """Amplitude of the passenger's sway about the lean, forward and left; MuJoCo only."""
+    sway_period_s: Annotated[float, Field(ge=1.0, le=20.0)] = 3.0
+    """Period of the passenger's sway."""
+    entered_payload_kg: Annotated[float, Field(ge=0.0, le=200.0)] | None = None
+    """Mass of the passenger entered by the operator, used by check and mission. Unset: the true mass."""
+    entered_payload_offset_m: tuple[Offset, Offset, Offset] | None = None
+    """Offset of the passenger entered by the operator, used by check. Unset: the true offset."""
+    seat_shift_m: Annotated[float, Field(ge=SEAT_SHIFT_M[0], le=SEAT_SHIFT_M[1])] = 0.0
+    """Position of the seat along the chair, uphill positive; ``treadline check`` proposes a value."""
+    belt_mismatch: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.005
+    """Relative speed excess of the right belt over its command."""
+
+    @property
+    def entered(self) -> "Chair":
+        """Chair with the payload entered by the operator, as used by check and mission."""
+        kg, offset_m = self.entered_payload_kg, self.entered_payload_offset_m
+        known = {
+            "payload_kg": self.payload_kg if kg is None else kg,
+            "payload_offset_m": self.payload_offset_m if offset_m is None else offset_m,
+        }
+        return self.model_copy(update=known)
+
+    @property
+    def sways(self) -> bool:
+        """Whether the passenger moves during the run."""
+        return any(self.sway_m)
+
+    def sway_at(self, t_s: float) -> float:
+        """Return the sway at a time from -1 to 1 of its amplitude; zero without sway."""
+        return math.cos(math.tau * t_s / self.sway_period_s) if self.sways else 0.0
+
+    def leaning(self, sway: float = 0.0) -> "Chair":
+        """Return the chair with lean and a fraction of the sway (-1 to 1) added to the passenger's offset."""
+        x, y, z = self.payload_offset_m
+        moved = (x + self.lean_m[0] + sway * self.sway_m[0], y + self.lean_m[1] + sway * self.sway_m[1], z)
+        return self.model_copy(update={"payload_offset_m": moved})
+
+    def moved(self, by_m: tuple[float, float, float]) -> "Chair":
+        """Return the chair with the passenger's centre of mass moved [m]: forward, left, up."""
+        (x, y, z), (dx, dy, dz) = self.payload_offset_m, by_m
+        return self.model_copy(update={"payload_offset_m": (x + dx, y + dy, z + dz)})
+
+
+LUGS_MM: Mapping[str, tuple[float, float, float, float]] = {
+    "none": (0.0, 60.0, 20.0, 10.0),
+    "8/60": (8.0, 60.0, 20.0, 10.0),
+    "15/80": (15.0, 80.0, 24.0, 14.0),
+    "20/80": (20.0, 80.0, 24.0, 14.0),
+}
+"""Height, pitch, tip width and flank length of each named lug profile [mm]."""
+STIFFNESS_S = (0.004, 0.05)
+"""Bounds of the contact time constant [s]: two physics steps of 2 ms (integration stability), and a soft tyre."""
+
+
+class Belts(Settings):
+    """Lug profile and contact stiffness of the belts. Each explicit dimension overrides the named profile."""
+
+    lug: Literal["none", "8/60", "15/80", "20/80"] = "none"
+    """Named lug profile, height/pitch [mm]; none is a smooth belt."""
+    height_m: Annotated[float, Field(ge=0.0, le=0.05)] | None = None
+    """Height of the lug tips above the belt surface."""
+    pitch_m: Annotated[float, Field(ge=0.01, le=0.3)] | None = None
+    """Distance between adjacent lugs along the belt."""
+    tip_m: Annotated[float, Field(ge=0.0, le=0.3)] | None = None
+    """Width of the lug tip along the belt."""
+    flank_m: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
+    """Length of each lug flank along the belt (half-cosine profile)."""
+    stiffness_s: float | None = None
+    """Time constant of the belt contact; 0.005 to 0.02 s covers rubber and brackets the force peaks. Unset: 0.01 s."""
+
+    @property
+    def measures_m(self) -> tuple[float, float, float, float]:
+        """Height, pitch, tip width and flank length of the lugs [m]."""
+        named = LUGS_MM[self.lug]
+        given = (self.height_m, self.pitch_m, self.tip_m, self.flank_m)
+        height, pitch, tip, flank = (1e-3 * mm if own is None else own for mm, own in zip(named, given, strict=True))
+        return height, pitch, tip, flank
+
+    @model_validator(mode="after")
+    def _is_a_profile(self) -> "Belts":
+        _, pitch, tip, flank = self.measures_m
+        if tip + 2.0 * flank > pitch + 1e-12:
+            raise ValueError(
+                f"a lug's tip of {tip:.3f} m and its two flanks of {flank:.3f} m are longer than the pitch of {pitch:.3f} m: lugs "
+                f"would overlap; give belts.pitch_m of at least {tip + 2.0 * flank:.3f}"
+            )
+        if self.stiffness_s is not None and not STIFFNESS_S[0] <= self.stiffness_s <= STIFFNESS_S[1]:
+            raise ValueError(
+                f"belts.stiffness_s is {self.stiffness_s}, the contact's time constant; physics steps of 2 ms integrate from "
+                f"{STIFFNESS_S[0]} s (two steps), and rubber is stiffer than {STIFFNESS_S[1]} s"
+            )
+        return self
+
+
+class Start(Settings):
+    """Pose of the chair at t = 0."""
+
+    place: Literal["floor", "flight", "landing"] = "floor"
+    step: Annotated[int, Field(ge=0)] = 4
+    """Index of the nosing under the front pulley for a start on the flight."""
+    heading_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 0.0
+    """Initial heading, zero square to the nosings and facing up, positive anticlockwise seen from above."""
+    lateral_m: Annotated[float, Field(ge=-5.0, le=5.0)] = 0.0
+    """Initial lateral position, left of the middle of the flight."""
+    seat: Literal["level", "chassis"] = "level"
+    """Initial seat attitude: level, or parallel to the chassis (Fig. 11)."""
+
+
+class DriveSettings(Settings):
+    """Direction, speed and time limit of the run."""
+
+    direction: Literal["up", "down"] = "up"
+    check: bool = True
+    """Whether ``treadline check`` must pass before the chair moves. Without the check, only the mission's own tests apply."""
+    speed_m_s: Annotated[float, Field(gt=0.0, le=0.30)] = 0.2
+    """Belt speed on the flight."""
+    duration_s: Annotated[float, Field(gt=0.0, le=3600.0)] = 80.0
+    """Time limit of the run; a traversal also ends on arrival."""
+
+
+class Control(Settings):
+    """Structure of the control loop."""
+
+    loop: Literal["closed", "open"] = "closed"
+    """Closed loop, or open loop: both belts run at the same speed at any heading."""
+    vision: Literal["robust", "paper", "truth"] = "robust"
+    """Source of the heading: the robust detector, Algorithm 1 as printed, or simulator ground truth for the stair in view."""
+    allocation: Literal["climb-safe", "paper"] = "climb-safe"
+    """Distribution of a turn between the belts: without roll-back of the chair (climb-safe), or as printed (paper)."""
+    reconstruct: Reconstruct | None = None
+    """Method of state reconstruction. Unset: as stored in the controller file (observer by default)."""
+
+
+class Sensors(Settings):
+    """Error models of the sensors."""
+
+    camera: Literal["kinect1", "kinect2", "ideal", "statistical"] = "kinect1"
+    """Camera model: rendered images with the noise of the named sensor, or statistical: headings and maps with fitted errors,
+    without images."""
+    image_height_px: Literal[240, 480] = 240
+    """Image height: 320×240 or 640×480 pixels."""
+    imu: Literal["mpu6050", "mpu9250", "ideal"] = "mpu6050"
+    """IMU model: noise and bias of the named sensor."""
+    gravity_error_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    """Attitude error of a chair at rest due to accelerometer bias, in a random direction."""
+
+
+class Scenario(Settings):
+    """Complete settings of one run."""
+
+    stair: Stair = Stair()
+    chair: Chair = Chair()
+    belts: Belts = Belts()
+    start: Start = Start()
+    drive: DriveSettings = DriveSettings()
+    control: Control = Control()
+    sensors: Sensors = Sensors()
+    step: tuple[StepOverride, ...] = ()
+    operator: tuple[OperatorAct, ...] = ()
+    realism: Realism = Realism()
+    fault: tuple[Fault, ...] = ()
+
+    @model_validator(mode="after")
+    def _tables_of_lists_agree(self) -> "Scenario":
+        problem = step_problem(self.stair, self.step) or act_problem(self.operator)
+        if problem is not None:
+            raise ValueError(problem)
+        return self
+
+    @model_validator(mode="after")
+    def _starts_on_the_flight(self) -> "Scenario":
+        if self.start.place == "flight" and self.start.step >= self.stair.steps:
+            raise ValueError(
+                f"start.step is {self.start.step}, the flight has {self.stair.steps} steps; give one from 0 to "
+                f"{self.stair.steps - 1}"
+            )
+        return self
+
+
+def read_scenario(name: str | Path) -> Scenario:
+    """Return the scenario in a file, or the shipped scenario of that name.
+
+    Raises:
+        SettingsError: If no such scenario exists, or the file is invalid.
+    """
+    path, shipped = Path(name), shipped_scenarios()
+    if not path.is_file() and str(name) in shipped:
+        path = shipped[str(name)]  # a run folder of the same name may exist next to it
+    elif not str(name):
+        raise SettingsError(f"no scenario is named; give a file, or a shipped one: {', '.join(sorted(shipped))}")
+    elif not path.exists() and path.suffix == "" and len(path.parts) == 1:
+        if (SHIPPED / f"{name}.toml").is_file():
+            raise SettingsError(f"{name}: a shipped sweep, not one scenario; run it with treadline sweep {name}")
+        known = ", ".join(sorted(shipped))
+        raise SettingsError(f"{name}: no such file, and no shipped scenario of that name (shipped: {known})")
+    tables = parse_toml(path)
+    if "draw" in tables:
+        raise SettingsError(f"{path}: a sweep, not one scenario; run it with treadline sweep {name}")
+    return scenario_of(tables, path, where=str(path))
+
+
+def scenario_of(tables: Mapping[str, object], path: Path, *, where: str) -> Scenario:
+    """Return the scenario given by parsed tables; a chair file is looked up next to ``path`` first.
+
+    Raises:
+        SettingsError: With ``where``, if the tables are invalid or the chair file does not exist.
+    """
+    scenario = settings_of(tables, Scenario, where=where, file=path if where == str(path) else None)
+    try:
+        found = chair_file(scenario.chair.model, path.parent)
+    except SettingsError as error:
+        raise SettingsError(f"{where}: {error}") from None
+    if found.parent == CHAIRS:
+        return scenario
+    return scenario.model_copy(update={"chair": scenario.chair.model_copy(update={"model": str(found)})})
+
+
+def shipped_scenarios() -> dict[str, Path]:
+    """Return name and path of each scenario shipped with the package, sweeps excluded."""
+    return {found.stem: found for found in sorted(SHIPPED.glob("*.toml")) if not is_sweep(found)}
+
+
+def is_sweep(path: Path) -> bool:
+    """Return whether a shipped file is a sweep (with ``[[draw]]`` tables) instead of a scenario."""
+    return "\n[[draw]]" in path.read_text(encoding="utf-8")

@@ -1,0 +1,253 @@
+"""The ``[stair]`` and ``[[step]]`` tables of a scenario file, typed and checked."""
+
+import math
+from typing import Annotated, Literal, TypeGuard
+
+from pydantic import Field, model_validator
+
+from treadline.core.settings import Settings
+
+RISE_M, RUN_M, SLOPE_DEG = (0.05, 0.30), (0.15, 0.60), (5.0, 45.0)
+"""Bounds of a staircase's rise, run and slope."""
+RUN_DEFAULT_M = 0.30
+TURNING_FLIGHTS = 4
+"""Largest number of flights with quarter landings: after four quarters a fifth would lie above the first."""
+STEP_RISE_M, STEP_RUN_M = (0.005, 0.35), (0.10, 1.5)
+"""Rise and run of a single step: from a lip to a mounting block, and from a narrow tread to a podium."""
+STEP_YAW_DEG, STEP_SLOPE_DEG = 30.0, 5.0
+"""Largest turn of a single nosing and largest slope of a tread."""
+WINDER_TURN_DEG = (10.0, 180.0)
+"""Turn of a flight by its winders; beyond 180° the flight above would lie over the flight below."""
+WINDER_DEG = 45.0
+"""Largest turn by one winder: two winders to a quarter are the least in use."""
+NEWEL_M = (0.05, 0.5)
+"""Radius of a newel; walls of the two flights, 0.10 m thick, fit between them after half a turn."""
+LEAST_SIDE_DEPTH_M = 0.02
+"""Least depth of a tread at its narrow side: nosings that meet leave no tread between them."""
+OVERHANG_M = 0.10
+"""Largest overhang: three times that of usual timber treads, 30 to 40 mm."""
+FrictionCoefficient = Annotated[float, Field(gt=0.0, le=2.0)]
+Friction = tuple[FrictionCoefficient, FrictionCoefficient]
+
+
+class Stair(Settings):
+    """The staircase: ``rise_m`` and ``run_m``, or ``slope_deg`` with ``run_m``.
+
+    The slope is another way to write the rise: it is converted as the file is read, and is not kept. Several flights are alike,
+    with a landing between any two.
+    """
+
+    rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
+    """Height of a step."""
+    run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = RUN_DEFAULT_M
+    """Depth of a step, from nosing to nosing."""
+    slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
+    """Slope of the flight, in place of ``rise_m``."""
+    steps: Annotated[int, Field(ge=2, le=2000)] = 20
+    """Number of steps of each flight; the uppermost is its landing."""
+    flights: Annotated[int, Field(ge=1, le=20)] = 1
+    between_m: Annotated[float, Field(ge=0.5, le=20.0)] = 2.5
+    """Depth of the landing between two flights, from the nosing of one to the first nosing of the next."""
+    turn: Literal["none", "left", "right"] = "none"
+    """Direction of each next flight: straight on, or a quarter turn to one side (quarter landings)."""
+    winders: Annotated[int, Field(ge=0, le=12)] = 0
+    """Number of winders: wedge-shaped steps around a newel, which turn the flight. They are among ``steps``."""
+    winder_first: Annotated[int, Field(ge=0)] | None = None
+    """Index of the first winder, counted from the floor, from 0; unset: the winders lead up to the landing."""
+    winder_to: Literal["left", "right"] = "left"
+    """Way the winders turn the flight."""
+    winder_turn_deg: Annotated[float, Field(ge=WINDER_TURN_DEG[0], le=WINDER_TURN_DEG[1])] = 90.0
+    """Turn of the flight by all winders together."""
+    newel_m: Annotated[float, Field(ge=NEWEL_M[0], le=NEWEL_M[1])] = 0.1
+    """Radius of the newel around which the winders turn."""
+    width_m: Annotated[float, Field(ge=0.8, le=60.0)] = 1.2
+    landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
+    """Depth of the landing above the last flight."""
+    end_wall: bool = False
+    """Whether a wall stands across the far end of that landing."""
+    open_risers: bool = False
+    """Whether the stair has treads without risers."""
+    nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] = 0.01
+    rise_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
+    """Standard deviation of a step's height."""
+    run_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
+    """Standard deviation of a step's depth."""
+    nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    """Standard deviation of a nosing's turn about the vertical."""
+    friction: Friction = (0.62, 0.5)
+    """Friction coefficients along the belt and across it."""
+    friction_left: Friction | None = None
+    """Friction on the left half of every step, along and across; unset: friction."""
+    friction_right: Friction | None = None
+    """Friction on the right half of every step, along and across; unset: friction."""
+    floor_friction: Friction | None = None
+    """Friction of the floor before the first step, along and across; unset: friction."""
+    missing_steps: tuple[Annotated[int, Field(ge=0)], ...] = ()
+    """Indices of missing steps, counted from the floor over all flights, from 0."""
+    texture: Literal["wood", "concrete", "carpet", "terrazzo", "dark"] = "wood"
+    """Material in the camera's picture."""
+    walls: Literal["none", "left", "right", "both"] = "left"
+    light: Annotated[float, Field(ge=0.35, le=1.6)] = 1.0
+    """Gain of the light: 1 as usual, less is darker."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rise_from_slope(cls, tables: object) -> object:
+        """Convert ``slope_deg`` to a rise, so that only one of the two is kept."""
+        if not isinstance(tables, dict) or tables.get("slope_deg") is None:
+            return tables
+        if "rise_m" in tables:
+            raise ValueError("give rise_m or slope_deg, not both")
+        slope, run = tables["slope_deg"], tables.get("run_m", RUN_DEFAULT_M)
+        if not (_within(SLOPE_DEG, slope) and _within(RUN_M, run)):
+            return tables  # the fields' own checks say what is wrong with them
+        rise = run * math.tan(math.radians(slope))
+        if not _within(RISE_M, rise):
+            raise ValueError(
+                f"slope_deg = {slope:g} with run_m = {run:g} is a rise of {rise:.3f} m; it must be from "
+                f"{RISE_M[0]:g} to {RISE_M[1]:g} m"
+            )
+        return {key: value for key, value in tables.items() if key != "slope_deg"} | {"rise_m": rise}
+
+    @model_validator(mode="after")
+    def _steps_exist(self) -> "Stair":
+        count = self.flights * self.steps
+        beyond = [index for index in self.missing_steps if index >= count or (index + 1) % self.steps == 0]
+        if beyond and self.flights == 1:
+            raise ValueError(
+                f"missing_steps names step {beyond[0]} of a flight of {self.steps} steps; the last that can be missing "
+                f"is {self.steps - 2}, for the one above it is the landing"
+            )
+        if beyond:
+            raise ValueError(
+                f"missing_steps names step {beyond[0]} of {self.flights} flights of {self.steps} steps, counted over all from the "
+                f"floor; it must be below {count - 1} and no flight's uppermost, for that is its landing"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _landings_can_turn(self) -> "Stair":
+        if self.turn == "none":
+            return self
+        if not 2 <= self.flights <= TURNING_FLIGHTS:
+            raise ValueError(
+                f"turn is '{self.turn}' with {self.flights} flights; give 2 to {TURNING_FLIGHTS}: they turn at the landings "
+                "between flights, and a fifth would lie above the first"
+            )
+        if self.between_m < self.width_m:
+            raise ValueError(
+                f"turn is '{self.turn}' and between_m = {self.between_m:g}; a quarter landing must be at least as deep as the next "
+                f"flight is wide, width_m = {self.width_m:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _winders_fit(self) -> "Stair":
+        problem = self._winder_problem() if self.winders else None
+        if problem is not None:
+            raise ValueError(problem)
+        return self
+
+    def _winder_problem(self) -> str | None:
+        """Return why the winders cannot be built, or None."""
+        step_deg = self.winder_turn_deg / self.winders
+        inner_m = 2.0 * self.newel_m * math.sin(0.5 * math.radians(step_deg))
+        if self.flights > 1:
+            return f"winders is {self.winders} with {self.flights} flights; a stair has winders or landings: give flights = 1"
+        if self.open_risers:
+            return (
+                f"winders is {self.winders} with open_risers; the box of a winder reaches under the next steps, which open risers "
+                "would show: leave one of the two out"
+            )
+        if self.winders > self.steps - 2:
+            return (
+                f"winders is {self.winders} of {self.steps} steps; at least two must be straight, the landing among them: give at "
+                f"most {self.steps - 2} winders or more steps"
+            )
+        if self.first_winder > self.steps - 1 - self.winders:
+            return (
+                f"winder_first is {self.winder_first} with {self.winders} winders of {self.steps} steps; the step above the last "
+                f"winder must exist: give one from 0 to {self.steps - 1 - self.winders}"
+            )
+        if step_deg > WINDER_DEG:
+            least = math.ceil(self.winder_turn_deg / WINDER_DEG)
+            return (
+                f"winder_turn_deg is {self.winder_turn_deg:g} with {self.winders} winders, {step_deg:g}° each; a winder turns by "
+                f"at most {WINDER_DEG:g}°: give at least {least} winders"
+            )
+        if inner_m < LEAST_SIDE_DEPTH_M:
+            return (
+                f"newel_m is {self.newel_m:g}, so each winder is {inner_m:.3f} m deep at the newel; it must be at least "
+                f"{LEAST_SIDE_DEPTH_M:g} m: give a larger newel_m or fewer winders"
+            )
+        return None
+
+    @property
+    def first_winder(self) -> int:
+        """Index of the first winder, where there are winders."""
+        return self.steps - 1 - self.winders if self.winder_first is None else self.winder_first
+
+    def is_winder(self, index: int) -> bool:
+        """Return whether a step is a winder."""
+        return bool(self.winders) and self.first_winder <= index < self.first_winder + self.winders
+
+    @property
+    def slope_rad(self) -> float:
+        """Angle of the nosing plane."""
+        return math.atan2(self.rise_m, self.run_m)
+
+    @property
+    def count(self) -> int:
+        """Number of steps of all flights."""
+        return self.flights * self.steps
+
+    @property
+    def halves(self) -> tuple[Friction, Friction]:
+        """Friction on the left and on the right half of the steps."""
+        return self.friction_left or self.friction, self.friction_right or self.friction
+
+    @property
+    def mean_friction(self) -> Friction:
+        """Mean friction under the two belts of a chair in the middle."""
+        (left_along, left_across), (right_along, right_across) = self.halves
+        return 0.5 * (left_along + right_along), 0.5 * (left_across + right_across)
+
+    def is_landing(self, index: int) -> bool:
+        """Return whether a step is the uppermost of its flight."""
+        return (index + 1) % self.steps == 0
+
+
+def _within(limits: tuple[float, float], value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and limits[0] <= value <= limits[1]
+
+
+class StepOverride(Settings):
+    """One step that differs from the others; a value that is not given is the stair's."""
+
+    index: int
+    """Index of the step: 0 is the first above the floor, counted over all flights; -1 is the uppermost, the landing."""
+    rise_m: Annotated[float, Field(ge=STEP_RISE_M[0], le=STEP_RISE_M[1])] | None = None
+    """Height of its nosing above the one before; all that is above moves along."""
+    run_m: Annotated[float, Field(ge=STEP_RUN_M[0], le=STEP_RUN_M[1])] | None = None
+    """Depth from its nosing to the next one."""
+    yaw_deg: Annotated[float, Field(ge=-STEP_YAW_DEG, le=STEP_YAW_DEG)] | None = None
+    """Turn of its nosing about the vertical, positive anticlockwise seen from above."""
+    friction: Friction | None = None
+    """Friction along the belt and across it, on the whole step."""
+    friction_left: Friction | None = None
+    """Friction on its left half, along and across."""
+    friction_right: Friction | None = None
+    """Friction on its right half, along and across."""
+    overhang_m: Annotated[float, Field(ge=0.0, le=OVERHANG_M)] | None = None
+    """Distance by which its tread stands out over its riser."""
+    nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] | None = None
+    """Radius of its rounded front edge; 30 mm is badly worn."""
+    tread_slope_deg: Annotated[float, Field(ge=-STEP_SLOPE_DEG, le=STEP_SLOPE_DEG)] | None = None
+    """Slope of its tread, positive where the back is higher than the nosing, so that water runs off the front."""
+
+    @model_validator(mode="after")
+    def _frictions_do_not_overlap(self) -> "StepOverride":
+        for half in ("friction_left", "friction_right"):
+            if self.friction is not None and getattr(self, half) is not None:
+                raise ValueError(f"step {self.index} has friction and {half}; friction sets both halves, give one of the two")
+        return self

@@ -1,0 +1,208 @@
+"""Belts, lugs, pulleys and flipper: ``chair, lug profile, belt travel -> meshes and lug poses``."""
+
+import math
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import rotation_y
+from treadline.scenario.chair import ChairDescription, Tracks
+from treadline.scenario.scenario import LUGS_MM, Belts
+from treadline.vehicle.appearance import palette
+from treadline.vehicle.appearance.belt_path import BeltPath
+from treadline.vehicle.appearance.mesh import Mesh, Outline, band, box, capsule, cylinder, extrusion, lathe
+from treadline.vehicle.appearance.parts import BodyName, MeshPart, part
+from treadline.vehicle.bodies import sides
+
+SMOOTH_LUG_M = 1e-3 * LUGS_MM["8/60"][0]
+"""Height of the lugs drawn on a belt without lugs in the scenario [m]: the lowest named profile."""
+BELT_SHARE = 0.1
+"""Thickness of the belt below the lugs over the pulleys' radius (drawn only)."""
+ARC_POINTS = 13
+"""Points of each half circle of a belt."""
+LUG_SIDE_M = 0.004
+"""Distance of a lug's end from the edge of the belt [m] (drawn only)."""
+ROLLERS = 4
+"""Number of road wheels between rear and front pulley (drawn only)."""
+
+
+def lug_profile(belts: Belts | None) -> tuple[float, float, float, float]:
+    """Return height, pitch, tip width and flank length of the drawn lugs [m].
+
+    A smooth belt is drawn with the pitch of its settings and with lugs of ``SMOOTH_LUG_M``: without lugs its motion is invisible.
+    """
+    height, pitch, tip, flank = (Belts() if belts is None else belts).measures_m
+    return height or SMOOTH_LUG_M, pitch, tip, flank
+
+
+def lug_part(chair: ChairDescription, belts: Belts | None = None) -> MeshPart:
+    """Return the mesh of one lug in its own frame: x along the belt's motion, z outwards, origin in the middle of the tip.
+
+    ``lug_poses`` returns the poses of this frame in B.
+    """
+    height, _, tip, flank = lug_profile(belts)
+    top, foot, depth = 0.5 * max(tip, 0.002), 0.5 * tip + flank, height + 0.001
+    outline = np.array([(-foot, -depth), (foot, -depth), (top, 0.0), (-top, 0.0)])
+    half_width = 0.5 * chair.tracks.belt_width_m - LUG_SIDE_M
+    return part("lug", "chair", [extrusion(outline, -half_width, half_width)], palette.LUG)
+
+
+def lug_poses(
+    chair: ChairDescription,
+    side: Literal["left", "right"],
+    travel_m: float,
+    flipper_rad: float | None = None,
+    belts: Belts | None = None,
+) -> Float[np.ndarray, "n 4 4"]:
+    """Return the poses of a belt's lugs in B after a distance of belt travel.
+
+    The spacing is the belt's length divided by the nearest whole number of lug pitches, so that it differs from the pitch by at
+    most one part in twice the number of lugs. The number does not depend on the flipper angle. Lug 0 is at mid-track for zero
+    travel, as in the plant's lug model.
+
+    Args:
+        travel_m: Distance travelled by the belt's surface, positive while driving forward.
+        flipper_rad: Angle of the flipper; None, or a chair without flipper: the approach angle.
+        belts: Lug profile; None: a smooth belt, see ``lug_profile``.
+    """
+    count = round(BeltPath(chair).length_m / lug_profile(belts)[1])
+    path = BeltPath(chair, flipper_rad)
+    points, heading = path.at(travel_m + path.length_m / count * np.arange(count))
+    c, s = np.cos(heading), np.sin(heading)
+    poses = np.zeros((count, 4, 4))
+    # The belt runs clockwise in (x, z): outwards is to the left of the motion.
+    poses[:, 0, 0], poses[:, 2, 0] = c, s
+    poses[:, 1, 1] = 1.0
+    poses[:, 0, 2], poses[:, 2, 2] = -s, c
+    poses[:, 0, 3], poses[:, 2, 3] = points.T
+    poses[:, 1, 3] = dict(sides(chair.tracks))[side]
+    poses[:, 3, 3] = 1.0
+    return poses
+
+
+def resting_lugs(chair: ChairDescription, belts: Belts | None = None) -> tuple[MeshPart, ...]:
+    """Return all lugs at zero travel and rest angle as parts of chassis and flipper, for files without moving belts."""
+    lug = lug_part(chair, belts)
+    mesh = Mesh(vertices=lug.vertices_m.astype(float), faces=lug.faces)
+    axis = np.array([0.5 * chair.tracks.flat_run_m, 0.0, chair.tracks.pulley_radius_m])
+    R_flipper = rotation_y(-math.radians(chair.tracks.approach_angle_deg))
+    fixed: list[Mesh] = []
+    turning: list[Mesh] = []
+    for side in ("left", "right"):
+        for X in lug_poses(chair, side, 0.0, belts=belts):
+            p_flipper = R_flipper.T @ (X[:3, 3] - axis)
+            if chair.flipper is None or p_flipper[0] <= 0.0:
+                fixed.append(mesh.moved(X[:3, 3], X[:3, :3]))
+            else:
+                turning.append(mesh.moved(p_flipper, R_flipper.T @ X[:3, :3]))
+    parts = (part("lugs", "chair", fixed, palette.LUG),)
+    return (*parts, part("flipper_lugs", "flipper", turning, palette.LUG)) if turning else parts
+
+
+def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[MeshPart, ...]:
+    """Return belts, pulleys and track frames of both sides, and the flipper."""
+    tracks, height = chair.tracks, lug_profile(belts)[0]
+    r, half_run, out = tracks.pulley_radius_m, 0.5 * tracks.flat_run_m, tracks.approach_m
+    angle = math.radians(tracks.approach_angle_deg)
+    surface = r - height
+    wheel = surface - BELT_SHARE * r
+    rear, front, nose = (-half_run, r), (half_run, r), (half_run + out * math.cos(angle), r + out * math.sin(angle))
+    fixed = chair.flipper is None
+    pulleys = [rear, front, nose] if fixed else [rear, front]
+    loops = _hull(pulleys, surface), _hull(pulleys, wheel)
+    strips = _tip(out, surface), _tip(out, wheel)
+    parts = [
+        part(f"belt_{side}", "chair", [band(*loops, *_across(tracks, y), closed=True)], palette.BELT) for side, y in sides(tracks)
+    ]
+    parts += _running_gear(tracks, "chair", pulleys, wheel)
+    parts.append(part("axles", "chair", [_axle(tracks, at, wheel) for at in pulleys], palette.DRIVE))
+    if fixed:
+        return tuple(parts)
+    tip = (out, 0.0)
+    parts += [
+        part(
+            f"flipper_belt_{side}",
+            "flipper",
+            [band(*strips, *_across(tracks, y), closed=False)],
+            palette.BELT,
+        )
+        for side, y in sides(tracks)
+    ]
+    parts += _running_gear(tracks, "flipper", [(0.0, 0.0), tip], wheel, levers=True)
+    return tuple(parts)
+
+
+def _across(tracks: Tracks, y: float) -> tuple[float, float]:
+    """Return the lateral extent of a belt."""
+    return y - 0.5 * tracks.belt_width_m, y + 0.5 * tracks.belt_width_m
+
+
+def _hull(centres: list[tuple[float, float]], radius: float) -> Outline:
+    """Return the outline of a belt of one radius around two or three pulleys, anticlockwise."""
+    points: list[tuple[float, float]] = []
+    count = len(centres)
+    for i, (x, z) in enumerate(centres):
+        before, after = centres[i - 1], centres[(i + 1) % count]
+        start = math.atan2(-(x - before[0]), z - before[1])
+        turn = (math.atan2(-(after[0] - x), after[1] - z) - start) % (2.0 * math.pi)
+        points += [
+            (x + radius * math.cos(start + turn * k / (ARC_POINTS - 1)), z + radius * math.sin(start + turn * k / (ARC_POINTS - 1)))
+            for k in range(ARC_POINTS)
+        ]
+    return np.array(points)
+
+
+def _tip(out: float, radius: float) -> Outline:
+    """Return the line of the flipper's belt around the nose pulley, from below the axis of the front pulley to above it."""
+    arc = np.linspace(-0.5 * math.pi, 0.5 * math.pi, ARC_POINTS)
+    around = np.column_stack([out + radius * np.cos(arc), radius * np.sin(arc)])
+    return np.concatenate([[(0.0, -radius)], around, [(0.0, radius)]])
+
+
+def _running_gear(
+    tracks: Tracks, body: BodyName, pulleys: list[tuple[float, float]], wheel: float, *, levers: bool = False
+) -> list[MeshPart]:
+    """Return pulleys, road wheels and frame bars of one body, both sides."""
+    first, last = pulleys[0], pulleys[-1]
+    wheels: list[Mesh] = []
+    bars: list[Mesh] = []
+    width = 0.5 * tracks.belt_width_m
+    for _, y in sides(tracks):
+        shown = pulleys[1:] if levers else pulleys
+        wheels += [_pulley((x, y, z), wheel, width) for x, z in shown]
+        bars += [
+            capsule((a[0], y + sign * 0.62 * width, a[1]), (b[0], y + sign * 0.62 * width, b[1]), 0.22 * wheel, sides=6)
+            for a, b in pairwise(pulleys)
+            for sign in (-1.0, 1.0)
+        ]
+        if not levers:
+            end = pulleys[1]
+            small = 0.42 * wheel
+            low = first[1] - wheel + small
+            wheels += [
+                cylinder((x, y - 0.8 * width, low), (x, y + 0.8 * width, low), small, sides=10)
+                for x in np.linspace(first[0], end[0], ROLLERS + 2)[1:-1]
+            ]
+    if levers:
+        bars.append(box((0.62 * last[0], 0.0, last[1]), (0.05, tracks.gauge_m - tracks.belt_width_m, 0.02)))
+    prefix = "flipper" if levers else "track"
+    return [
+        part(f"{prefix}_pulleys", body, wheels, palette.WHEEL),
+        part(f"{prefix}_frame", body, bars, palette.FLIPPER if levers else palette.FRAME),
+    ]
+
+
+def _pulley(centre: tuple[float, float, float], radius: float, half_width: float) -> Mesh:
+    """Return a pulley with a recessed web and a hub."""
+    x, y, z = centre
+    w = 0.94 * half_width
+    profile = [(-0.55 * w, 0.28), (-0.55 * w, 0.78), (-w, 0.84), (-w, 1.0), (w, 1.0), (w, 0.84), (0.55 * w, 0.78), (0.55 * w, 0.28)]
+    hub = [(-0.9 * w, 0.22), (-0.9 * w, 0.28), *profile, (0.9 * w, 0.28), (0.9 * w, 0.22)]
+    return lathe((x, y, z), (x, y + 1.0, z), [(along, share * radius, share * radius) for along, share in hub], sides=18)
+
+
+def _axle(tracks: Tracks, at: tuple[float, float], wheel: float) -> Mesh:
+    half = 0.5 * (tracks.gauge_m - 0.4 * tracks.belt_width_m)
+    return cylinder((at[0], -half, at[1]), (at[0], half, at[1]), 0.17 * wheel, sides=10)

@@ -1,0 +1,54 @@
+"""Whole chair as parts, and the poses of their bodies: ``chair, loading -> MeshPart``; ``seat and flipper angle -> X_BK``."""
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import rotation_y
+from treadline.scenario.chair import ChairDescription
+from treadline.scenario.scenario import Belts, Chair
+from treadline.vehicle.appearance.belts import track_parts
+from treadline.vehicle.appearance.chassis import chassis_parts
+from treadline.vehicle.appearance.parts import BodyName, MeshPart
+from treadline.vehicle.appearance.seat_parts import linkage_poses, seat_parts
+from treadline.vehicle.bodies import vehicle
+
+TRIANGLE_BUDGET = 12_000
+"""Largest number of triangles of a chair with all lugs: it is embedded in pages and sent over a network."""
+
+
+def chair_parts(chair: ChairDescription, loading: Chair, belts: Belts | None = None) -> tuple[MeshPart, ...]:
+    """Return a chair with its payload; the lugs are drawn by ``lug_part`` at ``lug_poses``.
+
+    Args:
+        belts: Lug profile of the scenario; None: a smooth belt, drawn with low lugs.
+    """
+    return (*chassis_parts(chair), *track_parts(chair, belts), *seat_parts(chair, loading))
+
+
+def body_poses(
+    chair: ChairDescription, loading: Chair, seat_rad: float = 0.0, flipper_rad: float | None = None
+) -> dict[BodyName, Float[np.ndarray, "4 4"]]:
+    """Return the pose in B of each body that carries parts.
+
+    Args:
+        seat_rad: Forward angle of the seat relative to the chassis; a seat is level if it equals the chassis' pitch.
+        flipper_rad: Angle of the flipper above the flat run; None: its rest angle.
+    """
+    whole = vehicle(chair, loading)
+    poses: dict[BodyName, Float[np.ndarray, "4 4"]] = {"chair": np.eye(4)}
+    if chair.seat is not None:
+        poses["seat"] = _turned(whole.seat.origin_m, seat_rad)
+        slider, bar = (linkage_poses(chair, loading, seat_rad)[name] for name in ("slider", "bar"))
+        poses["slider"], poses["bar"] = slider, bar
+    if whole.flipper is not None:
+        angle = math.radians(chair.tracks.approach_angle_deg) if flipper_rad is None else flipper_rad
+        poses["flipper"] = _turned(whole.flipper.origin_m, -angle)
+    return poses
+
+
+def _turned(origin: tuple[float, float, float], angle_rad: float) -> Float[np.ndarray, "4 4"]:
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = rotation_y(angle_rad), origin
+    return X

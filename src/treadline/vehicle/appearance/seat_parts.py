@@ -1,0 +1,161 @@
+"""Seat with cushions, armrests and slider-bar linkage, or the sensor head or payload box of a robot.
+
+The origin of the seat's frame is the hinge; the pin of the linkage is ``lever_arm_m`` in front of the hinge (Section II.B, Fig. 4).
+"""
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import rotation_y
+from treadline.scenario.chair import ChairDescription, Seat
+from treadline.scenario.scenario import Chair
+from treadline.vehicle.appearance import palette
+from treadline.vehicle.appearance.mesh import Mesh, box, capsule, cylinder, extrusion, merged, rounded_box, tube
+from treadline.vehicle.appearance.parts import MeshPart, part
+from treadline.vehicle.appearance.person import RECLINE_RAD, Posture, person_parts, posture
+from treadline.vehicle.linkage import SeatLinkage
+from treadline.vehicle.static_stability import payload_com, payload_origin
+
+PERSON_M = 0.5
+"""Least height of the payload's box on a seat that is drawn as a person [m]: a seated child of 1.2 m."""
+ROD_M = 0.012
+"""Radius of the rods of seat and linkage [m] (drawn only)."""
+
+
+def carries_person(chair: ChairDescription) -> bool:
+    """Return whether the payload is drawn as a person."""
+    return chair.seat is not None and chair.payload_size_m[2] >= PERSON_M
+
+
+def linkage_y_m(chair: ChairDescription) -> float:
+    """Return the lateral distance of both linkages from the middle [m]: next to the payload, inside the frame."""
+    return min(0.5 * chair.payload_size_m[1] + 0.032, 0.5 * chair.masses.chassis_size_m[1] - 0.035)
+
+
+def seat_parts(chair: ChairDescription, loading: Chair) -> tuple[MeshPart, ...]:
+    """Return the seat with its linkage and the payload."""
+    if chair.seat is None:
+        return _payload_box(chair, loading)
+    linkage = _linkage_parts(chair, chair.seat, loading)
+    if not carries_person(chair):
+        return (*_sensor_head(chair, chair.seat, loading), *linkage)
+    (dx, dy, _), nominal = loading.payload_offset_m, np.array(chair.payload_com_m)
+    seated = posture(chair.payload_size_m, loading.payload_kg, nominal)
+    parts = [*_wheelchair_seat(chair, chair.seat, seated), *linkage]
+    if loading.payload_kg > 0.0:
+        parts += person_parts(posture(chair.payload_size_m, loading.payload_kg, nominal + np.array([dx, dy, 0.0])))
+    return tuple(parts)
+
+
+def linkage_poses(chair: ChairDescription, loading: Chair, seat_rad: float) -> dict[str, Float[np.ndarray, "4 4"]]:
+    """Return the poses of slider and bar of the seat linkage in B at a seat angle.
+
+    Raises:
+        MechanicsError: If the angle is outside the range of the linkage.
+    """
+    seat = chair.levelled_seat
+    linkage = SeatLinkage(seat)
+    low, high = linkage.angle_range
+    angle = min(max(seat_rad, low), high)  # a seat on its springs exceeds the range by a fraction of a degree
+    hinge = np.array(payload_origin(chair, loading))
+    pin = hinge + seat.lever_arm_m * np.array([math.cos(angle), 0.0, -math.sin(angle)])
+    slider = hinge - np.array([linkage.stroke(angle), 0.0, seat.slider_drop_m])
+    X_slider, X_bar = np.eye(4), np.eye(4)
+    X_slider[:3, 3] = X_bar[:3, 3] = slider
+    along = pin - slider
+    X_bar[:3, :3] = rotation_y(-math.atan2(float(along[2]), float(along[0])))
+    return {"slider": X_slider, "bar": X_bar}
+
+
+def _linkage_parts(chair: ChairDescription, seat: Seat, loading: Chair) -> list[MeshPart]:
+    """Return rail and actuator on the chassis, the sliders, and the bars."""
+    hx, _, hz = payload_origin(chair, loading)
+    y, z = linkage_y_m(chair), hz - seat.slider_drop_m
+    rod = min(ROD_M, 0.07 * seat.bar_m)
+    low, high = (hx - stroke for stroke in seat.stroke_m)
+    rails = [
+        mesh
+        for s in (1.0, -1.0)
+        for mesh in (
+            box((0.5 * (low + high), s * y, z - 1.4 * rod), (low - high + 5.0 * rod, 2.0 * rod, rod)),
+            capsule((high - 12.0 * rod, s * y, z), (high - 3.0 * rod, s * y, z), 1.3 * rod, sides=8),
+        )
+    ]
+    sliders = [box((0.0, s * y, 0.0), (3.2 * rod, 2.2 * rod, 2.0 * rod)) for s in (1.0, -1.0)]
+    bars = [capsule((0.0, s * y, 0.0), (seat.bar_m, s * y, 0.0), rod, sides=8) for s in (1.0, -1.0)]
+    return [
+        part("linkage_rails", "chair", rails, palette.RAIL),
+        part("linkage_sliders", "slider", sliders, palette.RAIL),
+        part("linkage_bars", "bar", bars, palette.LINKAGE),
+    ]
+
+
+def _wheelchair_seat(chair: ChairDescription, seat: Seat, seated: Posture) -> list[MeshPart]:
+    """Return seat frame, cushions and armrests below and behind a seated person."""
+    y, half = linkage_y_m(chair), 0.5 * chair.payload_size_m[1]
+    h, (hip_x, _, hip_z) = seated.stature_m, seated.hip
+    top = hip_z - seated.thigh_radius_m
+    rear, front, thick = hip_x - 0.075 * h, hip_x + 0.19 * h, 0.03 * h
+    # The cushion and the shell below it.
+    cushion = rounded_box((0.5 * (rear + front), 0.0, top - 0.5 * thick), (front - rear, 2.0 * half, thick), 0.4 * thick)
+    base = np.array([rear + 0.01 * h, 0.0, top - thick])
+    R = rotation_y(-RECLINE_RAD)
+    tall = 0.30 * h
+    back = rounded_box((-0.013 * h, 0.0, 0.5 * tall + 0.02 * h), (0.026 * h, 1.92 * half, tall), 0.012 * h, along=1)
+    shell = rounded_box((-0.032 * h, 0.0, 0.5 * tall), (0.012 * h, 1.8 * half, 0.96 * tall), 0.005 * h)
+    frame = [shell.moved(base, R), box((0.5 * (rear + front), 0.0, top - thick - 0.006), (front - rear - 0.02, 1.9 * half, 0.012))]
+    foot_x, foot_z = seated.ankle[0], seated.sole_z
+    plate_y = half - 0.01
+    for s in (1.0, -1.0):
+        plate = np.array([(-0.03, -0.02), (seat.lever_arm_m + 0.01, -0.015), (seat.lever_arm_m, 0.015), (rear + 0.04, top - thick)])
+        frame.append(extrusion(plate, s * y - 0.005, s * y + 0.005))
+        frame.append(
+            tube([(0.75 * seat.lever_arm_m, s * plate_y, 0.0), (foot_x + 0.05 * h, s * plate_y, foot_z - 0.012)], 0.7 * ROD_M)
+        )
+    frame.append(box((foot_x + 0.06 * h, 0.0, foot_z - 0.008), (0.13 * h, 2.0 * plate_y, 0.014)))
+    frame.append(cylinder((0.0, -y - 0.012, 0.0), (0.0, y + 0.012, 0.0), ROD_M, sides=10))
+    elbow = seated.elbow_z
+    rests: list[Mesh] = []
+    for s in (1.0, -1.0):
+        rest_y = s * (half + 0.012)
+        rests.append(rounded_box((hip_x + 0.075 * h, rest_y, elbow - 0.05), (0.16 * h, 0.045, 0.028), 0.01))
+        frame.append(tube([(hip_x + 0.1 * h, rest_y, elbow - 0.06), (hip_x + 0.1 * h, rest_y, top - thick)], 0.7 * ROD_M))
+    return [
+        part("seat_frame", "seat", frame, palette.SEAT_FRAME),
+        part("cushions", "seat", [cushion, back.moved(base, R)], palette.CUSHION),
+        part("armrests", "seat", rests, palette.BATTERY),
+    ]
+
+
+def _sensor_head(chair: ChairDescription, seat: Seat, loading: Chair) -> list[MeshPart]:
+    """Return a robot's levelled payload: a box on a cradle."""
+    x, y, z = payload_com(chair, loading)
+    a, b, c = chair.payload_size_m
+    at = linkage_y_m(chair)
+    cradle: list[Mesh] = [
+        box((x, y, z - 0.5 * c - 0.006), (a, b, 0.012)),
+        cylinder((0.0, -at, 0.0), (0.0, at, 0.0), 0.05 * a, sides=10),
+    ]
+    plate = np.array([(-0.02, -0.012), (seat.lever_arm_m + 0.01, -0.01), (seat.lever_arm_m, 0.01), (-0.02, 0.03)])
+    cradle += [extrusion(plate, s * at - 0.004, s * at + 0.004) for s in (1.0, -1.0)]
+    window = rounded_box((x + 0.5 * a, y, z + 0.15 * c), (0.01, 0.7 * b, 0.3 * c), 0.05 * b, along=0)
+    return [
+        part("seat_frame", "seat", cradle, palette.SEAT_FRAME),
+        part("payload", "seat", [rounded_box((x, y, z), (a, b, c), 0.15 * c)], palette.PAYLOAD),
+        part("payload_window", "seat", [window], palette.CAMERA),
+    ]
+
+
+def _payload_box(chair: ChairDescription, loading: Chair) -> tuple[MeshPart, ...]:
+    """Return the payload of a chair without a seat; inside the hull it is not visible."""
+    if chair.payload is None:
+        return ()
+    centre = np.array(payload_origin(chair, loading)) + np.array(payload_com(chair, loading))
+    a, b, c = chair.payload_size_m
+    straps = merged([box(centre + np.array([s * 0.25 * a, 0.0, 0.0]), (0.08 * a, 1.01 * b, 1.01 * c)) for s in (1.0, -1.0)])
+    return (
+        part("payload", "chair", [rounded_box(centre, (a, b, c), 0.08 * c)], palette.PAYLOAD),
+        part("payload_straps", "chair", [straps], palette.BATTERY),
+    )

@@ -1,0 +1,123 @@
+"""Export of the chair as URDF: links, joints and camera frames, for robot_state_publisher, RViz and other URDF readers.
+
+``ChairDescription, Chair -> str``. The root ``base_link`` is the frame B. A link without mass is part of its parent.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+from treadline.core.signals import CAMERA_AXES_IN_CHAIR
+from treadline.scenario.chair import CameraMount, ChairDescription
+from treadline.scenario.scenario import Chair
+from treadline.vehicle.bodies import Body, Hinge, Shape, vehicle
+from treadline.vehicle.formats.elements import child, document, roll_pitch_yaw, text
+
+STIFF_N_M = 1000.0
+"""Effort limit of a joint without torque limit [N m]: URDF requires a number."""
+COLOURS = {"left": "0.15 0.15 0.15 1", "right": "0.15 0.15 0.15 1", None: "0.4 0.5 0.6 0.4"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeshVisual:
+    """Mesh file that is drawn on a link, in the link's frame."""
+
+    name: str
+    link: str
+    url: str
+    rgba: tuple[float, float, float, float]
+
+
+def urdf(chair: ChairDescription, loading: Chair, visuals: Sequence[MeshVisual] = ()) -> str:
+    """Return a chair with its payload as URDF.
+
+    Args:
+        visuals: Meshes to draw; without meshes the collision shapes are drawn.
+    """
+    whole = vehicle(chair, loading)
+    robot = Element("robot", name=whole.name)
+    child(robot, "link", name="base_link")  # a root with inertia is refused by KDL
+    _link(robot, whole.chassis, visuals)
+    _joint(robot, "base_link", whole.chassis.name)
+    for body in whole.bodies[1:]:
+        _link(robot, body, visuals)
+        if body.hinge is None:
+            _joint(robot, whole.chassis.name, body.name, xyz=text(*body.origin_m))
+        else:
+            _turning(robot, body, body.hinge)
+    for body in whole.bodies:
+        for shape in body.shapes:
+            if shape.kind == "cylinder":
+                _pulley(robot, body, shape, drawn=not visuals)
+    _camera(robot, whole.chassis.name, "camera", chair.camera)
+    if chair.rear_camera is not None:
+        _camera(robot, whole.chassis.name, "rear_camera", chair.rear_camera)
+    return document(robot)
+
+
+def _link(robot: Element, body: Body, visuals: Sequence[MeshVisual]) -> None:
+    """Write a body with its boxes and meshes; its pulleys are separate links."""
+    link = child(robot, "link", name=body.name)
+    inertial = child(link, "inertial")
+    child(inertial, "origin", xyz=text(*body.com_m), rpy="0 0 0")
+    child(inertial, "mass", value=text(body.mass_kg))
+    ixx, iyy, izz = body.inertia
+    child(inertial, "inertia", ixx=text(ixx), iyy=text(iyy), izz=text(izz), ixy="0", ixz="0", iyz="0")
+    for shape in body.shapes:
+        if shape.kind == "box":
+            _shape(link, shape, drawn=not visuals)
+    for visual in visuals:
+        if visual.link == body.name:
+            element = child(link, "visual", name=visual.name)
+            child(child(element, "geometry"), "mesh", filename=visual.url)
+            child(child(element, "material", name=visual.name), "color", rgba=text(*(round(part, 4) for part in visual.rgba)))
+
+
+def _shape(link: Element, shape: Shape, *, drawn: bool) -> None:
+    for tag in ("visual", "collision") if drawn else ("collision",):
+        element = child(link, tag, name=shape.name)
+        is_box = shape.kind == "box"
+        # URDF's cylinder stands along z: a quarter turn about x lays it along y.
+        turn = text(0.0, -shape.nose_up_rad, 0.0) if is_box else text(0.5 * math.pi, 0.0, 0.0)
+        child(element, "origin", xyz=text(*shape.centre_m) if is_box else "0 0 0", rpy=turn)
+        geometry = child(element, "geometry")
+        if is_box:
+            child(geometry, "box", size=text(*(2.0 * half for half in shape.half_m)))
+        else:
+            child(geometry, "cylinder", radius=text(shape.half_m[0]), length=text(2.0 * shape.half_m[1]))
+        if tag == "visual":
+            material = child(element, "material", name="drawn" if shape.belt is None else "belt")
+            child(material, "color", rgba=COLOURS[shape.belt])
+
+
+def _joint(robot: Element, parent: str, name: str, *, kind: str = "fixed", xyz: str = "0 0 0", rpy: str = "0 0 0") -> Element:
+    joint = child(robot, "joint", name=f"{name}_joint", type=kind)
+    child(joint, "parent", link=parent)
+    child(joint, "child", link=name)
+    child(joint, "origin", xyz=xyz, rpy=rpy)
+    return joint
+
+
+def _turning(robot: Element, body: Body, hinge: Hinge) -> None:
+    joint = _joint(robot, body.parent or "base_link", body.name, kind="revolute", xyz=text(*body.origin_m))
+    child(joint, "axis", xyz=text(*hinge.axis))
+    low, high = hinge.range_rad
+    effort = STIFF_N_M if hinge.torque_n_m is None else hinge.torque_n_m
+    child(joint, "limit", lower=text(low), upper=text(high), effort=text(effort), velocity=text(hinge.max_rate_rad_s))
+
+
+def _pulley(robot: Element, body: Body, shape: Shape, *, drawn: bool) -> None:
+    """Write a pulley as a massless link fixed to chassis or flipper; its mass is part of the body's."""
+    name = f"{shape.name}_pulley"
+    _shape(child(robot, "link", name=name), shape, drawn=drawn)
+    _joint(robot, body.name, name, xyz=text(*shape.centre_m))
+
+
+def _camera(robot: Element, parent: str, name: str, mount: CameraMount) -> None:
+    """Write a camera's frames in ROS convention: ``_link`` looks along x, ``_optical_frame`` along z."""
+    angles = (math.radians(angle) for angle in (mount.roll_deg, mount.pitch_deg, mount.yaw_deg))
+    child(robot, "link", name=f"{name}_link")
+    _joint(robot, parent, f"{name}_link", xyz=text(*mount.position_m), rpy=text(*angles))
+    child(robot, "link", name=f"{name}_optical_frame")
+    _joint(robot, f"{name}_link", f"{name}_optical_frame", rpy=text(*roll_pitch_yaw(CAMERA_AXES_IN_CHAIR)))

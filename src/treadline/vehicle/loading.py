@@ -1,0 +1,52 @@
+"""Assumed load of the chair: its weight, and the intersection of the plumb line through the centre of mass with the belts.
+
+``chair, payload -> weight, centre of mass with level seat``. Plant and ``check`` use the true position of the load
+(``stability.centre_of_mass``); a mission uses the entered weight.
+"""
+
+import math
+from dataclasses import dataclass
+
+from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loading:
+    """Chair with the assumed payload."""
+
+    chair: ChairDescription
+    payload_kg: float
+    com_error_m: float = 0.0
+    """Error added to the centre of mass along the chair [m], for tests."""
+
+    @property
+    def seat_kg(self) -> float:
+        """Mass rotating with the seat, or fixed to the chassis of a chair without one [kg]."""
+        return self.chair.empty_seat_kg + self.payload_kg
+
+    @property
+    def weight_n(self) -> float:
+        """Weight of chair and payload [N]."""
+        flipper_kg = 0.0 if self.chair.flipper is None else self.chair.flipper.mass_kg
+        return GRAVITY_M_S2 * (self.chair.masses.chassis_kg + flipper_kg + self.seat_kg)
+
+
+def centre_of_mass_level(loading: Loading, pitch_rad: float) -> tuple[float, float]:
+    """Return the assumed centre of mass (x, z) in B [m] with level seat, or with the payload fixed to the chassis."""
+    chair = loading.chair
+    seat_rad = 0.0 if chair.seat is None else pitch_rad
+    c, s = math.cos(seat_rad), math.sin(seat_rad)
+    (hx, _, hz), (px, _, pz) = chair.payload_origin_m, chair.payload_com_m
+    chassis, (cx, _, cz) = chair.masses.chassis_kg, chair.masses.chassis_com_m
+    # The flipper reaches ahead and down, its own centre not far from its axis when the plumb line passes the nosing.
+    flipper, pivot = 0.0 if chair.flipper is None else chair.flipper.mass_kg, 0.5 * chair.tracks.flat_run_m
+    total = chassis + flipper + loading.seat_kg
+    x = (chassis * cx + flipper * pivot + loading.seat_kg * (hx + c * px + s * pz)) / total
+    z = (chassis * cz + flipper * chair.tracks.pulley_radius_m + loading.seat_kg * (hz - s * px + c * pz)) / total
+    return x + loading.com_error_m, z
+
+
+def plumb(loading: Loading, pitch_rad: float) -> float:
+    """Return the intersection of the plumb line through the assumed centre of mass with the belts, ahead of mid-track [m]."""
+    x, z = centre_of_mass_level(loading, pitch_rad)
+    return x - z * math.tan(pitch_rad)

@@ -1,0 +1,154 @@
+"""Feasibility of the start pose: ``Scenario, ChairDescription -> problems``, part of the verdict."""
+
+import math
+
+import numpy as np
+
+from treadline.core.angles import DEG
+from treadline.scenario.chair import ChairDescription, Tracks
+from treadline.scenario.scenario import Scenario
+from treadline.vehicle.bodies import CLEARANCE_M, from_edge_m, rounded_off_m, standing, vehicle
+from treadline.vehicle.overlap import Overlap, deepest_overlap, placed_parts
+from treadline.vehicle.staircase import Staircase, as_designed
+from treadline.vehicle.static_stability import centre_of_mass
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
+
+SUNK_M = 0.01
+"""Largest accepted penetration of a part into floor or stair at the start [m]: settling before t = 0 removes it."""
+EDGE_ROUNDING_M = 1e-6
+"""Distance beyond an edge attributed to rounding [m]."""
+PARTS = {"hull": "the hull", "payload": "the passenger", "nose": "the tip of the flipper", "approach": "the flipper"}
+"""Names of the chair's shapes in messages; all others are belts."""
+
+
+def start_problems(scenario: Scenario, chair: ChairDescription) -> tuple[str | None, ...]:
+    """Return the problems of the start pose, None for each passed test."""
+    known = (
+        _nowhere_to_go(scenario),
+        _outside_the_flight(scenario, chair.tracks),
+        _in_the_floor(scenario, chair.tracks),
+        _on_winders(scenario, chair.tracks),
+        _over_the_landings_end(scenario, chair),
+    )
+    if any(known[1:]):
+        return known
+    # The jitter of single steps is drawn when the plant is built.
+    staircase = as_designed(scenario.stair, scenario.step)
+    over_edge = _over_an_edge(scenario, chair.tracks, staircase)
+    return (*known, over_edge, None if over_edge else _overlapping(scenario, chair, staircase))
+
+
+def _overlapping(scenario: Scenario, chair: ChairDescription, staircase: Staircase) -> str | None:
+    """Return which part of the chair would start in a wall, a step or the floor, and how deep."""
+    start = standing(staircase, chair.tracks, scenario.start)
+    parts = placed_parts(vehicle(chair, scenario.chair.entered), start, chair.tracks.approach_angle_deg * DEG)
+    found = deepest_overlap(parts, staircase)
+    if found is None or found.depth_m <= SUNK_M:
+        return None
+    step = f" {found.index}" if found.index >= 0 else ""
+    into = f"{'the' if found.into == 'floor' or step else 'a'} {found.into}{step}"
+    return f"{_part(found)} would start {found.depth_m:.2f} m inside {into}; {_remedy(found, scenario)}"
+
+
+def _part(found: Overlap) -> str:
+    """Return the name of the part, with its side if any."""
+    side, _, name = found.part.rpartition("_")
+    return PARTS.get(name, "the belt") + (f" on the {side}" if side else "")
+
+
+def _remedy(found: Overlap, scenario: Scenario) -> str:
+    if found.into == "wall":
+        return "start squarer, or nearer the middle of the flight"
+    if scenario.start.place == "flight":
+        return "start squarer, or at another step"
+    return "start squarer"
+
+
+def _over_an_edge(scenario: Scenario, tracks: Tracks, staircase: Staircase) -> str | None:
+    """Return how far a track would start beyond the front or a side of the landing; half of a belt's width is allowed."""
+    if scenario.start.place != "landing":
+        return None
+    start = standing(staircase, tracks, scenario.start)
+    box = next(box for box in staircase.boxes() if box.kind == "landing" and box.index == staircase.steps[-1].index)
+    half_run, aside = 0.5 * tracks.flat_run_m, 0.5 * tracks.gauge_m
+    ends_B = np.array([[x, y, 0.0] for x in (-half_run, half_run) for y in (-aside, aside)])
+    ends_K = (start.p_WB + ends_B @ start.R_WB.T - np.array(box.centre_W)) @ box.R_WK
+    over_m = max(float(-box.half_m[0] - ends_K[:, 0].min()), float(np.abs(ends_K[:, 1]).max()) - box.half_m[1])
+    if over_m <= EDGE_ROUNDING_M:
+        return None
+    return f"a track would start {over_m:.2f} m over an edge of the landing; start squarer, or nearer its middle"
+
+
+def _nowhere_to_go(scenario: Scenario) -> str | None:
+    place, direction = scenario.start.place, scenario.drive.direction
+    if (place, direction) not in {("floor", "down"), ("landing", "up")}:
+        return None
+    other, turned = ("landing", "up") if place == "floor" else ("floor", "down")
+    remedy = f"start on the {other}, or give drive.direction = '{turned}'"
+    return f"no flight leads {direction} from start.place = '{place}'; {remedy}"
+
+
+def _outside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:
+    """Return how far a track lies next to the flight: its outermost corner on the flight, or half a belt before the flight."""
+    start, width_m = scenario.start, scenario.stair.width_m
+    on_it = start.place == "flight"
+    reach_m = _reach_m(scenario, tracks)[1] if on_it else 0.5 * tracks.gauge_m
+    outside_m = abs(start.lateral_m) + reach_m - 0.5 * width_m
+    if outside_m <= 0.0:
+        return None
+    verb = "starts" if on_it else "would enter"
+    return f"a track {verb} {outside_m:.2f} m outside the flight, which is {width_m:g} m wide; start nearer its middle"
+
+
+def _reach_m(scenario: Scenario, tracks: Tracks) -> tuple[float, float]:
+    """Return the extent of the flat run's corners from its middle, along and across the flight [m]."""
+    heading = abs(scenario.start.heading_deg) * DEG
+    half_width, half_run = 0.5 * (tracks.gauge_m + tracks.belt_width_m), 0.5 * tracks.flat_run_m
+    c, s = math.cos(heading), math.sin(heading)
+    return half_run * c + half_width * s, half_width * c + half_run * s
+
+
+def _in_the_floor(scenario: Scenario, tracks: Tracks) -> str | None:
+    """Return how deep a corner of the flat run lies below the floor with the front pulley on a low nosing."""
+    start, stair = scenario.start, scenario.stair
+    behind_m = 0.5 * tracks.flat_run_m * math.cos(start.heading_deg * DEG) + _reach_m(scenario, tracks)[0]
+    # The rear pulley turns up behind the flat run: its lowest point lies below the end of that.
+    aside = math.sin(stair.slope_rad) * math.sin(start.heading_deg * DEG)
+    rounder_m = tracks.pulley_radius_m * (math.sqrt(1.0 - aside * aside) - math.cos(stair.slope_rad))
+    lower_m = (rounded_off_m(stair.nosing_radius_m, stair.slope_rad) - CLEARANCE_M) * math.cos(stair.slope_rad)
+    below_m = behind_m * math.sin(stair.slope_rad) + rounder_m + lower_m
+    sunk_m = below_m - (start.step + 1) * stair.rise_m
+    if start.place != "flight" or sunk_m <= SUNK_M:
+        return None
+    least = math.ceil((below_m - SUNK_M) / stair.rise_m) - 1
+    remedy = f"start at step {least} or above" if least < stair.steps else "start on the floor or the landing"
+    return f"the rear of a track would start {sunk_m:.2f} m below the floor, its front on step {start.step}; {remedy}"
+
+
+def _on_winders(scenario: Scenario, tracks: Tracks) -> str | None:
+    """Return from which step to start where the flat run would lie on winders, whose nosings are in no common plane."""
+    start, stair = scenario.start, scenario.stair
+    if start.place != "flight" or not stair.winders:
+        return None
+    after, reach_m = stair.first_winder + stair.winders, 2.0 * _reach_m(scenario, tracks)[0]
+    clear = after + math.ceil(reach_m * math.cos(stair.slope_rad) / stair.run_m)
+    # A front pulley on the first winder's nosing, which is square to the flight, touches no other winder.
+    if start.step <= stair.first_winder or start.step >= clear:
+        return None
+    remedy = [f"{stair.first_winder} or below"] * (stair.first_winder > 0) + [f"{clear} or above"] * (clear < stair.steps)
+    where = f"start at step {', or at '.join(remedy)}" if remedy else "start on the floor or the landing"
+    return f"the tracks would start on winders, steps {stair.first_winder} to {after - 1}; {where}"
+
+
+def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str | None:
+    """Return the depth of landing required so that a chair starting there does not tip off its far end."""
+    depth_m, heading = max(scenario.stair.landing_m, scenario.stair.run_m), scenario.start.heading_deg * DEG
+    x, _, z = centre_of_mass(chair, scenario.chair.entered, 0.0)
+    from_rear_m = (0.5 * chair.tracks.flat_run_m + x) * math.cos(heading)
+    needed_m = from_edge_m(scenario.stair.landing_m, chair.tracks) + from_rear_m + z * math.tan(MARGIN_LIMIT_RAD)
+    if scenario.start.place != "landing" or depth_m >= needed_m:
+        return None
+    return (
+        f"the landing is {depth_m:.2f} m deep, a chair that starts on it needs {needed_m:.2f} m; give it a deeper one or start on "
+        "the flight"
+    )

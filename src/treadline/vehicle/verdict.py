@@ -1,0 +1,279 @@
+"""``treadline check``: whether a chair may climb a stair, judged by mechanics before any motion.
+
+Each refusal states its number and a remedy.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+from treadline.core.angles import DEG
+from treadline.core.printing import Printable
+from treadline.scenario.chair import ChairDescription, Tracks
+from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
+from treadline.vehicle.flipper_support import track_on_stair_m
+from treadline.vehicle.linkage import SeatLinkage
+from treadline.vehicle.loading import Loading
+from treadline.vehicle.lug_limits import oversized_lugs
+from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.starts import start_problems
+from treadline.vehicle.static_stability import static_margins
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins
+from treadline.vehicle.track_length import minimum_track_length, nosings_touched
+from treadline.vehicle.traction import friction_use, largest_heading_rad
+
+TRACTION_RESERVE = 1.05
+"""Required ratio of friction to tan β, a reserve for jolts at the nosings."""
+SEAT_RESERVE_RAD = 3.0 * DEG
+"""Required range of the seat beyond the slope [rad]: the chair rocks over nosings."""
+BRAKE_RESERVE = 1.5
+"""Required ratio of a belt's brake force to half of the downhill force: an off-centre payload loads one belt by an eighth more, and
+a stop from cruise speed needs another sixth."""
+SIDES = ("uphill", "downhill", "left", "right")
+"""Directions of tipping."""
+SHIFT_STEP_M, SHIFT_LIMIT_M = 0.01, 0.20
+"""Step and limit of the search for a seat shift [m]."""
+LANDING_SPARE_M = 0.60
+"""Required depth of a landing between two flights beyond the length of the chair [m]: nearer than 0.45 m the next edge is hidden
+below the camera."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class CheckReport(Printable):
+    """Result of the mechanical check, with the keys of the JSON output."""
+
+    verdict: str
+    """Verdict: ``go`` or ``refuse``."""
+    reasons: list[str]
+    track_length_margin_m: float
+    """Track in the nosing plane, a flipper in line with the belts included, beyond 2√(h² + w²) [m]."""
+    nosings_in_contact: int
+    """Number of nosings under the track at the worst phase of the nosing cycle."""
+    friction_needed: float
+    """Friction required to stand: tan β."""
+    friction_needed_with_reserve: float
+    """Friction required by the check, with reserve."""
+    friction_available: float
+    friction_use_at_start: float
+    """Used fraction of the friction ellipse at the start heading; the chair slides at 1."""
+    stability_margin_deg: dict[str, float]
+    seat_range_deg: tuple[float, float] | None
+    """Range of the seat's angle; None without a seat linkage."""
+    proposed_seat_shift_m: float | None = field(default=None)
+    """Seat shift that would reach the required margin [m]; None if there is none."""
+
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return the verdict, the margins and the reasons."""
+        margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in self.stability_margin_deg.items())
+        rows = [
+            ("track length", f"{self.track_length_margin_m:+.3f} m over 2√(h²+w²), {self.nosings_in_contact} nosings in contact"),
+            ("friction", f"{self.friction_available:.2f} available, {self.friction_needed_with_reserve:.2f} needed with reserve"),
+            ("tip-over margins", margins),
+            ("seat", seat_text(self.seat_range_deg)),
+            *(("reason", reason) for reason in self.reasons),
+        ]
+        return self.verdict, rows
+
+
+def seat_text(range_deg: tuple[float, float] | None) -> str:
+    """Return the range of the seat in words."""
+    return "no seat linkage" if range_deg is None else f"level from {range_deg[0]:.0f}° to {range_deg[1]:.0f}° of pitch"
+
+
+def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
+    """Return the verdict on a scenario."""
+    stair, loading = scenario.stair, scenario.chair.entered
+    # On floor and landing the chair turns square before it enters.
+    heading = scenario.start.heading_deg * DEG if scenario.start.place == "flight" else 0.0
+    slope = stair.slope_rad
+    widest_m = _widest_spacing_m(scenario, 1)
+    margins = static_margins(chair, loading, slope, widest_m, heading)
+    needs_shift = chair.seat is not None and margins.worst < MARGIN_LIMIT_RAD
+    shift = _shift_that_helps(chair, loading, slope, widest_m, heading) if needs_shift else None
+    seat_range = None if chair.seat is None else SeatLinkage(chair.seat).angle_range
+    length_m, pitch_m = track_on_stair_m(chair), math.hypot(stair.rise_m, stair.run_m)
+    reasons = (
+        _beyond_rating(chair, slope, loading.payload_kg),
+        _too_short(stair, length_m),
+        _too_slippery(stair, heading),
+        _too_unstable(margins, chair, loading, shift),
+        _too_heavy_for_the_brakes(chair, loading.payload_kg, slope),
+        None if seat_range is None else _too_steep_for_the_seat(seat_range[1], slope),
+        _no_seat_to_shift(scenario.chair, chair),
+        _too_wide_a_gap(scenario, chair.tracks),
+        _too_short_a_landing(stair, chair.tracks),
+        _turning_flights(stair),
+        _winders(stair),
+        *start_problems(scenario, chair),
+        oversized_lugs(scenario.belts, chair.tracks),
+    )
+    return CheckReport(
+        verdict="refuse" if any(reasons) else "go",
+        reasons=[reason for reason in reasons if reason],
+        track_length_margin_m=length_m - minimum_track_length(stair.rise_m, stair.run_m),
+        nosings_in_contact=nosings_touched(length_m, pitch_m, pitch_m),
+        friction_needed=math.tan(slope),
+        friction_needed_with_reserve=TRACTION_RESERVE * math.tan(slope),
+        friction_available=stair.mean_friction[0],
+        friction_use_at_start=friction_use(slope, heading, stair.mean_friction),
+        stability_margin_deg={side: getattr(margins, side) / DEG for side in SIDES},
+        seat_range_deg=None if seat_range is None else (seat_range[0] / DEG, seat_range[1] / DEG),
+        proposed_seat_shift_m=shift,
+    )
+
+
+def _beyond_rating(chair: ChairDescription, slope_rad: float, payload_kg: float) -> str | None:
+    rating = chair.rating
+    if rating is None:
+        return None
+    if slope_rad > rating.slope_deg * DEG + 1e-9:
+        steep = f"the stair is {slope_rad / DEG:.1f}° steep"
+        return f"{steep}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
+    is_steep = slope_rad > rating.steep_deg * DEG
+    most_kg = rating.steep_payload_kg if is_steep else rating.payload_kg
+    if payload_kg <= most_kg:
+        return None
+    where = f" on flights above {rating.steep_deg:g}°" if is_steep else ""
+    return f"a payload of {payload_kg:g} kg; chair '{chair.name}' is rated for {most_kg:g} kg{where}"
+
+
+def _no_seat_to_shift(loading: Chair, chair: ChairDescription) -> str | None:
+    if chair.seat is not None or loading.seat_shift_m == 0.0:
+        return None
+    return (
+        f"chair.seat_shift_m is {loading.seat_shift_m:g}, and chair '{chair.name}' has no seat linkage; leave it out, and give the "
+        "payload's place in chair.payload_offset_m"
+    )
+
+
+def _too_short(stair: Stair, length_m: float) -> str | None:
+    lacking_m = minimum_track_length(stair.rise_m, stair.run_m) - length_m
+    if lacking_m < 0.0:
+        return None
+    pitch = math.hypot(stair.rise_m, stair.run_m)
+    return f"the track is {lacking_m:.3f} m too short for two nosings of {pitch:.3f} m pitch; use a longer track"
+
+
+def _too_slippery(stair: Stair, heading_rad: float) -> str | None:
+    friction, needed = stair.mean_friction[0], TRACTION_RESERVE * math.tan(stair.slope_rad)
+    if friction < needed:
+        return (
+            f"friction {friction:.2f} is below {TRACTION_RESERVE:g} × tan β = {needed:.2f}; roughen the nosings or take "
+            f"a stair below {math.atan(friction / TRACTION_RESERVE) / DEG:.1f}°"
+        )
+    use = friction_use(stair.slope_rad, heading_rad, stair.mean_friction)
+    if use < 1.0:
+        return None
+    return (
+        f"at a heading of {heading_rad / DEG:.0f}° the chair slides (friction use {use:.2f}); start squarer than "
+        f"{largest_heading_rad(stair.slope_rad, stair.mean_friction) / DEG:.0f}°"
+    )
+
+
+def _too_unstable(margins: Margins, chair: ChairDescription, loading: Chair, shift_m: float | None) -> str | None:
+    if margins.worst >= MARGIN_LIMIT_RAD:
+        return None
+    side = min(SIDES, key=lambda name: float(getattr(margins, name)))
+    text = f"the tipping margin {side} is {margins.worst / DEG:.1f}°, below {MARGIN_LIMIT_RAD / DEG:g}°; "
+    if shift_m is None and side in ("left", "right"):
+        return text + f"move the payload to the {'right' if side == 'left' else 'left'}, or start squarer"
+    if shift_m is None:
+        if chair.seat is None:
+            return text + f"take less payload, or place it lower or further {'uphill' if side == 'downhill' else 'downhill'}"
+        return text + "take less payload, or sit lower"
+    change = shift_m - loading.seat_shift_m
+    return text + f"shift the seat {abs(change) * 1000.0:.0f} mm {'uphill' if change > 0.0 else 'downhill'}"
+
+
+def _shift_that_helps(
+    chair: ChairDescription, loading: Chair, slope_rad: float, pitch_m: float, heading_rad: float
+) -> float | None:
+    """Return the smallest seat shift that reaches the margin, or None."""
+    for k in range(1, round(SHIFT_LIMIT_M / SHIFT_STEP_M) + 1):
+        for sign in (1.0, -1.0):
+            shift = round(loading.seat_shift_m + sign * k * SHIFT_STEP_M, 4)
+            if not SEAT_SHIFT_M[0] <= shift <= SEAT_SHIFT_M[1]:
+                continue
+            moved = loading.model_copy(update={"seat_shift_m": shift})
+            if static_margins(chair, moved, slope_rad, pitch_m, heading_rad).worst >= MARGIN_LIMIT_RAD:
+                return shift
+    return None
+
+
+def _too_heavy_for_the_brakes(chair: ChairDescription, payload_kg: float, slope_rad: float) -> str | None:
+    """Return the missing brake force of a belt on the flight, or None."""
+    holds_n = chair.drives.brake_hold_n
+    upright_n = BRAKE_RESERVE * 0.5 * Loading(chair=chair, payload_kg=payload_kg).weight_n
+    needed_n = upright_n * math.sin(slope_rad)
+    if holds_n >= needed_n:
+        return None
+    below = math.asin(holds_n / upright_n) / DEG
+    return (
+        f"each belt's brake holds {holds_n:.0f} N and needs {needed_n:.0f} N with {payload_kg:g} kg on {slope_rad / DEG:.1f}°; "
+        f"take less payload, or a stair below {below:.1f}°"
+    )
+
+
+def _too_steep_for_the_seat(reach_rad: float, slope_rad: float) -> str | None:
+    needed = slope_rad + SEAT_RESERVE_RAD
+    if reach_rad >= needed:
+        return None
+    return f"the seat reaches {reach_rad / DEG:.0f}°, the stair needs {needed / DEG:.0f}°; lengthen its stroke"
+
+
+def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
+    """Return where missing or long steps leave a track on one nosing: a track must span any three neighbouring nosings.
+
+    The flat run alone counts: a flipper yields to its load, and bridges no gap.
+    """
+    needed_m = _widest_spacing_m(scenario, 2)
+    if not (scenario.stair.missing_steps or scenario.step) or tracks.flat_run_m > needed_m:
+        return None
+    what = "missing steps" if scenario.stair.missing_steps else "steps of their own"
+    return (
+        f"{what} leave three neighbouring nosings {needed_m:.2f} m apart, and the track spans "
+        f"{tracks.flat_run_m:.2f} m; mend the steps or use a longer track"
+    )
+
+
+def _widest_spacing_m(scenario: Scenario, neighbours: int) -> float:
+    """Return the largest distance from a nosing to the next, or the next but one [m].
+
+    Floor and landing support the track anywhere: they count as a nosing before the first and after the last, one pitch away.
+    """
+    stair, widest_m = scenario.stair, 0.0
+    for steps in as_designed(stair, scenario.step).straight_parts:
+        there = [(step.x_m, step.z_m) for step in steps if not step.missing]
+        first, last = steps[0], steps[-1]
+        there.insert(0, (first.x_m - stair.run_m, first.z_m - stair.rise_m))
+        there.append((last.x_m + stair.run_m, last.z_m + stair.rise_m))
+        widest_m = max(widest_m, *(math.dist(*pair) for pair in zip(there, there[neighbours:], strict=False)))
+    return widest_m
+
+
+def _turning_flights(stair: Stair) -> str | None:
+    """Return a refusal of turning flights: the mission drives straight over a landing, and would leave its far end."""
+    if stair.turn == "none":
+        return None
+    where = f"{stair.flights} flights turn {stair.turn} at their landings"
+    return f"{where}, and the chair drives straight on over a landing; take another way"
+
+
+def _winders(stair: Stair) -> str | None:
+    """Refuse winders: at their nosings the two belts do not climb alike, and the mission drives straight on."""
+    plan = as_designed(stair).winders
+    if plan is None:
+        return None
+    inner_m, outer_m = plan.going_m(plan.newel_m), plan.going_m(plan.outer_radius_m)
+    return (
+        f"{plan.count} winders from step {plan.first} on turn the flight by {stair.winder_turn_deg:g}° to the {stair.winder_to}, "
+        f"{inner_m:.2f} m deep at the newel and {outer_m:.2f} m at the outer side: the belt on the newel's side meets each nosing "
+        "first and rolls the chair, which drives straight on; take another way"
+    )
+
+
+def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:
+    """Return the required depth of a landing between flights: room for the whole chair and a view of the next flight."""
+    needed_m = tracks.flat_run_m + tracks.approach_m + LANDING_SPARE_M
+    if stair.flights == 1 or stair.between_m >= needed_m:
+        return None
+    return f"the landing between two flights is {stair.between_m:.2f} m deep, the chair needs {needed_m:.2f} m; take another way"

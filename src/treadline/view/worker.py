@@ -1,0 +1,239 @@
+"""Simulation of a live run in a process of its own, which never waits for the viewer.
+
+``Order`` in; rows, events, frames and the verdict out, through a bounded queue: what finds no room stays with the worker
+until there is some, and images are dropped. Commands of the person at the screen are applied between two ticks and returned as the
+script.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from treadline.core.angles import DEG
+from treadline.core.signals import TICK_S, RgbdFrame
+from treadline.mission.blocks import Detection
+from treadline.plant.faults import FaultyPlant
+from treadline.plant.mujoco import open_plant
+from treadline.playback import Limits
+from treadline.run.episode import Sink, run_episode
+from treadline.run.resolve import Setup, resolve
+from treadline.scenario.faults import Conditions, Fault
+from treadline.scenario.scenario import Scenario
+from treadline.view.commands import AttendedPlanner, AttendedPlant, Operator
+from treadline.view.orders import MESSAGES_MAX, Command, Handset, Order, Script
+from treadline.view.tap import Tap, TappedDetector, look_of
+from treadline.view.tape import ContactForces, Obstacle
+
+SEND_S = 0.04
+"""Interval of the messages to the viewer [s]: 25 updates a second, of which a display of 15 shows each second one or all."""
+PAUSED_S = 0.02
+"""Interval at which a paused simulation looks for commands [s]."""
+RESERVE_S = 1e9
+"""Start of the obstacle that only reserves its body in the model [s]: after every run."""
+
+
+class Stopped(Exception):
+    """The viewer ends the run."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Pacer:
+    """Holds a simulation to a multiple of real time."""
+
+    speed: float
+    """Simulated seconds per second; 0 is as fast as possible, negative is paused."""
+    steps: int = 0
+    """Ticks that a paused simulation may still make."""
+    _began: tuple[float, float] | None = None
+
+    def change(self, speed: float) -> None:
+        """Set the speed from now on."""
+        self.speed, self._began = speed, None
+
+    def wait(self, t_s: float, look: Callable[[], None]) -> None:
+        """Wait until the simulation may pass ``t_s``.
+
+        Args:
+            look: Looks for commands; called at least once, and in intervals during a pause.
+        """
+        look()
+        while self.speed < 0.0 and self.steps <= 0:
+            time.sleep(PAUSED_S)
+            look()
+        if self.speed <= 0.0:
+            self.steps -= 1
+            self._began = None
+            return
+        now = time.perf_counter()
+        if self._began is None or now - self._began[1] - (t_s - self._began[0]) / self.speed > 1.0:
+            self._began = (t_s, now)  # a second late: real time goes on from here, nothing is caught up
+        early_s = (t_s - self._began[0]) / self.speed - (now - self._began[1])
+        if early_s > 0.0:
+            time.sleep(early_s)
+
+
+class LiveRun:
+    """One run with a tap, commands and a pace.
+
+    Args:
+        order: The run.
+        send: Takes a message if there is room for it, and returns whether there was.
+        receive: Returns the commands since the last call.
+        log: Receives every signal, as the log of a run does.
+    """
+
+    def __init__(
+        self, order: Order, send: Callable[[Any], bool], receive: Callable[[], list[Any]], log: Sink | None = None
+    ) -> None:
+        self._order, self._send, self._receive, self._log = order, send, receive, log
+        self._script: Script = sorted(order.script, key=lambda entry: entry[0])
+        self._next = 0
+        self._pacer = Pacer(speed=order.speed)
+        self._operator = Operator()
+        self._tick = 0
+        self._sent_at = 0.0
+        self._waiting: list[Any] = []
+        self._obstacle: Obstacle | None = None
+        self._asks_contacts = order.contacts
+        self._contacts: list[ContactForces] = []
+
+    def run(self) -> None:
+        """Simulate to the end, and report the verdict."""
+        order = self._order
+        setup = resolve(
+            with_reserve(order.scenario), order.controller, order.seed, detector=order.detector, estimator=order.estimator
+        )
+        tracks = setup.mission.chair.tracks
+        self._chair = open_plant(setup.scenario, setup.seed, chair=setup.chair)
+        self._plant = FaultyPlant(self._chair, setup.scenario.fault, setup.seed, setup.scenario.operator)
+        plant = self._plant
+        self._tap = Tap(fixed_flipper_rad=tracks.approach_angle_deg * DEG, payload_shift_m=lambda: plant.damage.payload_m)
+        try:
+            run = self._episode(setup)
+        except Stopped:
+            self._flush(None)
+            return
+        self._flush(f"{run.verdict}: {run.cause}" if run.cause else run.verdict)
+
+    def _episode(self, setup: Setup) -> Any:
+        blocks = None
+        if not (setup.is_full_traversal and setup.rejections):
+            built = setup.build_blocks()
+            self._waiting.append(("limits", Limits.of_guard(asdict(built.guard.config))))
+            blocks = replace(
+                built, detector=TappedDetector(built.detector, self._note), planner=AttendedPlanner(built.planner, self._operator)
+            )
+        return run_episode(
+            setup,
+            blocks=blocks,
+            sink=self._sink,
+            watch=lambda tick: self._after(tick.t_s),
+            after_hold_s=0.0,
+            plant=AttendedPlant(self._plant, self._operator),
+            faults=self._plant.faults,
+            attended=self._order.attended,
+        )
+
+    def _sink(self, signal: Any, taken_s: float) -> None:
+        self._tap.sink(signal)
+        if self._log is not None:
+            self._log(signal, taken_s)
+
+    def _note(self, frame: RgbdFrame, detection: Detection) -> None:
+        roomy = self._order.pictures and len(self._waiting) < MESSAGES_MAX
+        self._tap.looks.append(look_of(frame, detection, self._tick * TICK_S, with_picture=roomy))
+
+    def _after(self, t_s: float) -> None:
+        """Send, obey and wait after a tick."""
+        self._tick = round(t_s / TICK_S) + 1
+        self._show_obstacle(t_s)
+        if self._asks_contacts:
+            self._read_contacts(t_s)
+        now = time.perf_counter()
+        if now - self._sent_at >= SEND_S:
+            self._sent_at = now
+            self._post()
+        while self._next < len(self._script) and self._script[self._next][0] <= self._tick:
+            self._apply(self._script[self._next][1])
+            self._next += 1
+        if self._order.until_s is not None and t_s >= self._order.until_s - 0.5 * TICK_S:
+            raise Stopped
+        self._pacer.wait(t_s, self._look)
+
+    def _look(self) -> None:
+        for kind, value in self._receive():
+            match kind:
+                case "speed":
+                    self._pacer.change(value)
+                    self._post()
+                case "step":
+                    self._pacer.steps += value
+                case "act":
+                    self._apply(value)
+                    self._waiting.append(("script", (self._tick, value)))
+                case "contacts":
+                    self._asks_contacts = value
+                case "end":
+                    raise Stopped
+                case _:
+                    pass
+
+    def _apply(self, command: Command) -> None:
+        match command:
+            case Handset():
+                self._operator.state = command
+            case Conditions():
+                self._plant.adjust(command)
+            case Fault():
+                self._plant.inject(command)
+
+    def _show_obstacle(self, t_s: float) -> None:
+        box = self._chair.obstacle
+        if (box is None) == (self._obstacle is None):
+            return
+        if box is None:
+            self._obstacle = None
+            self._waiting.append(("obstacle", Obstacle(t_s=t_s, centre_W=None)))
+            return
+        yaw = math.atan2(box.R_WK[1, 0], box.R_WK[0, 0])
+        x, y, z = box.centre_W.tolist()
+        a, b, c = box.half_m.tolist()
+        self._obstacle = Obstacle(t_s=t_s, centre_W=(x, y, z), half_m=(a, b, c), yaw_rad=yaw)
+        self._waiting.append(("obstacle", self._obstacle))
+
+    def _read_contacts(self, t_s: float) -> None:
+        points_W, forces_W = self._chair.contacts()
+        self._contacts.append(ContactForces(t_s=t_s, points_W=points_W.astype(np.float32), forces_W=forces_W.astype(np.float32)))
+
+    def _post(self) -> None:
+        if self._contacts:
+            self._waiting.append(("contacts", self._contacts))
+            self._contacts = []
+        taken = self._tap.take()
+        if len(taken[0]) or taken[1] or taken[2]:
+            self._waiting.append(("ticks", taken))
+        while self._waiting and self._send(self._waiting[0]):
+            del self._waiting[0]
+
+    def _flush(self, verdict: str | None) -> None:
+        """Send the rest and the verdict, however long the viewer takes: the simulation is over."""
+        self._post()
+        self._waiting.append(("end", verdict))
+        while self._waiting:
+            if self._send(self._waiting[0]):
+                del self._waiting[0]
+            elif any(kind == "end" for kind, _ in self._receive()):
+                return
+            else:
+                time.sleep(PAUSED_S)
+
+
+def with_reserve(scenario: Scenario) -> Scenario:
+    """Return a scenario whose model has the body of an obstacle, so that one can be put down at any time."""
+    if any(fault.kind == "obstacle" for fault in scenario.fault):
+        return scenario
+    return scenario.model_copy(update={"fault": (*scenario.fault, Fault(kind="obstacle", at_s=RESERVE_S))})

@@ -1,0 +1,1643 @@
+"""The guard, row by row of the table of hazards: each scenario is *Test / Expected result* in terms of what reaches the plant."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y
+from treadline.core.signals import (
+    FlipperCommand,
+    FlipperReading,
+    FrameQuality,
+    HeadingEstimate,
+    HeadingHealth,
+    HeadingMeasurement,
+    ImuSample,
+    MotionPlan,
+    OperatorInput,
+    PinholeCamera,
+    Reading,
+    RgbdFrame,
+    SeatCommand,
+    SeatReading,
+    StairMap,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.guard import Guard, GuardConfig
+
+TICK_S = 0.01
+FRAME_TICKS = 10
+PITCH_M = math.hypot(0.16, 0.30)
+
+
+def about(seconds: float) -> Any:
+    """Return a time to within a tick."""
+    return pytest.approx(seconds, abs=1.1 * TICK_S)
+
+
+def imu(t_s: float, pitch_deg: float = 0.0, roll_deg: float = 0.0, rate_deg_s: float = 0.0) -> ImuSample:
+    R = rotation_y(-pitch_deg * DEG) @ rotation_x(roll_deg * DEG)
+    return ImuSample(
+        t_s=t_s,
+        orientation=quaternion_of(R),
+        angular_velocity_rad_s=np.array([0.0, -rate_deg_s * DEG, 0.0]),
+        linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
+    )
+
+
+def frame(t_s: float, **changes: Any) -> FrameQuality:
+    values: dict[str, Any] = {"fingerprint": round(t_s * 1e4), "brightness": 0.4, "contrast": 0.1, "valid_share": 0.8}
+    return FrameQuality(t_s=t_s, **{**values, **changes})
+
+
+def heading(t_s: float, heading_deg: float = 0.0) -> HeadingMeasurement:
+    return HeadingMeasurement(t_s=t_s, heading_rad=heading_deg * DEG, sigma_rad=0.004, edge_count=5)
+
+
+def estimate(t_s: float, heading_deg: float = 0.0) -> HeadingEstimate:
+    return HeadingEstimate(t_s=t_s, heading_rad=heading_deg * DEG, heading_rate_rad_s=0.0, sigma_rad=0.003, source="vision")
+
+
+def command(t_s: float, left: float = 0.2, right: float = 0.2) -> TrackCommand:
+    return TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right)
+
+
+def belts(t_s: float, left: float = 0.2, right: float = 0.2) -> TrackReading:
+    return TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=False)
+
+
+def stair(t_s: float, places: Sequence[float], **changes: Any) -> StairMap:
+    values: dict[str, Any] = {
+        "direction": "up",
+        "nosings_B": np.array([[place, 0.0, 0.0] for place in places]).reshape(-1, 3),
+        "rise_m": 0.16,
+        "run_m": 0.30,
+        "slope_rad": math.atan2(0.16, 0.30),
+        "ends": False,
+        "left_wall_m": None,
+        "right_wall_m": None,
+        "obstacle_m": None,
+    }
+    return StairMap(t_s=t_s, **{**values, **changes})
+
+
+def health(t_s: float, fault: Any, since_s: float | None, cause: str | None = None) -> HeadingHealth:
+    return HeadingHealth(
+        t_s=t_s,
+        fault=fault,
+        since_s=since_s,
+        cause=cause,
+        disagreement_rad=0.0,
+        unseen_s=0.0,
+        bias_rad_s=0.0,
+        scale=1.0,
+        walk_rad_rts=0.0,
+    )
+
+
+class Drive:
+    """A healthy drive, tick by tick, which a test spoils; what it hands over may be swallowed or changed by ``spoil``."""
+
+    def __init__(self, config: GuardConfig | None = None, *, asked: tuple[float, float] = (0.2, 0.2)) -> None:
+        self.guard = Guard(config or GuardConfig())
+        self.tick = 0
+        self.asked = asked
+        self.heading_deg: float | None = 0.0
+        self.plan: MotionPlan | None = None
+        """Published anew at each tick, as a planner does."""
+        self.speeds = [0.0, 0.0]
+        self.silent: set[str] = set()
+        self.spoil: Callable[[Any], Any] = lambda reading: reading
+        self.admitted: dict[str, bool] = {}
+        self.passed = TrackCommand.stop(0.0)
+
+    @property
+    def t_s(self) -> float:
+        return self.tick * TICK_S
+
+    @property
+    def mean_m_s(self) -> float:
+        return 0.5 * (self.passed.left_m_s + self.passed.right_m_s)
+
+    def readings(self) -> list[Reading | FrameQuality]:
+        t_s = self.t_s
+        lag = 0.0 if self.passed.brake else math.exp(-TICK_S / 0.15)
+        for side, asked in enumerate((self.passed.left_m_s, self.passed.right_m_s)):
+            self.speeds[side] = asked + (self.speeds[side] - asked) * lag
+        every: dict[str, Reading | FrameQuality] = {
+            "imu": imu(t_s),
+            "belts": belts(t_s, *self.speeds),
+            "seat": SeatReading(t_s=t_s, pitch_rad=0.0, stroke_m=0.05),
+            "flipper": FlipperReading(t_s=t_s, angle_rad=0.7, torque_n_m=1.0),
+        }
+        if self.tick % FRAME_TICKS == 0:
+            every["camera"] = frame(t_s)
+        return [reading for name, reading in every.items() if name not in self.silent]
+
+    def step(self) -> TrackCommand:
+        t_s = self.t_s
+        self.guard.advance(t_s)
+        for reading in self.readings():
+            spoilt = self.spoil(reading)
+            if spoilt is not None:
+                self.admitted[type(spoilt).__name__] = self.guard.admit(spoilt)
+        if self.tick % FRAME_TICKS == 0 and not self.silent & {"camera", "stair"}:
+            self.guard.on_message(heading(t_s))
+        if self.plan is not None:
+            self.guard.on_message(replace(self.plan, t_s=t_s))
+        if self.tick % 25 == 0 and "driver" not in self.silent:
+            self.guard.propose(command(t_s, *self.asked))
+        seen = None if self.heading_deg is None else estimate(t_s, self.heading_deg)
+        self.passed = self.guard.step(t_s, seen)
+        self.tick += 1
+        return self.passed
+
+    def run(self, seconds: float, each: Callable[["Drive"], None] | None = None) -> "Drive":
+        """Go on; the chair that is held stays so."""
+        for _ in range(round(seconds / TICK_S)):
+            if each is not None:
+                each(self)
+            self.step()
+        return self
+
+    def until_held(self, within_s: float, each: Callable[["Drive"], None] | None = None) -> float:
+        """Return after how long the guard held; it brakes then, or begins a ramp no faster than the belts run."""
+        began_s = self.t_s
+        for _ in range(round(within_s / TICK_S)):
+            if each is not None:
+                each(self)
+            before = [abs(speed) for speed in self.speeds]
+            self.step()
+            if self.guard.holding is not None:
+                left, right = abs(self.passed.left_m_s), abs(self.passed.right_m_s)
+                assert (left, right) == (0.0, 0.0) if self.passed.brake else left + right <= sum(before) + 0.1
+                return self.t_s - TICK_S - began_s
+        raise AssertionError(f"not held within {within_s} s")
+
+    def events(self) -> list[tuple[str, str]]:
+        return [(event.name, event.cause) for event in self.guard.take_events()]
+
+
+def test_a_healthy_drive_passes_unchanged() -> None:
+    """Test: 5 s of healthy readings. Expected result: each command passes, no event, every reading is admitted."""
+    drive = Drive(asked=(0.15, 0.25)).run(5.0)
+    assert drive.passed == command(drive.passed.t_s, 0.15, 0.25)
+    assert drive.guard.holding is None
+    assert drive.events() == []
+    assert all(drive.admitted.values())
+    assert set(drive.admitted) == {"ImuSample", "TrackReading", "SeatReading", "FlipperReading", "FrameQuality"}
+
+
+def test_the_guard_reports_the_limits_it_was_given() -> None:
+    config = replace(GuardConfig(), pitch_rate_rad_s=0.3)
+    assert Guard(config).config == config != Guard(GuardConfig()).config
+
+
+def test_a_mission_may_begin_at_any_time_on_its_clock() -> None:
+    """Test: the first tick is at 1000 s. Expected result: sources are waited for from then on."""
+    drive = Drive()
+    drive.tick = 100_000
+    drive.run(1.0)
+    assert drive.guard.holding is None
+    drive.silent = {"camera"}
+    assert drive.until_held(4.0) == about(2.91)
+
+
+# Row 1
+
+
+def test_a_lost_camera_slows_within_a_third_of_a_second_and_holds_after_three() -> None:
+    """Test: no frame from 2.0 s on. Expected result: ≤ 0.10 m/s after 0.3 s, steering kept; HOLD 3 s after the last frame."""
+    drive = Drive(asked=(0.15, 0.25)).run(1.91)
+    drive.silent = {"camera"}
+    drive.run(0.29)
+    assert drive.mean_m_s == pytest.approx(0.20)
+    drive.run(0.02)
+    assert drive.mean_m_s == pytest.approx(0.10)
+    assert drive.passed.right_m_s - drive.passed.left_m_s == pytest.approx(0.1)
+    assert drive.until_held(3.0) == about(4.91 - 2.22)
+    assert drive.guard.holding == "no frame for 3.0 s"
+    assert [name for name, _ in drive.events()] == ["slow", "hold"]
+
+
+def test_a_camera_that_comes_back_in_time_is_reported() -> None:
+    """Test: no frame for a second. Expected result: slow, then resumed at full speed."""
+    drive = Drive().run(1.0)
+    drive.silent = {"camera"}
+    drive.run(1.0)
+    drive.silent = set()
+    drive.run(0.2)
+    assert drive.mean_m_s == pytest.approx(0.2)
+    assert drive.events() == [("slow", "no frame for 0.31 s"), ("resumed", "nothing is missing any more")]
+
+
+def test_a_lost_camera_holds_after_half_a_metre_even_before_its_time() -> None:
+    """Test: no frame while the drives report 0.3 m/s. Expected result: HOLD after 0.5 m of belt."""
+    drive = Drive(GuardConfig(watches_motion=False)).run(1.91)
+    drive.silent = {"camera"}
+    drive.spoil = lambda reading: replace(reading, left_m_s=0.3, right_m_s=0.3) if isinstance(reading, TrackReading) else reading
+    assert drive.until_held(3.0) == about(0.5 / 0.3)
+    assert drive.guard.holding is not None
+    assert drive.guard.holding.startswith("no frame for 1.7 s, 0.50 m driven")
+
+
+# Row 2
+
+
+def test_a_frozen_camera_is_as_good_as_lost() -> None:
+    """Test: new stamps, the same pixels, from 1.0 s on. Expected result: no frame admitted; slow within 0.4 s."""
+    drive = Drive().run(1.0)
+    drive.spoil = lambda reading: replace(reading, fingerprint=9000) if isinstance(reading, FrameQuality) else reading
+    drive.run(0.29)
+    assert drive.admitted["FrameQuality"] is False
+    drive.run(0.11)
+    assert drive.mean_m_s == pytest.approx(0.10)
+    assert drive.events() == [("slow", "no frame for 0.31 s: the last is frozen")]
+
+
+@pytest.mark.parametrize("kind", ["heading", "map"])
+def test_what_repeats_itself_under_a_moving_chair_is_frozen(kind: str) -> None:
+    """Test: a camera that measures by itself says the same again and again. Expected result: refused once the belts have run
+    50 mm, not before; what is new is admitted again."""
+    drive = Drive()
+    drive.silent = {"camera"}
+    measured = heading(0.0, 1.0) if kind == "heading" else stair(0.0, [1.0, 1.34])
+    admitted = []
+
+    def look(drive: Drive) -> None:
+        if drive.tick % FRAME_TICKS == 0:
+            admitted.append((drive.guard._belts.travel_m, drive.guard.admit(replace(measured, t_s=drive.t_s))))
+
+    drive.run(1.0, look)
+    assert all(good == (travel <= 0.05) for travel, good in admitted)
+    assert admitted[0][1]
+    assert not admitted[-1][1]
+    new = heading(1.0, 2.0) if kind == "heading" else stair(1.0, [0.9, 1.24])
+    assert drive.guard.admit(new)
+
+
+def test_nothing_is_measured_in_a_frame_of_no_use() -> None:
+    """Test: a frozen frame, then a heading and a map from it. Expected result: refused; after a good frame admitted."""
+    guard = Guard(GuardConfig())
+    assert guard.admit(frame(0.0, fingerprint=1))
+    assert not guard.admit(frame(0.1, fingerprint=1))
+    assert not guard.admit(heading(0.1))
+    assert not guard.admit(stair(0.1, [1.0, 1.34]))
+    assert guard.admit(frame(0.2, fingerprint=2))
+    assert guard.admit(heading(0.2))
+    assert guard.admit(stair(0.2, [1.0, 1.34]))
+
+
+# Rows 3 and 4
+
+
+@pytest.mark.parametrize(
+    ("changes", "usable"),
+    [
+        ({"brightness": 0.01}, True),
+        ({"brightness": 0.99}, True),
+        ({"brightness": 0.01, "valid_share": 0.29}, False),
+        ({"brightness": 0.99, "valid_share": 0.29}, False),
+        ({"contrast": 0.007, "valid_share": 0.29}, False),
+        ({"brightness": 0.01, "valid_share": 0.31}, True),
+        ({"valid_share": 0.29}, True),
+        ({"valid_share": 0.16}, True),
+        ({"valid_share": 0.14}, False),
+        ({"brightness": math.nan}, False),
+        ({"contrast": math.inf}, False),
+        ({"valid_share": math.nan}, False),
+    ],
+)
+def test_depth_alone_will_do_and_colours_alone_will_not(changes: dict[str, float], usable: bool) -> None:
+    """Test: a frame that is dark, glaring, flat, full of holes, or no image. Expected result: refused where depth and colours
+    are both of no use, or depth alone is."""
+    guard = Guard(GuardConfig())
+    assert guard.admit(frame(0.0))
+    assert guard.admit(frame(0.1, **changes)) is usable
+
+
+def test_darkness_is_reported_once_and_so_is_light() -> None:
+    """Test: three dark frames, then light. Expected result: two events with numbers, no speed lost."""
+    drive = Drive().run(0.5)
+    drive.spoil = lambda reading: replace(reading, brightness=0.01) if isinstance(reading, FrameQuality) else reading
+    drive.run(0.3)
+    drive.spoil = lambda reading: reading
+    drive.run(0.3)
+    assert drive.mean_m_s == pytest.approx(0.2)
+    assert drive.events() == [
+        ("vision_dim", "colours of mean 0.01, contrast 0.100"),
+        ("vision_clear", "colours of mean 0.40, contrast 0.100"),
+    ]
+
+
+def test_a_camera_without_depth_is_as_good_as_lost() -> None:
+    """Test: a tenth of the depth image is left. Expected result: as row 1, with the number."""
+    drive = Drive().run(1.91)
+    drive.spoil = lambda reading: replace(reading, valid_share=0.1) if isinstance(reading, FrameQuality) else reading
+    assert drive.until_held(4.0) == about(3.0)
+    assert drive.guard.holding == "no frame for 3.0 s: the last has 10% of its depth"
+
+
+@pytest.mark.parametrize(("valid_share", "frozen", "lost"), [(0.03, False, False), (0.01, False, True), (0.03, True, True)])
+def test_over_a_crest_a_camera_that_lives_is_enough(valid_share: float, frozen: bool, lost: bool) -> None:
+    """Test: where the plan needs no stair the camera looks over a landing, with 3 % and 1 % of depth, new and frozen. Expected
+    result: frames refused; the camera counts as lost without any depth, or frozen."""
+    drive = Drive(GuardConfig(blind_timeout_s=1.0))
+
+    def spoil(reading: Any) -> Any:
+        if not isinstance(reading, FrameQuality):
+            return reading
+        # In the dark: colours alone would show that it lives.
+        new = 7 if frozen else reading.fingerprint
+        return replace(reading, valid_share=valid_share, fingerprint=new, brightness=0.0, contrast=0.0)
+
+    drive.spoil = spoil
+    plan = MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.1, needs_stair=False)
+    drive.run(2.0, lambda drive: drive.guard.on_message(replace(plan, t_s=drive.t_s)))
+    assert drive.admitted["FrameQuality"] is False
+    assert (drive.guard.holding is not None) is lost
+
+
+# Rows 6, 8 and 9
+
+
+def test_without_an_imu_vision_leads_for_a_second() -> None:
+    """Test: no IMU sample from 2.0 s on. Expected result: slow after 50 ms, HOLD after 1 s."""
+    drive = Drive().run(2.0)
+    drive.silent = {"imu"}
+    drive.run(0.04)
+    assert drive.mean_m_s == pytest.approx(0.2)
+    drive.run(0.02)
+    assert drive.mean_m_s == pytest.approx(0.1)
+    assert drive.until_held(2.0) == about(1.0 - 0.06)
+    assert (drive.guard.holding or "").startswith("no IMU sample for 1.0")
+    assert drive.events()[0][1].startswith("no IMU sample for 0.0")
+
+
+@pytest.mark.parametrize("field", ["orientation", "angular_velocity_rad_s", "linear_acceleration_m_s2"])
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_an_imu_that_says_no_number_is_as_good_as_lost(field: str, bad: float) -> None:
+    """Test: one component is not finite. Expected result: not admitted, HOLD after 1 s, and a finite command at each tick."""
+    drive = Drive().run(1.0)
+
+    def spoil(reading: Any) -> Any:
+        if not isinstance(reading, ImuSample):
+            return reading
+        values = getattr(reading, field).copy()
+        values[1] = bad
+        return replace(reading, **{field: values})
+
+    drive.spoil = spoil
+    assert drive.until_held(2.0) == about(1.0)
+    assert drive.admitted["ImuSample"] is False
+
+
+@pytest.mark.parametrize("phase", ["crest", "edge"])
+def test_where_the_flipper_follows_the_pitch_an_imu_must_be_there(phase: Any) -> None:
+    """Test: no IMU sample over crest or edge. Expected result: HOLD after 50 ms."""
+    drive = Drive().run(1.0)
+    drive.silent = {"imu"}
+    plan = MotionPlan(t_s=1.0, phase=phase, speed_m_s=0.1)
+    assert drive.until_held(1.0, lambda drive: drive.guard.on_message(plan)) == about(0.05)
+
+
+def test_a_stuck_gyro_is_no_gyro() -> None:
+    """Test: the filter reports that the gyro has stuck, for 0.5 s, later for good. Expected result: slow and resumed; then
+    HOLD a second after it stuck."""
+    drive = Drive().run(1.0)
+    stuck_s = drive.t_s
+    drive.run(0.5, lambda drive: drive.guard.on_message(health(drive.t_s, "stuck", stuck_s)))
+    assert drive.mean_m_s == pytest.approx(0.1)
+    drive.guard.on_message(health(drive.t_s, None, None))
+    drive.run(0.5)
+    assert drive.mean_m_s == pytest.approx(0.2)
+    stuck_s = drive.t_s
+    held = drive.until_held(2.0, lambda drive: drive.guard.on_message(health(drive.t_s, "stuck", stuck_s)))
+    assert held == about(1.01)
+    assert drive.guard.holding == "gyro stuck for 1.01 s"
+    assert drive.events()[:2] == [("slow", "gyro stuck for 0.00 s"), ("resumed", "nothing is missing any more")]
+
+
+def test_without_camera_and_imu_it_holds_at_once() -> None:
+    """Test: both fall silent at 2.0 s. Expected result: HOLD within 0.5 s, as soon as the camera is known to be lost."""
+    drive = Drive().run(1.91)
+    drive.silent = {"imu", "camera"}
+    assert drive.until_held(0.5) == about(0.30)
+    assert drive.guard.holding == "no IMU sample for 0.30 s, and no frame for 0.3 s"
+
+
+# Row 7
+
+
+@pytest.mark.parametrize("fault", ["drift", "jump"])
+def test_a_gyro_that_was_mended_is_reported_once(fault: Any) -> None:
+    """Test: the filter has re-referenced the gyro, says so for 2 s, and again later. Expected result: two events, no HOLD."""
+    drive = Drive().run(1.0)
+    drive.run(2.0, lambda drive: drive.guard.on_message(health(drive.t_s, fault, 1.0, "gyro drifts by 1.0 °/s")))
+    drive.run(0.5, lambda drive: drive.guard.on_message(health(drive.t_s, None, None)))
+    drive.run(0.5, lambda drive: drive.guard.on_message(health(drive.t_s, fault, 3.5)))
+    assert drive.guard.holding is None
+    assert drive.events() == [("re-referenced", "gyro drifts by 1.0 °/s"), ("re-referenced", fault)]
+
+
+def test_camera_and_gyro_may_disagree_for_half_a_second() -> None:
+    """Test: a disagreement that ends after 0.4 s, then one that lasts. Expected result: HOLD 0.5 s after the second began."""
+    drive = Drive().run(1.0)
+    began_s = drive.t_s
+    drive.run(0.4, lambda drive: drive.guard.on_message(health(drive.t_s, "disagreement", began_s)))
+    drive.run(1.0, lambda drive: drive.guard.on_message(health(drive.t_s, None, None)))
+    began_s = drive.t_s
+    held = drive.until_held(1.0, lambda drive: drive.guard.on_message(health(drive.t_s, "disagreement", began_s)))
+    assert held == about(0.51)
+    assert drive.guard.holding == "camera and gyro disagree for 0.5 s"
+
+
+def test_an_estimate_that_is_not_finite_holds() -> None:
+    """Test: heading or rate are NaN. Expected result: HOLD at this tick, braked within 0.3 s."""
+    for bad in ({"heading_rad": math.nan}, {"heading_rate_rad_s": math.inf}):
+        drive = Drive().run(0.1)
+        drive.guard.step(0.1, replace(estimate(0.1), **bad))
+        assert drive.guard.step(0.41, estimate(0.41)).brake
+        assert drive.guard.holding == "heading estimate is not finite"
+
+
+@pytest.mark.parametrize(("age_s", "holds"), [(0.31, True), (-0.31, True), (0.29, False), (-0.29, False), (math.nan, True)])
+def test_an_estimate_of_another_time_holds(age_s: float, holds: bool) -> None:
+    """Test: an estimate that is old, or of the future. Expected result: HOLD beyond 0.3 s."""
+    drive = Drive().run(1.0)
+    drive.guard.step(1.0, estimate(1.0 - age_s))
+    assert (drive.guard.holding is not None) is holds
+    assert not holds or "old" in (drive.guard.holding or "")
+
+
+def test_frames_without_a_stair_hold_after_a_while_unless_none_is_expected() -> None:
+    """Test: frames arrive, none shows a stair: on a landing as planned, then on the flight. Expected result: no HOLD for as long
+    as the plan needs no stair; then after the time for that."""
+    drive = Drive(GuardConfig(lost_timeout_s=2.0))
+    drive.silent = {"stair"}
+    drive.run(3.0, lambda drive: drive.guard.on_message(MotionPlan(t_s=drive.t_s, phase="land", speed_m_s=0.2, needs_stair=False)))
+    assert drive.guard.holding is None
+    held = drive.until_held(3.0, lambda drive: drive.guard.on_message(MotionPlan(t_s=drive.t_s, phase="climb", speed_m_s=0.2)))
+    assert held == about(2.0)
+    assert drive.guard.holding == "no stair in view for 2.0 s"
+
+
+def blind(phase: Any, *, needs_stair: bool = False) -> Callable[[Drive], None]:
+    return lambda drive: drive.guard.on_message(MotionPlan(t_s=drive.t_s, phase=phase, speed_m_s=0.1, needs_stair=needs_stair))
+
+
+@pytest.mark.parametrize(("phase", "apart_m_s", "held_s"), [("climb", 0.05, 1.88), ("descend", -0.05, 1.88), ("land", 0.03, 2.31)])
+def test_belts_that_turn_the_chair_with_the_heading_from_the_gyro_alone_hold(phase: Any, apart_m_s: float, held_s: float) -> None:
+    """Test: no stair in view, as planned, and one belt runs faster all the time. Expected result: HOLD after a turn of 3°. On the
+    flight belts that do not skid would turn the chair by 4.4 °/s, and the bound stops at the 1.5 °/s by which a gyro may drift; on
+    the landing 0.03 m/s turn it by 1.30 °/s."""
+    drive = Drive(asked=(0.1, 0.1 + apart_m_s))
+    drive.silent = {"stair"}
+    # The belts need 0.15 s to run apart; the cause is known a tick later.
+    assert drive.until_held(4.0, blind(phase)) == pytest.approx(held_s + 0.15, abs=0.03)
+    sign = "+" if apart_m_s > 0.0 else "-"
+    assert drive.guard.holding is not None
+    assert drive.guard.holding.startswith(f"the belts turned the chair by {sign}3.0° in ")
+    assert drive.guard.holding.endswith("with the heading from the gyro alone")
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    assert drive.run(0.2, blind(phase)).guard.holding is None
+
+
+@pytest.mark.parametrize("why", ["seen", "measured", "needed", "search", "slowly", "open loop"])
+def test_belts_may_turn_a_chair_that_sees_or_turns_little_or_looks_for_a_stair(why: str) -> None:
+    """Test: the same with a stair in view, or with a camera that measures headings itself, or where a stair should be, on the
+    floor, by at most 0.44 °/s, or in an open loop. Expected result: no HOLD for 5 s; where a stair should be and is not, its own
+    row answers later."""
+    config = GuardConfig(needs_heading=why != "open loop")
+    drive = Drive(config, asked=(0.1, 0.105 if why == "slowly" else 0.15))
+    drive.silent = set() if why == "seen" else {"stair"}
+    plan = blind("search" if why == "search" else "climb", needs_stair=why == "needed")
+
+    def each(drive: Drive) -> None:
+        plan(drive)
+        if why == "measured" and drive.tick % FRAME_TICKS == 0:
+            drive.guard.admit(heading(drive.t_s, 0.1 * (drive.tick % 7)))
+
+    drive.run(5.0, each)
+    assert drive.guard.holding is None
+
+
+def test_belts_that_answer_a_chair_that_swings_over_the_crest_are_right() -> None:
+    """Test: one belt runs faster while the chair pitches by 10 °/s, then while it lies steeply and still. Expected result: nothing,
+    then HOLD after 3° at the 1.5 °/s by which a gyro may drift."""
+    drive = Drive(asked=(0.0, 0.1))
+    drive.silent = {"stair"}
+    drive.spoil = lambda reading: imu(reading.t_s, 20.0, 0.0, -10.0) if isinstance(reading, ImuSample) else reading
+    assert drive.run(5.0, blind("crest")).guard.holding is None
+    drive.spoil = lambda reading: imu(reading.t_s, 20.0) if isinstance(reading, ImuSample) else reading
+    # 0.16 s until the swing's mean is below its limit.
+    assert drive.until_held(4.0, blind("crest")) == pytest.approx(3.0 / 1.5 + 0.16, abs=0.03)
+
+
+@pytest.mark.parametrize(("phase", "holds"), [("crest", True), ("leave", True), ("climb", False)])
+def test_a_heading_of_more_than_five_degrees_holds_where_the_chair_pitches(phase: Any, holds: bool) -> None:
+    """Test: heading 4.9°, then 5.1°, as a gyro that jumps makes it. Expected result: HOLD over crest and last step; on the flight
+    a chair may turn."""
+    drive = Drive()
+    drive.heading_deg = 4.9
+    assert drive.run(0.5, blind(phase)).guard.holding is None
+    drive.heading_deg = 5.1
+    drive.run(0.02, blind(phase))
+    assert (drive.guard.holding is not None) is holds
+
+
+# Row 10
+
+
+def test_duplicates_and_older_stamps_are_dropped() -> None:
+    """Test: each kind of reading twice, then older. Expected result: dropped, no HOLD; each kind has its own clock."""
+    guard = Guard(GuardConfig())
+    guard.step(1.0, None)
+    for make in (imu, belts, frame, heading, lambda t_s: stair(t_s, [1.0, 1.34])):
+        assert guard.admit(make(1.0))
+        assert not guard.admit(make(1.0))
+        assert not guard.admit(make(0.5))
+        assert guard.admit(make(1.1))
+    assert guard.holding is None
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_stamp_that_is_no_number_is_dropped(bad: float) -> None:
+    """Test: NaN and Inf for a stamp. Expected result: not admitted, and nothing that is not finite leaves."""
+    drive = Drive().run(0.5)
+    assert not drive.guard.admit(imu(bad))
+    assert not drive.guard.admit(OperatorInput(t_s=bad))
+    drive.step()
+    assert math.isfinite(drive.passed.t_s)
+    assert all(math.isfinite(event.t_s) for event in drive.guard.take_events())
+
+
+@pytest.mark.parametrize(
+    ("leap_s", "cause"),
+    [
+        (-1.1, "clock of ImuSample leapt 1.09 s back"),
+        (1.1, "clock of ImuSample leapt 1.10 s ahead"),
+        (-0.9, None),
+        (0.9, None),
+        (0.1, None),
+    ],
+)
+def test_a_clock_that_leaps_holds(leap_s: float, cause: str | None) -> None:
+    """Test: the IMU's clock leaps at 3.0 s. Expected result: rejected beyond 0.1 s ahead, HOLD beyond 1 s, ahead or back."""
+    drive = Drive().run(3.0)
+    drive.guard.advance(drive.t_s)
+    admitted = drive.guard.admit(imu(drive.t_s + leap_s))
+    assert drive.guard.holding == cause
+    assert admitted is (leap_s == 0.1)
+    # Stamped by the mission's clock, not by the one that leapt.
+    assert [event.t_s for event in drive.guard.take_events() if event.name == "hold"] == [about(2.99)] * (cause is not None)
+
+
+def test_a_clock_that_is_ahead_hides_no_silence() -> None:
+    """Test: the IMU's last stamp is 0.1 s ahead, then it is silent. Expected result: slow within 60 ms."""
+    drive = Drive().run(2.0)
+    drive.guard.advance(drive.t_s)
+    assert drive.guard.admit(imu(drive.t_s + 0.1))
+    drive.silent = {"imu"}
+    drive.run(0.07)
+    assert drive.mean_m_s == pytest.approx(0.1)
+
+
+def test_a_mission_clock_that_leaps_back_or_is_no_number_holds() -> None:
+    """Test: a tick 1.1 s before the last; a tick at NaN. Expected result: HOLD, and a finite stamp."""
+    drive = Drive().run(2.0)
+    assert drive.guard.step(1.99 - 1.1, None).brake
+    assert drive.guard.holding == "mission clock leapt by -1.10 s"
+    drive = Drive().run(2.0)
+    assert drive.guard.step(math.nan, None) == TrackCommand.stop(1.99)
+    assert drive.guard.holding == "mission clock is not finite"
+    assert Guard(GuardConfig()).step(math.inf, None).t_s == 0.0
+
+
+def test_a_mission_clock_that_steps_back_a_little_goes_on() -> None:
+    """Test: a tick 50 ms before the last. Expected result: no HOLD."""
+    drive = Drive().run(2.0)
+    drive.tick -= 5
+    drive.run(0.5)
+    assert drive.guard.holding is None
+
+
+# Row 11
+
+
+def test_a_driver_that_is_late_ramps_down_and_holds_after_three_periods() -> None:
+    """Test: no command after 1.0 s. Expected result: full speed for 1.5 periods, half of it at 2.25, HOLD beyond 3."""
+    drive = Drive().run(1.01)
+    drive.silent = {"driver"}
+    drive.run(0.37)
+    assert drive.mean_m_s == pytest.approx(0.2)
+    drive.run(0.20)
+    assert drive.mean_m_s == pytest.approx(0.2 * (0.75 - 0.57) / 0.375)
+    assert drive.until_held(0.5) == about(0.76 - 0.58)
+    assert drive.guard.holding == "no command for 0.76 s"
+    assert drive.events()[0] == ("slow", "no command or tick for 0.38 s")
+
+
+@pytest.mark.parametrize(("late_s", "share"), [(0.37, 1.0), (0.60, 0.4), (0.74, 0.02667)])
+def test_a_late_tick_ramps_down(late_s: float, share: float) -> None:
+    """Test: the tick after 1.0 s comes late, with a new command. Expected result: a part of the speed, then all again."""
+    drive = Drive(GuardConfig(needs_heading=False)).run(1.01)
+    later = 1.0 + late_s
+    drive.guard.advance(later)
+    drive.guard.propose(command(later))
+    passed = drive.guard.step(later, None)
+    assert passed.left_m_s == pytest.approx(0.2 * share, abs=1e-4)
+    assert not passed.brake
+    assert drive.guard.step(later + 0.01, None).left_m_s == pytest.approx(0.2)
+
+
+def test_a_tick_three_periods_late_holds() -> None:
+    """Test: the tick after 1.0 s comes 0.76 s late, with a new command. Expected result: HOLD."""
+    drive = Drive(GuardConfig(needs_heading=False)).run(1.01)
+    drive.guard.advance(1.76)
+    drive.guard.propose(command(1.76))
+    assert drive.guard.step(1.76, None).brake
+    assert drive.guard.holding == "no tick for 0.76 s"
+
+
+FUTURE_S = 1e6
+"""Eleven days ahead, as a driver with another epoch would stamp."""
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        MotionPlan(t_s=FUTURE_S, phase="climb", speed_m_s=0.3),
+        health(FUTURE_S, None, None),
+        heading(FUTURE_S, 20.0),
+        stair(FUTURE_S, [1.0, 1.34]),
+    ],
+    ids=lambda message: type(message).__name__,
+)
+def test_a_message_of_the_future_is_rejected_counted_and_reported_once(message: Any) -> None:
+    """Test: messages stamped 1e6 s, then the planner arrives, the gyro is stuck and a map shows an obstacle. Expected result: no
+    effect of the former, an event for the first, the usual answer to the latter."""
+    drive = Drive().run(1.0)
+    for _ in range(3):
+        drive.guard.on_message(message)
+    kind = type(message).__name__
+    assert drive.guard.rejected == {kind: 3}
+    assert drive.events() == [("rejected", f"{kind} stamped 999999.01 s ahead of the clock")]
+    drive.run(0.2)
+    assert drive.passed == command(drive.passed.t_s)
+    match message:
+        case MotionPlan():
+            drive.plan = MotionPlan(t_s=0.0, phase="arrived", speed_m_s=0.0)
+            assert drive.step().brake
+        case HeadingHealth():
+            drive.guard.on_message(health(drive.t_s, "stuck", drive.t_s))
+            assert drive.run(0.1).mean_m_s == pytest.approx(0.1)
+        case StairMap():
+            drive.until_held(0.5, lambda drive: drive.guard.on_message(stair(drive.t_s, [], obstacle_m=0.5)))
+            assert drive.guard.holding == "obstacle -0.50 m ahead"
+        case _:
+            drive.silent = {"camera"}
+            assert drive.until_held(4.0) == about(2.9)
+    drive.guard.on_message(replace(message, t_s=FUTURE_S + 1.0))
+    assert [name for name, _ in drive.events()].count("rejected") == 1  # a new series, after one that was accepted
+
+
+def test_a_plan_of_the_future_that_asks_for_a_hold_holds() -> None:
+    """Test: a plan stamped 1e6 s with a cause to hold. Expected result: rejected as a plan, but a stop counts always."""
+    drive = Drive().run(1.0)
+    drive.guard.on_message(MotionPlan(t_s=FUTURE_S, phase="climb", speed_m_s=0.2, hold="no way"))
+    assert drive.guard.holding == "no way"
+
+
+@pytest.mark.parametrize("make", [imu, belts, frame, heading, lambda t_s: stair(t_s, [1.0, 1.34])])
+def test_a_reading_a_little_ahead_of_the_clock_is_rejected_counted_and_reported(make: Callable[[float], Any]) -> None:
+    """Test: each kind of reading stamped 0.11 s ahead, twice; then one in time. Expected result: two rejections, one event, no
+    HOLD; the one in time is accepted."""
+    drive = Drive().run(1.0)
+    drive.guard.advance(1.0)
+    kind = type(make(1.0)).__name__
+    assert not drive.guard.admit(make(1.11))
+    assert not drive.guard.admit(make(1.12))
+    assert drive.guard.rejected == {kind: 2}
+    assert drive.events() == [("rejected", f"{kind} stamped 0.11 s ahead of the clock")]
+    assert drive.guard.admit(make(1.0))
+    assert drive.guard.holding is None
+
+
+def test_a_command_of_the_future_is_rejected_and_the_driver_is_late() -> None:
+    """Test: from 1.0 s on all commands are stamped 0.8 s ahead. Expected result: never passed, HOLD after three periods."""
+    drive = Drive().run(1.01)
+    drive.silent = {"driver"}
+    held_s = drive.until_held(2.0, lambda drive: drive.guard.propose(command(drive.t_s + 0.8, 0.3, 0.3)))
+    assert held_s == about(0.75)
+    assert drive.guard.holding == "no command for 0.76 s"
+    assert drive.guard.rejected["TrackCommand"] > 70
+
+
+def test_a_planner_that_falls_silent_is_held_after_three_tenths_of_a_second() -> None:
+    """Test: plans for a second, then none; then a person re-arms. Expected result: HOLD after 0.3 s with a ramp; no fault at once
+    while nobody has planned anew."""
+    drive = Drive()
+    drive.plan = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.2)
+    drive.run(1.0)
+    drive.plan = None
+    assert drive.until_held(1.0) == about(0.3)
+    assert drive.guard.holding == "no plan for 0.31 s"
+    assert not drive.passed.brake  # ramped
+    drive.run(0.5)
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    for _ in range(5):
+        drive.guard.admit(OperatorInput(t_s=drive.t_s))
+        drive.run(0.1)
+    assert drive.guard.holding is None
+
+
+def test_a_planner_is_not_blamed_for_what_the_guard_missed() -> None:
+    """Test: the guard itself stands for 0.5 s, while plans went on unheard. Expected result: no HOLD for the plan."""
+    drive = Drive(GuardConfig(needs_heading=False))
+    drive.plan = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.2)
+    drive.run(1.01)
+    drive.guard.advance(1.5)
+    drive.guard.propose(command(1.5))
+    drive.guard.step(1.5, None)
+    assert drive.guard.holding is None
+
+
+def test_without_any_command_the_belts_stand_and_the_guard_holds() -> None:
+    """Test: ticks alone. Expected result: zero speed and brake from the first, HOLD after 0.75 s."""
+    drive = Drive()
+    drive.silent = {"driver"}
+    drive.step()
+    assert drive.passed.brake
+    assert drive.guard.holding is None
+    assert drive.until_held(1.0) == about(0.75)
+
+
+# Row 12
+
+
+@pytest.mark.parametrize(("heading_deg", "mean_m_s"), [(0.0, 0.30), (4.9, 0.30), (-5.1, 0.55), (30.0, 0.55), (None, 0.55)])
+def test_the_mean_speed_is_limited_more_when_square_than_when_turning(heading_deg: float | None, mean_m_s: float) -> None:
+    """Test: belts at 0.6 and 0.8 m/s are asked. Expected result: the mean is cut, the difference stays."""
+    drive = Drive(asked=(0.6, 0.8))
+    drive.heading_deg = heading_deg
+    drive.run(1.0)
+    assert drive.mean_m_s == pytest.approx(mean_m_s)
+    assert drive.passed.right_m_s - drive.passed.left_m_s == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("asked", "expected"),
+    [
+        ((1.2, 0.6), (0.85, 0.25)),  # mean 0.9 yields to 0.55, the difference of 0.6 stays
+        ((-0.2, 1.6), (-0.8, 1.0)),  # half the difference is 0.9: so much is left for the mean
+        ((-3.0, 4.0), (-1.0, 1.0)),
+        ((4.0, -3.0), (1.0, -1.0)),
+        ((-0.9, -0.9), (-0.55, -0.55)),
+    ],
+)
+def test_common_speed_yields_and_steering_keeps(asked: tuple[float, float], expected: tuple[float, float]) -> None:
+    """Test: more is asked than the belts can do, at 30° of heading. Expected result: no belt above its limit, steering kept."""
+    drive = Drive(asked=asked)
+    drive.heading_deg = 30.0
+    drive.step()
+    assert (drive.passed.left_m_s, drive.passed.right_m_s) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("phase", "speed", "heading_deg", "mean_m_s"),
+    [
+        ("approach", 0.1, 0.0, 0.145),
+        ("back_off", -0.1, 0.0, 0.145),
+        ("approach", 0.1, 20.0, 0.55),
+        ("land", 0.3, 0.0, 0.30),
+        ("climb", 0.1, 0.0, 0.30),
+        ("drive", 0.1, 20.0, 0.55),
+        ("descend", -0.1, 0.0, 0.30),
+        ("crest", 0.2, 0.0, 0.10),
+        ("crest", 0.04, 0.0, 0.07),
+        ("mount", 0.2, 20.0, 0.10),
+        ("mount", 0.2, 0.0, 0.10),
+        ("traction", 0.2, 0.0, 0.27),
+        ("edge", 0.2, 0.0, 0.10),
+        ("leave", 0.2, 0.0, 0.10),
+    ],
+)
+def test_each_phase_has_its_speed(phase: Any, speed: float, heading_deg: float, mean_m_s: float) -> None:
+    """Test: 0.6 m/s is asked in each phase. Expected result: what the plan says with a margin; ≤ 0.10 m/s where the chair
+    pitches; on the flight and while it turns the limits of row 12."""
+    drive = Drive(asked=(0.6, 0.6))
+    drive.heading_deg = heading_deg
+    drive.plan = MotionPlan(t_s=0.0, phase=phase, speed_m_s=speed)
+    drive.run(0.5)
+    assert drive.mean_m_s == pytest.approx(mean_m_s)
+
+
+@pytest.mark.parametrize(
+    ("plan", "brake"),
+    [
+        (MotionPlan(t_s=0.0, phase="arrived", speed_m_s=0.1), True),
+        (MotionPlan(t_s=0.0, phase="refused", speed_m_s=0.1), True),
+        (MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.0, turn_m_s=0.0), False),
+    ],
+)
+def test_a_plan_that_ends_or_stands_stops_the_belts_at_once(plan: MotionPlan, brake: bool) -> None:
+    """Test: the driver still asks 0.2 m/s. Expected result: belts at rest at this tick, braked at an end; no HOLD."""
+    drive = Drive().run(1.0)
+    drive.plan = plan
+    assert drive.step() == TrackCommand(t_s=1.0, left_m_s=0.0, right_m_s=0.0, brake=brake)
+    assert drive.guard.holding is None
+
+
+@pytest.mark.parametrize(("t_s", "stands"), [(0.8, False), (0.9, True)])
+def test_of_two_plans_the_later_counts_and_of_two_at_once_the_last(t_s: float, stands: bool) -> None:
+    """Test: after a plan of 0.9 s to drive, one to stand, older or of the same moment. Expected result: goes on; stands."""
+    drive = Drive().run(1.0)
+    drive.guard.on_message(MotionPlan(t_s=0.9, phase="climb", speed_m_s=0.2))
+    drive.guard.on_message(MotionPlan(t_s=t_s, phase="crest", speed_m_s=0.0, turn_m_s=0.0))
+    assert (drive.step() == TrackCommand(t_s=1.0, left_m_s=0.0, right_m_s=0.0, brake=False)) is stands
+
+
+def test_a_plan_that_turns_on_the_spot_or_drives_straight_does_not_stand() -> None:
+    """Test: a plan of turning alone; of speed without turning. Expected result: commands pass."""
+    for plan in (
+        MotionPlan(t_s=0.0, phase="align", speed_m_s=0.0, turn_m_s=0.1),
+        MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1, turn_m_s=0.0),
+        MotionPlan(t_s=0.0, phase="align", speed_m_s=0.0),
+    ):
+        drive = Drive(asked=(-0.1, 0.1))
+        drive.guard.on_message(plan)
+        assert drive.step().right_m_s == pytest.approx(0.1)
+
+
+def test_a_plan_may_ask_for_a_hold_and_must_be_a_number() -> None:
+    """Test: a plan with a cause to hold; one of NaN. Expected result: HOLD with that cause."""
+    drive = Drive().run(0.1)
+    drive.guard.on_message(MotionPlan(t_s=0.1, phase="crest", speed_m_s=0.1, hold="the tip finds no landing"))
+    drive.step()
+    assert drive.guard.holding == "the tip finds no landing"
+    good = MotionPlan(t_s=0.1, phase="climb", speed_m_s=0.1)
+    for field in ("t_s", "speed_m_s", "turn_m_s", "heading_rad", "min_inner_speed_ratio", "pitch_feedforward_m_s"):
+        drive = Drive().run(0.1)
+        drive.guard.on_message(replace(good, **{field: math.nan}))
+        assert drive.step().brake
+        assert drive.guard.holding == "plan is not finite"
+
+
+# Row 13
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_stalled_track_stops_both_within_three_tenths(side: str) -> None:
+    """Test: one belt stops within a tick. Expected result: HOLD within 0.3 s, its name and numbers in the cause."""
+    drive = Drive().run(2.0)
+    drive.spoil = lambda reading: replace(reading, **{f"{side}_m_s": 0.0}) if isinstance(reading, TrackReading) else reading
+    assert drive.until_held(0.3) == about(0.2)
+    assert drive.guard.holding == f"{side} track is stalled: 0.00 m/s where 0.20 is expected"
+
+
+def test_lag_and_acceleration_are_no_mismatch() -> None:
+    """Test: commands between -1 and 1 m/s each quarter second, drives with a lag of 0.12 to 0.19 s. Expected result: no HOLD."""
+    for lag_s in (0.12, 0.15, 0.19):
+        drive = Drive(GuardConfig(needs_heading=False))
+        rng = np.random.default_rng(1)
+        speeds = np.zeros(2)
+
+        def each(drive: Drive, rng: np.random.Generator = rng) -> None:
+            if drive.tick % 25 == 0:
+                drive.asked = tuple(rng.uniform(-1.0, 1.0, 2))
+
+        def spoil(reading: Any, drive: Drive = drive, speeds: Any = speeds, lag_s: float = lag_s) -> Any:
+            if not isinstance(reading, TrackReading):
+                return reading
+            change = (1 - math.exp(-TICK_S / lag_s)) * (np.array([drive.passed.left_m_s, drive.passed.right_m_s]) - speeds)
+            speeds += np.clip(change, -4.0 * TICK_S, 4.0 * TICK_S)
+            return replace(reading, left_m_s=speeds[0], right_m_s=speeds[1])
+
+        drive.spoil = spoil
+        drive.run(5.0, each)
+        assert drive.guard.holding is None
+
+
+def test_a_recording_does_not_obey_and_is_not_held_for_it() -> None:
+    """Test: belts, seat and attitude of another drive, ``watches_motion = False``. Expected result: no HOLD."""
+    drive = Drive(GuardConfig(watches_motion=False))
+
+    def spoil(reading: Any) -> Any:
+        match reading:
+            case TrackReading():
+                return replace(reading, left_m_s=-0.5, right_m_s=0.7)
+            case SeatReading():
+                return replace(reading, pitch_rad=0.3)
+            case ImuSample():
+                return imu(reading.t_s, pitch_deg=60.0)
+            case _:
+                return reading
+
+    drive.spoil = spoil
+    drive.run(3.0)
+    assert drive.guard.holding is None
+
+
+# Row 14
+
+
+def test_a_belt_that_runs_away_is_held() -> None:
+    """Test: one belt at 1.5 times its speed. Expected result: HOLD after 0.2 s."""
+    drive = Drive().run(2.0)
+    drive.spoil = lambda reading: replace(reading, left_m_s=0.3) if isinstance(reading, TrackReading) else reading
+    assert drive.until_held(0.3) == about(0.2)
+    assert drive.guard.holding == "left track runs away: 0.30 m/s where 0.20 is expected"
+
+
+def test_a_belt_that_runs_against_a_plan_that_stands_is_held() -> None:
+    """Test: at an end of the way, braked, a belt reports 0.1 m/s. Expected result: HOLD."""
+    drive = Drive().run(1.0)
+    drive.plan = MotionPlan(t_s=1.0, phase="arrived", speed_m_s=0.0)
+    drive.run(0.5)
+    drive.spoil = lambda reading: replace(reading, right_m_s=-0.1) if isinstance(reading, TrackReading) else reading
+    assert drive.until_held(0.3) == about(0.2)
+    assert drive.guard.holding == "right track runs away: -0.10 m/s where 0.00 is expected"
+
+
+class Flight:
+    """Nosings that pass as the belts run, less what slips; a map at each frame."""
+
+    def __init__(self, sign: float = 1.0) -> None:
+        self.slip = 0.0
+        self.silent = False
+        self.passed_m = 0.0
+        self.sign = sign
+        self.noise = np.random.default_rng(2)
+
+    def __call__(self, drive: Drive) -> None:
+        self.passed_m += self.sign * TICK_S * 0.5 * sum(drive.speeds) * (1.0 - self.slip)
+        if drive.tick % FRAME_TICKS == 0 and not self.silent:
+            first = 0.85 + (0.4 - self.passed_m) % PITCH_M
+            places = [first + k * PITCH_M + self.noise.normal(0.0, 0.003) for k in range(4)]
+            direction = "up" if self.sign > 0 else "down"
+            drive.guard.on_message(stair(drive.t_s, [self.sign * place for place in places], direction=direction))
+
+
+@pytest.mark.parametrize(("sign", "plan_m_s"), [(1.0, None), (-1.0, None), (1.0, 0.2), (-1.0, -0.2), (1.0, 0.0)])
+def test_slip_slows_and_then_holds(sign: float, plan_m_s: float | None) -> None:
+    """Test: from 3 s on the chair keeps half of its belts' travel, up and down, as planned; or up, while the plan would stand.
+    Expected result: none before; slow within 0.5 s, HOLD within 1.1 s of that, by then less than 0.2 m lost."""
+    drive, flight = Drive(asked=(sign * 0.2, sign * 0.2)), Flight(sign)
+    if plan_m_s is not None:
+        drive.plan = MotionPlan(t_s=0.0, phase="climb" if sign > 0.0 else "descend", speed_m_s=plan_m_s)
+    drive.run(3.0, flight)
+    assert drive.events() == []
+    flight.slip = 0.5
+    assert drive.until_held(1.6, flight) < 1.2
+    assert (drive.guard.holding or "").startswith("slip 0.")
+    assert [name for name, _ in drive.events()] == ["slow", "hold"]
+
+
+def test_a_chair_that_slides_faster_than_its_belts_slips_too() -> None:
+    """Test: descending, the chair goes twice as far as its belts. Expected result: HOLD."""
+    drive, flight = Drive(asked=(-0.2, -0.2)), Flight(-1.0)
+    drive.run(2.0, flight)
+    flight.slip = -1.0
+    assert drive.until_held(1.6, flight) < 1.2
+
+
+def test_a_little_slip_is_the_stairs_own() -> None:
+    """Test: a tenth of the belts' travel is lost for 4 s. Expected result: no event."""
+    drive, flight = Drive(), Flight()
+    flight.slip = 0.1
+    drive.run(4.0, flight)
+    assert drive.events() == []
+
+
+@pytest.mark.parametrize("why", ["turning", "no estimate", "crest"])
+def test_slip_is_not_asked_where_nosings_do_not_pass_as_belts_run(why: str) -> None:
+    """Test: half the travel is lost while the chair turns, before a heading is known, over the crest. Expected result: no event
+    for slip."""
+    drive, flight = Drive(), Flight()
+    drive.heading_deg = None if why == "no estimate" else 0.0
+    drive.plan = MotionPlan(t_s=0.0, phase="crest" if why == "crest" else "climb", speed_m_s=0.2)
+    flight.slip = 0.5
+
+    def each(drive: Drive) -> None:
+        flight(drive)
+        if why == "turning":
+            drive.heading_deg = 2.0 * drive.t_s - 3.0
+
+    drive.run(3.0, each)
+    assert drive.events() == []
+
+
+def test_a_chair_that_rolls_back_is_held_even_where_it_turns() -> None:
+    """Test: turning from 10°, the chair goes back half as fast as its belts go up. Expected result: HOLD before 0.3 m are lost."""
+    drive, flight = Drive(), Flight()
+    flight.slip = 1.5
+
+    def each(drive: Drive) -> None:
+        flight(drive)
+        drive.heading_deg = 10.0 - 2.0 * drive.t_s
+
+    drive.until_held(5.0, each)
+    assert -0.3 < flight.passed_m < -0.2
+    assert (drive.guard.holding or "").startswith("rolled back 0.2")
+
+
+def test_a_chair_that_rolls_back_is_held_though_its_nosings_come_and_go() -> None:
+    """Test: turning from 10°, the chair goes back half as fast as its belts go up; of each 0.8 s no map comes for 0.4 s.
+    Expected result: HOLD before 0.3 m are lost."""
+    drive, flight = Drive(), Flight()
+    flight.slip = 1.5
+
+    def each(drive: Drive) -> None:
+        flight.silent = drive.tick % 80 >= 50
+        flight(drive)
+        drive.heading_deg = 10.0 - 2.0 * drive.t_s
+
+    drive.until_held(5.0, each)
+    assert -0.3 < flight.passed_m < -0.2
+    assert (drive.guard.holding or "").startswith("rolled back 0.2")
+
+
+@pytest.mark.parametrize("why", ["phase", "direction"])
+def test_a_way_driven_back_on_purpose_is_not_rolled_back(why: str) -> None:
+    """Test: up the flight for 1.5 s, then 0.5 m back as a plan has it, without a map, and up again; without a plan, up towards a
+    flight and then back towards one that falls. Expected result: no event."""
+    drive, flight = Drive(), Flight()
+    if why == "phase":
+        drive.plan = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.2)
+    drive.run(1.5, flight)
+    drive.asked = (-0.2, -0.2)
+    if why == "phase":
+        drive.plan = MotionPlan(t_s=1.5, phase="back_off", speed_m_s=-0.2, needs_stair=False)
+        drive.run(2.5)
+        drive.plan = MotionPlan(t_s=4.0, phase="climb", speed_m_s=0.2)
+        drive.asked = (0.2, 0.2)
+        drive.run(2.0, flight)
+    else:
+        drive.run(2.5, Flight(-1.0))
+    assert drive.events() == []
+
+
+def test_nosings_that_come_nearer_because_the_chair_turns_are_no_slip() -> None:
+    """Test: the chair turns on the spot from 30° to square in 3 s, nosings at their true places. Expected result: no event."""
+    drive = Drive(asked=(0.0, 0.0))
+
+    def each(drive: Drive) -> None:
+        drive.heading_deg = max(30.0 - 10.0 * drive.t_s, 0.0)
+        if drive.tick % FRAME_TICKS == 0:
+            across = math.cos(drive.guard._heading_rad if drive.tick else 30.0 * DEG)
+            drive.guard.on_message(stair(drive.t_s, [(1.0 + k * PITCH_M) / across for k in range(5)]))
+
+    drive.run(3.5, each)
+    assert drive.events() == []
+
+
+def test_maps_that_stay_away_start_the_slip_anew() -> None:
+    """Test: the chair slips for 0.8 s, then maps stay away for 0.4 s and show none after. Expected result: slow, then resumed."""
+    drive, flight = Drive(), Flight()
+    drive.run(2.0, flight)
+    flight.slip = 0.5
+    drive.run(0.8, flight)
+    flight.slip = 0.0
+    drive.run(0.4)
+    drive.run(1.0, flight)
+    assert [name for name, _ in drive.events()] == ["slow", "resumed"]
+
+
+# Row 17
+
+
+def nosings_with_a_gap(travel_m: float, gap_at_m: float = 1.75) -> list[float]:
+    """Return what a camera sees between 0.85 and 3 m ahead of a flight whose step behind ``gap_at_m`` is missing."""
+    every = [gap_at_m + k * PITCH_M for k in range(-12, 12) if k != 1]
+    return [place - travel_m for place in every if 0.85 < place - travel_m < 3.0]
+
+
+def test_a_missing_step_slows_and_stops_the_chair_before_it() -> None:
+    """Test: a step is missing 1.75 m ahead. Expected result: slow after five maps; HOLD with 0.2 m or more between the chair's
+    leading end and the nosing before the gap."""
+    drive = Drive()
+
+    def look(drive: Drive) -> None:
+        if drive.tick % FRAME_TICKS == 0:
+            drive.guard.on_message(stair(drive.t_s, nosings_with_a_gap(drive.guard._belts.travel_m)))
+
+    drive.run(0.40, look)
+    assert drive.mean_m_s == pytest.approx(0.2)
+    drive.run(0.1, look)
+    assert drive.mean_m_s == pytest.approx(0.1)
+    drive.until_held(12.0, look)
+    clear_m = 1.75 - drive.guard._belts.travel_m - GuardConfig().front_m
+    assert 0.2 <= clear_m <= 0.25
+    assert drive.events()[-1] == ("hold", "1.02 m from nosing to nosing 0.24 m ahead, too long for the track")
+
+
+def test_a_nosing_that_is_missed_now_and_then_is_no_gap() -> None:
+    """Test: two maps in a row miss a nosing, then three do not. Expected result: no event."""
+    drive = Drive()
+
+    def look(drive: Drive) -> None:
+        if drive.tick % FRAME_TICKS == 0:
+            places = nosings_with_a_gap(drive.guard._belts.travel_m)
+            if drive.tick // FRAME_TICKS % 5 > 1:
+                places = sorted([*places, 1.75 + PITCH_M - drive.guard._belts.travel_m])
+            drive.guard.on_message(stair(drive.t_s, places))
+
+    drive.run(2.0, look)
+    assert drive.events() == []
+
+
+def test_a_gap_does_not_stop_a_chair_that_backs_off() -> None:
+    """Test: a gap close ahead, the belts run backwards; then forwards. Expected result: slow, and HOLD only then."""
+    drive = Drive(asked=(-0.2, -0.2))
+
+    def look(drive: Drive) -> None:
+        if drive.tick % FRAME_TICKS == 0:
+            drive.guard.on_message(stair(drive.t_s, nosings_with_a_gap(drive.guard._belts.travel_m, 1.0)))
+
+    drive.run(1.0, look)
+    assert drive.guard.holding is None
+    assert drive.mean_m_s == pytest.approx(-0.1)
+    drive.asked = (0.2, 0.2)
+    drive.until_held(1.0, look)
+
+
+# Row 18
+
+
+@pytest.mark.parametrize(
+    ("lies", "cause"),
+    [
+        ({"pitch_deg": 41.0}, "pitch 41°"),
+        ({"pitch_deg": 39.0}, None),
+        ({"pitch_deg": -16.0}, "pitch -16°"),
+        ({"pitch_deg": -14.0}, None),
+        ({"roll_deg": 21.0}, "roll 21°"),
+        ({"roll_deg": -21.0}, "roll -21°"),
+        ({"roll_deg": 19.0}, None),
+        ({"rate_deg_s": 26.0, "pitch_deg": 20.0}, "pitch rate 26 °/s, pitch 20°"),
+        ({"rate_deg_s": -26.0}, "pitch rate -26 °/s, pitch 0°"),
+        ({"rate_deg_s": 24.0}, None),
+        ({"pitch_deg": 90.0}, "pitch 90°"),
+    ],
+)
+def test_a_chair_that_tips_is_held_with_its_numbers(lies: dict[str, float], cause: str | None) -> None:
+    """Test: attitude or pitch rate beyond a limit, and just within. Expected result: HOLD after 50 ms, or none."""
+    drive = Drive().run(1.0)
+    drive.spoil = lambda reading: imu(reading.t_s, **lies) if isinstance(reading, ImuSample) else reading
+    if cause is None:
+        drive.run(1.0)
+    else:
+        assert drive.until_held(0.2) == about(0.05)
+    assert drive.guard.holding == cause
+
+
+def test_a_shock_is_no_fall() -> None:
+    """Test: 60 °/s for 40 ms, twice. Expected result: no HOLD."""
+    drive = Drive().run(1.0)
+    for _ in range(2):
+        drive.spoil = lambda reading: imu(reading.t_s, rate_deg_s=60.0) if isinstance(reading, ImuSample) else reading
+        drive.run(0.04)
+        drive.spoil = lambda reading: reading
+        drive.run(0.02)
+    assert drive.guard.holding is None
+
+
+# Row 19
+
+
+def seat_at(error_deg: float) -> Callable[[Any], Any]:
+    return lambda reading: replace(reading, pitch_rad=error_deg * DEG) if isinstance(reading, SeatReading) else reading
+
+
+def test_a_seat_that_stays_off_level_is_held_and_left_alone() -> None:
+    """Test: 6° from 1.0 s on. Expected result: HOLD after 1 s, and the seat's rate is zero until a person re-arms."""
+    drive = Drive().run(1.0)
+    drive.spoil = seat_at(-6.0)
+    fine = SeatCommand(t_s=1.0, rate_m_s=0.02)
+    assert drive.guard.pass_seat(fine) == fine
+    assert drive.until_held(1.5) == about(1.0)
+    assert drive.guard.holding == "seat is -6.0° off level for 1.0 s"
+    assert drive.guard.pass_seat(fine) == SeatCommand(t_s=1.0, rate_m_s=0.0)
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    assert drive.guard.pass_seat(fine) == fine
+
+
+@pytest.mark.parametrize(
+    ("phase", "limit"),
+    [
+        ("search", 0.02),
+        ("align", 0.02),
+        ("approach", 0.02),
+        ("drive", 0.02),
+        ("climb", 0.02),
+        ("descend", 0.02),
+        ("crest", 0.06),
+        ("edge", 0.06),
+        ("mount", 0.06),
+    ],
+)
+def test_on_the_flight_the_seat_does_not_follow_each_rocking(phase: Any, limit: float) -> None:
+    """Test: a leveller that asks for all that its actuator has. Expected result: on the flight and on the level the seat moves
+    slowly, for one that is thrown to and fro drives the rocking; where the chair pitches it has all."""
+    guard = Guard(GuardConfig())
+    guard.on_message(MotionPlan(t_s=0.0, phase=phase, speed_m_s=0.1))
+    for sign in (1.0, -1.0):
+        assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.06 * sign)).rate_m_s == limit * sign
+        assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.02 * sign)).rate_m_s == 0.02 * sign
+
+
+@pytest.mark.parametrize(("error_deg", "rate_m_s"), [(1.9, 0.02), (-1.9, 0.02), (2.1, 0.06), (-2.1, 0.06)])
+def test_a_seat_far_from_level_has_all_that_its_actuator_gives_on_the_flight_too(error_deg: float, rate_m_s: float) -> None:
+    """Test: a seat on either side of 2°, watched or in a recording. Expected result: slow within 2°."""
+    for config in (GuardConfig(), GuardConfig(watches_motion=False)):
+        guard = Guard(config)
+        guard.on_message(MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1))
+        guard.admit(SeatReading(t_s=0.0, pitch_rad=error_deg * DEG, stroke_m=0.05))
+        assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.06)).rate_m_s == rate_m_s
+
+
+def test_a_seat_that_is_being_levelled_is_no_fault() -> None:
+    """Test: from 25° off it comes nearer at 3 °/s; 4.9° for long. Expected result: no HOLD."""
+    drive = Drive()
+    drive.run(7.0, lambda drive: setattr(drive, "spoil", seat_at(25.0 - 3.0 * drive.t_s)))
+    drive.spoil = seat_at(4.9)
+    drive.run(3.0)
+    assert drive.guard.holding is None
+
+
+def test_a_seat_error_that_comes_and_goes_is_no_fault() -> None:
+    """Test: 6° for 0.9 s, level for a moment, 6° for 0.9 s. Expected result: no HOLD."""
+    drive = Drive()
+    for error in (6.0, 0.0, 6.0, 0.0):
+        drive.spoil = seat_at(error)
+        drive.run(0.9)
+    assert drive.guard.holding is None
+
+
+# Row 21
+
+
+@pytest.mark.parametrize("press", [{"stop": True}, {"dead_man": False}], ids=["stop", "dead man"])
+def test_the_operators_stop_acts_within_the_tick_and_only_a_person_re_arms(press: dict[str, bool]) -> None:
+    """Test: stop, or the dead-man released; readings go on; re-arm. Expected result: zero within the tick, held until re-armed."""
+    drive = Drive(GuardConfig(link_timeout_s=10.0)).run(1.0)
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, **press))
+    assert drive.step().brake
+    assert drive.guard.holding == "operator stop"
+    drive.run(2.0)
+    assert drive.passed.brake
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    assert drive.guard.holding is None
+    drive.run(1.0)
+    assert drive.mean_m_s == pytest.approx(0.2)
+    assert drive.events() == [("hold", "operator stop"), ("rearmed", "by a person, after: operator stop")]
+
+
+def test_a_re_armed_chair_stands_until_somebody_drives() -> None:
+    """Test: the driver dies, the guard holds, a person re-arms; later the driver is back. Expected result: not a step before."""
+    drive = Drive(GuardConfig(link_timeout_s=10.0)).run(1.0)
+    drive.silent = {"driver"}
+    drive.until_held(1.0)
+    drive.run(1.0)
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    for _ in range(50):
+        drive.step()
+        assert drive.guard.holding is None
+        assert drive.mean_m_s == 0.0
+    drive.silent = set()
+    drive.run(0.5)
+    assert drive.mean_m_s == pytest.approx(0.2)
+
+
+def test_what_was_overtaken_counts_no_more_unless_it_stops() -> None:
+    """Test: an older command, plan and health after newer ones. Expected result: the newer ones stand; an older plan that
+    holds does hold."""
+    drive = Drive().run(0.99)
+    drive.guard.propose(command(0.98, 0.0, 0.0))
+    drive.guard.propose(command(0.97))
+    assert drive.step().left_m_s == 0.0
+    drive.guard.on_message(MotionPlan(t_s=1.0, phase="approach", speed_m_s=0.1))
+    drive.guard.on_message(MotionPlan(t_s=0.9, phase="approach", speed_m_s=0.3))
+    assert drive.run(0.1).mean_m_s == pytest.approx(0.1 * 1.25 + 0.02)  # the newer plan's, its margin and its spare
+    drive.guard.on_message(health(1.1, "stuck", 1.0))
+    drive.guard.on_message(health(1.0, None, None))
+    drive.step()
+    assert drive.events() == [("slow", "gyro stuck for 0.10 s")]
+    drive.guard.on_message(MotionPlan(t_s=0.95, phase="climb", speed_m_s=0.1, hold="no way"))
+    assert drive.guard.holding == "no way"
+
+
+def test_a_stop_counts_however_old_and_a_re_arm_does_not() -> None:
+    """Test: messages that were overtaken. Expected result: an old stop holds; an old re-arm does nothing."""
+    guard = Guard(GuardConfig())
+    assert guard.admit(OperatorInput(t_s=1.0))
+    assert not guard.admit(OperatorInput(t_s=0.9, stop=True))
+    assert guard.holding == "operator stop"
+    assert not guard.admit(OperatorInput(t_s=0.95, rearm=True))
+    assert guard.holding == "operator stop"
+
+
+def test_a_re_arm_button_that_is_stuck_re_arms_once() -> None:
+    """Test: re-arm stays pressed; then a stop. Expected result: held until it is released and pressed again; pressed together
+    with stop it does not count."""
+    guard = Guard(GuardConfig())
+    guard.admit(OperatorInput(t_s=1.0, stop=True))
+    guard.admit(OperatorInput(t_s=1.1, stop=True, rearm=True))
+    guard.admit(OperatorInput(t_s=1.2, rearm=True))
+    assert guard.holding is not None
+    guard.admit(OperatorInput(t_s=1.3))
+    guard.admit(OperatorInput(t_s=1.4, dead_man=False, rearm=True))
+    guard.admit(OperatorInput(t_s=1.5))
+    guard.admit(OperatorInput(t_s=1.6, rearm=True))
+    assert guard.holding is None
+
+
+def test_an_overtaken_message_makes_no_stuck_button_a_press() -> None:
+    """Test: re-arm stays pressed; a fault holds; a message from before the press comes late. Expected result: held."""
+    guard = Guard(GuardConfig())
+    guard.admit(OperatorInput(t_s=1.0, rearm=True))
+    guard.on_message(MotionPlan(t_s=1.05, phase="climb", speed_m_s=0.1, hold="no way"))
+    assert not guard.admit(OperatorInput(t_s=0.9))
+    guard.admit(OperatorInput(t_s=1.1, rearm=True))
+    assert guard.holding == "no way"
+
+
+def test_to_re_arm_a_chair_that_is_not_held_changes_nothing() -> None:
+    """Test: re-arm while driving. Expected result: no event, no clock restarted."""
+    drive = Drive(GuardConfig(link_timeout_s=10.0)).run(1.91)
+    drive.silent = {"camera"}
+    drive.run(1.0)
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    assert drive.until_held(3.0) == about(2.0)
+    assert [name for name, _ in drive.events()] == ["slow", "hold"]
+
+
+def test_a_link_that_has_spoken_must_go_on() -> None:
+    """Test: the operator's messages end at 2.0 s. Expected result: HOLD after 0.3 s; without any message ever, none."""
+    drive = Drive()
+    drive.run(2.0, lambda drive: drive.guard.admit(OperatorInput(t_s=drive.t_s)))
+    assert drive.until_held(1.0) == about(0.30)
+    assert drive.guard.holding == "operator link silent for 0.30 s"
+
+
+def test_a_hold_whose_cause_lasts_comes_back_after_re_arming() -> None:
+    """Test: re-arm while camera and driver are still silent. Expected result: they are waited for anew, then HOLD again."""
+    drive = Drive(GuardConfig(link_timeout_s=10.0)).run(1.0)
+    drive.silent = {"camera"}
+    drive.until_held(4.0)
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    drive.step()
+    assert drive.guard.holding is None
+    assert drive.until_held(4.0) == about(3.0)
+    drive.silent = {"driver"}
+    drive.guard.admit(OperatorInput(t_s=drive.t_s))
+    drive.guard.admit(OperatorInput(t_s=drive.t_s + 0.001, rearm=True))
+    assert drive.until_held(1.0) == about(0.76)
+
+
+def test_after_a_leap_a_person_may_re_arm_on_the_new_clock() -> None:
+    """Test: every clock leaps back by 5 s. Expected result: HOLD; after re-arming the drive goes on."""
+    drive = Drive(GuardConfig(link_timeout_s=10.0))
+    drive.run(6.0, lambda drive: drive.guard.admit(OperatorInput(t_s=drive.t_s)))
+    drive.tick -= 500
+    drive.run(0.5, lambda drive: drive.guard.admit(OperatorInput(t_s=drive.t_s)))
+    assert drive.guard.holding == "clock of operator leapt 4.99 s back"
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    drive.run(1.0)
+    assert drive.guard.holding is None
+    assert drive.mean_m_s == pytest.approx(0.2)
+
+
+# Row 22
+
+
+@pytest.mark.parametrize(
+    ("name", "spoilt"),
+    [("belts", {"left_m_s": math.nan}), ("seat", {"pitch_rad": math.inf}), ("flipper", {"torque_n_m": math.nan})],
+)
+@pytest.mark.parametrize("dumb", [True, False])
+def test_drives_that_have_spoken_must_go_on(name: str, spoilt: dict[str, float], dumb: bool) -> None:
+    """Test: belts, seat or flipper report nothing from 1.0 s on, or nothing that is a number. Expected result: HOLD after 0.3 s,
+    with the name; what a chair never had is not waited for, nor what no command moves."""
+    drive = Drive().run(1.0)
+    if dumb:
+        drive.silent = {name}
+    else:
+        kind = {"belts": TrackReading, "seat": SeatReading, "flipper": FlipperReading}[name]
+        drive.spoil = lambda reading: replace(reading, **spoilt) if isinstance(reading, kind) else reading
+    assert drive.until_held(1.0) == about(0.30)
+    assert drive.guard.holding == f"readings of the {name} silent for 0.30 s"
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    drive.guard.admit(OperatorInput(t_s=drive.t_s + 0.001))
+    drive.step()
+    assert drive.guard.holding is None  # waited for anew
+    never = Drive()
+    never.silent = {name}
+    assert never.run(2.0).guard.holding is None
+    recording = Drive(GuardConfig(watches_motion=False)).run(1.0)
+    recording.silent = {name}
+    assert recording.run(2.0).guard.holding is None
+
+
+def test_a_process_that_has_spoken_must_go_on() -> None:
+    """Test: two processes beat, one dies. Expected result: HOLD within 0.8 s, with its name; re-arming waits for it anew."""
+    drive = Drive()
+
+    def beat(drive: Drive) -> None:
+        if drive.tick % 25 == 0:
+            drive.guard.beat("vision", drive.t_s)
+            if drive.t_s < 2.0 - 1e-9:
+                drive.guard.beat("control", drive.t_s)
+
+    drive.run(2.0, beat)
+    assert drive.until_held(1.0, beat) == about(0.51)  # its last beat was at 1.75 s
+    assert drive.guard.holding == "process control silent for 0.76 s"
+    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
+    assert drive.until_held(1.0, lambda drive: drive.guard.admit(OperatorInput(t_s=drive.t_s))) == about(0.76)
+
+
+# Row 25
+
+
+@pytest.mark.parametrize(("direction", "sign", "lead_m"), [("up", 1.0, 0.995), ("down", -1.0, 0.55)])
+def test_an_obstacle_is_held_off(direction: str, sign: float, lead_m: float) -> None:
+    """Test: something stands 3 m away on the side that the camera looks to. Expected result: HOLD with 0.3 m or more between it
+    and the chair's leading end."""
+    drive = Drive(asked=(sign * 0.3, sign * 0.3))
+
+    def look(drive: Drive) -> None:
+        if drive.tick % FRAME_TICKS == 0:
+            there = 3.0 - sign * drive.guard._belts.travel_m
+            places = [sign * (1.0 + k * PITCH_M) for k in range(3)]
+            drive.guard.on_message(stair(drive.t_s, places, direction=direction, obstacle_m=there))
+
+    drive.plan = MotionPlan(t_s=0.0, phase="approach", speed_m_s=sign * 0.3)
+    drive.until_held(15.0, look)
+    clear_m = 3.0 - sign * drive.guard._belts.travel_m - lead_m
+    assert 0.34 + 0.06 <= clear_m <= 0.34 + 0.15
+    assert (drive.guard.holding or "").startswith("obstacle 0.4")
+
+
+@pytest.mark.parametrize("obstacle_m", [1.0, math.nan])
+def test_something_on_the_landing_is_held_off(obstacle_m: float) -> None:
+    """Test: over the crest frames show something 1 m from mid-track; a number that is none. Expected result: HOLD; no HOLD."""
+    drive = Drive()
+    drive.spoil = lambda reading: replace(reading, obstacle_m=obstacle_m) if isinstance(reading, FrameQuality) else reading
+    drive.plan = MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.1, needs_stair=False)
+    drive.run(1.0)
+    assert (drive.guard.holding or "").startswith("obstacle 0.0") == math.isfinite(obstacle_m)
+
+
+def test_something_seen_once_is_nothing() -> None:
+    """Test: every other map shows something at 0.5 m. Expected result: no HOLD; two maps in a row hold."""
+    drive = Drive()
+
+    def look(drive: Drive) -> None:
+        if drive.tick % 20 == 0:
+            drive.guard.admit(stair(drive.t_s, [], obstacle_m=0.5))
+        elif drive.tick % 20 == 10:
+            drive.guard.admit(stair(drive.t_s, []))
+
+    drive.run(2.0, look)
+    assert drive.guard.holding is None
+    held = drive.until_held(1.0, lambda drive: drive.guard.on_message(stair(drive.t_s, [], obstacle_m=0.5)))
+    assert held == about(0.01)
+    assert drive.guard.holding == "obstacle -0.50 m ahead"
+
+
+def test_a_map_that_comes_twice_counts_once() -> None:
+    """Test: one map as a reading, and again as what was made of it. Expected result: no obstacle yet."""
+    drive = Drive().run(1.0)
+    once = stair(drive.t_s, [], obstacle_m=0.5)
+    assert drive.guard.admit(once)
+    drive.guard.on_message(once)
+    drive.run(0.5)
+    assert drive.guard.holding is None
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"obstacle_m": math.nan},
+        {"left_wall_m": math.inf},
+        {"right_seen_m": -math.inf},
+        {"rise_m": math.nan},
+        {"run_m": math.nan},
+        {"slope_rad": math.nan},
+        {"nosings_B": np.array([[1.0, 0.0, math.nan]])},
+    ],
+)
+def test_a_map_that_is_no_number_is_dropped(bad: dict[str, Any]) -> None:
+    """Test: one field of a map is not finite. Expected result: not admitted, without effect."""
+    guard = Guard(GuardConfig())
+    assert not guard.admit(stair(0.0, [1.0], **bad))
+    guard.on_message(stair(0.1, [1.0], **bad))
+    assert guard._map_s == -math.inf
+
+
+# Commands
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("field", ["left_m_s", "right_m_s", "t_s"])
+def test_a_command_that_is_not_finite_never_reaches_the_belts(bad: float, field: str) -> None:
+    """Test: one belt, or the stamp, is no number. Expected result: HOLD at once, a finite stop."""
+    drive = Drive().run(0.1)
+    drive.guard.propose(replace(command(0.1), **{field: bad}))
+    assert drive.step() == TrackCommand.stop(0.1)
+    assert drive.guard.holding == "command is not finite"
+
+
+@pytest.mark.parametrize("bad", [{"rate_m_s": math.nan}, {"t_s": math.inf}])
+def test_a_seat_rate_that_is_no_number_does_not_pass_and_holds(bad: dict[str, float]) -> None:
+    """Test: NaN for a rate, Inf for a stamp. Expected result: zero rate, finite stamp, HOLD."""
+    drive = Drive().run(0.1)
+    passed = drive.guard.pass_seat(replace(SeatCommand(t_s=0.05, rate_m_s=0.02), **bad))
+    assert passed == SeatCommand(t_s=0.05 if "rate_m_s" in bad else 0.09, rate_m_s=0.0)
+    assert drive.guard.holding == "seat rate is not finite"
+
+
+def test_the_leveller_goes_on_under_a_hold_of_the_belts() -> None:
+    """Test: the operator stops. Expected result: the seat's rate passes."""
+    guard = Guard(GuardConfig())
+    guard.admit(OperatorInput(t_s=0.0, stop=True))
+    fine = SeatCommand(t_s=0.0, rate_m_s=0.02)
+    assert guard.pass_seat(fine) == fine
+
+
+def test_a_held_flipper_stands() -> None:
+    """Test: a flipper's rate before and under HOLD, none at all, and NaN. Expected result: passes, zero, None, zero and HOLD."""
+    guard = Guard(GuardConfig())
+    fine = FlipperCommand(t_s=0.0, rate_rad_s=0.1)
+    assert guard.pass_flipper(None) is None
+    assert guard.pass_flipper(fine) == fine
+    assert guard.pass_flipper(replace(fine, rate_rad_s=math.nan)) == replace(fine, rate_rad_s=0.0)
+    assert guard.holding == "flipper rate is not finite"
+    assert guard.pass_flipper(fine) == replace(fine, rate_rad_s=0.0)
+    assert guard.pass_flipper(None) is None
+    assert guard.pass_flipper(replace(fine, t_s=math.nan)) == FlipperCommand(t_s=0.0, rate_rad_s=0.0)
+
+
+@pytest.mark.parametrize(
+    "reading",
+    [
+        belts(0.0, math.nan),
+        belts(0.0, 0.0, math.inf),
+        SeatReading(t_s=0.0, pitch_rad=math.nan, stroke_m=0.0),
+        SeatReading(t_s=0.0, pitch_rad=0.0, stroke_m=math.nan),
+        FlipperReading(t_s=0.0, angle_rad=math.nan, torque_n_m=0.0),
+        FlipperReading(t_s=0.0, angle_rad=0.0, torque_n_m=math.inf),
+        replace(heading(0.0), heading_rad=math.nan),
+        replace(heading(0.0), sigma_rad=0.0),
+        replace(heading(0.0), sigma_rad=math.nan),
+    ],
+)
+def test_a_reading_that_is_no_number_is_for_nobody(reading: Reading) -> None:
+    """Test: NaN or Inf in any reading. Expected result: not admitted."""
+    assert not Guard(GuardConfig()).admit(reading)
+
+
+def test_pixels_pass_and_their_quality_speaks_for_them() -> None:
+    """Test: a frame's pixels without its quality. Expected result: admitted, but no frame for the guard."""
+    drive = Drive()
+    camera = PinholeCamera(width_px=2, height_px=2, fx_px=1.0, fy_px=1.0, cx_px=0.5, cy_px=0.5)
+    pixels = RgbdFrame(t_s=0.0, rgb=np.zeros((2, 2, 3), np.uint8), depth_m=np.ones((2, 2), np.float32), camera=camera)
+    drive.silent = {"camera"}
+    assert drive.guard.admit(pixels)
+    assert not drive.guard.admit(pixels)
+    drive.run(0.5)
+    assert drive.events()[0][0] == "slow"
+
+
+def test_a_camera_that_measures_headings_stands_for_frames() -> None:
+    """Test: headings alone, as readings. Expected result: frames and stair count as seen for longer than each may be away."""
+    drive = Drive(GuardConfig(lost_timeout_s=2.0))
+    drive.silent = {"camera"}
+
+    def look(drive: Drive) -> None:
+        if drive.tick % FRAME_TICKS == 0:
+            drive.guard.admit(heading(drive.t_s, 0.1 * (drive.tick % 7)))
+
+    drive.run(4.0, look)
+    assert drive.events() == []
+
+
+def test_an_open_loop_run_needs_no_heading_but_still_needs_a_driver() -> None:
+    """Test: no IMU, no camera, NaN for an estimate, a chair that tips, then no command. Expected result: commands pass, then
+    HOLD."""
+    drive = Drive(GuardConfig(needs_heading=False, lost_timeout_s=2.0))
+    drive.silent = {"camera"}
+    drive.spoil = lambda reading: imu(reading.t_s, pitch_deg=50.0) if isinstance(reading, ImuSample) else reading
+    drive.heading_deg = math.nan
+    drive.run(4.0)
+    assert drive.mean_m_s == pytest.approx(0.2)
+    assert drive.events() == []
+    drive.silent = {"driver", "camera"}
+    drive.until_held(1.0)
+    assert drive.events() == [("slow", "no command or tick for 0.38 s"), ("hold", "no command for 0.76 s")]

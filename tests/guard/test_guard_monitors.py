@@ -1,0 +1,975 @@
+"""Each watch of the guard alone, on its very limits: numbers are sums of powers of two, so that "equal" means equal."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.core.signals import FrameQuality, HeadingEstimate, HeadingHealth, MotionPlan, StairMap, TrackCommand, TrackReading
+from treadline.guard import Guard, GuardConfig, ReadingAdmission
+from treadline.guard.attitude_limits import SeatMonitor, TiltMonitor
+from treadline.guard.belt_monitor import BeltMonitor
+from treadline.guard.frame_monitor import FrameMonitor
+from treadline.guard.gyro_only_turn import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, GyroOnlyTurn, heading_fault
+from treadline.guard.half_cosine_stop import CauseKind
+from treadline.guard.obstacle_monitor import GAP_MAPS, AheadMonitor, GapMonitor, ObstacleMonitor
+from treadline.guard.sensor_timeouts import SensorTimeouts, estimate_fault
+from treadline.guard.slip_monitor import SlipMonitor
+from treadline.guard.speed_limits import limited, mean_limit
+from treadline.guard.stop_latch import Button, Latch
+from treadline.guard.timestamps import SilenceMonitor, Timestamps
+from treadline.mission.mission_config import MissionConfig, guard_config
+from treadline.scenario.chair import read_chair
+
+
+def health(fault: Any, t_s: float, since_s: float | None = None) -> HeadingHealth:
+    return HeadingHealth(
+        t_s=t_s, fault=fault, since_s=since_s, cause=None, disagreement_rad=0.0, unseen_s=0.0, bias_rad_s=0.0, scale=1.0,
+        walk_rad_rts=0.0,
+    )  # fmt: skip
+
+
+def estimate(t_s: float = 0.0, heading_rad: float = 0.0) -> HeadingEstimate:
+    return HeadingEstimate(t_s=t_s, heading_rad=heading_rad, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
+
+
+def test_the_shipped_limits_are_those_of_the_table() -> None:
+    """Test: the defaults. Expected result: the numbers of the table of hazards."""
+    config = GuardConfig()
+    deg = math.pi / 180.0
+    assert (config.belt_limit_m_s, config.cruise_limit_m_s, config.turn_limit_m_s) == (1.0, 0.30, 0.55)
+    assert (config.blind_limit_m_s, config.edge_limit_m_s, config.plan_margin, config.plan_spare_m_s) == (0.10, 0.10, 0.25, 0.02)
+    assert (config.imu_timeout_s, config.vision_only_s, config.frame_timeout_s) == (0.05, 1.0, 0.3)
+    assert (config.blind_timeout_s, config.blind_travel_m, config.estimate_timeout_s) == (3.0, 0.5, 0.3)
+    assert (config.lost_timeout_s, config.disagreement_s, config.driver_timeout_s) == (12.0, 0.5, 0.75)
+    assert (config.heartbeat_timeout_s, config.link_timeout_s, config.clock_jump_s) == (0.75, 0.3, 1.0)
+    assert (config.frozen_travel_m, config.valid_least, config.valid_least_dark) == (0.05, 0.15, 0.3)
+    assert (config.alive_least, config.dark, config.contrast_least) == (0.02, 0.02, 0.008)
+    assert (config.drive_lag_s, config.drive_acceleration_m_s2) == (0.15, 4.0)
+    assert (config.mismatch, config.mismatch_spare_m_s, config.mismatch_s) == (0.3, 0.03, 0.2)
+    assert (config.slip, config.slip_s, config.roll_back_m) == (0.3, 0.5, 0.25)
+    assert (config.slip_turn_rad, config.turning_rad, config.seat_rad) == (0.25 * deg, 5.0 * deg, 5.0 * deg)
+    assert config.readings_timeout_s == 0.3
+    assert (config.blind_turn_rad, config.blind_turn_s, config.seat_steady_m_s) == (3.0 * deg, 6.0, 0.02)
+    assert (config.max_heading_error_rad, config.seat_near_rad) == (5.0 * deg, 2.0 * deg)
+    assert (config.pitch_rate_rad_s, config.roll_rad) == (25.0 * deg, 20.0 * deg)
+    assert (config.front_up_rad, config.front_down_rad, config.seat_s) == (40.0 * deg, 15.0 * deg, 1.0)
+    assert (config.front_m, config.rear_m, config.track_span_m) == (0.995, 0.55, 0.95)
+    assert (config.gap_clear_m, config.obstacle_clear_m, config.stopping_s) == (0.2, 0.34, 0.4)
+    assert config.needs_heading
+    assert config.watches_motion
+
+
+def test_a_stamp_may_be_off_by_its_limits_and_not_by_more() -> None:
+    """Test: stamps at the limits and beyond, ahead and back. Expected result: rejected only beyond; a leap only beyond its own."""
+    stamps = Timestamps(0.125, 1.0)
+    assert stamps.accept("plan", 1e6)  # before the first tick nobody knows the time
+    stamps.advance(1.0)
+    assert stamps.accept_reading("a", 1.125)
+    assert (stamps.leap, stamps.rejection) == (None, None)
+    assert not stamps.accept_reading("a", 1.25)
+    assert (stamps.leap, stamps.rejection) == (None, "a stamped 0.25 s ahead of the clock")
+    assert not stamps.accept_reading("a", 2.125)
+    assert (stamps.leap, stamps.rejection) == ("clock of a leapt 1.12 s ahead", None)
+    assert stamps.rejected == {"a": 2}
+    assert not stamps.accept_reading("a", 0.125)
+    assert stamps.leap is None
+    assert not stamps.accept_reading("a", 0.0)
+    assert stamps.leap == "clock of a leapt 1.12 s back"
+    assert stamps.accept_reading("a", 0.125)  # the new clock goes on
+    assert stamps.accept_reading("b", 0.5)  # each kind has its own
+
+
+def test_a_node_admits_what_the_guard_admits() -> None:
+    """Test: readings that are sound, repeated, and not finite. Expected result: an admission alone answers as the guard does."""
+    admission, guard = ReadingAdmission(GuardConfig()), Guard(GuardConfig())
+    signals = [reading(0.0, 0.1, 0.1), reading(0.0, 0.1, 0.1), reading(0.01, math.nan, 0.1), reading(0.02, 0.1, 0.1)]
+    assert (
+        [admission.admit(signal) for signal in signals] == [guard.admit(signal) for signal in signals] == [True, False, False, True]
+    )
+
+
+def test_a_clock_that_is_no_number_moves_no_clock() -> None:
+    """Test: a tick at NaN. Expected result: stamps are compared with the last clock that was a number."""
+    guard = Guard(GuardConfig())
+    guard.advance(1.0)
+    guard.advance(math.nan)
+    assert not guard.admit(reading(1.2, 0.1, 0.1))
+    assert guard.admit(reading(1.1, 0.1, 0.1))
+
+
+def test_silence_counts_from_the_last_word_and_each_source_by_itself() -> None:
+    """Test: two sources; one speaks out of order, one of the future. Expected result: its later word counts, not the future."""
+    silence = SilenceMonitor(0.5, "process ")
+    assert silence.cause(100.0) is None
+    silence.heard("a", 1.0)
+    silence.heard("a", 0.75)
+    silence.heard("b", 9.0)
+    assert silence.cause(1.5) is None
+    assert silence.cause(1.5625) == "process a silent for 0.56 s"
+    silence.heard("a", 2.0)
+    assert silence.cause(2.0) is None  # b is taken to have spoken at 1.5
+    assert silence.cause(2.03125) == "process b silent for 0.53 s"
+    silence.restart(3.0)
+    assert silence.cause(3.5) is None
+    assert silence.cause(3.625) is not None
+
+
+def test_the_latch_keeps_its_first_cause() -> None:
+    """Test: two causes, none, and a release that has nothing to release. Expected result: the first stays; events once each."""
+    latch = Latch(0.15)
+    assert not latch.release(0.0)
+    latch.hold(1.0, CauseKind.SEAT, None)
+    assert latch.cause is None
+    latch.hold(2.0, CauseKind.SEAT, "first")
+    latch.hold(3.0, CauseKind.PLAN, "second")
+    assert latch.cause == "first"
+    assert latch.release(4.0)
+    latch.slow(5.0, "a", "one")
+    latch.slow(6.0, "a", "two")
+    latch.slow(7.0, "b", "three")
+    latch.slow(8.0, "", "well")
+    latch.slow(9.0, "", "well")
+    events = [(event.t_s, event.name, event.cause) for event in latch.take()]
+    assert events == [
+        (2.0, "hold", "first"),
+        (4.0, "rearmed", "by a person, after: first"),
+        (5.0, "slow", "one"),
+        (7.0, "slow", "three"),
+        (8.0, "resumed", "well"),
+    ]
+    assert latch.take() == []
+
+
+def test_what_is_pressed_is_a_press_once() -> None:
+    """Test: pressed, held, released, pressed. Expected result: two presses."""
+    button = Button()
+    assert [button.press(down=down) for down in (True, True, False, True)] == [True, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("brightness", "contrast", "valid", "usable", "dark"),
+    [
+        (0.25, 0.125, 0.25, True, False),
+        (0.25, 0.125, 0.1875, False, False),
+        (0.125, 0.125, 0.5, True, False),
+        (0.0625, 0.125, 0.5, True, True),
+        (0.0625, 0.125, 0.4375, False, True),
+        (0.875, 0.125, 0.4375, True, False),
+        (0.9375, 0.125, 0.4375, False, True),
+        (0.5, 0.0625, 0.4375, True, False),
+        (0.5, 0.03125, 0.4375, False, True),
+    ],
+)
+def test_a_frame_is_judged_at_its_limits(brightness: float, contrast: float, valid: float, usable: bool, dark: bool) -> None:
+    """Test: values on a limit and next to it. Expected result: on the limit it is good."""
+    watch = FrameMonitor(GuardConfig(valid_least=0.25, valid_least_dark=0.5, dark=0.125, contrast_least=0.0625))
+    frame = FrameQuality(t_s=0.0, fingerprint=1, brightness=brightness, contrast=contrast, valid_share=valid)
+    assert watch.accept_frame(frame) is usable
+    assert watch.is_dark is dark
+
+
+def test_a_camera_lives_on_its_least_share_of_depth() -> None:
+    """Test: in the dark, shares on the limit and below; the same frame again. Expected result: alive on it, if it is new."""
+    watch = FrameMonitor(GuardConfig(alive_least=0.125, valid_least=0.5))
+    for k, (share, alive) in enumerate(((0.125, True), (0.0625, False), (0.75, True))):
+        watch.accept_frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.0, contrast=0.0, valid_share=share))
+        assert watch.is_alive is alive
+    watch.accept_frame(FrameQuality(t_s=0.0, fingerprint=2, brightness=0.0, contrast=0.0, valid_share=0.75))
+    assert not watch.is_alive
+
+
+def test_a_frame_that_is_no_image_shows_that_no_camera_is_alive() -> None:
+    """Test: after a good frame, frames whose shares are not numbers. Expected result: dead, though each is another."""
+    watch = FrameMonitor(GuardConfig())
+    assert watch.accept_frame(FrameQuality(t_s=0.0, fingerprint=0, brightness=0.5, contrast=0.1, valid_share=0.8))
+    for k in range(1, 4):
+        assert not watch.accept_frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.5, contrast=math.nan, valid_share=math.nan))
+        assert not watch.is_alive
+
+
+def test_a_camera_that_looks_into_a_wide_room_lives_by_its_colours() -> None:
+    """Test: no depth at all, but colours; then the same frame again. Expected result: alive; then not."""
+    watch = FrameMonitor(GuardConfig())
+    for k, alive in ((0, True), (1, True), (1, False)):
+        watch.accept_frame(FrameQuality(t_s=0.0, fingerprint=k, brightness=0.5, contrast=0.1, valid_share=0.0))
+        assert watch.is_alive is alive
+
+
+def test_what_is_said_again_is_frozen_beyond_a_way_and_not_at_it() -> None:
+    """Test: one value over 0.0625 m of belt, backwards too, and over more. Expected result: frozen beyond."""
+    for sign in (1.0, -1.0):
+        watch = FrameMonitor(GuardConfig(frozen_travel_m=0.0625))
+        assert watch.accept_measurement("map", 1, 4.0)
+        assert watch.accept_measurement("map", 1, 4.0 + sign * 0.0625)
+        assert not watch.accept_measurement("map", 1, 4.0 + sign * 0.125)
+        assert watch.refused == "is frozen"
+        assert watch.accept_measurement("heading", 1, 4.125)
+        assert watch.accept_measurement("map", 2, 4.0 + sign * 0.125)
+        assert watch.accept_measurement("map", 2, 4.0 + sign * 0.1875)
+        assert watch.refused == ""
+
+
+def reading(t_s: float, left: float, right: float) -> TrackReading:
+    return TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=False)
+
+
+def test_a_belts_travel_is_the_integral_of_the_mean_speed() -> None:
+    """Test: 0.25 and 0.75 m/s for a second, a gap of readings, backwards. Expected result: half a metre, none for the gap."""
+    watch = BeltMonitor(GuardConfig(mismatch_s=99.0))
+    for k in range(17):
+        watch.update(reading(k / 16, 0.25, 0.75))
+    assert watch.travel_m == 0.5
+    watch.update(reading(2.0, 0.25, 0.75))
+    assert watch.travel_m == 0.5
+    watch.update(reading(2.0625, -1.0, -1.0))
+    assert watch.travel_m == 0.4375
+
+
+def test_travel_is_known_at_the_exposure_of_a_late_frame() -> None:
+    """Test: a second at 0.5 m/s. Expected result: the travel at 0.75 s, and the newest for a stamp after the last reading."""
+    watch = BeltMonitor(GuardConfig(mismatch_s=99.0))
+    assert watch.travel.at(0.0) == (0.0, 0.0)
+    for k in range(17):
+        watch.update(reading(k / 16, 0.25, 0.75))
+    assert watch.travel.at(0.75) == (0.375, 0.1875)
+    assert watch.travel.at(2.0) == (0.5, 0.25)
+
+
+def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:
+    """Test: from rest, 1 m/s and -0.1 m/s are asked; then the brake. Expected result: a lag's exponential, cut to the acceleration,
+    and the brake's deceleration to zero and no further, both ways."""
+    watch = BeltMonitor(GuardConfig(drive_lag_s=0.25, drive_acceleration_m_s2=2.0))
+    watch.update(reading(0.0, 0.0, 0.0))
+    watch.ask(TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=-0.1))
+    watch.update(reading(0.0625, 0.0, 0.0))
+    lag = math.exp(-0.25)
+    assert watch._expected == pytest.approx([0.125, -0.1 * (1.0 - lag)])
+    watch.update(reading(0.125, 0.0, 0.0))
+    assert watch._expected == pytest.approx([0.25, -0.1 * (1.0 - lag * lag)])
+    watch._expected = [1.0, -0.75]
+    watch.ask(TrackCommand.stop(0.0))
+    watch.update(reading(0.1875, 0.0, 0.0))
+    assert watch._expected == [0.375, -0.125]
+    watch.update(reading(0.25, 0.0, 0.0))
+    assert watch._expected == [0.0, 0.0]
+    watch._expected = [-1.0, 0.0]
+    watch.ask(TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=0.0))
+    watch._config = GuardConfig(drive_lag_s=0.25, drive_acceleration_m_s2=8.0)
+    watch.update(reading(0.3125, 0.0, 0.0))
+    assert watch._expected[0] == pytest.approx(-1.0 + 2.0 * (1.0 - lag))
+
+
+def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
+    """Test: 0.5 m/s asked; a quarter and 1/16 m/s are allowed; on the limit, below, for the time and for less. Expected result:
+    a cause for what lasts, and none where it comes and goes."""
+    config = GuardConfig(mismatch=0.25, mismatch_spare_m_s=0.0625, mismatch_s=0.25)
+
+    def run(*lefts: float) -> str | None:
+        watch = BeltMonitor(config)
+        watch.update(reading(0.0, 0.5, 0.5))
+        watch.ask(TrackCommand(t_s=0.0, left_m_s=0.5, right_m_s=0.5))
+        for k, left in enumerate(lefts, start=1):
+            watch.update(reading(k / 16, left, 0.5))
+        return watch.cause
+
+    assert run(*[0.3125] * 9) is None
+    assert run(*[0.6875] * 9) is None
+    assert run(*[0.25] * 4) is None
+    assert run(*[0.25] * 5) == "left track is stalled: 0.25 m/s where 0.50 is expected"
+    assert run(*[0.75] * 5) == "left track runs away: 0.75 m/s where 0.50 is expected"
+    assert run(*[-0.5] * 5) == "left track is stalled: -0.50 m/s where 0.50 is expected"
+    assert run(*[0.25] * 4, 0.5, *[0.25] * 4) is None
+
+
+def test_a_brake_without_a_command_is_reported_at_rest_as_well() -> None:
+    """Test: belts at rest are asked; the brake is on for less than its time, again after a moment and after a gap of readings, for
+    its time, and where it was asked for. Expected result: a cause for its time alone."""
+    watch = BeltMonitor(GuardConfig(mismatch_s=0.25))
+
+    def run(begin_s: float, *brakes: bool) -> str | None:
+        for k, on in enumerate(brakes):
+            watch.update(TrackReading(t_s=begin_s + k / 16, left_m_s=0.0, right_m_s=0.0, brake_on=on))
+        return watch.cause
+
+    assert run(0.0, *[True] * 9) is None  # before anything is asked a chair stands braked
+    watch.ask(TrackCommand(t_s=0.0, left_m_s=0.0, right_m_s=0.0))
+    assert run(1.0, *[True] * 5, False, *[True] * 4) is None
+    assert run(2.0, *[True] * 5) is None
+    assert run(2.3125, True) == "the brake is on without a command: no power, or commands do not arrive"
+    watch.forget()
+    watch.ask(TrackCommand.stop(0.0))
+    assert run(3.0, *[True] * 9) is None
+
+
+def test_readings_apart_by_the_gap_are_still_compared() -> None:
+    """Test: readings 0.0625 s apart, then 0.125 s. Expected result: compared; then taken as they are, and the time starts anew."""
+    watch = BeltMonitor(GuardConfig(mismatch_s=0.0625))
+    watch.ask(TrackCommand(t_s=0.0, left_m_s=0.5, right_m_s=0.5))
+    watch.update(reading(0.0, 0.0, 0.0))
+    watch.update(reading(0.0625, 0.0, 0.0))
+    watch.update(reading(0.1875, 0.0, 0.0))
+    assert watch._expected == [0.0, 0.0]
+    assert watch.cause is None
+    watch.update(reading(0.25, 0.0, 0.0))
+    watch.update(reading(0.3125, 0.0, 0.0))
+    assert watch.cause is not None
+    watch.forget()
+    assert watch.cause is None
+    watch.update(reading(0.328125, 1.0, 1.0))
+    assert watch._expected == [1.0, 1.0]
+
+
+def slipping(config: GuardConfig, *steps: tuple[float, float, float], turn_rad: float = 0.0) -> SlipMonitor:
+    """Feed maps an eighth of a second apart: each step is the belts' travel, what of it the nosings do not show, how often."""
+    watch = SlipMonitor(config)
+    t_s = travel = slid = 0.0
+    places = [1.0, 1.5, 2.0, 2.5]
+    watch.look(t_s, places, travel, 0.0)
+    for driven, lost, times in steps:
+        for _ in range(int(times)):
+            t_s, travel, slid = t_s + 0.125, travel + driven, slid + lost
+            there = [1.0 + (place + slid - travel) % 2.0 for place in places]
+            watch.look(t_s, sorted(there), travel, turn_rad * t_s)
+    return watch
+
+
+def test_slip_is_reported_after_its_time_and_held_after_twice() -> None:
+    """Test: half of 1/16 m each eighth of a second is lost, for 3, 4, 7, 8 maps. Expected result: slip from the fourth on, a cause
+    from the eighth."""
+    config = GuardConfig(slip=0.25)
+    assert slipping(config, (0.0625, 0.03125, 3)).slip == 0.0
+    assert slipping(config, (0.0625, 0.03125, 4)).slip == 0.5
+    assert slipping(config, (0.0625, 0.03125, 7)).cause is None
+    assert slipping(config, (0.0625, 0.03125, 8)).cause == "slip 0.50: the chair is 0.12 m off its belts in 0.5 s"
+    assert slipping(config, (-0.0625, -0.03125, 8)).cause is not None
+    assert slipping(config, (0.0625, -0.03125, 8)).cause is not None
+
+
+def test_a_chair_that_catches_up_with_its_belts_is_not_held_and_one_that_does_not_is() -> None:
+    """Test: slip of 1.5 falls by half each three eighths of a second down to 0.38; it falls to 0.5 and stays there. Expected
+    result: no cause, though it lasts 1.4 s; a cause half a second after the last fall."""
+    falls = ((0.0625, 0.09375, 4), (0.0625, 0.046875, 3), (0.0625, 0.0234375, 3), (0.0625, 0.01, 2))
+    assert slipping(GuardConfig(), *falls[:2]).slip > 0.3
+    assert slipping(GuardConfig(), *falls).cause is None
+    # The window has half forgotten the worst after three maps; it is 0.75 then, and 0.5 is no fall by 40 % from there.
+    assert slipping(GuardConfig(), *falls[:1], (0.0625, 0.03125, 6)).cause is None
+    assert slipping(GuardConfig(), *falls[:1], (0.0625, 0.03125, 7)).cause is not None
+
+
+def test_belts_that_are_slowed_down_do_not_hide_that_a_chair_catches_up() -> None:
+    """Test: all of 1/16 m an eighth of a second is lost, then, belts at half the speed, all of 1/32 m but 1/128; the same with
+    belts that keep their speed, the chair its loss. Expected result: the first has another half second, the second has not."""
+    slowed, not_slowed = (0.03125, 0.0234375), (0.0625, 0.0546875)
+    assert slipping(GuardConfig(), (0.0625, 0.0625, 5), (*slowed, 6)).cause is None
+    assert slipping(GuardConfig(), (0.0625, 0.0625, 5), (*slowed, 7)).cause is not None
+    assert slipping(GuardConfig(), (0.0625, 0.0625, 5), (*not_slowed, 3)).cause is not None
+
+
+def test_slip_at_its_limit_is_none_nor_is_it_below_the_noise() -> None:
+    """Test: exactly a quarter lost; much lost of a very short way; little lost. Expected result: no slip."""
+    assert slipping(GuardConfig(slip=0.25), (0.0625, 0.015625, 12)).slip == 0.0
+    assert slipping(GuardConfig(slip=0.25), (0.0625, 0.0166, 12)).slip > 0.25
+    assert slipping(GuardConfig(slip=0.25), (0.0074, 0.0064, 12)).slip == 0.0
+    assert slipping(GuardConfig(slip=0.25), (0.0076, 0.0064, 12)).slip > 0.8
+    assert slipping(GuardConfig(slip=0.25), (0.0078125, 0.0037, 12)).slip == 0.0
+    assert slipping(GuardConfig(slip=0.25), (0.0078125, 0.0039, 12)).slip > 0.4
+
+
+def test_slip_that_ends_is_forgotten_and_begins_anew() -> None:
+    """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; none while it turns or has a heading error."""
+    config = GuardConfig(slip=0.25, slip_turn_rad=0.0625, turning_rad=0.25)
+    lost, none = (0.0625, 0.03125), (0.0625, 0.0)
+    assert slipping(config, (*lost, 5), (*none, 4), (*lost, 5)).cause is None
+    assert slipping(config, (*lost, 5), (*none, 4), (*lost, 12)).cause is not None
+    assert slipping(config, (*lost, 8), turn_rad=0.125).cause is not None
+    assert slipping(config, (*lost, 12), turn_rad=0.140625).slip == 0.0
+    assert slipping(config, (*lost, 12), turn_rad=-0.140625).slip == 0.0
+    assert slipping(replace(config, turning_rad=0.0625), (*lost, 8), turn_rad=0.125).cause is None
+
+
+def test_a_chair_rolls_back_beyond_its_limit() -> None:
+    """Test: forwards, then back by 0.25 m and by more. Expected result: a cause beyond, counted from the furthest place."""
+    config = GuardConfig(slip=9.0, roll_back_m=0.25)
+    forwards = (0.0625, 0.0, 4)
+    assert slipping(config, forwards, (0.0625, 0.125, 4)).cause is None
+    assert slipping(config, forwards, (0.0625, 0.125, 5)).cause == "rolled back 0.31 m"
+    assert slipping(config, (0.0625, 0.125, 3), forwards, (0.0625, 0.125, 3)).cause is None
+
+
+@pytest.mark.parametrize("lost", ["late", "empty", "others"])
+def test_nosings_out_of_view_do_not_make_good_for_what_was_rolled_back(lost: str) -> None:
+    """Test: the chair slides back by 0.1875 m; while the belts drive 0.125 m its nosings go out of view and come back where they
+    were, or others do; it slides on by 0.0625 m, and by as much again. Expected result: a cause with the last of it, for 0.31 m in
+    all; none if another way begins meanwhile."""
+    t_s = 1.0 if lost == "late" else 0.625
+    there = np.array([1.1875, 1.6875, 2.1875, 2.6875]) - (0.275 if lost == "others" else 0.0)
+    for anew in (False, True):
+        watch = slipping(GuardConfig(slip=9.0), (0.0, 0.0625, 3))
+        if lost == "empty":
+            watch.look(0.5, [], 0.125, 0.0)
+        if anew:
+            watch.begin()
+        watch.look(t_s, list(there), 0.125, 0.0)
+        watch.look(t_s + 0.125, list(there + 0.0625), 0.125, 0.0)
+        assert watch.cause is None
+        watch.look(t_s + 0.25, list(there + 0.125), 0.125, 0.0)
+        assert watch.cause == (None if anew else "rolled back 0.31 m")
+
+
+def test_what_slides_back_unseen_counts_as_far_as_nosings_are_matched() -> None:
+    """Test: belts that stand; after a second without nosings these are 0.1 m further off, three times. Expected result: a cause for
+    0.3 m; none for a chair that climbs unseen, nor for one that stands while its nosings come and go by 5 mm of noise."""
+    slid, climbs, stands = SlipMonitor(GuardConfig()), SlipMonitor(GuardConfig()), SlipMonitor(GuardConfig())
+    for k in range(4):
+        slid.look(float(k), [1.0 + 0.1 * k, 1.5 + 0.1 * k], 0.0, 0.0)
+        climbs.look(float(k), [1.0, 1.5], 0.2 * k, 0.0)
+    for k in range(200):
+        stands.look(float(k), [1.0 + 0.005 * (k % 2)], 0.0, 0.0)
+    assert slid.cause == "rolled back 0.30 m"
+    assert climbs.cause is None
+    assert stands.cause is None
+
+
+def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
+    """Test: no nosings in one map; 0.25 and 0.5 s between two. Expected result: nothing is lost between them but in 0.25 s."""
+    watch = SlipMonitor(GuardConfig())
+    watch.look(0.0, [1.0], 0.0, 0.0)
+    watch.look(0.25, [0.9375], 0.125, 0.0)
+    assert watch._roll_back_m == 0.0625
+    watch.look(0.75, [0.75], 0.5, 0.0)
+    assert watch._roll_back_m == 0.0625
+    assert len(watch._window) == 1
+    watch.look(0.875, [], 0.5, 0.0)
+    watch.look(1.0, [0.5], 0.625, 0.0)
+    assert watch._roll_back_m == 0.0625
+    assert len(watch._window) == 1
+    watch.cause, watch.slip, watch._since_s = "x", 0.5, 0.0
+    watch.forget()
+    assert (watch.cause, watch.slip, watch._since_s, len(watch._window)) == (None, 0.0, None, 0)
+    watch.look(1.0625, [0.0], 0.625, 0.0)
+    assert watch._roll_back_m == 0.0625
+
+
+def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_count() -> None:
+    """Test: after some slip, maps 0.15 m apart under belts that stand; then four nosings, one of them off. Expected result: these
+    are other nosings, and what was lost is forgotten; the middle of four is what the chair did."""
+    watch = slipping(GuardConfig(slip=0.25), (0.0625, 0.03125, 7))
+    there = np.array([1.28125, 1.78125, 2.28125, 2.78125])
+    assert watch.slip == 0.5
+    watch.look(1.0, list(there), 0.4375, 0.0)
+    assert watch.slip == 0.5
+    watch.look(1.125, list(there + 0.15), 0.4375, 0.0)
+    assert (watch.slip, watch.cause, len(watch._window)) == (0.0, None, 1)
+    roll_back_m = watch._roll_back_m
+    watch.look(1.25, list(there + np.array([0.03, 0.15, 0.15, 0.15])), 0.4375, 0.0)
+    assert watch._roll_back_m == roll_back_m
+    watch.look(1.375, list(there + np.array([0.15, 0.175, 0.175, 0.175])), 0.4375, 0.0)
+    assert watch._roll_back_m == pytest.approx(roll_back_m + 0.025)
+
+
+def test_something_in_the_way_counts_from_its_second_map() -> None:
+    """Test: seen once, twice, not, again. Expected result: a distance after two in a row, less what the belts ran."""
+    watch = ObstacleMonitor()
+    assert watch.distance_m(0.0) == math.inf
+    watch.look(2.0, 1.0)
+    assert watch.distance_m(1.0) == math.inf
+    watch.look(1.5, 1.5)
+    assert watch.distance_m(2.0) == 1.0
+    watch.look(None, 2.0)
+    assert watch.distance_m(2.0) == math.inf
+    watch.look(1.0, 2.0)
+    assert watch.distance_m(2.0) == math.inf
+
+
+def on_a_line(*places: float) -> list[tuple[float, float]]:
+    return [(place, 0.0) for place in places]
+
+
+def test_a_gap_lies_behind_the_last_good_nosing() -> None:
+    """Test: spacings just within and beyond the span, two nosings, three, the gap before or behind the short step, on a slope.
+    Expected result: the nosing before the wider spacing, and the span."""
+    watch = GapMonitor(1.0)
+    assert watch._gap([]) is None
+    assert watch._gap(on_a_line(1.0)) is None
+    assert watch._gap(on_a_line(1.0, 2.0)) is None
+    assert watch._gap(on_a_line(1.0, 2.125)) == (1.0, 1.125)
+    assert watch._gap(on_a_line(1.0, 1.5, 2.0)) is None
+    assert watch._gap(on_a_line(1.0, 1.5, 2.125)) == (1.5, 1.125)
+    assert watch._gap(on_a_line(1.0, 1.75, 2.125)) == (1.0, 1.125)
+    assert watch._gap(on_a_line(1.0, 1.75, 2.5)) == (1.0, 1.5)
+    assert watch._gap(on_a_line(0.5, 1.0, 1.5, 2.25)) == (1.5, 1.25)
+    assert watch._gap([(1.0, 0.0), (1.75, 1.0)]) == (1.0, 1.25)
+
+
+def test_a_gap_counts_from_its_fifth_map_and_fades() -> None:
+    """Test: maps with a gap and without, with one elsewhere, and with nothing there. Expected result: known after five more
+    for than against; what is out of view is kept."""
+    assert GAP_MAPS == 5
+    gap, whole = on_a_line(1.0, 1.5, 2.25), on_a_line(1.0, 1.5, 2.0)
+    watch = GapMonitor(1.0)
+    for _ in range(4):
+        watch.look(gap, 0.0)
+        assert watch.distance_m(0.0) == math.inf
+    watch.look(gap, 0.0)
+    assert watch.distance_m(0.25) == 1.25
+    assert watch.width_m == 1.25
+    watch.look(on_a_line(), 0.0)
+    watch.look(on_a_line(1.6875, 2.0, 2.25), 0.0)
+    watch.look(on_a_line(0.5, 1.0, 1.5), 0.0)
+    assert watch.distance_m(0.0) == 1.5
+    watch.look(whole, 0.0)
+    assert watch.distance_m(0.0) == math.inf
+    for _ in range(15):
+        watch.look(gap, 0.0)
+    for _ in range(5):
+        watch.look(whole, 0.0)
+    assert watch.distance_m(0.0) == 1.5  # counted up to ten
+    watch.look(on_a_line(1.625, 2.0, 2.5), 0.0)  # nosings that go on from where the gap should begin, give or take
+    assert watch.distance_m(0.0) == math.inf
+    for _ in range(9):
+        watch.look(whole, 0.0)
+    for _ in range(5):
+        watch.look(gap, 0.0)
+    assert watch.distance_m(0.0) == 1.5  # counted down to none
+    watch.look(on_a_line(0.0, 0.5, 1.25), 0.0)
+    assert watch.distance_m(0.0) == math.inf
+    watch.look(on_a_line(1.0, 1.625, 2.375), 0.0)
+    assert watch.distance_m(0.0) == 1.625
+
+
+def ahead(config: GuardConfig, **changes: Any) -> AheadMonitor:
+    """Return the monitor after five maps of one thing ahead, at no travel."""
+    values: dict[str, Any] = {
+        "t_s": 0.0, "direction": "up", "nosings_B": np.zeros((0, 3)), "rise_m": 0.16, "run_m": 0.3, "slope_rad": 0.5,
+        "ends": False, "left_wall_m": None, "right_wall_m": None, "obstacle_m": None,
+    }  # fmt: skip
+    places = changes.pop("places", [])
+    watch = AheadMonitor(config)
+    for _ in range(GAP_MAPS):
+        watch.look(StairMap(**{**values, **changes}), places, 0.0)
+    return watch
+
+
+LENGTHS = GuardConfig(
+    front_m=1.0, rear_m=0.5, obstacle_clear_m=0.25, gap_clear_m=0.125, stopping_s=0.5, track_span_m=1.0
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("direction", "sign", "lead_m"), [("up", 1.0, 1.0), ("down", -1.0, 0.5)])
+def test_it_stops_before_things_by_clearance_and_stopping_way(direction: str, sign: float, lead_m: float) -> None:
+    """Test: an obstacle 4 m from mid-track, belts at ±0.25 m/s. Expected result: held from clearance + 0.125 m on, and only towards
+    it."""
+    watch = ahead(LENGTHS, direction=direction, obstacle_m=4.0)
+    limit_m = sign * (4.0 - lead_m - 0.25 - 0.125)
+    assert watch.cause(limit_m, sign * 0.25) is None
+    assert watch.cause(limit_m + sign * 0.0625, sign * 0.25) == "obstacle 0.31 m ahead"
+    assert watch.cause(limit_m + sign * 0.0625, 0.0) is None
+    assert watch.cause(limit_m + sign * 0.0625, -sign * 0.25) is None
+    assert watch.speed_restriction(limit_m) is None
+
+
+@pytest.mark.parametrize("phase", ["climb", "crest", "land", "descend", "edge", "leave"])
+def test_beyond_the_stair_it_stops_before_what_stands_on_the_level(phase: Any) -> None:
+    """Test: frames show something 2 m away on the level, a stair in view or not; then 0.5 m on none; then one clear frame from
+    further off. Expected result: held before it where no stair is to be in view; what is too near to be seen is still there; what
+    is gone is gone."""
+    watch = ahead(LENGTHS, ends=True)
+
+    def shown(obstacle_m: float | None, travel_m: float, **changes: Any) -> AheadMonitor:
+        watch.look_on(obstacle_m, replace(plan(phase), **{"needs_stair": False} | changes), travel_m)
+        return watch
+
+    assert shown(2.0, 0.0).cause(0.7, 0.25) is None  # seen once
+    assert shown(2.0, 0.0).cause(0.7, 0.25) == "obstacle 0.30 m ahead"
+    assert shown(None, 0.9).cause(0.9, 0.25) == "obstacle 0.10 m ahead"
+    assert shown(None, 0.7).cause(0.9, 0.25) is None
+    shown(2.0, 0.0)
+    assert shown(2.0, 0.0).cause(0.9, 0.25) is not None
+    assert shown(2.0, 0.0, needs_stair=True).cause(0.9, 0.25) is None
+    shown(2.0, 0.0)
+    assert shown(2.0, 0.0, phase="mount").cause(0.9, 0.25) is None
+    watch.look_on(2.0, None, 0.0)
+    watch.look_on(2.0, None, 0.0)
+    assert watch.cause(0.9, 0.25) is None
+
+
+def test_it_stops_before_gaps_and_slows_until_it_is_past_them() -> None:
+    """Test: a gap that begins 1.75 m from mid-track. Expected result: slow, held near it and over it, free behind it."""
+    watch = ahead(LENGTHS, places=on_a_line(1.25, 1.75, 2.5))
+    limit_m = 1.75 - 1.0 - 0.125 - 0.125
+    assert watch.cause(limit_m, 0.25) is None
+    assert watch.speed_restriction(limit_m) == "1.25 m from nosing to nosing 0.25 m ahead"
+    assert watch.cause(limit_m + 0.0625, 0.25) == "1.25 m from nosing to nosing 0.19 m ahead, too long for the track"
+    assert watch.cause(limit_m + 0.0625, 0.0) is None
+    assert watch.cause(1.6875, 0.25) is not None
+    assert watch.cause(1.75, 0.25) is None
+    assert watch.speed_restriction(1.75) is None
+    assert AheadMonitor(LENGTHS).speed_restriction(0.0) is None
+
+
+def test_a_gap_counts_from_where_nosings_are_seen_well() -> None:
+    """Test: gaps that begin 1.9 m from mid-track and further. Expected result: slow for the nearer one alone."""
+    assert ahead(LENGTHS, places=on_a_line(1.4, 1.9, 2.65)).speed_restriction(0.0) is not None
+    assert ahead(LENGTHS, places=on_a_line(1.45, 1.95, 2.7)).speed_restriction(0.0) is None
+
+
+def tilted(pitch: float, roll: float) -> tuple[float, float, float, float]:
+    """Return the quaternion of a roll after a pitch, front up."""
+    c, s, cr, sr = math.cos(-pitch / 2), math.sin(-pitch / 2), math.cos(roll / 2), math.sin(roll / 2)
+    return c * cr, c * sr, s * cr, -s * sr
+
+
+@pytest.mark.parametrize(
+    ("pitch", "roll", "rate", "cause"),
+    [
+        (0.3, 0.0, 0.5, None),
+        (0.3, 0.0, -0.5, None),
+        (0.3, 0.0, 0.5625, "pitch rate 32 °/s, pitch 17°"),
+        (0.501, 0.0, 0.0, "pitch 29°"),
+        (0.499, 0.0, 0.0, None),
+        (-0.251, 0.0, 0.0, "pitch -14°"),
+        (-0.249, 0.0, 0.0, None),
+        (0.2, 0.27, 0.0, "roll 15°"),
+        (0.2, -0.27, 0.0, "roll -15°"),
+        (0.2, 0.24, 0.0, None),
+    ],
+)
+def test_a_tilt_lasts_before_it_counts(pitch: float, roll: float, rate: float, cause: str | None) -> None:
+    """Test: attitudes and rates around their limits, for 3/64 and 4/64 s. Expected result: a cause after the time, if beyond."""
+    config = GuardConfig(pitch_rate_rad_s=0.5, front_up_rad=0.5, front_down_rad=0.25, roll_rad=0.25)
+    watch = TiltMonitor(config)
+    for k in range(4):
+        watch.update(k / 64, tilted(pitch, roll), rate)
+    assert watch.cause is None
+    watch.update(4 / 64, tilted(pitch, roll), rate)
+    assert watch.cause == cause
+    watch.forget()
+    watch.update(5 / 64, tilted(pitch, roll), rate)
+    assert watch.cause is None
+
+
+def test_a_tilt_that_ends_is_forgotten() -> None:
+    """Test: beyond for 3/64 s, within, beyond for 3/64 s. Expected result: no cause."""
+    watch = TiltMonitor(GuardConfig(front_up_rad=0.5))
+    for k in range(8):
+        watch.update(k / 64, tilted(0.6 if k % 4 else 0.0, 0.0), 0.0)
+    assert watch.cause is None
+
+
+def test_a_quaternion_beyond_unity_is_still_an_angle() -> None:
+    """Test: straight up and straight down with rounding beyond one. Expected result: 90°, no exception."""
+    for sign in (1.0, -1.0):
+        watch = TiltMonitor(GuardConfig())
+        for k in range(9):
+            watch.update(k / 64, (1.0, 0.0, -sign, 0.0), 0.0)
+        assert watch.cause == f"pitch {sign * 90:.0f}°"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_seat_that_leaves_the_level_further_is_not_waited_for(sign: float) -> None:
+    """Test: 0.25 rad allowed; beyond it, and then further by 2°, and by more. Expected result: a cause at once by more only."""
+    watch = SeatMonitor(GuardConfig(seat_rad=0.25, seat_s=1.0))
+    watch.update(0.0, 0.5 * sign)
+    watch.update(0.125, sign * (0.5 + 2.0 * math.pi / 180.0))
+    assert watch.cause is None
+    watch.update(0.25, 0.54 * sign)
+    assert watch.cause == f"seat is {sign * 30.9:.1f}° off level for 0.2 s"
+
+
+def test_a_seats_error_counts_from_when_it_stopped_shrinking() -> None:
+    """Test: 0.25 rad allowed for a second; on the limit, beyond, shrinking by less and by more than 2° a time. Expected result: a
+    cause a second after the last shrinking."""
+    config = GuardConfig(seat_rad=0.25, seat_s=1.0)
+    watch = SeatMonitor(config)
+    for k in range(20):
+        watch.update(k / 8, 0.25)
+    assert watch.cause is None
+    for k in range(8):
+        watch.update(3.0 + k / 8, -0.5)
+        assert watch.cause is None
+    watch.update(4.0, -0.5)
+    assert watch.cause == "seat is -28.6° off level for 1.0 s"
+    watch.forget()
+    assert watch.cause is None
+    for k in range(8):
+        watch.update(5.0 + k / 8, 0.5)
+    watch.update(6.0, 0.4375)
+    assert watch.cause is None
+    watch.update(6.9375, 0.4375)
+    assert watch.cause is None
+    watch.update(7.0, 0.4375 - 0.03)
+    assert watch.cause is not None
+
+
+def plan(phase: Any, *, needs_stair: bool = False) -> MotionPlan:
+    return MotionPlan(t_s=0.0, phase=phase, speed_m_s=0.1, needs_stair=needs_stair)
+
+
+def turning(apart_m_s: float, phase: Any, ticks: int, watch: GyroOnlyTurn | None = None) -> GyroOnlyTurn:
+    """Let the belts run apart for so many sixteenths of a second."""
+    watch = watch or GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+    for _ in range(ticks):
+        watch.update_belts(watch.t_s + 1 / 16, apart_m_s, plan(phase))
+    return watch
+
+
+@pytest.mark.parametrize(("phase", "per_metre"), [("climb", FLIGHT_RAD_M), ("descend", FLIGHT_RAD_M)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_turn_counts_from_the_first_reading_and_beyond_its_limit(phase: Any, per_metre: float, sign: float) -> None:
+    """Test: 0.25 rad/s for two seconds on the flight, and one reading more. Expected result: a cause by one more only."""
+    watch = turning(sign * 0.25 / per_metre, phase, 1 + 2 * 16)
+    assert watch.cause is None
+    turning(sign * 0.25 / per_metre, phase, 1, watch)
+    assert watch.cause == f"the belts turned the chair by {sign * 29.5:+.1f}° in 2.1 s with the heading from the gyro alone"
+    watch.forget()
+    assert turning(sign * 0.25 / per_metre, phase, 1 + 2 * 16, watch).cause is None
+
+
+def test_what_the_belts_did_while_nobody_reported_is_no_turn() -> None:
+    """Test: a reading, and a fast one after a second of silence, on the flight. Expected result: no cause; it begins anew."""
+    watch = turning(0.0, "climb", 1)
+    watch.update_belts(watch.t_s + 1.0, 1.0 / FLIGHT_RAD_M, plan("climb"))
+    assert watch.cause is None
+    assert turning(0.25 / FLIGHT_RAD_M, "climb", 32, watch).cause is None
+    assert turning(0.25 / FLIGHT_RAD_M, "climb", 1, watch).cause is not None
+
+
+def test_a_slow_turn_leaves_the_window() -> None:
+    """Test: 0.125 rad/s, of which four seconds count. Expected result: never a cause; by an eighth faster, one."""
+    assert turning(0.1249 / FLIGHT_RAD_M, "climb", 200).cause is None
+    assert turning(0.140 / FLIGHT_RAD_M, "climb", 200).cause is not None
+
+
+def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stair_should_be_seen() -> None:
+    """Test: 0.25 rad/s for 1.5 s, a stair seen, 1.5 s; the same with a search between; then for long where a stair should be seen.
+    Expected result: no cause; the reading after which none should be seen any more brings one."""
+    apart = 0.25 / FLIGHT_RAD_M
+    watch = turning(apart, "climb", 24)
+    watch.seen()
+    assert turning(apart, "climb", 24, watch).cause is None
+    turning(apart, "search", 1, watch)
+    assert turning(apart, "climb", 24, watch).cause is None
+    for _ in range(40):
+        watch.update_belts(watch.t_s + 1 / 16, apart, plan("climb", needs_stair=True))
+    assert watch.cause is None
+    assert turning(apart, "climb", 1, watch).cause is not None
+    none = GyroOnlyTurn(GuardConfig())
+    none.update_belts(0.0, 1.0, None)
+    none.update_belts(100.0, 1.0, None)
+    assert none.cause is None
+
+
+@pytest.mark.parametrize(
+    ("pitch_rad", "per_metre"),
+    [
+        (0.0, LEVEL_RAD_M),
+        (0.034, LEVEL_RAD_M),
+        (-0.034, LEVEL_RAD_M),
+        (0.036, OVER_RAD_M),
+        (-0.036, OVER_RAD_M),
+        (2.0, OVER_RAD_M),
+    ],
+)
+def test_how_far_belts_turn_a_chair_is_another_matter_on_the_level_and_over_a_nosing(pitch_rad: float, per_metre: float) -> None:
+    """Test: 0.3 rad/s over the crest, on either side of 2° of pitch. Expected result: a cause within two seconds, as far as the
+    belts turn the chair there."""
+    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+    watch.update_motion(0.0, tilted(pitch_rad, 0.0) if pitch_rad < 1.0 else (1.0, 0.0, -1.1, 0.0), 0.0)
+    turning(0.3 / per_metre, "crest", 27, watch)
+    assert watch.cause is None
+    turning(0.3 / per_metre, "crest", 1, watch)
+    assert watch.cause is not None
+
+
+@pytest.mark.parametrize(("model", "gauge_m"), [("wheelchair", 0.65), ("rescue", 0.56)])
+def test_belts_that_stand_closer_turn_a_chair_further(model: str, gauge_m: float) -> None:
+    """Test: either vehicle's guard; belts that turn the wheelchair by 0.25 rad/s on the flight. Expected result: the wheelchair is
+    judged by the numbers that were measured, the narrower robot by more in the ratio of the gauges, and so sooner."""
+    chair = read_chair(model)
+    limits = guard_config(MissionConfig(chair=chair), 0.25)
+    assert limits.gauge_m == chair.tracks.gauge_m == gauge_m
+    watch = GyroOnlyTurn(replace(limits, blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+    readings = 2 + math.floor(2.0 * 16 * gauge_m / 0.65)
+    assert turning(0.25 / FLIGHT_RAD_M, "climb", readings - 1, watch).cause is None
+    assert turning(0.25 / FLIGHT_RAD_M, "climb", 1, watch).cause is not None
+
+
+def test_yaw_and_roll_are_no_pitch_and_a_first_sample_is_no_swing() -> None:
+    """Test: a chair that lies level, yawed by 120° and rolled by 0.1 rad; its first sample a shock. Expected result: judged as on
+    the level from the first reading on."""
+    c, s, cr, sr = math.cos(math.pi / 3), math.sin(math.pi / 3), math.cos(0.05), math.sin(0.05)
+    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+    watch.update_motion(0.0, (c * cr, c * sr, s * sr, s * cr), 1.0)
+    assert turning(0.3 / LEVEL_RAD_M, "crest", 28, watch).cause is not None
+
+
+def test_a_chair_that_swings_is_not_judged() -> None:
+    """Test: pitch rates of 0.07 and 0.09 rad/s, either way, for as long as their mean needs. Expected: 4.5 °/s lies between."""
+    for rate, judged in ((0.07, True), (-0.07, True), (0.09, False), (-0.09, False)):
+        watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+        watch.update_motion(0.0, tilted(0.3, 0.0), rate)
+        assert turning(0.3 / OVER_RAD_M, "leave", 2, watch).cause is None
+        for k in range(1, 100):
+            watch.update_motion(k / 64, tilted(0.3, 0.0), rate)
+        turning(0.3 / OVER_RAD_M, "leave", 30, watch)
+        assert (watch.cause is not None) is judged
+    # The mean takes 0.2 s: a shock of one sample is no swing.
+    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+    watch.update_motion(0.0, tilted(0.3, 0.0), 0.0)
+    watch.update_motion(1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
+    assert turning(0.3 / OVER_RAD_M, "leave", 29, watch).cause is not None
+
+
+@pytest.mark.parametrize("phase", ["crest", "land", "edge", "leave"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_chair_that_pitches_is_square_or_something_errs(phase: Any, sign: float) -> None:
+    """Test: a heading on the limit and beyond, where the chair pitches and on the flight; nothing known. Expected result: a cause
+    beyond the limit, where it pitches."""
+    config = GuardConfig(max_heading_error_rad=0.125)
+    assert heading_fault(config, estimate(0.0, sign * 0.125), plan(phase)) is None
+    cause = f"heading {sign * 7.4:+.1f}° in {phase}: the chair has turned, or the gyro errs"
+    assert heading_fault(config, estimate(0.0, sign * 0.13), plan(phase)) == cause
+    assert heading_fault(config, estimate(0.0, 0.5), plan("climb")) is None
+    assert heading_fault(config, None, plan(phase)) is None
+    assert heading_fault(config, estimate(0.0, 0.5), None) is None
+
+
+def senses(config: GuardConfig | None = None) -> SensorTimeouts:
+    watch = SensorTimeouts(
+        config
+        or GuardConfig(
+            imu_timeout_s=0.0625,
+            frame_timeout_s=0.25,
+            vision_only_s=1.0,
+            blind_timeout_s=4.0,
+            blind_travel_m=0.5,
+            lost_timeout_s=8.0,
+        )
+    )
+    watch.restart(0.0, 0.0)
+    return watch
+
+
+def test_senses_are_missed_beyond_their_times_and_not_at_them() -> None:
+    """Test: each sense silent for exactly its time, and longer. Expected result: missed beyond only."""
+    watch = senses()
+    assert watch.speed_restriction(0.0625) is None
+    assert watch.speed_restriction(0.125) == ("imu", "no IMU sample for 0.12 s")
+    watch.imu(1.0)
+    watch.imu(0.5)
+    watch.frame(0.75, 0.0)
+    watch.frame(0.5, 0.0)
+    assert watch.speed_restriction(1.0) is None
+    assert watch.speed_restriction(1.03125) == ("camera", "no frame for 0.28 s")
+    watch.frame(2.0, 0.0)
+    watch.frame(1.75, 0.0)
+    watch.seen(2.0)
+    assert watch.alarm(2.0, 0.0, None) is None
+
+
+def test_without_imu_alarms_begin_beyond_a_second() -> None:
+    """Test: frames go on, the IMU is silent for 1 s and longer; over the crest for less. Expected result: an alarm beyond only."""
+    watch = senses()
+    watch.frame(1.0, 0.0)
+    assert watch.alarm(1.0, 0.0, "climb") is None
+    assert watch.alarm(1.0, 0.0, "crest") == "no IMU sample for 1.00 s"
+    assert watch.alarm(1.0625, 0.0, "climb") == "no IMU sample for 1.06 s"
+    assert watch.alarm(1.25, 0.0, "climb") == "no IMU sample for 1.25 s"
+    assert watch.alarm(1.3125, 0.0, "climb") == "no IMU sample for 1.31 s, and no frame for 0.3 s"
+
+
+def test_without_frames_alarms_begin_beyond_time_or_way() -> None:
+    """Test: the IMU goes on, frames end; 4 s, 0.5 m forwards and backwards. Expected result: an alarm beyond only, none for
+    a way driven while frames still counted as arriving."""
+    for sign in (1.0, -1.0):
+        watch = senses()
+        watch.imu(4.0)
+        assert watch.alarm(0.25, sign * 9.0, None) is None or watch._imu_s == 0.25
+        watch = senses()
+        watch.imu(4.0)
+        assert watch.alarm(4.0, sign * 0.5, None) is None
+        assert watch.alarm(4.0, sign * 0.5625, None) == "no frame for 4.0 s, 0.56 m driven since"
+        watch.imu(4.125)
+        assert watch.alarm(4.125, 0.0, None) == "no frame for 4.1 s"
+    watch = senses()
+    watch.imu(0.25)
+    assert watch.alarm(0.25, 9.0, None) is None
+
+
+def test_a_stair_is_missed_beyond_its_time() -> None:
+    """Test: IMU and frames go on, no stair for 8 s and longer. Expected result: an alarm beyond only."""
+    watch = senses()
+    watch.imu(8.0)
+    watch.frame(8.0, 0.0)
+    assert watch.alarm(8.0, 0.0, None) is None
+    watch.imu(8.0625)
+    watch.seen(0.0)
+    assert watch.alarm(8.0625, 0.0, None) == "no stair in view for 8.1 s"
+    watch.seen(1.0)
+    watch.seen(0.5)
+    assert watch.alarm(8.0625, 0.0, None) is None
+
+
+def test_a_stamp_in_the_future_counts_as_now() -> None:
+    """Test: each sense speaks of 9 s at 0.25 s. Expected result: missed from 0.25 s on."""
+    watch = senses()
+    watch.imu(9.0)
+    watch.frame(9.0, 0.0)
+    watch.seen(9.0)
+    assert watch.alarm(0.25, 0.0, None) is None
+    assert (watch._imu_s, watch._frame_s, watch._seen_s) == (0.25, 0.25, 0.25)
+
+
+def test_a_sense_that_has_spoken_is_waited_for_from_then() -> None:
+    """Test: the IMU spoke at -1 s, the mission begins at 2 s. Expected result: the IMU is missed, the others are not yet."""
+    watch = SensorTimeouts(GuardConfig())
+    watch.imu(-1.0)
+    watch.begin(2.0)
+    assert (watch._imu_s, watch._frame_s, watch._seen_s) == (-1.0, 2.0, 2.0)
+
+
+def test_a_disagreement_lasts_beyond_its_time() -> None:
+    """Test: reported for exactly half a second, and longer; without a time of its own. Expected result: an alarm beyond only."""
+    watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
+    assert watch.health(health("disagreement", 1.5, 1.0)) is None
+    assert watch.alarm(1.5, 0.0, None) is None
+    assert watch.alarm(1.5625, 0.0, None) == "camera and gyro disagree for 0.6 s"
+    watch.health(health("disagreement", 1.5))
+    assert watch.alarm(2.0, 0.0, None) is None
+    assert watch.alarm(2.0625, 0.0, None) is not None
+
+
+def test_a_stuck_gyro_counts_from_when_it_was_found() -> None:
+    """Test: stuck since 1.0 s; for a second and longer. Expected result: slow at once, an alarm beyond a second only."""
+    watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
+    watch.imu(2.0)
+    watch.health(health("stuck", 1.0, 1.0))
+    assert watch.speed_restriction(1.5) == ("imu", "gyro stuck for 0.50 s")
+    assert watch.alarm(2.0, 0.0, None) is None
+    assert watch.alarm(2.0625, 0.0, None) == "gyro stuck for 1.06 s"
+
+
+@pytest.mark.parametrize(("age_s", "fault"), [(0.25, None), (-0.25, None), (0.3125, "is +0.31 s old"), (-0.3125, "is -0.31 s old")])
+def test_an_estimates_age_may_be_its_limit(age_s: float, fault: str | None) -> None:
+    """Test: an estimate of exactly 0.25 s, and older or younger. Expected result: a fault beyond only."""
+    found = estimate_fault(estimate(1.0 - age_s), 1.0, 0.25)
+    assert found == (None if fault is None else f"heading estimate {fault}")
+    assert estimate_fault(None, 1.0, 0.25) is None
+
+
+def test_limits_hold_on_their_very_values() -> None:
+    """Test: heading on its limit; shares of one and a half; belts on their limit. Expected result: square; all, half; as asked."""
+    config = GuardConfig(turning_rad=0.125)
+    assert mean_limit(config, estimate(heading_rad=0.125), None, restricted=False) == 0.30
+    assert mean_limit(config, estimate(heading_rad=-0.25), None, restricted=False) == 0.55
+    assert mean_limit(config, estimate(heading_rad=0.25), None, restricted=True) == 0.10
+    slow = MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.02)
+    assert mean_limit(config, estimate(), slow, restricted=True) == pytest.approx(0.045)
+    asked = TrackCommand(t_s=0.0, left_m_s=-1.0, right_m_s=1.0, brake=True)
+    assert limited(asked, 2.0, 0.25, 1.0, 1.0) == TrackCommand(t_s=2.0, left_m_s=-1.0, right_m_s=1.0, brake=True)
+    assert limited(asked, 2.0, 0.25, 1.0, 0.5) == TrackCommand(t_s=2.0, left_m_s=-0.5, right_m_s=0.5, brake=True)
+    back = TrackCommand(t_s=0.0, left_m_s=-0.5, right_m_s=-0.25)
+    assert limited(back, 2.0, 0.25, 1.0, 1.0) == TrackCommand(t_s=2.0, left_m_s=-0.375, right_m_s=-0.125)

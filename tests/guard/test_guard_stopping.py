@@ -1,0 +1,111 @@
+"""How a held chair stops: at once for urgent causes, along a half-cosine for all others."""
+
+import math
+
+import pytest
+
+from treadline.core.signals import MotionPlan, OperatorInput, TrackCommand, TrackReading
+from treadline.guard import Guard, GuardConfig
+from treadline.guard.half_cosine_stop import RAMP_S, RAMPED, STANDING_M_S, URGENT, CauseKind, RampedStop
+from treadline.guard.stop_latch import Latch
+
+TICK_S = 0.01
+LAG_S = 0.15
+
+
+def held(kind: CauseKind, speed_m_s: float = 0.2) -> tuple[Latch, TrackCommand]:
+    """Return a latch held for a cause at 1.0 s, and its first command."""
+    latch = Latch(LAG_S)
+    latch.hold(1.0, kind, str(kind))
+    return latch, latch.stop(1.0, (speed_m_s, speed_m_s))
+
+
+def test_every_kind_of_cause_is_urgent_or_ramped_with_a_reason() -> None:
+    assert set(URGENT) | set(RAMPED) == set(CauseKind)
+    assert not set(URGENT) & set(RAMPED)
+    assert all((URGENT | RAMPED).values())
+
+
+@pytest.mark.parametrize("kind", CauseKind)
+def test_an_urgent_cause_brakes_within_its_tick_and_no_other_does(kind: CauseKind) -> None:
+    _, command = held(kind)
+    assert (command == TrackCommand.stop(1.0)) is (kind in URGENT)
+    assert command.brake is (kind in URGENT)
+
+
+@pytest.mark.parametrize("belts", [(0.2, 0.2), (0.15, 0.25), (-0.1, -0.2)])
+def test_belts_with_their_lag_follow_the_half_cosine_until_it_is_nearly_over(belts: tuple[float, float]) -> None:
+    """Test: belts with a first-order lag of 0.15 s. Expected result: the half-cosine to 0.23 of the speed (past 0.11 s the lead
+    would ask for reverse, is zero, and a lag alone is slower), never reverse, never faster, no more than the half-cosine's own
+    acceleration, and 30 mm of travel at 0.2 m/s to within a fifth."""
+    ramp, speeds, travel = RampedStop(LAG_S), list(belts), [0.0, 0.0]
+    for k in range(round(RAMP_S / TICK_S)):
+        command = ramp.step(k * TICK_S, belts)
+        assert not command.brake
+        ideal = 0.5 * (1.0 + math.cos(math.pi * (k + 1) * TICK_S / RAMP_S))
+        for side, asked in enumerate((command.left_m_s, command.right_m_s)):
+            before = speeds[side]
+            speeds[side] = asked + (before - asked) * math.exp(-TICK_S / LAG_S)
+            travel[side] += TICK_S * speeds[side]
+            assert 0.0 <= speeds[side] / belts[side] <= before / belts[side]
+            assert abs(speeds[side] / belts[side] - ideal) < 0.23
+            # A tick's command is held for the whole tick: a tenth more than the continuous peak at most.
+            assert abs(speeds[side] - before) / TICK_S <= 1.1 * abs(belts[side]) * math.pi / (2.0 * RAMP_S)
+    assert ramp.step(RAMP_S, belts) == TrackCommand.stop(RAMP_S)
+    assert [abs(way) for way in travel] == [pytest.approx(0.5 * abs(speed) * RAMP_S, rel=0.2) for speed in belts]
+
+
+def test_a_chair_that_stands_is_braked_at_once() -> None:
+    for speed, brakes in ((STANDING_M_S, True), (1.1 * STANDING_M_S, False)):
+        assert held(CauseKind.SEAT, speed)[1].brake is brakes
+
+
+def test_an_urgent_cause_during_the_ramp_brakes_and_the_first_cause_stays() -> None:
+    latch, command = held(CauseKind.SENSES)
+    assert not command.brake
+    latch.hold(1.05, CauseKind.PLAN, "another decision")
+    assert not latch.stop(1.05, (0.2, 0.2)).brake
+    latch.hold(1.1, CauseKind.OPERATOR, "operator stop")
+    latch.hold(1.1, CauseKind.OPERATOR, "operator stop")
+    assert latch.stop(1.1, (0.2, 0.2)) == TrackCommand.stop(1.1)
+    assert latch.cause == "senses"
+    assert [(event.t_s, event.name) for event in latch.take()] == [(1.0, "hold"), (1.1, "brake")]
+
+
+@pytest.mark.parametrize("next_s", [1.0, 0.99, 1.3, 9.0])
+def test_a_clock_that_stands_turns_back_or_leaps_ends_the_ramp_for_good(next_s: float) -> None:
+    latch, _ = held(CauseKind.SEAT)
+    assert latch.stop(next_s, (0.2, 0.2)).brake
+    assert latch.stop(1.01, (0.2, 0.2)).brake
+
+
+def test_each_hold_has_a_ramp_of_its_own() -> None:
+    latch, _ = held(CauseKind.OPERATOR)
+    assert latch.release(2.0)
+    latch.hold(3.0, CauseKind.SEAT, "seat")
+    assert latch.stop(3.0, (0.2, 0.1)).left_m_s == pytest.approx(0.2)
+
+
+def running() -> Guard:
+    """Return a guard whose belts have run at 0.2 m/s for a second."""
+    guard = Guard(GuardConfig(needs_heading=False))
+    for k in range(101):
+        guard.admit(TrackReading(t_s=k * TICK_S, left_m_s=0.2, right_m_s=0.2, brake_on=False))
+        guard.propose(TrackCommand(t_s=k * TICK_S, left_m_s=0.2, right_m_s=0.2))
+        guard.step(k * TICK_S, None)
+    return guard
+
+
+def test_the_operator_stops_the_belts_within_a_tick_also_while_they_ramp_down() -> None:
+    """Test: the planner holds; 50 ms later, or at once, the operator lets go. Expected result: a ramp; zero and brake within the
+    operator's tick."""
+    for after in (0, 5):
+        guard = running()
+        guard.on_message(MotionPlan(t_s=1.0, phase="climb", speed_m_s=0.2, hold="nothing to see"))
+        for k in range(after):
+            passed = guard.step(1.01 + k * TICK_S, None)
+            assert not passed.brake
+            assert 0.0 < passed.left_m_s <= 0.2
+        guard.admit(OperatorInput(t_s=1.06, dead_man=False))
+        assert guard.step(1.06, None) == TrackCommand.stop(1.06)
+        assert guard.holding == "nothing to see"

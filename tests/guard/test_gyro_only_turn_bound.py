@@ -1,0 +1,55 @@
+"""Bounds of the turn that the guard ascribes to the belts while the gyro alone gives the heading, against quasi-static friction."""
+
+import math
+
+import pytest
+
+from treadline.core.angles import DEG
+from treadline.core.signals import MotionPlan
+from treadline.guard.guard_config import GuardConfig
+from treadline.guard.gyro_only_turn import FLIGHT_RAD_M, GAUGE_M, LEVEL_RAD_M, GyroOnlyTurn
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Chair
+from treadline.vehicle.quasi_static import steady_motion
+from treadline.vehicle.stance import floor_stance, stair_stance
+
+TABLE_I = (0.62, 0.5)
+CLIMB = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1, needs_stair=False)
+
+
+@pytest.mark.parametrize(("model", "payload_kg"), [("wheelchair", 50.0), ("rescue", 3.0)])
+@pytest.mark.parametrize("friction", [TABLE_I, (0.9, 0.5), (0.9, 0.75), (0.9, 0.25)])
+@pytest.mark.parametrize("slope_deg", [20.0, 28.0])
+def test_no_belt_difference_turns_a_chair_on_nosings_by_more_than_belts_that_do_not_skid(
+    model: str, payload_kg: float, friction: tuple[float, float], slope_deg: float
+) -> None:
+    chair, loading = read_chair(model), Chair(model=model, payload_kg=payload_kg)
+    assert pytest.approx(1.0) == FLIGHT_RAD_M * GAUGE_M
+    for heading_deg in (0.0, 5.0, 20.0):
+        stance = stair_stance(chair, loading, slope_deg * DEG, 0.30 / math.cos(slope_deg * DEG), heading_deg * DEG, 20)
+        for difference in (0.1, -0.1):
+            motion = steady_motion(stance, friction, 0.1 + max(-difference, 0.0), 0.1 + max(difference, 0.0))
+            # A belt's width is part of the gauge at its inner edge: a nosing phase may turn the chair by a few per cent more.
+            assert motion.yaw_rad_s.max() / 0.1 < 1.05 / chair.tracks.gauge_m
+            assert abs(motion.mean[2]) / 0.1 <= 1.0 / chair.tracks.gauge_m
+
+
+def test_the_turn_on_the_level_is_the_quasi_static_one_of_the_wheelchair() -> None:
+    chair = read_chair("wheelchair")
+    motion = steady_motion(floor_stance(chair, Chair(payload_kg=50.0)), TABLE_I, 0.1, 0.2)
+    # The constant has three digits.
+    assert motion.mean[2] / 0.1 == pytest.approx(LEVEL_RAD_M, abs=0.0006)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("apart_m_s", "held_s"), [(0.01, 3.4), (0.02, 2.0), (0.5, 2.0)])
+def test_belts_far_apart_count_no_faster_than_a_gyro_may_drift(sign: float, apart_m_s: float, held_s: float) -> None:
+    """Test: belts that differ by 0.01, 0.02 and 0.5 m/s on the flight. Expected: a cause after 3° at 0.88, 1.5 and 1.5 °/s."""
+    watch = GyroOnlyTurn(GuardConfig())
+    t_s = 0.0
+    while watch.cause is None:
+        t_s += 1 / 64
+        watch.update_belts(t_s, sign * apart_m_s, CLIMB)
+        assert t_s < 10.0
+    # The first reading begins the window; 1/64 s each for it and for the reading that goes beyond.
+    assert t_s == pytest.approx(held_s + 1 / 64, abs=0.05)

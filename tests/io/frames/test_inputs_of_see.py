@@ -1,0 +1,134 @@
+"""``treadline see`` with clouds, folders of clouds, and run logs; random damage is one line."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from treadline.cli import main
+from treadline.core.errors import TreadlineError
+from treadline.io.frames import read_frames
+from treadline.io.frames.cloud_files import read_cloud
+from treadline.io.mcap_log import RunLog
+from treadline.io.point_cloud_message import point_cloud
+from treadline.io.topics import CdrReader
+
+
+def write_pcd(path: Path, points: np.ndarray, size: tuple[int, int], scale: float = 1.0) -> Path:
+    header = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {size[0]}\nHEIGHT {size[1]}\n"
+    body = (scale * points).astype("<f4").tobytes()
+    path.write_bytes(f"{header}POINTS {len(points)}\nDATA binary\n".encode() + body)
+    return path
+
+
+def test_a_cloud_is_an_answer_with_its_exit_code(rendered, points, capsys, tmp_path: Path) -> None:
+    frame = rendered()
+    path = write_pcd(tmp_path / "a.pcd", points(frame), (320, 240))
+    assert main(["see", str(path), "--json", "--out", str(tmp_path / "out")]) == 0
+    values = json.loads(capsys.readouterr().out)
+    # About the camera's own axis: tan 12° · cos 40° is that of 9.2° (docs/frames.md).
+    assert values["heading_deg"] == pytest.approx(9.2, abs=0.2)
+    assert [file.name for file in (tmp_path / "out").iterdir()] == ["a-seen.png"]
+    wall = points(replace(frame, depth_m=np.full_like(frame.depth_m, 1.5)))
+    assert main(["see", str(write_pcd(tmp_path / "w.pcd", wall, (320, 240)))]) == 1
+    assert "no heading" in capsys.readouterr().out
+    assert main(["see", str(write_pcd(tmp_path / "mm.pcd", points(frame), (320, 240), 1000.0))]) == 2
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1
+    assert "--unit mm" in said.err
+
+
+def test_a_mount_in_a_file_is_the_mount_of_a_cloud(rendered, points, calibration_file, capsys, tmp_path: Path) -> None:
+    frame = rendered()
+    path = write_pcd(tmp_path / "a.pcd", points(frame), (320, 240))
+    camera = calibration_file(tmp_path / "camera.toml", frame.camera)
+    assert main(["see", str(path), "--camera", str(camera), "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert values["mount_known"]
+    assert values["heading_deg"] == pytest.approx(12.0, abs=0.2)
+
+
+def test_a_folder_of_clouds_is_read_cloud_by_cloud(rendered, points, capsys, tmp_path: Path) -> None:
+    frame = rendered()
+    for name in ("a.pcd", "b.pcd", "c.pcd"):
+        write_pcd(tmp_path / name, points(frame), (320, 240))
+    (tmp_path / "b.pcd").write_bytes(b"no cloud")
+    assert main(["see", str(tmp_path), "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert [item["accepted"] for item in values["frames"]] == [True, False, True]
+    assert "b.pcd: not a PCD file" in values["frames"][1]["reason"]
+    assert values["summary"]["accepted"] == 2
+    for path in tmp_path.iterdir():
+        path.write_bytes(b"no cloud")
+    assert main(["see", str(tmp_path)]) == 2
+
+
+def test_a_run_folder_with_images_is_read_like_a_recording(rendered, tmp_path: Path, capsys) -> None:
+    frame = rendered()
+    with RunLog(tmp_path / "run" / "log.mcap", image_every=1) as log:
+        for number in range(3):
+            log(replace(frame, t_s=0.1 * number))
+    for path in (tmp_path / "run", tmp_path / "run" / "log.mcap"):
+        assert main(["see", str(path), "--json"]) == 0
+        values = json.loads(capsys.readouterr().out)
+        assert [item["t_s"] for item in values["frames"]] == pytest.approx([0.0, 0.1, 0.2])
+        assert values["summary"]["accepted"] == 3
+    assert not values["frames"][0]["mount_known"]
+    (tmp_path / "run" / "manifest.json").write_text('{"settings": {}, "seed": 0, "command": "treadline climb"}')
+    for path in (tmp_path / "run", tmp_path / "run" / "log.mcap"):
+        assert main(["see", str(path), "--json"]) == 0
+        seen = json.loads(capsys.readouterr().out)["frames"][0]
+        # The manifest names the chair, and the chair has the mount of its camera.
+        assert seen["mount_known"]
+        assert seen["heading_deg"] == pytest.approx(12.0, abs=0.2)
+    whole = (tmp_path / "run" / "log.mcap").read_bytes()
+    (tmp_path / "run" / "log.mcap").write_bytes(whole[:5000])
+    assert main(["see", str(tmp_path / "run")]) == 2
+    assert capsys.readouterr().err.splitlines()[-1].startswith("treadline: ")
+    with RunLog(tmp_path / "dark" / "log.mcap") as log:
+        log(frame)
+    assert main(["see", str(tmp_path / "dark")]) == 2
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.pcd"])
+def test_random_damage_of_a_cloud_file_is_an_error_of_ours(tmp_path: Path, name: str) -> None:
+    rng = np.random.default_rng(3)
+    points = rng.uniform(0.5, 3.0, (60, 3)).astype("<f4")
+    header = (
+        "ply\nformat binary_little_endian 1.0\nelement vertex 60\n"
+        "property float x\nproperty float y\nproperty float z\nend_header\n"
+        if name == "a.ply"
+        else "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 60\nHEIGHT 1\nPOINTS 60\nDATA binary\n"
+    )
+    whole, said = header.encode() + points.tobytes(), []
+    for _ in range(400):
+        damaged = bytearray(whole)
+        for place in rng.integers(0, len(header), rng.integers(1, 6)):
+            damaged[place] = rng.integers(0, 256)
+        (tmp_path / name).write_bytes(bytes(damaged[: rng.integers(1, len(whole) + 1)]))
+        try:
+            read_cloud(tmp_path / name)
+        except TreadlineError as error:
+            said.append(str(error))
+    assert len(said) > 200
+    assert not any("\n" in message for message in said)
+
+
+def test_random_damage_of_a_cloud_message_is_an_error_of_ours(recording, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    log = recording()
+    Field = log._type("sensor_msgs/msg/PointField")
+    fields = [Field(name, offset, 7, 1) for name, offset in (("x", 0), ("y", 4), ("z", 8))]
+    data = np.frombuffer(rng.uniform(0.5, 3.0, (60, 3)).astype("<f4").tobytes(), np.uint8)
+    log._add("/points", "sensor_msgs/msg/PointCloud2", 0.0, (1, 60, fields, False, 12, 720, data, True))
+    whole = log.messages[0][3]
+    assert point_cloud(CdrReader(whole)).values["x"].shape == (60,)
+    for _ in range(400):
+        damaged = bytearray(whole)
+        for place in rng.integers(4, 120, rng.integers(1, 6)):
+            damaged[place] = rng.integers(0, 256)
+        log.messages[0] = (*log.messages[0][:3], bytes(damaged[: rng.integers(4, len(whole) + 1)]))
+        with pytest.raises(TreadlineError):  # 60 points are too few, if nothing else
+            list(read_frames(log.write(tmp_path / "walk.mcap")))

@@ -1,0 +1,177 @@
+"""The plant in Gazebo beside MuJoCo's, its server's life, and a climb. Needs the environment: ``make test-gazebo`` runs these."""
+
+import json
+import math
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.core.angles import DEG
+from treadline.core.errors import GazeboError
+from treadline.core.signals import (
+    ImuSample,
+    SeatCommand,
+    TrackCommand,
+)
+from treadline.plant.gazebo import GazeboPlant, find_environment, open_gazebo
+from treadline.plant.mujoco import open_plant
+from treadline.run.episode import traverse
+from treadline.scenario.chair import read_chair
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
+
+pytestmark = pytest.mark.skipif(os.environ.get("TREADLINE_TEST_GAZEBO") != "1", reason="make test-gazebo runs these")
+
+Opened = Callable[..., GazeboPlant]
+
+
+def flight(*, sensors: Sensors | None = None, mismatch: float = 0.01, heading_deg: float = 5.0) -> Scenario:
+    return Scenario(
+        stair=Stair(rise_m=0.30 * math.tan(28.0 * DEG), walls="none", width_m=4.0),
+        chair=Chair(belt_mismatch=mismatch),
+        start=Start(place="flight", step=6, heading_deg=heading_deg),
+        control=Control(vision="truth"),
+        sensors=sensors or Sensors(),
+    )
+
+
+@pytest.fixture
+def started() -> Iterator[Opened]:
+    """Return what opens a plant at its start; all are closed at the end."""
+    with ExitStack() as stack:
+
+        def start(seed: int = 3, **options: object) -> GazeboPlant:
+            plant = open_gazebo(flight(**options), seed)  # type: ignore[arg-type]
+            stack.callback(plant.close)
+            plant.start()
+            return plant
+
+        yield start
+
+
+def test_an_ideal_imu_tells_the_truth(started: Opened) -> None:
+    plant = started(sensors=Sensors(imu="ideal"))
+    plant.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.01))
+    plant.advance(2.0)
+    samples = [reading for reading in plant.read() if isinstance(reading, ImuSample)]
+    truth = plant.truth()
+    rate = [sample.angular_velocity_rad_s[1] for sample in samples]
+    np.testing.assert_allclose(rate, [-sample.pitch_rate_rad_s for sample in truth], atol=1e-12)
+    # At rest the specific force is gravity alone; contacts of ODE creep and jump, by a few percent of it.
+    force = np.mean([np.linalg.norm(sample.linear_acceleration_m_s2) for sample in samples])
+    assert force == pytest.approx(9.81, rel=0.02)
+
+
+def test_a_gyro_at_rest_has_the_bias_and_noise_of_its_data_sheet(started: Opened) -> None:
+    plant = started()
+    plant.write(TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0))
+    plant.advance(20.0)
+    rates = np.array([r.angular_velocity_rad_s for r in plant.read() if isinstance(r, ImuSample)])[200:]
+    # 0.0354 °/s of noise, and on top what ODE's contacts make a chair tremble by, most of it in pitch: it creeps downhill.
+    assert np.all(rates.std(axis=0) / DEG > 0.03)
+    assert np.all(rates.std(axis=0) / DEG < 0.12)
+    assert np.abs(rates.mean(axis=0)).max() < 0.085 * DEG
+
+
+def test_the_chair_begins_where_the_other_simulator_puts_it(started: Opened) -> None:
+    plant, other = started(), open_plant(flight(), 3)
+    other.start()
+    here, there = plant.truth()[0], other.truth()[0]
+    assert here.heading_rad == pytest.approx(there.heading_rad, abs=0.1 * DEG)
+    assert (here.pitch_rad, here.roll_rad) == pytest.approx((there.pitch_rad, there.roll_rad), abs=0.1 * DEG)
+    assert (here.x_m, here.y_m) == pytest.approx((there.x_m, there.y_m), abs=0.005)
+    assert here.seat_pitch_rad == pytest.approx(there.seat_pitch_rad, abs=0.1 * DEG)
+
+
+def test_a_gzserver_that_dies_ends_the_run_in_a_line(started: Opened) -> None:
+    plant = started()
+    assert plant._server is not None
+    assert plant._server._process is not None
+    plant._server._process.kill()
+    with pytest.raises(GazeboError, match=r"gzserver died \(exit code -9\)") as raised:
+        plant.advance(1.0)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_port_that_is_taken_is_named() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = int(taken.getsockname()[1])
+        plant = GazeboPlant(flight(), 0, read_chair("wheelchair"), find_environment(), port=port)
+        with pytest.raises(GazeboError, match=rf"port {port} is taken"):
+            plant.start()
+
+
+def test_a_plugin_for_another_gazebo_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The loader's word for a plugin that it cannot link against this Gazebo.
+    monkeypatch.setattr("treadline.plant.gazebo.gazebo_plant.PLUGIN", "lib/x86_64-linux-gnu/libnothing.so")
+    plant = GazeboPlant(flight(), 0, read_chair("wheelchair"), find_environment())
+    with pytest.raises(GazeboError, match=r"does not load the plugin: .*libnothing.so.*build it"):
+        plant.start()
+
+
+def test_nothing_is_left_behind(started: Opened) -> None:
+    plant = started()
+    folder = plant._server._folder  # type: ignore[union-attr]
+    assert folder.is_dir()
+    plant.close()
+    assert not folder.exists()
+
+
+FRAMES = """
+[stair]
+steps = 14
+[start]
+place = "flight"
+step = 4
+heading_deg = 10
+[sensors]
+camera = "kinect1"
+"""
+
+
+def treadline(*words: object) -> dict[str, Any]:
+    """Run a command as a user does: compiled code is then read back, not compiled again under the shape checker."""
+    command = [sys.executable, "-m", "treadline", *map(str, words), "--json"]
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def test_a_bag_recorded_in_gazebo_is_replayed_to_the_heading_of_then(tmp_path: Path) -> None:
+    (tmp_path / "frames.toml").write_text(FRAMES)
+    bag = tmp_path / "drive.bag"
+    driven = treadline("nodes", tmp_path / "frames.toml", "--plant", "gazebo", "--duration", "4", "--out", bag)
+    assert driven["verdict"] == "time_up"
+    assert abs(driven["final_heading_deg"]) < 4.0
+    for kind in ("db3", "mcap"):
+        treadline("record", bag, "--out", bag.with_suffix(f".{kind}"))
+    replays = [treadline("replay", bag.with_suffix(f".{kind}"), "--out", tmp_path / kind) for kind in ("bag", "db3", "mcap")]
+    for again in replays:
+        assert again["sees"] == "images"
+        assert again["accepted"] > 30
+        # The graph fuses a late frame up to one tick after the replay does: one tick in ten differs by one correction of the
+        # heading, at most 0.03° here, and the others by less than 1e-4°.
+        assert again["rms_difference_deg"] < 0.01
+        assert again["rms_difference_deg"] == replays[0]["rms_difference_deg"]
+
+
+@pytest.mark.parametrize("heading_deg", [30.0, -30.0])
+def test_a_chair_askew_is_turned_square_and_climbs_for_20_s(heading_deg: float) -> None:
+    scenario = Scenario(
+        stair=Stair(rise_m=0.30 * math.tan(28.0 * DEG), width_m=2.4, steps=30),
+        start=Start(place="flight", step=6, heading_deg=heading_deg),
+        drive=DriveSettings(duration_s=20.0),
+        sensors=Sensors(camera="statistical", gravity_error_deg=0.5),
+    )
+    run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=0, open_plant=open_gazebo)
+    assert run.verdict == "time_up"
+    assert abs(run.trace["heading_rad"][run.trace["t_s"] > 10.0]).max() < 3.0 * DEG
+    # 20 s at 0.2 m/s, less the turn's.
+    assert 2.5 < run.scores.climbed_m < 4.2
+    assert run.scores.roll_back_m < 0.05

@@ -1,0 +1,218 @@
+"""What can be told without Gazebo: the world that is written, and one line for each way in which gzserver lets one down."""
+
+import math
+import os
+import socket
+import subprocess
+import sys
+import textwrap
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree.ElementTree import fromstring
+
+import numpy as np
+import pytest
+
+from treadline.cli import main
+from treadline.cli.reproduce import reproduce
+from treadline.core.angles import rotation_of
+from treadline.core.errors import GazeboError, SettingsError
+from treadline.core.signals import RgbdFrame
+from treadline.experiments.gazebo import compared
+from treadline.plant.gazebo import Environment, GazeboPlant, find_environment, server
+from treadline.plant.gazebo.world import world_sdf
+from treadline.plant.mujoco import open_plant as open_mujoco
+from treadline.plant.sensors.instruments import ChairState
+from treadline.scenario.chair import read_chair
+from treadline.scenario.realism import Realism
+from treadline.scenario.scenario import Control, Scenario, Sensors, Start
+from treadline.vehicle.staircase import build_staircase
+
+SCENARIO = Scenario(start=Start(place="flight", step=4, heading_deg=10.0), control=Control(vision="truth"))
+
+SCRIPT = Path(__file__).parents[3] / "ros" / "gazebo" / "environment.sh"
+
+GREETING = "import socket, struct, sys\n" + textwrap.dedent("""
+    port = int(open(sys.argv[-1]).read())
+    listener = socket.create_server(("127.0.0.1", port))
+    client = listener.accept()[0]
+    client.sendall(struct.pack("<4d", {protocol}, {major}, 8, 22))
+""")
+
+
+class Impostor(Environment):
+    """An environment whose gzserver is a Python script; the world it gets is the port alone."""
+
+    script: str
+
+    def command(self, *words: str) -> list[str]:
+        return [sys.executable, "-c", Impostor.script, *words[:-1], str(self.root / words[-1].lstrip("/"))]
+
+
+@pytest.fixture
+def launched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., server.GazeboServer]:
+    """Return what starts a script in gzserver's place."""
+    monkeypatch.setattr(server, "START_S", 10.0)
+
+    def launch(script: str, **options: int) -> server.GazeboServer:
+        Impostor.script = script
+        return server.GazeboServer(Impostor(root=tmp_path), str, **options)
+
+    return launch
+
+
+def test_the_world_holds_the_chair_whole_and_the_plugin_that_drives_it() -> None:
+    chair = read_chair("wheelchair")
+    staircase = build_staircase(SCENARIO.stair, np.random.default_rng(0))
+    world = fromstring(world_sdf(SCENARIO, staircase, chair, plugin="/p.so", port=1234)).find("world")  # noqa: S314 - our own
+    assert world is not None
+    model = next(model for model in world.iter("model") if model.get("name") == "wheelchair")
+    assert {link.get("name") for link in model.iter("link")} == {"chair", "seat", "flipper"}
+    belts = {shape.get("name") for shape in model.iter("collision")}
+    assert {name.split("_")[0] for name in belts if name} == {"left", "right"}
+    plugin = model.find("plugin")
+    assert plugin is not None
+    assert (plugin.get("filename"), plugin.findtext("port")) == ("/p.so", "1234")
+    assert float(plugin.findtext("seat_start") or "nan") == pytest.approx(math.atan2(0.16, 0.30))
+    assert float(plugin.findtext("flipper_start") or "nan") == pytest.approx(math.radians(40.0))
+
+
+def test_an_order_is_answered_by_the_state(launched: Callable[..., server.GazeboServer]) -> None:
+    echo = "while order := client.recv(64):\n    client.sendall(order + struct.pack('<14d', *range(14)))\n"
+    gazebo = launched(GREETING.format(protocol=1, major=11) + echo)
+    order = np.arange(8.0)
+    assert gazebo.step(order).tolist() == [*range(8), *range(14)]
+    gazebo.close()
+
+
+@pytest.mark.parametrize(
+    ("script", "message"),
+    [
+        ("print('[Err] no such world'); raise SystemExit(3)", "ended before the chair was in it: .*no such world"),
+        (
+            "import time; print('[Err] Failed to load plugin libx.so: libgazebo.so.9', flush=True); time.sleep(9)",
+            "libgazebo.so.9; build it",
+        ),
+        (GREETING.format(protocol=7, major=11) + "client.recv(1)", "protocol 7, this program 1; build it"),
+        (GREETING.format(protocol=1, major=9) + "client.recv(1)", "built for Gazebo 9, not 11; build it"),
+        ("print('[Err] bind: Address already in use'); raise SystemExit(1)", "a port is taken"),
+    ],
+    ids=["a world it cannot load", "a plugin it cannot load", "another protocol", "another Gazebo", "a port taken, three times"],
+)
+def test_a_server_that_does_not_come_up_says_why_in_a_line(
+    launched: Callable[..., server.GazeboServer], script: str, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(GazeboError, match=message) as raised:
+        launched(script)
+    assert "\n" not in str(raised.value)
+    assert not list((tmp_path / "tmp").iterdir())
+
+
+def test_a_server_that_dies_is_distinguished_from_an_answer(launched: Callable[..., server.GazeboServer]) -> None:
+    gazebo = launched(GREETING.format(protocol=1, major=11) + "client.recv(64); raise SystemExit('[Err] a joint broke')")
+    with pytest.raises(GazeboError, match=r"gzserver died \(exit code 1\): .*a joint broke; run it again"):
+        gazebo.step(np.zeros(8))
+    gazebo.close()
+
+
+def test_a_free_port_is_one_that_can_be_had() -> None:
+    with socket.create_server(("127.0.0.1", server.free_port())):
+        pass
+
+
+def test_without_an_environment_it_is_said_how_to_get_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
+    with pytest.raises(GazeboError, match=r"no Gazebo 11 in .*root; build it with ros/gazebo/environment.sh"):
+        find_environment()
+    (tmp_path / "root/usr/bin").mkdir(parents=True)
+    (tmp_path / "root/usr/bin/gzserver").touch()
+    with pytest.raises(GazeboError, match=r"libtreadline_lockstep.so is missing; build it"):
+        find_environment()
+    plugin = tmp_path / "root/opt/treadline/build/libtreadline_lockstep.so"
+    plugin.parent.mkdir(parents=True)
+    plugin.touch()
+    monkeypatch.setattr("os.geteuid", lambda: 1000)
+    with pytest.raises(GazeboError, match="only root may enter"):
+        find_environment()
+    monkeypatch.setattr("os.geteuid", lambda: 0)
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    with pytest.raises(GazeboError, match="no chroot on this system"):
+        find_environment()
+
+
+@pytest.mark.parametrize(
+    ("program", "script", "told"),
+    [
+        ("id", "echo 1000", "Gazebo's environment needs root; run it as root, or take the Dockerfile"),
+        ("chroot", "exit 1", "chroot is not allowed here; take the Dockerfile"),
+    ],
+    ids=["no root", "no chroot"],
+)
+def test_where_it_cannot_be_built_the_script_says_so_in_a_line_and_the_tests_are_skipped(
+    tmp_path: Path, program: str, script: str, told: str
+) -> None:
+    (tmp_path / "id").write_text("#!/bin/sh\necho 0\n")
+    (tmp_path / program).write_text(f"#!/bin/sh\n{script}\n")
+    for name in ("id", program):
+        (tmp_path / name).chmod(0o755)
+    environment = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}", "TREADLINE_GAZEBO": str(tmp_path / "cache")}
+    done = subprocess.run([SCRIPT], env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 77  # make test-gazebo takes it for "skipped"
+    assert done.stderr.splitlines()[-1] == f"treadline: {told}"  # a busy machine writes before that the command runs
+
+
+def test_a_graph_on_gazebo_without_gazebo_is_reported_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
+    assert main(["nodes", "default", "--plant", "gazebo"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"treadline: no Gazebo 11 in {tmp_path / 'root'}; build it with ros/gazebo/environment.sh")
+
+
+def test_the_paper_is_not_begun_without_gazebo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
+    with pytest.raises(GazeboError, match="no Gazebo 11"):
+        reproduce(plant="gazebo", out=tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(SettingsError, match="--plant is 'bullet'; allowed: mujoco, gazebo"):
+        reproduce(plant="bullet", out=tmp_path / "out")
+    with pytest.raises(SettingsError, match="--seeds is 9; from 1 to 5"):
+        reproduce(plant="gazebo", seeds=9, out=tmp_path / "out")
+
+
+def test_two_simulators_are_compared_row_by_row() -> None:
+    def figures(turns: list[float], straight: float) -> dict[str, list[dict[str, object]]]:
+        rows = [{"loop": "closed", "rms_heading_deg": straight}, {"loop": "open", "rms_heading_deg": 9.0}]
+        return {"table2": [{"rms_heading_deg": value} for value in turns], "fig09": rows}
+
+    found = compared(figures([3.0, 4.0], 0.2), figures([3.5, 3.2], 0.1))
+    assert found["table2_mean_deg"] == pytest.approx({"gazebo": 3.5, "mujoco": 3.35})
+    assert found["table2_largest_gap_deg"] == pytest.approx(0.8)
+    assert found["straight_closed_worst_rms_deg"] == {"gazebo": 0.2, "mujoco": 0.1}
+
+
+def test_frames_are_those_that_the_other_simulator_would_draw_of_a_chair_there(tmp_path: Path) -> None:
+    prompt = Realism(camera_latency_s=0.0, camera_jitter_s=0.0, camera_drop_rate=0.0)
+    scenario = Scenario(start=Start(place="flight", step=4), sensors=Sensors(camera="kinect1"), realism=prompt)
+    other, chair = open_mujoco(scenario, 3), read_chair("wheelchair")
+    other.start()
+    there = ChairState(
+        tick=0,
+        p_WB=other._data.qpos[:3].copy(),
+        R_WB=rotation_of(other._data.qpos[3:7]),
+        velocity_W=np.zeros(3),
+        rate_B=np.zeros(3),
+        seat_rad=0.0,
+        stroke_m=0.0,
+        belts_m_s=np.zeros(2),
+        brake_on=True,
+        flipper_rad=0.0,
+        flipper_torque_n_m=0.0,
+        reach_m=np.zeros(4),
+    )
+    plant = GazeboPlant(scenario, 3, chair, Environment(root=tmp_path))
+    (ours,) = [reading for reading in plant._instruments.read(there, 1.0)[0] if isinstance(reading, RgbdFrame)]
+    (theirs,) = [reading for reading in other.read() if isinstance(reading, RgbdFrame)]
+    np.testing.assert_array_equal(ours.depth_m, theirs.depth_m)
+    np.testing.assert_array_equal(ours.rgb, theirs.rgb)

@@ -1,0 +1,158 @@
+"""Runs of the shipped plant on a wide flight or floor, from its log, and the quasi-static run from the same pose."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from treadline.core.angles import DEG, rotation_of
+from treadline.core.signals import SeatCommand, TrackCommand
+from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco import step_kernels as kernels
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
+from treadline.vehicle.quasi_static import SteadyMotion, steady_motion
+from treadline.vehicle.quasi_static_run import QuasiStaticRun, quasi_static_run
+from treadline.vehicle.stance import stair_stance
+
+TABLE_I = (0.62, 0.5)
+RUN_M = 0.30
+STILL = SeatCommand(t_s=0.0, rate_m_s=0.0)
+TICKS_A_SECOND = 100
+THEORY_STEP_S = 0.05
+"""Step of the quasi-static run: 7 to 13 mm of a nosing pitch of 330 to 350 mm, so that a turning phase is 2 to 4 % uncertain."""
+
+
+def plant_on(
+    slope_deg: float, friction: tuple[float, float] = TABLE_I, heading_deg: float = 0.0, *, steps: int = 30, **chair: object
+) -> MujocoPlant:
+    """Return a started plant on a wide flight, or in front of one where the slope is zero; ideal except for the given settings."""
+    rise = RUN_M * math.tan((slope_deg or 28.0) * DEG)
+    start = Start(place="flight", step=6, heading_deg=heading_deg) if slope_deg else Start(place="floor")
+    scenario = Scenario(
+        stair=Stair(rise_m=rise, steps=steps, friction=friction, width_m=10.0, walls="none"),
+        chair=Chair.model_validate({"belt_mismatch": 0.0} | chair),
+        start=start,
+        control=Control(vision="truth"),
+    )
+    plant = open_plant(scenario, seed=1)
+    plant.start()
+    if not slope_deg:
+        plant._data.qpos[0] -= 1.0  # a turn on the spot must not meet the first step
+    return plant
+
+
+def heading_and_place(plant: MujocoPlant, pose: np.ndarray) -> tuple[float, float]:
+    """Return heading and distance up the flight in the stair's frame; ``pose`` begins with position and quaternion."""
+    R_SB = plant.staircase.R_WS.T @ rotation_of(np.ascontiguousarray(pose[3:7]))
+    p_SB = plant.staircase.R_WS.T @ (pose[:3] - plant.staircase.p_WS)
+    return math.atan2(R_SB[1, 0], R_SB[0, 0]), float(p_SB[0])
+
+
+def theory_from(
+    plant: MujocoPlant,
+    pose: np.ndarray,
+    slope_deg: float,
+    friction: tuple[float, float],
+    belts: tuple[float, float],
+    duration_s: float,
+    step_s: float = THEORY_STEP_S,
+) -> QuasiStaticRun:
+    """Return the quasi-static run that begins in a pose of the plant."""
+    slope = slope_deg * DEG
+    heading, place = heading_and_place(plant, pose)
+    # A nosing is touched where its round bar's axis lies under the belt, a little up the slope from the sharp edge.
+    edge_m = plant.staircase.nosing_radius_m * (math.cos(slope) - math.sin(slope))
+    return quasi_static_run(
+        read_chair("wheelchair"),
+        Chair(),
+        slope,
+        plant.staircase.pitch_m,
+        friction,
+        *belts,
+        duration_s,
+        heading_rad=heading,
+        nosing_ahead_m=edge_m - place,
+        step_s=step_s,
+    )
+
+
+def heading_rad(plant: MujocoPlant, pose: np.ndarray) -> float:
+    """Return the heading in the stair's frame, or on the floor in the world's, of which the stair's frame is tilted."""
+    if plant._scenario.start.place != "floor":
+        return heading_and_place(plant, pose)[0]
+    R_WB = rotation_of(np.ascontiguousarray(pose[3:7]))
+    return math.atan2(R_WB[1, 0], R_WB[0, 0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantRun:
+    """A run of the plant at one command, the start included."""
+
+    plant: MujocoPlant
+    log: np.ndarray
+    """One row per tick, columns as in ``kernels``."""
+    settle_s: float
+
+    @property
+    def settled(self) -> np.ndarray:
+        """Rows after settling."""
+        return self.log[round(self.settle_s * TICKS_A_SECOND) + 1 :]
+
+    @property
+    def begin(self) -> np.ndarray:
+        """Row at which settling ends."""
+        return self.log[round(self.settle_s * TICKS_A_SECOND)]
+
+    @property
+    def duration_s(self) -> float:
+        return len(self.settled) / TICKS_A_SECOND
+
+    @property
+    def yaw_deg_s(self) -> float:
+        turned = heading_rad(self.plant, self.log[-1]) - heading_rad(self.plant, self.begin)
+        return turned / self.duration_s / DEG
+
+    @property
+    def climb_m_s(self) -> float:
+        went = heading_and_place(self.plant, self.log[-1])[1] - heading_and_place(self.plant, self.begin)[1]
+        return went / self.duration_s
+
+    @property
+    def load(self) -> np.ndarray:
+        """Largest sum of the normal forces in each tick, over the weight."""
+        return self.settled[:, kernels.FORCE_MAX] / self.plant._weight_n
+
+    @property
+    def airborne(self) -> int:
+        """Number of physics steps without contact."""
+        return int(self.settled[:, kernels.AIRBORNE].sum())
+
+
+def plant_run(plant: MujocoPlant, belts: tuple[float, float], duration_s: float, settle_s: float = 1.0) -> PlantRun:
+    """Hold one command from the start, and keep what is logged."""
+    plant.write(TrackCommand(t_s=0.0, left_m_s=belts[0], right_m_s=belts[1]), STILL)
+    plant.advance(settle_s + duration_s)
+    return PlantRun(plant=plant, log=np.array([row for _, row in plant._pending]), settle_s=settle_s)
+
+
+def over_a_pitch(slope_deg: float, friction: tuple[float, float], belts: tuple[float, float], heading: float = 0.0) -> SteadyMotion:
+    """Return the quasi-static motion in 200 evenly spaced nosing phases."""
+    slope = slope_deg * DEG
+    stance = stair_stance(read_chair("wheelchair"), Chair(), slope, RUN_M / math.cos(slope), heading)
+    return steady_motion(stance, friction, *belts)
+
+
+def drift_rad(slope_deg: float, friction: tuple[float, float], belts: tuple[float, float], times_s: Sequence[float]) -> np.ndarray:
+    """Return the heading that Coulomb friction gives a chair that starts square to the flight, averaged over the nosing phases.
+
+    A pitch takes about 2 s, in which a chair of so small a yaw rate turns by less than 1.5°.
+    """
+    grid = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0]) * DEG
+    rates = [over_a_pitch(slope_deg, friction, belts, float(heading)).mean_over_time[2] for heading in grid]
+    heading, headings, step_s = 0.0, [0.0], 0.1
+    for _ in range(round(max(times_s) / step_s)):
+        heading += step_s * float(np.interp(heading, grid, rates))
+        headings.append(heading)
+    return np.interp(times_s, step_s * np.arange(len(headings)), headings)

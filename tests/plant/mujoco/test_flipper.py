@@ -1,0 +1,192 @@
+"""The driven flipper in the plant: servo, limits, belts, and what is left when its motor dies."""
+
+import hashlib
+import re
+
+import numpy as np
+import pytest
+
+from treadline.core.angles import DEG
+from treadline.core.errors import SettingsError
+from treadline.core.ports import Truth
+from treadline.core.signals import FlipperCommand, FlipperReading, Reading, SeatCommand, TrackCommand
+from treadline.io.messages import messages_of
+from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco.mjcf_scene import scene_xml
+from treadline.run.episode import traverse
+from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.chair_files import CHAIRS
+from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Stair, Start
+from treadline.vehicle.staircase import build_staircase
+from treadline.vehicle.static_stability import centre_of_mass
+
+ARMED = read_chair("wheelchair")
+NOISE_N_M = 2.0
+
+
+def standing(chair: ChairDescription = ARMED, *, model: str = "wheelchair", payload_kg: float = 50.0) -> MujocoPlant:
+    """Return a chair at rest on the landing."""
+    scenario = Scenario(
+        stair=Stair(walls="none", width_m=4.0, steps=3, landing_m=6.0),
+        chair=Chair(model=model, belt_mismatch=0.0, payload_kg=payload_kg),
+        control=Control(vision="truth"),
+    ).model_copy(update={"start": Start(place="landing")})  # and no plan to go down: without a flipper it has no rear camera
+    plant = open_plant(scenario, seed=1, chair=chair)
+    plant.start()
+    return plant
+
+
+def turn(
+    plant: MujocoPlant, rate_deg_s: float, begin_s: float, end_s: float, *, speed_m_s: float = 0.0
+) -> tuple[list[FlipperReading], list[Truth], list[Reading]]:
+    """Ask one rate of the flipper for a while."""
+    plant.write(
+        TrackCommand(t_s=begin_s, left_m_s=speed_m_s, right_m_s=speed_m_s),
+        SeatCommand(t_s=begin_s, rate_m_s=0.0),
+        FlipperCommand(t_s=begin_s, rate_rad_s=rate_deg_s * DEG),
+    )
+    plant.advance(end_s)
+    readings = list(plant.read())
+    return [reading for reading in readings if isinstance(reading, FlipperReading)], list(plant.truth()), readings
+
+
+def with_flipper(**changes: object) -> ChairDescription:
+    assert ARMED.flipper is not None
+    return ARMED.model_copy(update={"flipper": ARMED.flipper.model_copy(update=changes)})
+
+
+def test_a_chair_without_a_flipper_is_the_chair_it_was() -> None:
+    # Without walls: these have become shorter since.
+    staircase = build_staircase(Stair(walls="none"), np.random.default_rng(0))
+    scene = scene_xml(staircase, read_chair("wheelchair-fixed"), Chair())
+    # Bodies that collide and names of the stair's geoms came later.
+    scene = re.sub(r' *<geom class="body"[^>]*/>\n', "", scene)
+    scene = re.sub(r' *<default class="body">.*?</default>\n', "", scene, flags=re.DOTALL)
+    scene = re.sub(r' name="(stair|nosing)_\d+"', "", scene)
+    # The scene as it was before there were flippers. Nine digits: the last ones are the sine of the platform; a zero has no sign.
+    rounded = re.sub(r"-?\d+\.\d+(e-?\d+)?", lambda number: f"{float(number[0]) + 0.0:.9g}", scene)
+    assert hashlib.sha256(rounded.encode()).hexdigest() == "d677d4a0bf2ec52c40f00e6d70f5bf8a87e64389e8955b7f22cad0654202b32c"
+
+
+def test_a_chair_without_a_flipper_reports_none_and_ignores_its_command() -> None:
+    standard, alone = (standing(read_chair("wheelchair-fixed"), model="wheelchair-fixed") for _ in range(2))
+    flippers, truth, readings = turn(standard, 20.0, 0.0, 1.0, speed_m_s=0.2)
+    alone.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.0))
+    alone.advance(1.0)
+    assert flippers == []
+    assert truth == list(alone.truth())
+    assert len(readings) == len(alone.read())
+
+
+def test_the_flipper_reports_a_hundred_times_a_second_from_where_it_rests() -> None:
+    flippers, _, _ = turn(standing(), 0.0, 0.0, 1.0)
+    np.testing.assert_allclose([flipper.t_s for flipper in flippers], 0.01 * np.arange(101), atol=1e-9)
+    # A servo of 6000 N·m/rad under the 4 N·m of the section's weight: 0.04°.
+    assert flippers[-1].angle_rad == pytest.approx(40.0 * DEG, abs=0.06 * DEG)
+
+
+def test_the_torque_at_rest_is_the_sections_weight() -> None:
+    flippers, _, _ = turn(standing(), 0.0, 0.0, 4.0)
+    mean = float(np.mean([flipper.torque_n_m for flipper in flippers[50:]]))
+    expected = 3.0 * 9.81 * 0.225 * np.cos(40.0 * DEG)
+    assert mean == pytest.approx(expected, abs=4.0 * NOISE_N_M / np.sqrt(350))
+
+
+@pytest.mark.parametrize("rate_deg_s", [10.0, -20.0])
+def test_the_flipper_turns_at_the_rate_asked_and_stops_where_it_is(rate_deg_s: float) -> None:
+    plant = standing()
+    flippers, _, _ = turn(plant, rate_deg_s, 0.0, 1.0)
+    # The servo starts within its torque: 200 N·m on 0.5 kg·m² need a few hundredths of a second.
+    assert flippers[-1].angle_rad - flippers[0].angle_rad == pytest.approx(rate_deg_s * DEG, abs=0.5 * DEG)
+    stopped, _, _ = turn(plant, 0.0, 1.0, 2.0)
+    assert stopped[-1].angle_rad == pytest.approx(flippers[-1].angle_rad, abs=0.3 * DEG)
+
+
+def test_the_flipper_is_no_faster_than_its_motor_and_stops_at_the_end_of_its_range() -> None:
+    flippers, _, _ = turn(standing(), 400.0, 0.0, 2.0)
+    angles = np.array([flipper.angle_rad for flipper in flippers]) / DEG
+    assert np.diff(angles[20:]).max() / 0.01 < 30.5
+    assert angles[-1] == pytest.approx(60.0, abs=0.1)
+
+
+def test_the_flipper_lifts_the_chair_off_the_landing_and_its_tip_drives() -> None:
+    plant = standing()
+    turn(plant, -25.0, 0.0, 2.4)
+    _, before, _ = turn(plant, 0.0, 2.4, 3.0)
+    _, after, _ = turn(plant, 0.0, 3.0, 6.0, speed_m_s=0.2)
+    # 20° below the flat run of 0.95 m, a flipper of 0.45 m: asin(0.45 sin 20° / 1.4) is about 6°.
+    assert before[-1].pitch_rad == pytest.approx(6.3 * DEG, abs=1.5 * DEG)
+    # It stands on the rear and the nose pulleys, and both carry the belt: 3 s less the drives' lag of 0.15 s.
+    stair_slope = np.arctan2(0.16, 0.30)
+    run_m = (after[-1].x_m - after[0].x_m) / np.cos(stair_slope)
+    assert run_m == pytest.approx(0.2 * 2.85, rel=0.03)
+
+
+def test_a_weak_motor_gives_way_and_owes_nothing_afterwards() -> None:
+    plant = standing(with_flipper(torque_n_m=40.0))
+    pressed, truth, _ = turn(plant, -25.0, 0.0, 4.0)
+    # Lifting a loaded chair by its nose takes some 100 N·m.
+    assert abs(truth[-1].pitch_rad) < 0.5 * DEG
+    assert min(flipper.torque_n_m for flipper in pressed) == pytest.approx(-40.0, abs=5.0 * NOISE_N_M)
+    raised, _, _ = turn(plant, 25.0, 4.0, 5.0)
+    # Wound up by full torque over its stiffness at most, 0.4°, the servo answers at once.
+    assert raised[-1].angle_rad - pressed[-1].angle_rad > 23.0 * DEG
+
+
+def test_a_dead_motor_brakes_rising_and_falls_freely() -> None:
+    fastest = {}
+    for damping in (0.0, 250.0):
+        plant = standing(with_flipper(lost_damping_n_m_s_rad=damping))
+        turn(plant, -25.0, 0.0, 2.6)
+        plant.lose_flipper_motor()
+        flippers, truth, _ = turn(plant, -25.0, 2.6, 5.6)
+        fastest[damping] = max(abs(sample.pitch_rate_rad_s) for sample in truth) / DEG
+        assert abs(flippers[-1].torque_n_m) < 5.0 * NOISE_N_M
+        assert abs(truth[-1].pitch_rad) < 1.0 * DEG
+    assert fastest[0.0] > 3.0 * fastest[250.0]
+    plant = standing()
+    plant.lose_flipper_motor()
+    fallen, _, _ = turn(plant, 0.0, 0.0, 1.0)
+    # 4 N·m turn rotor and section, 0.5 kg·m², by 40° in well under a second; the brake does not hold that way.
+    assert fallen[-1].angle_rad < 1.0 * DEG
+
+
+def test_a_second_start_mends_the_motor() -> None:
+    plant = standing()
+    plant.lose_flipper_motor()
+    turn(plant, 0.0, 0.0, 1.0)
+    plant.start()
+    flippers, _, _ = turn(plant, 10.0, 0.0, 1.0)
+    assert flippers[-1].angle_rad == pytest.approx(50.0 * DEG, abs=0.5 * DEG)
+
+
+def test_the_centre_of_mass_follows_the_flipper() -> None:
+    rest, ahead, down = (centre_of_mass(ARMED, Chair(), 0.0, angle) for angle in (None, 0.0, -60.0 * DEG))
+    assert rest == centre_of_mass(ARMED, Chair(), 0.0, 40.0 * DEG)
+    assert ahead[0] > rest[0] > 0.0
+    assert down[2] < ahead[2] < rest[2]
+    # 3 kg of 76.9 kg, half of 0.45 m away.
+    assert ahead[2] - down[2] == pytest.approx(3.0 / 76.9 * 0.225 * np.sin(60.0 * DEG), rel=1e-6)
+
+
+def test_a_flipper_that_rests_outside_its_range_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:
+    text = (CHAIRS / "wheelchair.toml").read_text(encoding="utf-8")
+    path = tmp_path_factory.mktemp("chairs") / "short.toml"
+    path.write_text(text.replace("range_deg = [-75.0, 60.0]", "range_deg = [-75.0, 30.0]"), encoding="utf-8")
+    with pytest.raises(SettingsError, match=r"approach_angle_deg is 40, where the flipper rests; flipper\.range_deg is -75 to 30"):
+        read_chair(str(path))
+
+
+def test_a_mission_logs_its_flipper() -> None:
+    scenario = Scenario(
+        chair=Chair(model="wheelchair"),
+        stair=Stair(walls="none"),
+        start=Start(place="flight"),
+        drive=DriveSettings(duration_s=0.5),
+        control=Control(vision="truth", loop="open"),
+    )
+    logged: list[object] = []
+    traverse(scenario, seed=0, sink=lambda signal, _: logged.append(signal))
+    flippers = [signal for signal in logged if isinstance(signal, FlipperReading)]
+    assert len(flippers) == 51
+    assert {topic for flipper in flippers for topic, _, _ in messages_of(flipper)} == {"/flipper/state"}

@@ -1,0 +1,180 @@
+"""Lugs: a periodic profile under Coulomb friction that hooks nosings, and nothing else about the chair."""
+
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from oracles.plant_runs import STILL
+
+from treadline.core.angles import DEG
+from treadline.core.errors import SettingsError
+from treadline.core.ports import Truth
+from treadline.core.signals import TrackCommand
+from treadline.plant.gazebo.environment import Environment
+from treadline.plant.gazebo.gazebo_plant import GazeboPlant
+from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco import lug_contact_kernels as lug_kernels
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import LUGS_MM, Belts, Chair, Control, Scenario, Stair, Start, read_scenario
+from treadline.vehicle.verdict import check
+
+NUMBERS = np.array([0.015, 0.08, 0.024, 0.014, 0.02, 0.95, 0.45, 0.07, 0.05, 0.65, 0.002])
+"""15/80 on the wheelchair."""
+
+
+def chair_on(belts: Belts, slope_deg: float = 28.0, friction: tuple[float, float] = (0.62, 0.5), seed: int = 1) -> MujocoPlant:
+    plant = open_plant(
+        Scenario(
+            stair=Stair(rise_m=0.30 * math.tan(slope_deg * DEG), steps=30, friction=friction, width_m=10.0, walls="none"),
+            chair=Chair(belt_mismatch=0.0),
+            belts=belts,
+            start=Start(place="flight", step=6),
+            control=Control(vision="truth"),
+        ),
+        seed,
+    )
+    plant.start()
+    return plant
+
+
+def drive(plant: MujocoPlant, speed_m_s: float, until_s: float) -> list[Truth]:
+    plant.write(TrackCommand(t_s=0.0, left_m_s=speed_m_s, right_m_s=speed_m_s), STILL)
+    plant.advance(until_s)
+    return list(plant.truth())
+
+
+def test_the_profile_is_periodic_continuous_and_as_deep_as_the_lugs_are_high() -> None:
+    along = np.linspace(-0.2, 0.2, 4001)
+    gap, slope = np.array([lug_kernels.profile(float(place), NUMBERS) for place in along]).T
+    shifted = np.array([lug_kernels.profile(float(place) + 0.08, NUMBERS)[0] for place in along])
+    np.testing.assert_allclose(gap, shifted, atol=1e-12)
+    assert (gap.min(), gap.max()) == pytest.approx((0.0, 0.015), abs=1e-12)
+    # The steepest flank is h π/(2 f) = 1.68; steps of 0.1 mm.
+    assert np.abs(np.diff(gap)).max() < 1.69e-4
+    # Central differences err where a half-cosine begins, by its curvature times half a step: 190 /m · 0.1 mm.
+    np.testing.assert_allclose(slope[1:-1], (gap[2:] - gap[:-2]) / 2e-4, atol=0.03)
+    assert gap[np.abs(along) <= 0.012].max() < 1e-12  # the tip
+
+
+def test_on_level_ground_a_belt_stands_on_its_tips_and_on_a_slope_on_the_next_lug() -> None:
+    for place in np.linspace(0.0, 0.08, 17):
+        assert lug_kernels.standing(float(place), 0.0, NUMBERS)[0] == 0.0
+    rise = -math.sin(28.0 * DEG)
+    # The next lug uphill begins 40 mm less half a tip from here, and stands that much times sin θ higher.
+    gap, slope = lug_kernels.standing(0.04, rise, NUMBERS)
+    assert gap == pytest.approx(0.028 * math.sin(28.0 * DEG))
+    assert slope == pytest.approx(math.sin(28.0 * DEG))
+    # Mirrored, for a belt that leans the other way.
+    assert lug_kernels.standing(-0.04, -rise, NUMBERS) == pytest.approx((gap, -slope))
+
+
+def test_arc_length_is_continuous_over_the_parts_of_a_belt() -> None:
+    angle, half, radius = 40.0 * DEG, 0.475, 0.07
+    nose = (half + 0.45 * math.cos(angle), radius + 0.45 * math.sin(angle))
+
+    def at(part: int, x: float, z: float, turn: float) -> float:
+        return float(lug_kernels.arc_length(part, x, z, math.sin(turn), -math.cos(turn), angle, NUMBERS))
+
+    front_start = at(lug_kernels.FRONT, half, 0.0, 0.0)
+    assert at(lug_kernels.FLAT, half, 0.0, 0.0) == pytest.approx(front_start)
+    assert at(lug_kernels.FLAT, -half, 0.0, 0.0) == pytest.approx(at(lug_kernels.REAR, -half, 0.0, 0.0))
+    tangent = (half + radius * math.sin(angle), radius - radius * math.cos(angle))
+    assert at(lug_kernels.APPROACH, *tangent, angle) == pytest.approx(at(lug_kernels.FRONT, *tangent, angle))
+    end = (nose[0] + radius * math.sin(angle), nose[1] - radius * math.cos(angle))
+    assert at(lug_kernels.APPROACH, *end, angle) == pytest.approx(at(lug_kernels.NOSE, *end, angle))
+
+
+def test_lugs_of_no_height_are_the_smooth_belt_to_the_last_bit() -> None:
+    smooth, flat = (drive(chair_on(belts), 0.2, 1.0) for belts in (Belts(), Belts(lug="15/80", height_m=0.0)))
+    assert smooth == flat
+
+
+def test_lugs_without_gaps_between_them_climb_as_a_smooth_belt_does() -> None:
+    """The shrunken solids, the margin and the profile together put the tips where the smooth outline is."""
+    almost = Belts(height_m=0.015, pitch_m=0.3, tip_m=0.298, flank_m=0.001)
+    smooth, lugged = (drive(chair_on(belts), 0.2, 4.0) for belts in (Belts(), almost))
+    assert lugged[-1].x_m == pytest.approx(smooth[-1].x_m, abs=2e-3)
+    assert lugged[-1].passenger_z_m == pytest.approx(smooth[-1].passenger_z_m, abs=2e-3)
+
+
+def test_a_lug_hooks_a_nosing_where_a_smooth_belt_slides() -> None:
+    # 28° needs 0.53; belts at rest, no brake. 0.97 m/s² of free sliding over 2 s are 1.9 m.
+    smooth, lugged = (drive(chair_on(belts, friction=(0.42, 0.34)), 0.0, 2.0) for belts in (Belts(), Belts(lug="15/80")))
+    assert smooth[0].x_m - smooth[-1].x_m > 1.0
+    # A lug that is not yet on a nosing slides to the next one: a pitch at most.
+    assert lugged[0].x_m - lugged[-1].x_m < 0.08
+
+
+def energy_j(plant: MujocoPlant) -> float:
+    mujoco.mj_energyPos(plant._model, plant._data)
+    mujoco.mj_energyVel(plant._model, plant._data)
+    return float(plant._data.energy.sum())
+
+
+def test_belts_at_rest_give_no_energy() -> None:
+    plant = chair_on(Belts(lug="15/80"), friction=(0.30, 0.25))
+    plant.write(TrackCommand(t_s=0.0, left_m_s=0.0, right_m_s=0.0), STILL)
+    before, lost = energy_j(plant), []
+    for k in range(1, 301):
+        plant.advance(round(0.01 * k, 2))
+        lost.append(before - energy_j(plant))
+    # Contacts store up to a joule when they bear twice the weight a millimetre deep.
+    assert min(lost) > -1.0
+    assert np.abs(plant._data.qvel[:3]).max() < 5.0
+
+
+def test_the_seed_says_where_the_lugs_start_and_a_second_start_repeats_it() -> None:
+    first, again, other = (chair_on(Belts(lug="15/80"), seed=seed) for seed in (1, 1, 2))
+    assert drive(first, 0.2, 0.5) == drive(again, 0.2, 0.5) != drive(other, 0.2, 0.5)
+    before = list(drive(first, 0.2, 1.0))
+    first.start()
+    drive(first, 0.2, 1.0)
+    first.start()
+    assert first._lugs.travel_m == pytest.approx(first._lugs.start_m)
+    assert before
+
+
+def test_stiffer_rubber_is_a_shorter_time_constant_of_the_belts_alone() -> None:
+    model = chair_on(Belts(stiffness_s=0.005))._model
+    belts = [model.geom(f"left_{part}").id for part in ("rear", "front", "nose", "flat", "approach")]
+    assert (model.geom_solref[belts, 0] == 0.005).all()
+    assert (np.delete(model.geom_solref[:, 0], [*belts, *(model.geom(f"right_{p}").id for p in ("rear", "nose"))]) >= 0.005).all()
+
+
+@pytest.mark.parametrize("lug", [lug for lug in LUGS_MM if lug != "none"])
+def test_named_lugs_have_their_names_measures(lug: str) -> None:
+    belts = Belts.model_validate({"lug": lug})
+    assert belts.measures_m[:2] == pytest.approx(tuple(1e-3 * float(mm) for mm in lug.split("/")))
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ('lug = "15/80"\ntip_m = 0.06', r"tip of 0\.060 m and its two flanks of 0\.014 m are longer than the pitch of 0\.080 m"),
+        ("stiffness_s = 0.002", r"stiffness_s is 0\.002.*steps of 2 ms integrate from 0\.004 s"),
+        ('lug = "15/90"', r"must be .none., .8/60., .15/80. or .20/80. \(got .15/90.\)"),
+        ("height_m = -0.01", r"height_m"),
+    ],
+)
+def test_lugs_that_cannot_be_are_refused(tmp_path: Path, table: str, message: str) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(f"[belts]\n{table}\n")
+    with pytest.raises(SettingsError, match=message):
+        read_scenario(path)
+
+
+def test_lugs_larger_than_the_pulley_are_refused() -> None:
+    with pytest.raises(SettingsError, match=r"height_m is 0\.040, the pulleys' radius 0\.070 m; lugs up to 0\.035 m fit"):
+        chair_on(Belts(lug="15/80", height_m=0.04))
+
+
+def test_check_refuses_them_too() -> None:
+    refused = Scenario(belts=Belts(height_m=0.036))
+    assert any("lugs up to 0.035 m fit" in reason for reason in check(refused, read_chair("wheelchair")).reasons)
+
+
+def test_gazebo_has_no_lugs() -> None:
+    with pytest.raises(SettingsError, match=r"smooth belts of its own stiffness; leave out \[belts\]"):
+        GazeboPlant(Scenario(belts=Belts(lug="15/80")), 0, read_chair("wheelchair"), Environment(root=Path("/")))

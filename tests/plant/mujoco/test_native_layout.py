@@ -1,0 +1,256 @@
+"""Measured memory layout of MuJoCo, and equality of the compiled loop with MuJoCo's own step."""
+
+import copy
+import math
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from treadline.core.angles import DEG
+from treadline.core.errors import SimulationDiverged
+from treadline.plant import actuator_kernels as drives
+from treadline.plant.mujoco import MujocoPlant, native, open_plant
+from treadline.plant.mujoco import step_kernels as kernels
+from treadline.plant.mujoco.mujoco_plant import _view
+from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
+
+BOXES = """
+<mujoco><option jacobian="dense"/><worldbody><geom type="plane" size="9 9 1"/>
+<body pos="0 0 0.29" euler="3 2 1"><freejoint/><geom type="box" size="0.3 0.2 0.3" surfacevel="0.3 0.1 0 0 0 0"/></body>
+<body pos="2 0 0.19"><freejoint/><geom type="cylinder" size="0.2 0.2" friction="0.4"/></body>
+<body pos="4 0 5"><freejoint/><geom type="sphere" size="0.1"/></body>
+</worldbody></mujoco>
+"""
+
+
+@pytest.fixture
+def touching() -> mujoco.MjData:
+    """Return data of another model than the one the layout was measured on, with contacts of several kinds."""
+    model = mujoco.MjModel.from_xml_string(BOXES)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert data.ncon >= 4
+    return data
+
+
+def test_the_number_of_contacts_is_read_where_it_stands(touching: mujoco.MjData) -> None:
+    count = _view(touching._address + native.contact_layout().count_offset, 1, 1, np.int32)
+    assert int(count[0, 0]) == touching.ncon
+    touching.qpos[2] = 7.0
+    mujoco.mj_forward(touching.model, touching)
+    assert int(count[0, 0]) == touching.ncon
+
+
+@pytest.mark.parametrize(("field", "width"), [("frame", 9), ("friction", 5)])
+def test_a_contacts_numbers_are_read_where_they_stand(touching: mujoco.MjData, field: str, width: int) -> None:
+    layout = native.contact_layout()
+    rows = _view(native.contact_list(touching), touching.ncon, layout.stride // 8, np.float64)
+    start = getattr(layout, field) // 8
+    expected = np.array([getattr(contact, field) for contact in touching.contact])
+    np.testing.assert_array_equal(rows[:, start : start + width], expected)
+
+
+def test_a_contacts_surface_velocity_and_geoms_are_read_where_they_stand(touching: mujoco.MjData) -> None:
+    layout, base = native.contact_layout(), native.contact_list(touching)
+    real = _view(base, touching.ncon, layout.stride // 8, np.float64)
+    whole = _view(base, touching.ncon, layout.stride // 4, np.int32)
+    geoms = whole[:, layout.geom // 4 : layout.geom // 4 + 2]
+    np.testing.assert_array_equal(geoms, [contact.geom for contact in touching.contact])
+    start = layout.surfacevel // 8
+    moving = real[:, start : start + 2]
+    np.testing.assert_array_equal(moving, np.asarray(touching.contact.surfacevel)[:, :2])
+    # The box is geom 1: its surface moves, the cylinder's does not.
+    assert (np.abs(moving[(geoms == 1).any(axis=1)]).max(axis=1) > 0.05).all()
+    assert not moving[(geoms == 2).any(axis=1)].any()
+
+
+@pytest.mark.parametrize("name", native.CONSTRAINT_ARRAYS)
+def test_a_constraint_arrays_pointer_is_read_where_it_stands(touching: mujoco.MjData, name: str) -> None:
+    """The arrays move in the arena when contacts come and go; their pointers are read anew."""
+    offset = native.pointer_offsets()[native.CONSTRAINT_ARRAYS.index(name)]
+    pointer = _view(touching._address + offset, 1, 1, np.uint64)[0]
+    addresses = set()
+    for height_m in (0.29, 7.0, 0.28):
+        touching.qpos[2] = height_m
+        mujoco.mj_forward(touching.model, touching)
+        array = getattr(touching, name)
+        assert int(pointer[0]) == array.__array_interface__["data"][0]
+        addresses.add(int(pointer[0]))
+        np.testing.assert_array_equal(_view(int(pointer[0]), 1, array.size, np.float64)[0], array.ravel())
+    assert len(addresses) > 1
+
+
+def test_the_contacts_constraint_address_is_read_where_it_stands(touching: mujoco.MjData) -> None:
+    layout, base = native.contact_layout(), native.contact_list(touching)
+    whole = _view(base, touching.ncon, layout.stride // 4, np.int32)
+    np.testing.assert_array_equal(whole[:, layout.efc_address // 4], touching.contact.efc_address)
+
+
+def test_the_number_of_no_slip_iterations_is_written_where_it_stands(touching: mujoco.MjData) -> None:
+    model = touching.model
+    model.opt.noslip_iterations = 4
+    where = _view(native.noslip_address(model), 1, 1, np.int32)[0]
+    # Measuring leaves the number as it was.
+    assert model.opt.noslip_iterations == int(where[0]) == 4
+    where[0] = 7
+    assert model.opt.noslip_iterations == 7
+
+
+def test_options_that_are_not_where_they_were_are_named(touching: mujoco.MjData, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(native.ctypes, "string_at", lambda _, size: bytes(size))
+    with pytest.raises(SimulationDiverged, match=r"noslip_iterations was found in 0 places; use 3\.11 to 4\.0"):
+        native.noslip_address(touching.model)
+
+
+def test_without_a_contact_there_is_no_list_to_find() -> None:
+    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody/></mujoco>")
+    with pytest.raises(SimulationDiverged, match="touches nothing at its start"):
+        native.contact_list(mujoco.MjData(model))
+
+
+def test_a_mujoco_without_its_library_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(mujoco, "__file__", str(tmp_path / "__init__.py"))
+    with pytest.raises(SimulationDiverged, match=r"MuJoCo \d.* ships no library"):
+        native.load_library()
+
+
+def plant(mismatch: float = 0.02) -> MujocoPlant:
+    made = open_plant(
+        Scenario(
+            stair=Stair(rise_m=0.30 * math.tan(28.0 * DEG), walls="none", width_m=4.0),
+            chair=Chair(belt_mismatch=mismatch),
+            start=Start(place="flight", step=6, heading_deg=10.0),
+            control=Control(vision="truth"),
+        ),
+        seed=0,
+    )
+    made.start()
+    return made
+
+
+def test_the_compiled_stages_are_those_of_mj_step_to_the_last_bit() -> None:
+    compiled = plant()
+    reference = copy.copy(compiled._data)
+    compiled._is_belt[:] = False  # no contact is turned
+    compiled._corrected[0] = False  # nor are its forces corrected: what is left is MuJoCo's own step
+    compiled._model.opt.noslip_iterations = 0  # as the loop has it unless the brake holds
+    compiled._drives.command[:] = (0.3, 0.1, 0.0, 0.02, 0.0)
+    log = np.empty((1, kernels.COLUMNS))
+    for _ in range(150):
+        compiled._run(1, log, compiled._friction)
+        reference.ctrl[:] = compiled._data.ctrl
+        for _ in range(compiled._physics.substeps):
+            mujoco.mj_step(compiled._model, reference)
+    assert reference.ncon > 0
+    np.testing.assert_array_equal(reference.qpos, compiled._data.qpos)
+    np.testing.assert_array_equal(reference.qvel, compiled._data.qvel)
+    assert reference.time == compiled._data.time
+    # It did move, and the belts did drive it.
+    assert np.linalg.norm(compiled._data.qvel) > 0.01
+
+
+def test_turned_contacts_differ_from_mj_step() -> None:
+    compiled = plant()
+    reference = copy.copy(compiled._data)
+    compiled._drives.command[:] = (0.3, 0.1, 0.0, 0.0, 0.0)
+    compiled._run(20, np.empty((20, kernels.COLUMNS)), compiled._friction)
+    for _ in range(20 * compiled._physics.substeps):
+        mujoco.mj_step(compiled._model, reference)
+    assert (reference.qvel != compiled._data.qvel).any()
+
+
+def rotation(rng: np.random.Generator) -> np.ndarray:
+    """Return a rotation that prefers no direction."""
+    q, r = np.linalg.qr(rng.standard_normal((3, 3)))
+    q = q * np.sign(np.diag(r))
+    q[:, 0] *= np.sign(np.linalg.det(q))
+    return q
+
+
+FRAME, FRICTION, SURFACEVEL, GEOM = 0, 9, 14, 20
+"""Places in a contact that is made up for these tests; geoms as ints of half the width."""
+
+
+def contact(rng: np.random.Generator, geoms: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Return a contact as doubles and as ints over the same memory."""
+    real = np.zeros((1, 16))
+    real[0, FRAME : FRAME + 9] = rotation(rng).ravel()
+    real[0, FRICTION : FRICTION + 5] = (1.0, 1.0, 0.0, 0.0, 0.0)
+    real[0, SURFACEVEL : SURFACEVEL + 2] = rng.standard_normal(2)
+    whole = np.zeros((1, 32), dtype=np.int32)
+    whole[0, GEOM : GEOM + 2] = geoms
+    return real, whole
+
+
+def turn(real: np.ndarray, whole: np.ndarray, chair_y: np.ndarray) -> None:
+    layout = (FRAME, FRICTION, SURFACEVEL, GEOM)
+    is_belt = np.array([False, True])
+    kernels.turn_contacts(
+        1, real, whole, *layout, is_belt, tuple(chair_y.tolist()), np.tile([0.62, 0.5, 0.62, 0.5, 0.0, 0.0, 0.0, 1.0], (2, 1))
+    )
+
+
+@pytest.mark.parametrize("geoms", [(1, 0), (0, 1)], ids=["belt on stair", "stair on belt"])
+@pytest.mark.parametrize("seed", range(10))
+def test_a_turned_contact_keeps_its_normal_and_the_belts_velocity(geoms: tuple[int, int], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    real, whole = contact(rng, geoms)
+    before = real.copy()
+    chair_y = rotation(rng)[:, 1]
+    turn(real, whole, chair_y)
+    axes, was = real[0, FRAME : FRAME + 9].reshape(3, 3), before[0, FRAME : FRAME + 9].reshape(3, 3)
+    np.testing.assert_array_equal(axes[0], was[0])
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+    # The first tangent is the belt's direction of travel: across the normal and across the chair's y.
+    assert abs(float(axes[1] @ chair_y)) < 1e-12
+    moved = real[0, SURFACEVEL : SURFACEVEL + 2] @ axes[1:]
+    np.testing.assert_allclose(moved, before[0, SURFACEVEL : SURFACEVEL + 2] @ was[1:], atol=1e-12)
+    np.testing.assert_array_equal(real[0, FRICTION : FRICTION + 2], [0.62, 0.5])
+
+
+def test_a_contact_of_no_belt_is_left_alone() -> None:
+    real, whole = contact(np.random.default_rng(0), (0, 0))
+    before = real.copy()
+    turn(real, whole, np.array([0.0, 1.0, 0.0]))
+    np.testing.assert_array_equal(real, before)
+
+
+def test_a_belts_side_face_has_no_direction_of_travel_and_the_lower_friction() -> None:
+    real, whole = contact(np.random.default_rng(1), (1, 0))
+    before = real.copy()
+    turn(real, whole, before[0, FRAME : FRAME + 3])
+    np.testing.assert_array_equal(real[0, FRICTION : FRICTION + 2], [0.5, 0.5])
+    np.testing.assert_array_equal(real[0, FRAME : FRAME + 9], before[0, FRAME : FRAME + 9])
+
+
+def test_the_contact_list_has_room_for_a_chair_on_a_stair() -> None:
+    climbing = plant()
+    log = np.empty((200, kernels.COLUMNS))
+    climbing._drives.command[:] = (0.2, 0.2, 0.0, 0.0, 0.0)
+    climbing._run(200, log, climbing._friction)
+    # A dozen or two are seen: five parts of two belts, each on a nosing or two.
+    assert 4 <= log[:, kernels.CONTACTS].max() < 64
+
+
+@pytest.mark.parametrize(
+    ("speed", "asked", "expected"),
+    # A tenth of the way to the target a tick, at most 0.02 m/s; targets beyond ±1 m/s are not followed.
+    [(0.0, 0.1, 0.01), (0.0, 0.9, 0.02), (0.95, 5.0, 0.955), (-0.95, -5.0, -0.955)],
+)
+def test_a_belt_follows_with_lag_within_its_limits(speed: float, asked: float, expected: float) -> None:
+    assert drives.drive_belt(speed, asked, False, 1.0, 0.1, 0.02, 0.1) == pytest.approx(expected)
+
+
+def test_a_brake_stops_a_belt_and_does_not_turn_it_back() -> None:
+    assert drives.drive_belt(0.25, 1.0, True, 1.0, 0.1, 0.02, 0.1) == pytest.approx(0.15)
+    assert drives.drive_belt(0.05, 1.0, True, 1.0, 0.1, 0.02, 0.1) == 0.0
+    assert drives.drive_belt(-0.05, 1.0, True, 1.0, 0.1, 0.02, 0.1) == 0.0
+
+
+def test_a_table_is_straight_between_its_entries_and_held_at_its_ends() -> None:
+    entries = np.array([1.0, 3.0, 2.0])
+    values = [drives.table(x, 10.0, 0.5, entries) for x in (9.0, 10.0, 10.25, 10.5, 10.75, 11.0, 12.0)]
+    assert values == pytest.approx([1.0, 1.0, 2.0, 3.0, 2.5, 2.0, 2.0])

@@ -1,0 +1,345 @@
+"""Random views and their ground truth: reproducible by seed, and consistent with the image."""
+
+import numpy as np
+import pytest
+from jaxtyping import Bool, Float
+
+from treadline.core.angles import DEG, rotation_z
+from treadline.core.errors import SettingsError
+from treadline.core.settings import settings_of
+from treadline.core.signals import RgbdFrame
+from treadline.plant.sensors.camera import STAIR_SCENES, STAIRLESS_SCENES, Camera, RecordedDrive, View, ViewRecipe, draw_view
+from treadline.plant.sensors.camera.recipe import CLUTTER
+from treadline.plant.sensors.camera.solids import Puddle, Shadow, upright
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Stair
+from treadline.vehicle.staircase import build_staircase
+
+IDEAL: dict[str, object] = {"sensor": "ideal", "gravity_error_deg": 0.0}
+
+
+def view(seed: int, **recipe: object) -> View:
+    return draw_view(np.random.default_rng(seed), ViewRecipe(**recipe))
+
+
+def points_B(seen: View) -> Float[np.ndarray, "h w 3"]:
+    """Return the point of each pixel in the chair's frame, by the true calibration."""
+    camera = seen.true_camera
+    v, u = np.mgrid[: camera.height_px, : camera.width_px]
+    rays = np.stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones(u.shape)], axis=-1)
+    return (rays * seen.exact.depth_m[:, :, None]) @ camera.R_BC.T + np.array(camera.mount_m)
+
+
+@pytest.mark.parametrize("sensor", ["kinect1", "kinect2", "tof", "d435", "d455", "ideal"])
+def test_the_same_seed_gives_the_same_bytes(sensor: str) -> None:
+    recipe = {"sensor": sensor, "clutter": CLUTTER, "worn_m": 0.01, "blur_px": (3.0, 6.0), "warp_px": 0.05, "grain_px": 1.0}
+    first, second, other = (view(seed, **recipe) for seed in (1, 1, 2))
+    assert first.frame.depth_m.tobytes() == second.frame.depth_m.tobytes()
+    assert first.frame.rgb.tobytes() == second.frame.rgb.tobytes()
+    assert first.gravity_C.tolist() == second.gravity_C.tolist()
+    assert first.frame.depth_m.tobytes() != other.frame.depth_m.tobytes()
+
+
+@pytest.mark.parametrize("scene", STAIR_SCENES)
+def test_the_heading_is_the_angle_between_nosings_and_chair(scene: str) -> None:
+    for seed in range(8):
+        seen = view(seed, scenes=(scene,), rock_deg=1.0, **IDEAL)
+        truth = seen.stair
+        assert truth is not None
+        e_B = seen.true_camera.R_BC @ truth.edge_C
+        # ψ = atan2(-e·forward, e·right); the chair's right is -y.
+        assert truth.heading_rad == pytest.approx(np.arctan2(-e_B[0], -e_B[1]), abs=1e-12)
+        assert abs(truth.heading_rad) < 40.0 * DEG
+        # Level, and pointing to the image's right.
+        assert truth.edge_C @ seen.true_gravity_C == pytest.approx(0.0, abs=1e-12)
+        assert truth.edge_C[0] > 0.0
+        assert truth.slope_rad == pytest.approx(np.arctan2(truth.rise_m, truth.run_m))
+        # The normal is square to the nosings, and by the slope from upright.
+        assert truth.normal_C @ truth.edge_C == pytest.approx(0.0, abs=1e-12)
+        assert -truth.normal_C @ seen.true_gravity_C == pytest.approx(np.cos(truth.slope_rad))
+        gaps = np.diff(truth.nosings_B, axis=0) @ seen.true_camera.R_BC
+        np.testing.assert_allclose(gaps @ truth.normal_C, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_chair_that_turns_left_has_a_growing_heading(sign: float) -> None:
+    for scene in ("up", "down"):
+        seen = view(3, scenes=(scene,), heading_deg=(sign * 20.0, sign * 20.0), **IDEAL)
+        truth = seen.stair
+        assert truth is not None
+        assert truth.heading_rad == pytest.approx(sign * 20.0 * DEG, abs=1e-9)
+        # Turned left, a chair is nearer to the right end of a nosing: pointing right, the edge comes towards it.
+        assert np.sign((seen.true_camera.R_BC @ truth.edge_C)[0]) == -sign
+
+
+@pytest.mark.parametrize("scene", STAIR_SCENES)
+def test_nosings_in_view_stand_where_the_picture_shows_an_edge(scene: str) -> None:
+    checked = 0
+    for seed in range(6):
+        seen = view(seed, scenes=(scene,), heading_deg=(-15.0, 15.0), **IDEAL)
+        truth = seen.stair
+        assert truth is not None
+        points = points_B(seen).reshape(-1, 3)
+        points = points[np.isfinite(points).all(axis=1)]
+        for nosing in truth.nosings_B[truth.nosing_in_view]:
+            if nosing[0] < 2.5:
+                gaps = np.linalg.norm(points - nosing, axis=1)
+                # Some pixel shows that point: pixels are 4 mm apart at 1 m, and far more on surfaces seen at a grazing angle.
+                assert gaps.min() < 0.02
+                checked += 1
+    assert checked >= 4
+
+
+@pytest.mark.parametrize("scene", STAIR_SCENES)
+def test_treads_in_view_are_the_heights_that_fill_the_picture(scene: str) -> None:
+    for seed in range(6):
+        seen = view(seed, scenes=(scene,), walls=("none",), **IDEAL)
+        truth = seen.stair
+        assert truth is not None
+        up = -seen.true_camera.R_BC @ seen.true_gravity_C
+        floor = np.array([*(kind == "floor" for kind in seen.kinds), True])[seen.exact.face // 6]
+        heights = points_B(seen)[~floor] @ up
+        # Against the nearest nosing: whole rises are treads, to a hair; risers cross a hair in few pixels.
+        steps = (heights - truth.nosings_B[0] @ up) / truth.rise_m
+        _, counts = np.unique(np.round(steps[np.abs(steps - np.round(steps)) < 1e-6]), return_counts=True)
+        assert truth.treads_in_view == np.count_nonzero(counts > 0.01 * floor.size)
+
+
+@pytest.mark.parametrize("scene", STAIR_SCENES)
+def test_nosings_are_a_step_apart(scene: str) -> None:
+    seen = view(5, scenes=(scene,), heading_deg=(0.0, 0.0), **IDEAL)
+    truth = seen.stair
+    assert truth is not None
+    gaps = np.linalg.norm(np.diff(truth.nosings_B, axis=0), axis=1)
+    np.testing.assert_allclose(gaps, np.hypot(truth.rise_m, truth.run_m), atol=1e-9)
+    assert (np.diff(truth.nosings_B[:, 0]) > 0.0).all()
+
+
+@pytest.mark.parametrize("scene", ["up", "down", "foot", "edge"])
+def test_walls_are_as_far_as_the_picture_shows(scene: str) -> None:
+    checked = 0
+    for seed in range(10):
+        seen = view(seed, scenes=(scene,), walls=("both",), **IDEAL)
+        truth = seen.stair
+        assert truth is not None
+        # Along the nosings, which run square to the walls.
+        aside = points_B(seen).reshape(-1, 3) @ (seen.true_camera.R_BC @ truth.edge_C)
+        aside = aside[np.isfinite(aside)]
+        for width_m, sign in ((truth.left_wall_m, -1.0), (truth.right_wall_m, 1.0)):
+            if width_m is not None:
+                # Beyond the wall's end the picture shows what lies further aside.
+                assert np.abs(sign * aside - width_m).min() < 1e-6
+                checked += 1
+    assert checked >= 5
+
+
+def shows(seen: View, kind: str) -> Bool[np.ndarray, "h w"]:
+    """Return which pixels show a kind of thing."""
+    is_kind = np.array([*(name == kind for name in seen.kinds), False])
+    return is_kind[np.where(seen.exact.face >= 0, seen.exact.face // 6, len(seen.kinds))]
+
+
+def test_an_obstacle_is_as_far_as_the_picture_shows() -> None:
+    half = 0.375  # gauge 0.65 m and belts of 0.10 m
+    checked = 0
+    for seed in range(12):
+        seen = view(seed, clutter=("bag",), heading_deg=(-10.0, 10.0), walls=("none",), **IDEAL)
+        truth = seen.stair
+        assert truth is not None
+        points = points_B(seen)[shows(seen, "bag")]
+        points = points[(np.abs(points[:, 1]) < half) & (points[:, 2] > 0.06)]
+        if len(points) > 200:
+            assert truth.obstacle_m is not None
+            # The ground truth has a resolution of a centimetre, and includes sides out of view.
+            assert truth.obstacle_m <= points[:, 0].min() + 0.01
+            checked += truth.obstacle_m == pytest.approx(points[:, 0].min(), abs=0.02)
+    assert checked >= 4
+
+
+def test_the_end_of_a_flight_is_in_view_near_its_top_only() -> None:
+    near = [view(seed, scenes=("top",), heading_deg=(-10.0, 10.0), **IDEAL).stair for seed in range(8)]
+    far = [view(seed, scenes=("up",), place_m=(0.3, 0.5), steps=(20, 22), **IDEAL).stair for seed in range(8)]
+    assert all(truth is not None and truth.end_in_view for truth in near)
+    assert not any(truth is not None and truth.end_in_view for truth in far)
+
+
+def test_facing_down_hides_the_risers() -> None:
+    for seed in range(4):
+        seen = view(seed, scenes=("down",), **IDEAL)
+        camera = seen.true_camera
+        points = points_B(seen)
+        across = np.cross(np.diff(points, axis=0)[:, :-1], np.diff(points, axis=1)[:-1])
+        normals = across / np.linalg.norm(across, axis=2, keepdims=True)
+        faces = seen.exact.face
+        same = (faces[:-1, :-1] == faces[1:, :-1]) & (faces[:-1, :-1] == faces[:-1, 1:]) & (faces[:-1, :-1] >= 0)
+        level = np.abs(normals @ (camera.R_BC @ seen.true_gravity_C)) > 0.9
+        forward = np.abs(normals @ np.cross(camera.R_BC @ seen.true_gravity_C, camera.R_BC @ seen.stair.edge_C)) > 0.9
+        # A wall before the floor's end may stand square; risers would fill a third of the image.
+        assert (level & same).mean() > 0.2
+        assert (forward & same).mean() < 0.15
+
+
+def test_gravity_has_the_requested_error() -> None:
+    for seed in range(5):
+        seen = view(seed, gravity_error_deg=0.5)
+        off = np.arccos(np.clip(seen.gravity_C @ seen.true_gravity_C, -1.0, 1.0))
+        assert off == pytest.approx(0.5 * DEG, rel=1e-4)
+
+
+def test_a_mount_that_is_off_shows_in_the_picture_and_not_in_the_calibration() -> None:
+    seen = view(1, mount_pitch_error_deg=(1.0, 1.0), mount_roll_error_deg=(-0.5, -0.5), gravity_error_deg=0.0, sensor="ideal")
+    declared, true = seen.frame.camera, seen.true_camera
+    assert (true.mount_pitch_rad - declared.mount_pitch_rad) / DEG == pytest.approx(1.0)
+    assert (true.mount_roll_rad - declared.mount_roll_rad) / DEG == pytest.approx(-0.5)
+    # The IMU is right about the chair, and the calibration wrong about the camera.
+    np.testing.assert_allclose(declared.R_BC @ seen.gravity_C, true.R_BC @ seen.true_gravity_C, atol=1e-12)
+
+
+def test_a_plain_view_is_what_the_plants_camera_sees() -> None:
+    seen = view(4, walls=("none",), heading_deg=(0.0, 0.0), lateral_m=(0.0, 0.0), place_m=(1.0, 1.0), rise_m=(0.16, 0.16),
+                slope_deg=(28.0, 28.0), width_m=(1.2, 1.2), **IDEAL)  # fmt: skip
+    stair = Stair(rise_m=0.16, run_m=0.16 / np.tan(28.0 * DEG), steps=22, walls="none")
+    staircase = build_staircase(stair, np.random.default_rng(0))
+    calibration = read_chair("wheelchair").camera_at(240)
+    R_WB = staircase.R_WS @ rotation_z(0.0)
+    p_WB = staircase.p_WS + staircase.R_WS @ np.array([1.0, 0.0, 0.0])
+    camera = Camera(staircase, calibration, kind="ideal", rng=np.random.default_rng(0))
+    plant = camera.exact(R_WB @ calibration.R_BC, p_WB + R_WB @ np.array(calibration.mount_m)).depth_m
+    both = np.isfinite(plant) & np.isfinite(seen.exact.depth_m) & (plant < 2.5)
+    assert both.mean() > 0.3
+    np.testing.assert_allclose(seen.exact.depth_m[both], plant[both], atol=1e-9)
+
+
+@pytest.mark.parametrize("scene", STAIRLESS_SCENES)
+def test_a_place_without_a_stair_has_no_truth_of_one_but_depth(scene: str) -> None:
+    for seed in range(3):
+        seen = view(seed, scenes=(scene,))
+        assert seen.stair is None
+        assert np.isfinite(seen.frame.depth_m).mean() > 0.25
+        assert seen.frame.rgb.std() > 1.0
+
+
+def tread(**light: object) -> RgbdFrame:
+    """Return a frame of a bare tread, the camera's noise the same each time."""
+    calibration = read_chair("wheelchair").camera_at(240)
+    solids = [upright("step", (0.0, -2.0, -0.2), (4.0, 2.0, 0.0))]
+    camera = Camera(solids, calibration, rng=np.random.default_rng(1), **light)
+    return camera.frame(0.0, calibration.R_BC, np.array([0.4, 0.0, 0.8]))
+
+
+def test_a_shadow_darkens_colour_and_leaves_depth() -> None:
+    plain, shaded = tread(), tread(shadows=[Shadow(normal_W=(1.0, 0.0, 0.0), level_m=1.3, half_m=0.1)])
+    np.testing.assert_array_equal(plain.depth_m, shaded.depth_m)
+    darker = shaded.rgb.mean(axis=2) < 0.7 * plain.rgb.mean(axis=2)
+    rows = np.flatnonzero(darker.mean(axis=1) > 0.9)
+    # 1.3 m ahead on the floor, 0.9 m from the camera and 0.8 m below it, seen with the camera 40° down.
+    angle = np.arctan2(0.8, 0.9) - 40.0 * DEG
+    assert 119.5 + 287.5 * np.tan(angle) == pytest.approx(rows.mean(), abs=3.0)
+    assert darker.mean() < 0.2
+
+
+def test_water_takes_depth_away_and_lights_colour_up() -> None:
+    dry, wet = tread(), tread(puddles=[Puddle(centre_W=(1.3, 0.0, 0.0), half_m=(0.15, 0.3))])
+    lost = np.isnan(wet.depth_m) & ~np.isnan(dry.depth_m)
+    deeper = wet.depth_m > dry.depth_m
+    assert 0.01 < lost.mean() < 0.2
+    assert 0.0005 < deeper.mean() < lost.mean()
+    assert wet.rgb[lost].mean() > dry.rgb[lost].mean() + 10.0
+    elsewhere = ~(lost | deeper)
+    np.testing.assert_array_equal(wet.depth_m[elsewhere], dry.depth_m[elsewhere])
+
+
+def test_blur_softens_colour_along_its_way_and_leaves_depth() -> None:
+    sharp = view(7, light=(1.0, 1.0), textures=("terrazzo",), **IDEAL)
+    soft = view(7, light=(1.0, 1.0), textures=("terrazzo",), blur_px=(8.0, 8.0), **IDEAL)
+    assert sharp.frame.depth_m.tobytes() == soft.frame.depth_m.tobytes()
+    roughness = [np.abs(np.diff(seen.frame.rgb.astype(float), axis=1)).mean() for seen in (sharp, soft)]
+    assert roughness[1] < 0.8 * roughness[0]
+
+
+def test_grain_makes_neighbours_alike_and_no_noisier() -> None:
+    white, grainy = (view(8, scenes=("floor",), grain_px=grain) for grain in (0.0, 2.0))
+    errors = [(seen.frame.depth_m - seen.exact.depth_m) / seen.exact.depth_m**2 for seen in (white, grainy)]
+    spread = [float(np.nanstd(error)) for error in errors]
+    assert spread[1] == pytest.approx(spread[0], rel=0.1)
+    alike = [float(np.nanmean(error[:, 1:] * error[:, :-1])) / size**2 for error, size in zip(errors, spread, strict=True)]
+    assert abs(alike[0]) < 0.05
+    assert alike[1] > 0.3
+
+
+def test_warp_is_smooth_and_of_the_requested_size() -> None:
+    seen = view(9, scenes=("floor",), warp_px=0.2)
+    disparity = 575.0 * 0.075 * (1.0 / seen.frame.depth_m - 1.0 / seen.exact.depth_m)
+    blocks = disparity[:240, :320].reshape(15, 16, 20, 16).swapaxes(1, 2).reshape(15, 20, 256)
+    means = np.nanmean(blocks, axis=2)
+    assert float(means.std()) == pytest.approx(0.2, rel=0.15)
+    assert np.abs(np.diff(means, axis=1)).max() < 0.3
+
+
+def test_a_recipe_that_makes_no_sense_is_refused() -> None:
+    for wrong, word in (
+        ({"slope_deg": (35.0, 25.0)}, "smaller first"),
+        ({"scenes": ()}, "empty"),
+        ({"scenes": ("attic",)}, "scenes"),
+        ({"rise_m": (0.05, 0.06), "slope_deg": (40.0, 45.0)}, "run"),
+        ({"sensor": "kinect3"}, "kinect1"),
+        ({"colour": 1}, "unknown"),
+    ):
+        with pytest.raises(SettingsError, match=word):
+            settings_of(wrong, ViewRecipe, where="recipe.toml")
+
+
+def test_tilted_treads_leave_the_nosings_truth_where_the_picture_shows_it() -> None:
+    checked = 0
+    for seed in range(4):
+        seen = view(seed, tread_tilt_deg=2.0, heading_deg=(-12.0, 12.0), lateral_m=(-0.25, 0.25), **IDEAL)
+        truth = seen.stair
+        assert truth is not None
+        points = points_B(seen).reshape(-1, 3)
+        points = points[np.isfinite(points).all(axis=1)]
+        for nosing in truth.nosings_B[truth.nosing_in_view & (truth.nosings_B[:, 0] < 2.0)]:
+            assert np.linalg.norm(points - nosing, axis=1).min() < 0.012
+            checked += 1
+    assert checked >= 4
+
+
+def test_holes_cover_the_requested_fraction() -> None:
+    lost = np.isnan(view(3, scenes=("floor",), holes=0.4).frame.depth_m).mean()
+    # Drop-outs of single pixels come on top.
+    assert lost == pytest.approx(0.4, abs=0.02)
+
+
+def test_a_drive_shows_one_flight_from_one_camera() -> None:
+    drive = RecordedDrive(np.random.default_rng(2), ViewRecipe(mount_pitch_error_deg=(1.0, 1.0), walls=("both",), steps=(30, 30)))
+    views = [drive.view(0.1 * i, drive.pose(along_m=0.1 * i, heading_rad=0.05 * i)) for i in range(4)]
+    truths = [seen.stair for seen in views]
+    assert len({truth.slope_rad for truth in truths if truth is not None}) == 1
+    assert len({seen.true_camera for seen in views}) == 1
+    for i, (seen, truth) in enumerate(zip(views, truths, strict=True)):
+        assert truth is not None
+        assert seen.frame.t_s == pytest.approx(0.1 * i)
+        assert truth.heading_rad == pytest.approx(0.05 * i)
+        # The IMU's error stays as it is in the chair, to first order in half a degree.
+        measured, true = seen.frame.camera.R_BC @ seen.gravity_C, seen.true_camera.R_BC @ seen.true_gravity_C
+        assert np.arccos(np.clip(measured @ true, -1.0, 1.0)) < 0.51 * DEG
+    # The stair comes nearer by as much as the chair goes, along the flight.
+    at_start, later = (drive.view(0.0, drive.pose(along_m=distance_m, heading_rad=0.0)).stair for distance_m in (0.0, 0.1))
+    assert at_start is not None
+    assert later is not None
+    assert at_start.nosings_B[-1, 0] - later.nosings_B[-1, 0] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("scene", ["edge", "shelf"])
+def test_a_drive_needs_a_flight_under_the_chair(scene: str) -> None:
+    with pytest.raises(SettingsError, match=scene):
+        RecordedDrive(np.random.default_rng(0), ViewRecipe(scenes=(scene,)))
+
+
+def test_there_are_more_than_twenty_kinds_of_scenes_without_a_stair() -> None:
+    assert len(set(STAIRLESS_SCENES)) == len(STAIRLESS_SCENES) >= 30
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_the_calibration_names_the_sensor_if_the_recipe_says_so(known: bool) -> None:
+    seen = view(1, sensor="d455", sensor_known=known)
+    assert seen.frame.camera.sensor == ("d455" if known else "auto")

@@ -1,0 +1,169 @@
+"""Contract of every simulated plant: determinism, sensors at their rates and in order, ground truth apart, commands obeyed.
+
+Gazebo's half needs its environment: ``make test-gazebo`` runs it.
+"""
+
+import math
+import os
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+
+from treadline.core.angles import DEG, attitude_of, rotation_of
+from treadline.core.errors import SimulationDiverged
+from treadline.core.ports import TruthPlant
+from treadline.core.signals import (
+    FlipperCommand,
+    FlipperReading,
+    HeadingMeasurement,
+    ImuSample,
+    Reading,
+    SeatCommand,
+    SeatReading,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.plant.gazebo import open_gazebo
+from treadline.plant.mujoco import open_plant
+from treadline.scenario.realism import Realism
+from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
+from treadline.vehicle.staircase import as_designed
+
+Opened = Callable[..., TruthPlant]
+WITHOUT_GAZEBO = pytest.mark.skipif(os.environ.get("TREADLINE_TEST_GAZEBO") != "1", reason="make test-gazebo runs these")
+
+
+@pytest.fixture(params=[pytest.param(open_plant, id="mujoco"), pytest.param(open_gazebo, id="gazebo", marks=WITHOUT_GAZEBO)])
+def started(request: pytest.FixtureRequest) -> Iterator[Opened]:
+    """Return what opens a plant on a flight of 28°, at its start; all are closed at the end."""
+    with ExitStack() as stack:
+
+        def start(seed: int = 3, *, mismatch: float = 0.01, heading_deg: float = 5.0, along: float = 0.62) -> TruthPlant:
+            scenario = Scenario(
+                stair=Stair(rise_m=0.30 * math.tan(28.0 * DEG), walls="none", width_m=4.0, friction=(along, 0.5)),
+                chair=Chair(belt_mismatch=mismatch),
+                start=Start(place="flight", step=6, heading_deg=heading_deg),
+                control=Control(vision="truth"),
+                realism=Realism(camera_latency_s=0.0, camera_jitter_s=0.0, camera_drop_rate=0.0),
+            )
+            plant: TruthPlant = request.param(scenario, seed)
+            stack.callback(plant.close)
+            plant.start()
+            return plant
+
+        yield start
+
+
+def climb(plant: TruthPlant, until_s: float, *, stride_s: float = 0.25, left: float = 0.2, right: float = 0.2) -> list[Reading]:
+    """Climb, a stride at a time, and return every reading."""
+    readings: list[Reading] = []
+    for k in range(1, round(until_s / stride_s) + 1):
+        plant.write(TrackCommand(t_s=0.0, left_m_s=left, right_m_s=right), SeatCommand(t_s=0.0, rate_m_s=0.01))
+        plant.advance(k * stride_s)
+        readings.extend(plant.read())
+    return readings
+
+
+def printed(readings: list[Reading]) -> list[str]:
+    """Return readings to the last bit."""
+    return [
+        repr((r.t_s, *r.orientation.tolist(), *r.angular_velocity_rad_s.tolist(), *r.linear_acceleration_m_s2.tolist()))
+        if isinstance(r, ImuSample)
+        else repr(r)
+        for r in readings
+        if not hasattr(r, "nosings_B")
+    ]
+
+
+def test_the_plant_is_a_truth_plant(started: Opened) -> None:
+    assert isinstance(started(), TruthPlant)
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_does_not(started: Opened) -> None:
+    first, again, other = (climb(started(seed), 2.0) for seed in (3, 3, 4))
+    assert printed(first) == printed(again)
+    assert printed(first) != printed(other)
+
+
+def test_how_often_the_mission_reads_does_not_change_what_it_reads(started: Opened) -> None:
+    assert printed(climb(started(), 2.0, stride_s=0.25)) == printed(climb(started(), 2.0, stride_s=0.5))
+
+
+def test_a_second_start_repeats_the_physics_of_the_first(started: Opened) -> None:
+    plant = started()
+    climb(plant, 1.0)
+    first = list(plant.truth())
+    plant.start()
+    climb(plant, 1.0)
+    assert list(plant.truth()) == first
+
+
+def test_the_pose_of_the_chassis_agrees_with_the_place_and_heading_on_the_stair(started: Opened) -> None:
+    """Test: position, yaw, pitch and roll of the ground truth. Expected: the same x, y and heading in S, derived separately."""
+    plant = started()
+    climb(plant, 1.0)
+    stair = as_designed(Stair(rise_m=0.30 * math.tan(28.0 * DEG), width_m=4.0))
+    truth = plant.truth()
+    assert abs(truth[-1].roll_rad) > 0.5 * DEG  # 5° of heading on 28° raise one side: the order of the rotations matters
+    for sample in truth:
+        place_S = stair.R_WS.T @ (np.array([sample.chassis_x_m, sample.chassis_y_m, sample.chassis_z_m]) - stair.p_WS)
+        attitude = attitude_of(*(np.array(angle) for angle in (sample.yaw_rad, sample.pitch_rad, sample.roll_rad)))
+        R_SB = stair.R_WS.T @ rotation_of(attitude)
+        # Rounding: a few units in the last place of metres and of radians.
+        np.testing.assert_allclose(place_S[:2], (sample.x_m, sample.y_m), atol=1e-12)
+        assert math.atan2(R_SB[1, 0], R_SB[1, 1]) == pytest.approx(sample.heading_rad, abs=1e-12)
+
+
+def test_every_sensor_reports_at_its_rate_from_zero_and_in_time_order(started: Opened) -> None:
+    readings = climb(started(), 2.0)
+    kinds = ((ImuSample, 0.01), (SeatReading, 0.01), (TrackReading, 0.01), (FlipperReading, 0.01), (HeadingMeasurement, 0.1))
+    for kind, period_s in kinds:
+        times = np.array([reading.t_s for reading in readings if isinstance(reading, kind)])
+        np.testing.assert_allclose(times, period_s * np.arange(round(2.0 / period_s) + 1), atol=1e-9)
+    stamps = [reading.t_s for reading in readings]
+    assert stamps == sorted(stamps)
+
+
+def test_a_mismatched_belt_is_seen_by_truth_and_not_by_the_drive(started: Opened) -> None:
+    plant = started(mismatch=0.02)
+    readings = climb(plant, 3.0)
+    last = plant.truth()[-1]
+    drive = [reading for reading in readings if isinstance(reading, TrackReading)][-1]
+    assert last.right_m_s / last.left_m_s == pytest.approx(1.02, rel=1e-6)
+    assert drive.right_m_s == pytest.approx(drive.left_m_s, rel=1e-6)
+
+
+def test_the_brake_stops_the_belts_within_a_tenth_of_a_second(started: Opened) -> None:
+    plant = started()
+    climb(plant, 1.0)
+    plant.write(TrackCommand.stop(1.0), SeatCommand(t_s=1.0, rate_m_s=0.0))
+    plant.advance(1.1)
+    last = plant.truth()[-1]
+    assert (last.left_m_s, last.right_m_s) == (0.0, 0.0)
+
+
+def test_the_right_belt_ahead_turns_the_chair_left(started: Opened) -> None:
+    # With 0.62 along a chair square to this flight goes straight with its slow belt; with 0.9 every nosing phase turns it.
+    plant = started(heading_deg=0.0, mismatch=0.0, along=0.9)
+    climb(plant, 3.0, left=0.1, right=0.3)
+    last = plant.truth()[-1]
+    # Quasi-static Coulomb friction gives 32°.
+    assert last.heading_rad > 5.0 * DEG
+    assert last.heading_rate_rad_s > 0.0
+
+
+def test_the_flipper_follows_its_command_within_its_limits(started: Opened) -> None:
+    plant = started()
+    stop, seat = TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0)
+    plant.write(stop, seat, FlipperCommand(t_s=0.0, rate_rad_s=0.2))
+    plant.advance(1.0)
+    angles = [reading.angle_rad for reading in plant.read() if isinstance(reading, FlipperReading)]
+    assert angles[0] == pytest.approx(40.0 * DEG, abs=0.2 * DEG)
+    assert angles[-1] - angles[0] == pytest.approx(0.2, abs=0.02)
+
+
+def test_a_command_that_is_not_finite_is_refused(started: Opened) -> None:
+    with pytest.raises(SimulationDiverged, match="not finite"):
+        started().write(TrackCommand(t_s=0.0, left_m_s=math.nan, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.0))

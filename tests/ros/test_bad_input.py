@@ -1,0 +1,164 @@
+"""What a node cannot work with is told in one line, with what to do."""
+
+import json
+import sys
+from pathlib import Path
+from threading import Event as Flag
+from typing import Any
+
+import pytest
+
+from treadline.cli import doctor, main
+from treadline.core.errors import TreadlineError
+from treadline.core.signals import SeatReading
+from treadline.mission.mission_config import MissionConfig, build_blocks, guard_config
+from treadline.mission.replay_plant import ReplayPlant
+from treadline.ros import channels as on
+from treadline.ros import node_process as process
+from treadline.ros import ros1
+from treadline.ros.block_nodes import SeatNode
+from treadline.ros.codec import encoded
+from treadline.ros.node_process import NodeRunner, run_plant
+from treadline.ros.node_signals import Clock
+from treadline.ros.plant_node import PlantNode
+from treadline.ros.wire import Inbox, WireTransport
+from treadline.scenario.chair import read_chair
+
+
+class Air(WireTransport):
+    """A wire on which a test speaks."""
+
+    def __init__(self, kinds: dict[str, str] | None = None) -> None:
+        super().__init__()
+        self.kinds = kinds or {}
+
+    def say(self, channel: str, signal: Any) -> None:
+        for topic, _, data in encoded(channel, signal, ros1=False):
+            self.inbox.put(topic, data)
+
+    def _advertise(self, topic: str, kind: str, channel: on.Channel) -> None:
+        pass
+
+    def _send(self, topic: str, data: bytes) -> None:
+        pass
+
+    def _receive(self, topic: str, kind: str, depth: int) -> None:
+        pass
+
+    def _kinds(self, topic: str) -> list[str]:
+        return [self.kinds[topic]] if topic in self.kinds else []
+
+
+def seat() -> SeatNode:
+    config = MissionConfig(chair=read_chair("wheelchair"), loop="open")
+    blocks = build_blocks(config)
+    return SeatNode(blocks.leveller, guard_config(config, blocks.driver.period_s))
+
+
+def line(capsys: Any, *words: str) -> str:
+    assert main(list(words)) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_no_ros(capsys: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "rospy", None)
+    monkeypatch.setattr(ros1, "DEBIAN", tmp_path / "none")
+    told = line(capsys, "node", "guard", "--transport", "ros1")
+    assert told.startswith("treadline: --transport ros1 needs rospy, which is not installed: apt-get install ros-core")
+
+
+def test_no_zenoh(capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "zenoh", None)
+    told = line(capsys, "nodes", "--transport", "zenoh")
+    assert told == "treadline: --transport zenoh needs zenoh, which is not installed: pip install '.[ros]' in treadline's folder"
+
+
+def test_one_node_alone(capsys: Any) -> None:
+    assert "treadline nodes runs all in one process" in line(capsys, "node", "guard", "--transport", "inproc")
+
+
+def test_an_unknown_node(capsys: Any) -> None:
+    pytest.importorskip("zenoh", reason="eclipse-zenoh is an extra (treadline[ros])")
+    pytest.importorskip("rosbags", reason="rosbags is an extra (treadline[ros])")
+    told = line(capsys, "node", "gard", "--endpoint", "tcp/127.0.0.1:17491")
+    assert told == "treadline: no node is called 'gard'; there are: guard, camera, heading, seat, driver, plant, recorder"
+
+
+def test_a_topic_that_nobody_publishes() -> None:
+    runner = NodeRunner(seat(), Air(), patience_s=0.1)
+    with pytest.raises(TreadlineError, match=r"^seat: nothing on /seat/state after 0 s: nobody publishes /seat/state$"):
+        runner.run(Flag())
+
+
+def test_a_topic_of_another_type() -> None:
+    runner = NodeRunner(seat(), Air({"/seat/state": "sensor_msgs/msg/Imu"}), patience_s=0.1)
+    with pytest.raises(TreadlineError, match=r"published as sensor_msgs/msg/Imu; sensor_msgs/msg/JointState is read$"):
+        runner.run(Flag())
+
+
+def test_no_clock() -> None:
+    air = Air({"/seat/state": on.JOINTS})
+    runner = NodeRunner(seat(), air, patience_s=0.1)
+    with pytest.raises(TreadlineError, match=r"^seat: no /clock after 0 s: start a simulated plant .* or give --clock wall"):
+        runner.run(Flag())
+
+
+def test_stamps_of_another_clock() -> None:
+    air = Air()
+    runner = NodeRunner(seat(), air)
+    air.say(on.CLOCK, Clock(t_s=1.0))
+    air.say(on.SEAT, SeatReading(t_s=1.7e9, pitch_rad=0.0, stroke_m=0.2))
+    with pytest.raises(
+        TreadlineError, match=r"^/seat/state: stamped 1700000000.000 s where the clock shows 1.000 s: .* another clock"
+    ):
+        runner.run(Flag())
+
+
+def test_a_guard_that_is_never_ready() -> None:
+    node = PlantNode(ReplayPlant([]))
+    with pytest.raises(TreadlineError, match=r"^plant: the guard is not ready after 0 s: not heard; start the missing nodes$"):
+        run_plant(node, Air(), stop=Flag(), patience_s=0.1)
+
+
+def test_where_a_queue_is_full_the_oldest_gives_way() -> None:
+    inbox = Inbox()
+    inbox.expect("/imu", 3)
+    inbox.expect("/clock", 1)
+    for k in range(5):
+        inbox.put("/imu", bytes([k]))
+        inbox.put("/clock", bytes([k]))
+    taken = []
+    while (message := inbox.get(0.0)) is not None:
+        taken.append((message[0], message[1][0]))
+    assert taken == [("/imu", 2), ("/imu", 3), ("/imu", 4), ("/clock", 4)]
+    assert inbox.lost == {"/imu": 2}
+
+
+def test_a_node_that_stays_behind_is_waited_for_and_then_given_up() -> None:
+    node = PlantNode.__new__(PlantNode)
+    node.commanded_s = 9.99
+    peers = process._Peers(node)
+    peers.receive(process.Beat(t_s=9.5, node="camera"))
+    assert peers.keep_waiting(10.0, 0.1)
+    assert not peers.keep_waiting(10.0, 0.6)
+    assert not peers.keep_waiting(10.02, 0.0)
+    peers.receive(process.Beat(t_s=10.0, node="camera"))
+    assert not peers.keep_waiting(10.03, 0.0)
+    assert peers.keep_waiting(10.5, 0.0)
+
+
+def test_the_doctor_says_what_to_do_for_each_wire_and_simulator_that_is_missing(
+    capsys: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    find = doctor.util.find_spec
+    monkeypatch.setattr(doctor.util, "find_spec", lambda name: None if name in ("rospy", "zenoh", "rosbags") else find(name))
+    monkeypatch.setattr(ros1, "DEBIAN", tmp_path / "none")
+    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
+    assert main(["doctor", "--json"]) == 0  # the rest does without
+    parts = {part["name"]: part for part in json.loads(capsys.readouterr().out)["parts"]}
+    assert parts["rospy"]["remedy"].startswith("apt-get install ros-core")
+    assert parts["eclipse-zenoh"]["remedy"] == parts["rosbags"]["remedy"] == "pip install '.[ros]'"
+    assert parts["Gazebo"]["remedy"].startswith("no Gazebo 11 in ")
+    assert not any(parts[name]["installed"] for name in ("rospy", "eclipse-zenoh", "rosbags", "Gazebo"))

@@ -1,0 +1,79 @@
+"""The first run on a machine: nothing is compiled yet, and the graph must run all the same."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SLOW = pytest.mark.skipif("TREADLINE_SLOW" not in os.environ, reason="make slow runs these: each compiles everything anew")
+
+RENDERED = """
+from treadline.core.compile_time import compiling
+from treadline.ros import channels as on
+from treadline.ros.assembly import node_of
+from treadline.ros.inproc import InProcess
+from treadline.run.resolve import resolve
+from treadline.core.signals import ImuSample, RgbdFrame
+from treadline.plant.mujoco import open_plant
+
+clock = compiling()
+setup = resolve("{scenario}")
+settings, config = setup.scenario, setup.mission
+node, bus = node_of("camera", config), InProcess()
+node.listen(bus)
+seen = []
+bus.subscribe(on.MEASURED, seen.append)
+plant = open_plant(settings, 0)
+plant.start()
+warmed_s, spent_s = clock.spent_s, 0.0
+for tick in range(60):
+    plant.advance(0.01 * tick)
+    node.tick(0.01 * tick)
+    for reading in plant.read():
+        channel = on.CAMERA if isinstance(reading, RgbdFrame) else on.IMU if isinstance(reading, ImuSample) else None
+        if channel is not None:
+            before_s = clock.spent_s
+            bus.publish(channel, reading)
+            spent_s += clock.spent_s - before_s
+print(warmed_s, spent_s, len(seen))
+"""
+
+
+@pytest.mark.slow
+@SLOW
+@pytest.mark.parametrize("scenario", ["up", "down"])
+def test_the_warm_up_compiles_all_that_rendered_frames_need(tmp_path: Path, scenario: str) -> None:
+    """Test: an empty cache, then frames rendered on the flight, up and down. Expected result: headings, and nothing compiled."""
+    file = tmp_path / "scenario.toml"
+    place = "flight" if scenario == "up" else "landing"
+    step = "step = 4\n" if scenario == "up" else ""
+    file.write_text(
+        f'[stair]\nsteps = 12\n[start]\nplace = "{place}"\n{step}[drive]\ndirection = "{scenario}"\n[sensors]\ncamera = "kinect1"\n'
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", RENDERED.format(scenario=file)],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    warmed_s, spent_s, seen = map(float, done.stdout.split())
+    assert warmed_s > 5.0  # the cache was empty: about 28 s are usual
+    assert seen >= 3
+    # One kernel takes half a second and more.
+    assert spent_s < 0.1
+
+
+@pytest.mark.slow
+@SLOW
+def test_the_graph_of_processes_runs_on_an_empty_cache(start: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Test: ``treadline nodes`` with nothing compiled. Expected result: three seconds driven, no hold for a silent camera."""
+    pytest.importorskip("zenoh", reason="eclipse-zenoh is an extra (treadline[ros])")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    graph = start("zenoh", "--duration", "3", "--pace", "0.3", "--endpoint", "tcp/127.0.0.1:17463")
+    result = graph.result()
+    assert result["verdict"] == "time_up", result

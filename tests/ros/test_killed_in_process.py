@@ -1,0 +1,173 @@
+"""A node that falls silent: the guard holds within 0.8 s, whichever it is; without a guard the plant brakes by itself."""
+
+from dataclasses import replace
+
+import pytest
+
+from treadline.core.ports import Truth
+from treadline.core.signals import FlipperCommand, OperatorInput, Reading, SeatCommand, TrackCommand
+from treadline.guard import GuardConfig
+from treadline.mission.mission_config import build_blocks, guard_config
+from treadline.plant.mujoco import open_plant
+from treadline.ros import channels as on
+from treadline.ros.block_nodes import GuardNode
+from treadline.ros.inproc import InProcess
+from treadline.ros.lockstep import LockStep
+from treadline.ros.node_signals import GuardState, VelocityCommand
+from treadline.ros.plant_node import LOST_S, PlantNode
+from treadline.run.resolve import mission_config
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Scenario
+
+KILLED_S, WITHIN_S = 1.0, 0.8
+
+
+def turning() -> tuple[LockStep, object]:
+    values = {"start": {"place": "flight", "step": 4}, "stair": {"steps": 12}, "sensors": {"camera": "statistical"}}
+    scenario = Scenario.model_validate(values)
+    config = mission_config(scenario, shipped_controller(scenario.chair.model))
+    blocks = build_blocks(config)
+    plant = open_plant(scenario, 0)
+    return LockStep(plant, blocks, guard_config(config, blocks.driver.period_s)), plant
+
+
+def kill(graph: LockStep, name: str) -> None:
+    node = next(node for node in graph.nodes if node.name == name)
+    graph.nodes.remove(node)
+    node._publish = lambda *_: None  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", ["camera", "heading", "seat", "driver"])
+def test_the_guard_holds_for_a_node_that_is_gone(name: str) -> None:
+    graph, _ = turning()
+    states: list[GuardState] = []
+    graph.transport.subscribe(on.GUARD, states.append)
+    while graph.tick() < KILLED_S:
+        pass
+    assert all(state.holding is None for state in states)
+    kill(graph, name)
+    while graph.tick() < KILLED_S + WITHIN_S:
+        pass
+    assert states[-1].holding is not None
+    assert states[-1].t_s - KILLED_S <= WITHIN_S
+
+
+def test_without_a_guard_the_plant_brakes_by_itself() -> None:
+    graph, plant = turning()
+    while graph.tick() < KILLED_S:
+        pass
+    kill(graph, "guard")
+    plant.truth()
+    while graph.tick() < KILLED_S + WITHIN_S:
+        pass
+    truths: list[object] = []
+    graph.transport.subscribe(on.TRUTH, truths.append)
+    while graph.tick() < KILLED_S + WITHIN_S + 0.2:
+        pass
+    assert [truth.left_m_s for truth in truths] == [0.0] * len(truths)
+    assert truths
+
+
+def test_a_stick_drives_through_the_guard_and_no_faster_than_it_allows() -> None:
+    transport = InProcess()
+    guard = GuardNode(GuardConfig(needs_heading=False, watches_motion=False), gauge_m=0.5)
+    guard.listen(transport)
+    commands: list[TrackCommand] = []
+    transport.subscribe(on.TRACKS_CMD, commands.append)
+    for k in range(10):
+        transport.publish(on.TWIST, VelocityCommand(speed_m_s=0.2, turn_rad_s=0.1))
+        guard.tick(0.01 * k)
+    assert (commands[-1].left_m_s, commands[-1].right_m_s) == pytest.approx((0.175, 0.225))
+    transport.publish(on.TWIST, VelocityCommand(speed_m_s=5.0, turn_rad_s=0.0))
+    guard.tick(0.1)
+    assert commands[-1].left_m_s <= 1.0
+    transport.publish(on.TWIST, VelocityCommand(speed_m_s=float("nan"), turn_rad_s=0.0))
+    guard.tick(0.11)
+    assert commands[-1].brake
+
+
+def speak(graph: LockStep, **said: bool) -> None:
+    graph.transport.publish(on.OPERATOR, OperatorInput(t_s=graph.tick(), **said))
+
+
+def test_a_guard_that_is_started_anew_lets_nothing_go_that_a_person_has_stopped() -> None:
+    """Test: a person stops the chair; the guard dies, and another takes its place. Expected result: the brake stays on until the
+    button to re-arm is pressed, and a button that is stuck is not; then the chair drives on."""
+    graph, _ = turning()
+    while graph.tick() < KILLED_S:
+        pass
+    speak(graph, stop=True)
+    place = next(index for index, node in enumerate(graph.nodes) if node.name == "guard")
+    kill(graph, "guard")
+    while graph.tick() < KILLED_S + LOST_S + 0.2:
+        pass
+    anew = GuardNode(GuardConfig())
+    anew.listen(graph.transport)
+    graph.nodes.insert(place, anew)
+    truths: list[Truth] = []
+    graph.transport.subscribe(on.TRUTH, truths.append)
+    states: list[GuardState] = []
+    graph.transport.subscribe(on.GUARD, states.append)
+    began_s = graph.tick()
+    while graph.tick() < began_s + 2.0:
+        pass
+    assert {truth.left_m_s for truth in truths} == {0.0}
+    assert (states[-1].holding or "").startswith("the brake is on without a command")
+    speak(graph, rearm=True)
+    while graph.tick() < began_s + 8.0:  # its flipper is laid first
+        speak(graph)
+    assert max(truth.left_m_s for truth in truths) > 0.05
+
+
+class Bench:
+    """A plant that keeps what it is told."""
+
+    def __init__(self) -> None:
+        self.told: list[tuple[TrackCommand, FlipperCommand | None]] = []
+
+    def start(self) -> None: ...
+
+    def advance(self, t_s: float) -> None: ...
+
+    def read(self) -> list[Reading]:
+        return []
+
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
+        del seat
+        self.told.append((tracks, flipper))
+
+    def close(self) -> None: ...
+
+
+def test_what_was_asked_of_the_flipper_is_forgotten_with_the_guard_that_asked() -> None:
+    """Test: the guard lowers the flipper and dies; half a second later one speaks that says nothing of the flipper. Expected
+    result: the flipper runs no longer than its command is fresh, and not again."""
+    transport, bench = InProcess(), Bench()
+    node = PlantNode(bench)
+    node.listen(transport)
+    lowers = FlipperCommand(t_s=0.1, rate_rad_s=-0.3)
+    transport.publish(on.FLIPPER_CMD, lowers)
+    drives = TrackCommand(t_s=0.1, left_m_s=0.1, right_m_s=0.1)
+    transport.publish(on.TRACKS_CMD, drives)
+    assert bench.told[-1] == (drives, lowers)
+    node.tick(0.5)
+    assert bench.told[-1][1] is None
+    transport.publish(on.TRACKS_CMD, replace(drives, t_s=0.5))
+    assert bench.told[-1] == (replace(drives, t_s=0.5), None)
+
+
+def test_a_brake_that_stayed_on_is_let_go_by_a_press_and_by_no_button_that_is_stuck() -> None:
+    transport, bench = InProcess(), Bench()
+    node = PlantNode(bench)
+    node.listen(transport)
+    transport.publish(on.OPERATOR, OperatorInput(t_s=0.0, rearm=True))
+    for k in range(3):
+        drives = TrackCommand(t_s=2.0 * k, left_m_s=0.1, right_m_s=0.1)
+        node.tick(drives.t_s)
+        transport.publish(on.TRACKS_CMD, drives)
+        assert bench.told[-1][0].brake == (k > 0)
+        transport.publish(on.OPERATOR, OperatorInput(t_s=drives.t_s, rearm=True))
+    for said in ({"rearm": False}, {"rearm": True, "stop": True}, {"rearm": False}, {"rearm": True}):
+        transport.publish(on.OPERATOR, OperatorInput(t_s=5.0, **said))
+        transport.publish(on.TRACKS_CMD, replace(drives, t_s=5.0))
+        assert bench.told[-1][0].brake == (said != {"rearm": True})

@@ -1,0 +1,113 @@
+"""Odometry and frames, for RViz and other planners: what a node of somebody else's reads."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.core.angles import quaternion_of, rotation_of, rotation_y, rotation_z
+from treadline.core.signals import FlipperReading, ImuSample, SeatReading, TrackReading
+from treadline.mission.mission_config import MissionConfig
+from treadline.mission.odometry import DeadReckoning, Odometry
+from treadline.ros import channels as on
+from treadline.ros.assembly import mount_of, node_of
+from treadline.ros.codec import encoded
+from treadline.ros.inproc import InProcess
+from treadline.ros.node_signals import Mounts
+from treadline.scenario.chair import read_chair
+from treadline.vehicle.linkage import SeatLinkage
+
+
+def attitude(t_s: float, *, yaw_rad: float = 0.0, pitch_up_rad: float = 0.0) -> ImuSample:
+    orientation = quaternion_of(rotation_z(yaw_rad) @ rotation_y(-pitch_up_rad))
+    force = np.array([9.81 * math.sin(pitch_up_rad), 0.0, 9.81 * math.cos(pitch_up_rad)])
+    return ImuSample(t_s=t_s, orientation=orientation, angular_velocity_rad_s=np.zeros(3), linear_acceleration_m_s2=force)
+
+
+def belts(t_s: float, left_m_s: float, right_m_s: float) -> TrackReading:
+    return TrackReading(t_s=t_s, left_m_s=left_m_s, right_m_s=right_m_s, brake_on=False)
+
+
+def test_a_way_up_and_then_to_the_left_adds_up() -> None:
+    reckoning = DeadReckoning()
+    assert reckoning.step(belts(0.0, 0.5, 0.5)) is None  # whither is not known yet
+    place: Odometry | None = None
+    for k in range(201):
+        # On the flight one belt runs ahead, and slips; on the landing both count.
+        yaw, pitch, right_m_s = (0.0, 0.5, 0.9) if k <= 100 else (0.5 * math.pi, 0.0, 0.5)
+        reckoning.update(attitude(k / 100, yaw_rad=yaw, pitch_up_rad=pitch))
+        place = reckoning.step(belts(k / 100, 0.5, right_m_s))
+    assert place is not None
+    np.testing.assert_allclose(place.p_OB, [0.5 * math.cos(0.5), 0.5, 0.5 * math.sin(0.5)], atol=1e-9)
+    assert place.speed_m_s == pytest.approx(0.5)
+
+
+def test_over_a_gap_nothing_is_made_up() -> None:
+    reckoning = DeadReckoning()
+    reckoning.update(attitude(0.0))
+    reckoning.step(belts(0.0, 0.5, 0.5))
+    place = reckoning.step(belts(3.0, 0.5, 0.5))
+    assert place is not None
+    assert place.p_OB.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_the_heading_node_says_where_the_chair_is_and_where_its_sensors_sit() -> None:
+    config = MissionConfig(chair=read_chair("wheelchair"), loop="open")
+    node, air = node_of("heading", config), InProcess()
+    said: dict[str, list[Any]] = {on.ODOM: [], on.MOUNTS: []}
+    for channel, kept in said.items():
+        air.subscribe(channel, kept.append)
+    node.listen(air)
+    for k in range(250):
+        air.publish(on.IMU, attitude(k / 100))
+        air.publish(on.TRACKS, belts(k / 100, 0.2, 0.2))
+        node.tick(k / 100)
+    assert [place.t_s for place in said[on.ODOM]] == pytest.approx([k / 20 for k in range(50)])
+    assert said[on.ODOM][-1].p_OB[0] == pytest.approx(0.2 * 2.45)
+    assert [mounts.t_s for mounts in said[on.MOUNTS]] == [0.0, 1.0, 2.0]
+
+
+def test_a_tree_of_frames_leads_from_odometry_to_the_camera() -> None:
+    typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is an extra (treadline[ros])")
+    store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    camera = mount_of(MissionConfig(chair=read_chair("wheelchair"), loop="open"))
+    turned = attitude(1.0, yaw_rad=0.3).orientation
+    place = Odometry(t_s=1.0, p_OB=np.array([1.0, 2.0, 3.0]), orientation=turned, speed_m_s=0.2, angular_velocity_rad_s=np.zeros(3))
+    sent = [*encoded(on.ODOM, place, ros1=False), *encoded(on.MOUNTS, Mounts(t_s=1.0, camera=camera), ros1=False)]
+    frames: dict[str, Any] = {}
+    for topic, kind, data in sent:
+        message = store.deserialize_cdr(data, kind)
+        if topic == on.ODOM:
+            assert (message.header.frame_id, message.child_frame_id) == ("odom", "base_link")
+        else:
+            frames |= {part.child_frame_id: part for part in message.transforms}
+    assert {child: part.header.frame_id for child, part in frames.items()} == {
+        "base_link": "odom",
+        **dict.fromkeys(("chair", "imu", "camera"), "base_link"),
+    }
+    move, turn = frames["camera"].transform.translation, frames["camera"].transform.rotation
+    assert (move.x, move.y, move.z) == camera.mount_m
+    np.testing.assert_allclose(rotation_of(np.array([turn.w, turn.x, turn.y, turn.z])), camera.R_BC, atol=1e-12)
+    assert frames["base_link"].transform.rotation.z == pytest.approx(math.sin(0.15))
+
+
+def test_joint_angles_are_those_of_the_urdf_at_twenty_hertz() -> None:
+    """Test: a seat at a stroke beyond its end, a flipper at 20°. Expected result: the end's angle, and 20°, with the odometry."""
+    chair = read_chair("wheelchair")
+    node, air, said = node_of("heading", MissionConfig(chair=chair, loop="open")), InProcess(), []
+    air.subscribe(on.JOINT_STATES, said.append)
+    node.listen(air)
+    for k in range(21):
+        air.publish(on.IMU, attitude(k / 100))
+        air.publish(on.SEAT, SeatReading(t_s=k / 100, pitch_rad=0.0, stroke_m=chair.levelled_seat.stroke_m[1] + 0.001))
+        air.publish(on.FLIPPER, FlipperReading(t_s=k / 100, angle_rad=math.radians(20.0), torque_n_m=0.0))
+        air.publish(on.TRACKS, belts(k / 100, 0.2, 0.2))
+        node.tick(k / 100)
+    assert [state.t_s for state in said] == pytest.approx([0.0, 0.05, 0.10, 0.15, 0.20])
+    assert dict(zip(said[-1].names, said[-1].angles_rad, strict=True)) == {
+        "seat_joint": SeatLinkage(chair.levelled_seat).angle_range[1],
+        "flipper_joint": math.radians(20.0),
+    }
+    ((topic, kind, _),) = encoded(on.JOINT_STATES, said[-1], ros1=False)
+    assert (topic, kind) == ("/joint_states", "sensor_msgs/msg/JointState")

@@ -1,0 +1,281 @@
+"""Whole traversals on the simulator: from floor to landing and back, each figure by truth; and the ways in which one is refused."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import jaxtyping
+import numpy as np
+import pytest
+
+from treadline.core.errors import SettingsError
+from treadline.core.ports import Truth
+from treadline.core.signals import TrackCommand
+from treadline.mission.mission_config import is_full_traversal, planner_of
+from treadline.mission.planner import Cruise
+from treadline.run.episode import Traverse, traverse
+from treadline.run.resolve import SEAT_SHIFT_M, mission_config, ready, with_seat_shifted
+from treadline.scenario.chair import read_chair
+from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
+
+LANDING_M = 3.0
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run without the tests' shape checks, two thirds of a run's time; the loop's own tests have them."""
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trip:
+    """A traversal in few words."""
+
+    direction: Any = "up"
+    heading_deg: float = 0.0
+    camera: Any = "statistical"
+    steps: int = 6
+    slope_deg: float = 28.0
+    duration_s: float = 90.0
+    stair: dict[str, Any] = field(default_factory=dict)
+    chair: dict[str, Any] = field(default_factory=dict)
+    fault: tuple[dict[str, Any], ...] = ()
+
+    def scenario(self) -> Scenario:
+        stair = {"slope_deg": self.slope_deg, "steps": self.steps, "landing_m": LANDING_M} | self.stair
+        return Scenario.model_validate(
+            {
+                "stair": stair,
+                "chair": self.chair,
+                "start": {"place": "floor" if self.direction == "up" else "landing", "heading_deg": self.heading_deg},
+                "drive": {"direction": self.direction, "duration_s": self.duration_s},
+                "sensors": {"camera": self.camera},
+                "fault": list(self.fault),
+            }
+        )
+
+    def run(self, seed: int = 1, **options: Any) -> Traverse:
+        return traverse(self.scenario(), controller=shipped_controller("wheelchair"), seed=seed, **options)
+
+
+def phases(run: Traverse) -> list[str]:
+    return [phase for _, phase in run.scores.phases]
+
+
+def assert_there_by_truth(run: Traverse) -> None:
+    """The belts lie flat and mid-track is beyond the flight, whatever the mission believes."""
+    stair = run.scenario.stair
+    last_m = (stair.steps - 1) * float(np.hypot(stair.rise_m, stair.run_m))
+    x = run.trace["x_m"][-1]
+    assert (x > last_m) if run.scenario.drive.direction == "up" else (x < 0.0)
+    assert abs(run.trace["pitch_rad"][-1]) < np.radians(4.0)
+
+
+def assert_gentle(run: Traverse) -> None:
+    """Hazard 18, and the issue's figures after alignment."""
+    scores = run.scores
+    assert scores.max_pitch_rate_deg_s < 15.0, run.summary()
+    assert scores.seat_max_deg < 3.0, run.summary()
+    assert scores.aligned_rms_heading_deg is not None
+    assert scores.aligned_max_heading_deg is not None
+    assert scores.aligned_rms_heading_deg < 2.0, run.summary()
+    assert scores.aligned_max_heading_deg < 6.0, run.summary()
+
+
+UP = ["search", "align", "approach", "mount", "traction", "climb", "crest", "land", "arrived"]
+DOWN = ["search", "align", "approach", "edge", "descend", "leave", "arrived"]
+
+
+@pytest.mark.parametrize(("direction", "heading_deg"), [("up", 30.0), ("up", -30.0), ("down", 30.0), ("down", -30.0)])
+def test_from_thirty_degrees_it_arrives_gently_and_each_phase_is_in_the_log(direction: str, heading_deg: float) -> None:
+    run = Trip(direction=direction, heading_deg=heading_deg).run()
+    assert (run.verdict, run.cause) == ("arrived", None)
+    assert phases(run) == (UP if direction == "up" else DOWN)
+    named = [event for event in run.events if event.name in phases(run)]
+    assert [event.name for event in named] == phases(run)
+    assert all(event.cause for event in named)
+    assert_there_by_truth(run)
+    assert_gentle(run)
+
+
+@pytest.mark.parametrize(("payload_kg", "friction"), [(102.0, 0.41), (42.0, 0.43)])
+def test_it_leaves_a_flat_and_slippery_stair_without_sliding_off_its_nosings(payload_kg: float, friction: float) -> None:
+    """Test: 20°, friction 1.12 and 1.18 of its tangent. Expected result: no fall of the front from nosing to nosing.
+
+    With the flipper at its rest, 40° above the belts, its pulley slid off the last nosing but one: 25 and 26 °/s, 6 m/s².
+    """
+    stair = {"run_m": 0.338, "friction": (friction, 0.8 * friction), "steps": 11}
+    trip = Trip(direction="down", slope_deg=20.0, stair=stair, chair={"payload_kg": payload_kg})
+    scenario = trip.scenario().model_copy(update={"start": Start(place="flight", step=8)})
+    run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=3)
+    assert (run.verdict, phases(run)[-2:]) == ("arrived", ["leave", "arrived"])
+    assert run.scores.max_pitch_rate_deg_s < 10.0
+    assert run.scores.passenger_max_m_s2 < 2.5
+
+
+@pytest.mark.parametrize("seed", [1, 6, 18])
+def test_a_chair_that_falls_from_a_nosing_two_millimetres_high_is_caught(seed: int) -> None:
+    """Test: 27°, rises that differ by 2 mm, from the flight over the crest. Expected result: ≤ 3.2 m/s² at the passenger.
+
+    From three stairs of 24 on which it was 3.5 to 4.2: the flipper still came down from its rest as the chair drove off, and
+    riding it met no nosing in time. 2.4 to 2.9 now; 2.5 at most where the belts go along from 1 °/s on, which is worse elsewhere.
+    """
+    trip = Trip(slope_deg=27.0, steps=7, stair={"rise_jitter_m": 0.002, "friction": (0.76, 0.61)}, chair={"payload_kg": 50.0})
+    scenario = trip.scenario().model_copy(update={"start": Start(place="flight", step=3)})
+    run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=seed)
+    assert run.verdict == "arrived"
+    assert run.scores.passenger_max_m_s2 < 3.2
+
+
+def test_too_little_friction_is_refused_and_backed_off_with_the_chair_level_again() -> None:
+    # 0.9 of friction as told, of which a wet floor leaves 0.92 of tan 28°: check cannot know.
+    wet = {"kind": "low_friction", "at_s": 0.0, "for_s": 90.0, "value": 0.55}
+    run = Trip(stair={"friction": (0.9, 0.8)}, fault=(wet,)).run()
+    assert run.verdict == "refused"
+    assert run.cause is not None
+    assert run.cause.startswith("too little friction: ")
+    assert phases(run)[-2:] == ["back_off", "refused"]
+    # What the mission calls level.
+    assert abs(run.trace["pitch_rad"][-1]) < np.radians(2.1)
+    farthest = run.trace["x_m"].max()
+    assert 0.3 < farthest - run.trace["x_m"][-1] < 1.0
+
+
+def test_the_seat_is_shifted_where_that_is_what_check_proposes() -> None:
+    trip = Trip(slope_deg=30.0, chair={"payload_kg": 80.0, "payload_offset_m": (-0.04, 0.0, 0.05)}, duration_s=0.1)
+    run = trip.run()
+    (shifted,) = [event for event in run.events if event.name == "seat_shifted"]
+    assert "mm along the chair: the tipping margin" in shifted.cause
+    assert run.verdict == "time_up"
+
+
+@pytest.mark.parametrize(
+    ("trip", "why"),
+    [
+        (Trip(slope_deg=30.0, chair={"payload_kg": 120.0, "payload_offset_m": (-0.10, 0.0, 0.15)}), "tipping margin"),
+        (Trip(stair={"friction": (0.54, 0.5)}), "friction 0.54 is below 1.05 × tan β = 0.56"),
+        (Trip(stair={"missing_steps": [2, 3]}), "missing steps leave three neighbouring nosings"),
+    ],
+    ids=["tips", "slides", "gap"],
+)
+def test_what_check_forbids_does_not_move(trip: Trip, why: str) -> None:
+    run = trip.run()
+    assert run.verdict == "refused"
+    assert run.cause is not None
+    assert why in run.cause
+    assert [event.name for event in run.events] == ["refused"]
+    assert run.scores.duration_s == 0.0
+
+
+@pytest.mark.parametrize(("asked", "verdict"), [(True, "refused"), (False, "diverged")])
+def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict: str) -> None:
+    start, drive = Start(lateral_m=4.0), DriveSettings(check=asked)
+    scenario = Trip().scenario().model_copy(update={"start": start, "drive": drive})
+    run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
+    assert run.verdict == verdict
+    assert (run.scores.duration_s, len(run.trace["t_s"])) == (0.0, 0)
+    assert ("outside the flight" if asked else "touches nothing") in str(run.cause)
+
+
+def test_a_seat_that_cannot_be_level_at_the_start_is_reported_with_the_setting() -> None:
+    start, drive = Start(place="flight"), DriveSettings(check=False)
+    scenario = Trip(slope_deg=45.0).scenario().model_copy(update={"start": start, "drive": drive})
+    with pytest.raises(SettingsError, match=r"start\.seat = 'level' is impossible: .*45\.0° .*; give start\.seat = 'chassis'"):
+        traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
+
+
+def test_no_more_than_a_tenth_of_a_metre_is_shifted() -> None:
+    chair = read_chair("wheelchair")
+    for offset in np.linspace(-0.2, 0.2, 9):
+        loading = {"payload_kg": 80.0, "payload_offset_m": (float(offset), 0.0, 0.05)}
+        told, refused, done = ready(Trip(slope_deg=30.0, chair=loading).scenario(), chair)
+        assert abs(told.chair.seat_shift_m) <= SEAT_SHIFT_M
+        assert (done is None) == (told.chair.seat_shift_m == 0.0)
+        assert refused is None or told.chair.seat_shift_m == 0.0
+
+
+def test_the_mission_uses_the_shifted_seat() -> None:
+    scenario = Trip(chair={"seat_shift_m": 0.05}).scenario()
+    chair = mission_config(scenario, shipped_controller("wheelchair")).chair
+    assert chair == with_seat_shifted(read_chair("wheelchair"), 0.05)
+    assert chair.seat.hinge_m[0] == pytest.approx(read_chair("wheelchair").seat.hinge_m[0] + 0.05)
+
+
+def test_what_stands_still_is_neither_there_nor_refused_when_its_time_is_up() -> None:
+    run = Trip(duration_s=0.5).run()
+    assert (run.verdict, run.cause) == ("time_up", None)
+    assert run.scores.duration_s == pytest.approx(0.5)
+
+
+def test_a_held_chair_that_is_watched_on_and_tips_has_fallen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Test: held for a stalled track; the same, and a second later its tilt is beyond what counts. Expected result: held; fell."""
+    trip = Trip(fault=({"kind": "track_stalled", "at_s": 1.0},))
+    held = trip.run(after_hold_s=1.5)
+    assert held.verdict == "held"
+    ended = float(held.trace["t_s"][-1])
+    assert ended > trip.run().trace["t_s"][-1] + 1.4
+
+    def tipping(_: Any, truth: Truth) -> tuple[str, str] | None:
+        return ("fell", "tipped") if truth.t_s > ended - 0.5 else None
+
+    monkeypatch.setattr("treadline.run.episode._Ending.fall", tipping)
+    assert (trip.run(after_hold_s=1.5).verdict, trip.run().verdict) == ("fell", "held")
+
+
+def test_the_same_seed_drives_the_same_run() -> None:
+    one, other = (Trip(heading_deg=10.0, duration_s=4.0).run(seed=5) for _ in range(2))
+    for name in one.trace.columns:
+        np.testing.assert_array_equal(one.trace[name], other.trace[name])
+    assert one.events == other.events
+
+
+@dataclass
+class Straight:
+    """An experiment's own driver."""
+
+    period_s: float = 0.25
+    follows_plan: bool = False
+
+    def step(self, estimate: object, t_s: float, plan: object) -> TrackCommand:
+        del estimate, plan
+        return TrackCommand(t_s=t_s, left_m_s=0.2, right_m_s=0.2)
+
+
+@pytest.mark.parametrize(
+    ("control", "model", "driver"),
+    [
+        ({"loop": "open"}, "wheelchair", None),
+        ({"vision": "paper"}, "wheelchair", None),
+        ({}, "wheelchair-fixed", None),
+        ({}, "wheelchair", Straight()),
+    ],
+    ids=["open loop", "the paper's vision", "no flipper", "an experiment's driver"],
+)
+def test_what_is_not_whole_drives_the_flight_alone(control: dict[str, Any], model: str, driver: Straight | None) -> None:
+    scenario = Scenario(
+        stair=Stair(),
+        chair=Chair(model=model),
+        start=Start(place="flight"),
+        drive=DriveSettings(),
+        control=Control(**control),
+        sensors=Sensors(),
+    )
+    config = mission_config(scenario, None)
+    assert not is_full_traversal(config, driver)
+    assert isinstance(planner_of(config, driver), Cruise)
+
+
+def test_a_run_along_one_flight_ends_where_the_front_pulley_meets_the_last_nosing() -> None:
+    scenario = Scenario(
+        stair=Stair.model_validate({"slope_deg": 28.0, "steps": 8}),
+        chair=Chair(model="wheelchair-fixed"),
+        start=Start(place="flight", step=4),
+        drive=DriveSettings(duration_s=20.0),
+        control=Control(loop="open"),
+    )
+    run = traverse(scenario, seed=1)
+    assert run.verdict == "end_of_flight"
+    assert phases(run) == ["drive"]
+    pitch_m = float(np.hypot(scenario.stair.rise_m, scenario.stair.run_m))
+    half_m = 0.5 * read_chair("wheelchair-fixed").tracks.flat_run_m
+    assert run.trace["x_m"][-1] == pytest.approx(7 * pitch_m - half_m, abs=0.01)

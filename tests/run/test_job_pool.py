@@ -1,0 +1,102 @@
+"""Jobs on workers that stay, and in this process: the same results in the same order."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from treadline.run.job_pool import JobPool, run_jobs
+
+
+@dataclass(frozen=True)
+class Square:
+    """A job in one line."""
+
+    number: int
+
+    @property
+    def name(self) -> str:
+        return str(self.number)
+
+    def run(self) -> int:
+        if self.number < 0:
+            raise ArithmeticError(f"{self.number} has no root")
+        return self.number**2
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_come_in_the_order_of_the_jobs_and_every_end_is_reported(workers: int) -> None:
+    told: list[str] = []
+    with JobPool(workers, told.append) as pool:
+        first, second = pool.begin([Square(3), Square(2)]), pool.begin([Square(1)])
+        assert second() == [1]
+        assert first() == [9, 4]
+    assert sorted(told) == ["1", "2", "3"]
+
+
+def test_one_job_needs_no_worker() -> None:
+    told: list[str] = []
+    assert run_jobs([Square(5)], workers=8, done=told.append) == [25]
+    assert told == ["5"]
+    assert run_jobs([], workers=8, done=told.append) == []
+
+
+def test_a_job_that_fails_ends_the_pool_with_its_error_and_is_not_reported() -> None:
+    told: list[str] = []
+    with pytest.raises(ArithmeticError, match="-1 has no root"), JobPool(2, told.append) as pool:
+        pool.begin([Square(-1)])()
+    assert told == []
+
+
+@dataclass(frozen=True)
+class Sleeper:
+    """A job that says which process does it, and takes its time."""
+
+    note: Path
+    name: str = "sleeper"
+
+    def run(self) -> None:
+        self.note.with_suffix(f".{os.getpid()}").touch()
+        time.sleep(60.0)
+
+
+PARENT = """
+import sys
+from pathlib import Path
+from tests.experiments.test_job_pool import Sleeper
+from treadline.run.job_pool import run_jobs
+if __name__ == "__main__":
+    run_jobs([Sleeper(Path(sys.argv[1])), Sleeper(Path(sys.argv[1]))], workers=2, done=print)
+"""
+
+
+def test_workers_of_a_killed_parent_end_by_themselves(tmp_path: Path) -> None:
+    """Test: kill -9 on the parent while two workers are busy. Expected result: no worker is left."""
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT)
+    root = Path(__file__).parents[2]
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    parent = subprocess.Popen([sys.executable, script, tmp_path / "worker"], env=environment)
+    until(lambda: len(list(tmp_path.glob("worker.*"))) == 2)
+    workers = [int(note.suffix[1:]) for note in tmp_path.glob("worker.*")]
+    parent.send_signal(signal.SIGKILL)
+    parent.wait(30.0)
+    until(lambda: not any(alive(worker) for worker in workers))
+
+
+def until(condition: Callable[[], bool]) -> None:
+    limit = time.monotonic() + 60.0
+    while not condition() and time.monotonic() < limit:
+        time.sleep(0.05)
+    assert condition()
+
+
+def alive(pid: int) -> bool:
+    stat = Path(f"/proc/{pid}/stat")
+    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"

@@ -1,0 +1,218 @@
+"""Meshes of the shipped chairs: closed, inside the geometry they stand for, and few enough triangles to be sent."""
+
+import math
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import treadline
+from treadline.core.angles import rotation_y
+from treadline.scenario.chair import ChairDescription, Payload, read_chair
+from treadline.scenario.scenario import Belts, Chair, Stair
+from treadline.vehicle.appearance import (
+    TRIANGLE_BUDGET,
+    MeshPart,
+    body_poses,
+    chair_parts,
+    lug_part,
+    lug_poses,
+    obstacle_part,
+    stair_parts,
+)
+from treadline.vehicle.appearance.belt_path import BeltPath
+from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.track_length import belt_length, outline
+
+SHIPPED = sorted(path.stem for path in (Path(treadline.__file__).parent / "data" / "chairs").glob("*.toml"))
+ROUNDING_M = 1e-6
+"""Single precision of coordinates below 2 m."""
+
+
+def _loading(chair: ChairDescription) -> Chair:
+    return Chair(model=chair.name, payload_kg=70.0 if chair.payload_size_m[2] > 0.5 else 4.0)
+
+
+def _carrier() -> ChairDescription:
+    """Return a robot whose payload is fixed to the chassis."""
+    chair = read_chair("rescue")
+    return chair.model_copy(update={"seat": None, "payload": Payload(com_m=(0.0, 0.0, 0.26), size_m=(0.3, 0.3, 0.2))})
+
+
+CHAIRS = {**{name: read_chair(name) for name in SHIPPED}, "carrier": _carrier()}
+every_chair = pytest.mark.parametrize("chair", CHAIRS.values(), ids=CHAIRS.keys())
+
+
+def _volume(part: MeshPart) -> float:
+    a, b, c = (part.vertices_m[part.faces[:, k]].astype(float) for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+
+
+def _components(part: MeshPart) -> list[MeshPart]:
+    """Return the connected components of a part."""
+    root = np.arange(len(part.vertices_m))
+    while True:
+        least = root[part.faces].min(axis=1)
+        after = root.copy()
+        np.minimum.at(after, part.faces.ravel(), np.repeat(least, 3))
+        if np.array_equal(after, root):
+            break
+        root = after
+    labels = root[part.faces[:, 0]]
+    return [
+        MeshPart(name=part.name, body=part.body, vertices_m=part.vertices_m, faces=part.faces[labels == label], colour=part.colour)
+        for label in np.unique(labels)
+    ]
+
+
+def _assert_closed_and_outward(part: MeshPart) -> None:
+    edges = Counter((int(f[i]), int(f[(i + 1) % 3])) for f in part.faces for i in range(3))
+    assert max(edges.values()) == 1, part.name
+    assert all((b, a) in edges for a, b in edges), part.name
+    assert all(_volume(piece) > 0.0 for piece in _components(part)), part.name
+
+
+@every_chair
+def test_each_part_is_watertight_with_outward_faces(chair: ChairDescription) -> None:
+    for part in (*chair_parts(chair, _loading(chair)), lug_part(chair)):
+        assert part.vertices_m.dtype == np.float32
+        assert part.faces.dtype == np.int32
+        assert np.isfinite(part.vertices_m).all()
+        _assert_closed_and_outward(part)
+
+
+@every_chair
+def test_names_are_unique_and_each_body_has_a_pose(chair: ChairDescription) -> None:
+    loading = _loading(chair)
+    parts = chair_parts(chair, loading)
+    assert len({part.name for part in parts}) == len(parts)
+    assert {part.body for part in parts} <= set(body_poses(chair, loading))
+
+
+@every_chair
+def test_a_chair_with_its_lugs_keeps_the_triangle_budget(chair: ChairDescription) -> None:
+    lugs = sum(len(lug_poses(chair, side, 0.0)) for side in ("left", "right"))
+    assert (
+        sum(len(part.faces) for part in chair_parts(chair, _loading(chair))) + lugs * len(lug_part(chair).faces) <= TRIANGLE_BUDGET
+    )
+
+
+@every_chair
+def test_the_chassis_is_inside_the_hull(chair: ChairDescription) -> None:
+    centre, half = np.array(chair.masses.chassis_com_m), 0.5 * np.array(chair.masses.chassis_size_m)
+    for part in chair_parts(chair, _loading(chair)):
+        if part.name in ("frame", "battery", "covers", "drive"):
+            assert (np.abs(part.vertices_m - centre) <= half + ROUNDING_M).all(), part.name
+
+
+@every_chair
+def test_belts_are_inside_the_collision_geometry_in_width_and_outline(chair: ChairDescription) -> None:
+    tracks = chair.tracks
+    low, high = 0.5 * (tracks.gauge_m - tracks.belt_width_m), 0.5 * (tracks.gauge_m + tracks.belt_width_m)
+    line = outline(tracks, points_per_arc=200)
+    along = np.roll(line, -1, axis=0) - line
+    normal = np.column_stack([along[:, 1], -along[:, 0]])
+    kept = np.linalg.norm(normal, axis=1) > 1e-9
+    normal = normal[kept] / np.linalg.norm(normal[kept], axis=1, keepdims=True)
+    poses = body_poses(chair, _loading(chair))
+    belts = [part for part in chair_parts(chair, _loading(chair)) if "belt" in part.name]
+    assert belts
+    for part in belts:
+        p_B = part.vertices_m @ poses[part.body][:3, :3].T + poses[part.body][:3, 3]
+        assert ((np.abs(p_B[:, 1]) >= low - ROUNDING_M) & (np.abs(p_B[:, 1]) <= high + ROUNDING_M)).all()
+        beyond = p_B[:, [0, 2]] @ normal.T - np.einsum("ij,ij->i", line[kept], normal)
+        assert beyond.max() < 0.0, "lugs stand out of the belt"
+
+
+@every_chair
+@pytest.mark.parametrize("flipper_deg", [-60.0, 0.0, 40.0])
+def test_lugs_follow_the_belt_at_equal_distances_and_advance_with_it(chair: ChairDescription, flipper_deg: float) -> None:
+    angle = math.radians(flipper_deg)
+    path = BeltPath(chair, angle)
+    poses = lug_poses(chair, "left", 0.0, angle)
+    spacing = path.length_m / len(poses)
+    # Chord against arc on a pulley of five centimetres at a spacing of six: 6 % shorter; a corner of 60° shortens more.
+    gaps = np.linalg.norm(np.diff(poses[:, :3, 3], axis=0, append=poses[:1, :3, 3]), axis=1)
+    assert (gaps <= spacing + 1e-9).all()
+    assert np.median(gaps) == pytest.approx(spacing, rel=0.01)
+    np.testing.assert_allclose(lug_poses(chair, "left", spacing, angle), np.roll(poses, -1, axis=0), atol=1e-9)
+    np.testing.assert_allclose(lug_poses(chair, "left", path.length_m, angle), poses, atol=1e-9)
+    moved = lug_poses(chair, "left", 0.01, angle)[0, :3, 3] - poses[0, :3, 3]
+    np.testing.assert_allclose(moved, [-0.01, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(poses[:, :3, :3]), 1.0)
+
+
+@pytest.mark.parametrize("flipper_deg", [-60.0, 0.0, 40.0])
+def test_lug_tips_lie_on_the_pulleys_outline_of_a_flipper(flipper_deg: float) -> None:
+    chair = read_chair("wheelchair")
+    angle, r, half = math.radians(flipper_deg), chair.tracks.pulley_radius_m, 0.5 * chair.tracks.flat_run_m
+    centres = np.array(
+        [(-half, r), (half, r), (half + chair.tracks.approach_m * math.cos(angle), r + chair.tracks.approach_m * math.sin(angle))]
+    )
+    points = BeltPath(chair, angle).at(np.linspace(0.0, 3.0, 400))[0]
+    off = []
+    for a, b in pairwise(centres):
+        share = np.clip((points - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+        off.append(np.linalg.norm(points - a - share[:, None] * (b - a), axis=1))
+    # The outline is at the pulley radius from the line of axes; on the concave side of the bend it is at the corner of two lines.
+    np.testing.assert_allclose(np.min(off, axis=0), r, atol=1e-9)
+
+
+def test_a_fixed_belt_path_is_the_outline_of_the_three_pulleys() -> None:
+    chair = read_chair("wheelchair-fixed")
+    assert BeltPath(chair).length_m == pytest.approx(belt_length(chair.tracks), abs=1e-12)
+
+
+def test_lug_spacing_is_the_scenarios_pitch_up_to_a_whole_number_of_lugs() -> None:
+    chair, belts = read_chair("wheelchair"), Belts(lug="20/80")
+    count = len(lug_poses(chair, "right", 0.0, belts=belts))
+    assert BeltPath(chair).length_m / count == pytest.approx(0.08, rel=0.5 / count)
+    assert np.ptp(lug_part(chair, belts).vertices_m[:, 2]) == pytest.approx(0.021, abs=ROUNDING_M)
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 20.0, 30.0])
+def test_a_seat_at_the_chassis_pitch_is_level_and_its_bar_joins_pin_and_slider(pitch_deg: float) -> None:
+    chair = read_chair("wheelchair")
+    loading, pitch = Chair(seat_shift_m=0.05), math.radians(pitch_deg)
+    poses = body_poses(chair, loading, pitch)
+    np.testing.assert_allclose(rotation_y(-pitch) @ poses["seat"][:3, :3], np.eye(3), atol=1e-12)
+    seat = chair.levelled_seat
+    pin = poses["seat"] @ [seat.lever_arm_m, 0.0, 0.0, 1.0]
+    np.testing.assert_allclose(poses["bar"] @ [seat.bar_m, 0.0, 0.0, 1.0], pin, atol=1e-12)
+    np.testing.assert_allclose(poses["bar"][:3, 3], poses["slider"][:3, 3])
+    np.testing.assert_allclose(poses["seat"][:3, 3], vehicle(chair, loading).seat.origin_m)
+
+
+def test_a_person_grows_with_the_payload_and_an_empty_seat_has_none() -> None:
+    chair = read_chair("wheelchair")
+
+    def trunk(kg: float) -> float:
+        return sum(_volume(part) for part in chair_parts(chair, Chair(payload_kg=kg)) if part.name == "person_shirt")
+
+    assert trunk(0.0) == 0.0
+    assert 0.0 < trunk(45.0) < trunk(75.0) < trunk(110.0)
+
+
+@pytest.mark.parametrize(
+    "stair",
+    [
+        Stair(steps=6),
+        Stair(steps=6, open_risers=True, walls="both"),
+        Stair(steps=5, flights=2, turn="left"),
+        Stair(steps=6, nosing_radius_m=0.002),
+    ],
+    ids=["plain", "open", "turn", "sharp"],
+)
+def test_stairs_are_closed_with_a_strip_at_each_nosing(stair: Stair) -> None:
+    staircase = as_designed(stair)
+    parts = {part.name: part for part in stair_parts(staircase)}
+    for part in (*parts.values(), obstacle_part((1.0, 0.0, 0.5), (0.3, 0.5, 0.4), 0.3)):
+        assert part.body == "world"
+        _assert_closed_and_outward(part)
+    assert {"floor", "treads", "nosings"} <= set(parts)
+    for nosing in staircase.nosings_W:
+        # The strip stands 1.5 mm above the tread.
+        assert np.abs(parts["nosings"].vertices_m[:, 2] - nosing[2]).min() < 0.002

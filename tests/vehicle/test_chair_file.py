@@ -1,0 +1,84 @@
+"""Chair files: required keys and invalid values."""
+
+import math
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from treadline.core.errors import SettingsError
+from treadline.scenario.chair import read_chair
+from treadline.scenario.chair_files import CHAIRS
+from treadline.vehicle.track_length import pulley_centres
+
+
+def changed_file(tmp_path: Path, old: str, new: str) -> str:
+    text = (CHAIRS / "wheelchair.toml").read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    return str(path)
+
+
+def test_a_chair_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
+    own = shutil.copy(CHAIRS / "wheelchair.toml", tmp_path / "own.toml")
+    assert read_chair(str(own)) == read_chair("wheelchair")
+
+
+def test_the_key_of_the_previous_release_is_still_read(tmp_path: Path) -> None:
+    assert read_chair(changed_file(tmp_path, "\nlever_arm_m = ", "\narm_m = ")) == read_chair("wheelchair")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("gauge_m = 0.65", "", "tracks.gauge_m: missing; give a number > 0 and ≤ 10"),
+        ("gauge_m = 0.65", "gauge_m = 0", "tracks.gauge_m: must be a number > 0 and ≤ 10 (got 0)"),
+        ("angle_deg = 40.0", "angle_deg = 90", "tracks.approach_angle_deg: must be a number from 0 to 80 (got 90)"),
+        ("0.90, 0.55, 0.25", "0.90, -0.55, 0.25", "masses.chassis_size_m.1: must be a number > 0 and ≤ 10 (got -0.55)"),
+        ("[-0.012, 0.150]", "[-0.04]", "seat.stroke_m: must be two numbers from -10 to 10 (got [-0.04])"),
+        ("flat_run_m = 0.95", "flat_run_m = 1e9", "tracks.flat_run_m: must be a number > 0 and ≤ 10 (got 1000000000.0)"),
+        ("chassis_kg = 23.4", "chassis_kg = 23400", "masses.chassis_kg: must be a number > 0 and ≤ 1000 (got 23400)"),
+        ("max_speed_m_s = 1.0", "max_speed_m_s = 60", "drives.max_speed_m_s: must be a number > 0 and ≤ 10 (got 60)"),
+        ("torque_n_m = 200.0", "torque_n_m = -5.0", "flipper.torque_n_m: a torque limit of -5 N·m; give more than 0: "),
+        ("\nlag_s = 0.15", "\nlag_s = 0.004", "drives.lag_s: a lag of 0.004 s is below the tick of 0.01 s; give 0.01 s or more: "),
+        ("lag_s = 0.1\n", "lag_s = 0.009\n", "seat.lag_s: a lag of 0.009 s is below the tick of 0.01 s; "),
+        ("peak_force_n = 900.0", "peak_force_n = -900.0", "motor.peak_force_n: must be a number > 0 and ≤ 100000 (got -900.0)"),
+        (
+            "no_load_speed_m_s = 1.25",
+            "no_load_speed_m_s = 0.5",
+            "motor.no_load_speed_m_s is 0.5, below drives.max_speed_m_s of 1: ",
+        ),
+        ("hold_n = 6000.0\n", "", "seat: give push_n, no_load_m_s and hold_n together, or none"),
+        ("[camera]", "[camera]\nzoom = 2", "camera.zoom: unknown key; known here: "),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = changed_file(tmp_path, old, new)
+    with pytest.raises(SettingsError) as refused:
+        read_chair(path)
+    assert re.fullmatch(rf"{re.escape(str(path))}:\d+: {re.escape(message)}.*", str(refused.value))
+
+
+def test_the_masses_and_speeds_are_those_of_table_1() -> None:
+    chair = read_chair("wheelchair")
+    assert chair.masses.chassis_kg == 23.4
+    assert chair.drives.max_speed_m_s == 1.0
+    # Table I turns at 3.07 rad/s with the belts at ±1 m/s; the gauge is given to the centimetre.
+    assert 2.0 * chair.drives.max_speed_m_s / chair.tracks.gauge_m == pytest.approx(3.07, rel=0.005)
+
+
+def test_the_nose_is_the_third_pulley() -> None:
+    chair = read_chair("wheelchair")
+    x, y, z = chair.nose_m
+    assert (x, z) == pytest.approx(tuple(pulley_centres(chair.tracks)[2].tolist()))
+    assert y == 0.0
+
+
+@pytest.mark.parametrize("height_px", [240, 480])
+def test_both_cameras_see_the_same_field(height_px: int) -> None:
+    camera = read_chair("wheelchair").camera_at(height_px)
+    # 640 columns at a focal length of 575 px.
+    assert 2.0 * math.atan(0.5 * camera.width_px / camera.fx_px) == pytest.approx(2.0 * math.atan(320.0 / 575.0))
+    assert (camera.cx_px, camera.cy_px) == ((camera.width_px - 1) / 2, (camera.height_px - 1) / 2)

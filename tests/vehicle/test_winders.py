@@ -1,0 +1,334 @@
+"""Winders: wedge-shaped treads around a newel, in the plan, as solids, at the start, and under a chair in the simulator."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.optimize import linprog
+
+from treadline.core.angles import DEG, rotation_z
+from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
+from treadline.plant.mujoco import open_plant
+from treadline.plant.sensors.camera.solids import solids_of
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario, Stair
+from treadline.vehicle.bodies import solids, standing, vehicle
+from treadline.vehicle.overlap import deepest_overlap, placed_parts
+from treadline.vehicle.staircase import Staircase, as_designed
+from treadline.vehicle.verdict import check
+from treadline.vehicle.winders import Winders
+
+KEYS: dict[str, Any] = {"rise_m": 0.16, "run_m": 0.30, "steps": 9, "width_m": 1.2, "landing_m": 3.0, "winders": 3}
+PLACES = [{}, {"winder_first": 0}, {"winder_first": 3, "winder_turn_deg": 60.0}, {"winders": 4, "winder_turn_deg": 180.0}]
+CHAIR = read_chair("wheelchair")
+
+
+def build(**keys: Any) -> Staircase:
+    return as_designed(Stair.model_validate(KEYS | keys))
+
+
+def plan_of(staircase: Staircase) -> Winders:
+    assert staircase.winders is not None
+    return staircase.winders
+
+
+def ends_W(staircase: Staircase) -> np.ndarray:
+    """Return the inner and outer ends of the nosings from the first winder to the step above the last one."""
+    plan = plan_of(staircase)
+    half = 0.5 * staircase.width_m
+    ends = []
+    for index in range(plan.first, plan.after + 1):
+        flight = 0 if plan.holds(index) else 1
+        R_WF, p_WF = staircase.flight_frame(flight)
+        step = staircase.steps[index]
+        along = rotation_z(step.yaw_rad) @ np.array([0.0, plan.side * half, 0.0])
+        ends.append([p_WF + R_WF @ (step.nosing_F + end) for end in (along, -along)])
+    return np.array(ends)
+
+
+def heights_at(staircase: Staircase, places: np.ndarray) -> np.ndarray:
+    """Return the height of the highest tread, landing or floor at each place."""
+    heights = np.full(len(places), -math.inf)
+    for cx, cy, c, s, half_length, half_width, height in staircase.surfaces:
+        dx, dy = places[:, 0] - cx, places[:, 1] - cy
+        inside = (np.abs(c * dx + s * dy) <= half_length + 1e-9) & (np.abs(c * dy - s * dx) <= half_width + 1e-9)
+        heights = np.where(inside, np.maximum(heights, height), heights)
+    return heights
+
+
+def places_on(staircase: Staircase, radii: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Return places on the winders: distance from the newel's axis, and turn in winders."""
+    plan, ends = plan_of(staircase), ends_W(staircase)
+    centre = ends[0, 0] + np.array([0.0, plan.side * plan.newel_m, 0.0])
+    turned = plan.step_rad * shares
+    return centre + plan.side * radii[:, None] * np.stack([np.sin(turned), -np.cos(turned), np.zeros_like(turned)], axis=1)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("keys", PLACES)
+def test_nosings_meet_the_newel_and_turn_by_equal_angles(keys: dict[str, Any], side: str) -> None:
+    staircase = build(winder_to=side, newel_m=0.12, **keys)
+    plan, ends = plan_of(staircase), ends_W(staircase)
+    centre = np.array([*(ends[0, 0] + np.array([0.0, plan.side * 0.12, 0.0]))[:2], 0.0])
+    radii = np.linalg.norm((ends - centre)[..., :2], axis=-1)
+    np.testing.assert_allclose(radii, [[0.12, 1.32]] * len(ends), atol=1e-12)
+    courses = [math.atan2(*(outer - inner)[:2]) for inner, outer in ends]
+    turns = [(b - a + math.pi) % (2.0 * math.pi) - math.pi for a, b in pairwise(courses)]
+    np.testing.assert_allclose(turns, [-plan.step_rad] * plan.count, atol=1e-12)
+
+
+@pytest.mark.parametrize("keys", PLACES)
+def test_a_winder_is_narrow_at_the_newel_and_deep_at_the_outer_side(keys: dict[str, Any]) -> None:
+    staircase = build(**keys)
+    plan, ends = plan_of(staircase), ends_W(staircase)
+    inner, outer = np.linalg.norm(np.diff(ends, axis=0)[..., :2], axis=-1).T
+    middle = np.linalg.norm(np.diff(ends.mean(axis=1), axis=0)[..., :2], axis=-1)
+    half = 0.5 * keys.get("winder_turn_deg", 90.0) / plan.count * DEG
+    np.testing.assert_allclose(inner, 2.0 * 0.1 * math.sin(half), atol=1e-12)
+    np.testing.assert_allclose(outer, 2.0 * 1.3 * math.sin(half), atol=1e-12)
+    # The going at the walking line, mid-width, is the mean of the two, and each step says so.
+    np.testing.assert_allclose(middle, 0.5 * (inner + outer), atol=1e-12)
+    np.testing.assert_allclose(middle, [staircase.steps[i].depth_m for i in range(plan.first, plan.after)], atol=1e-12)
+    assert inner.max() < 0.1 * outer.min()
+
+
+@pytest.mark.parametrize("keys", PLACES)
+def test_each_winder_is_one_rise_higher_and_the_others_are_as_without_winders(keys: dict[str, Any]) -> None:
+    staircase = build(**keys)
+    np.testing.assert_allclose(np.diff(staircase.nosings_W[:, 2]), 0.16, atol=1e-12)
+    plain = as_designed(Stair.model_validate(KEYS | {"winders": 0}))
+    plan = plan_of(staircase)
+    np.testing.assert_allclose(staircase.nosings_W[: plan.first + 1], plain.nosings_W[: plan.first + 1], atol=1e-12)
+    # Above the winders the flight goes straight on in its new course.
+    above = staircase.nosings_W[plan.after :]
+    course = rotation_z(plan.turn_rad) @ np.array([0.30, 0.0, 0.0])
+    np.testing.assert_allclose(
+        above - above[0], [k * np.array([course[0], course[1], 0.16]) for k in range(len(above))], atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("keys", PLACES)
+def test_between_two_nosings_one_stands_on_the_lower_tread_alone(keys: dict[str, Any], side: str) -> None:
+    """Test: 2000 places between newel and outer ends. Expected: the height of the nosing before; no gap, and no tread above."""
+    staircase = build(winder_to=side, **keys)
+    plan, rng = plan_of(staircase), np.random.default_rng(5)
+    radii = plan.newel_m + staircase.width_m * rng.uniform(0.001, 0.999, 2000)
+    shares = rng.uniform(0.0, plan.count, 2000)
+    expected = np.array([step.z_m for step in staircase.steps])[plan.first + shares.astype(int)]
+    np.testing.assert_allclose(heights_at(staircase, places_on(staircase, radii, shares)), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("keys", PLACES)
+def test_newel_and_walls_stand_beside_the_treads_and_not_on_them(keys: dict[str, Any], side: str) -> None:
+    staircase = build(winder_to=side, walls="both", **keys)
+    plan, rng = plan_of(staircase), np.random.default_rng(6)
+    walls = [box for box in staircase.boxes() if box.kind == "wall"]
+    assert len(walls) >= 2 * plan.count
+    places = places_on(staircase, plan.newel_m + 1.2 * rng.uniform(1e-4, 0.9999, 2000), rng.uniform(0.0, plan.count, 2000))
+    places[:, 2] = 0.5
+    for wall in walls:
+        in_wall = np.abs((places - np.array(wall.centre_W)) @ wall.R_WK)
+        assert not (in_wall < np.array(wall.half_m)).all(axis=1).any()
+
+
+def test_the_newel_fills_its_circle_to_within_a_winders_sagitta() -> None:
+    staircase = build(walls="none")
+    posts = [box for box in staircase.boxes() if box.kind == "wall"]
+    radii = np.full(360, 0.1 * math.cos(0.5 * plan_of(staircase).step_rad) - 1e-6)
+    places = places_on(staircase, radii, np.linspace(0.0, 3.0, 360))
+    places[:, 2] = 0.5
+    filled = [(np.abs((places - np.array(post.centre_W)) @ post.R_WK) <= np.array(post.half_m)).all(axis=1) for post in posts]
+    assert np.any(filled, axis=0).all()
+
+
+def test_camera_and_plant_have_the_nosing_of_each_winder() -> None:
+    staircase = build()
+    plan = plan_of(staircase)
+    bars = {solid.nosing.index: solid.nosing for solid in solids(staircase) if solid.nosing is not None}
+    drawn = {solid.index: solid for solid in solids_of(staircase.boxes()) if solid.kind == "step"}
+    housed_m = 0.1 * (1.0 - math.cos(plan.step_rad))
+    for index, (inner, outer) in enumerate(ends_W(staircase)[:-1], start=plan.first):
+        along = (inner - outer) / 1.2
+        # The inner end of a nosing is housed in the newel.
+        corners_K = drawn[index].half_m * np.array([[-1, 1, 1], [-1, -1, 1]])
+        edge = drawn[index].centre_W + corners_K @ drawn[index].R_WK.T
+        np.testing.assert_allclose(edge, [inner + housed_m * along, outer], atol=1e-12)
+        # The plant's bar lies one radius of 10 mm behind and below that edge.
+        bar = bars[index]
+        inward = 0.01 * (drawn[index].R_WK[:, 0] - np.array([0.0, 0.0, 1.0]))
+        np.testing.assert_allclose([bar.left_W, bar.right_W], edge + inward, atol=1e-12)
+
+
+def test_places_along_the_stair_are_the_same_in_both_frames_at_the_middle_of_the_winders() -> None:
+    staircase = build(winder_first=2)
+    plan, ends = plan_of(staircase), ends_W(staircase)
+    centre = ends[0, 0] + np.array([0.0, plan.newel_m, 0.0])
+    corner = centre + rotation_z(0.5 * plan.turn_rad) @ np.array([0.0, -plan.walking_radius_m, 0.1])
+    along = [offset_m + R_WS[:, 0] @ (corner - p_WS) for R_WS, p_WS, offset_m in (staircase.stair_frame(k) for k in (0, 1))]
+    # S is inclined: its x counts height by sin β, which the origin of the upper S has in full.
+    assert along[0] == pytest.approx(along[1], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"flights": 2}, "winders is 3 with 2 flights; a stair has winders or landings: give flights = 1"),
+        ({"open_risers": True}, "winders is 3 with open_risers; the box of a winder reaches under the next steps"),
+        ({"steps": 4}, "winders is 3 of 4 steps; at least two must be straight, the landing among them: give at most 2 winders"),
+        ({"winder_first": 6}, "of 9 steps; the step above the last winder must exist: give one from 0 to 5"),
+        ({"winder_turn_deg": 180.0}, "60° each; a winder turns by at most 45°: give at least 4 winders"),
+        (
+            {"winders": 6, "newel_m": 0.05},
+            "newel_m is 0.05, so each winder is 0.013 m deep at the newel; it must be at least 0.02 m: give a larger newel_m",
+        ),
+        ({"winder_turn_deg": 190.0}, "less than or equal to 180"),
+    ],
+)  # fmt: skip
+def test_winders_that_cannot_be_built_are_refused_in_one_line(keys: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValidationError, match=said):
+        Stair.model_validate(KEYS | keys)
+
+
+@pytest.mark.parametrize(
+    ("step", "said"),
+    [
+        ({"index": -3, "yaw_deg": 4}, "step.0: yaw_deg is 4, but step 6 is a winder: stair.winders shapes it; remove it"),
+        ({"index": 5, "run_m": 0.4}, "step.0: run_m is 0.4, but step 5 is a winder: stair.winders shapes it; remove it"),
+        ({"index": -1, "yaw_deg": 4}, "step.0: yaw_deg is 4, but the nosing of step 8 ends the last winder; remove it"),
+    ],
+)
+def test_a_step_table_cannot_change_the_plan_of_a_winder(step: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValidationError, match=said):
+        Scenario.model_validate({"stair": KEYS, "step": [step]})
+
+
+def test_check_refuses_winders_and_names_their_place_and_depths() -> None:
+    report = check(Scenario.model_validate({"stair": KEYS | {"winder_to": "right"}}), CHAIR)
+    (reason,) = report.reasons
+    assert reason.startswith(
+        "3 winders from step 5 on turn the flight by 90° to the right, 0.05 m deep at the newel and 0.67 m at the outer side: "
+    )
+
+
+@pytest.mark.parametrize(
+    ("first", "step", "said"),
+    [
+        (8, 9, "the tracks would start on winders, steps 8 to 10; start at step 8 or below, or at 14 or above"),
+        (0, 4, "the tracks would start on winders, steps 0 to 2; start at step 6 or above"),
+        (8, 8, None),
+        (0, 6, None),
+    ],
+)
+def test_a_start_on_winders_is_refused_and_the_nearest_straight_start_is_not(first: int, step: int, said: str | None) -> None:
+    tables = {"stair": KEYS | {"steps": 20, "winder_first": first}, "start": {"place": "flight", "step": step}}
+    scenario = Scenario.model_validate(tables)
+    others = [reason for reason in check(scenario, CHAIR).reasons if "winders from" not in reason]
+    assert others == ([] if said is None else [said])
+
+
+def test_a_chair_that_is_put_down_above_the_winders_is_on_the_turned_flight() -> None:
+    tables = {"stair": KEYS | {"steps": 20, "winder_first": 2}, "start": {"place": "flight", "step": 12, "heading_deg": 5.0}}
+    scenario = Scenario.model_validate(tables)
+    staircase = as_designed(scenario.stair)
+    put = standing(staircase, CHAIR.tracks, scenario.start)
+    assert staircase.flight_at(put.p_WB, put.R_WB) == 1
+    R_WS, _, _ = staircase.stair_frame(1)
+    np.testing.assert_allclose(R_WS.T @ put.R_WB, rotation_z(5.0 * DEG), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("place", "moved_m", "aside_m", "into"),
+    [("flight", 0.68, 0.0, None), ("flight", 1.7, 0.0, "step"), ("floor", 0.635, 0.3, "wall"), ("floor", 0.635, 0.0, None)],
+)
+def test_a_chair_put_down_into_the_newel_or_into_a_winder_overlaps_it(
+    place: str, moved_m: float, aside_m: float, into: str | None
+) -> None:
+    """Test: a chair on the plane of the nosings, or on the floor, moved forward. Expected: the flipper meets winder or newel."""
+    tables = {
+        "stair": KEYS | {"steps": 20, "winder_first": 12 if place == "flight" else 0, "walls": "none"},
+        "start": {"place": place, "step": 8},
+    }
+    scenario = Scenario.model_validate(tables)
+    staircase = as_designed(scenario.stair)
+    put = standing(staircase, CHAIR.tracks, scenario.start)
+    moved = replace(put, p_WB=put.p_WB + put.R_WB @ np.array([moved_m, aside_m, 0.0]))
+    parts = placed_parts(vehicle(CHAIR, scenario.chair), moved, CHAIR.tracks.approach_angle_deg * DEG)
+    found = deepest_overlap(parts, staircase)
+    deep = found is not None and found.depth_m > 0.02
+    assert deep == (into is not None)
+    assert found is None or not deep or found.into == into
+
+
+def resting_tilt(staircase: Staircase, p_WB: np.ndarray, R_WB: np.ndarray) -> tuple[float, float]:
+    """Return pitch and roll of the flat runs laid on the nosings below them: the lowest plane that no nosing rises above.
+
+    The plane z = a + b x + c y below the chair minimises its height at the centre of mass, subject to lying above every nosing
+    within the two belts' outline: a linear programme. Nosings are rounded by 10 mm, which lowers all of them nearly alike.
+    """
+    tracks = CHAIR.tracks
+    level = rotation_z(math.atan2(R_WB[1, 0], R_WB[0, 0]))
+    forward_m = 0.5 * tracks.flat_run_m * math.hypot(R_WB[0, 0], R_WB[1, 0])
+    points = []
+    for solid in solids(staircase):
+        if solid.nosing is None:
+            continue
+        left, right = np.array(solid.nosing.left_W), np.array(solid.nosing.right_W)
+        for share in np.linspace(0.0, 1.0, 1201):
+            place_W = left + share * (right - left)
+            x, y, _ = level.T @ (place_W - p_WB)
+            if abs(x) <= forward_m and abs(abs(y) - 0.5 * tracks.gauge_m) <= 0.5 * tracks.belt_width_m:
+                points.append((x, y, place_W[2]))
+    x, y, z = np.array(points).T
+    found = linprog([1.0, 0.0, 0.0], A_ub=-np.column_stack([np.ones_like(x), x, y]), b_ub=-z, bounds=[(None, None)] * 3)
+    _, b, c = found.x
+    # The left of a chair in that plane rises by the left component of the plane's normal, seen along the chair.
+    return math.atan(b), math.asin(c / math.sqrt(1.0 + b * b + c * c) / math.sqrt(1.0 + b * b))
+
+
+@pytest.mark.parametrize(("side", "sign"), [("left", 1.0), ("right", -1.0)])
+def test_a_chair_driven_onto_winders_turns_and_rolls_as_their_nosings_lie(side: str, sign: float) -> None:
+    """Test: up a flight and onto its winders, the flipper raised, belts alike.
+
+    Expected: straight on until the pulley on the newel's side meets the second winder; that belt is held up, so the chair turns to
+    the newel; with the flat runs on the nosings, pitch and roll are those of the plane that lies on them.
+    """
+    stair = KEYS | {"rise_m": 0.14, "steps": 20, "winder_first": 9, "winder_to": side, "walls": "none", "friction": [0.9, 0.7]}
+    tables = {
+        "stair": stair,
+        "start": {"place": "flight", "step": 8},
+        "sensors": {"camera": "statistical"},
+        "chair": {"belt_mismatch": 0.0},
+    }
+    plant = open_plant(Scenario.model_validate(tables), 0)
+    plant.start()
+    tracks, met_m, tilts = CHAIR.tracks, None, {}
+    for k in range(1351):
+        plant.advance(0.01 * k)
+        plant.read()
+        plant.write(
+            TrackCommand(t_s=0.01 * k, left_m_s=0.1, right_m_s=0.1),
+            SeatCommand(t_s=0.01 * k, rate_m_s=0.0),
+            FlipperCommand(t_s=0.01 * k, rate_rad_s=0.5 if k < 100 else 0.0),
+        )
+        truth = plant.truth()[-1]
+        R_WB, p_WB = plant._pose_WB()
+        pulley_B = np.array([0.5 * tracks.flat_run_m, sign * 0.5 * tracks.gauge_m, tracks.pulley_radius_m])
+        if met_m is None and abs(truth.heading_rad) > 0.2 * DEG:
+            met_m = float((p_WB + R_WB @ pulley_B)[0]) + tracks.pulley_radius_m
+        if k in (300, 700, 850, 1250, 1350):
+            tilts[k] = (truth.pitch_rad, truth.roll_rad), resting_tilt(plant.staircase, p_WB, R_WB)
+    plan, foot = plan_of(plant.staircase), plant.staircase.steps[9]
+    # The belt's outer edge meets the second winder's nosing first. Heading 0.2° and rounded nosings are 10 mm of driving.
+    aside_m = plan.newel_m + 0.5 * plan.width_m - 0.5 * (tracks.gauge_m + tracks.belt_width_m)
+    assert met_m == pytest.approx(foot.x_m + aside_m * math.tan(abs(plan.step_rad)), abs=0.01)
+    assert sign * truth.heading_rad > 10.0 * DEG
+    assert sign * truth.roll_rad < -5.0 * DEG
+    for found, expected in tilts.values():
+        # Round nosings touch a tilted belt elsewhere than their sharp edges: 2 mm over the gauge of 0.65 m are 0.2°.
+        assert found == pytest.approx(expected, abs=0.2 * DEG)
