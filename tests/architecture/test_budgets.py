@@ -115,9 +115,7 @@ def test_constants_of_a_class_count_and_flags_do_not() -> None:
 
 def lowered() -> str:
     """Return ``budgets.toml`` with each figure at its present size where that is lower."""
-    lines = [
-        "# Budgets of size, counted by test_budgets.py. A figure may be lowered by anybody: python tests/architecture/test_budgets.py."
-    ]
+    lines = ["# Budgets of size. ``python tests/architecture/test_budgets.py`` lowers each figure to the present size."]
     lines += ["# It is raised only with a decision record in docs/decisions."]
     for tree, path in TREES.items():
         lines += ["", f"[{tree}]"]

@@ -62,8 +62,9 @@ PLACES = {
 
 
 class FormerNames(MetaPathFinder, Loader):
-    """Finder of the former module names. It is asked first: a former package has the path of its present place, where the usual
-    finder would load a second copy of each module.
+    """Finder of the former module names.
+
+    It is asked first: a former package has the path of its present place, where the usual finder would load each module twice.
     """
 
     def find_spec(self, fullname: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
