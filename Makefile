@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 OUT ?= reproduce
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: help setup reproduce quick publish test fast slow test-ros1 test-gazebo test-browser check coverage format docs docs-serve schema dist clean
+.PHONY: help setup reproduce quick publish test fast shapes slow test-ros1 test-gazebo test-browser check coverage format docs docs-serve schema dist clean
 
 help:
 	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
@@ -14,6 +14,7 @@ help:
 	@echo "make setup        install the program and compile its kernels; the targets above and below do so themselves"
 	@echo "make test         run all tests"
 	@echo "make fast         run the tests that finish within a minute"
+	@echo "make shapes       run unit tests and one whole run per direction with array shapes checked"
 	@echo "make slow         run the tests of the first run on a machine, with an empty compile cache (minutes)"
 	@echo "make test-gazebo  run the tests in Gazebo 11, which they build first (root, once)"
 	@echo "make test-browser run the tests of the viewer in Chromium, which they install from Debian first (root, once)"
@@ -66,6 +67,9 @@ test: $(VENV)/.test setup
 fast: $(VENV)/.test setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m fast
 
+shapes: $(VENV)/.test setup
+	TREADLINE_SHAPES=1 $(BIN)/python -m pytest -n 2 --dist loadfile -m shapes
+
 slow: $(VENV)/.test setup
 	TREADLINE_SLOW=1 $(BIN)/python -m pytest -m slow
 
@@ -106,7 +110,7 @@ check: $(VENV)/.dev
 	$(BIN)/lint-imports
 
 coverage: $(VENV)/.dev
-	$(BIN)/coverage run -m pytest -q -p no:cacheprovider tests/mission/test_guard*.py
+	$(BIN)/coverage run -m pytest -q -p no:cacheprovider tests/guard
 	$(BIN)/coverage report
 
 format: $(VENV)/.dev

@@ -1,8 +1,10 @@
 """Common to all tests: shape checks, logs written by rosbags instead of our own writer, no deadlines on busy machines.
 
-Array shapes are checked at run time in each module that declares any. All other types are checked by mypy: run-time checks of the
-modules that pass scalars and signals, hundreds of calls a tick, take two thirds of the time of a simulated run.
+With ``TREADLINE_SHAPES=1`` array shapes are checked at run time in each module that declares any (``make shapes``): half of the time
+of all tests, because functions are called at each of thousands of ticks. All other types are checked by mypy.
 """
+
+import os
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,7 +22,8 @@ WITH_SHAPES = [
     if "jaxtyping" in path.read_text(encoding="utf-8")
 ]
 """Modules with declared array shapes."""
-install_import_hook(WITH_SHAPES, "beartype.beartype")
+if os.environ.get("TREADLINE_SHAPES"):
+    install_import_hook(WITH_SHAPES, "beartype.beartype")
 
 from treadline.core.signals import PinholeCamera  # noqa: E402 - after the import hook
 
@@ -31,12 +34,26 @@ FAST = ("architecture/test_language.py", "control", "docs/test_decisions.py", "d
 """Folders and files whose tests together finish within a minute on two cores: the marker ``fast``."""
 
 
+SHAPES = (
+    "control",
+    "core",
+    "estimation",
+    "guard",
+    "identification",
+    "perception",
+    "scenarios/test_whole_runs_touch_nothing.py",
+    "vehicle",
+)
+"""Unit tests, and one whole run per direction: the marker ``shapes``."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of ``FAST``."""
+    """Mark the tests of ``FAST`` and ``SHAPES``."""
     tests = Path(__file__).parent
     for item in items:
-        if any(item.path.is_relative_to(tests / part) for part in FAST):
-            item.add_marker(pytest.mark.fast)
+        for marker, parts in ((pytest.mark.fast, FAST), (pytest.mark.shapes, SHAPES)):
+            if any(item.path.is_relative_to(tests / part) for part in parts):
+                item.add_marker(marker)
 
 
 START_NS = 1_700_000_000_123_456_789
