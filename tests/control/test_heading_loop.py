@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import Float
 
 from treadline.control import ControllerConfig, HeadingController, closed_loop_poles, tune
-from treadline.control.observer import Observer
+from treadline.control._observer import Observer
 from treadline.control.tune import BELT_DIFFERENCE
 from treadline.core import paper
 from treadline.core.angles import DEG

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG
-from treadline.estimation.multiple_model import GyroModel, MultipleModelKalmanFilter
+from treadline.estimation._multiple_model import GyroModel, MultipleModelKalmanFilter
 
 
 def started(model: GyroModel) -> MultipleModelKalmanFilter:

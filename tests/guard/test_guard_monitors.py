@@ -9,17 +9,17 @@ import pytest
 
 from treadline.core.signals import FrameQuality, HeadingEstimate, HeadingHealth, MotionPlan, StairMap, TrackCommand, TrackReading
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
-from treadline.guard.attitude_limits import SeatMonitor, TiltMonitor
-from treadline.guard.belt_monitor import BeltMonitor
-from treadline.guard.frame_monitor import FrameMonitor
-from treadline.guard.gyro_only_turn import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, GyroOnlyTurn, heading_fault
-from treadline.guard.half_cosine_stop import CauseKind
-from treadline.guard.obstacle_monitor import GAP_MAPS, AheadMonitor, GapMonitor, ObstacleMonitor
-from treadline.guard.sensor_timeouts import SensorTimeouts, estimate_fault
-from treadline.guard.slip_monitor import SlipMonitor
-from treadline.guard.speed_limits import limited, mean_limit
+from treadline.guard._attitude_limits import SeatMonitor, TiltMonitor
+from treadline.guard._belt_monitor import BeltMonitor
+from treadline.guard._frame_monitor import FrameMonitor
+from treadline.guard._gyro_only_turn import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, GyroOnlyTurn, heading_fault
+from treadline.guard._half_cosine_stop import CauseKind
+from treadline.guard._obstacle_monitor import GAP_MAPS, AheadMonitor, GapMonitor, ObstacleMonitor
+from treadline.guard._sensor_timeouts import SensorTimeouts, estimate_fault
+from treadline.guard._slip_monitor import SlipMonitor
+from treadline.guard._speed_limits import limited, mean_limit
+from treadline.guard._timestamps import SilenceMonitor, Timestamps
 from treadline.guard.stop_latch import Button, Latch
-from treadline.guard.timestamps import SilenceMonitor, Timestamps
 from treadline.mission.mission_config import MissionConfig, guard_config
 from treadline.scenario.chair import read_chair
 

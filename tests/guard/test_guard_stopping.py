@@ -6,7 +6,7 @@ import pytest
 
 from treadline.core.signals import MotionPlan, OperatorInput, TrackCommand, TrackReading
 from treadline.guard import Guard, GuardConfig
-from treadline.guard.half_cosine_stop import RAMP_S, RAMPED, STANDING_M_S, URGENT, CauseKind, RampedStop
+from treadline.guard._half_cosine_stop import RAMP_S, RAMPED, STANDING_M_S, URGENT, CauseKind, RampedStop
 from treadline.guard.stop_latch import Latch
 
 TICK_S = 0.01

@@ -6,8 +6,8 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.signals import MotionPlan
-from treadline.guard.guard_config import GuardConfig
-from treadline.guard.gyro_only_turn import FLIGHT_RAD_M, GAUGE_M, LEVEL_RAD_M, GyroOnlyTurn
+from treadline.guard._guard_config import GuardConfig
+from treadline.guard._gyro_only_turn import FLIGHT_RAD_M, GAUGE_M, LEVEL_RAD_M, GyroOnlyTurn
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.quasi_static import steady_motion

@@ -6,7 +6,7 @@ import pytest
 from treadline.core.errors import SettingsError
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
-from treadline.identification.delays import with_delays, without_delays
+from treadline.identification._delays import with_delays, without_delays
 from treadline.identification.validate import impulse_response, simulate
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, gram, identify
-from treadline.identification.checks import excitation_order
+from treadline.identification._checks import excitation_order
 from treadline.identification.gram import units_of
 from treadline.identification.validate import crosscorrelation_p, simulate, whiteness_p
 

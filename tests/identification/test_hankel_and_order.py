@@ -9,8 +9,8 @@ from jaxtyping import Float
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, era, identify
+from treadline.identification._model_order import choose_order
 from treadline.identification.era import hankel, hankel_svd, hankel_times
-from treadline.identification.model_order import choose_order
 from treadline.identification.validate import impulse_response, simulate
 
 Draw = Callable[..., InputOutputRecord]

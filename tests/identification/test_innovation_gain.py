@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from treadline.core.models import LinearModel
+from treadline.identification._realisation import observer_gain
 from treadline.identification.gram import Units
 from treadline.identification.okid import ObserverMarkov
-from treadline.identification.realisation import observer_gain
 
 LAGS = 60
 

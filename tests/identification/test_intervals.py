@@ -12,10 +12,10 @@ from jaxtyping import Complex, Float
 
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
-from treadline.identification.affine import Affine, to_model
+from treadline.identification._affine import Affine, to_model
+from treadline.identification._pole_intervals import ConfidenceIntervals, of_refined
+from treadline.identification._refine import experiments_of, refined
 from treadline.identification.gram import units_of
-from treadline.identification.pole_intervals import ConfidenceIntervals, of_refined
-from treadline.identification.refine import experiments_of, refined
 from treadline.identification.validate import impulse_response, simulate
 
 Draw = Callable[..., InputOutputRecord]

@@ -5,9 +5,9 @@ import pytest
 
 from treadline.core.models import InputOutputRecord
 from treadline.identification import IdentificationOptions, identify
-from treadline.identification.affine import Affine
-from treadline.identification.recursion_kernels import tangents
-from treadline.identification.refine import Experiment, directions, jacobian
+from treadline.identification._affine import Affine
+from treadline.identification._recursion_kernels import tangents
+from treadline.identification._refine import Experiment, directions, jacobian
 
 
 def test_matrices_cut_from_a_larger_one_compile_no_second_kernel() -> None:

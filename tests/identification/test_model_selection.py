@@ -7,10 +7,10 @@ import pytest
 
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
-from treadline.identification.affine import Affine
-from treadline.identification.fitting import Candidate, Fitting
+from treadline.identification._affine import Affine
+from treadline.identification._fitting import Candidate, Fitting
+from treadline.identification._model_selection import free_run_squares
 from treadline.identification.gram import Units, gram_of
-from treadline.identification.model_selection import free_run_squares
 from treadline.identification.validate import impulse_response, simulate
 
 Draw = Callable[..., InputOutputRecord]

@@ -9,7 +9,7 @@ from jaxtyping import Complex, Float
 from treadline.core.errors import ModelError
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, balanced_truncation, identify
-from treadline.identification.affine import Affine
+from treadline.identification._affine import Affine
 from treadline.identification.reduction import stabilised
 from treadline.identification.validate import impulse_response
 

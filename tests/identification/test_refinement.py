@@ -9,11 +9,10 @@ from jaxtyping import Float
 
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify
-from treadline.identification.affine import Affine
-from treadline.identification.gram import Units
-from treadline.identification.modal import modes_of
-from treadline.identification.recursion_kernels import free_run
-from treadline.identification.refine import (
+from treadline.identification._affine import Affine
+from treadline.identification._modal import modes_of
+from treadline.identification._recursion_kernels import free_run
+from treadline.identification._refine import (
     Directions,
     Experiment,
     cost,
@@ -25,6 +24,7 @@ from treadline.identification.refine import (
     refined,
     residual,
 )
+from treadline.identification.gram import Units
 from treadline.identification.validate import impulse_response, simulate
 
 STEPS = 20

@@ -8,7 +8,8 @@ import pytest
 
 from treadline.core.errors import NotFinite, PoorExcitation, RecordError, SettingsError, ShapeMismatch, TreadlineError
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import IdentificationOptions, era, identify, okid, pbsid, system_markov
+from treadline.identification import IdentificationOptions, era, identify, okid, system_markov
+from treadline.identification import _pbsid as pbsid
 from treadline.identification.validate import impulse_response
 
 Draw = Callable[..., InputOutputRecord]

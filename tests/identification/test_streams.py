@@ -8,7 +8,8 @@ import pytest
 
 from treadline.core.errors import NotFinite, PeriodMismatch, PoorExcitation, RecordError
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import IdentificationOptions, identify, identify_chunks, stream
+from treadline.identification import IdentificationOptions, identify, identify_chunks
+from treadline.identification import _stream as stream
 from treadline.identification.validate import impulse_response, part
 
 Draw = Callable[..., InputOutputRecord]

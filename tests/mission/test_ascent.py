@@ -14,9 +14,7 @@ from treadline.control.flipper_geometry import OVER_BELTS_RAD
 from treadline.core.angles import DEG, quaternion_of, rotation_y
 from treadline.core.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 from treadline.mission import ascent
-from treadline.mission.ascent import LOSES_GRIP_M_S, Ascent, AscentConfig
-from treadline.mission.entry_check import MEASURED_RAD
-from treadline.mission.flipper_planner import (
+from treadline.mission._flipper_planner import (
     CATCHES,
     FLIPPER_RAD_S,
     IN_LINE_RAD,
@@ -26,8 +24,10 @@ from treadline.mission.flipper_planner import (
     RIDES_RAD_S,
     turning_share,
 )
-from treadline.mission.tip_over import FALL_RATE_RAD_S, LIMIT_M_S, TipOverFeedforward
-from treadline.mission.traversal import BLIND_RAD, SIDE_MARGIN_M
+from treadline.mission._tip_over import FALL_RATE_RAD_S, LIMIT_M_S, TipOverFeedforward
+from treadline.mission._traversal import BLIND_RAD, SIDE_MARGIN_M
+from treadline.mission.ascent import LOSES_GRIP_M_S, Ascent, AscentConfig
+from treadline.mission.entry_check import MEASURED_RAD
 from treadline.scenario.chair import read_chair
 
 CHAIR = read_chair("wheelchair")

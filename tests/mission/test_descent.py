@@ -14,11 +14,11 @@ from treadline.core.angles import DEG, quaternion_of, rotation_y
 from treadline.core.errors import SettingsError
 from treadline.core.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 from treadline.mission import descent
+from treadline.mission._flipper_planner import CLEAR_M, FLIPPER_RAD_S, LAID_RAD, LATE_S
+from treadline.mission._tip_over import LIMIT_M_S
+from treadline.mission._traversal import BLIND_RAD
 from treadline.mission.descent import LETS_DOWN_RAD_S, Descent, DescentConfig
-from treadline.mission.flipper_planner import CLEAR_M, FLIPPER_RAD_S, LAID_RAD, LATE_S
 from treadline.mission.mission_config import MissionConfig, planner_of
-from treadline.mission.tip_over import LIMIT_M_S
-from treadline.mission.traversal import BLIND_RAD
 from treadline.scenario.chair import read_chair
 
 CHAIR = read_chair("wheelchair")

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate
-from treadline.mission.flat_ground_steering import LevelConfig, LevelSteering
+from treadline.mission._flat_ground_steering import LevelConfig, LevelSteering
 
 GAUGE_M, TICK_S = 0.65, 0.01
 CONFIG = LevelConfig(gauge_m=GAUGE_M)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import quaternion_of, rotation_y
 from treadline.core.signals import ImuSample, StairMap, TrackReading
-from treadline.mission.nosing_filter import COMMON, CORRELATED_M, FAR_1_M, OWN_M, OWN_SHARE, SLIP_RATIO, NosingFilter
+from treadline.mission._nosing_filter import COMMON, CORRELATED_M, FAR_1_M, OWN_M, OWN_SHARE, SLIP_RATIO, NosingFilter
 from treadline.mission.stair_tracker import StairTracker
 
 RISE_M, RUN_M, STEPS = 0.16, 0.30, 10
@@ -225,7 +225,8 @@ def test_the_covariance_stays_symmetric_and_positive() -> None:
 
 def test_the_noise_model_is_that_of_the_statistical_camera_and_of_the_detector() -> None:
     """Test: constants next to the fit and the detector that they stand for. Expected: equal up to the digits of the docstrings."""
-    from treadline.mission import flight_shape, nosing_filter
+    from treadline.mission import _flight_shape as flight_shape
+    from treadline.mission import _nosing_filter as nosing_filter
     from treadline.perception.lattice_kernels import RISE_IRREGULAR_M, RUN_IRREGULAR_M
     from treadline.perception.robust_method import GRAVITY_SIGMA
 

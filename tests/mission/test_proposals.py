@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
-from treadline.mission.proposals import Proposals
+from treadline.mission._proposals import Proposals
 
 KNOWN = HeadingEstimate(t_s=0.0, heading_rad=0.1, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
 

@@ -4,7 +4,7 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, TrackReading
-from treadline.mission.skid_monitor import (
+from treadline.mission._skid_monitor import (
     APART_M_S,
     AWAY_RAD,
     GRIPS_M_S,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from treadline.core.angles import DEG
 from treadline.core.signals import TICK_S, ImuSample
-from treadline.mission.tip_over import TipOverFeedforward
+from treadline.mission._tip_over import TipOverFeedforward
 
 LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from treadline.core.angles import DEG, quaternion_of, rotation_y
 from treadline.core.signals import ImuSample, TrackReading
-from treadline.mission.traction_test import TractionConfig, TractionTest
+from treadline.mission._traction_test import TractionConfig, TractionTest
 
 G_M_S2, TICK_S = 9.81, 0.01
 CONFIG = TractionConfig()

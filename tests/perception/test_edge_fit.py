@@ -7,11 +7,11 @@ import pytest
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
-from treadline.perception.edge_fit import EdgeFit, fit_edges
-from treadline.perception.gravity_direction import down_of_treads
+from treadline.perception._edge_fit import EdgeFit, fit_edges
+from treadline.perception._gravity_direction import down_of_treads
+from treadline.perception._plane_segmentation_kernels import BEYOND
+from treadline.perception._step_parts import NosingObservation
 from treadline.perception.plane_segmentation import Ends, Line, Surface
-from treadline.perception.plane_segmentation_kernels import BEYOND
-from treadline.perception.step_parts import NosingObservation
 from treadline.scenario.chair import read_chair
 
 CAMERA = read_chair("wheelchair").camera_at(240)

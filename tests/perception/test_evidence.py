@@ -9,12 +9,12 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.signals import DepthSensor
 from treadline.perception import StairDetector
-from treadline.perception.acceptance import EVIDENCE, UNCONFIRMED
-from treadline.perception.irregularity import pooled_mean
+from treadline.perception._acceptance import EVIDENCE, UNCONFIRMED
+from treadline.perception._irregularity import pooled_mean
+from treadline.perception._stair_shape import Placed, spacing
+from treadline.perception._step_parts import seed_points
 from treadline.perception.lattice_kernels import best_lattice
 from treadline.perception.plane_segmentation import BLOCK_RESIDUAL, noise_of, surface_blocks
-from treadline.perception.stair_shape import Placed, spacing
-from treadline.perception.step_parts import seed_points
 from treadline.plant.sensors.camera import ViewRecipe, draw_view
 
 RISE, RUN = 0.17, 0.29
@@ -181,7 +181,7 @@ def test_rise_and_run_far_away_are_in_their_intervals(sensor: str, distance_m: f
 @pytest.mark.parametrize(("noise_px", "low", "high"), [(0.055, 1.0, 1.0), (0.15, 1.4, 2.6), (0.6, 3.0, 3.0)])
 def test_noise_of_a_frame_scales_its_thresholds(noise_px: float, low: float, high: float) -> None:
     """Test: white disparity noise on a plane; 0.16 px is a block's limit. Expected result: 1 for a Kinect, 2.2 times the ratio."""
-    from treadline.perception import plane_segmentation_kernels as surface_kernels
+    from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
     rng = np.random.default_rng(3)
     nearness = 0.5 + BLOCK_RESIDUAL * noise_px / 0.16 * rng.standard_normal((320, 240))

@@ -7,8 +7,8 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
-from treadline.perception.form import LateralEnds, narrower_by_m
-from treadline.perception.form_kernels import OPEN
+from treadline.perception._form import LateralEnds, narrower_by_m
+from treadline.perception._form_kernels import OPEN
 from treadline.plant.sensors.camera import View, ViewRecipe, draw_view
 
 LEAST_SHARE = 0.15

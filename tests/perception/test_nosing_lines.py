@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from treadline.perception._plane_segmentation_kernels import BEYOND
 from treadline.perception.plane_segmentation import Ends, Line, Surface
-from treadline.perception.plane_segmentation_kernels import BEYOND
 from treadline.scenario.chair import read_chair
 
 CAMERA = read_chair("wheelchair").camera_at(240)

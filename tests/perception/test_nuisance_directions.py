@@ -7,7 +7,7 @@ import pytest
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_x, rotation_y
-from treadline.perception.nuisance import (
+from treadline.perception._nuisance import (
     MOTION,
     RATE_RAD_S,
     READOUT_S,
@@ -17,8 +17,8 @@ from treadline.perception.nuisance import (
     turns_of_line,
     turns_of_surface,
 )
+from treadline.perception._plane_segmentation_kernels import BEYOND
 from treadline.perception.plane_segmentation import End, Ends, Line, Surface, surface_blocks
-from treadline.perception.plane_segmentation_kernels import BEYOND
 from treadline.plant.sensors.camera import ViewRecipe, draw_view
 from treadline.scenario.chair import read_chair
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.perception import plane_segmentation_kernels as surface_kernels
+from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
 FOCAL_PX = 285.0
 PLANE = np.array([0.02, 0.45, 0.31])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import rotation_y
-from treadline.perception import pixel_to_point_kernels as point_kernels
-from treadline.perception import stair_map
+from treadline.perception import _pixel_to_point_kernels as point_kernels
+from treadline.perception import _stair_map as stair_map
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.flat_ground import SWEPT_HALF_M
 from treadline.plant.sensors.camera import Camera

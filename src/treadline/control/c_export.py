@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
+from treadline.control._observer import DISTURBANCE_LIMIT
 from treadline.control.belt_allocation import INNER_RATIO_BACKING, INNER_RATIO_CLIMBING, BeltLimits, inner_speed_ratio
 from treadline.control.heading_controller import (
     FASTEST_TURN_RAD_S,
@@ -22,7 +23,6 @@ from treadline.control.heading_controller import (
     HeadingController,
     inner_ratio_of,
 )
-from treadline.control.observer import DISTURBANCE_LIMIT
 from treadline.control.reconstruct import static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE
 from treadline.core.models import ControllerDesign

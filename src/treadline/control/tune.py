@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import expm, logm
 
+from treadline.control._observer import kalman_gain, with_disturbance
 from treadline.control.lqr import closed_loop_poles, lqr_gain
-from treadline.control.observer import kalman_gain, with_disturbance
 from treadline.control.reconstruct import static_reconstruction
 from treadline.core.angles import DEG
 from treadline.core.errors import NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch

@@ -35,7 +35,7 @@ PLACES = {
     "frames.sources": "io.frames.sources",
     "gazebo": "plant.gazebo",
     "identification.excitation": "identification.excitation_signal",
-    "identification.report": "identification.quality_report",
+    "identification.report": "identification._quality_report",
     "mechanics": "vehicle",
     "mechanics.chair": "scenario.chair",
     "mechanics.quasi_static": "vehicle.quasi_static",

@@ -1,8 +1,8 @@
 """Heading estimation from vision and gyro, sensor fault detection, and camera mount calibration."""
 
+from treadline.estimation._mount_monitor import MountMonitor
 from treadline.estimation.camera_mount import MountCalibrator, MountConfig, MountEstimate, calibrated
 from treadline.estimation.heading_filter import FilterConfig, HeadingFilter
-from treadline.estimation.mount_monitor import MountMonitor
 from treadline.estimation.offset import OffsetEstimator
 
 __all__ = [

@@ -14,10 +14,10 @@ import numpy as np
 
 from treadline.core.angles import DEG, wrap
 from treadline.core.signals import HeadingEstimate, HeadingFault, HeadingHealth, HeadingMeasurement, ImuSample, TrackReading
-from treadline.estimation.gyro_drift import Drift, DriftRule, GlrDriftDetector
-from treadline.estimation.multiple_model import GyroModel, MultipleModelKalmanFilter
-from treadline.estimation.reacquire import ReacquisitionRule, RejectedTrack
-from treadline.estimation.sensor_faults import (
+from treadline.estimation._gyro_drift import Drift, DriftRule, GlrDriftDetector
+from treadline.estimation._multiple_model import GyroModel, MultipleModelKalmanFilter
+from treadline.estimation._reacquire import ReacquisitionRule, RejectedTrack
+from treadline.estimation._sensor_faults import (
     ActiveFaults,
     IndependentShare,
     StuckGyroDetector,

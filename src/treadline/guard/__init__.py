@@ -5,8 +5,8 @@ follow their command, and a planner or driver that has stopped lead to HOLD (zer
 guard computes with plain numbers, is independent of planner and driver, and makes no claim to any safety standard.
 """
 
-from treadline.guard.admission import ReadingAdmission
+from treadline.guard._admission import ReadingAdmission
+from treadline.guard._guard_config import GuardConfig
 from treadline.guard.guard import Guard
-from treadline.guard.guard_config import GuardConfig
 
 __all__ = ["Guard", "GuardConfig", "ReadingAdmission"]

@@ -1,7 +1,7 @@
 """Latch of the HOLD: the first cause stays until a person re-arms. Collects the guard's events."""
 
 from treadline.core.signals import Event, TrackCommand
-from treadline.guard.half_cosine_stop import URGENT, CauseKind, RampedStop
+from treadline.guard._half_cosine_stop import URGENT, CauseKind, RampedStop
 
 
 class Button:

@@ -1,15 +1,15 @@
 """System identification: a linear state-space model from recorded belt speeds and motion."""
 
+from treadline.identification._identified import Identified
+from treadline.identification._quality_report import IdentificationReport
+from treadline.identification._single_steps import okid, pbsid
+from treadline.identification._stream import identify_chunks
 from treadline.identification.era import era
 from treadline.identification.gram import Gram, gram
-from treadline.identification.identified import Identified
 from treadline.identification.identify import identify
 from treadline.identification.okid import observer_markov, system_markov
 from treadline.identification.options import METHODS, SOLVERS, IdentificationOptions
-from treadline.identification.quality_report import IdentificationReport
 from treadline.identification.reduction import balanced_truncation
-from treadline.identification.single_steps import okid, pbsid
-from treadline.identification.stream import identify_chunks
 
 __all__ = [
     "METHODS",

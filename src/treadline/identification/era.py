@@ -14,8 +14,8 @@ from scipy.linalg import lapack
 
 from treadline.core.arrays import shaped
 from treadline.core.errors import NotFinite, PoorExcitation, ShapeMismatch
-from treadline.identification.checks import check_integers
-from treadline.identification.recursion_kernels import hankel_matrix
+from treadline.identification._checks import check_integers
+from treadline.identification._recursion_kernels import hankel_matrix
 
 DENSE_MOST = 300
 """Rows up to which a dense decomposition is as fast as a randomised one."""

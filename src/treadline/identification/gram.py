@@ -17,8 +17,8 @@ from jaxtyping import Bool, Float
 
 from treadline.core.errors import LogFormatError, ShapeMismatch
 from treadline.core.models import InputOutputRecord, written_whole
-from treadline.identification.factor import Factor
-from treadline.identification.recursion_kernels import column_moments, fold, lagged_products, normalise, slide
+from treadline.identification._factor import Factor
+from treadline.identification._recursion_kernels import column_moments, fold, lagged_products, normalise, slide
 
 CHUNK = 1 << 18
 """Samples per pass: eight megabytes for four channels."""

@@ -10,25 +10,25 @@ from dataclasses import replace
 from treadline.core.errors import PoorExcitation, SettingsError
 from treadline.core.models import InputOutputRecord
 from treadline.identification import validate
-from treadline.identification.affine import Affine, to_model
-from treadline.identification.checks import (
+from treadline.identification._affine import Affine, to_model
+from treadline.identification._checks import (
     channel_names,
     check_alike,
     check_independent,
     check_records,
 )
-from treadline.identification.delays import input_delays, with_delays, without_delays
-from treadline.identification.differential_input import DifferentialInput, find_differential_input
-from treadline.identification.fitting import with_inputs_again
+from treadline.identification._delays import input_delays, with_delays, without_delays
+from treadline.identification._differential_input import DifferentialInput, find_differential_input
+from treadline.identification._fitting import with_inputs_again
+from treadline.identification._identified import FittedSystem, Identified
+from treadline.identification._quality_report import whole_samples
+from treadline.identification._structure import choose_structure
+from treadline.identification._threads import one_thread
 from treadline.identification.from_gram import from_gram, gram_with_half, provenance_of
 from treadline.identification.gram import Gram, Units
-from treadline.identification.identified import FittedSystem, Identified
 from treadline.identification.okid import observer_markov
 from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
-from treadline.identification.quality_report import whole_samples
 from treadline.identification.reduction import stabilised
-from treadline.identification.structure import choose_structure
-from treadline.identification.threads import one_thread
 
 VALIDATION_SAMPLES_MIN = 20
 """Smallest number of complete samples of a validation part: its residuals are tested over ten lags."""

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from treadline.identification.factor import RIDGE, inverse
+from treadline.identification._factor import RIDGE, inverse
+from treadline.identification._recursion_kernels import unroll
 from treadline.identification.gram import Gram, Units
-from treadline.identification.recursion_kernels import unroll
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -6,7 +6,7 @@ from numbers import Real
 
 from treadline.core.errors import SettingsError
 from treadline.core.models import InputOutputRecord
-from treadline.identification.checks import check_integers
+from treadline.identification._checks import check_integers
 from treadline.identification.gram import Gram
 
 METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")

@@ -8,7 +8,7 @@ from scipy.linalg import schur, solve_discrete_lyapunov
 
 from treadline.core.errors import ModelError
 from treadline.core.models import LinearModel
-from treadline.identification.affine import Affine
+from treadline.identification._affine import Affine
 
 ON_CIRCLE = 1.0 - 1e-9
 """Modulus above which a pole counts as on the unit circle, with a margin for rounding."""

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
-from treadline.identification.recursion_kernels import free_run, observability, observer_run
+from treadline.identification._recursion_kernels import free_run, observability, observer_run
 
 WHITENESS_LAGS = 10
 CROSS_LAGS = 10

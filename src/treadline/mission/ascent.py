@@ -13,9 +13,9 @@ from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
 from treadline.control.flipper_geometry import OVER_BELTS_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
+from treadline.mission._traction_test import TractionConfig, TractionTest
+from treadline.mission._traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step, on_the_tip
 from treadline.mission.planner import PlannerInput
-from treadline.mission.traction_test import TractionConfig, TractionTest
-from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step, on_the_tip
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
 """Heading error that is not corrected over the crest [rad], and half the belt speed difference per heading error beyond it

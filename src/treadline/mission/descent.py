@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, FlipperReading, HeadingEstimate, MotionPlan
-from treadline.mission.flipper_planner import FLIPPER_RAD_S
+from treadline.mission._flipper_planner import FLIPPER_RAD_S
+from treadline.mission._traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, beside, missing_step, on_the_tip
 from treadline.mission.stair_tracker import NEAR_M
-from treadline.mission.traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, beside, missing_step, on_the_tip
 
 LETS_DOWN_RAD_S = 3.0 * DEG
 """Rate at which the flipper is lifted out of the belts' line [rad/s], slow enough that a chair leaning on it follows."""

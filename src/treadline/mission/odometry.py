@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.signals import ImuSample, TrackReading
-from treadline.mission.nosing_filter import PITCHED_RAD
+from treadline.mission._nosing_filter import PITCHED_RAD
 
 GAP_S = 0.2
 """Longest interval between two belt readings that is integrated [s]."""

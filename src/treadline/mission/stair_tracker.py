@@ -14,8 +14,8 @@ import numpy as np
 
 from treadline.core.recent import DEPTH, Recent
 from treadline.core.signals import ImuSample, StairMap, TrackReading
-from treadline.mission.flight_shape import FlightShape
-from treadline.mission.nosing_filter import GATE, PITCHED_RAD, NosingDetection, NosingFilter
+from treadline.mission._flight_shape import FlightShape
+from treadline.mission._nosing_filter import GATE, PITCHED_RAD, NosingDetection, NosingFilter
 
 SAME = 0.5
 """Distance, as a ratio of the pitch, within which a detection belongs to the nearest nosing or to none: half-way to the next."""

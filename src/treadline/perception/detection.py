@@ -9,9 +9,9 @@ from jaxtyping import Float, UInt8
 from treadline.core.angles import DEG
 from treadline.core.printing import Printable
 from treadline.core.signals import StairAxes, StairMap
+from treadline.perception._stair_shape import StairShape
+from treadline.perception._step_parts import NosingObservation
 from treadline.perception.plane_segmentation import PlanarBlocks, Surface
-from treadline.perception.stair_shape import StairShape
-from treadline.perception.step_parts import NosingObservation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,11 +15,11 @@ from treadline.core.angles import DEG
 from treadline.core.arrays import shaped
 from treadline.core.errors import ImageError
 from treadline.core.signals import HeadingMeasurement, RgbdFrame, StairMap
+from treadline.perception._stair_shape import StairShape
 from treadline.perception.detection import StairDetection
 from treadline.perception.flat_ground import SWEPT_HALF_M
 from treadline.perception.paper.algorithm import PaperConfig, look_as_printed
 from treadline.perception.robust_method import Stopwatch, detect_stair
-from treadline.perception.stair_shape import StairShape
 
 PAPER_SIGMA_RAD = 2.0 * DEG
 """Declared standard deviation of Algorithm 1 [rad]: the printed method has none; its RMSE on accepted frames is 2.2°."""

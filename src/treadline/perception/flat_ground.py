@@ -12,8 +12,8 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
 from treadline.core.signals import RgbdFrame
-from treadline.perception import pixel_to_point_kernels as point_kernels
-from treadline.perception.step_parts import viewing_direction
+from treadline.perception import _pixel_to_point_kernels as point_kernels
+from treadline.perception._step_parts import viewing_direction
 
 SWEPT_HALF_M = 0.40
 """Half width swept by the shipped wheelchair [m], for frames without a chair."""

@@ -13,6 +13,7 @@ from treadline.core.angles import DEG
 from treadline.core.errors import ImageError
 from treadline.core.named_frame import NamedFrame
 from treadline.core.signals import RgbdFrame, StairMap
+from treadline.perception._stair_shape import StairShape
 from treadline.perception.detection import StairDetection, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.overlay import overlay
@@ -20,7 +21,6 @@ from treadline.perception.paper.algorithm import PaperConfig
 from treadline.perception.paper.edges import ThresholdRule
 from treadline.perception.paper.pictures import write_picture, write_stages
 from treadline.perception.paper.printed_heading import heading_about
-from treadline.perception.stair_shape import StairShape
 
 NO_MOUNT = (
     "the calibration names no mount, so the camera is taken to look level and straight ahead: heading_deg is about the camera's "

@@ -8,9 +8,9 @@ from jaxtyping import Float, UInt8
 
 from treadline.core.angles import DEG
 from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.perception._step_parts import NosingObservation
 from treadline.perception.detection import StairDetection
 from treadline.perception.plane_segmentation import Surface
-from treadline.perception.step_parts import NosingObservation
 
 Picture = UInt8[np.ndarray, "h w 3"]
 

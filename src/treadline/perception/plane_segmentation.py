@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Float32, Int
 
 from treadline.core.angles import DEG
 from treadline.core.signals import PinholeCamera
-from treadline.perception import plane_segmentation_kernels as surface_kernels
+from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
 CELL_AT_240 = 4
 """Edge of a cell at 240 rows [px]; a block is two cells wide."""

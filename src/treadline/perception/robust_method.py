@@ -17,16 +17,16 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
 from treadline.core.signals import PinholeCamera, RgbdFrame, StairMap
-from treadline.perception.acceptance import EVIDENCE, UNCONFIRMED, lacking_evidence, rejection_reason
+from treadline.perception._acceptance import EVIDENCE, UNCONFIRMED, lacking_evidence, rejection_reason
+from treadline.perception._edge_fit import EdgeFit, fit_edges
+from treadline.perception._form import bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
+from treadline.perception._gravity_direction import down_of_treads, levelled, off_gravity
+from treadline.perception._lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scene_of
+from treadline.perception._stair_map import map_of
+from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
+from treadline.perception._step_parts import Axes, Direction, Flight, viewing_direction
 from treadline.perception.detection import Parts, StairDetection, refused
-from treadline.perception.edge_fit import EdgeFit, fit_edges
-from treadline.perception.form import bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
-from treadline.perception.gravity_direction import down_of_treads, levelled, off_gravity
-from treadline.perception.lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scene_of
 from treadline.perception.plane_segmentation import PlanarBlocks, Surface, surface_blocks, uncertain_blocks
-from treadline.perception.stair_map import map_of
-from treadline.perception.stair_shape import axes_of, shape_of, stair_axes_of
-from treadline.perception.step_parts import Axes, Direction, Flight, viewing_direction
 
 HALF = 0.5
 """Valid depth fraction below which a rejection names missing depth as the reason, instead of missing planes."""

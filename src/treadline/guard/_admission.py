@@ -1,0 +1,94 @@
+"""Admission of readings: which of them may be used (rows 2, 3, 4, 6 and 10).
+
+``Reading | FrameQuality -> bool``. The guard composes it; each node that uses readings has an admission of its own and, from the
+same readings, comes to the same answers.
+"""
+
+from treadline.core.signals import (
+    FlipperReading,
+    FrameQuality,
+    HeadingMeasurement,
+    ImuSample,
+    OperatorInput,
+    Reading,
+    SeatReading,
+    StairMap,
+    TrackReading,
+)
+from treadline.guard._belt_travel import BeltTravel
+from treadline.guard._frame_monitor import FrameMonitor
+from treadline.guard._guard_config import GuardConfig
+from treadline.guard._speed_limits import finite
+from treadline.guard._timestamps import Timestamps
+
+
+class ReadingAdmission:
+    """Accepts readings that are new, finite, from a sensor that is not frozen, and from frames of sufficient quality."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        self.timestamps = Timestamps(config.ahead_s, config.clock_jump_s)
+        self.frames = FrameMonitor(config)
+        self._travel = BeltTravel()
+
+    def advance(self, t_s: float) -> None:
+        """Set the clock that stamps are compared with."""
+        self.timestamps.advance(t_s)
+
+    def admit(self, signal: Reading | FrameQuality) -> bool:
+        """Return whether a reading may be used; each reading is asked for once."""
+        return self.is_new(signal) and self.is_sound(signal)
+
+    def is_new(self, signal: Reading | FrameQuality) -> bool:
+        """Return whether the stamp of a reading is acceptable."""
+        kind = "operator" if isinstance(signal, OperatorInput) else type(signal).__name__
+        return self.timestamps.accept_reading(kind, signal.t_s)
+
+    def is_sound(self, signal: Reading | FrameQuality) -> bool:
+        """Return whether the content of a new reading is acceptable."""
+        match signal:
+            case ImuSample():
+                orientation, rates = signal.orientation.tolist(), signal.angular_velocity_rad_s.tolist()
+                return finite(*orientation, *rates, *signal.linear_acceleration_m_s2.tolist())
+            case TrackReading():
+                usable = finite(signal.left_m_s, signal.right_m_s)
+                if usable:
+                    self._travel.update(signal)
+                return usable
+            case SeatReading():
+                return finite(signal.pitch_rad, signal.stroke_m)
+            case FlipperReading():
+                return finite(signal.angle_rad, signal.torque_n_m)
+            case FrameQuality():
+                return self.frames.accept_frame(signal)
+            case HeadingMeasurement():
+                value = (signal.heading_rad, signal.sigma_rad)
+                sound = finite(signal.heading_rad, signal.correction_rad) and signal.sigma_rad > 0.0
+                return sound and self.frames.accept_measurement("heading", value, self._travel.travel_m)
+            case StairMap():
+                if not is_finite_map(signal):
+                    return False
+                value = (*signal.nosings_B.ravel().tolist(), signal.obstacle_m)
+                # Two maps without any nosing are equal although the camera is not frozen.
+                return self.frames.accept_measurement("map", value if len(value) > 1 else signal.t_s, self._travel.travel_m)
+            case _:
+                return True  # images are judged by their FrameQuality; every operator input is valid
+
+
+def is_finite_map(stair: StairMap) -> bool:
+    """Return whether every number of a map is finite."""
+    maybe = (
+        stair.obstacle_m,
+        stair.left_wall_m,
+        stair.right_wall_m,
+        stair.left_edge_m,
+        stair.right_edge_m,
+        stair.left_seen_m,
+        stair.right_seen_m,
+    )
+    return finite(
+        stair.rise_m,
+        stair.run_m,
+        stair.slope_rad,
+        *stair.nosings_B.ravel().tolist(),
+        *(value for value in maybe if value is not None),
+    )

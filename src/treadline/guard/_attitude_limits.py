@@ -1,0 +1,70 @@
+"""Limits of pitch, roll and pitch rate of the chair (row 18), and of the pitch of its seat (row 19)."""
+
+from collections.abc import Sequence
+
+from treadline.core.angles import DEG, tilt_of
+from treadline.guard._guard_config import GuardConfig
+from treadline.guard._timestamps import ROUNDING_S
+
+LASTING_S = 0.05
+"""Duration beyond a limit after which it is a fault [s]: longer than a shock, shorter than a fall."""
+BETTER_RAD = 2.0 * DEG
+"""Change of the seat's error that is judged within its time [rad]. A decrease by this much starts the time again, as the seat is
+being levelled. An increase holds at once: the seat moves with the chassis, 11° in a second over a crest."""
+
+
+class TiltMonitor:
+    """Compares pitch, roll and pitch rate of the chair with their limits."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._config = config
+        self._since_s: float | None = None
+        self.cause: str | None = None
+
+    def update(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
+        """Update with one sample: attitude quaternion (w, x, y, z) and pitch rate [rad/s], positive front up."""
+        fault = self._fault(orientation, pitch_rate_rad_s)
+        if fault is None:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = t_s
+        elif t_s - self._since_s >= LASTING_S - ROUNDING_S:
+            self.cause = fault
+
+    def forget(self) -> None:
+        """Reset the monitor."""
+        self._since_s = self.cause = None
+
+    def _fault(self, orientation: Sequence[float], pitch_rate_rad_s: float) -> str | None:
+        limits = self._config
+        pitch, roll = tilt_of(orientation)
+        if abs(pitch_rate_rad_s) > limits.pitch_rate_rad_s:
+            return f"pitch rate {pitch_rate_rad_s / DEG:.0f} °/s, pitch {pitch / DEG:.0f}°"
+        if not -limits.front_down_rad <= pitch <= limits.front_up_rad:
+            return f"pitch {pitch / DEG:.0f}°"
+        if abs(roll) > limits.roll_rad:
+            return f"roll {roll / DEG:.0f}°"
+        return None
+
+
+class SeatMonitor:
+    """Compares the seat's pitch over time with its limit."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._config = config
+        self._since: tuple[float, float] | None = None
+        self.cause: str | None = None
+
+    def update(self, t_s: float, pitch_rad: float) -> None:
+        """Update with the seat's pitch [rad]; zero is horizontal."""
+        error = abs(pitch_rad)
+        if error <= self._config.seat_rad:
+            self._since = None
+        elif self._since is None or error < self._since[1] - BETTER_RAD:
+            self._since = (t_s, error)
+        elif error > self._since[1] + BETTER_RAD or t_s - self._since[0] >= self._config.seat_s - ROUNDING_S:
+            self.cause = f"seat is {pitch_rad / DEG:.1f}° off level for {t_s - self._since[0]:.1f} s"
+
+    def forget(self) -> None:
+        """Reset the monitor."""
+        self._since = self.cause = None

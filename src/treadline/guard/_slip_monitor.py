@@ -1,0 +1,119 @@
+"""Slip of the belts: their travel against that of the nosings (row 14). ``nosing distances, belt travel -> cause``."""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+from treadline.guard._guard_config import GuardConfig
+from treadline.guard._timestamps import ROUNDING_S
+
+MATCH_M = 0.14
+"""Largest distance between a nosing and its expected position [m]: less than half of the shortest pitch."""
+MATCH_S = 0.35
+"""Longest time between two maps whose nosings are compared [s]."""
+DRIVEN_LEAST_M, SLID_LEAST_M = 0.03, 0.015
+"""Smallest belt travel and smallest slip in a window that are judged [m]; below, noise of the nosings would count as slip."""
+FALLING = 0.6
+"""Ratio to the slip at the start of a wait below which the chair catches up with its belts and the wait starts again; the noise of
+a constant slip is below a fifth."""
+
+
+class SlipMonitor:
+    """Compares belt travel with the travel of the nosings; each nosing is matched with the nearest expected one.
+
+    A chair that turns on nosings skids. Slip is therefore judged only while the chair is square and does not turn, roll-back
+    always. When the nosings go out of view, the slip measurement starts again and the roll-back is kept: unobserved forward
+    travel does not reduce it, and unobserved sliding counts as far as the nosings can still be matched.
+
+    A decreasing slip distance belongs to a chair that catches up with its belts, for example after a turn. Each decrease below
+    ``FALLING`` restarts the wait, at most four times between a standing chair with belts at 0.2 m/s and the smallest slip. The
+    criterion is the slip distance and not the slip ratio, which stays constant when the guard slows the belts down.
+    """
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._config = config
+        self._t_s = -math.inf
+        self._travel_m = 0.0
+        self._places: Sequence[float] = ()
+        self._roll_back_m = 0.0
+        self._back_m = 0.0
+        self._window: deque[tuple[float, float, float, float]] = deque()
+        self._since_s: float | None = None
+        self._since_slid_m = 0.0
+        self.slip = 0.0
+        """Slip ratio if it exceeds the limit, otherwise 0."""
+        self.cause: str | None = None
+
+    def look(self, t_s: float, places_m: Sequence[float], travel_m: float, heading_rad: float) -> None:
+        """Update with the nosings of one map.
+
+        Args:
+            t_s: Time of the exposure.
+            places_m: Distances of the nosings from mid-track, perpendicular to them.
+            travel_m: Travel of the slower belt towards the nosings.
+            heading_rad: Heading estimate.
+        """
+        if not places_m:
+            self._lose()
+            return
+        driven_m = travel_m - self._travel_m if self._places else 0.0
+        roll_back_m = self._slid(places_m, driven_m)
+        came_m = driven_m - (roll_back_m or 0.0)
+        if roll_back_m is None or not self._window or t_s - self._t_s > MATCH_S:
+            self._lose()
+            came_m = came_m if came_m < DRIVEN_LEAST_M else 0.0
+        else:
+            self._roll_back_m += roll_back_m
+        self._t_s, self._places, self._travel_m = t_s, places_m, travel_m
+        self._window.append((t_s, travel_m, self._roll_back_m, heading_rad))
+        self._judge(t_s)
+        self._roll(came_m)
+
+    def begin(self) -> None:
+        """Reset the roll-back."""
+        self._back_m = 0.0
+        self._places = ()
+
+    def forget(self) -> None:
+        """Reset slip and roll-back."""
+        self.begin()
+        self._lose()
+
+    def _lose(self) -> None:
+        """Reset the slip, because the nosings are not in view."""
+        self._window.clear()
+        self._since_s = self.cause = None
+        self.slip = 0.0
+
+    def _slid(self, places_m: Sequence[float], driven_m: float) -> float | None:
+        """Return belt travel minus travel of the nosings since the last map [m]; None if the nosings cannot be matched."""
+        expected = [place - driven_m for place in self._places]
+        if not expected:
+            return None
+        apart = sorted(min((place - there for there in expected), key=abs) for place in places_m)
+        middle = apart[len(apart) // 2]
+        return middle if abs(middle) <= MATCH_M else None
+
+    def _judge(self, t_s: float) -> None:
+        limits, window_s = self._config, self._config.slip_s - ROUNDING_S
+        while len(self._window) > 1 and t_s - self._window[1][0] >= window_s:
+            self._window.popleft()
+        then_s, travel_m, roll_back_m, _ = self._window[0]
+        driven, slid = abs(self._travel_m - travel_m), abs(self._roll_back_m - roll_back_m)
+        headings = [heading for *_, heading in self._window]
+        square = max(abs(heading) for heading in headings) <= limits.turning_rad
+        straight = square and max(headings) - min(headings) <= limits.slip_turn_rad
+        judged = straight and t_s - then_s >= window_s and driven >= DRIVEN_LEAST_M
+        self.slip = slid / driven if judged and slid > max(limits.slip * driven, SLID_LEAST_M) else 0.0
+        if self.slip == 0.0:
+            self._since_s = None
+        elif self._since_s is None or slid < FALLING * self._since_slid_m:
+            self._since_s, self._since_slid_m = t_s, slid
+        elif t_s - self._since_s >= window_s:
+            self.cause = f"slip {self.slip:.2f}: the chair is {slid:.2f} m off its belts in {t_s - then_s:.1f} s"
+
+    def _roll(self, came_m: float) -> None:
+        """Update the roll-back with the travel by the nosings since the last map."""
+        self._back_m = max(self._back_m - came_m, 0.0)
+        if self._back_m > self._config.roll_back_m:
+            self.cause = f"rolled back {self._back_m:.2f} m"

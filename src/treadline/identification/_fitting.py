@@ -1,0 +1,241 @@
+"""Model fitting for a candidate: subspace step from the Gram matrix, refinement from the samples.
+
+A candidate consists of a method, a number of lags, an order and the last fitting step:
+
+``subspace``          OKID/ERA, ERA/DC or PBSID
+``inputs-again``      B, D and the offsets refitted to the free run by linear least squares, A and C kept
+``output-error``      A, B, C and D fitted to the free run
+``prediction-error``  A, B, C, D and K fitted to the one-step prediction, for unstable plants and closed loops
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.linalg import solve_discrete_are
+
+from treadline.core.errors import PoorExcitation
+from treadline.core.models import InputOutputRecord
+from treadline.identification._affine import Affine
+from treadline.identification._modal import linear_sums, modes_of
+from treadline.identification._pbsid import StateMap, pbsid, state_map
+from treadline.identification._realisation import block_rows, markov_svd, realised
+from treadline.identification._refine import (
+    BRIEF,
+    THOROUGH,
+    Directions,
+    Effort,
+    Experiment,
+    cost,
+    descended,
+    experiments_of,
+    predictors_of,
+    refined,
+)
+from treadline.identification._structure import bic_order
+from treadline.identification.era import HankelSvd
+from treadline.identification.gram import Gram, Units, gram_of
+from treadline.identification.okid import ObserverMarkov, scaled_observer
+
+GAIN_SAMPLES = 20_000
+"""Number of most recent samples used to fit the innovation gain."""
+SLOWEST_OBSERVER = 0.95
+"""Observer pole allowed in every case: five seconds of memory at 4 Hz."""
+GAIN_RUN = 50
+"""Shortest unbroken run used to fit the innovation gain; in a shorter run the initial state explains as much."""
+RECORD_PER_LAG = 10
+"""Samples of the shortest record per lag of a Gram matrix built for intervals only; more lags would cost too many windows."""
+GROWTH = 1e3
+"""Growth of a mode over a record above which the mode dominates the free run."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """Candidate model: method, lags, order and last fitting step."""
+
+    method: str
+    """Subspace method: ``okid-era``, ``era-dc`` or ``pbsid``."""
+    lags: int
+    order: int
+    step: str = "subspace"
+    constants: bool = True
+    """Whether offsets are estimated; otherwise they are zero. A subspace step always estimates them."""
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Fitting:
+    """Data of a fit, with the intermediate results that candidates share."""
+
+    data: Gram
+    records: Sequence[InputOutputRecord]
+    feedthrough: bool
+    _observers: dict[int, tuple[ObserverMarkov, HankelSvd]] = field(default_factory=dict)
+    _maps: dict[int, StateMap] = field(default_factory=dict)
+    _experiments: dict[bool, list[Experiment]] = field(default_factory=dict)
+    _predictors: dict[int, list[Experiment]] = field(default_factory=dict)
+
+    def units(self, *, constants: bool = True) -> Units:
+        """Return the units of the models: about the means, or about zero without offsets."""
+        units = self.data.units
+        return units if constants else replace(units, shift=np.zeros_like(units.shift))
+
+    @property
+    def fixed(self) -> Bool[np.ndarray, "p m1"]:
+        """Mask of the entries of D fixed at zero."""
+        m = self.data.units.input_count
+        fixed = np.zeros((len(self.data.units.output_scale), m + 1), dtype=bool)
+        fixed[:, :m] = not self.feedthrough
+        return fixed
+
+    def experiments(self, *, constants: bool = True) -> list[Experiment]:
+        """Return the samples as experiments; without offsets the column of ones is zero."""
+        if constants not in self._experiments:
+            made = experiments_of(self.records, self.units(constants=constants))
+            for item in made:
+                item.u[:, -1] = float(constants)
+            self._experiments[constants] = made
+        return self._experiments[constants]
+
+    def predictors(self, least: int) -> list[Experiment]:
+        """Return the samples with the outputs as additional inputs, in unbroken runs of at least ``least`` samples."""
+        if least not in self._predictors:
+            self._predictors[least] = predictors_of(self.experiments(), least)
+        return self._predictors[least]
+
+    def model(self, candidate: Candidate, start: Affine | None = None, *, effort: Effort = THOROUGH) -> Affine | None:
+        """Return the candidate's model; None if the data do not support its order.
+
+        Args:
+            candidate: Candidate to fit.
+            start: Initial model of the last step; the candidate's own subspace model when left out.
+            effort: Iteration limits of the refinement.
+        """
+        system = self.subspace(candidate.method, candidate.lags, candidate.order) if start is None else start
+        if system is None or candidate.step == "subspace":
+            return system
+        if candidate.step == "prediction-error":
+            return self._predicting(system, effort)
+        experiments = self.experiments(constants=candidate.constants)
+        if start is None:
+            system = with_inputs_again(system, experiments, self.fixed)
+        if candidate.step == "inputs-again":
+            return system
+        return refined(system, experiments, fixed=self.fixed, effort=effort)
+
+    def with_more_lags(self, lags: int) -> Gram:
+        """Return a Gram matrix with more lags if the records are complete and long enough, else the existing one."""
+        lengths = [len(record) for record in self.records]
+        lags = min(lags, min(lengths) // RECORD_PER_LAG)
+        if lags <= self.data.lags or self.data.count != sum(length - self.data.lags for length in lengths):
+            return self.data
+        return gram_of(self.records, lags, self.data.units)
+
+    def with_gain(self, system: Affine, *, constants: bool = True) -> Affine:
+        """Return the system with the innovation gain refitted to the one-step prediction, A, B, C and D kept."""
+        n, m1, p = system.order, system.B.shape[1], len(system.C)
+        runs = predictors_of(_last(self.experiments(constants=constants), GAIN_SAMPLES), least=GAIN_RUN)
+        if not runs:  # gaps leave no long run; a stable free-run model has innovation gain zero
+            return replace(system, K=np.zeros((n, p))) if system.radius < 1.0 else system
+        starts = [replace(system, K=np.zeros((n, p)))] if system.K is None else [system, replace(system, K=np.zeros((n, p)))]
+        starts.append(replace(system, K=_kalman_gain(system)))
+        # An observer slower than this limit and than the plant forgets a wrong initial state too late.
+        slowest = max(SLOWEST_OBSERVER, system.radius) if system.radius < 1.0 - 1.0 / len(runs[0].y) else SLOWEST_OBSERVER
+        starts = [start for start in starts if start.predictor().radius <= min(slowest, 1.0 - 1e-6)]
+        if not starts:
+            return system
+        best = min(starts, key=lambda start: cost(start.predictor(), runs))
+        # K enters the predictor through A - KC, B - KD and K.
+        k = np.eye(n * p).reshape(n, p, n * p)
+        ways = Directions(
+            A=-np.einsum("npk,pj->njk", k, system.C),
+            B=np.concatenate([-np.einsum("npk,pj->njk", k, system.D), k], axis=1),
+            C=np.zeros((p, n, n * p)),
+            D=np.zeros((p, m1 + p, n * p)),
+        )
+        return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, BRIEF, ceiling=slowest))
+
+    def subspace(self, method: str, lags: int, order: int) -> Affine | None:
+        """Return the subspace model from the Gram matrix alone."""
+        if method == "pbsid":
+            states = self._state_map(lags)
+            return pbsid(self.data, states, order, lags, feedthrough=self.feedthrough) if order <= len(states.s) else None
+        observer, svd = self.observer(lags, order)
+        try:
+            return realised(observer, svd, order, correlated=method == "era-dc")
+        except PoorExcitation:
+            return None
+
+    def observer(self, lags: int, order: int | None) -> tuple[ObserverMarkov, HankelSvd]:
+        """Return OKID's observer in standard deviations and its Hankel matrix, long enough for an order."""
+        if lags not in self._observers or self._observers[lags][1].rows < block_rows(self._observers[lags][0], order):
+            observer = scaled_observer(self.data, lags, feedthrough=self.feedthrough)
+            self._observers[lags] = observer, markov_svd(observer, order)
+        return self._observers[lags]
+
+    def bic_order(self, lags: int) -> int:
+        """Return the PBSID order with the smallest BIC."""
+        return bic_order(self.data, self._state_map(lags), lags, feedthrough=self.feedthrough)
+
+    def _state_map(self, lags: int) -> StateMap:
+        if lags not in self._maps:
+            self._maps[lags] = state_map(self.data, lags, feedthrough=self.feedthrough)
+        return self._maps[lags]
+
+    def _predicting(self, system: Affine, effort: Effort) -> Affine | None:
+        if system.K is None:
+            return None
+        p = len(system.C)
+        fixed = np.hstack([self.fixed, np.ones((p, p), dtype=bool)])
+        runs = self.predictors(4 * system.order + 4)
+        return Affine.of_predictor(refined(system.predictor(), runs, fixed=fixed, effort=effort))
+
+
+def _kalman_gain(system: Affine) -> Float[np.ndarray, "n p"] | None:
+    """Return the Kalman gain for input disturbances and measurement noise of a tenth of the standard deviations."""
+    Q = 0.01 * (system.B @ system.B.T + 1e-3 * np.eye(system.order))
+    R = 0.01 * np.eye(len(system.C))
+    try:
+        P = solve_discrete_are(system.A.T, system.C.T, Q, R)
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return np.asarray(system.A @ P @ system.C.T @ np.linalg.inv(system.C @ P @ system.C.T + R))
+
+
+def _last(experiments: Sequence[Experiment], samples: int) -> list[Experiment]:
+    """Return the experiments cut to the last samples."""
+    kept: list[Experiment] = []
+    for item in reversed(experiments):
+        if samples > 0:
+            kept.insert(0, item.part(max(0, len(item.y) - samples), len(item.y)))
+            samples -= len(item.y)
+    return kept
+
+
+def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]) -> Affine:
+    """Return the system with B, D and the offsets that minimise the free-run error, A, C and K kept.
+
+    In modal coordinates each state is one scalar filter of one input, so the cost does not grow with the order.
+    """
+    modes = modes_of(system)
+    longest = max(len(item.y) for item in experiments)
+    if modes is None or longest * np.log(np.abs(modes.poles).max()) > np.log(GROWTH):
+        return system
+    sums = [linear_sums(modes, item.u, item.y, item.there) for item in experiments]
+    square, right = np.sum([item.square for item in sums], axis=0), np.sum([item.right for item in sums], axis=0)
+    n, m1 = system.order, system.B.shape[1]
+    free = np.concatenate([np.ones(n * m1, dtype=bool), ~fixed.ravel()])
+    size = np.diag(square).real
+    # A zero column, as the offsets' without constants, has no effect and is left out.
+    live = free & (size > 1e-24 * size.max(initial=0.0))
+    square, right, scale = square[np.ix_(live, live)], right[live], np.sqrt(size[live])
+    with np.errstate(all="ignore"):
+        scaled = square / np.outer(scale, scale)
+    if not np.isfinite(scaled).all():
+        return system
+    values, Q = np.linalg.eigh(scaled)
+    kept = values > 1e-10 * values[-1]
+    found = np.zeros(len(free), dtype=complex)
+    found[live] = (Q[:, kept] / values[kept]) @ (Q[:, kept].conj().T @ (right / scale)) / scale
+    B, D = found[: n * m1].reshape(n, m1), found[n * m1 :].reshape(fixed.shape).real
+    return replace(system, B=(modes.V @ B).real, D=D)

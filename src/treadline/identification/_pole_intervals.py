@@ -1,0 +1,303 @@
+"""Confidence intervals: standard deviations of poles, impulse response and frequency response, to first order.
+
+A model carries directions: changes of (A, B, C, D) per unit of independent standard normal variables. For OKID/ERA the
+directions follow from the covariance of the regression, propagated through Markov parameters and realisation. For refined
+models they follow from the curvature of the cost. Both include the correlation of the residuals by a sandwich estimator
+(Newey and West, 1987). The intervals do not include the effects of a wrong order, of nonlinearity, of the bias of a subspace
+method with few lags, or of the model selection.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Complex, Float
+from scipy.stats import chi2
+
+from treadline.identification._affine import Affine
+from treadline.identification._factor import inverse
+from treadline.identification._recursion_kernels import observability, tangents, unroll
+from treadline.identification._refine import Directions, Experiment, directions, jacobian, mixed
+from treadline.identification.era import HankelSvd
+from treadline.identification.gram import Gram, Units
+from treadline.identification.okid import ObserverMarkov, regression
+from treadline.identification.validate import WHITENESS_LAGS, whiteness_p
+
+CONFIDENCE = 0.95
+PORTION = 256
+"""Number of directions propagated through the Hankel matrix at once."""
+ROWS_MOST = 20_000
+"""Largest number of samples in the curvature; the result is scaled to longer data."""
+SANDWICH_MOST = 400
+"""Largest number of coefficients with a sandwich covariance, whose size is the square of this number."""
+MEMORY_PER_LAG = 2
+"""Lags of residual correlation per observer lag; white output noise leaves a moving average of the observer's length."""
+MEMORY = 1.3
+"""Lags of residual correlation per cube root of the number of samples (rate for Bartlett weights)."""
+WHITENESS_P_MIN = 0.05
+"""p-value of the whiteness test below which residuals count as correlated."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ConfidenceIntervals:
+    """Standard deviations of poles and responses of a model."""
+
+    system: Affine
+    ways: Directions
+    """Changes per standard normal variable; the sum of their squares is the variance."""
+    units: Units
+
+    def narrowed(self, share: float) -> "ConfidenceIntervals":
+        """Return the intervals of a model fitted to more data, of which these cover the given share."""
+        return ConfidenceIntervals(
+            system=self.system, ways=self.ways.along(np.sqrt(share) * np.eye(self.ways.A.shape[2])), units=self.units
+        )
+
+    def through(self, mixing: Float[np.ndarray, "m v"], units: Units) -> "ConfidenceIntervals":
+        """Return the intervals after a change of inputs u = mixing·v, both in standard deviations.
+
+        Args:
+            mixing: Matrix from the new inputs to the old.
+            units: Units with the new inputs.
+        """
+        system = replace(self.system, B=mixed(self.system.B, mixing), D=mixed(self.system.D, mixing))
+        return ConfidenceIntervals(system=system, ways=self.ways.through(mixing), units=units)
+
+    def pole_radii(self) -> Float[np.ndarray, " n"]:
+        """Return the radius of the disc about each pole that contains the true pole with 95 % probability.
+
+        A real pole varies along the real axis; its disc is an interval. The squared distance of a complex pole, a sum of two
+        squares, is approximated by its first two moments (Satterthwaite, 1946).
+        """
+        _, V = np.linalg.eig(self.system.A)
+        W = np.linalg.inv(V)
+        moves = np.einsum("in,nmk,mi->ik", W, self.ways.A, V, optimize=True)
+        parts = np.stack([moves.real, moves.imag], axis=1)
+        S = parts @ parts.transpose(0, 2, 1)
+        mean, square = np.trace(S, axis1=1, axis2=2), np.einsum("iab,iba->i", S, S)
+        freedom = np.where(square > 0.0, mean**2 / np.maximum(square, 1e-300), 1.0)
+        return np.sqrt(np.maximum(square, 0.0) / np.maximum(mean, 1e-300) * chi2.ppf(CONFIDENCE, freedom))
+
+    def impulse(self, steps: int) -> Float[np.ndarray, "steps p m"]:
+        """Return the standard deviation of the impulse response, in the record's units."""
+        m = self.units.input_count
+        found = np.empty((steps, len(self.system.C), m))
+        for j in range(m):
+            u = np.zeros((steps, self.system.B.shape[1]))
+            u[0, j] = 1.0
+            _, J = tangents(self.system.A, self.system.B, self.system.C, u, *self.ways.arrays())
+            found[:, :, j] = np.linalg.norm(J, axis=2)
+        return found * self._gain_units()
+
+    def frequency(self, omega: Float[np.ndarray, " w"]) -> Float[np.ndarray, "w p m"]:
+        """Return the standard deviation of the magnitude of the frequency response, in the record's units.
+
+        Args:
+            omega: Frequencies [rad per sample].
+        """
+        _, magnitude = self._responses(omega)
+        return magnitude * self._gain_units()
+
+    def response(self, omega: Float[np.ndarray, " w"]) -> Complex[np.ndarray, "w p m"]:
+        """Return the frequency response in the record's units."""
+        G, _ = self._responses(omega)
+        return G * self._gain_units()
+
+    def _responses(self, omega: Float[np.ndarray, " w"]) -> tuple[Complex[np.ndarray, "w p m"], Float[np.ndarray, "w p m"]]:
+        s, w, m = self.system, self.ways, self.units.input_count
+        B, D, n = s.B[:, :m], s.D[:, :m], s.order
+        G = np.empty((len(omega), len(s.C), m), dtype=complex)
+        std = np.empty(G.shape)
+        for at, frequency in enumerate(omega):
+            Phi = np.linalg.inv(np.exp(1j * frequency) * np.eye(n) - s.A)
+            left, right = s.C @ Phi, Phi @ B
+            G[at] = s.C @ right + D
+            change = (
+                np.einsum("pn,nmk,mj->pjk", left, w.A, right, optimize=True)
+                + np.einsum("pnk,nj->pjk", w.C, right, optimize=True)
+                + np.einsum("pn,njk->pjk", left, w.B[:, :m], optimize=True)
+                + w.D[:, :m]
+            )
+            along = np.conj(G[at]) / np.maximum(np.abs(G[at]), 1e-300)
+            std[at] = np.linalg.norm((along[:, :, None] * change).real, axis=2)
+        return G, std
+
+    def _gain_units(self) -> Float[np.ndarray, "p m"]:
+        return self.units.output_scale[:, None] / self.units.input_scale
+
+
+def of_observer(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units: Units, data: Gram) -> ConfidenceIntervals:
+    """Return the intervals of ERA's realisation of an observer, in standard deviations.
+
+    With H = O·R of rank n, O and R fixed, perturbations dH and dH' change A by O⁺(dH' - dH·A)R⁺: the second term removes the
+    change of state coordinates caused by dH.
+    """
+    n, (p, m) = system.order, observer.D.shape
+    U, s, Vt = svd.leading(n)
+    root = np.sqrt(s)
+    left, right = (U / root).T, Vt.T / root
+    blocks, columns = left.shape[1] // p, right.shape[0] // m
+    changes = markov_changes(observer, system, data, blocks + columns + 1)
+    at = 1 + np.arange(blocks)[:, None] + np.arange(columns)
+    parts = []
+    for start in range(0, changes.shape[3], PORTION):
+        Y = changes[:, :, :, start : start + PORTION]
+        k = Y.shape[3]
+        H, shifted = (Y[at + shift].transpose(0, 2, 1, 3, 4).reshape(blocks * p, columns * m, k) for shift in (0, 1))
+        turn, moved = (right.T @ np.tensordot(left, h, axes=1) for h in (H, shifted))
+        entering = np.tensordot(left, H[:, :m], axes=1)
+        parts.append((
+            moved - system.A.T @ turn,
+            with_constant(entering - system.B[:, :m].T @ turn),
+            right.T @ H[:p],
+            with_constant(Y[0]),
+        ))  # fmt: skip
+    A, B, C, D = (np.concatenate(arrays, axis=2) for arrays in zip(*parts, strict=True))
+    return ConfidenceIntervals(system=system, ways=Directions(A=A, B=B, C=C, D=D), units=units)
+
+
+def with_constant(changes: Float[np.ndarray, "a m k"]) -> Float[np.ndarray, "a m1 k"]:
+    """Return the changes with a zero column for the constant offset."""
+    return np.concatenate([changes, np.zeros((len(changes), 1, changes.shape[2]))], axis=1)
+
+
+def _coefficient_changes(observer: ObserverMarkov, data: Gram) -> Float[np.ndarray, "q p k"]:
+    """Return the changes of the regression coefficients per standard normal variable.
+
+    Few lags leave correlated residuals. The covariance is then the sandwich ``P (Σ_l w_l R_l ⊗ Γ_l) P`` with P the inverse Gram
+    matrix of the regressors, R_l its lagged version and Γ_l the residual autocovariance, all available from a Gram matrix with
+    more lags. The weights are flat up to half the memory (Politis and Romano, 1995): near a lightly damped mode the residuals
+    have no power, and weights decaying from lag zero would leak power from neighbouring frequencies.
+    """
+    lags, p, m = observer.alpha.shape
+    found = regression(data, lags, feedthrough=observer.feedthrough)
+    P, theta = inverse(found.information), found.theta
+    q, r = len(P), m + p
+    memory = min(data.lags - lags, MEMORY_PER_LAG * lags)
+    if memory < 1 or q * p > SANDWICH_MOST:
+        return np.einsum("qa,ps->qpas", _root(P), _root(observer.residual_covariance)).reshape(q, p, q * p)
+    width = len(data.sums)
+    columns = np.concatenate([np.arange(1 + m if observer.feedthrough else 1), np.arange(1 + r, 1 + r * (lags + 1))])
+    S = np.zeros((q, p, q, p))
+    for lag in range(memory + 1):
+        later = columns + np.where(columns > 0, r * lag, 0)
+        residual = np.zeros((2, p, width))
+        for row, (at, y) in zip(residual, ((columns, 1 + m), (later, 1 + m + r * lag)), strict=True):
+            row[:, at] = -theta.T
+            row[np.arange(p), y + np.arange(p)] += 1.0
+        cross = residual[0] @ data.sums @ residual[1].T / max(data.count - q, 1.0)
+        term = np.einsum("ab,ij->aibj", data.sums[np.ix_(columns, later)], cross)
+        S += term if lag == 0 else min(1.0, 2.0 - 2.0 * lag / (memory + 1.0)) * (term + term.transpose(2, 3, 0, 1))
+    covariance = np.einsum("ab,bicj,cd->aidj", P, S, P, optimize=True).reshape(q * p, q * p)
+    return _root(covariance).reshape(q, p, q * p)
+
+
+def free_response(system: Affine, m: int, count: int) -> Float[np.ndarray, "count p m"]:
+    """Return the Markov parameters D, CB, CAB, … of a model."""
+    reach = observability(system.A, system.C, max(count - 1, 1)) @ system.B[:, :m]
+    return np.concatenate([system.D[None, :, :m], reach])[:count]
+
+
+def markov_changes(observer: ObserverMarkov, system: Affine, data: Gram, count: int) -> Float[np.ndarray, "count p m k"]:
+    """Return the changes of the Markov parameters per standard normal variable.
+
+    Y_k = α_k + Σ β_i Y_{k-i}: a change of α and β enters at k and propagates through the β.
+    """
+    lags, p, m = observer.alpha.shape
+    changes = _coefficient_changes(observer, data)
+    # Use the model's Markov parameters, not the observer's. Along directions that change the observer but not its system,
+    # which are wide for any noise level, the derivative is zero only at an exact response.
+    Y = free_response(system, m, count)
+    first, k = 1 + (m if observer.feedthrough else 0), changes.shape[2]
+    entering = np.zeros((count, p, m, k))
+    if observer.feedthrough:
+        entering[0] = changes[1:first].transpose(1, 0, 2)
+    lagged = changes[first:].reshape(lags, m + p, p, k)
+    for at in range(1, count):
+        reach = min(at, lags)
+        if at <= lags:
+            entering[at] = lagged[at - 1, :m].transpose(1, 0, 2)
+        fed_back = np.tensordot(lagged[:reach, m:], Y[at - reach : at][::-1], axes=([0, 1], [0, 1]))
+        entering[at] += fed_back.transpose(0, 2, 1)
+    answers = unroll(np.eye(p), np.zeros_like(observer.beta), observer.beta, count)
+    for at in range(count - 1, 0, -1):
+        entering[at] = np.tensordot(answers[: at + 1], entering[at::-1], axes=([0, 2], [0, 1]))
+    return entering
+
+
+def of_refined(
+    system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"], units: Units
+) -> ConfidenceIntervals | None:
+    """Return the intervals of an output-error model; None for data too short to estimate them."""
+    found = _curvature(system, experiments, fixed)
+    if found is None:
+        return None
+    ways, root = found
+    return ConfidenceIntervals(system=system, ways=ways.along(root), units=units)
+
+
+def of_predicting(
+    system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"], units: Units
+) -> ConfidenceIntervals | None:
+    """Return the intervals of a prediction-error model; its experiments have the outputs as additional inputs."""
+    p, K = len(system.C), system.K
+    found = _curvature(system.predictor(), experiments, np.hstack([fixed, np.ones((p, p), dtype=bool)]))
+    if found is None or K is None:
+        return None
+    ways, root = found
+    w = ways.along(root)
+    dK, dD = w.B[:, -p:], w.D[:, :-p]
+    moved = Directions(
+        A=w.A + np.einsum("npk,pm->nmk", dK, system.C) + np.einsum("np,pmk->nmk", K, w.C),
+        B=w.B[:, :-p] + np.einsum("npk,pm->nmk", dK, system.D) + np.einsum("np,pmk->nmk", K, dD),
+        C=w.C,
+        D=dD,
+    )
+    return ConfidenceIntervals(system=system, ways=moved, units=units)
+
+
+def _curvature(
+    system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]
+) -> tuple[Directions, Float[np.ndarray, "d d"]] | None:
+    """Return the directions of a fit and a square root of their covariance."""
+    ways, p = directions(system, fixed), len(system.C)
+    d = ways.A.shape[2]
+    total = sum(len(item.y) for item in experiments)
+    kept = [_recent(item, ROWS_MOST * len(item.y) // max(total, ROWS_MOST)) for item in experiments]
+    pairs = [jacobian(system, item, ways) for item in kept]
+    seen = sum(int(item.there.sum()) for item in kept)
+    if seen * p <= 2 * d:
+        return None
+    H = sum(J.T @ J for J, _ in pairs)
+    errors = [e.reshape(-1, p) for _, e in pairs]
+    freedom = seen / (seen - d / p)
+    memory = 0 if _white(errors) else min(int(MEMORY * seen ** (1.0 / 3.0)), seen // 4)
+    S = np.zeros((d, d))
+    for lag in range(memory + 1):
+        cross = freedom * sum(e[lag:].T @ e[: len(e) - lag] for e in errors if len(e) > lag) / seen
+        for J, e in pairs:
+            steps = len(e) // p
+            if steps <= lag:
+                continue
+            G = J.reshape(steps, p, d)
+            late = np.ascontiguousarray(G[lag:].transpose(0, 2, 1)) @ cross
+            term = late.transpose(1, 0, 2).reshape(d, -1) @ G[: steps - lag].reshape(-1, d)
+            S += term if lag == 0 else (1.0 - lag / (memory + 1.0)) * (term + term.T)
+    inverse = np.linalg.pinv(H, rcond=1e-13, hermitian=True)
+    scale = total / max(sum(len(item.y) for item in kept), 1)
+    return ways, _root(inverse @ (0.5 * (S + S.T)) @ inverse / scale)
+
+
+def _recent(item: Experiment, rows: int) -> Experiment:
+    return item if rows >= len(item.y) else item.part(len(item.y) - max(rows, 1), len(item.y))
+
+
+def _white(errors: Sequence[Float[np.ndarray, "_ p"]]) -> bool:
+    longest = max(errors, key=len)
+    return len(longest) > 4 * WHITENESS_LAGS and whiteness_p(longest) > WHITENESS_P_MIN
+
+
+def _root(covariance: Float[np.ndarray, "d d"]) -> Float[np.ndarray, "d d"]:
+    """Return L with LL' = covariance; negative eigenvalues from rounding count as zero."""
+    values, V = np.linalg.eigh(0.5 * (covariance + covariance.T))
+    return np.asarray(V * np.sqrt(np.maximum(values, 0.0)))

@@ -1,0 +1,192 @@
+"""Identification of data larger than memory: a Gram matrix of all samples, and the last samples for validation."""
+
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from treadline.core.errors import PoorExcitation, SettingsError
+from treadline.core.models import InputOutputRecord
+from treadline.identification._affine import to_model
+from treadline.identification._checks import channel_names, check_alike, check_gaps, check_records, gaps_in
+from treadline.identification._identified import Identified
+from treadline.identification._threads import one_thread
+from treadline.identification.from_gram import from_gram, provenance_of
+from treadline.identification.gram import Gram, GramBuilder, Units
+from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
+from treadline.identification.validate import joined_in_time, most_recent
+from treadline.identification.windows import LAGS_MOST, max_supported_lags
+
+METHODS = ("pbsid", "okid-era", "era-dc")
+"""Methods that need only the Gram matrix; refinements need all samples."""
+WHOLE_RECORD_OPTIONS = ("delays", "stable", "validation", "prior", "forgetting")
+"""Options that need all samples at once, so that chunks reject them."""
+KEPT = 20_000
+"""Number of most recent samples kept for validation."""
+HALF_LEAST = 0.1
+"""Smallest share of the windows for a part of the data to count as a half."""
+
+
+@one_thread()
+def identify_chunks(
+    *experiments: Iterable[InputOutputRecord],
+    options: IdentificationOptions = DEFAULT_OPTIONS,
+) -> Identified:
+    """Return the linear model of long experiments read in chunks, in bounded memory.
+
+    Args:
+        experiments: Consecutive chunks of each experiment. The first chunks in which every channel moves determine the
+            units and the largest number of lags.
+        options: Order, lags, feedthrough, solver, and one of the methods in ``METHODS``, by default ``pbsid``.
+
+    Raises:
+        RecordError: If a chunk is unusable, or the data do not support the request.
+        SettingsError: If an option is unknown or out of range.
+    """
+    started = time.perf_counter()
+    method = options.method or "pbsid"
+    _check_options(options, method)
+    rest = _chunks(experiments)
+    start = _start(rest, options.lags, options.order)
+    data, half, last = _gram_of_chunks(start, rest, options.solver)
+    kept = sum(len(record) for record in last)
+    warnings = [f"figures are on the last {kept} samples"] if data.count > kept else []
+    if start.left_out:
+        warnings.append(f"the first {start.left_out} samples, with a constant channel or too many gaps, were left out")
+    found = from_gram(data, half, last, options, method=method, warnings=warnings, records_are_complete=False)
+    names = channel_names(start.chunks[0].record)
+    return Identified(
+        model=to_model(found.system, found.units, data.dt_s, names, provenance_of(method, found.candidate)),
+        found=found,
+        method=method,
+        fitted=last,
+        judged=last,
+        shifts=[0] * start.chunks[0].record.u.shape[1],
+        started=started,
+        gram=data,
+    )
+
+
+def _check_options(options: IdentificationOptions, method: str) -> None:
+    """Reject options that need all samples at once."""
+    if method not in METHODS:
+        raise SettingsError(f"method is '{method}'; for chunks allowed: {', '.join(METHODS)}")
+    for item in fields(options):
+        if item.name in WHOLE_RECORD_OPTIONS and getattr(options, item.name) != item.default:
+            raise SettingsError(f"{item.name} needs the whole record; give it to identify")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Chunk:
+    record: InputOutputRecord
+    begins: bool
+    """Whether the chunk is the first of its experiment."""
+    goes_on: bool = False
+    """Whether the previous sample is complete and of the same experiment, so that windows may extend into it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Start:
+    """Initial chunks, enough to determine the units and to support all lags tried."""
+
+    chunks: list[_Chunk]
+    units: Units
+    lags: int
+    left_out: int
+    """Samples left out before the first chunk."""
+
+
+def _chunks(experiments: Iterable[Iterable[InputOutputRecord]]) -> Iterator[_Chunk]:
+    """Yield all chunks after a check that they are alike; reject an experiment with too many gaps at its end."""
+    first: InputOutputRecord | None = None
+    for experiment in experiments:
+        samples = gaps = 0
+        is_complete = False
+        for number, record in enumerate(experiment):
+            first = first or record
+            check_alike([first, record], parts=True)
+            samples, gaps = samples + len(record), gaps + gaps_in(record)
+            yield _Chunk(record=record, begins=number == 0, goes_on=is_complete)
+            is_complete = bool(np.isfinite(record.u[-1]).all() and np.isfinite(record.y[-1]).all())
+        check_gaps(gaps, samples)
+
+
+def _start(chunks: Iterator[_Chunk], lags: int | None, order: int | None) -> _Start:
+    """Return the initial chunks, until every channel moves and the largest number of lags is supported.
+
+    A robot may stand still at first; such samples are kept as far as the memory limit allows.
+    """
+    waiting: list[_Chunk] = []
+    rejection = PoorExcitation("there is no chunk of data; give a longer record")
+    found: _Start | None = None
+    left_out = 0
+    for chunk in chunks:
+        waiting = [*waiting, chunk]
+        records = _joined(waiting)
+        try:
+            carried, units = max_supported_lags(records, lags, order), check_records(records, parts=True)
+            found = _Start(chunks=waiting, units=units, lags=carried, left_out=left_out)
+        except PoorExcitation as error:
+            rejection = error
+        samples = sum(len(item.record) for item in waiting)
+        if found is not None and (lags is not None or found.lags == LAGS_MOST or samples >= KEPT):
+            break
+        while samples - len(waiting[0].record) >= KEPT:
+            left_out, samples = left_out + len(waiting[0].record), samples - len(waiting[0].record)
+            waiting = waiting[1:]
+    if found is None:
+        raise rejection
+    return replace(found, chunks=waiting)  # later chunks with gaps may support fewer lags but still contribute data
+
+
+def _joined(chunks: Sequence[_Chunk]) -> list[InputOutputRecord]:
+    """Return the chunks joined into unbroken parts of experiments."""
+    parts: list[list[_Chunk]] = []
+    for chunk in chunks:
+        if chunk.goes_on and parts:
+            parts[-1].append(chunk)
+        else:
+            parts.append([chunk])
+    return [joined_in_time([chunk.record for chunk in together]) for together in parts]
+
+
+def _with(records: list[InputOutputRecord], chunk: _Chunk) -> list[InputOutputRecord]:
+    """Return the parts of experiments extended by one chunk."""
+    if chunk.goes_on and records:
+        return [*records[:-1], joined_in_time([records[-1], chunk.record])]
+    return [*records, chunk.record]
+
+
+def _gram_of_chunks(start: _Start, rest: Iterator[_Chunk], solver: str) -> tuple[Gram, Gram | None, list[InputOutputRecord]]:
+    """Return the Gram matrix of all chunks, of about the first half, and the last samples."""
+    first, last = start.chunks[0].record, most_recent(_joined(start.chunks), KEPT)
+    builder = GramBuilder(start.lags, start.units, first.dt_s, solver=solver)
+    marks: list[Gram] = []
+    for chunk in start.chunks:
+        _add(builder, chunk, marks)
+    for chunk in rest:
+        _add(builder, chunk, marks)
+        last = most_recent(_with(last, chunk), KEPT)
+    whole = replace(builder.finish(), names=channel_names(first))
+    return whole, _half(whole, marks), last
+
+
+def _add(builder: GramBuilder, chunk: _Chunk, marks: list[Gram]) -> None:
+    """Add a chunk and store the Gram matrix at each doubling, so that a mark near the half exists for any length."""
+    if chunk.begins:
+        builder.begin()
+    middle = len(chunk.record) // 2
+    for rows in (slice(0, middle), slice(middle, None)):
+        builder.add(chunk.record.u[rows], chunk.record.y[rows])
+        now = builder.finish()
+        if now.count > 0 and (not marks or now.count >= 2 * marks[-1].count):
+            marks.append(now)
+
+
+def _half(whole: Gram, marks: list[Gram]) -> Gram | None:
+    """Return the Gram matrix at the mark nearest to the middle; None if either part is too small."""
+    first = min(marks, key=lambda mark: abs(mark.count - 0.5 * whole.count), default=None)
+    if first is None or min(first.count, whole.count - first.count) < HALF_LEAST * whole.count:
+        return None
+    return first

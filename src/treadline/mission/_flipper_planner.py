@@ -1,0 +1,157 @@
+"""Flipper commands on floor and flight: move to an angle, ride on the nosings, and detect a flipper that does not follow.
+
+``FlipperReading -> FlipperCommand``. Over crest and edge other sequences command the flipper (``control/crest_sequence.py``,
+``control/edge_sequence.py``). The riding flipper acts as a spring and damper and follows a falling chair: docs/decisions/0019.
+"""
+
+import math
+
+from treadline.control.flipper_geometry import FLIPPER_PER_S, OVER_BELTS_RAD
+from treadline.core.angles import DEG
+from treadline.core.signals import FlipperCommand, FlipperReading
+from treadline.mission._tip_over import FALL_RATE_RAD_S
+from treadline.scenario.chair import ChairDescription
+
+CLEAR_M = 0.05
+"""Clearance of the flipper's tip above a step while only the flipper passes over nosings [m]. From its rest, at 40°, belts with
+friction 0.45 neither mount nor stay on the nosings while leaving; at this clearance they do."""
+RIDING_HEADING_RAD, LIFTED_HEADING_RAD = 0.5 * DEG, 1.5 * DEG
+"""Heading error up to which the flipper rides on the nosings, and from which it is lifted above them [rad]. Riding lengthens
+the track by half, so that the chair hardly rocks, but turns 2.5 times less."""
+RIDING_DIFFERENCE_M_S, LIFTED_DIFFERENCE_M_S = 0.02, 0.06
+"""Belt speed difference up to which the flipper rides, and from which it is lifted [m/s]: the longer track of a riding flipper
+would skid instead of turning."""
+SPANS, IN_LINE_RAD = 1.1, -0.5 * DEG
+"""Smallest ratio of flipper length to the distance between nosings for riding, and the angle of a shorter flipper relative to the
+belts [rad]. A shorter flipper would drop off each nosing, so it is held in line with the belts."""
+RIDES_RAD_S = 20.0 * DEG
+"""Rate at which a riding flipper yields to a load of its full motor torque [rad/s]. With 200 N·m this is a spring of 1150 N·m/rad
+and a damper of 570 N·m·s/rad, which lowers a chair that passes a high nosing. At twice the rate the servo oscillates."""
+LAID_RAD = 1.0 * DEG
+"""Angle above the riding or lifted angle at which the flipper counts as laid [rad]; the last degree would take half a second."""
+CATCHES = 4.0
+"""Ratio of the flipper's lowering rate to the chair's pitch rate beyond the fall threshold. Rigid belts let a chair fall from a
+nosing 2 mm high by up to 1°, with 2.5 to 3.6 m/s² at the passenger; the flipper meets the nosing below before that."""
+MEETS_SHARE = 0.05
+"""Share of the motor's torque above which the flipper has met the nosing, and acts as spring and damper again."""
+YIELDS_SHARE, YIELDS_RAD_S = 0.5, 10.0 * DEG
+"""Share of the motor's torque above which a flipper that moves to an angle yields, and its yield rate at full torque [rad/s]."""
+FLIPPER_RAD_S = 15.0 * DEG
+"""Largest rate of a flipper that moves to an angle [rad/s]."""
+LATE_S = 0.8
+"""Time beyond the expected duration of a movement after which the motor counts as dead or stuck [s]."""
+
+
+def turning_share(off_rad: float, apart_m_s: float) -> float:
+    """Return how far the flipper is lifted for the chair to turn: 0 riding on the nosings, 1 fully lifted above them.
+
+    Args:
+        off_rad: Absolute heading error [rad].
+        apart_m_s: Absolute belt speed difference [m/s].
+    """
+    by_heading = (off_rad - RIDING_HEADING_RAD) / (LIFTED_HEADING_RAD - RIDING_HEADING_RAD)
+    return min(max(by_heading, (apart_m_s - RIDING_DIFFERENCE_M_S) / (LIFTED_DIFFERENCE_M_S - RIDING_DIFFERENCE_M_S), 0.0), 1.0)
+
+
+class FlipperPlanner:
+    """Computes flipper commands from readings; angles are above the belts' line [rad].
+
+    Args:
+        chair: Chair with or without a flipper.
+        rides_rad: Angle at which the flipper rides on the nosings, ``Traversal.RIDES_RAD``.
+    """
+
+    def __init__(self, chair: ChairDescription, rides_rad: float) -> None:
+        self.rest_rad = chair.tracks.approach_angle_deg * DEG
+        self.reading: FlipperReading | None = None
+        self._rides_rad = rides_rad
+        self._flipper_m = chair.tracks.approach_m
+        self._most_n_m = math.inf if chair.flipper is None else chair.flipper.torque_n_m
+        self._fastest_rad_s = FLIPPER_RAD_S if chair.flipper is None else chair.flipper.max_rate_deg_s * DEG
+        self._there_by_s = math.inf
+        """Deadline for a flipper that is off its commanded angle [s]; infinite while it is not."""
+
+    def update(self, reading: FlipperReading) -> None:
+        """Update with one reading."""
+        self.reading = reading
+
+    def clears(self, rise_m: float) -> float:
+        """Return the flipper angle at which the tip clears a step by ``CLEAR_M`` [rad]."""
+        return min(math.asin(min((rise_m + CLEAR_M) / self._flipper_m, 1.0)), self.rest_rad)
+
+    def spans(self, step_m: float) -> bool:
+        """Return whether the flipper reaches from nosing to nosing; ``step_m`` is 0 while no stair is known."""
+        return 0.0 < SPANS * step_m < self._flipper_m
+
+    def ride(self, t_s: float, step_m: float, share: float, *, falls_rad_s: float) -> FlipperCommand | None:
+        """Return the command that rides on the nosings, or lifts the flipper for a turn; None without a flipper.
+
+        Args:
+            t_s: Mission time.
+            step_m: Distance from nosing to nosing.
+            share: Lift for a turn, 0 to 1 (``turning_share``).
+            falls_rad_s: Pitch rate downwards that the flipper follows; 0 if it must not follow.
+        """
+        if not self.spans(step_m):
+            return self.to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
+        if self.reading is None:
+            return None
+        off = self._rides_at(share) - self.reading.angle_rad
+        rate = max(FLIPPER_PER_S * off + RIDES_RAD_S * self._load, -FLIPPER_RAD_S)
+        if self._load <= MEETS_SHARE:
+            rate -= CATCHES * max(falls_rad_s - FALL_RATE_RAD_S, 0.0)
+        # Upwards at the motor's full rate: at 15 °/s a chair ran against the nosing that was to lift its flipper (3.9 m/s²).
+        return FlipperCommand(t_s=t_s, rate_rad_s=min(max(rate, -self._fastest_rad_s), self._fastest_rad_s))
+
+    def _rides_at(self, share: float) -> float:
+        return self._rides_rad + share * (OVER_BELTS_RAD - self._rides_rad)
+
+    def is_laid(self, t_s: float, step_m: float, share: float) -> bool:
+        """Return whether a chair that starts on a flight may drive: the flipper rides on the nosings, or is late.
+
+        With the flipper at its rest a chair falls from the first high nosing with up to 4.2 m/s² at the passenger. A fully lifted
+        flipper, or one too short to ride, would not catch the fall, so the chair does not wait for it.
+
+        Args:
+            t_s: Mission time.
+            step_m: Distance from nosing to nosing.
+            share: Lift for a turn, 0 to 1 (``turning_share``).
+        """
+        above_rad = 0.0
+        if self.reading is not None and self.spans(step_m) and share < 1.0:
+            above_rad = max(self.reading.angle_rad - max(self._rides_at(share), 0.0) - LAID_RAD, 0.0)
+        return self.is_late(t_s, above_rad) or above_rad <= 0.0
+
+    def to(self, t_s: float, angle_rad: float, *, lifts_rad_s: float = FLIPPER_RAD_S) -> FlipperCommand | None:
+        """Return the command that moves the flipper to an angle and yields to its load; None without a flipper."""
+        if self.reading is None:
+            return None
+        over = max(self._load - YIELDS_SHARE, 0.0) / (1.0 - YIELDS_SHARE)
+        rate = min(FLIPPER_PER_S * (angle_rad - self.reading.angle_rad), lifts_rad_s) + YIELDS_RAD_S * over
+        return FlipperCommand(t_s=t_s, rate_rad_s=min(max(rate, -FLIPPER_RAD_S), FLIPPER_RAD_S))
+
+    @property
+    def _load(self) -> float:
+        """Load of the flipper as a share of its motor's torque."""
+        return 0.0 if self.reading is None else max(-self.reading.torque_n_m / self._most_n_m, 0.0)
+
+    def is_late(self, t_s: float, off_rad: float, gently_s: float = 0.0) -> bool:
+        """Return whether the flipper has exceeded the time that its movement needs; after True the time starts again.
+
+        Call at each tick, also without an angle error.
+
+        Args:
+            t_s: Mission time.
+            off_rad: Angle to the commanded position; 0 if there is none.
+            gently_s: Additional time for a slow part of the movement.
+        """
+        there_s = t_s + off_rad / FLIPPER_RAD_S + gently_s + LATE_S
+        self._there_by_s = min(self._there_by_s, there_s) if off_rad > 0.0 else math.inf
+        if t_s < self._there_by_s:
+            return False
+        self._there_by_s = there_s
+        return True
+
+    def forget(self) -> None:
+        """Clear the deadline of a movement."""
+        self._there_by_s = math.inf
