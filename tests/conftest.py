@@ -1,7 +1,7 @@
 """Common to all tests: shape checks, logs written by rosbags instead of our own writer, no deadlines on busy machines.
 
-With ``TREADLINE_SHAPES=1`` (``make shapes``) array shapes are checked at run time in each module that declares any. In all tests this
-would take half of the time, because functions are called at each of thousands of ticks. All other types are checked by mypy.
+With ``TREADLINE_SHAPES=1`` (``make shapes``) array shapes are checked at run time in each module that declares any. That takes half
+of the time of a run, whose functions are called at each of thousands of ticks. All other types are checked by mypy.
 """
 
 import os
