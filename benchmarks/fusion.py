@@ -17,17 +17,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, quaternion_of, rms, rotation_of, rotation_y, rotation_z, wrap
-from treadline.core.signals import (
-    TICK_S,
-    HeadingEstimate,
-    HeadingMeasurement,
-    ImuSample,
-    PinholeCamera,
-    RgbdFrame,
-    SeatCommand,
-    TrackCommand,
-    TrackReading,
-)
+from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.signals import TICK_S, HeadingEstimate, HeadingMeasurement, ImuSample, SeatCommand, TrackCommand, TrackReading
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig, MountEstimate, OffsetEstimator
 from treadline.estimation.aberration import AberrationRule
 from treadline.perception import StairDetector

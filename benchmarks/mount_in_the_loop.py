@@ -12,8 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from treadline.core.angles import DEG
-from treadline.core.ports import Truth, TruthPlant
-from treadline.core.signals import Event, HeadingMeasurement, Reading, RgbdFrame
+from treadline.core.images import RgbdFrame
+from treadline.core.ports import Reading, Truth, TruthPlant
+from treadline.core.signals import Event, HeadingMeasurement
 from treadline.plant.mujoco import open_plant
 from treadline.run.episode import run_episode
 from treadline.run.resolve import resolve

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG, quaternion_of
-from treadline.core.signals import HeadingMeasurement, ImuSample, RgbdFrame, TrackReading
+from treadline.core.images import RgbdFrame
+from treadline.core.signals import HeadingMeasurement, ImuSample, TrackReading
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
 from treadline.plant.sensors.camera import RecordedDrive, ViewRecipe

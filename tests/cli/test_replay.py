@@ -13,8 +13,9 @@ import pytest
 from treadline.cli import main
 from treadline.cli import replay as replay_verb
 from treadline.core.angles import rotation_of
+from treadline.core.images import RgbdFrame
 from treadline.core.ports import Truth
-from treadline.core.signals import HeadingEstimate, ImuSample, RgbdFrame, SeatCommand, TrackCommand
+from treadline.core.signals import HeadingEstimate, ImuSample, SeatCommand, TrackCommand
 from treadline.io.cdr import seconds_of
 from treadline.io.decode import LogDecoder
 from treadline.io.mcap_log import RunLog

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y, rotation_z
-from treadline.core.signals import ImuSample, PinholeCamera, StairAxes, TrackReading
+from treadline.core.images import PinholeCamera, StairAxes
+from treadline.core.signals import ImuSample, TrackReading
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate, calibrated
 
 FRAME_S = 0.1

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y, rotation_z
-from treadline.core.signals import Event, ImuSample, PinholeCamera, StairAxes, TrackReading
+from treadline.core.images import PinholeCamera, StairAxes
+from treadline.core.signals import Event, ImuSample, TrackReading
 from treadline.estimation import MountMonitor
 from treadline.estimation._mount_monitor import mount_angles
 from treadline.estimation.block_means import BlockMeans

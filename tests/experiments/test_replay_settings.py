@@ -8,8 +8,8 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
+from treadline.core.images import PinholeCamera
 from treadline.core.settings import settings_of
-from treadline.core.signals import PinholeCamera
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.experiments.replay_settings import applied, key_table, resolved, table_of
 from treadline.mission.mission_config import MissionConfig, guard_config

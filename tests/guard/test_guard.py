@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y
+from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.ports import Reading
 from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,
@@ -19,9 +21,6 @@ from treadline.core.signals import (
     ImuSample,
     MotionPlan,
     OperatorInput,
-    PinholeCamera,
-    Reading,
-    RgbdFrame,
     SeatCommand,
     SeatReading,
     StairMap,

@@ -12,6 +12,7 @@ from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 
 from treadline.core.errors import LogFormatError, TreadlineError
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     Event,
@@ -21,8 +22,6 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
-    PinholeCamera,
-    RgbdFrame,
     SeatCommand,
     SeatReading,
     TrackCommand,

@@ -9,7 +9,8 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from treadline.core.errors import ImageError, LogFormatError, SettingsError, TreadlineError
-from treadline.core.signals import Event, HeadingMeasurement, ImuSample, PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.signals import Event, HeadingMeasurement, ImuSample
 from treadline.io.mcap_log import RunLog
 from treadline.io.sensor_log import EVENTS_MAX, SensorLog
 from treadline.io.topics import parse_topics

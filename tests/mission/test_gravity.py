@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG, quaternion_of, rotation_y
-from treadline.core.signals import HeadingMeasurement, ImuSample, PinholeCamera, RgbdFrame, StairMap
+from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.signals import HeadingMeasurement, ImuSample, StairMap
 from treadline.guard import GuardConfig
 from treadline.mission.blocks import CameraBlock
 from treadline.mission.frame_gravity import GravityAtExposure

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.ports import Reading
 from treadline.core.signals import (
     Event,
     FlipperCommand,
@@ -15,9 +17,6 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     MotionPlan,
-    PinholeCamera,
-    Reading,
-    RgbdFrame,
     SeatCommand,
     SeatReading,
     StairMap,

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y
-from treadline.core.signals import Event, HeadingMeasurement, ImuSample, RgbdFrame, StairMap, TrackReading
+from treadline.core.images import RgbdFrame
+from treadline.core.signals import Event, HeadingMeasurement, ImuSample, StairMap, TrackReading
 from treadline.guard import GuardConfig
 from treadline.mission.blocks import CameraBlock
 from treadline.perception import StairDetector

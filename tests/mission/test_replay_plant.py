@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG, quaternion_of, rotation_of, rotation_y, rotation_z
-from treadline.core.ports import Plant
-from treadline.core.signals import ImuSample, OperatorInput, PinholeCamera, Reading, SeatCommand, TrackCommand
+from treadline.core.images import PinholeCamera
+from treadline.core.ports import Plant, Reading
+from treadline.core.signals import ImuSample, OperatorInput, SeatCommand, TrackCommand
 from treadline.mission.replay_plant import ReplayPlant
 
 UP = np.array([0.0, 0.0, 1.0])

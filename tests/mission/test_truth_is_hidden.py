@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from treadline.core.models import ControllerDesign, LinearModel
-from treadline.core.ports import Plant, TruthPlant
-from treadline.core.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
+from treadline.core.ports import Plant, Reading, TruthPlant
+from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.experiments.as_printed import paper_model
 from treadline.experiments.plan import turn
 from treadline.mission.loop import Mission

@@ -7,7 +7,7 @@ import pytest
 from jaxtyping import Float
 
 from treadline.core.angles import rotation_z
-from treadline.core.signals import RgbdFrame
+from treadline.core.images import RgbdFrame
 from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair

@@ -7,7 +7,7 @@ import pytest
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.core.signals import DepthSensor
+from treadline.core.images import DepthSensor
 from treadline.perception import StairDetector
 from treadline.perception._acceptance import EVIDENCE, UNCONFIRMED
 from treadline.perception._irregularity import pooled_mean

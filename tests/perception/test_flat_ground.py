@@ -7,7 +7,7 @@ import pytest
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_y, rotation_z
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.perception.flat_ground import obstacle_on_flat_ground
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import SceneBox, solids_of

@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, rms, rotation_z
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.perception import StairDetection, StairDetector
 from treadline.perception.overlay import overlay
 from treadline.plant.sensors.camera import Camera, View, ViewRecipe, draw_view

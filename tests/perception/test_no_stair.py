@@ -9,7 +9,7 @@ from jaxtyping import Float, Float32
 
 from treadline.core.angles import DEG, rotation_x, rotation_y
 from treadline.core.errors import ImageError
-from treadline.core.signals import RgbdFrame
+from treadline.core.images import RgbdFrame
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import solids_of, upright

@@ -13,13 +13,12 @@ import pytest
 
 from treadline.core.angles import DEG, attitude_of, rotation_of
 from treadline.core.errors import SimulationDiverged
-from treadline.core.ports import TruthPlant
+from treadline.core.ports import Reading, TruthPlant
 from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,
     HeadingMeasurement,
     ImuSample,
-    Reading,
     SeatCommand,
     SeatReading,
     TrackCommand,

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     Event,
     FlipperReading,
     HeadingEstimate,
     ImuSample,
-    PinholeCamera,
-    RgbdFrame,
     SeatReading,
     StairMap,
     TrackCommand,

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from treadline.core.errors import LogFormatError
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.signals import (
     Event,
     FlipperCommand,
@@ -18,8 +19,6 @@ from treadline.core.signals import (
     ImuSample,
     MotionPlan,
     OperatorInput,
-    PinholeCamera,
-    RgbdFrame,
     SeatCommand,
     SeatReading,
     StairMap,

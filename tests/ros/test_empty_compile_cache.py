@@ -16,7 +16,8 @@ from treadline.ros import channels as on
 from treadline.ros.assembly import node_of
 from treadline.ros.inproc import InProcess
 from treadline.run.resolve import resolve
-from treadline.core.signals import ImuSample, RgbdFrame
+from treadline.core.images import RgbdFrame
+from treadline.core.signals import ImuSample
 from treadline.plant.mujoco import open_plant
 
 clock = compiling()

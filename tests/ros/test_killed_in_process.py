@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from treadline.core.ports import Truth
-from treadline.core.signals import FlipperCommand, OperatorInput, Reading, SeatCommand, TrackCommand
+from treadline.core.ports import Reading, Truth
+from treadline.core.signals import FlipperCommand, OperatorInput, SeatCommand, TrackCommand
 from treadline.guard import GuardConfig
 from treadline.mission.mission_config import build_blocks, guard_config
 from treadline.plant.mujoco import open_plant

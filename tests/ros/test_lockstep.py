@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from treadline.core.ports import Plant
-from treadline.core.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
+from treadline.core.ports import Plant, Reading
+from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.mission.loop import Mission
 from treadline.mission.mission_config import build_blocks, guard_config
 from treadline.plant.faults import faulty

@@ -76,7 +76,8 @@ import sys, time
 import numpy as np
 from treadline.ros import channels as on
 from treadline.ros.zenoh import ZenohTransport
-from treadline.core.signals import ImuSample, PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.signals import ImuSample
 wire = ZenohTransport("plant", endpoint=sys.argv[1])
 camera = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)
 rgb, depth = np.full((240, 320, 3), 99, np.uint8), np.full((240, 320), 1.5, np.float32)

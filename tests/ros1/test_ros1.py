@@ -79,7 +79,8 @@ import sys, time
 import numpy as np
 from treadline.ros import channels as on
 from treadline.ros.ros1 import Ros1Transport
-from treadline.core.signals import ImuSample, PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.signals import ImuSample
 wire = Ros1Transport("source")
 camera = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)
 rgb, depth = np.full((240, 320, 3), 99, np.uint8), np.full((240, 320), 1.5, np.float32)

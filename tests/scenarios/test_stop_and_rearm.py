@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG
-from treadline.core.ports import Truth, TruthPlant
-from treadline.core.signals import Event, FlipperCommand, MotionPlan, OperatorInput, Reading, SeatCommand, TrackCommand
+from treadline.core.ports import Reading, Truth, TruthPlant
+from treadline.core.signals import Event, FlipperCommand, MotionPlan, OperatorInput, SeatCommand, TrackCommand
 from treadline.mission.loop import Mission, Signal
 from treadline.mission.mission_config import build_blocks
 from treadline.plant.mujoco import open_plant

@@ -9,9 +9,10 @@ import pytest
 from PIL import Image
 
 from treadline.core.errors import LogFormatError
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.models import ControllerDesign
 from treadline.core.ports import Truth
-from treadline.core.signals import PinholeCamera, RgbdFrame, StairMap
+from treadline.core.signals import StairMap
 from treadline.io.cdr import nanoseconds_of
 from treadline.io.runs import LOG
 from treadline.io.scene_messages import compressed_message

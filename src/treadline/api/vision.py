@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from treadline.core.errors import ImageError
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.perception import StairDetector
 from treadline.perception.detection import StairDetection
 from treadline.scenario.camera_file import read_camera

@@ -10,8 +10,7 @@ from treadline.cli.numbers import List, choice
 from treadline.cli.out import Force, claim
 
 if TYPE_CHECKING:
-    from treadline.core.named_frame import FrameSource
-    from treadline.core.signals import PinholeCamera
+    from treadline.core.images import FrameSource, PinholeCamera
 
 MANY = 20
 """Number of frames above which progress is shown."""
@@ -114,7 +113,7 @@ def _source(
     *,
     colour: bool,
 ) -> "FrameSource":
-    from treadline.core.named_frame import gravity_of
+    from treadline.core.images import gravity_of
     from treadline.io.frames.sources import FrameOptions, open_frames
     from treadline.scenario.camera_file import read_camera
 
@@ -144,7 +143,7 @@ def _mount_of_run(source: Path) -> "PinholeCamera | None":
 
 def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, out: Path | None) -> Answer:
     """Evaluate the frames of a source; a single frame answers for itself, several with a summary."""
-    from treadline.core.named_frame import SeveralFrames
+    from treadline.core.images import SeveralFrames
     from treadline.io.frames.results import HeadingTable, Summary
     from treadline.perception.frame_evaluation import see_frames
 

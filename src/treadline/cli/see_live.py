@@ -28,8 +28,8 @@ def see_live(
         ImageError: If its images do not fit its intrinsics.
     """
     from treadline.cli.numbers import check_times
+    from treadline.core.images import gravity_of
     from treadline.core.interrupts import Terminated, deferred
-    from treadline.core.named_frame import gravity_of
     from treadline.io.frames.results import HeadingTable, Summary
     from treadline.io.live.depth_camera import camera_by_name
     from treadline.io.live.stream import LiveFrames

@@ -9,7 +9,33 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-from treadline.core.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
+from treadline.core.images import RgbdFrame
+from treadline.core.signals import (
+    FlipperCommand,
+    FlipperReading,
+    FrameQuality,
+    HeadingMeasurement,
+    ImuSample,
+    OperatorInput,
+    SeatCommand,
+    SeatReading,
+    StairMap,
+    TrackCommand,
+    TrackReading,
+)
+
+Reading = (
+    RgbdFrame
+    | ImuSample
+    | SeatReading
+    | TrackReading
+    | FlipperReading
+    | HeadingMeasurement
+    | StairMap
+    | FrameQuality
+    | OperatorInput
+)
+"""Readings from a plant. A camera with its own detector gives ``FrameQuality``, ``HeadingMeasurement`` and ``StairMap``."""
 
 
 @runtime_checkable

@@ -13,25 +13,20 @@ positive anticlockwise seen from above.
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from numbers import Real
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float
 
 from treadline.core import paper
-from treadline.core.angles import rotation_x, rotation_y, rotation_z, tilt_of
+from treadline.core.angles import tilt_of
 from treadline.core.arrays import shaped
 
 TICK_S = 1.0 / paper.IMU_RATE_HZ
 """Base period of mission and plant [s]: the sample period of the IMU."""
 PERIOD_ROUNDING_S = 1e-9
 """Largest difference between two equal periods after rounding [s]."""
-
-CAMERA_AXES_IN_CHAIR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Rotation of C in B for a camera facing straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""
-CAMERA_AXES_IN_CHAIR.setflags(write=False)
 
 IMU_ARRAYS = ("orientation", "angular_velocity_rad_s", "linear_acceleration_m_s2")
 """Names of the array fields of ``ImuSample``."""
@@ -46,60 +41,6 @@ def on_the_tick(period_s: float) -> bool:
         and 0.5 * TICK_S < period_s < math.inf
         and abs(round(period_s / TICK_S) * TICK_S - period_s) <= PERIOD_ROUNDING_S
     )
-
-
-DepthSensor = Literal["auto", "kinect1", "kinect2", "d435", "d455", "tof"]
-"""Kind of a depth sensor: structured light (kinect1, also Xtion and Astra), time of flight (kinect2, or tof for others), active
-stereo (d435, d455), or unknown (auto)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PinholeCamera:
-    """Calibration of a pinhole camera and its mount on the chair. Pixel centres have integer coordinates."""
-
-    width_px: int
-    height_px: int
-    fx_px: float
-    fy_px: float
-    cx_px: float
-    cy_px: float
-    mount_pitch_rad: float = 0.0
-    """Pitch of the mount [rad], positive downwards from the chair's forward axis."""
-    mount_roll_rad: float = 0.0
-    """Roll of the mount about the optical axis [rad]."""
-    mount_yaw_rad: float = 0.0
-    """Yaw of the mount [rad]. The rotation order is yaw, pitch, roll."""
-    mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Position of C in B [m]."""
-    sensor: DepthSensor = "auto"
-    """Kind of the depth sensor: it decides whether ranges or disparities are measured, and the distance between the imagers."""
-
-    @property
-    def pinhole(self) -> tuple[float, float, float, float]:
-        """Focal lengths and principal point fx, fy, cx, cy [px]."""
-        return self.fx_px, self.fy_px, self.cx_px, self.cy_px
-
-    @property
-    def R_BC(self) -> Float[np.ndarray, "3 3"]:
-        """Rotation of the camera in the chair frame B."""
-        return _turned(self.mount_yaw_rad, self.mount_pitch_rad, self.mount_roll_rad).copy()
-
-
-@lru_cache(maxsize=64)
-def _turned(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndarray, "3 3"]:
-    """Return the rotation of a mount; cached, because each frame of a camera needs the same matrix."""
-    return np.asarray(rotation_z(yaw_rad) @ rotation_y(pitch_rad) @ rotation_x(roll_rad) @ CAMERA_AXES_IN_CHAIR)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RgbdFrame:
-    """Registered colour and depth images of one exposure."""
-
-    t_s: float
-    rgb: UInt8[np.ndarray, "h w 3"]
-    depth_m: Float32[np.ndarray, "h w"]
-    """Distance along the optical axis [m]; NaN at pixels without a return."""
-    camera: PinholeCamera
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,25 +122,6 @@ class HeadingMeasurement:
     correction_rad: float = 0.0
     """Heading by the corrected camera mount minus the heading by the mount of the frame before, from this frame [rad]; 0 unless the
     correction changed with this frame. Earlier headings had this error."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StairAxes:
-    """Directions of the stair measured from one frame, in C; independent of the camera mount calibration."""
-
-    t_s: float
-    edge_C: Float[np.ndarray, " 3"]
-    """Unit vector along the nosings, pointing right."""
-    down_C: Float[np.ndarray, " 3"]
-    """Unit vector normal to the treads and to ``edge_C``: the direction of gravity on a stair with horizontal treads."""
-    normal_C: Float[np.ndarray, " 3"]
-    """Unit vector normal to the nosing plane, pointing away from the stair."""
-    edge_sigma_rad: float
-    """Standard deviation of the edge direction about ``normal_C`` [rad]."""
-    down_sigma_rad: float
-    """Standard deviation of ``down_C`` about the edge [rad]."""
-    normal_sigma_rad: float
-    """Standard deviation of ``normal_C`` about the edge [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -384,17 +306,3 @@ class Event:
     publishers on the topic use other names."""
     cause: str
     """Observation behind the event, with its value."""
-
-
-Reading = (
-    RgbdFrame
-    | ImuSample
-    | SeatReading
-    | TrackReading
-    | FlipperReading
-    | HeadingMeasurement
-    | StairMap
-    | FrameQuality
-    | OperatorInput
-)
-"""Readings from a plant. A camera with its own detector gives ``FrameQuality``, ``HeadingMeasurement`` and ``StairMap``."""

@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_of
-from treadline.core.signals import Event, ImuSample, PinholeCamera, StairAxes, TrackReading
+from treadline.core.images import PinholeCamera, StairAxes
+from treadline.core.signals import Event, ImuSample, TrackReading
 from treadline.estimation.block_means import NORMAL_95, REPORTED_RAD, AngleEstimate, BlockMeans, difference, more_accurate
 from treadline.estimation.camera_mount import STANDING_M_S, MountConfig
 

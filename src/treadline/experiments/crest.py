@@ -15,8 +15,8 @@ from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
 from treadline.control.seat import Leveller, LevellerConfig
 from treadline.control.seat.feed_forward import PitchFeedForward
 from treadline.core.angles import DEG
-from treadline.core.ports import Truth
-from treadline.core.signals import TICK_S, FlipperReading, ImuSample, Reading, SeatReading, TrackCommand, TrackReading
+from treadline.core.ports import Reading, Truth
+from treadline.core.signals import TICK_S, FlipperReading, ImuSample, SeatReading, TrackCommand, TrackReading
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Sensors, Stair, Start

@@ -18,9 +18,11 @@ import numpy as np
 
 from treadline.core.angles import DEG, rotation_of
 from treadline.core.errors import ImageError, LogFormatError
+from treadline.core.images import PinholeCamera, RgbdFrame, StairAxes
 from treadline.core.models import write_whole
+from treadline.core.ports import Reading
 from treadline.core.settings import settings_of
-from treadline.core.signals import TICK_S, ImuSample, PinholeCamera, Reading, RgbdFrame, StairAxes, TrackReading
+from treadline.core.signals import TICK_S, ImuSample, TrackReading
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate
 from treadline.estimation.camera_mount import PAIRED_S, STANDING_M_S
 from treadline.experiments.replay_source import source_of

@@ -17,10 +17,10 @@ from pydantic import Field, create_model
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
+from treadline.core.images import PinholeCamera
 from treadline.core.models import ControllerDesign, Reconstruct
 from treadline.core.setting_docs import meanings
 from treadline.core.settings import Settings, settings_of
-from treadline.core.signals import PinholeCamera
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.estimation.aberration import AberrationRule
 from treadline.guard import Guard

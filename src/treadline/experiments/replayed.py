@@ -17,8 +17,9 @@ from jaxtyping import Float
 
 from treadline.core.compile_time import compiling
 from treadline.core.errors import LogFormatError, SettingsError
+from treadline.core.images import RgbdFrame
 from treadline.core.models import ControllerDesign
-from treadline.core.signals import TICK_S, Event, RgbdFrame
+from treadline.core.signals import TICK_S, Event
 from treadline.experiments.replay_scores import ReplayScores
 from treadline.experiments.replay_settings import ReplaySettings, resolved
 from treadline.experiments.replay_source import Source, source_of

@@ -4,13 +4,13 @@
 same readings, comes to the same answers.
 """
 
+from treadline.core.ports import Reading
 from treadline.core.signals import (
     FlipperReading,
     FrameQuality,
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
-    Reading,
     SeatReading,
     StairMap,
     TrackReading,

@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+from treadline.core.ports import Reading
 from treadline.core.signals import (
     Event,
     FlipperCommand,
@@ -22,7 +23,6 @@ from treadline.core.signals import (
     ImuSample,
     MotionPlan,
     OperatorInput,
-    Reading,
     SeatCommand,
     SeatReading,
     StairMap,

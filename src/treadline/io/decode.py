@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from treadline.core.errors import LogFormatError
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     Event,
@@ -25,8 +26,6 @@ from treadline.core.signals import (
     MotionPlan,
     OperatorInput,
     Phase,
-    PinholeCamera,
-    RgbdFrame,
     SeatCommand,
     SeatReading,
     Source,

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from treadline.core.errors import ImageError
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.io.decode import Picture
 from treadline.io.topics import Topics
 

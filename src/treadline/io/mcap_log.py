@@ -16,8 +16,8 @@ from typing import Any
 from mcap.writer import CompressionType, Writer
 
 from treadline.core.errors import TreadlineError
+from treadline.core.images import RgbdFrame
 from treadline.core.interrupts import deferred
-from treadline.core.signals import RgbdFrame
 from treadline.io.cdr import nanoseconds_of
 from treadline.io.mcap_read import LIBRARY
 from treadline.io.messages import DEFINITIONS, Message, messages_of

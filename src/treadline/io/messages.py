@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from treadline.core.images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     Event,
@@ -25,7 +26,6 @@ from treadline.core.signals import (
     ImuSample,
     MotionPlan,
     OperatorInput,
-    RgbdFrame,
     SeatCommand,
     SeatReading,
     StairMap,

@@ -20,12 +20,8 @@ from typing import Any
 import numpy as np
 
 from treadline.core.errors import ImageError, LogFormatError
-from treadline.core.signals import (
-    Event,
-    HeadingMeasurement,
-    ImuSample,
-    Reading,
-)
+from treadline.core.ports import Reading
+from treadline.core.signals import Event, HeadingMeasurement, ImuSample
 from treadline.io.cdr import seconds_of
 from treadline.io.decode import EVENTS, HEADINGS, LOOKED, OURS, CdrReader, calibration, imu, picture
 from treadline.io.log_frames import Calibrate, Frames, as_logged

@@ -4,8 +4,9 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import rotation_of
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.recent import Recent
-from treadline.core.signals import ImuSample, PinholeCamera, RgbdFrame
+from treadline.core.signals import ImuSample
 
 DOWN_W = np.array([0.0, 0.0, -1.0])
 

@@ -18,7 +18,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from treadline.core.ports import Plant
+from treadline.core.images import RgbdFrame
+from treadline.core.ports import Plant, Reading
 from treadline.core.signals import (
     TICK_S,
     Event,
@@ -29,8 +30,6 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     MotionPlan,
-    Reading,
-    RgbdFrame,
     SeatCommand,
     SeatReading,
     StairMap,

@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import quaternion_of, rotation_of
-from treadline.core.signals import FlipperCommand, ImuSample, Reading, SeatCommand, TrackCommand
+from treadline.core.ports import Reading
+from treadline.core.signals import FlipperCommand, ImuSample, SeatCommand, TrackCommand
 from treadline.estimation.tilt import Tilt
 
 ROUNDING_S = 0.5e-9

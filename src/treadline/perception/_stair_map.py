@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.core.signals import RgbdFrame, StairMap
+from treadline.core.images import RgbdFrame
+from treadline.core.signals import StairMap
 from treadline.perception import _pixel_to_point_kernels as point_kernels
 from treadline.perception._form import Side
 from treadline.perception._stair_shape import StairShape

@@ -7,8 +7,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from treadline.core.angles import DEG
+from treadline.core.images import StairAxes
 from treadline.core.printing import Printable
-from treadline.core.signals import StairAxes, StairMap
+from treadline.core.signals import StairMap
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import NosingObservation
 from treadline.perception.plane_segmentation import PlanarBlocks, Surface

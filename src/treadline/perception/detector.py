@@ -14,7 +14,8 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.arrays import shaped
 from treadline.core.errors import ImageError
-from treadline.core.signals import HeadingMeasurement, RgbdFrame, StairMap
+from treadline.core.images import RgbdFrame
+from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.perception._stair_shape import StairShape
 from treadline.perception.detection import StairDetection
 from treadline.perception.flat_ground import SWEPT_HALF_M

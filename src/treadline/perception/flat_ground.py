@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
-from treadline.core.signals import RgbdFrame
+from treadline.core.images import RgbdFrame
 from treadline.perception import _pixel_to_point_kernels as point_kernels
 from treadline.perception._step_parts import viewing_direction
 

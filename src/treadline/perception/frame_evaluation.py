@@ -11,8 +11,8 @@ from jaxtyping import UInt8
 
 from treadline.core.angles import DEG
 from treadline.core.errors import ImageError
-from treadline.core.named_frame import NamedFrame
-from treadline.core.signals import RgbdFrame, StairMap
+from treadline.core.images import NamedFrame, RgbdFrame
+from treadline.core.signals import StairMap
 from treadline.perception._stair_shape import StairShape
 from treadline.perception.detection import StairDetection, refused
 from treadline.perception.detector import DetectorConfig, StairDetector

@@ -9,7 +9,8 @@ import zlib
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.signals import FrameQuality, RgbdFrame
+from treadline.core.images import RgbdFrame
+from treadline.core.signals import FrameQuality
 from treadline.perception.flat_ground import SWEPT_HALF_M, obstacle_on_flat_ground
 
 STRIDE_AT_240 = 8

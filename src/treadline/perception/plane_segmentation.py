@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from treadline.core.angles import DEG
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
 CELL_AT_240 = 4

@@ -3,8 +3,8 @@
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 
-from treadline.core.ports import Truth
-from treadline.core.signals import FlipperCommand, Reading, SeatCommand, TrackCommand
+from treadline.core.ports import Reading, Truth
+from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.plant.actuators import Actuators
 from treadline.plant.sensors.instruments import ChairState, Instruments
 

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG, attitude_of
 from treadline.core.errors import LogFormatError
+from treadline.core.images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     TICK_S,
@@ -16,7 +17,6 @@ from treadline.core.signals import (
     FlipperReading,
     HeadingEstimate,
     ImuSample,
-    RgbdFrame,
     SeatReading,
     StairMap,
     TrackCommand,

@@ -8,17 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import LogFormatError, SettingsError
+from treadline.core.images import RgbdFrame
 from treadline.core.models import json_of, read_json
 from treadline.core.ports import Truth
-from treadline.core.signals import (
-    FlipperReading,
-    HeadingEstimate,
-    ImuSample,
-    RgbdFrame,
-    SeatReading,
-    TrackCommand,
-    TrackReading,
-)
+from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, SeatReading, TrackCommand, TrackReading
 from treadline.io.bags import READERS, parts_of
 from treadline.io.columns import Columns, LogContents, read_contents
 from treadline.io.decode import ADDED_TRUTH, EVENTS, LOOKED, OURS, CdrReader

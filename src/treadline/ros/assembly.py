@@ -4,8 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from treadline.core.errors import SettingsError
+from treadline.core.images import PinholeCamera
 from treadline.core.ports import Plant
-from treadline.core.signals import PinholeCamera
 from treadline.guard import GuardConfig
 from treadline.mission.mission_config import MissionConfig, build_blocks, guard_config
 from treadline.ros.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode

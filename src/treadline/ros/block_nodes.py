@@ -6,7 +6,8 @@ Paper: Fig. 7. ``plant`` (simulator or drivers) ─► ``camera`` and ``heading`
 
 from typing import Protocol, runtime_checkable
 
-from treadline.core.ports import Transport
+from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.ports import Reading, Transport
 from treadline.core.signals import (
     TICK_S,
     Event,
@@ -17,9 +18,6 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     MotionPlan,
-    PinholeCamera,
-    Reading,
-    RgbdFrame,
     SeatCommand,
     SeatReading,
     StairMap,

@@ -1,7 +1,8 @@
 """The whole graph in one process, tick by tick, with the same commands as ``mission.loop``."""
 
+from treadline.core.images import PinholeCamera
 from treadline.core.ports import Plant, Transport
-from treadline.core.signals import TICK_S, PinholeCamera
+from treadline.core.signals import TICK_S
 from treadline.guard import GuardConfig
 from treadline.mission.loop import Blocks
 from treadline.ros import channels as on

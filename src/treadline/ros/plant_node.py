@@ -4,7 +4,8 @@
 watchdog.
 """
 
-from treadline.core.ports import Plant, Transport, TruthPlant
+from treadline.core.images import RgbdFrame
+from treadline.core.ports import Plant, Reading, Transport, TruthPlant
 from treadline.core.signals import (
     TICK_S,
     FlipperCommand,
@@ -13,8 +14,6 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
-    Reading,
-    RgbdFrame,
     SeatCommand,
     SeatReading,
     StairMap,

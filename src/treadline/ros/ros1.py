@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.core.errors import TreadlineError
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.ros.channels import IMAGE, Channel
 from treadline.ros.wire import WireTransport
 

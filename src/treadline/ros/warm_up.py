@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_y, rotation_z
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
 
 RISE_M, RUN_M, STEPS = 0.16, 0.30, 9
 """A flight of 28°, as the shipped scenarios have it."""
@@ -71,7 +71,7 @@ def _frame(
     height_m = up * RISE_M * view.from_foot_m / RUN_M if view.pitched else 0.0
     p_WC = R_WB @ np.array(camera.mount_m) + np.array([towards * view.from_foot_m, 0.0, height_m])
     v, u = np.mgrid[0 : camera.height_px, 0 : camera.width_px]
-    rays_C = np.stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones(u.shape)], axis=-1)
+    rays_C = camera.pixel_to_point(u, v)
     rays_W = rays_C @ (R_WB @ camera.R_BC).T
     depth_m, shade = _cast(towards * rays_W[..., 0], rays_W[..., 2], towards * p_WC[0], p_WC[2], up * RISE_M, view.steps)
     depth_m = np.where(depth_m < RANGE_M, depth_m, np.nan)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from threading import Condition
 from typing import Any, NamedTuple
 
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.ros.channels import CHANNELS, Channel
 from treadline.ros.codec import Decoder, encoded
 

@@ -11,7 +11,7 @@ import time
 from typing import Any
 
 from treadline.core.errors import TreadlineError
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.ros.channels import Channel
 from treadline.ros.wire import WireTransport
 

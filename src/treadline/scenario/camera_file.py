@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from treadline.core.angles import DEG
+from treadline.core.images import DepthSensor, PinholeCamera
 from treadline.core.settings import Settings, read_toml
-from treadline.core.signals import DepthSensor, PinholeCamera
 
 Positive = Annotated[float, Field(gt=0.0)]
 AT_THE_EDGE = 0.02

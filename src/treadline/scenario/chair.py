@@ -11,8 +11,9 @@ from pydantic import AfterValidator, Field, model_validator
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
+from treadline.core.images import PinholeCamera
 from treadline.core.settings import Settings, read_toml
-from treadline.core.signals import TICK_S, PinholeCamera
+from treadline.core.signals import TICK_S
 from treadline.scenario.camera_file import CameraFile, read_camera
 from treadline.scenario.chair_files import chair_file
 

@@ -5,17 +5,8 @@ The same scenario, seed and script (``orders``) give the same run to the bit.
 
 from dataclasses import replace
 
-from treadline.core.ports import Truth
-from treadline.core.signals import (
-    TICK_S,
-    FlipperCommand,
-    HeadingEstimate,
-    MotionPlan,
-    OperatorInput,
-    Reading,
-    SeatCommand,
-    TrackCommand,
-)
+from treadline.core.ports import Reading, Truth
+from treadline.core.signals import TICK_S, FlipperCommand, HeadingEstimate, MotionPlan, OperatorInput, SeatCommand, TrackCommand
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.plant.faults import FaultyPlant
 from treadline.scenario.operator_actions import REPORT_S

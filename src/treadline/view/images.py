@@ -15,7 +15,8 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from treadline.core.errors import ImageError, LogFormatError
-from treadline.core.signals import ImuSample, RgbdFrame
+from treadline.core.images import RgbdFrame
+from treadline.core.signals import ImuSample
 from treadline.io.decode import CdrReader, compressed_picture, picture
 from treadline.io.mcap_read import BROKEN, has_arrivals, read_log
 from treadline.io.topics import COLOUR_ENCODINGS, COMPRESSED, IMAGE, TopicSummary, kind_of, packets, reader_of, survey

@@ -15,8 +15,8 @@ from multiprocessing.context import SpawnProcess
 from typing import Any, Literal
 
 from treadline.core.errors import TreadlineError
+from treadline.core.images import PinholeCamera
 from treadline.core.processes import end_with_parent
-from treadline.core.signals import PinholeCamera
 from treadline.scenario.faults import Conditions, Fault
 from treadline.scenario.scenario import Scenario
 

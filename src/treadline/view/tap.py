@@ -12,8 +12,9 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import attitude_of
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Truth
-from treadline.core.signals import TICK_S, Event, FlipperReading, HeadingEstimate, PinholeCamera, RgbdFrame, TrackCommand
+from treadline.core.signals import TICK_S, Event, FlipperReading, HeadingEstimate, TrackCommand
 from treadline.mission.blocks import Detection, Detector
 from treadline.perception.detection import StairDetection
 from treadline.perception.overlay import BAND_PX, as_jpeg, overlay
@@ -176,7 +177,7 @@ def corners_of(surface: Surface, camera: PinholeCamera) -> Float[np.ndarray, "4 
     ends = np.array([columns.min(), columns.max()])
     edges = [np.polyval(np.polyfit(columns, rows, min(len(np.unique(columns)) - 1, 1)), ends) for rows in _rows_of(surface)]
     u, v = np.array([ends[0], ends[1], ends[1], ends[0]]), np.concatenate([edges[0], edges[1][::-1]])
-    rays = np.column_stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones(4)])
+    rays = camera.pixel_to_point(u, v)
     return np.asarray(rays / (rays @ surface.normal)[:, None])
 
 

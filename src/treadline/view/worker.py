@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from treadline.core.angles import DEG
-from treadline.core.signals import TICK_S, RgbdFrame
+from treadline.core.images import RgbdFrame
+from treadline.core.signals import TICK_S
 from treadline.mission.blocks import Detection
 from treadline.plant.faults import FaultyPlant
 from treadline.plant.mujoco import open_plant

@@ -13,8 +13,7 @@ import pytest
 from treadline.cli import main
 from treadline.cli.see_live import StatusLine
 from treadline.core.errors import CameraError, ImageError, SettingsError
-from treadline.core.named_frame import NamedFrame
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame
 from treadline.io.live import depth_camera
 from treadline.io.live.depth_camera import CameraImages, camera_by_name, no_frame, not_opened
 from treadline.io.live.stream import LiveFrames

@@ -12,8 +12,7 @@ import pytest
 
 from treadline.cli import main
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
-from treadline.core.named_frame import NamedFrame
-from treadline.core.signals import RgbdFrame
+from treadline.core.images import NamedFrame, RgbdFrame
 from treadline.io.frames import read_frames
 from treadline.io.frames.logs import FramesOfLog
 from treadline.perception.frame_evaluation import see_frames

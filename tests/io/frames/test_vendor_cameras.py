@@ -17,7 +17,7 @@ import pytest
 
 from treadline.cli import main
 from treadline.core.errors import CameraError
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.io.live import v4l
 from treadline.io.live.depth_camera import CAMERAS, Undistortion, camera_by_name, rotation_or_none
 from treadline.io.live.stream import LiveFrames

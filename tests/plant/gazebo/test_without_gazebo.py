@@ -17,7 +17,7 @@ from treadline.cli import main
 from treadline.cli.reproduce import reproduce
 from treadline.core.angles import rotation_of
 from treadline.core.errors import GazeboError, SettingsError
-from treadline.core.signals import RgbdFrame
+from treadline.core.images import RgbdFrame
 from treadline.experiments.gazebo import compared
 from treadline.plant.gazebo import Environment, GazeboPlant, find_environment, server
 from treadline.plant.gazebo.world import world_sdf

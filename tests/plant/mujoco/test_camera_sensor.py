@@ -5,7 +5,7 @@ import pytest
 from jaxtyping import Float, Float32
 
 from treadline.core.angles import DEG, rotation_z
-from treadline.core.signals import RgbdFrame
+from treadline.core.images import RgbdFrame
 from treadline.plant.sensors.camera import Camera, ViewRecipe, draw_view
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair

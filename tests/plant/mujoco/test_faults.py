@@ -10,7 +10,8 @@ import pytest
 
 from treadline.core.angles import DEG, rotation_of
 from treadline.core.errors import SettingsError
-from treadline.core.ports import Truth, TruthPlant
+from treadline.core.images import RgbdFrame
+from treadline.core.ports import Reading, Truth, TruthPlant
 from treadline.core.settings import settings_of
 from treadline.core.signals import (
     FlipperCommand,
@@ -19,8 +20,6 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
-    Reading,
-    RgbdFrame,
     SeatCommand,
     SeatReading,
     StairMap,

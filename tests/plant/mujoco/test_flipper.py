@@ -8,8 +8,8 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
-from treadline.core.ports import Truth
-from treadline.core.signals import FlipperCommand, FlipperReading, Reading, SeatCommand, TrackCommand
+from treadline.core.ports import Reading, Truth
+from treadline.core.signals import FlipperCommand, FlipperReading, SeatCommand, TrackCommand
 from treadline.io.messages import messages_of
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.plant.mujoco.mjcf_scene import scene_xml

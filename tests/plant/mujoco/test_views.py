@@ -6,8 +6,8 @@ from jaxtyping import Bool, Float
 
 from treadline.core.angles import DEG, rotation_z
 from treadline.core.errors import SettingsError
+from treadline.core.images import RgbdFrame
 from treadline.core.settings import settings_of
-from treadline.core.signals import RgbdFrame
 from treadline.plant.sensors.camera import STAIR_SCENES, STAIRLESS_SCENES, Camera, RecordedDrive, View, ViewRecipe, draw_view
 from treadline.plant.sensors.camera.recipe import CLUTTER
 from treadline.plant.sensors.camera.solids import Puddle, Shadow, upright

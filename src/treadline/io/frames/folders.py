@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import ImageError
-from treadline.core.named_frame import NamedFrame, gravity_table
+from treadline.core.images import NamedFrame, gravity_table
 from treadline.io.frames.image_files import read_frame
 from treadline.scenario.camera_file import CameraFile
 

@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from treadline.core.errors import ImageError, SettingsError
-from treadline.core.named_frame import black
-from treadline.core.signals import RgbdFrame
+from treadline.core.images import RgbdFrame, black
 from treadline.scenario.camera_file import CameraFile
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
@@ -77,8 +76,8 @@ def _on_depth(
     camera = calibration.camera
     X_DC = np.array(calibration.X_depth_colour).reshape(-1, 4)
     z = np.where(np.isfinite(depth_m), depth_m, np.nanmedian(depth_m)).astype(float)
-    v, u = np.indices(z.shape)
-    p_D = np.stack([(u - camera.cx_px) / camera.fx_px * z, (v - camera.cy_px) / camera.fy_px * z, z], axis=-1)
+    v, u = np.mgrid[: z.shape[0], : z.shape[1]]
+    p_D = camera.pixel_to_point(u, v, z)
     p_C = (p_D - X_DC[:3, 3]) @ X_DC[:3, :3]
     ahead = np.maximum(p_C[..., 2], 1e-3)
     columns = camera.fx_px * p_C[..., 0] / ahead + camera.cx_px

@@ -12,8 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
-from treadline.core.named_frame import NamedFrame, black
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame, black
 from treadline.io.bags import READERS, parts_of
 from treadline.io.decode import Picture, calibration, picture
 from treadline.io.frames.cloud_files import cloud_of

@@ -13,8 +13,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64, UInt8
 
 from treadline.core.errors import ImageError
-from treadline.core.named_frame import black
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame, black
 
 Axes = Literal["camera", "ros", "opengl"]
 AXES: dict[Axes, tuple[str, Float64[np.ndarray, "3 3"]]] = {

@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import ImageError, SettingsError
-from treadline.core.named_frame import FrameSource, NamedFrame, SeveralFrames, gravity_of
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import FrameSource, NamedFrame, PinholeCamera, SeveralFrames, gravity_of
 from treadline.io.frames.cloud_files import ENDINGS, read_cloud
 from treadline.io.frames.folders import DEPTH_ENDING, FolderOfFrames
 from treadline.io.frames.image_files import is_photo, nominal_camera, read_frame

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.io.live.depth_camera import (
     RATE_HZ,
     CameraImages,

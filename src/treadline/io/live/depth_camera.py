@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
 from treadline.core.errors import CameraError, SettingsError
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 
 WIDTH_PX, HEIGHT_PX, RATE_HZ = 640, 480, 30
 """Preferred depth stream: the size and rate that all stereo cameras of the table have."""

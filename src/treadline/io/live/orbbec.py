@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import CameraError
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.io.live.depth_camera import (
     HEIGHT_PX,
     RATE_HZ,

@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import CameraError, ImageError
-from treadline.core.named_frame import NamedFrame, black
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame, black
 from treadline.io.live.depth_camera import STANDARD_GRAVITY_M_S2, CameraImages, DepthCamera
 from treadline.io.log_frames import PAIR_S
 from treadline.scenario.camera_file import CameraFile

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from treadline.core.errors import CameraError, SettingsError
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.io.live.depth_camera import RATE_HZ, CameraImages, metres, no_frame
 
 FORMATS = ("Z16 ", "Y16 ")

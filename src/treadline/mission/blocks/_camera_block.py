@@ -10,17 +10,8 @@ from jaxtyping import Float
 
 from treadline.core.angles import wrap
 from treadline.core.errors import ImageError
-from treadline.core.signals import (
-    Event,
-    FrameQuality,
-    HeadingMeasurement,
-    ImuSample,
-    PinholeCamera,
-    RgbdFrame,
-    StairAxes,
-    StairMap,
-    TrackReading,
-)
+from treadline.core.images import PinholeCamera, RgbdFrame, StairAxes
+from treadline.core.signals import Event, FrameQuality, HeadingMeasurement, ImuSample, StairMap, TrackReading
 from treadline.estimation import MountMonitor
 from treadline.mission.frame_gravity import GravityAtExposure, gravity_in
 from treadline.perception import StairDetector

@@ -8,8 +8,8 @@ readings pass unmodified.
 from collections.abc import Sequence
 
 from treadline.core.errors import SettingsError
-from treadline.core.ports import Truth, TruthPlant
-from treadline.core.signals import TICK_S, FlipperCommand, Reading, SeatCommand, TrackCommand
+from treadline.core.ports import Reading, Truth, TruthPlant
+from treadline.core.signals import TICK_S, FlipperCommand, SeatCommand, TrackCommand
 from treadline.plant.faults.command_channel import Command, CommandChannel, Watchdog
 from treadline.plant.faults.damage import PHYSICAL, UNCHANGED, Breakable, Damage, damage_of
 from treadline.plant.faults.sensor_faults import SensorFaults

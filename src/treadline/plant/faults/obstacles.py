@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import rotation_z
-from treadline.core.signals import FrameQuality, Reading, StairMap
+from treadline.core.ports import Reading
+from treadline.core.signals import FrameQuality, StairMap
 from treadline.plant.faults.damage import Damage
 from treadline.plant.sensors.camera.ground_truth import SWEPT_HEIGHT_M
 from treadline.plant.sensors.camera.make_camera import CameraModel

@@ -18,6 +18,8 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 
 from treadline.core.angles import DEG, quaternion_of, rotation_of, rotation_z
+from treadline.core.images import RgbdFrame
+from treadline.core.ports import Reading
 from treadline.core.signals import (
     TICK_S,
     FlipperReading,
@@ -25,8 +27,6 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
-    Reading,
-    RgbdFrame,
     SeatReading,
     StairMap,
     TrackReading,

@@ -17,7 +17,8 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG, quaternion_of, rotation_of
 from treadline.core.errors import SettingsError, SimulationDiverged
-from treadline.core.signals import TICK_S, Reading
+from treadline.core.ports import Reading
+from treadline.core.signals import TICK_S
 from treadline.plant import actuator_kernels as drives
 from treadline.plant.actuators import FLIPPER_FRICTION_N_M_S_RAD, Actuators
 from treadline.plant.faults.damage import Damage

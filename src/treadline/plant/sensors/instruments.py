@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.core.ports import Truth
-from treadline.core.signals import TICK_S, FlipperReading, ImuSample, Reading, SeatReading, TrackReading
+from treadline.core.ports import Reading, Truth
+from treadline.core.signals import TICK_S, FlipperReading, ImuSample, SeatReading, TrackReading
 from treadline.plant import actuator_kernels as kernels
 from treadline.plant.sensors.imu_noise import IMUS, Imu
 from treadline.plant.sensors.transport_delays import CameraLink, Encoder

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from treadline.core.signals import TICK_S, Reading
+from treadline.core.ports import Reading
+from treadline.core.signals import TICK_S
 from treadline.scenario.realism import Realism
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
-from treadline.core.signals import CAMERA_AXES_IN_CHAIR
+from treadline.core.images import CAMERA_AXES_IN_CHAIR
 from treadline.scenario.chair import CameraMount, ChairDescription
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.bodies import Body, Hinge, Shape, vehicle

@@ -29,7 +29,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32
 
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 
 DISPARITY_PX_M = 575.0 * 0.075
 """Product f·B of the Kinect 1 [px m]."""

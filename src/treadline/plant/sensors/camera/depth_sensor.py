@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Float32, Int, Int8
 
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.plant.sensors.camera import ray_kernels as kernels
 from treadline.plant.sensors.camera.depth_errors import (
     CORRELATION_PX,

@@ -11,8 +11,8 @@ import numpy as np
 
 from treadline.core.angles import DEG
 from treadline.core.errors import ImageError, SettingsError
+from treadline.core.images import PinholeCamera
 from treadline.core.models import write_whole
-from treadline.core.signals import PinholeCamera
 from treadline.plant.sensors.camera.recipe import ViewRecipe
 from treadline.plant.sensors.camera.views import View, draw_view
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.plant.sensors.camera.clutter import OBSTACLES, RAIL_INSET_M, RAIL_M
 from treadline.plant.sensors.camera.flight import Direction, Pose, TiltedFlight
 from treadline.plant.sensors.camera.rendered_frame import ExactView

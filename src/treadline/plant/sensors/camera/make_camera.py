@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from treadline.core.signals import FrameQuality, Reading
+from treadline.core.ports import Reading
+from treadline.core.signals import FrameQuality
 from treadline.plant.sensors.camera.ray_camera import Camera
 from treadline.plant.sensors.instruments import ChairState
 from treadline.plant.sensors.statistical_camera import StatisticalCamera

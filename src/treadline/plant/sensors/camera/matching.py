@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.plant.sensors.camera import matching_kernels
 from treadline.plant.sensors.camera.depth_errors import FILL_SPREAD, SENSOR_WIDTH_PX, ActiveStereo
 

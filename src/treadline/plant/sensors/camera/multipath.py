@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.core.signals import PinholeCamera
+from treadline.core.images import PinholeCamera
 from treadline.plant.sensors.camera import multipath_kernels
 
 CELLS = 32

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32, Int, UInt8
 
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.plant.sensors.camera import ray_kernels as kernels
 from treadline.plant.sensors.camera.depth_errors import DISPARITY_PX_M, warp
 from treadline.plant.sensors.camera.depth_sensor import sensor_model

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int, UInt8
 
 from treadline.core.errors import ImageError
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_z
 from treadline.core.errors import SettingsError
-from treadline.core.signals import PinholeCamera, RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.plant.sensors.camera.clutter import cast_shadows
 from treadline.plant.sensors.camera.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, bend, draw_flight, draw_pose, rocked
 from treadline.plant.sensors.camera.ground_truth import StairTruth, stair_truth

@@ -1,0 +1,195 @@
+"""Camera, images and what is measured from one image: pinhole model (pixel to point), RGB-D frames, frames with a name.
+
+Frame C: x right, y down, z forward. Pixel centres have integer coordinates.
+"""
+
+import csv
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from treadline.core.angles import rotation_x, rotation_y, rotation_z
+from treadline.core.errors import ImageError
+
+CAMERA_AXES_IN_CHAIR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Rotation of C in B for a camera facing straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""
+CAMERA_AXES_IN_CHAIR.setflags(write=False)
+
+DepthSensor = Literal["auto", "kinect1", "kinect2", "d435", "d455", "tof"]
+"""Kind of a depth sensor: structured light (kinect1, also Xtion and Astra), time of flight (kinect2, or tof for others), active
+stereo (d435, d455), or unknown (auto)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PinholeCamera:
+    """Calibration of a pinhole camera and its mount on the chair. Pixel centres have integer coordinates."""
+
+    width_px: int
+    height_px: int
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    mount_pitch_rad: float = 0.0
+    """Pitch of the mount [rad], positive downwards from the chair's forward axis."""
+    mount_roll_rad: float = 0.0
+    """Roll of the mount about the optical axis [rad]."""
+    mount_yaw_rad: float = 0.0
+    """Yaw of the mount [rad]. The rotation order is yaw, pitch, roll."""
+    mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Position of C in B [m]."""
+    sensor: DepthSensor = "auto"
+    """Kind of the depth sensor: it decides whether ranges or disparities are measured, and the distance between the imagers."""
+
+    @property
+    def pinhole(self) -> tuple[float, float, float, float]:
+        """Focal lengths and principal point fx, fy, cx, cy [px]."""
+        return self.fx_px, self.fy_px, self.cx_px, self.cy_px
+
+    @property
+    def R_BC(self) -> Float[np.ndarray, "3 3"]:
+        """Rotation of the camera in the chair frame B."""
+        return _turned(self.mount_yaw_rad, self.mount_pitch_rad, self.mount_roll_rad).copy()
+
+    def pixel_to_point(self, u: np.ndarray, v: np.ndarray, depth_m: np.ndarray | float = 1.0) -> Float[np.ndarray, "*shape 3"]:
+        """Return the points in C [m] at columns ``u`` and rows ``v``; at a depth of 1, the rays through the pixels."""
+        x, y = (u - self.cx_px) / self.fx_px * depth_m, (v - self.cy_px) / self.fy_px * depth_m
+        return np.stack(np.broadcast_arrays(x, y, depth_m), axis=-1)
+
+
+@lru_cache(maxsize=64)
+def _turned(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation of a mount; cached, because each frame of a camera needs the same matrix."""
+    return np.asarray(rotation_z(yaw_rad) @ rotation_y(pitch_rad) @ rotation_x(roll_rad) @ CAMERA_AXES_IN_CHAIR)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RgbdFrame:
+    """Registered colour and depth images of one exposure."""
+
+    t_s: float
+    rgb: UInt8[np.ndarray, "h w 3"]
+    depth_m: Float32[np.ndarray, "h w"]
+    """Distance along the optical axis [m]; NaN at pixels without a return."""
+    camera: PinholeCamera
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StairAxes:
+    """Directions of the stair measured from one frame, in C; independent of the camera mount calibration."""
+
+    t_s: float
+    edge_C: Float[np.ndarray, " 3"]
+    """Unit vector along the nosings, pointing right."""
+    down_C: Float[np.ndarray, " 3"]
+    """Unit vector normal to the treads and to ``edge_C``: the direction of gravity on a stair with horizontal treads."""
+    normal_C: Float[np.ndarray, " 3"]
+    """Unit vector normal to the nosing plane, pointing away from the stair."""
+    edge_sigma_rad: float
+    """Standard deviation of the edge direction about ``normal_C`` [rad]."""
+    down_sigma_rad: float
+    """Standard deviation of ``down_C`` about the edge [rad]."""
+    normal_sigma_rad: float
+    """Standard deviation of ``normal_C`` about the edge [rad]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NamedFrame:
+    """Frame, its name and the direction of gravity if known."""
+
+    name: str
+    frame: RgbdFrame | None
+    """Frame; None if the images cannot be read."""
+    mount_known: bool
+    """Whether the calibration includes the orientation of the mount."""
+    gravity_C: Float[np.ndarray, " 3"] | None
+    reason: str | None = None
+    """Reason for an unreadable frame."""
+    has_colour: bool = True
+    """Whether the frame has a colour image; without one, ``frame.rgb`` is black."""
+    t_s: float | None = None
+    """Time since the start of the recording [s]; None for single frames."""
+
+
+@runtime_checkable
+class FrameSource(Protocol):
+    """Series of frames. Its warnings are complete after the last frame."""
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """Properties of the source that a user has to know."""
+        ...
+
+    @property
+    def count(self) -> int | None:
+        """Number of frames, if known in advance."""
+        ...
+
+    def __iter__(self) -> Iterator[NamedFrame]: ...
+
+
+class SeveralFrames:
+    """Frames that are in memory, with the warnings of their reader."""
+
+    def __init__(self, frames: Sequence[NamedFrame], warnings: Sequence[str] = ()) -> None:
+        self._frames = frames
+        self.warnings = warnings
+        self.count: int | None = len(frames)
+
+    def __iter__(self) -> Iterator[NamedFrame]:
+        return iter(self._frames)
+
+
+def black(height: int, width: int) -> np.ndarray:
+    """Return the colour image of a frame without colour."""
+    return np.zeros((height, width, 3), dtype=np.uint8)
+
+
+def gravity_of(text: str | None) -> Float[np.ndarray, " 3"] | None:
+    """Return the direction in the option ``--gravity x,y,z``.
+
+    Raises:
+        ImageError: If the text is not three finite numbers that are not all zero.
+    """
+    return None if text is None else _direction("--gravity", text.split(","))
+
+
+def gravity_table(path: Path) -> dict[str, Float[np.ndarray, " 3"]]:
+    """Return the direction of gravity by frame name from a CSV file with the columns name,x,y,z; empty without the file.
+
+    Raises:
+        ImageError: If the file is not such a table.
+    """
+    if not path.exists():
+        return {}
+    try:
+        lines = path.read_bytes().decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise ImageError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
+    reader = csv.DictReader(lines)
+    table: dict[str, Float[np.ndarray, " 3"]] = {}
+    for row in reader:
+        where = f"{path}:{reader.line_num}"
+        name, *cells = (row.get(column) for column in ("name", "x", "y", "z"))
+        if name is None or None in cells:
+            raise ImageError(f"{where}: needs the columns name,x,y,z")
+        if name in table:
+            raise ImageError(f"{where}: '{name}' occurs twice; remove one")
+        table[name] = _direction(where, [str(cell) for cell in cells])
+    return table
+
+
+def _direction(where: str, parts: list[str]) -> Float[np.ndarray, " 3"]:
+    try:
+        vector = np.array([float(part) for part in parts])
+    except ValueError:
+        raise ImageError(f"{where}: gravity must be three numbers x,y,z") from None
+    length = float(np.linalg.norm(vector))
+    if vector.shape != (3,) or not np.isfinite(vector).all() or length < 1e-6:
+        raise ImageError(f"{where}: gravity must be three finite numbers x,y,z that are not all zero")
+    return vector / length
