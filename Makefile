@@ -119,6 +119,7 @@ format: $(VENV)/.dev
 
 docs: $(VENV)/.docs
 	$(BIN)/python -m treadline.report.drawings docs/drawings
+	$(BIN)/python docs/tools/tree.py docs/drawings/tree.svg
 	$(BIN)/python docs/tools/commands.py docs/reference/commands.md
 	$(BIN)/python docs/tools/decisions_index.py docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
