@@ -1,6 +1,6 @@
 """Draw the packages of the source tree by floor: ``python docs/tools/tree.py docs/drawings/tree.svg``.
 
-Floors and packages come from the import contract "Arrows point down" in ``pyproject.toml``, the words from each package's docstring.
+Floors and packages come from the import contract "Arrows point down" in ``pyproject.toml``, the words from docstrings.
 """
 
 import ast

@@ -12,7 +12,8 @@ from treadline.core.images import PinholeCamera
 from treadline.core.settings import settings_of
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.experiments.replay_settings import applied, key_table, resolved, table_of
-from treadline.mission.mission_config import MissionConfig, guard_config
+from treadline.mission.mission_blocks import guard_config
+from treadline.mission.mission_config import MissionConfig
 from treadline.perception import StairDetector
 from treadline.scenario.chair import read_chair
 from treadline.scenario.controller_files import shipped_controller

@@ -20,7 +20,8 @@ from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import limited, mean_limit
 from treadline.guard._timestamps import SilenceMonitor, Timestamps
 from treadline.guard.stop_latch import Button, Latch
-from treadline.mission.mission_config import MissionConfig, guard_config
+from treadline.mission.mission_blocks import guard_config
+from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair
 
 

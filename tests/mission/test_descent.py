@@ -18,7 +18,8 @@ from treadline.mission._flipper_planner import CLEAR_M, FLIPPER_RAD_S, LAID_RAD,
 from treadline.mission._tip_over import LIMIT_M_S
 from treadline.mission._traversal import BLIND_RAD
 from treadline.mission.descent import LETS_DOWN_RAD_S, Descent, DescentConfig
-from treadline.mission.mission_config import MissionConfig, planner_of
+from treadline.mission.mission_blocks import planner_of
+from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair
 
 CHAIR = read_chair("wheelchair")

@@ -11,9 +11,10 @@ from treadline.core.errors import SettingsError
 from treadline.core.signals import TrackCommand
 from treadline.estimation import HeadingFilter
 from treadline.mission.ascent import Ascent
-from treadline.mission.mission_config import MissionConfig, build_blocks, is_full_traversal
+from treadline.mission.mission_blocks import build_blocks
+from treadline.mission.mission_config import MissionConfig, Plugins, is_full_traversal
 from treadline.mission.planner import Cruise
-from treadline.mission.plugins import Plugins, load_plugin
+from treadline.mission.plugins import load_plugin
 from treadline.scenario.chair import read_chair
 
 CHAIR = read_chair("wheelchair")

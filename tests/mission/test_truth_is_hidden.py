@@ -11,7 +11,8 @@ from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.experiments.as_printed import paper_model
 from treadline.experiments.plan import turn
 from treadline.mission.loop import Mission
-from treadline.mission.mission_config import MissionConfig, build_blocks
+from treadline.mission.mission_blocks import build_blocks
+from treadline.mission.mission_config import MissionConfig
 from treadline.plant.mujoco import open_plant
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario

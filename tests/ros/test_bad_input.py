@@ -11,7 +11,8 @@ import pytest
 from treadline.cli import doctor, main
 from treadline.core.errors import TreadlineError
 from treadline.core.signals import SeatReading
-from treadline.mission.mission_config import MissionConfig, build_blocks, guard_config
+from treadline.mission.mission_blocks import build_blocks, guard_config
+from treadline.mission.mission_config import MissionConfig
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.ros import channels as on
 from treadline.ros import node_process as process

@@ -7,7 +7,7 @@ import pytest
 from treadline.core.ports import Reading, Truth
 from treadline.core.signals import FlipperCommand, OperatorInput, SeatCommand, TrackCommand
 from treadline.guard import GuardConfig
-from treadline.mission.mission_config import build_blocks, guard_config
+from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.plant.mujoco import open_plant
 from treadline.ros import channels as on
 from treadline.ros.block_nodes import GuardNode

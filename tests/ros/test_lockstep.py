@@ -7,7 +7,7 @@ import pytest
 from treadline.core.ports import Plant, Reading
 from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.mission.loop import Mission
-from treadline.mission.mission_config import build_blocks, guard_config
+from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.plant.faults import faulty
 from treadline.plant.mujoco import open_plant
 from treadline.ros.lockstep import LockStep

@@ -10,7 +10,8 @@ import pytest
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Truth
 from treadline.core.signals import TrackCommand
-from treadline.mission.mission_config import is_full_traversal, planner_of
+from treadline.mission.mission_blocks import planner_of
+from treadline.mission.mission_config import is_full_traversal
 from treadline.mission.planner import Cruise
 from treadline.run.episode import Traverse, traverse
 from treadline.run.resolve import SEAT_SHIFT_M, mission_config, ready, with_seat_shifted

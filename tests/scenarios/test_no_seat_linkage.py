@@ -14,7 +14,7 @@ from treadline.cli import app
 from treadline.core.errors import SettingsError
 from treadline.core.signals import SeatCommand, SeatReading
 from treadline.mission.loop import Mission
-from treadline.mission.mission_config import build_blocks, guard_config
+from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.plant.mujoco import open_plant
 from treadline.ros.assembly import driving_nodes, node_of
 from treadline.ros.lockstep import LockStep

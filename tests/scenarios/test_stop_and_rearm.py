@@ -10,7 +10,7 @@ from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth, TruthPlant
 from treadline.core.signals import Event, FlipperCommand, MotionPlan, OperatorInput, SeatCommand, TrackCommand
 from treadline.mission.loop import Mission, Signal
-from treadline.mission.mission_config import build_blocks
+from treadline.mission.mission_blocks import build_blocks
 from treadline.plant.mujoco import open_plant
 from treadline.run.resolve import mission_config
 from treadline.scenario.controller_files import shipped_controller

@@ -210,7 +210,7 @@ class _Watch:
 
 def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, out: Path | None, rearms_until: float) -> Answer:
     from treadline.cli.progress import SimulatedTime
-    from treadline.mission.mission_config import build_blocks, guard_config
+    from treadline.mission.mission_blocks import build_blocks, guard_config
     from treadline.ros.assembly import driving_nodes, mount_of
     from treadline.ros.lockstep import LockStep
     from treadline.ros.recorder import RecorderNode

@@ -25,7 +25,8 @@ from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.estimation.aberration import AberrationRule
 from treadline.guard import Guard
 from treadline.mission.loop import Blocks
-from treadline.mission.mission_config import MissionConfig, build_blocks, guard_config, heading_driver
+from treadline.mission.mission_blocks import build_blocks, guard_config, heading_driver
+from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import Cruise
 from treadline.perception import DetectorConfig
 from treadline.scenario.camera_file import CameraFile, Pixels

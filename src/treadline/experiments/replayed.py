@@ -28,8 +28,8 @@ from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_
 from treadline.io.sensor_log import SensorLog
 from treadline.mission.blocks import Detector
 from treadline.mission.loop import Mission, Signal
-from treadline.mission.mission_config import detector_of
-from treadline.mission.plugins import Plugins
+from treadline.mission.mission_blocks import detector_of
+from treadline.mission.mission_config import Plugins
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.perception import StairDetector
 from treadline.run.episode import Watch

@@ -1,30 +1,76 @@
-"""Mission configuration: the operator's choices, the chair's file and the controller's file, and the blocks that follow from them.
+"""Mission configuration: the operator's choices, the chair's file, the controller's file, and plug-ins in place of shipped blocks.
 
 Nothing here comes from a scenario: payload, slope, friction and heading are measured by sensors.
 """
 
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal, Protocol, runtime_checkable
 
-from treadline.control import ControllerConfig, HeadingController
-from treadline.control.seat import LevellerConfig, PitchLeveller
-from treadline.core import paper
-from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign, Reconstruct
-from treadline.estimation import HeadingFilter, OffsetEstimator
-from treadline.guard import Guard, GuardConfig
-from treadline.mission.ascent import Ascent, AscentConfig
-from treadline.mission.belt_controllers import ConstantSpeed, Driver
+from treadline.mission.belt_controllers import Driver
 from treadline.mission.blocks import Detector
-from treadline.mission.descent import Descent, DescentConfig
-from treadline.mission.loop import Blocks, Estimator
-from treadline.mission.planner import Cruise, Planner
-from treadline.mission.plugins import Plugins
-from treadline.perception import DetectorConfig, StairDetector
+from treadline.mission.loop import Estimator
 from treadline.scenario.chair import ChairDescription
 
-PERIODS_MISSED = 3
-"""Control periods without a command after which the guard holds."""
+FILE_PREFIX = "treadline_plugin_"
+"""Start of the module name of a plug-in that was read from a file."""
+
+
+@runtime_checkable
+class ControllerPlugin(Protocol):
+    """Class of a controller: builds a ``Driver`` from the mission configuration.
+
+    The entry point group is ``treadline.controllers``.
+    """
+
+    follows_plan: bool
+    """Whether the controller applies ``plan.speed_m_s`` and ``plan.heading_rad``. Only then does the mission run the phases of a
+    full traversal (alignment, mounting, traction test, crest, landing); otherwise it drives on the flight alone, and the run ends
+    with the verdict ``end_of_flight``."""
+
+    def __call__(self, config: "MissionConfig", /) -> Driver:
+        """Return the controller; ``step(estimate, t_s, plan)`` is called every ``period_s``."""
+
+
+@runtime_checkable
+class DetectorPlugin(Protocol):
+    """Class of a stair detector: builds a ``Detector`` from the mission configuration.
+
+    The entry point group is ``treadline.detectors``.
+    """
+
+    maps_stair: bool
+    """Whether ``see`` returns a ``stair_map``, which a full traversal needs; otherwise the mission drives on the flight alone."""
+
+    def __call__(self, config: "MissionConfig", /) -> Detector:
+        """Return the detector; ``see(frame, gravity_C)`` is called for each camera frame."""
+
+
+@runtime_checkable
+class EstimatorPlugin(Protocol):
+    """Class of a heading estimator: builds an ``Estimator`` from the mission configuration.
+
+    The entry point group is ``treadline.estimators``.
+    """
+
+    def __call__(self, config: "MissionConfig", /) -> Estimator:
+        """Return the estimator; ``step(signal)`` is called for each IMU sample, belt reading and heading measurement."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plugins:
+    """Blocks that replace the shipped ones; None keeps the shipped block."""
+
+    controller: ControllerPlugin | None = None
+    detector: DetectorPlugin | None = None
+    estimator: EstimatorPlugin | None = None
+
+    def sources(self) -> dict[str, str]:
+        """Return ``module:Class`` of each plug-in by its kind, for the manifest of a run."""
+        given = {"controller": self.controller, "detector": self.detector, "estimator": self.estimator}
+        return {kind: source_of_plugin(plugin) for kind, plugin in given.items() if plugin is not None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,33 +95,6 @@ class MissionConfig:
     """State reconstruction; None keeps the choice in the controller's file."""
 
 
-def heading_driver(config: MissionConfig) -> Driver:
-    """Return the driver of a mission: a plug-in, the heading controller, or constant speed where the loop is open.
-
-    Raises:
-        SettingsError: If the controller is missing, was made for another vehicle, or the plug-in builds no driver.
-    """
-    if config.loop == "open":
-        return ConstantSpeed(config.climb_speed_m_s, 1.0 / paper.CONTROL_RATE_HZ)
-    if config.plugins.controller is not None:
-        return _built("controller", config.plugins.controller, config, Driver)
-    design = config.controller
-    if design is None:
-        raise SettingsError("a closed loop needs a controller; make one with treadline tune")
-    if design.vehicle != config.chair.name:
-        raise SettingsError(f"the controller was made for '{design.vehicle}', the chair is '{config.chair.name}'")
-    return HeadingController(
-        design,
-        ControllerConfig(
-            climb_speed_m_s=config.climb_speed_m_s,
-            allocation=config.allocation,
-            reconstruct=config.reconstruct,
-            max_speed_m_s=config.chair.drives.max_speed_m_s,
-            period_s=design.period_s,
-        ),
-    )
-
-
 def is_full_traversal(config: MissionConfig, driver: Driver | None = None) -> bool:
     """Return whether a mission goes from floor to landing (or back) instead of along one flight.
 
@@ -92,101 +111,12 @@ def is_full_traversal(config: MissionConfig, driver: Driver | None = None) -> bo
     return follows_plan and maps_stair and config.chair.flipper is not None
 
 
-def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
-    """Return the planner of a full traversal, or of a single flight.
-
-    Raises:
-        SettingsError: If the chair cannot come down.
-    """
-    chair = config.chair
-    if not is_full_traversal(config, driver):
-        if config.direction == "down":
-            raise SettingsError(
-                "coming down needs a chair with a flipper, a closed loop and robust vision; set chair.model = 'wheelchair'"
-            )
-        return Cruise(config.climb_speed_m_s)
-    if config.direction == "down":
-        chair.camera_at(rear=True)  # raises where there is none
-        return Descent(
-            DescentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s, flights=config.flights)
-        )
-    return Ascent(
-        AscentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s, flights=config.flights)
-    )
+def source_of_plugin(plugin: Callable[..., object]) -> str:
+    """Return ``module:Class`` of a plug-in; a class that was read from a file names the file."""
+    module = sys.modules.get(plugin.__module__)
+    file = getattr(module, "__file__", None)
+    place = str(file) if plugin.__module__.startswith(FILE_PREFIX) and file is not None else plugin.__module__
+    return f"{place}:{getattr(plugin, '__qualname__', type(plugin).__qualname__)}"
 
 
-def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
-    """Return the blocks of one mission.
-
-    Args:
-        driver: An experiment's own driver in place of the configured one.
-
-    Raises:
-        SettingsError: If a block cannot be built.
-    """
-    planner = planner_of(config, driver)
-    driver = driver or heading_driver(config)
-    return Blocks(
-        detector=detector_of(config),
-        estimator=estimator_of(config),
-        planner=planner,
-        driver=driver,
-        leveller=None if config.chair.seat is None else PitchLeveller(LevellerConfig(seat=config.chair.seat)),
-        guard=Guard(guard_config(config, driver.period_s, driven=driver.follows_plan)),
-        swept_half_m=config.chair.swept_half_m,
-    )
-
-
-def detector_of(config: MissionConfig) -> Detector:
-    """Return the stair detector of a mission: a plug-in, or the shipped one.
-
-    Raises:
-        SettingsError: If the plug-in builds no detector.
-    """
-    if config.plugins.detector is not None:
-        return _built("detector", config.plugins.detector, config, Detector)
-    return StairDetector(DetectorConfig(method=config.vision, swept_half_m=config.chair.swept_half_m))
-
-
-def estimator_of(config: MissionConfig) -> Estimator:
-    """Return the heading estimator of a mission: a plug-in, the Kalman filter, or the paper's offset rule.
-
-    Raises:
-        SettingsError: If the plug-in builds no estimator.
-    """
-    if config.plugins.estimator is not None:
-        return _built("estimator", config.plugins.estimator, config, Estimator)
-    return HeadingFilter() if config.vision == "robust" else OffsetEstimator()
-
-
-def _built(kind: str, plugin: Any, config: MissionConfig, protocol: Any) -> Any:
-    """Return the block that a plug-in builds; the names of the protocol that it lacks are an error."""
-    block = plugin(config)
-    if isinstance(block, protocol):
-        return block
-    wanted = sorted(name for name in {*dir(protocol), *getattr(protocol, "__annotations__", {})} if not name.startswith("_"))
-    missing = [name for name in wanted if not hasattr(block, name)]
-    raise SettingsError(f"the {kind} plug-in builds a {type(block).__name__} without {', '.join(missing)}; add it")
-
-
-def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True) -> GuardConfig:
-    """Return the guard's limits for a chair and a control period.
-
-    Args:
-        driven: Whether the driver follows the plan. The guard limits slip for such a driver only: excitation, and the paper's
-            allocation, slip by design.
-    """
-    chair = config.chair
-    tracks = chair.tracks
-    return GuardConfig(
-        belt_limit_m_s=chair.drives.max_speed_m_s,
-        drive_lag_s=chair.drives.lag_s,
-        drive_acceleration_m_s2=chair.drives.max_acceleration_m_s2,
-        front_m=chair.reach_m,
-        rear_m=chair.rear_reach_m,
-        gauge_m=tracks.gauge_m,
-        track_span_m=tracks.flat_run_m,
-        needs_heading=config.loop == "closed",
-        watches_slip=config.allocation == "climb-safe" and config.loop == "closed" and driven,
-        driver_timeout_s=PERIODS_MISSED * period_s,
-    )
+"""Beginning of the module name that a plug-in file gets."""

@@ -7,78 +7,15 @@ belong to the class, so that they are known without an instance.
 
 import importlib
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import util
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any
 
 from treadline.core.errors import SettingsError
-from treadline.mission.belt_controllers import Driver
-from treadline.mission.blocks import Detector
-from treadline.mission.loop import Estimator
-
-if TYPE_CHECKING:
-    from treadline.mission.mission_config import MissionConfig
-
-
-@runtime_checkable
-class ControllerPlugin(Protocol):
-    """Class of a controller: builds a ``Driver`` from the mission configuration.
-
-    The entry point group is ``treadline.controllers``.
-    """
-
-    follows_plan: bool
-    """Whether the controller applies ``plan.speed_m_s`` and ``plan.heading_rad``. Only then does the mission run the phases of a
-    full traversal (alignment, mounting, traction test, crest, landing); otherwise it drives on the flight alone, and the run ends
-    with the verdict ``end_of_flight``."""
-
-    def __call__(self, config: "MissionConfig", /) -> Driver:
-        """Return the controller; ``step(estimate, t_s, plan)`` is called every ``period_s``."""
-
-
-@runtime_checkable
-class DetectorPlugin(Protocol):
-    """Class of a stair detector: builds a ``Detector`` from the mission configuration.
-
-    The entry point group is ``treadline.detectors``.
-    """
-
-    maps_stair: bool
-    """Whether ``see`` returns a ``stair_map``, which a full traversal needs; otherwise the mission drives on the flight alone."""
-
-    def __call__(self, config: "MissionConfig", /) -> Detector:
-        """Return the detector; ``see(frame, gravity_C)`` is called for each camera frame."""
-
-
-@runtime_checkable
-class EstimatorPlugin(Protocol):
-    """Class of a heading estimator: builds an ``Estimator`` from the mission configuration.
-
-    The entry point group is ``treadline.estimators``.
-    """
-
-    def __call__(self, config: "MissionConfig", /) -> Estimator:
-        """Return the estimator; ``step(signal)`` is called for each IMU sample, belt reading and heading measurement."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plugins:
-    """Blocks that replace the shipped ones; None keeps the shipped block."""
-
-    controller: ControllerPlugin | None = None
-    detector: DetectorPlugin | None = None
-    estimator: EstimatorPlugin | None = None
-
-    def sources(self) -> dict[str, str]:
-        """Return ``module:Class`` of each plug-in by its kind, for the manifest of a run."""
-        given = {"controller": self.controller, "detector": self.detector, "estimator": self.estimator}
-        return {kind: source_of_plugin(plugin) for kind, plugin in given.items() if plugin is not None}
-
+from treadline.mission.mission_config import FILE_PREFIX
 
 ATTRIBUTES = {"controller": ("follows_plan",), "detector": ("maps_stair",), "estimator": ()}
 """Attributes that each kind of plug-in must have, see the protocols."""
@@ -103,7 +40,7 @@ def checked_plugin(kind: str, plugin: Any, where: str) -> Any:
         if not isinstance(getattr(plugin, name, None), bool):
             raise SettingsError(
                 f"{where}: the {kind} plug-in has no attribute '{name}'; set {name} = True or {name} = False in the class "
-                f"(treadline.mission.plugins.{kind.capitalize()}Plugin says what it means)"
+                f"(treadline.mission.mission_config.{kind.capitalize()}Plugin says what it means)"
             )
     return plugin
 
@@ -127,18 +64,6 @@ def load_plugin(kind: str, source: str) -> Any:
         public = [name for name in vars(module) if not name.startswith("_")]
         raise SettingsError(f"{where}: no '{attribute}' in '{module_name}'{_meant(attribute, public)}")
     return checked_plugin(kind, getattr(module, attribute), where)
-
-
-def source_of_plugin(plugin: Callable[..., object]) -> str:
-    """Return ``module:Class`` of a plug-in; a class that was read from a file names the file."""
-    module = sys.modules.get(plugin.__module__)
-    file = getattr(module, "__file__", None)
-    place = str(file) if plugin.__module__.startswith(_FILE) and file is not None else plugin.__module__
-    return f"{place}:{getattr(plugin, '__qualname__', type(plugin).__qualname__)}"
-
-
-_FILE = "treadline_plugin_"
-"""Beginning of the module name that a plug-in file gets."""
 
 
 def _module_of(name: str, where: str) -> ModuleType:
@@ -165,7 +90,7 @@ def _module_of(name: str, where: str) -> ModuleType:
 def _module_in(path: Path, where: str) -> ModuleType:
     if not path.is_file():
         raise SettingsError(f"{where}: no file '{path}'; correct the path")
-    name = f"{_FILE}{path.stem}"
+    name = f"{FILE_PREFIX}{path.stem}"
     known = sys.modules.get(name)
     if known is not None and Path(str(known.__file__)) == path.resolve():
         return known

@@ -7,7 +7,8 @@ from treadline.core.errors import SettingsError
 from treadline.core.images import PinholeCamera
 from treadline.core.ports import Plant
 from treadline.guard import GuardConfig
-from treadline.mission.mission_config import MissionConfig, build_blocks, guard_config
+from treadline.mission.mission_blocks import build_blocks, guard_config
+from treadline.mission.mission_config import MissionConfig
 from treadline.ros.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
 from treadline.ros.plant_node import PlantNode
 from treadline.ros.recorder import RecorderNode

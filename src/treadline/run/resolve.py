@@ -13,16 +13,17 @@ from treadline.core.models import ControllerDesign
 from treadline.core.ports import TruthPlant
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Blocks
-from treadline.mission.mission_config import MissionConfig, build_blocks, is_full_traversal
-from treadline.mission.plugins import (
+from treadline.mission.mission_blocks import build_blocks
+from treadline.mission.mission_config import (
     ControllerPlugin,
     DetectorPlugin,
     EstimatorPlugin,
+    MissionConfig,
     Plugins,
-    checked_plugin,
-    load_plugin,
+    is_full_traversal,
     source_of_plugin,
 )
+from treadline.mission.plugins import checked_plugin, load_plugin
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Scenario, read_scenario

@@ -1,0 +1,148 @@
+"""Blocks of one mission from its configuration: ``MissionConfig -> Blocks``, and the guard's limits for its chair."""
+
+from typing import Any
+
+from treadline.control import ControllerConfig, HeadingController
+from treadline.control.seat import LevellerConfig, PitchLeveller
+from treadline.core import paper
+from treadline.core.errors import SettingsError
+from treadline.estimation import HeadingFilter, OffsetEstimator
+from treadline.guard import Guard, GuardConfig
+from treadline.mission.ascent import Ascent, AscentConfig
+from treadline.mission.belt_controllers import ConstantSpeed, Driver
+from treadline.mission.blocks import Detector
+from treadline.mission.descent import Descent, DescentConfig
+from treadline.mission.loop import Blocks, Estimator
+from treadline.mission.mission_config import MissionConfig, is_full_traversal
+from treadline.mission.planner import Cruise, Planner
+from treadline.perception import DetectorConfig, StairDetector
+
+PERIODS_MISSED = 3
+"""Control periods without a command after which the guard holds."""
+
+
+def heading_driver(config: MissionConfig) -> Driver:
+    """Return the driver of a mission: a plug-in, the heading controller, or constant speed where the loop is open.
+
+    Raises:
+        SettingsError: If the controller is missing, was made for another vehicle, or the plug-in builds no driver.
+    """
+    if config.loop == "open":
+        return ConstantSpeed(config.climb_speed_m_s, 1.0 / paper.CONTROL_RATE_HZ)
+    if config.plugins.controller is not None:
+        return _built("controller", config.plugins.controller, config, Driver)
+    design = config.controller
+    if design is None:
+        raise SettingsError("a closed loop needs a controller; make one with treadline tune")
+    if design.vehicle != config.chair.name:
+        raise SettingsError(f"the controller was made for '{design.vehicle}', the chair is '{config.chair.name}'")
+    return HeadingController(
+        design,
+        ControllerConfig(
+            climb_speed_m_s=config.climb_speed_m_s,
+            allocation=config.allocation,
+            reconstruct=config.reconstruct,
+            max_speed_m_s=config.chair.drives.max_speed_m_s,
+            period_s=design.period_s,
+        ),
+    )
+
+
+def planner_of(config: MissionConfig, driver: Driver | None = None) -> Planner:
+    """Return the planner of a full traversal, or of a single flight.
+
+    Raises:
+        SettingsError: If the chair cannot come down.
+    """
+    chair = config.chair
+    if not is_full_traversal(config, driver):
+        if config.direction == "down":
+            raise SettingsError(
+                "coming down needs a chair with a flipper, a closed loop and robust vision; set chair.model = 'wheelchair'"
+            )
+        return Cruise(config.climb_speed_m_s)
+    if config.direction == "down":
+        chair.camera_at(rear=True)  # raises where there is none
+        return Descent(
+            DescentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s, flights=config.flights)
+        )
+    return Ascent(
+        AscentConfig(chair=chair, payload_kg=config.payload_kg, cruise_m_s=config.climb_speed_m_s, flights=config.flights)
+    )
+
+
+def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
+    """Return the blocks of one mission.
+
+    Args:
+        driver: An experiment's own driver in place of the configured one.
+
+    Raises:
+        SettingsError: If a block cannot be built.
+    """
+    planner = planner_of(config, driver)
+    driver = driver or heading_driver(config)
+    return Blocks(
+        detector=detector_of(config),
+        estimator=estimator_of(config),
+        planner=planner,
+        driver=driver,
+        leveller=None if config.chair.seat is None else PitchLeveller(LevellerConfig(seat=config.chair.seat)),
+        guard=Guard(guard_config(config, driver.period_s, driven=driver.follows_plan)),
+        swept_half_m=config.chair.swept_half_m,
+    )
+
+
+def detector_of(config: MissionConfig) -> Detector:
+    """Return the stair detector of a mission: a plug-in, or the shipped one.
+
+    Raises:
+        SettingsError: If the plug-in builds no detector.
+    """
+    if config.plugins.detector is not None:
+        return _built("detector", config.plugins.detector, config, Detector)
+    return StairDetector(DetectorConfig(method=config.vision, swept_half_m=config.chair.swept_half_m))
+
+
+def estimator_of(config: MissionConfig) -> Estimator:
+    """Return the heading estimator of a mission: a plug-in, the Kalman filter, or the paper's offset rule.
+
+    Raises:
+        SettingsError: If the plug-in builds no estimator.
+    """
+    if config.plugins.estimator is not None:
+        return _built("estimator", config.plugins.estimator, config, Estimator)
+    return HeadingFilter() if config.vision == "robust" else OffsetEstimator()
+
+
+def _built(kind: str, plugin: Any, config: MissionConfig, protocol: Any) -> Any:
+    """Return the block that a plug-in builds; the names of the protocol that it lacks are an error."""
+    block = plugin(config)
+    if isinstance(block, protocol):
+        return block
+    wanted = sorted(name for name in {*dir(protocol), *getattr(protocol, "__annotations__", {})} if not name.startswith("_"))
+    missing = [name for name in wanted if not hasattr(block, name)]
+    raise SettingsError(f"the {kind} plug-in builds a {type(block).__name__} without {', '.join(missing)}; add it")
+
+
+def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True) -> GuardConfig:
+    """Return the guard's limits for a chair and a control period.
+
+    Args:
+        driven: Whether the driver follows the plan. The guard limits slip for such a driver only: excitation, and the paper's
+            allocation, slip by design.
+    """
+    chair = config.chair
+    tracks = chair.tracks
+    return GuardConfig(
+        belt_limit_m_s=chair.drives.max_speed_m_s,
+        drive_lag_s=chair.drives.lag_s,
+        drive_acceleration_m_s2=chair.drives.max_acceleration_m_s2,
+        front_m=chair.reach_m,
+        rear_m=chair.rear_reach_m,
+        gauge_m=tracks.gauge_m,
+        track_span_m=tracks.flat_run_m,
+        needs_heading=config.loop == "closed",
+        watches_slip=config.allocation == "climb-safe" and config.loop == "closed" and driven,
+        driver_timeout_s=PERIODS_MISSED * period_s,
+    )
