@@ -3,7 +3,7 @@
 Run: ``python benchmarks/crest.py`` (about two minutes of CPU). tests/experiments/test_crest.py checks a part of these figures.
 """
 
-from treadline.experiments.crest import CrestCase, cross
+from crossing import CrestCase, cross
 
 SLOPES_DEG = (25.0, 28.0, 30.0)
 GRIPS = (1.0, 0.806)

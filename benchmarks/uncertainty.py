@@ -13,11 +13,21 @@ from pathlib import Path
 from typing import Any
 
 from tables import table
+from uncertainty_figures import BudgetRow, RunOutcomes, budget
+from uncertainty_runs import (
+    LUG_GROUP,
+    QUICK,
+    QUICK_RUNS,
+    QUICK_VARIATIONS,
+    SEED_GROUP,
+    SOURCES,
+    VARIATIONS,
+    WHOLE,
+    BudgetJob,
+    runs_of,
+)
 
 from treadline.core.models import write_whole
-from treadline.experiments.budget_runs import QUICK, QUICK_RUNS, WHOLE, BudgetJob, runs_of
-from treadline.experiments.uncertainty import GROUP_OF, BudgetRow, RunOutcomes, budget
-from treadline.experiments.variations import LUG_GROUP, QUICK_VARIATIONS, SEED_GROUP, SOURCES, VARIATIONS
 from treadline.io.provenance import git_commit
 from treadline.run.job_pool import run_jobs
 
@@ -162,7 +172,7 @@ def _table(rows: Sequence[BudgetRow], names: Sequence[str], *, with_target: bool
 def _cell(row: BudgetRow, name: str) -> str:
     if name not in row.moves:
         return ""
-    lost = any(GROUP_OF[variation] == name for variation in row.lost)
+    lost = any(item.name in row.lost for item in VARIATIONS if item.group == name)
     return _number(row.moves[name]) + ("†" if lost else "")
 
 

@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import jaxtyping
 import pytest
+from crossing import CrestCase, Crossing, Direction, cross
 
 from treadline.core.angles import DEG
-from treadline.experiments.crest import CrestCase, Crossing, Direction, cross
 
 NOMINAL_DEG_S, WITH_ERRORS_DEG_S, NEVER_DEG_S = 15.0, 20.0, 25.0
 SEAT_DEG, PASSENGER_M_S2 = 3.0, 2.5

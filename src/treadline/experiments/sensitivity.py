@@ -9,9 +9,10 @@ from typing import Any
 
 from treadline.core.models import read_json
 from treadline.experiments.plan import CONTROLLER_GROUND, FIG10_SLOPE, GROUNDS, SLOPES_DEG, Ground
-from treadline.experiments.variations import MAIN_SOURCES
 
 SENSITIVITY = Path(__file__).parents[1] / "data" / "sensitivity.json"
+MAIN_SOURCES = ("step", "stiffness", "friction")
+"""Sources of uncertainty next to each figure of ``results.json``."""
 Changes = dict[str, dict[str, Any]]
 """Changes by figure: the first part of a figure's key is the part of ``results.json``."""
 

@@ -89,16 +89,7 @@ class CrestCase:
     def scenario(self) -> Scenario:
         """Return the stair and the start: up from two nosings before the last, otherwise from floor, flight or landing."""
         return Scenario(
-            stair=Stair.model_validate(
-                {
-                    "slope_deg": self.slope_deg,
-                    "friction": self.friction,
-                    "steps": STEPS,
-                    "walls": "none",
-                    "width_m": 4.0,
-                    "landing_m": 3.0,
-                }
-            ),
+            stair=Stair(slope_deg=self.slope_deg, friction=self.friction, steps=STEPS, walls="none", width_m=4.0, landing_m=3.0),
             chair=Chair(model=self.chair, payload_kg=self.payload_kg),
             start=Start(
                 place=STARTS[self.at, self.direction],

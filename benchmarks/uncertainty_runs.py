@@ -1,4 +1,8 @@
-"""Runs of the uncertainty budget: turns, straight climbs, excitation, traversals, lugs, the seat, a braked chair and a slide."""
+"""Runs of the uncertainty budget, and the one-at-a-time variations of plant, stair and numerics in which they are made.
+
+A variation changes the plant alone: the mission keeps the nominal chair file and the weight that the operator entered, as in a
+building where nobody has measured the friction.
+"""
 
 import itertools
 import json
@@ -18,15 +22,134 @@ from treadline.core.plain_values import plain
 from treadline.core.ports import TruthPlant
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments import as_printed, dead_zone, fig05, fig11, lugs, plan
-from treadline.experiments.variations import LUG_GROUP, MAIN_SOURCES, NOMINAL_VARIATION, Variation
+from treadline.experiments.sensitivity import MAIN_SOURCES
 from treadline.identification import IdentificationOptions, identify
 from treadline.mission.belt_controllers import ConstantSpeed
+from treadline.plant.mujoco import MujocoPlant
+from treadline.plant.mujoco.physics import NOMINAL, Physics
 from treadline.run.episode import FALLEN_SLIDE_M, traverse
 from treadline.run.excitation_run import PERIOD_S, excite
 from treadline.run.resolve import Opener, ready
-from treadline.scenario.chair import GRAVITY_M_S2, read_chair
+from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, read_chair
 from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import DriveSettings, Scenario, Stair, Start, read_scenario
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variation:
+    """One change of the plant; factors of 1 and shifts of 0 change nothing."""
+
+    name: str
+    group: str
+    """Source of uncertainty; the largest move of a group counts."""
+    physics: Physics = NOMINAL
+    friction: tuple[float, float] = (1.0, 1.0)
+    """Factors on the friction along the belt and across."""
+    chassis: float = 1.0
+    """Factor on the mass of the chassis."""
+    payload: float = 1.0
+    """Factor on the passenger's mass; the operator entered the nominal one."""
+    com_m: tuple[float, float] = (0.0, 0.0)
+    """Shift of the centre of mass, chassis and passenger alike: forward and up."""
+    lag: float = 1.0
+    """Factor on the lag of the belts' drives."""
+    lug_phase: float = 0.0
+    """Shift of both belts' lugs along the belt, as a share of the lug pitch; no effect on smooth belts."""
+    seed: int = 0
+
+    def scenario(self, nominal: Scenario) -> Scenario:
+        """Return the scenario on this friction with this passenger."""
+        along, across = nominal.stair.friction
+        stair = nominal.stair.model_copy(update={"friction": (along * self.friction[0], across * self.friction[1])})
+        entered = nominal.chair.entered.payload_kg
+        weight = {"payload_kg": nominal.chair.payload_kg * self.payload, "entered_payload_kg": entered}
+        return nominal.model_copy(update={"stair": stair, "chair": nominal.chair.model_copy(update=weight)})
+
+    def chair(self, model: str) -> ChairDescription:
+        """Return the chair as it is, where its file gives the nominal one."""
+        nominal = read_chair(model)
+        forward_m, up_m = self.com_m
+
+        def moved(place: tuple[float, float, float]) -> tuple[float, float, float]:
+            return place[0] + forward_m, place[1], place[2] + up_m
+
+        masses, seat, drives = nominal.masses, nominal.levelled_seat, nominal.drives
+        heavier = {"chassis_kg": masses.chassis_kg * self.chassis, "chassis_com_m": moved(masses.chassis_com_m)}
+        return nominal.model_copy(
+            update={
+                "masses": masses.model_copy(update=heavier),
+                "seat": seat.model_copy(update={"payload_com_m": moved(seat.payload_com_m)}),
+                "drives": drives.model_copy(update={"lag_s": drives.lag_s * self.lag}),
+            }
+        )
+
+    def opener(self, model: str) -> Opener:
+        """Return what makes the varied plant of a scenario and a seed."""
+        return partial(_ShiftedLugsPlant, chair=self.chair(model), physics=self.physics, lug_phase=self.lug_phase)
+
+
+class _ShiftedLugsPlant(MujocoPlant):
+    """Plant whose lugs start further along the belts than the seed puts them."""
+
+    def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, physics: Physics, lug_phase: float) -> None:
+        super().__init__(scenario, seed, chair, physics)
+        if self._lugs.numbers.size:
+            pitch_m = scenario.belts.measures_m[1]
+            self._lugs.start_m[:] = (self._lugs.start_m + lug_phase * pitch_m) % pitch_m
+
+
+NOMINAL_VARIATION = Variation(name="nominal", group="nominal")
+SEED_GROUP = "seed"
+"""Another seed: sensor noise and uneven steps alone. A move that is no larger is no effect of its source; not in the sum."""
+COARSE_GROUP = "coarse step"
+"""A step of 5 ms, the largest that the contact's nominal time constant allows; not in the sum. Steps of 4 ms do not fill a tick."""
+PARTS_OF_FRICTION = ("friction along", "friction across")
+"""Parts of the group friction, in which both change together; not in the sum."""
+LUG_GROUP = "lug phase"
+"""Phase of the lugs, on runs with lugs alone; a quarter and half of the lug pitch."""
+MASS, COM_M, FRICTION = 0.1, 0.02, 0.2
+
+
+def _friction(group: str, along: bool, across: bool) -> tuple[Variation, ...]:
+    return tuple(
+        Variation(
+            name=f"{group} {100.0 * change:+.0f} %",
+            group=group,
+            friction=(1.0 + change * along, 1.0 + change * across),
+        )
+        for change in (-FRICTION, FRICTION)
+    )
+
+
+VARIATIONS = (
+    NOMINAL_VARIATION,
+    Variation(name="step 1 ms", group="step", physics=Physics(timestep_s=0.001)),
+    Variation(name="step 2.5 ms", group="step", physics=Physics(timestep_s=0.0025)),
+    Variation(name="contact 0.005 s", group="stiffness", physics=Physics(contact_time_constant_s=0.005)),
+    Variation(name="contact 0.02 s", group="stiffness", physics=Physics(contact_time_constant_s=0.02)),
+    *_friction("friction", along=True, across=True),
+    Variation(name="seed 1", group=SEED_GROUP, seed=1),
+    Variation(name="seed 2", group=SEED_GROUP, seed=2),
+    Variation(name="residual 0.001 m/s²", group="residual", physics=Physics(tolerance_m_s2=0.001)),
+    Variation(name="residual 0.1 m/s²", group="residual", physics=Physics(tolerance_m_s2=0.1)),
+    Variation(name="3 solves", group="solves", physics=Physics(max_solves=3)),
+    Variation(name="20 solves", group="solves", physics=Physics(max_solves=20)),
+    *(Variation(name=f"chassis {s * 10:+d} %", group="chassis mass", chassis=1.0 + s * MASS) for s in (-1, 1)),
+    *(Variation(name=f"passenger {s * 10:+d} %", group="passenger mass", payload=1.0 + s * MASS) for s in (-1, 1)),
+    *(Variation(name=f"centre of mass {s * 2:+d} cm along", group="centre along", com_m=(s * COM_M, 0.0)) for s in (-1, 1)),
+    *(Variation(name=f"centre of mass {s * 2:+d} cm up", group="centre up", com_m=(0.0, s * COM_M)) for s in (-1, 1)),
+    Variation(name="drive lag ×0.5", group="lag", lag=0.5),
+    Variation(name="drive lag ×2", group="lag", lag=2.0),
+    *_friction("friction along", along=True, across=False),
+    *_friction("friction across", along=False, across=True),
+    Variation(name="step 5 ms", group=COARSE_GROUP, physics=Physics(timestep_s=0.005)),
+    Variation(name="lugs a quarter pitch on", group=LUG_GROUP, lug_phase=0.25),
+    Variation(name="lugs half a pitch on", group=LUG_GROUP, lug_phase=0.5),
+)
+SOURCES = tuple(dict.fromkeys(item.group for item in VARIATIONS if item is not NOMINAL_VARIATION))
+SUMMED = tuple(group for group in SOURCES if group not in (SEED_GROUP, COARSE_GROUP, *PARTS_OF_FRICTION))
+"""Independent sources, which enter the root sum of squares."""
+QUICK_VARIATIONS = tuple(item for item in VARIATIONS if item.name in ("nominal", "step 2.5 ms", "contact 0.02 s", "friction +20 %"))
 
 CHAIR = "wheelchair"
 START_DEG = 30
@@ -97,39 +220,23 @@ def _driven(
     return "ok", {name: getattr(run.scores, name) for name in SCORES}
 
 
+def _scored(
+    make: Callable[[Spans], Scenario], wanted: tuple[str, ...] = ("time_up",), controller: ControllerDesign | None = None
+) -> Callable[[Variation, Spans], Outcome]:
+    """Return the run of a scenario, see ``_driven``."""
+    return lambda variation, spans: _driven(variation, make(spans), wanted, controller)
+
+
 def _turn(slope_deg: int, friction: plan.Friction, allocation: str = "climb-safe") -> Callable[[Variation, Spans], Outcome]:
-    return lambda variation, spans: _driven(
-        variation, plan.turn(slope_deg, START_DEG, spans.turn_s, friction=friction, allocation=allocation)
-    )
+    return _scored(lambda spans: plan.turn(slope_deg, START_DEG, spans.turn_s, friction=friction, allocation=allocation))
 
 
-def _straight(variation: Variation, spans: Spans) -> Outcome:
-    return _driven(variation, plan.straight(plan.FIG10_SLOPE, "closed", spans.straight_s))
+def _straight(loop: str) -> Callable[[Variation, Spans], Outcome]:
+    return _scored(lambda spans: plan.straight(plan.FIG10_SLOPE, loop, spans.straight_s))
 
 
-def _straight_open(variation: Variation, spans: Spans) -> Outcome:
-    return _driven(variation, plan.straight(plan.FIG10_SLOPE, "open", spans.straight_s))
-
-
-def _traversal(variation: Variation, spans: Spans, name: str) -> Outcome:
-    del spans  # a traversal ends on arrival
-    return _driven(variation, read_scenario(name), ("arrived",))
-
-
-def _lugged_turn(variation: Variation, spans: Spans, slope_deg: int) -> Outcome:
-    del spans
-    return _driven(variation, lugs.lugged_turn(slope_deg, lugs.PLAIN_LUGS))
-
-
-def _lugged_traversal(variation: Variation, spans: Spans) -> Outcome:
-    del spans
-    return _driven(variation, lugs.lugged_traversal(lugs.PLAIN_LUGS), ("arrived",))
-
-
-def _as_printed(variation: Variation, spans: Spans) -> Outcome:
-    """Return the scores of the printed controller; the run counts however it ends."""
-    verdicts = ("time_up", "held", "fell")
-    return _driven(variation, as_printed.as_printed_turn(spans.turn_s), verdicts, as_printed.paper_controller(plan.TABLE_SPEED_M_S))
+def _lugged_turn(slope_deg: int) -> Callable[[Variation, Spans], Outcome]:
+    return _scored(lambda _: lugs.lugged_turn(slope_deg, lugs.PLAIN_LUGS))
 
 
 def _seat(variation: Variation, spans: Spans) -> Outcome:
@@ -219,26 +326,31 @@ def _slide(variation: Variation, spans: Spans) -> Outcome:
     return "ok", {"slide_speed_m_s": speed, "slide_gap_m_s": speed - theory}
 
 
+ARRIVED = ("arrived",)
 RUNS: dict[str, Callable[[Variation, Spans], Outcome]] = {
     **{f"turn-{slope}": _turn(slope, plan.PAPER_FRICTION) for slope in plan.SLOPES_DEG},
     "turn-28-mu0.9-0.5": _turn(plan.FIG10_SLOPE, plan.GOOD_GRIP),
-    "straight-28": _straight,
+    "straight-28": _straight("closed"),
     "excite-20": _identified,
-    "up-28": partial(_traversal, name="up-28"),
-    "down-28": partial(_traversal, name="down-28"),
+    "up-28": _scored(lambda _: read_scenario("up-28"), ARRIVED),
+    "down-28": _scored(lambda _: read_scenario("down-28"), ARRIVED),
     "creep-28": _creep,
     "slide-32.4": _slide,
 }
 """Runs that are made in each variation."""
 LUG_RUNS: dict[str, Callable[[Variation, Spans], Outcome]] = {
-    **{f"turn-{slope}-lugs": partial(_lugged_turn, slope_deg=slope) for slope in plan.SLOPES_DEG},
-    "up-28-lugs": _lugged_traversal,
+    **{f"turn-{slope}-lugs": _lugged_turn(slope) for slope in plan.SLOPES_DEG},
+    "up-28-lugs": _scored(lambda _: lugs.lugged_traversal(lugs.PLAIN_LUGS), ARRIVED),
 }
 """Runs with lugs, made in the variations of the main sources and of the lugs' phase."""
 SIDE_RUNS: dict[str, Callable[[Variation, Spans], Outcome]] = {
     "turn-28-rollback": _turn(plan.FIG10_SLOPE, plan.PAPER_FRICTION, "paper"),
-    "straight-28-open": _straight_open,
-    "as-printed-28": _as_printed,
+    "straight-28-open": _straight("open"),
+    "as-printed-28": _scored(  # counts however it ends
+        lambda spans: as_printed.as_printed_turn(spans.turn_s),
+        ("time_up", "held", "fell"),
+        as_printed.paper_controller(plan.TABLE_SPEED_M_S),
+    ),
     "seat-28": _seat,
     "dead-zone-28": _dead_zone,
     "frame-28": _seen,
