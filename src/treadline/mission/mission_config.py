@@ -15,7 +15,7 @@ from treadline.mission.loop import Estimator
 from treadline.scenario.chair import ChairDescription
 
 FILE_PREFIX = "treadline_plugin_"
-"""Start of the module name of a plug-in that was read from a file."""
+"""Beginning of the module name that a plug-in file gets."""
 
 
 @runtime_checkable
@@ -117,6 +117,3 @@ def source_of_plugin(plugin: Callable[..., object]) -> str:
     file = getattr(module, "__file__", None)
     place = str(file) if plugin.__module__.startswith(FILE_PREFIX) and file is not None else plugin.__module__
     return f"{place}:{getattr(plugin, '__qualname__', type(plugin).__qualname__)}"
-
-
-"""Beginning of the module name that a plug-in file gets."""
