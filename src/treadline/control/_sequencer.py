@@ -35,6 +35,20 @@ class PitchCommand(Generic[StageT]):
     """Reason for a retry or for stopping; otherwise empty."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SequenceConfig(Loading):
+    """Chair, assumed load and what both sequences share."""
+
+    cruise_m_s: float = 0.2
+    """Belt speed before the sequence slows down [m/s]."""
+    slow_within_m: float = 0.5
+    """Distance before the nosing (crest), or before the pressing position (edge), at which the chair slows down [m]."""
+    trim_per_s: float = 2.0
+    """Flipper rate per pitch lag behind the reference [1/s]."""
+    patience_s: float = 8.0
+    """Time to wait for the flipper to carry, to lift by one degree, or to stow [s]; a weak or dead motor exceeds it."""
+
+
 class Sequencer(ABC, Generic[StageT]):
     """State machine for one crossing of the landing's nosing.
 

@@ -12,11 +12,11 @@ and by the pitch when the flipper lifts the chair.
 from dataclasses import dataclass
 from typing import Literal
 
-from treadline.control._sequencer import PitchCommand, Sequencer
+from treadline.control._sequencer import PitchCommand, SequenceConfig, Sequencer
 from treadline.control.flipper_geometry import LIFTED_RAD, OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperReading
-from treadline.vehicle.loading import Loading, plumb
+from treadline.vehicle.loading import plumb
 
 Stage = Literal["climb", "slow", "reach", "carry", "lead", "land", "done", "barred"]
 
@@ -42,15 +42,12 @@ LIES_S = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CrestConfig(Loading):
+class CrestConfig(SequenceConfig):
     """Chair, assumed load and speeds of the crest sequence."""
 
-    cruise_m_s: float = 0.2
     crest_m_s: float = 0.1
     lead_m_s: float = 0.03
     """Speed while the pitch is lowered [m/s]: the further the chair moves, the more load the flipper carries."""
-    slow_within_m: float = 0.5
-    """Distance of the centre of mass before the nosing at which the chair slows down [m]."""
     reach_from_m: float = 0.08
     """Distance of the front pulley past the nosing at which the flipper reaches down [m], before the chair can tip from a high
     nosing behind it onto the last: 0.16 m at the earliest. A tip that reaches down 15 cm too early stands on the nosing and
@@ -72,13 +69,9 @@ class CrestConfig(Loading):
     """Tip load maintained while the chair drives on [N]."""
     press_rad_s_n: float = 0.1 * DEG
     """Flipper rate per missing load [rad/s/N]."""
-    trim_per_s: float = 2.0
-    """Flipper rate per pitch lag behind the reference [1/s]."""
     behind_rad: float = 2.0 * DEG
     """Largest lead of the reference over the pitch [rad]."""
     level_rad: float = 0.7 * DEG
-    patience_s: float = 8.0
-    """Time to wait for a loaded tip [s]; a dead motor or a missing landing exceeds it."""
     stow_rad_s: float = 12.0 * DEG
 
 

@@ -14,11 +14,11 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from treadline.control._sequencer import PitchCommand, Sequencer
+from treadline.control._sequencer import PitchCommand, SequenceConfig, Sequencer
 from treadline.control.flipper_geometry import LIFTED_RAD, OVER_BELTS_RAD, UNLOADED_N, flipper_of
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperReading
-from treadline.vehicle.loading import Loading, plumb
+from treadline.vehicle.loading import plumb
 
 Stage = Literal["approach", "press", "lift", "settle", "leave", "done", "lower", "barred"]
 
@@ -37,13 +37,10 @@ STOWED_RAD = 5.0 * DEG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EdgeConfig(Loading):
+class EdgeConfig(SequenceConfig):
     """Chair, assumed load and speeds of the edge sequence."""
 
-    cruise_m_s: float = 0.2
     edge_m_s: float = 0.1
-    slow_within_m: float = 0.5
-    """Distance before the pressing position at which the chair slows down [m]."""
     early_m: float = 0.25
     """Margin before the last position from which the chair can be lifted completely [m]: covers 15 cm of delay and 10 cm of error
     of the centre of mass."""
@@ -58,8 +55,6 @@ class EdgeConfig(Loading):
     """Angular acceleration at the start of the lift [rad/s²]."""
     soften_per_s: float = 2.0
     """Rate of the reference per remaining angle [1/s]."""
-    trim_per_s: float = 2.0
-    """Flipper rate per pitch lag behind the reference [1/s]."""
     yield_per_s: float = 6.0
     """Flipper rate per pitch lead over the reference [1/s]: slipping belts let the flipper prop the chair up."""
     behind_rad: float = 1.0 * DEG
@@ -72,8 +67,6 @@ class EdgeConfig(Loading):
     """Increase of the centre of mass's distance from the nosing, measured by the tip load, at which the chair pivots about the next
     nosing [m]."""
     touched_s: float = 0.1
-    patience_s: float = 8.0
-    """Time to gain one degree, and to stow the flipper [s]; a weak or dead motor exceeds it."""
     spare_rad: float = 3.0 * DEG
     """Margin to the end of the flipper's range [rad]."""
     settle_m_s: float = 0.05

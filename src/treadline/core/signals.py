@@ -27,6 +27,8 @@ TICK_S = 1.0 / paper.IMU_RATE_HZ
 """Base period of mission and plant [s]: the sample period of the IMU."""
 PERIOD_ROUNDING_S = 1e-9
 """Largest difference between two equal periods after rounding [s]."""
+ROUNDING_S = 1e-6
+"""Largest difference between two time stamps of the same tick after rounding [s]."""
 
 IMU_ARRAYS = ("orientation", "angular_velocity_rad_s", "linear_acceleration_m_s2")
 """Names of the array fields of ``ImuSample``."""

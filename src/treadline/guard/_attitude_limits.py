@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from treadline.core.angles import DEG, tilt_of
+from treadline.core.signals import ROUNDING_S
 from treadline.guard._guard_config import GuardConfig
-from treadline.guard._timestamps import ROUNDING_S
 
 LASTING_S = 0.05
 """Duration beyond a limit after which it is a fault [s]: longer than a shock, shorter than a fall."""

@@ -2,10 +2,9 @@
 
 import math
 
-from treadline.core.signals import TrackCommand, TrackReading
+from treadline.core.signals import ROUNDING_S, TrackCommand, TrackReading
 from treadline.guard._belt_travel import BeltTravel
 from treadline.guard._guard_config import GuardConfig
-from treadline.guard._timestamps import ROUNDING_S
 
 BRAKE_M_S2 = 10.0
 """Deceleration of a belt by the brake [m/s²]; a parameter of the guard, independent of the plant."""

@@ -4,8 +4,8 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
+from treadline.core.signals import ROUNDING_S
 from treadline.guard._guard_config import GuardConfig
-from treadline.guard._timestamps import ROUNDING_S
 
 MATCH_M = 0.14
 """Largest distance between a nosing and its expected position [m]: less than half of the shortest pitch."""

@@ -3,8 +3,7 @@
 import math
 from collections import Counter
 
-ROUNDING_S = 1e-6
-"""Tolerance of time differences: rounding of stamps [s]."""
+from treadline.core.signals import ROUNDING_S
 
 
 class Timestamps:

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from treadline.core.ports import Reading
 from treadline.core.signals import (
+    ROUNDING_S,
     Event,
     FlipperCommand,
     FlipperReading,
@@ -39,7 +40,7 @@ from treadline.guard._obstacle_monitor import AheadMonitor
 from treadline.guard._sensor_timeouts import SensorTimeouts, estimate_fault
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import finite, limited, mean_limit, stands
-from treadline.guard._timestamps import ROUNDING_S, SilenceMonitor
+from treadline.guard._timestamps import SilenceMonitor
 from treadline.guard.phase_groups import ENDS, FLIGHT, STEADY
 from treadline.guard.stop_latch import Button, Latch
 

@@ -1,10 +1,9 @@
 """Rates of the blocks: 100 Hz base, 4 Hz control (Table I), and how long a rate commanded to the seat is valid."""
 
-from treadline.core.signals import TICK_S, SeatCommand, on_the_tick
+from treadline.core.signals import ROUNDING_S, TICK_S, SeatCommand, on_the_tick
 
 SEAT_S = 0.1
 """Validity of a seat command: it answers one reading, and readings come a hundred times a second."""
-ROUNDING_S = 1e-6
 
 
 class Rate:

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from treadline.core.settings import Settings
+from treadline.core.signals import ROUNDING_S
 
 FaultKind = Literal[
     "camera_lost", "camera_frozen", "camera_dark", "depth_holes", "false_edges", "imu_nan", "imu_stuck", "imu_bias",
@@ -24,9 +25,6 @@ FaultKind = Literal[
 
 RENAMED_KINDS = {"arm_lost": "flipper_lost", "arm_stuck": "flipper_stuck"}
 """Kinds of the previous release and their present names; both are accepted for one release."""
-
-SAME_TIME_S = 1e-6
-"""Largest time difference treated as the same tick despite rounding [s]."""
 
 
 class Process(IntEnum):
@@ -154,7 +152,7 @@ class Fault(Settings):
 
     def active(self, t_s: float) -> bool:
         """Return whether the fault is active at ``t_s``."""
-        return self.at_s <= t_s + SAME_TIME_S < self.at_s + self.for_s
+        return self.at_s <= t_s + ROUNDING_S < self.at_s + self.for_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

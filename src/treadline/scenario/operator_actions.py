@@ -10,9 +10,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from treadline.core.settings import Settings
+from treadline.core.signals import ROUNDING_S
 
-SAME_TIME_S = 1e-6
-"""Largest time difference treated as the same tick despite rounding [s]."""
 REPORT_S = 0.1
 """Report period of the handset [s]."""
 
@@ -29,7 +28,7 @@ class OperatorAct(Settings):
 
     def active(self, t_s: float) -> bool:
         """Return whether the action is in progress at ``t_s``."""
-        return self.at_s <= t_s + SAME_TIME_S < self.at_s + self.for_s
+        return self.at_s <= t_s + ROUNDING_S < self.at_s + self.for_s
 
 
 def does(acts: Sequence[OperatorAct], kind: str, t_s: float) -> bool:

@@ -9,7 +9,7 @@ from collections import deque
 
 from treadline.control.seat.leveller import Leveller, LevellerConfig
 from treadline.core.angles import DEG
-from treadline.core.signals import ImuSample, SeatCommand, SeatReading
+from treadline.core.signals import ROUNDING_S, ImuSample, SeatCommand, SeatReading
 from treadline.scenario.chair import Seat
 from treadline.vehicle.linkage import SeatLinkage
 
@@ -18,7 +18,6 @@ QUIET_RAD_S, QUIET_S = 1.0 * DEG, 0.3
 ROCKS_S, ROCKS_RAD = 0.8, 1.5 * DEG
 """Window [s] and amplitude [rad] of rocking: two periods at 2.5 Hz; a chair that pitches this far up and down within them rocks."""
 FRESH_S = 0.05
-ROUNDING_S = 1e-6
 SMOOTHING_S = 0.03
 """Time constant of the low-pass [s] that bounds the lead 1 + lag·s and its amplification of gyro noise."""
 

@@ -8,8 +8,8 @@ and let time pass, and a mission writes a hundred times per second.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
-from treadline.scenario.faults import SAME_TIME_S, Fault, Process, is_killed
+from treadline.core.signals import ROUNDING_S, FlipperCommand, SeatCommand, TrackCommand
+from treadline.scenario.faults import Fault, Process, is_killed
 
 SILENCE_S = 0.3
 """Longest time without a command before the actuators brake [s]: more than a control period of 0.25 s, and within the 0.8 s of
@@ -52,7 +52,7 @@ class CommandChannel:
 
     def arrived(self, t_s: float) -> Command | None:
         """Return the newest command that arrived since the last call, or None."""
-        arrived = [command for due_s, command in self._under_way if due_s <= t_s + SAME_TIME_S]
+        arrived = [command for due_s, command in self._under_way if due_s <= t_s + ROUNDING_S]
         self._under_way = self._under_way[len(arrived) :]
         return arrived[-1] if arrived else None
 
@@ -60,7 +60,7 @@ class CommandChannel:
         """Return the command for the seat actuator, whose own process may be stopped."""
         if not is_killed(self._faults, Process.SEAT, t_s):
             self._seat, self._seat_s = command, t_s
-        elif t_s - self._seat_s > SILENCE_S + SAME_TIME_S:
+        elif t_s - self._seat_s > SILENCE_S + ROUNDING_S:
             self._seat = SeatCommand(t_s=t_s, rate_m_s=0.0)
         return self._seat
 
@@ -76,7 +76,7 @@ class Watchdog:
     def step(self, t_s: float, command: Command | None, *, powered: bool) -> Command | None:
         """Return the command for the actuators for a received command or None; None keeps the last one."""
         was_latched = self._latched
-        silent = command is None and self._heard_s is not None and t_s - self._heard_s > SILENCE_S + SAME_TIME_S
+        silent = command is None and self._heard_s is not None and t_s - self._heard_s > SILENCE_S + ROUNDING_S
         self._latched = was_latched or silent or not powered
         if command is None:
             return Command.stop(t_s) if self._latched and not was_latched else self._stilled(t_s)
@@ -87,7 +87,7 @@ class Watchdog:
 
     def _stilled(self, t_s: float) -> Command | None:
         """Return the last command with seat and flipper at rest, once, after ``RATE_SILENCE_S``; otherwise None."""
-        if self._last is None or self._heard_s is None or self._latched or t_s - self._heard_s <= RATE_SILENCE_S + SAME_TIME_S:
+        if self._last is None or self._heard_s is None or self._latched or t_s - self._heard_s <= RATE_SILENCE_S + ROUNDING_S:
             return None
         flipper = None if self._last.flipper is None else FlipperCommand(t_s=t_s, rate_rad_s=0.0)
         stilled, self._last = self._last._replace(seat=SeatCommand(t_s=t_s, rate_m_s=0.0), flipper=flipper), None

@@ -21,6 +21,7 @@ from treadline.core.angles import DEG, quaternion_of, rotation_of, rotation_z
 from treadline.core.images import RgbdFrame
 from treadline.core.ports import Reading
 from treadline.core.signals import (
+    ROUNDING_S,
     TICK_S,
     FlipperReading,
     FrameQuality,
@@ -32,7 +33,7 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.plant.sensors.camera.rendered_frame import RenderedFrame
-from treadline.scenario.faults import SAME_TIME_S, Fault, FaultKind, Process
+from treadline.scenario.faults import Fault, FaultKind, Process
 from treadline.scenario.operator_actions import REPORT_S, OperatorAct, does
 
 CAMERA_READINGS = (RgbdFrame, FrameQuality, HeadingMeasurement, StairMap)
@@ -141,7 +142,7 @@ def _imu_bias(fault_model: SensorFault, reading: Reading) -> Passed:
     if abs(fault_model.fault.size) < JUMP_LEAST_DEG:
         rate, turned = size, size * (since_s + TICK_S)
     else:
-        rate = size / JUMP_S if since_s < JUMP_S - SAME_TIME_S else 0.0
+        rate = size / JUMP_S if since_s < JUMP_S - ROUNDING_S else 0.0
         turned = size * min((since_s + TICK_S) / JUMP_S, 1.0)
     return (_turning(reading, rate, turned),)
 
@@ -214,7 +215,7 @@ class Burst:
         """Return the readings delivered at ``t_s``."""
         self._held += readings
         if self._fault.active(t_s):
-            count = math.floor((t_s - self._fault.at_s + SAME_TIME_S) / self._fault.size)
+            count = math.floor((t_s - self._fault.at_s + ROUNDING_S) / self._fault.size)
             if count == self._count:
                 return []
             self._count = count
@@ -243,7 +244,7 @@ class SensorFaults:
             self._bursts.append(Burst(fault))
         if fault.kind in OF_THE_HANDSET and not self._has_operator:
             self._has_operator = True
-            self._next_beat = math.ceil(t_s / (HEARTBEAT_TICKS * TICK_S) - SAME_TIME_S)
+            self._next_beat = math.ceil(t_s / (HEARTBEAT_TICKS * TICK_S) - ROUNDING_S)
 
     def deliver(self, t_s: float, readings: list[Reading]) -> list[Reading]:
         """Return the readings delivered to the mission at ``t_s``."""
@@ -256,7 +257,7 @@ class SensorFaults:
         return arrived
 
     def _heartbeat(self, until_s: float) -> Iterator[OperatorInput]:
-        while (t_s := self._next_beat * HEARTBEAT_TICKS * TICK_S) <= until_s + SAME_TIME_S:
+        while (t_s := self._next_beat * HEARTBEAT_TICKS * TICK_S) <= until_s + ROUNDING_S:
             stop, release, rearm = (does(self._acts, kind, t_s) for kind in ("stop", "release", "rearm"))
             yield OperatorInput(t_s=t_s, dead_man=not release, stop=stop, rearm=rearm)
             self._next_beat += 1
