@@ -23,7 +23,6 @@ EXTRAS = (
     ("distributed", "distributed", "sweep --cluster", "pip install '.[cluster]'"),
     ("pyrealsense2", "pyrealsense2", "see --live realsense", "pip install '.[realsense]'"),
     ("pyorbbecsdk2", "pyorbbecsdk", "see --live orbbec", "pip install '.[orbbec]'"),
-    ("pyk4a", "pyk4a", "see --live k4a", "pip install '.[k4a]'"),
     ("depthai", "depthai", "see --live oak", "pip install '.[oak]'"),
 )
 """What the rest does without: missing, they are no fault."""
@@ -62,7 +61,7 @@ def _part(name: str, module: str, enables: str, remedy: str, *, required: bool) 
     if util.find_spec(module) is not None:
         try:
             version = metadata.version(name)
-        except metadata.PackageNotFoundError:  # the module comes from a package of another name, as pyk4a from pyk4a-bundle
+        except metadata.PackageNotFoundError:  # the module comes from a package of another name
             version = "here"
     return _entry(name, version, enables, remedy, required=required)
 

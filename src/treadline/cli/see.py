@@ -49,12 +49,12 @@ def see(
 
     treadline see walk.mcap --headings walk.csv (or .bag, .db3, or a run folder)
 
-    treadline see --live realsense --out seen (or orbbec, k4a, oak, v4l; Ctrl-C ends)
+    treadline see --live realsense --out seen (or orbbec, oak; Ctrl-C ends)
 
     Args:
         source: Depth image, colour image, point cloud, folder of these, log, or run folder.
         depth: Depth image, 16 bit, if the first file is a colour image.
-        live: Camera: realsense, orbbec, k4a, oak, or v4l (a video device with 16-bit depth, /dev/video0 or v4l:NUMBER).
+        live: Camera: realsense, orbbec or oak.
         camera: Calibration file (TOML). Default for a folder: its camera.toml; a cloud, a log and a live camera have their own.
         gravity: Unit vector that points down in the camera's frame: x,y,z; for a folder, of the frames that gravity.csv lacks.
         unit: Unit of depth counts or cloud coordinates: m, cm or mm. Default: the calibration's depth_unit_m; m for clouds.

@@ -38,7 +38,7 @@ def see_live(
 
     check_times(seconds=seconds)
     calibration = None if camera is None else read_camera(camera)
-    device = camera_by_name(name, None if calibration is None else calibration.camera)
+    device = camera_by_name(name)
     line = StatusLine()
     frames = LiveFrames(
         device, calibration=calibration, gravity_C=gravity_of(gravity), colour=out is not None, on_warning=line.warn

@@ -254,77 +254,8 @@ def fake_pyorbbecsdk(  # noqa: C901 - a closure over its frames
         OBStreamType=SimpleNamespace(DEPTH_STREAM="depth"),
         OBFrameAggregateOutputMode=SimpleNamespace(ANY_SITUATION="any"),
         AlignFilter=lambda align_to_stream: SimpleNamespace(kind=align_to_stream, process=lambda frames: frames),
-        stopped=False,
-    )
-    return made
-
-
-def fake_pyk4a(shots: Iterator[Shot], K: tuple[float, ...], *, error: str | None = None) -> ModuleType:  # noqa: C901 - a closure
-    """Return pyk4a with one Azure Kinect whose lens has no distortion; its IMU has two samples per frame."""
-
-    class K4AException(Exception):
-        pass
-
-    class K4ATimeoutException(K4AException):
-        pass
-
-    class Calibration:
-        def get_camera_matrix(self, kind: str) -> np.ndarray:
-            assert kind == "depth"
-            _, _, fx, fy, cx, cy = K
-            return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
-
-        def get_distortion_coefficients(self, kind: str) -> np.ndarray:
-            assert kind == "depth"
-            return np.zeros(8)
-
-        def get_extrinsic_parameters(self, source: str, target: str) -> tuple[np.ndarray, np.ndarray]:
-            assert (source, target) == ("accel", "depth")
-            return MOUNTED, np.zeros((1, 3))
-
-    class Device:
-        def __init__(self, config: Any) -> None:
-            made.started = config
-            self.calibration = Calibration()
-            self._samples: list[Any] = []
-
-        def start(self) -> None:
-            if error is not None:
-                raise K4AException(*([error] if error else []))
-
-        def get_capture(self, timeout: int) -> Any:
-            shot = next(shots, None)
-            if shot is None:
-                assert timeout > 0
-                raise K4ATimeoutException
-            self._samples = [{"acc_sample": shot.force_I}] * 2 if shot.force_I is not None else []
-            color = None if shot.rgb is None else np.dstack([shot.rgb[:, :, ::-1], np.full(shot.rgb.shape[:2], 255, np.uint8)])
-            return SimpleNamespace(
-                depth=shot.counts,
-                depth_timestamp_usec=round(1e6 * shot.t_s),
-                transformed_color=color,
-                color_timestamp_usec=round(1e6 * shot.rgb_t_s),
-            )
-
-        def get_imu_sample(self, timeout: int) -> Any:
-            assert timeout == 0
-            if not self._samples:
-                raise K4ATimeoutException
-            return self._samples.pop()
-
-        def stop(self) -> None:
-            made.stopped = True
-
-    made = module(
-        "pyk4a",
-        PyK4A=Device,
-        Config=SimpleNamespace,
-        ColorResolution=SimpleNamespace(OFF=0, RES_720P=1),
-        DepthMode=SimpleNamespace(NFOV_UNBINNED=2),
-        FPS=SimpleNamespace(FPS_30=2),
-        CalibrationType=SimpleNamespace(DEPTH="depth", ACCEL="accel"),
-        K4AException=K4AException,
-        K4ATimeoutException=K4ATimeoutException,
+        Context=SimpleNamespace(set_logger_to_file=lambda *given: setattr(made, "log", given)),
+        OBLogLevel=SimpleNamespace(NONE="none"),
         stopped=False,
     )
     return made

@@ -18,8 +18,8 @@ import pytest
 from treadline.cli import main
 from treadline.core.errors import CameraError
 from treadline.core.images import PinholeCamera
-from treadline.io.live import v4l
-from treadline.io.live.depth_camera import CAMERAS, Undistortion, camera_by_name, rotation_or_none
+from treadline.io.live._vendor import Undistortion, rotation_or_none
+from treadline.io.live.depth_camera import CAMERAS, camera_by_name
 from treadline.io.live.stream import LiveFrames
 
 COUNT = 3
@@ -38,8 +38,8 @@ def _fakes() -> Any:
 
 
 fakes = _fakes()
-PACKAGES = {"realsense": "pyrealsense2", "orbbec": "pyorbbecsdk", "k4a": "pyk4a", "oak": "depthai"}
-SIZES = {"realsense": (640, 480), "orbbec": (640, 480), "k4a": (640, 576), "oak": (640, 400)}
+PACKAGES = {"realsense": "pyrealsense2", "orbbec": "pyorbbecsdk", "oak": "depthai"}
+SIZES = {"realsense": (640, 480), "orbbec": (640, 480), "oak": (640, 400)}
 
 
 def shots_of(name: str, *, with_force: bool = True) -> list[Any]:
@@ -104,12 +104,11 @@ def test_depth_intrinsics_stamps_and_gravity_come_through(plug, name: str) -> No
     assert made.stopped
 
 
-@pytest.mark.parametrize("name", ["realsense", "k4a"])
-def test_colour_is_aligned_to_depth(plug, name: str) -> None:
-    plug(name)
-    found, _ = played(name, colour=True)
+def test_colour_is_aligned_to_depth(plug) -> None:
+    plug("realsense")
+    found, _ = played("realsense", colour=True)
     assert all(named.has_colour for named in found)
-    np.testing.assert_array_equal(found[0].frame.rgb, shots_of(name)[0].rgb)
+    np.testing.assert_array_equal(found[0].frame.rgb, shots_of("realsense")[0].rgb)
 
 
 @pytest.mark.parametrize("name", ["orbbec", "oak"])
@@ -117,6 +116,12 @@ def test_cameras_without_usable_colour_give_depth_alone(plug, name: str) -> None
     plug(name)
     found, _ = played(name, colour=True)
     assert not any(named.has_colour for named in found)
+
+
+def test_an_orbbec_camera_writes_no_log_into_the_working_folder(plug) -> None:
+    made = plug("orbbec")
+    played("orbbec")
+    assert made.log == ("none", "")
 
 
 def test_a_realsense_without_imu_starts_without_it(plug) -> None:
@@ -150,7 +155,6 @@ def test_an_oak_as_delivered_has_no_gravity(plug) -> None:
         ("realsense", "xioctl(VIDIOC_S_FMT) failed, errno=16 Last Error: Device or resource busy", "busy"),
         ("orbbec", "No device found", "is it plugged in"),
         ("orbbec", "uvc_open failed: resource busy", "busy"),
-        ("k4a", "", "no other program using it"),
         ("oak", "No available devices", "is it plugged in"),
         ("oak", "Cannot connect to device, X_LINK_DEVICE_ALREADY_IN_USE", "busy"),
     ],
@@ -175,11 +179,11 @@ def test_a_missing_package_is_one_line_with_the_extra(monkeypatch: pytest.Monkey
 
 
 def test_a_package_that_does_not_load_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    (tmp_path / "pyk4a.py").write_text("raise ImportError('numpy.core.multiarray failed\\nto import')")
+    (tmp_path / "depthai.py").write_text("raise ImportError('numpy.core.multiarray failed\\nto import')")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "pyk4a", raising=False)
-    with pytest.raises(CameraError, match=r"pyk4a is installed but does not load: numpy\.core\.multiarray failed to import"):
-        camera_by_name("k4a").open(colour=False)
+    monkeypatch.delitem(sys.modules, "depthai", raising=False)
+    with pytest.raises(CameraError, match=r"depthai is installed but does not load: numpy\.core\.multiarray failed to import"):
+        camera_by_name("oak").open(colour=False)
 
 
 def test_a_distorted_image_becomes_a_pinhole_image(plug) -> None:
@@ -197,68 +201,6 @@ def test_a_distorted_image_becomes_a_pinhole_image(plug) -> None:
     np.testing.assert_allclose(found[0].frame.depth_m[inside], expected[inside], atol=2.5e-3)
     assert np.abs(1e-3 * z_mm[inside] - expected[inside]).max() > 5e-3
     assert Undistortion(camera, np.zeros(8))(np.eye(480, 640, dtype=np.uint16)).sum() == 480
-
-
-class FakeVideo:
-    """cv2.VideoCapture of a device whose images are of one kind."""
-
-    image: np.ndarray | None = None
-    opened = True
-
-    def __init__(self, number: int, backend: int) -> None:
-        assert (number, backend) == (2, cv2.CAP_V4L2)
-        self.settings: dict[int, float] = {}
-
-    def isOpened(self) -> bool:
-        return self.opened
-
-    def set(self, key: int, value: float) -> bool:
-        self.settings[key] = value
-        return True
-
-    def get(self, key: int) -> float:
-        return self.settings.get(key, 0.0)
-
-    def read(self) -> tuple[bool, np.ndarray | None]:
-        return self.image is not None, self.image
-
-    def release(self) -> None:
-        self.settings.clear()
-
-
-@pytest.fixture
-def video(monkeypatch: pytest.MonkeyPatch) -> type[FakeVideo]:
-    """Replace the video devices."""
-    kind = type("OneVideo", (FakeVideo,), {})
-    monkeypatch.setattr(v4l.cv2, "VideoCapture", kind)
-    return kind
-
-
-def test_a_video_device_gives_sixteen_bits_as_pixels_or_as_bytes(video) -> None:
-    camera = PinholeCamera(width_px=640, height_px=480, fx_px=570.0, fy_px=570.0, cx_px=319.5, cy_px=239.5)
-    counts = np.random.default_rng(1).integers(500, 3000, (480, 640)).astype(np.uint16)
-    for image in (counts, counts.reshape(1, -1).view(np.uint8)):
-        video.image = image
-        device = camera_by_name("v4l:2", camera)
-        device.open(colour=False)
-        assert device.intrinsics() == camera
-        np.testing.assert_allclose(device.next_images(2.0).depth_m, 1e-3 * counts, rtol=1e-6)
-        device.close()
-
-
-def test_a_video_device_without_depth_is_named(video) -> None:
-    camera = PinholeCamera(width_px=640, height_px=480, fx_px=570.0, fy_px=570.0, cx_px=319.5, cy_px=239.5)
-    device = camera_by_name("v4l:2", camera)
-    video.image = np.zeros((480, 640, 3), np.uint8)
-    device.open(colour=False)
-    with pytest.raises(CameraError, match="uint8 of shape 480×640×3, not 16-bit depth"):
-        device.next_images(2.0)
-    video.image = None
-    with pytest.raises(CameraError, match="v4l:2: no depth image for 2 s"):
-        device.next_images(2.0)
-    video.opened = False
-    with pytest.raises(CameraError, match="is /dev/video2 there"):
-        device.open(colour=False)
 
 
 USED = {
@@ -279,12 +221,8 @@ USED = {
         "DepthFrame.get_depth_scale DepthFrame.get_timestamp_us DepthFrame.get_width ColorFrame.get_format Device.get_sensor "
         "StreamProfileList.get_video_stream_profile StreamProfileList.get_default_video_stream_profile "
         "VideoStreamProfile.get_intrinsic VideoStreamProfile.get_distortion VideoStreamProfile.get_fps "
+        "Context.set_logger_to_file OBLogLevel.NONE "
         "StreamProfile.get_extrinsic_to OBExtrinsic.rot OBCameraIntrinsic.cx OBCameraDistortion.k6 OBCameraDistortion.model"
-    ),
-    "pyk4a": (
-        "PyK4A.start PyK4A.stop PyK4A.get_capture PyK4A.get_imu_sample PyK4A.calibration Config ColorResolution.OFF "
-        "ColorResolution.RES_720P DepthMode.NFOV_UNBINNED FPS.FPS_30 CalibrationType.DEPTH CalibrationType.ACCEL K4AException "
-        "PyK4ACapture.depth PyK4ACapture.depth_timestamp_usec PyK4ACapture.transformed_color PyK4ACapture.color_timestamp_usec"
     ),
     "depthai": (
         "Pipeline.create Pipeline.getDefaultDevice Pipeline.start Pipeline.stop node.StereoDepth.build "
@@ -320,4 +258,4 @@ def test_what_a_vendor_writes_to_stdout_goes_to_stderr(plug, capfd, monkeypatch:
 
 
 def test_every_camera_of_the_table_has_a_test() -> None:
-    assert set(CAMERAS) == {*PACKAGES, "v4l"}
+    assert set(CAMERAS) == set(PACKAGES)

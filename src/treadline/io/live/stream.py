@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from treadline.core.errors import CameraError, ImageError
 from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame, black
-from treadline.io.live.depth_camera import STANDARD_GRAVITY_M_S2, CameraImages, DepthCamera
+from treadline.io.live.depth_camera import CameraImages, DepthCamera
 from treadline.io.log_frames import PAIR_S
 from treadline.scenario.camera_file import CameraFile
 
@@ -68,7 +68,8 @@ class GravityAverage:
         if self._mean_C is None:
             return None
         size = float(np.linalg.norm(self._mean_C))
-        return -self._mean_C / size if abs(size - STANDARD_GRAVITY_M_S2) <= GRAVITY_OFF_M_S2 else None
+        standard_gravity_m_s2 = 9.80665
+        return -self._mean_C / size if abs(size - standard_gravity_m_s2) <= GRAVITY_OFF_M_S2 else None
 
 
 class LiveFrames:

@@ -8,11 +8,10 @@ from jaxtyping import Float
 
 from treadline.core.errors import CameraError
 from treadline.core.images import PinholeCamera
-from treadline.io.live.depth_camera import (
+from treadline.io.live._vendor import (
     HEIGHT_PX,
     RATE_HZ,
     WIDTH_PX,
-    CameraImages,
     Undistortion,
     metres,
     no_frame,
@@ -20,6 +19,7 @@ from treadline.io.live.depth_camera import (
     rotation_or_none,
     vendor_package,
 )
+from treadline.io.live.depth_camera import CameraImages
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 """Names of the distortion coefficients in OpenCV's order."""
@@ -40,6 +40,8 @@ class OrbbecCamera:
     def open(self, *, colour: bool) -> None:
         """Start depth, colour if wanted and possible, and the accelerometer if the camera has one."""
         self._ob = ob = vendor_package("pyorbbecsdk", "orbbec")
+        # The SDK would write its log into the working folder, as Log/OrbbecSDK.log.txt; its errors arrive as exceptions.
+        ob.Context.set_logger_to_file(ob.OBLogLevel.NONE, "")
         try:
             pipeline, config = ob.Pipeline(), ob.Config()
             self._depth = self._profile(pipeline, ob.OBSensorType.DEPTH_SENSOR, ob.OBFormat.Y16)

@@ -7,16 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.images import PinholeCamera
-from treadline.io.live.depth_camera import (
-    HEIGHT_PX,
-    RATE_HZ,
-    WIDTH_PX,
-    CameraImages,
-    metres,
-    no_frame,
-    not_opened,
-    vendor_package,
-)
+from treadline.io.live._vendor import HEIGHT_PX, RATE_HZ, WIDTH_PX, metres, no_frame, not_opened, vendor_package
+from treadline.io.live.depth_camera import CameraImages
 
 
 class RealSenseCamera:

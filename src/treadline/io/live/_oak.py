@@ -8,15 +8,8 @@ from jaxtyping import Float
 
 from treadline.core.errors import CameraError
 from treadline.core.images import PinholeCamera
-from treadline.io.live.depth_camera import (
-    RATE_HZ,
-    CameraImages,
-    metres,
-    no_frame,
-    not_opened,
-    rotation_or_none,
-    vendor_package,
-)
+from treadline.io.live._vendor import RATE_HZ, metres, no_frame, not_opened, rotation_or_none, vendor_package
+from treadline.io.live.depth_camera import CameraImages
 
 SIZE_PX = (640, 400)
 """Width and height of the stereo images: half the resolution of the OV9282 sensors."""
