@@ -5,6 +5,7 @@ of the time of a run, whose functions are called at each of thousands of ticks. 
 """
 
 import os
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import pytest
 from jaxtyping import install_import_hook
 
 SOURCE = Path(__file__).parents[1] / "src"
+sys.path.insert(0, str(Path(__file__).parent / "builders"))  # tests import the simulated world from there
 WITH_SHAPES = [
     ".".join(path.relative_to(SOURCE).with_suffix("").parts)
     for path in sorted(SOURCE.glob("treadline/**/*.py"))

@@ -1,23 +1,22 @@
 """The guard, row by row of the table of hazards: each scenario is *Test / Expected result* in terms of what reaches the plant."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from world import PITCH_M, TICK_S, belts, estimate, heading, health, imu, stair
 
-from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y
+from treadline.core.angles import DEG
 from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Reading
 from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,
     FrameQuality,
-    HeadingEstimate,
     HeadingHealth,
-    HeadingMeasurement,
     ImuSample,
     MotionPlan,
     OperatorInput,
@@ -29,9 +28,7 @@ from treadline.core.signals import (
 )
 from treadline.guard import Guard, GuardConfig
 
-TICK_S = 0.01
 FRAME_TICKS = 10
-PITCH_M = math.hypot(0.16, 0.30)
 
 
 def about(seconds: float) -> Any:
@@ -39,64 +36,13 @@ def about(seconds: float) -> Any:
     return pytest.approx(seconds, abs=1.1 * TICK_S)
 
 
-def imu(t_s: float, pitch_deg: float = 0.0, roll_deg: float = 0.0, rate_deg_s: float = 0.0) -> ImuSample:
-    R = rotation_y(-pitch_deg * DEG) @ rotation_x(roll_deg * DEG)
-    return ImuSample(
-        t_s=t_s,
-        orientation=quaternion_of(R),
-        angular_velocity_rad_s=np.array([0.0, -rate_deg_s * DEG, 0.0]),
-        linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
-    )
-
-
 def frame(t_s: float, **changes: Any) -> FrameQuality:
     values: dict[str, Any] = {"fingerprint": round(t_s * 1e4), "brightness": 0.4, "contrast": 0.1, "valid_share": 0.8}
     return FrameQuality(t_s=t_s, **{**values, **changes})
 
 
-def heading(t_s: float, heading_deg: float = 0.0) -> HeadingMeasurement:
-    return HeadingMeasurement(t_s=t_s, heading_rad=heading_deg * DEG, sigma_rad=0.004, edge_count=5)
-
-
-def estimate(t_s: float, heading_deg: float = 0.0) -> HeadingEstimate:
-    return HeadingEstimate(t_s=t_s, heading_rad=heading_deg * DEG, heading_rate_rad_s=0.0, sigma_rad=0.003, source="vision")
-
-
 def command(t_s: float, left: float = 0.2, right: float = 0.2) -> TrackCommand:
     return TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right)
-
-
-def belts(t_s: float, left: float = 0.2, right: float = 0.2) -> TrackReading:
-    return TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=False)
-
-
-def stair(t_s: float, places: Sequence[float], **changes: Any) -> StairMap:
-    values: dict[str, Any] = {
-        "direction": "up",
-        "nosings_B": np.array([[place, 0.0, 0.0] for place in places]).reshape(-1, 3),
-        "rise_m": 0.16,
-        "run_m": 0.30,
-        "slope_rad": math.atan2(0.16, 0.30),
-        "ends": False,
-        "left_wall_m": None,
-        "right_wall_m": None,
-        "obstacle_m": None,
-    }
-    return StairMap(t_s=t_s, **{**values, **changes})
-
-
-def health(t_s: float, fault: Any, since_s: float | None, cause: str | None = None) -> HeadingHealth:
-    return HeadingHealth(
-        t_s=t_s,
-        fault=fault,
-        since_s=since_s,
-        cause=cause,
-        disagreement_rad=0.0,
-        unseen_s=0.0,
-        bias_rad_s=0.0,
-        scale=1.0,
-        walk_rad_rts=0.0,
-    )
 
 
 class Drive:
@@ -151,7 +97,7 @@ class Drive:
             self.guard.on_message(replace(self.plan, t_s=t_s))
         if self.tick % 25 == 0 and "driver" not in self.silent:
             self.guard.propose(command(t_s, *self.asked))
-        seen = None if self.heading_deg is None else estimate(t_s, self.heading_deg)
+        seen = None if self.heading_deg is None else estimate(t_s, self.heading_deg * DEG)
         self.passed = self.guard.step(t_s, seen)
         self.tick += 1
         return self.passed
@@ -531,9 +477,11 @@ def test_belts_that_answer_a_chair_that_swings_over_the_crest_are_right() -> Non
     then HOLD after 3° at the 1.5 °/s by which a gyro may drift."""
     drive = Drive(asked=(0.0, 0.1))
     drive.silent = {"stair"}
-    drive.spoil = lambda reading: imu(reading.t_s, 20.0, 0.0, -10.0) if isinstance(reading, ImuSample) else reading
+    drive.spoil = lambda reading: (
+        imu(reading.t_s, 20.0 * DEG, rates_rad_s=(0.0, 10.0 * DEG, 0.0)) if isinstance(reading, ImuSample) else reading
+    )
     assert drive.run(5.0, blind("crest")).guard.holding is None
-    drive.spoil = lambda reading: imu(reading.t_s, 20.0) if isinstance(reading, ImuSample) else reading
+    drive.spoil = lambda reading: imu(reading.t_s, 20.0 * DEG) if isinstance(reading, ImuSample) else reading
     # 0.16 s until the swing's mean is below its limit.
     assert drive.until_held(4.0, blind("crest")) == pytest.approx(3.0 / 1.5 + 0.16, abs=0.03)
 
@@ -934,7 +882,7 @@ def test_a_recording_does_not_obey_and_is_not_held_for_it() -> None:
             case SeatReading():
                 return replace(reading, pitch_rad=0.3)
             case ImuSample():
-                return imu(reading.t_s, pitch_deg=60.0)
+                return imu(reading.t_s, 60.0 * DEG)
             case _:
                 return reading
 
@@ -1188,7 +1136,9 @@ def test_a_gap_does_not_stop_a_chair_that_backs_off() -> None:
 def test_a_chair_that_tips_is_held_with_its_numbers(lies: dict[str, float], cause: str | None) -> None:
     """Test: attitude or pitch rate beyond a limit, and just within. Expected result: HOLD after 50 ms, or none."""
     drive = Drive().run(1.0)
-    drive.spoil = lambda reading: imu(reading.t_s, **lies) if isinstance(reading, ImuSample) else reading
+    pitch, roll, rate = (lies.get(name, 0.0) * DEG for name in ("pitch_deg", "roll_deg", "rate_deg_s"))
+    lie = {"roll_rad": roll, "rates_rad_s": (0.0, -rate, 0.0)}
+    drive.spoil = lambda reading: imu(reading.t_s, pitch, **lie) if isinstance(reading, ImuSample) else reading
     if cause is None:
         drive.run(1.0)
     else:
@@ -1200,7 +1150,9 @@ def test_a_shock_is_no_fall() -> None:
     """Test: 60 °/s for 40 ms, twice. Expected result: no HOLD."""
     drive = Drive().run(1.0)
     for _ in range(2):
-        drive.spoil = lambda reading: imu(reading.t_s, rate_deg_s=60.0) if isinstance(reading, ImuSample) else reading
+        drive.spoil = lambda reading: (
+            imu(reading.t_s, rates_rad_s=(0.0, -60.0 * DEG, 0.0)) if isinstance(reading, ImuSample) else reading
+        )
         drive.run(0.04)
         drive.spoil = lambda reading: reading
         drive.run(0.02)
@@ -1535,8 +1487,8 @@ def test_a_map_that_comes_twice_counts_once() -> None:
 def test_a_map_that_is_no_number_is_dropped(bad: dict[str, Any]) -> None:
     """Test: one field of a map is not finite. Expected result: not admitted, without effect."""
     guard = Guard(GuardConfig())
-    assert not guard.admit(stair(0.0, [1.0], **bad))
-    guard.on_message(stair(0.1, [1.0], **bad))
+    assert not guard.admit(replace(stair(0.0, [1.0]), **bad))
+    guard.on_message(replace(stair(0.1, [1.0]), **bad))
     assert guard._map_s == -math.inf
 
 
@@ -1632,7 +1584,7 @@ def test_an_open_loop_run_needs_no_heading_but_still_needs_a_driver() -> None:
     HOLD."""
     drive = Drive(GuardConfig(needs_heading=False, lost_timeout_s=2.0))
     drive.silent = {"camera"}
-    drive.spoil = lambda reading: imu(reading.t_s, pitch_deg=50.0) if isinstance(reading, ImuSample) else reading
+    drive.spoil = lambda reading: imu(reading.t_s, 50.0 * DEG) if isinstance(reading, ImuSample) else reading
     drive.heading_deg = math.nan
     drive.run(4.0)
     assert drive.mean_m_s == pytest.approx(0.2)

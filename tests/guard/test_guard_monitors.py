@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from world import estimate, health
 
-from treadline.core.signals import FrameQuality, HeadingEstimate, HeadingHealth, MotionPlan, StairMap, TrackCommand, TrackReading
+from treadline.core.signals import FrameQuality, MotionPlan, StairMap, TrackCommand, TrackReading
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.guard._attitude_limits import SeatMonitor, TiltMonitor
 from treadline.guard._belt_monitor import BeltMonitor
@@ -23,17 +24,6 @@ from treadline.guard.stop_latch import Button, Latch
 from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair
-
-
-def health(fault: Any, t_s: float, since_s: float | None = None) -> HeadingHealth:
-    return HeadingHealth(
-        t_s=t_s, fault=fault, since_s=since_s, cause=None, disagreement_rad=0.0, unseen_s=0.0, bias_rad_s=0.0, scale=1.0,
-        walk_rad_rts=0.0,
-    )  # fmt: skip
-
-
-def estimate(t_s: float = 0.0, heading_rad: float = 0.0) -> HeadingEstimate:
-    return HeadingEstimate(t_s=t_s, heading_rad=heading_rad, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
 
 
 def test_the_shipped_limits_are_those_of_the_table() -> None:
@@ -935,10 +925,10 @@ def test_a_sense_that_has_spoken_is_waited_for_from_then() -> None:
 def test_a_disagreement_lasts_beyond_its_time() -> None:
     """Test: reported for exactly half a second, and longer; without a time of its own. Expected result: an alarm beyond only."""
     watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
-    assert watch.health(health("disagreement", 1.5, 1.0)) is None
+    assert watch.health(health(1.5, "disagreement", 1.0)) is None
     assert watch.alarm(1.5, 0.0, None) is None
     assert watch.alarm(1.5625, 0.0, None) == "camera and gyro disagree for 0.6 s"
-    watch.health(health("disagreement", 1.5))
+    watch.health(health(1.5, "disagreement"))
     assert watch.alarm(2.0, 0.0, None) is None
     assert watch.alarm(2.0625, 0.0, None) is not None
 
@@ -947,7 +937,7 @@ def test_a_stuck_gyro_counts_from_when_it_was_found() -> None:
     """Test: stuck since 1.0 s; for a second and longer. Expected result: slow at once, an alarm beyond a second only."""
     watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
     watch.imu(2.0)
-    watch.health(health("stuck", 1.0, 1.0))
+    watch.health(health(1.0, "stuck", 1.0))
     assert watch.speed_restriction(1.5) == ("imu", "gyro stuck for 0.50 s")
     assert watch.alarm(2.0, 0.0, None) is None
     assert watch.alarm(2.0625, 0.0, None) == "gyro stuck for 1.06 s"

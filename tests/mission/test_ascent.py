@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from world import CHAIR, G_M_S2, PITCH_M, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World, steeper
 
 from treadline.control.crest_sequence import CrestCommand, CrestConfig
 from treadline.control.flipper_geometry import OVER_BELTS_RAD
@@ -28,14 +29,8 @@ from treadline.mission._tip_over import FALL_RATE_RAD_S, LIMIT_M_S, TipOverFeedf
 from treadline.mission._traversal import BLIND_RAD, SIDE_MARGIN_M
 from treadline.mission.ascent import LOSES_GRIP_M_S, Ascent, AscentConfig
 from treadline.mission.entry_check import MEASURED_RAD
-from treadline.scenario.chair import read_chair
 
-CHAIR = read_chair("wheelchair")
 CONFIG = AscentConfig(chair=CHAIR, payload_kg=50.0)
-PIVOT_M, G_M_S2, TICK_S = 0.5 * CHAIR.tracks.flat_run_m, 9.81, 0.01
-RISE_M, RUN_M = 0.16, 0.30
-SLOPE_RAD = math.atan2(RISE_M, RUN_M)
-PITCH_M = math.hypot(RISE_M, RUN_M)
 SEES_M = 2.8
 """Reach of the camera, of which nothing nearer than the front pulley is in view."""
 
@@ -44,64 +39,35 @@ SQUARE = HeadingEstimate(t_s=0.0, heading_rad=0.0, heading_rate_rad_s=0.0, sigma
 
 
 @dataclass(kw_only=True)
-class World:
-    """A chair that does what its plan says, before a flight and a camera over its front."""
+class Foot(World):
+    """A chair before a flight, a camera over its front; friction limits how fast it follows its belts on the flight."""
+
+    DIRECTION = "up"
 
     planner: Ascent = field(default_factory=lambda: Ascent(CONFIG))
-    heading_rad: float = 0.0
-    x_m: float = 0.0
     first_m: float = 1.8
-    steps: int = 8
     grip: float = 0.5
     """Friction over tan β, less one."""
     slip: float = 0.0
     """Slip ratio of the belts on the floor."""
-    flipper_moves: bool = True
-    brake_on: bool = False
-    knows: bool = True
-    """Whether the filter has a heading."""
-    spoil: Callable[[StairMap], StairMap | None] = lambda seen: seen
-    """What the camera makes of a map."""
 
     def __post_init__(self) -> None:
-        self.t_s = self.z_m = self.pitch_rad = 0.0
-        self.belts = self.speed = 0.0
+        super().__post_init__()
+        self.speed = 0.0
         self.flipper_rad = CHAIR.tracks.approach_angle_deg * DEG
-        self.maps = 0
-        self.plans: list[MotionPlan] = []
         self.xs: list[float] = []
 
-    def run(self, *until: str, limit_s: float = 60.0) -> MotionPlan:
-        """Tick until a phase has begun, or for the time given."""
-        end_s = self.t_s + limit_s
-        while self.t_s < end_s:
-            plan = self.tick()
-            if plan.phase in until:
-                return plan
-        assert not until, f"still in {plan.phase}: {plan.cause}"
-        return plan
-
     def tick(self) -> MotionPlan:
-        change = self._move()
-        estimate = HeadingEstimate(
-            t_s=self.t_s, heading_rad=self.heading_rad, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision"
-        )
-        for signal in self._senses(change):
-            self.planner.update(signal)
-        plan = self.planner.step(self.t_s, estimate if self.knows else None)
-        self.plans.append(plan)
+        plan = super().tick()
         self.xs.append(self.x_m)
-        self.t_s += TICK_S
         return plan
 
-    def _move(self) -> float:
-        """Do what the last plan says; return how the chair speeds up."""
-        plan = self.plans[-1] if self.plans else MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0)
-        self.belts += (plan.speed_m_s - self.belts) * TICK_S / 0.1
+    def move(self, plan: MotionPlan) -> None:
+        self.belts_m_s += (plan.speed_m_s - self.belts_m_s) * TICK_S / 0.1
         most = G_M_S2 * ((1.0 + self.grip) * math.tan(SLOPE_RAD) * math.cos(self.pitch_rad) - math.sin(self.pitch_rad))
-        wanted = (self.belts * (1.0 - self.slip) - self.speed) / TICK_S
-        change = max(min(wanted, most), -4.0) if self.pitch_rad > 0.1 else wanted
-        self.speed += change * TICK_S
+        wanted = (self.belts_m_s * (1.0 - self.slip) - self.speed) / TICK_S
+        self.speeds_up_m_s2 = max(min(wanted, most), -4.0) if self.pitch_rad > 0.1 else wanted
+        self.speed += self.speeds_up_m_s2 * TICK_S
         self.x_m += self.speed * TICK_S * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
         self.z_m += self.speed * TICK_S * math.sin(self.pitch_rad)
         begins, lies = self.first_m - PIVOT_M, self.first_m + 0.10
@@ -109,59 +75,15 @@ class World:
             self.pitch_rad = SLOPE_RAD * min((self.x_m - begins) / (lies - begins), 1.0)
         elif self.plans:
             self.pitch_rad = 0.0
-        turn = (self.heading_rad - plan.heading_rad) * -0.3 if plan.turn_m_s is None else plan.turn_m_s
-        self.turned = 2.0 * turn / CHAIR.tracks.gauge_m / 1.6
-        self.heading_rad += self.turned * TICK_S
+        self.turn((self.heading_rad - plan.heading_rad) * -0.3 if plan.turn_m_s is None else plan.turn_m_s)
         if plan.flipper is not None and self.flipper_moves:
             self.flipper_rad += plan.flipper.rate_rad_s * TICK_S
-        return change
 
-    def _senses(self, change: float) -> list[Any]:
-        R = rotation_y(-self.pitch_rad)
-        senses: list[Any] = [
-            TrackReading(t_s=self.t_s, left_m_s=self.belts, right_m_s=self.belts, brake_on=self.brake_on),
-            FlipperReading(t_s=self.t_s, angle_rad=self.flipper_rad, torque_n_m=0.0),
-            ImuSample(
-                t_s=self.t_s,
-                orientation=quaternion_of(R),
-                angular_velocity_rad_s=np.array([0.0, 0.0, self.turned]),
-                linear_acceleration_m_s2=R.T @ np.array([0.0, 0.0, G_M_S2]) + np.array([change, 0.0, 0.0]),
-            ),
-        ]
-        if round(self.t_s / TICK_S) % 10 == 0:
-            self.maps += 1
-            seen = self.spoil(self.camera())
-            senses += [] if seen is None or len(seen.nosings_B) < 2 else [seen]
-        return senses
+    def in_view(self, x_m: float) -> bool:
+        return PIVOT_M < x_m < SEES_M
 
-    def camera(self) -> StairMap:
-        c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
-        nosings = []
-        for k in range(self.steps):
-            along = (self.first_m + k * RUN_M - self.x_m) / math.cos(self.heading_rad)
-            up = (k + 1) * RISE_M - self.z_m
-            x, z = along * c + up * s, up * c - along * s
-            if PIVOT_M < x < SEES_M:
-                nosings.append([x, 0.0, z])
-        return StairMap(
-            t_s=self.t_s,
-            direction="up",
-            nosings_B=np.array(nosings or np.empty((0, 3))).reshape(-1, 3),
-            rise_m=RISE_M,
-            run_m=RUN_M,
-            slope_rad=SLOPE_RAD,
-            # A nosing more would be in view.
-            ends=bool(nosings) and nosings[-1][0] < SEES_M - PITCH_M,
-            left_wall_m=None,
-            right_wall_m=None,
-            obstacle_m=None,
-            left_seen_m=1.0,
-            right_seen_m=1.0,
-        )
-
-    @property
-    def phases(self) -> list[str]:
-        return [plan.phase for k, plan in enumerate(self.plans) if k == 0 or plan.phase != self.plans[k - 1].phase]
+    def ends(self, nosings: list[tuple[int, list[float]]]) -> bool:
+        return nosings[-1][1][0] < SEES_M - PITCH_M  # a further nosing would be in view
 
     @property
     def front_before_m(self) -> float:
@@ -178,7 +100,7 @@ def nothing(seen: StairMap) -> None:
 
 
 def test_where_there_is_no_stair_it_looks_to_both_sides_and_then_holds() -> None:
-    world = World(spoil=nothing, knows=False)
+    world = Foot(spoil=nothing, knows=False)
     turned = []
     while world.tick().hold is None:
         turned.append(world.heading_rad / DEG)
@@ -198,7 +120,7 @@ def test_a_stair_that_comes_into_view_ends_the_search_square_to_it() -> None:
     def to_the_left(seen: StairMap) -> StairMap | None:
         return seen if world.heading_rad > -20.0 * DEG else None
 
-    world = World(heading_rad=-40.0 * DEG, spoil=to_the_left)
+    world = Foot(heading_rad=-40.0 * DEG, spoil=to_the_left)
     world.run("align")
     # Two maps, a tenth of a second apart at 10 °/s.
     assert world.heading_rad / DEG == pytest.approx(-19.0, abs=1.5)
@@ -206,23 +128,23 @@ def test_a_stair_that_comes_into_view_ends_the_search_square_to_it() -> None:
 
 
 def test_a_flight_that_falls_is_no_stair_to_go_up() -> None:
-    world = World(spoil=lambda seen: replace(seen, direction="down"))
+    world = Foot(spoil=lambda seen: replace(seen, direction="down"))
     world.run(limit_s=0.5)
     assert world.phases == ["search"]
 
 
 def test_one_map_or_no_heading_is_not_enough_to_go() -> None:
-    world = World(spoil=lambda seen: seen if world.maps == 1 else None)
+    world = Foot(spoil=lambda seen: seen if world.maps == 1 else None)
     world.run(limit_s=0.9)
     assert world.phases == ["search"]
-    blind = World(knows=False)
+    blind = Foot(knows=False)
     blind.run(limit_s=0.9)
     assert blind.phases == ["search"]
 
 
 @pytest.mark.parametrize("heading_deg", [-30.0, -5.0, 0.0, 30.0])
 def test_it_turns_square_on_the_spot_within_ten_seconds_and_only_then_drives(heading_deg: float) -> None:
-    world = World(heading_rad=heading_deg * DEG)
+    world = Foot(heading_rad=heading_deg * DEG)
     world.run("approach")
     assert world.t_s < 10.0
     assert abs(world.heading_rad) <= 1.0 * DEG
@@ -232,23 +154,15 @@ def test_it_turns_square_on_the_spot_within_ten_seconds_and_only_then_drives(hea
 
 
 def test_an_estimate_that_is_lost_while_it_turns_stops_the_turn() -> None:
-    world = World(heading_rad=30.0 * DEG)
+    world = Foot(heading_rad=30.0 * DEG)
     world.run("align")
     world.knows = False
     world.run(limit_s=1.0)
     assert (world.plans[-1].phase, world.plans[-1].speed_m_s, world.plans[-1].turn_m_s) == ("align", 0.0, 0.0)
 
 
-def steeper(seen: StairMap) -> StairMap:
-    """Return the map of a flight with rise 0.20 m and run 0.27 m in the place of another one, for a chair on the level."""
-    nosings = seen.nosings_B.copy()
-    nosings[:, 0] = nosings[0, 0] + (nosings[:, 0] - nosings[0, 0]) * 0.27 / RUN_M
-    nosings[:, 2] *= 0.20 / RISE_M
-    return replace(seen, nosings_B=nosings, rise_m=0.20, run_m=0.27, slope_rad=math.atan2(0.20, 0.27))
-
-
 def test_what_mechanics_forbid_is_refused_at_the_foot_with_its_number() -> None:
-    world = World(spoil=steeper)
+    world = Foot(spoil=steeper)
     plan = world.run("refused")
     assert "36.5°" in plan.cause
     world.run(limit_s=2.0)
@@ -276,14 +190,14 @@ JUST_TOO_HIGH_M, TOO_HIGH_M = (math.tan(CHAIR.rating.slope_deg * DEG + MEASURED_
 
 def test_a_rise_above_the_limit_by_less_than_its_uncertainty_is_looked_at_again_from_nearby() -> None:
     """Test: the rise is 2 mm too high until the flight is 1.4 m away. Expected result: the chair approaches and mounts."""
-    world = World(first_m=2.4, spoil=rising_by(JUST_TOO_HIGH_M, until_m=1.4))
+    world = Foot(first_m=2.4, spoil=rising_by(JUST_TOO_HIGH_M, until_m=1.4))
     assert world.run("approach", "refused").phase == "approach"
     assert world.run("mount", "refused").phase == "mount"
 
 
 def test_a_rise_that_stays_above_the_limit_is_refused_before_the_chair_touches_the_flight() -> None:
     """Test: the rise is 2 mm too high from everywhere. Expected result: refused on the floor, not later than at the mount."""
-    world = World(first_m=2.4, spoil=rising_by(JUST_TOO_HIGH_M))
+    world = Foot(first_m=2.4, spoil=rising_by(JUST_TOO_HIGH_M))
     plan = world.run("mount", "refused")
     assert plan.phase == "refused"
     assert "steep" in plan.cause
@@ -293,13 +207,13 @@ def test_a_rise_that_stays_above_the_limit_is_refused_before_the_chair_touches_t
 
 
 def test_a_rise_far_above_the_limit_is_refused_at_once() -> None:
-    world = World(first_m=2.4, spoil=rising_by(TOO_HIGH_M))
+    world = Foot(first_m=2.4, spoil=rising_by(TOO_HIGH_M))
     world.run("refused")
     assert world.phases == ["search", "align", "refused"]
 
 
 def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_climbs() -> None:
-    world = World(x_m=3.0, knows=False)
+    world = Foot(x_m=3.0, knows=False)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
     world.run(limit_s=2.0)
     assert {plan.phase for plan in world.plans} == {"search"}
@@ -312,7 +226,7 @@ def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_cl
 def test_with_a_flipper_planner_that_does_not_come_down_a_chair_on_a_flight_drives_on_in_time() -> None:
     """Test: woken up on a flight, the flipper stuck at its rest of 40°. Expected result: the chair waits for it as long as its way
     takes and 0.8 s more, then climbs: what to do with a dead flipper is for the crest to say."""
-    world = World(x_m=3.0, flipper_moves=False)
+    world = Foot(x_m=3.0, flipper_moves=False)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
     world.run("climb")
     assert world.t_s == pytest.approx((40.0 * DEG - LAID_RAD) / FLIPPER_RAD_S + LATE_S, abs=0.15)
@@ -321,7 +235,7 @@ def test_with_a_flipper_planner_that_does_not_come_down_a_chair_on_a_flight_driv
 @pytest.mark.parametrize("heading_deg", [0.0, 0.9, 1.4])
 def test_nearly_square_a_sound_flipper_planner_is_waited_for_until_it_is_there(heading_deg: float) -> None:
     """Test: woken up on a flight. Expected result: it climbs once its flipper is a degree above where it is to be; none is late."""
-    world = World(x_m=3.0, heading_rad=heading_deg * DEG)
+    world = Foot(x_m=3.0, heading_rad=heading_deg * DEG)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
     plan = world.run("climb")
     lifted = turning_share(heading_deg * DEG, 0.0) * OVER_BELTS_RAD
@@ -333,7 +247,7 @@ def test_nearly_square_a_sound_flipper_planner_is_waited_for_until_it_is_there(h
 def test_a_chair_that_is_held_on_a_flight_waits_for_its_flipper_planner_once_it_is_let_go() -> None:
     """Test: woken up with the brake on, for ten seconds, in which the flipper stands as well. Expected result: nothing is late;
     let go, the flipper is laid first."""
-    world = World(x_m=3.0, flipper_moves=False, brake_on=True)
+    world = Foot(x_m=3.0, flipper_moves=False, brake_on=True)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
     world.run(limit_s=10.0)
     assert {plan.phase for plan in world.plans} == {"search"}
@@ -343,7 +257,7 @@ def test_a_chair_that_is_held_on_a_flight_waits_for_its_flipper_planner_once_it_
 
 
 def test_with_a_heading_error_on_a_flight_it_does_not_wait_for_its_flipper() -> None:
-    world = World(x_m=3.0, heading_rad=5.0 * DEG)
+    world = Foot(x_m=3.0, heading_rad=5.0 * DEG)
     world.pitch_rad, world.z_m = SLOPE_RAD, 3 * RISE_M
     world.run("climb")
     assert world.t_s < 0.3
@@ -365,7 +279,7 @@ def test_the_flipper_planner_goes_after_a_chair_that_falls(
 ) -> None:
     """Test: 4 °/s of pitch on the flight. Expected result: the flipper faster than that, to meet the nosing under it;
     not for a tremble, not once it bears, and not on a stair where the belts have slipped."""
-    world = World(steps=14)
+    world = Foot(steps=14)
     world.run("climb")
     assert CHAIR.flipper is not None
     world.planner._where._slip_m_s = slip_m_s
@@ -391,7 +305,7 @@ def test_the_flipper_planner_goes_after_a_chair_that_falls(
 def test_a_stair_on_which_the_belts_have_slipped_once_is_climbed_without() -> None:
     """Test: belts slip while the chair is square, and grip again; then the next flight. Expected result: there it goes after a fall
     again, and not before."""
-    world = World(steps=14)
+    world = Foot(steps=14)
     world.run("climb")
     planner = world.planner
     for slip_m_s, has_grip in ((0.0, True), (2.0 * LOSES_GRIP_M_S, False), (0.0, False)):
@@ -403,7 +317,7 @@ def test_a_stair_on_which_the_belts_have_slipped_once_is_climbed_without() -> No
 
 @pytest.mark.parametrize("heading_deg", [0.0, 1.6])
 def test_neither_flipper_nor_belts_follow_the_fall_of_a_chair_that_turns(heading_deg: float) -> None:
-    world = World(steps=14, heading_rad=heading_deg * DEG)
+    world = Foot(steps=14, heading_rad=heading_deg * DEG)
     world.run("climb")
     planner, estimate = world.planner, replace(SQUARE, heading_rad=heading_deg * DEG)
     planner._tip_over.rate_rad_s = 4.0 * DEG
@@ -418,7 +332,7 @@ def test_neither_flipper_nor_belts_follow_the_fall_of_a_chair_that_turns(heading
 def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, pitch_feedforward_m_s: float) -> None:
     """Test: its pitch goes down, or up, by 4 °/s. Expected result: the plan's speed stays, and says what both belts add; not where
     they have slipped."""
-    world = World(steps=14)
+    world = Foot(steps=14)
     world.run("climb")
     planner = world.planner
     planner._tip_over.rate_rad_s = falls_deg_s * DEG
@@ -434,7 +348,7 @@ def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, 
 
 
 def test_it_drives_at_the_stair_slower_near_it_with_the_flipper_lowered_and_tests_the_traction() -> None:
-    world = World()
+    world = Foot()
     world.run("mount")
     near = world.front_before_m
     assert CONFIG.mount_from_m - 0.01 < near < CONFIG.mount_from_m
@@ -465,14 +379,14 @@ def test_a_touch_begins_the_mount_whatever_the_map_says() -> None:
     def far_off(seen: StairMap) -> StairMap:
         return replace(seen, nosings_B=seen.nosings_B + np.array([0.6, 0.0, 0.0]))
 
-    world = World(spoil=far_off)
+    world = Foot(spoil=far_off)
     world.run("mount")
     assert CONFIG.touched_rad < world.pitch_rad < CONFIG.touched_rad + 1.0 * DEG
 
 
 @pytest.mark.parametrize("slip", [0.05, 0.2])
 def test_belts_that_slip_on_the_floor_are_set_right_by_maps(slip: float) -> None:
-    world = World(slip=slip)
+    world = Foot(slip=slip)
     world.run("mount")
     # At 0.1 m/s a map comes each 10 mm and corrects half: the slip of two.
     assert world.front_before_m == pytest.approx(CONFIG.mount_from_m, abs=0.01)
@@ -480,7 +394,7 @@ def test_belts_that_slip_on_the_floor_are_set_right_by_maps(slip: float) -> None
 
 def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_is_re_armed() -> None:
     """Test: something holds the chair before the stair. Expected result: HOLD after half as much again and 0.5 m, said once."""
-    world = World()
+    world = Foot()
     world.run("approach")
     to_go_m, world.slip = world.front_before_m, 1.0
     while world.tick().hold is None:
@@ -506,7 +420,7 @@ def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_
 def test_a_flight_is_not_entered_unless_it_was_seen_to_bear_the_chair(sides: dict[str, Any], cause: str) -> None:
     """Test: an open side nearer than the chair sweeps, or a side not seen so far. Expected result: HOLD with the distance before
     the flight, for an open side as soon as it is known."""
-    world = World(spoil=lambda seen: replace(seen, **sides))
+    world = Foot(spoil=lambda seen: replace(seen, **sides))
     plan = world.run(limit_s=20.0)
     assert plan.hold is not None
     assert cause in plan.hold
@@ -521,8 +435,8 @@ def test_a_detector_that_does_not_measure_how_far_a_side_is_in_view_drives_on() 
     """Test: no map measures how far nosings are in view; then also a near open side. Expected result: the chair mounts; HOLD at the
     open side, which is measured."""
     unmeasured = {"left_seen_m": None, "right_seen_m": None}
-    World(spoil=lambda seen: replace(seen, **unmeasured)).run("mount")
-    world = World(spoil=lambda seen: replace(seen, **unmeasured, left_edge_m=0.35, left_side="open"))
+    Foot(spoil=lambda seen: replace(seen, **unmeasured)).run("mount")
+    world = Foot(spoil=lambda seen: replace(seen, **unmeasured, left_edge_m=0.35, left_side="open"))
     assert "left side is open 0.35 m" in (world.run(limit_s=20.0).hold or "")
     assert "mount" not in world.phases
 
@@ -534,12 +448,12 @@ def test_a_side_seen_earlier_counts_when_it_leaves_the_view() -> None:
         near_m = 0.8 if seen.nosings_B[0, 0] > 1.2 else 0.25
         return replace(seen, left_seen_m=near_m, right_seen_m=near_m)
 
-    world = World(spoil=spoil)
+    world = Foot(spoil=spoil)
     world.run("mount")
 
 
 def test_one_map_with_a_side_far_away_proves_no_width() -> None:
-    world = World()
+    world = Foot()
 
     def spoil(seen: StairMap) -> StairMap:
         return replace(seen, left_seen_m=1.0 if world.maps == 4 else 0.2)
@@ -554,7 +468,7 @@ def test_one_map_with_a_side_far_away_proves_no_width() -> None:
 def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_stair(left_m: float | None, right_m: float, wall: str) -> None:
     """Test: a wall nearer than half the chair. Expected result: HOLD, with what would help; moved and re-armed, it goes on."""
     walls = {"left_wall_m": left_m, "right_wall_m": right_m}
-    world = World(spoil=lambda seen: replace(seen, **walls))
+    world = Foot(spoil=lambda seen: replace(seen, **walls))
     world.run("approach")
     while world.tick().hold is None:
         assert world.phases[-1] == "approach"
@@ -569,7 +483,7 @@ def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_stair(left_m: 
 
 
 def test_a_wall_that_one_map_puts_in_the_way_is_none() -> None:
-    world = World(spoil=lambda seen: replace(seen, left_wall_m=0.3 if world.maps % 5 == 0 else 0.6))
+    world = Foot(spoil=lambda seen: replace(seen, left_wall_m=0.3 if world.maps % 5 == 0 else 0.6))
     world.run("climb")
     assert all(plan.hold is None for plan in world.plans)
 
@@ -578,7 +492,7 @@ def test_a_wall_that_one_map_puts_in_the_way_is_none() -> None:
 def test_a_flipper_planner_that_does_not_go_where_it_is_asked_holds_the_chair_on_the_floor(stays_deg: float) -> None:
     """Test: its motor is dead, or stuck, before the stair. Expected result: HOLD 0.8 s after it could be there;
     re-armed, once more."""
-    world = World()
+    world = Foot()
     world.run("approach")
     world.flipper_moves, world.flipper_rad = False, stays_deg * DEG
     from_s, idle_s = world.t_s, abs(stays_deg - 27.8) * DEG / FLIPPER_RAD_S + LATE_S
@@ -602,7 +516,7 @@ def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase() -> None:
         error = np.array([0.01, 0.0, 0.01]) * rng.normal(size=3)
         return None if rng.random() < 0.2 else replace(seen, nosings_B=seen.nosings_B[kept] + error, ends=False)
 
-    world = World(heading_rad=10.0 * DEG, spoil=flicker)
+    world = Foot(heading_rad=10.0 * DEG, spoil=flicker)
     world.run("climb")
     assert world.phases == ["search", "align", "approach", "mount", "traction", "climb"]
 
@@ -612,13 +526,13 @@ def test_a_false_nosing_seen_once_does_not_begin_the_mount() -> None:
         nearer = seen.nosings_B[:1] - np.array([RUN_M, 0.0, RISE_M])
         return replace(seen, nosings_B=np.vstack([nearer, seen.nosings_B])) if world.maps == 12 else seen
 
-    world = World(spoil=ghost)
+    world = Foot(spoil=ghost)
     world.run("mount")
     assert world.front_before_m == pytest.approx(CONFIG.mount_from_m, abs=0.01)
 
 
 def test_too_little_friction_backs_off_level_and_refuses_with_the_number() -> None:
-    world = World(grip=0.02)
+    world = Foot(grip=0.02)
     plan = world.run("back_off")
     assert plan.cause.startswith("too little friction: ")
     assert f"below {1.065 * math.tan(SLOPE_RAD):.2f}" in plan.cause
@@ -634,7 +548,7 @@ def test_too_little_friction_backs_off_level_and_refuses_with_the_number() -> No
 
 
 def test_a_pulse_that_a_step_has_spoilt_is_made_again() -> None:
-    world = World()
+    world = Foot()
     world.run("traction")
     world.grip = 0.02
     world.run(limit_s=1.4)
@@ -644,7 +558,7 @@ def test_a_pulse_that_a_step_has_spoilt_is_made_again() -> None:
 
 
 def test_belts_that_only_slip_on_the_first_nosing_end_the_mount_backed_off_and_refused() -> None:
-    world = World(grip=-0.99)
+    world = Foot(grip=-0.99)
     plan = world.run("back_off", limit_s=40.0)
     assert "without getting up" in plan.cause
     assert "traction" not in world.phases
@@ -656,7 +570,7 @@ def test_a_missing_step_stops_the_chair_for_good_before_it() -> None:
         heights = seen.nosings_B[:, 0] * math.sin(world.pitch_rad) + seen.nosings_B[:, 2] * math.cos(world.pitch_rad) + world.z_m
         return replace(seen, nosings_B=seen.nosings_B[np.abs(heights - 5 * RISE_M) > 0.05])
 
-    world = World(steps=10, spoil=lacks_the_fifth)
+    world = Foot(steps=10, spoil=lacks_the_fifth)
     while world.tick().hold is None:
         assert world.t_s < 60.0
     assert world.plans[-1].hold is not None
@@ -668,7 +582,7 @@ def test_a_missing_step_stops_the_chair_for_good_before_it() -> None:
 
 
 def test_a_missing_step_that_is_seen_late_stops_the_chair_under_its_front_too() -> None:
-    world = World()
+    world = Foot()
     world.run("climb")
     where = world.planner._where
     where.gaps_ahead_m = lambda: [(PIVOT_M - 0.07, PIVOT_M + 0.6)]  # type: ignore[method-assign]
@@ -678,7 +592,7 @@ def test_a_missing_step_that_is_seen_late_stops_the_chair_under_its_front_too() 
 
 
 def test_the_belts_do_not_steer_in_the_test() -> None:
-    world = World()
+    world = Foot()
     world.run("climb")
     assert {plan.turn_m_s for plan in world.plans if plan.phase == "traction"} == {0.0}
 
@@ -693,7 +607,7 @@ def test_the_belts_do_not_steer_in_the_test() -> None:
 def test_it_steers_off_a_wall_that_is_near_and_to_the_middle_between_two(
     left: float | None, right: float | None, sign: int
 ) -> None:
-    world = World(spoil=lambda seen: replace(seen, left_wall_m=left, right_wall_m=right))
+    world = Foot(spoil=lambda seen: replace(seen, left_wall_m=left, right_wall_m=right))
     world.run("climb")
     world.run(limit_s=0.5)
     heading = world.plans[-1].heading_rad
@@ -704,7 +618,7 @@ def test_it_steers_off_a_wall_that_is_near_and_to_the_middle_between_two(
 
 
 def test_near_straight_the_plan_keeps_the_inner_belt_at_half_the_climb_speed() -> None:
-    world = World(steps=30)
+    world = Foot(steps=30)
     world.run("climb")
     world.run(limit_s=1.0)
     assert world.plans[-1].min_inner_speed_ratio == pytest.approx(0.5)
@@ -745,7 +659,7 @@ def crest(monkeypatch: pytest.MonkeyPatch) -> type[Script]:
 
 
 def test_the_end_that_frames_show_hands_over_to_the_crest_with_its_place(crest: type[Script]) -> None:
-    world = World(steps=6)
+    world = Foot(steps=6)
     world.run("crest")
     (made,) = crest.made
     front = made.ahead_m - PIVOT_M
@@ -757,7 +671,7 @@ def test_the_end_that_frames_show_hands_over_to_the_crest_with_its_place(crest: 
 
 
 def test_an_end_that_no_frame_shows_is_met_where_the_last_nosing_ever_seen_is(crest: type[Script]) -> None:
-    world = World(steps=6, spoil=lambda seen: replace(seen, ends=False))
+    world = Foot(steps=6, spoil=lambda seen: replace(seen, ends=False))
     world.run("crest")
     (made,) = crest.made
     assert made.ahead_m - PIVOT_M == pytest.approx(CONFIG.unseen_end_m, abs=0.01)
@@ -772,7 +686,7 @@ def test_slow_before_the_crest_the_flipper_still_rides_and_small_heading_errors_
     """Test: 0.9° of heading error as the crest sequence slows down. Expected result: equal belt speeds, the flipper command of the
     flight and not that of the sequence."""
     monkeypatch.setattr(Script, "stages", ("climb", "slow"))
-    world = World(steps=6)
+    world = Foot(steps=6)
     world.run("climb")
     while world.plans[-1].speed_m_s != Script.SPEED_M_S:
         world.heading_rad = 0.9 * BLIND_RAD
@@ -793,7 +707,7 @@ def test_as_it_reaches_for_the_landing_the_belts_go_with_a_fall(
     """Test: standing on the last nosing the chair falls by 4 °/s. Expected result: the plan's own speed goes along, for the guard
     to limit it; not once the tip carries, nor in a fall that the flipper leads."""
     monkeypatch.setattr(Script, "stages", ("climb", "slow", stage))
-    world = World(steps=6)
+    world = Foot(steps=6)
     world.run("crest")
     world.planner._tip_over.rate_rad_s = 4.0 * DEG
     plan = world.planner.step(world.t_s, SQUARE)
@@ -803,7 +717,7 @@ def test_as_it_reaches_for_the_landing_the_belts_go_with_a_fall(
 
 @pytest.mark.usefixtures("crest")
 def test_the_crest_follows_its_stages_and_arrives_level() -> None:
-    world = World(steps=6)
+    world = Foot(steps=6)
     world.run("land")
     world.run(limit_s=0.5)
     # Done, but still pitched: not there.
@@ -817,7 +731,7 @@ def test_the_crest_follows_its_stages_and_arrives_level() -> None:
 
 
 def test_without_a_flippers_reading_the_crest_waits_and_the_flipper_is_left_alone() -> None:
-    world = World(steps=6)
+    world = Foot(steps=6)
     silent = world.planner.update
     world.planner.update = lambda signal: None if isinstance(signal, FlipperReading) else silent(signal)  # type: ignore[method-assign]
     world.run("climb")
@@ -828,7 +742,7 @@ def test_without_a_flippers_reading_the_crest_waits_and_the_flipper_is_left_alon
 def test_on_the_flight_the_flipper_carries_while_the_chair_is_square_and_is_lifted_for_it_to_turn(
     heading_deg: float, angle_deg: float
 ) -> None:
-    world = World(steps=14)
+    world = Foot(steps=14)
     world.run("climb")
     for _ in range(400):
         world.heading_rad = heading_deg * DEG
@@ -841,7 +755,7 @@ def test_on_the_flight_the_flipper_carries_while_the_chair_is_square_and_is_lift
 def test_a_flipper_that_rides_on_the_nosings_gives_way_to_them_as_a_spring_and_a_damper(load: float) -> None:
     """Test: a tenth, and half, of its motor's torque on the flipper of a chair that climbs. Expected result: it gives way at as
     much of 20 °/s; it comes to rest half as many degrees higher; twice its torque drives it up at its fastest."""
-    world = World(steps=14)
+    world = Foot(steps=14)
     world.run("climb")
     world.heading_rad = 0.0
     for _ in range(400):
@@ -866,7 +780,7 @@ def test_a_flipper_that_rides_on_the_nosings_gives_way_to_them_as_a_spring_and_a
 def test_where_no_stair_is_in_view_a_chair_that_is_nearly_square_is_not_steered(heading_rad: float, suspended: bool) -> None:
     """Test: a heading a little below and above 1°, with the stair in view and without. Expected result: without, belts run alike up
     to 1°, for a gyro that drifts is not followed at once; with it the controller steers."""
-    world = World(steps=14)
+    world = Foot(steps=14)
     world.run("climb")
     estimate = replace(SQUARE, heading_rad=heading_rad)
     assert (world.planner._steering(world.t_s, estimate, blind=True) == 0.0) is suspended
@@ -877,7 +791,7 @@ def test_a_flipper_planner_shorter_than_from_nosing_to_nosing_does_not_ride() ->
     """Test: nosings 0.5 m apart for a flipper of 0.45 m, and as far apart as in a house. Expected result: held in line with the
     belts, for it would drop off each nosing and have none to ride on until the next; and where it rides."""
     for run_m, angle_rad in ((0.48, IN_LINE_RAD), (0.3, Ascent.RIDES_RAD)):
-        world = World(steps=14)
+        world = Foot(steps=14)
         world.run("climb")
         world.planner._where.run_m = run_m
         world.planner.update(FlipperReading(t_s=world.t_s, angle_rad=angle_rad, torque_n_m=0.0))
@@ -888,7 +802,7 @@ def test_a_flipper_planner_shorter_than_from_nosing_to_nosing_does_not_ride() ->
 
 @pytest.mark.parametrize(("apart_m_s", "angle_deg"), [(0.02, -0.75), (-0.04, 0.625), (0.06, 2.0)])
 def test_a_chair_whose_belts_run_apart_lifts_its_flipper_planner_to_turn(apart_m_s: float, angle_deg: float) -> None:
-    world = World(steps=14)
+    world = Foot(steps=14)
     world.run("climb")
     world.heading_rad = 0.0
     for _ in range(400):

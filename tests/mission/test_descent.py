@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from world import CHAIR, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World, steeper
 
 from treadline.control.edge_sequence import EdgeCommand, EdgeConfig
-from treadline.core.angles import DEG, quaternion_of, rotation_y
+from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.signals import FlipperCommand, FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
 from treadline.mission import descent
@@ -22,83 +23,34 @@ from treadline.mission.mission_blocks import planner_of
 from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair
 
-CHAIR = read_chair("wheelchair")
 CONFIG = DescentConfig(chair=CHAIR, payload_kg=50.0)
-PIVOT_M, TICK_S = 0.5 * CHAIR.tracks.flat_run_m, 0.01
-RISE_M, RUN_M, STEPS = 0.16, 0.30, 8
-SLOPE_RAD = math.atan2(RISE_M, RUN_M)
+STEPS = 8
 EDGE_M = (STEPS - 1) * RUN_M
 """Where the last nosing stands, the landing's edge; the first stands at zero."""
 
 
 @dataclass(kw_only=True)
-class World:
-    """A chair that does what its plan says, on a landing, facing up, its camera looking back over the flight."""
+class Landing(World):
+    """A chair on a landing, facing up, its camera looking back over the flight."""
+
+    DIRECTION = "down"
 
     planner: Descent = field(default_factory=lambda: Descent(CONFIG))
-    heading_rad: float = 0.0
     x_m: float = EDGE_M + 1.6
-    knows: bool = True
-    """Whether the filter has a heading."""
-    flipper_rad: float = 0.7
-    flipper_moves: bool = True
-    tip_n_m: float = 0.0
-    """Torque that the flipper's motor reports."""
     blocked: bool = False
     """Whether something stands behind its rear."""
     tips: bool = True
     """Whether it pitches over the edge."""
     shows_end: bool = True
-    spoil: Callable[[StairMap], StairMap | None] = lambda seen: seen
-    """What the camera makes of a map."""
 
     def __post_init__(self) -> None:
-        self.t_s = 0.0
-        self.z_m, self.pitch_rad = STEPS * RISE_M, 0.0
+        super().__post_init__()
+        self.z_m = STEPS * RISE_M
         if self.x_m < EDGE_M:
             self.z_m, self.pitch_rad = (self.x_m / RUN_M + 1.0) * RISE_M, SLOPE_RAD
-        self.turned = 0.0
-        self.plans: list[MotionPlan] = []
 
-    def run(self, *until: str, limit_s: float = 60.0) -> MotionPlan:
-        """Tick until a phase has begun, or for the time given."""
-        end_s = self.t_s + limit_s
-        while self.t_s < end_s:
-            plan = self.tick()
-            if plan.phase in until:
-                return plan
-        assert not until, f"still in {plan.phase}: {plan.cause}"
-        return plan
-
-    def tick(self) -> MotionPlan:
-        speed = self._move()
-        R = rotation_y(-self.pitch_rad)
-        signals: list[Any] = [
-            TrackReading(t_s=self.t_s, left_m_s=speed, right_m_s=speed, brake_on=False),
-            FlipperReading(t_s=self.t_s, angle_rad=self.flipper_rad, torque_n_m=self.tip_n_m),
-            ImuSample(
-                t_s=self.t_s,
-                orientation=quaternion_of(R),
-                angular_velocity_rad_s=np.array([0.0, 0.0, self.turned]),
-                linear_acceleration_m_s2=R.T @ np.array([0.0, 0.0, 9.81]),
-            ),
-        ]
-        if round(self.t_s / TICK_S) % 10 == 0:
-            seen = self.spoil(self.camera())
-            signals += [] if seen is None or len(seen.nosings_B) < 2 else [seen]
-        for signal in signals:
-            self.planner.update(signal)
-        estimate = HeadingEstimate(
-            t_s=self.t_s, heading_rad=self.heading_rad, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision"
-        )
-        plan = self.planner.step(self.t_s, estimate if self.knows else None)
-        self.plans.append(plan)
-        self.t_s += TICK_S
-        return plan
-
-    def _move(self) -> float:
-        """Do what the last plan says."""
-        plan = self.plans[-1] if self.plans else MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0)
+    def move(self, plan: MotionPlan) -> None:
+        self.belts_m_s = plan.speed_m_s
         moved = 0.0 if self.blocked else plan.speed_m_s * TICK_S
         if plan.flipper is not None and self.flipper_moves:
             self.flipper_rad = min(self.flipper_rad + plan.flipper.rate_rad_s * TICK_S, 0.7)
@@ -109,37 +61,13 @@ class World:
             self.pitch_rad = SLOPE_RAD * min(max((self.x_m + PIVOT_M) / PIVOT_M, 0.0), 1.0)
         elif self.tips and EDGE_M - 0.05 < self.x_m < EDGE_M and plan.phase in ("edge", "descend"):
             self.pitch_rad = SLOPE_RAD
-        turn = self.heading_rad * -0.3 if plan.turn_m_s is None else plan.turn_m_s
-        self.turned = 2.0 * turn / CHAIR.tracks.gauge_m / 1.6
-        self.heading_rad += self.turned * TICK_S
-        return plan.speed_m_s
+        self.turn(self.heading_rad * -0.3 if plan.turn_m_s is None else plan.turn_m_s)
 
-    def camera(self) -> StairMap:
-        c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
-        nosings = []
-        for k in reversed(range(STEPS)):
-            along, up = (k * RUN_M - self.x_m) / math.cos(self.heading_rad), (k + 1) * RISE_M - self.z_m
-            x, z = along * c + up * s, up * c - along * s
-            if -3.2 < x < -PIVOT_M:
-                nosings.append((k, [x, 0.0, z]))
-        return StairMap(
-            t_s=self.t_s,
-            direction="down",
-            nosings_B=np.array([place for _, place in nosings] or np.empty((0, 3))).reshape(-1, 3),
-            rise_m=RISE_M,
-            run_m=RUN_M,
-            slope_rad=SLOPE_RAD,
-            ends=self.shows_end and bool(nosings) and nosings[-1][0] == 0,
-            left_wall_m=None,
-            right_wall_m=None,
-            obstacle_m=None,
-            left_seen_m=1.0,
-            right_seen_m=1.0,
-        )
+    def in_view(self, x_m: float) -> bool:
+        return -3.2 < x_m < -PIVOT_M
 
-    @property
-    def phases(self) -> list[str]:
-        return [plan.phase for k, plan in enumerate(self.plans) if k == 0 or plan.phase != self.plans[k - 1].phase]
+    def ends(self, nosings: list[tuple[int, list[float]]]) -> bool:
+        return self.shows_end and nosings[-1][0] == 0
 
 
 class Script:
@@ -181,18 +109,18 @@ def edge(monkeypatch: pytest.MonkeyPatch) -> type[Script]:
 def test_a_chair_that_wakes_up_on_a_flight_backs_down_with_its_flipper_planner_laid() -> None:
     """Test: on the flight, the flipper at its rest; sound, and stuck. Expected result: it stands until the flipper is laid, or
     late."""
-    world = World(x_m=EDGE_M - 1.2)
+    world = Landing(x_m=EDGE_M - 1.2)
     plan = world.run("descend")
     assert world.flipper_rad < LAID_RAD
     assert f"flipper {world.flipper_rad / DEG:+.0f}°" in plan.cause
     assert all(plan.speed_m_s == 0.0 for plan in world.plans)
-    stuck = World(x_m=EDGE_M - 1.2, flipper_moves=False)
+    stuck = Landing(x_m=EDGE_M - 1.2, flipper_moves=False)
     stuck.run("descend")
     assert stuck.t_s == pytest.approx((stuck.flipper_rad - LAID_RAD) / FLIPPER_RAD_S + LATE_S, abs=0.15)
 
 
 def test_where_no_flight_lies_behind_it_looks_to_both_sides_and_then_holds() -> None:
-    world = World(spoil=lambda seen: replace(seen, direction="up"), knows=False)
+    world = Landing(spoil=lambda seen: replace(seen, direction="up"), knows=False)
     while world.tick().hold is None:
         assert world.t_s < 40.0
     assert world.phases == ["search"]
@@ -203,7 +131,7 @@ def test_where_no_flight_lies_behind_it_looks_to_both_sides_and_then_holds() -> 
 @pytest.mark.usefixtures("edge")
 @pytest.mark.parametrize("heading_deg", [-30.0, 0.0, 30.0])
 def test_it_turns_square_on_the_landing_before_it_backs(heading_deg: float) -> None:
-    world = World(heading_rad=heading_deg * DEG)
+    world = Landing(heading_rad=heading_deg * DEG)
     plan = world.run("approach")
     assert world.t_s < 10.0
     assert abs(world.heading_rad) < 1.0 * DEG
@@ -215,30 +143,22 @@ def test_it_turns_square_on_the_landing_before_it_backs(heading_deg: float) -> N
 
 
 def test_an_estimate_that_is_lost_while_it_turns_stops_the_turn() -> None:
-    world = World(heading_rad=30.0 * DEG)
+    world = Landing(heading_rad=30.0 * DEG)
     world.run("align")
     world.knows = False
     world.run(limit_s=1.0)
     assert (world.plans[-1].phase, world.plans[-1].speed_m_s, world.plans[-1].turn_m_s) == ("align", 0.0, 0.0)
 
 
-def steeper(seen: StairMap) -> StairMap:
-    """Return the map of a flight with rise 0.20 m and run 0.27 m in the place of another one, for a chair on the level."""
-    nosings = seen.nosings_B.copy()
-    nosings[:, 0] = nosings[0, 0] + (nosings[:, 0] - nosings[0, 0]) * 0.27 / RUN_M
-    nosings[:, 2] *= 0.20 / RISE_M
-    return replace(seen, nosings_B=nosings, rise_m=0.20, run_m=0.27, slope_rad=math.atan2(0.20, 0.27))
-
-
 def test_what_mechanics_forbid_is_refused_on_the_landing_with_its_number() -> None:
-    world = World(spoil=steeper)
+    world = Landing(spoil=steeper)
     assert "36.5°" in world.run("refused").cause
     world.run(limit_s=1.0)
     assert all(plan.speed_m_s == 0.0 for plan in world.plans)
 
 
 def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_edge() -> None:
-    world = World(spoil=lambda seen: replace(seen, left_wall_m=0.35))
+    world = Landing(spoil=lambda seen: replace(seen, left_wall_m=0.35))
     world.run("approach")
     world.run(limit_s=1.5)
     assert "the left wall is 0.35 m from the chair's middle, which needs" in (world.plans[-1].hold or "")
@@ -253,7 +173,7 @@ def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_edge() -> None
     ],
 )
 def test_a_flight_is_not_entered_backwards_unless_it_was_seen_to_bear_the_chair(sides: dict[str, Any], cause: str) -> None:
-    world = World(spoil=lambda seen: replace(seen, **sides))
+    world = Landing(spoil=lambda seen: replace(seen, **sides))
     plan = world.run(limit_s=20.0)
     assert cause in (plan.hold or "")
     assert plan.phase == "approach"
@@ -262,7 +182,7 @@ def test_a_flight_is_not_entered_backwards_unless_it_was_seen_to_bear_the_chair(
 
 def test_a_chair_that_does_not_get_to_the_edge_is_held() -> None:
     """Test: its rear stands against the end of a wall. Expected result: HOLD after half as much again as to go, and 0.5 m."""
-    world = World()
+    world = Landing()
     world.run("approach")
     world.blocked = True
     while world.tick().hold is None:
@@ -271,7 +191,7 @@ def test_a_chair_that_does_not_get_to_the_edge_is_held() -> None:
 
 
 def test_an_edge_under_the_chair_holds_it() -> None:
-    world = World(x_m=EDGE_M + 0.3)
+    world = Landing(x_m=EDGE_M + 0.3)
     # A camera of a chair that stands over the edge: it shows the edge all the same.
     world.spoil = lambda seen: replace(seen, nosings_B=np.vstack([[-0.3, 0.0, 0.0], seen.nosings_B]))
     while world.tick().hold is None:
@@ -282,7 +202,7 @@ def test_an_edge_under_the_chair_holds_it() -> None:
 
 
 def test_the_edge_sequence_gets_place_and_slope_of_the_flight_and_each_update(edge: type[Script]) -> None:
-    world = World()
+    world = Landing()
     world.run("approach")
     (made,) = edge.made
     assert made.behind_m == pytest.approx(1.6, abs=0.02)
@@ -305,7 +225,7 @@ def test_at_the_edge_the_belts_go_with_a_fall_once_the_chair_rests_on_nosings(
     """Test: over the edge the chair falls by 4 °/s. Expected result: the plan's own speed goes along, for the guard to limit it;
     not while the flipper turns the chair, or lets it down."""
     edge.stages = (stage,)
-    world = World()
+    world = Landing()
     world.run("edge")
     world.planner._tip_over.rate_rad_s = way * 4.0 * DEG
     square = HeadingEstimate(t_s=world.t_s, heading_rad=0.0, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
@@ -316,7 +236,7 @@ def test_at_the_edge_the_belts_go_with_a_fall_once_the_chair_rests_on_nosings(
 
 @pytest.mark.usefixtures("edge")
 def test_the_whole_way_down_slows_at_the_foot_and_ends_on_the_floor() -> None:
-    world = World()
+    world = Landing()
     world.run("arrived", limit_s=120.0)
     assert world.phases == ["search", "align", "approach", "edge", "descend", "leave", "arrived"]
     assert world.plans[-1].cause.startswith("on the floor, pitch 0.0°")
@@ -340,7 +260,7 @@ def test_the_whole_way_down_slows_at_the_foot_and_ends_on_the_floor() -> None:
 
 @pytest.mark.usefixtures("edge")
 def test_it_leaves_with_its_flipper_planner_just_above_a_step_and_stows_it_on_the_floor() -> None:
-    world = World()
+    world = Landing()
     world.run("descend", limit_s=60.0)
     while world.tick().needs_stair:
         pass
@@ -356,7 +276,7 @@ def test_it_leaves_with_its_flipper_planner_just_above_a_step_and_stows_it_on_th
 def test_near_the_last_nosing_a_chair_that_is_nearly_square_is_not_steered() -> None:
     """Test: 0.9° of heading error, slow before the last nosing, with no stair in view, and before. Expected result: equal belt
     speeds there; before, the controller steers."""
-    world = World()
+    world = Landing()
     world.run("descend", limit_s=60.0)
     world.heading_rad = 0.9 * BLIND_RAD
     assert world.tick().turn_m_s is None
@@ -370,7 +290,7 @@ def test_near_the_last_nosing_a_chair_that_is_nearly_square_is_not_steered() -> 
 def test_a_chair_that_leans_on_its_flipper_planner_is_let_down_gently_from_it() -> None:
     """Test: the section is to be lifted from a degree below the belts' line, and from above it. Expected result: at 3 °/s, whatever
     its motor measures just then; at 15 °/s."""
-    world = World()
+    world = Landing()
     world.run("leave", limit_s=120.0)
     for angle_rad, torque_n_m, rate_rad_s in (
         (-1.0 * DEG, -30.0, LETS_DOWN_RAD_S),
@@ -386,7 +306,7 @@ def test_a_chair_that_leans_on_its_flipper_planner_is_let_down_gently_from_it() 
 @pytest.mark.usefixtures("edge")
 def test_a_flipper_that_carries_much_gives_way_before_its_motor_is_at_its_limit() -> None:
     """Test: 180 N·m on the flipper as the chair leaves. Expected result: it rises to where both are in balance."""
-    world = World(tip_n_m=-180.0)
+    world = Landing(tip_n_m=-180.0)
     world.run("leave", limit_s=120.0)
     world.run("arrived", limit_s=30.0)
     tip_m = CHAIR.tracks.approach_m * math.sin(world.flipper_rad - 4.0 * DEG)
@@ -396,7 +316,7 @@ def test_a_flipper_that_carries_much_gives_way_before_its_motor_is_at_its_limit(
 @pytest.mark.usefixtures("edge")
 def test_a_nosing_beyond_which_nothing_was_ever_seen_is_not_driven_over() -> None:
     """Test: no frame shows the flight's end. Expected result: slow, and HOLD a quarter of a metre before the lowest nosing seen."""
-    world = World(shows_end=False)
+    world = Landing(shows_end=False)
     plan = held(world, lambda _, seen: seen)
     assert plan.phase == "descend"
     assert plan.hold == "nothing was seen beyond the last nosing, 0.25 m before the rear pulley"
@@ -405,7 +325,7 @@ def test_a_nosing_beyond_which_nothing_was_ever_seen_is_not_driven_over() -> Non
 
 def test_a_barred_edge_holds_and_says_why(edge: type[Script]) -> None:
     edge.stages = ("press", "lower", "barred")
-    world = World()
+    world = Landing()
     world.run("edge")
     while world.tick().hold is None:
         assert world.t_s < 60.0
@@ -418,7 +338,7 @@ def test_a_barred_edge_holds_and_says_why(edge: type[Script]) -> None:
 def without(missing: int, from_phase: str = "", reach: float = 3.2) -> Callable[[World, StairMap], StairMap]:
     """Return what a camera makes of a flight whose nosing so many below the edge is missing; before a phase it sees two at most."""
 
-    def spoil(world: World, seen: StairMap) -> StairMap:
+    def spoil(world: Landing, seen: StairMap) -> StairMap:
         phase = world.plans[-1].phase if world.plans else "search"
         edge_x, edge_z = ((EDGE_M - world.x_m), STEPS * RISE_M - world.z_m)
         c, s = math.cos(world.pitch_rad), math.sin(world.pitch_rad)
@@ -433,7 +353,7 @@ def without(missing: int, from_phase: str = "", reach: float = 3.2) -> Callable[
     return spoil
 
 
-def held(world: World, missing: Callable[[World, StairMap], StairMap]) -> MotionPlan:
+def held(world: Landing, missing: Callable[[World, StairMap], StairMap]) -> MotionPlan:
     world.spoil = lambda seen: missing(world, seen)
     while world.tick().hold is None:
         assert world.t_s < 90.0
@@ -444,7 +364,7 @@ def held(world: World, missing: Callable[[World, StairMap], StairMap]) -> Motion
 @pytest.mark.parametrize("missing", [1, 2, 3])
 def test_a_step_that_is_missing_below_the_edge_keeps_the_chair_on_the_landing(missing: int) -> None:
     """Test: one of the first three nosings below the edge is missing, and seen to be. Expected result: it stands on the landing."""
-    world = World()
+    world = Landing()
     plan = held(world, without(missing))
     assert plan.phase == "approach"
     assert plan.hold is not None
@@ -455,7 +375,7 @@ def test_a_step_that_is_seen_to_be_missing_while_the_chair_is_lifted_turns_it_ba
     """Test: what lies below the second nosing comes into view while the flipper lifts, and there a step is missing. Expected
     result: the flipper lets the chair down again, and then it holds."""
     edge.stages = ("press", "lift", "lift", "lift", "lift", "lift", "lift", "settle", "done")
-    world = World()
+    world = Landing()
     plan = held(world, without(2, "edge"))
     assert plan.phase == "edge"
     assert edge.made[0].stages == ("lower", "barred")
@@ -466,7 +386,7 @@ def test_a_step_that_is_seen_to_be_missing_while_the_chair_is_lifted_turns_it_ba
 
 def test_a_step_that_is_seen_to_be_missing_too_late_to_turn_back_stops_the_chair_there(edge: type[Script]) -> None:
     edge.stages = ("settle",) * 50
-    world = World()
+    world = Landing()
     plan = held(world, without(2, "edge"))
     assert plan.phase == "edge"
     assert plan.hold is not None
@@ -487,7 +407,7 @@ def test_nosings_that_are_missed_from_afar_are_not_missing(before_m: float, shar
             kept = (seen.nosings_B[:, 0] > -1.6) | (rng.random(len(seen.nosings_B)) > share)
             return replace(seen, nosings_B=seen.nosings_B[kept], ends=seen.ends and bool(kept[-1]))
 
-        world = World(x_m=EDGE_M + before_m, spoil=miss)
+        world = Landing(x_m=EDGE_M + before_m, spoil=miss)
         world.run("edge")
         assert not any("is missing" in (plan.hold or "") for plan in world.plans)
 
@@ -501,7 +421,7 @@ def test_a_nosing_that_no_frame_shows_from_afar_is_not_missing(before_m: float) 
         far = -seen.nosings_B[:, 0]
         return replace(seen, nosings_B=seen.nosings_B[(far < 1.9) | (far > 2.2)])
 
-    world = World(x_m=EDGE_M + before_m, spoil=hide)
+    world = Landing(x_m=EDGE_M + before_m, spoil=hide)
     world.run("edge")
     assert not any(plan.hold for plan in world.plans)
 
@@ -511,7 +431,7 @@ def test_let_down_on_the_landing_again_the_chair_stows_its_flipper_before_it_hol
     rest, or has had its time, if it is dead."""
     edge.stages = ("press", "lower", "barred")
     for dead in (False, True):
-        world = World(flipper_moves=not dead, tips=False)
+        world = Landing(flipper_moves=not dead, tips=False)
         world.run("edge")
         world.flipper_rad = -0.1
         began_s = world.t_s
@@ -524,7 +444,7 @@ def test_let_down_on_the_landing_again_the_chair_stows_its_flipper_before_it_hol
 def test_a_chair_is_not_backed_onto_a_flight_that_it_has_not_seen(edge: type[Script]) -> None:
     """Test: while the flipper lifts, no more than a metre below the edge comes into view. Expected result: let down again, HOLD."""
     edge.stages = ("press", "lift", "lift", "lift", "settle", "done")
-    world = World()
+    world = Landing()
     seen_m = 1.0
 
     def short(_: World, seen: StairMap) -> StairMap:
@@ -540,7 +460,7 @@ def test_a_chair_is_not_backed_onto_a_flight_that_it_has_not_seen(edge: type[Scr
 def test_a_step_that_seems_missing_far_below_the_edge_lets_it_come_nearer_before_it_stops() -> None:
     """Test: the sixth nosing below is missing. Expected result: over the edge, and HOLD 0.4 m before the nosing above the gap."""
     config = replace(CONFIG, gap_m=0.4)
-    world = World(planner=Descent(config))
+    world = Landing(planner=Descent(config))
     plan = held(world, without(6))
     assert plan.phase == "descend"
     assert world.x_m - PIVOT_M * math.cos(SLOPE_RAD) - (EDGE_M - 5 * RUN_M) == pytest.approx(
@@ -550,7 +470,7 @@ def test_a_step_that_seems_missing_far_below_the_edge_lets_it_come_nearer_before
 
 def test_a_step_that_is_seen_to_be_missing_under_the_rear_stops_the_chair_too() -> None:
     """Test: a chair on a flight, its rear over a gap that has been out of view. Expected result: HOLD at once."""
-    world = World(x_m=0.5 * EDGE_M)
+    world = Landing(x_m=0.5 * EDGE_M)
     world.run("descend")
     world.run(limit_s=2.5)
     where = world.planner._where
@@ -565,7 +485,7 @@ def test_a_step_that_is_seen_to_be_missing_under_the_rear_stops_the_chair_too() 
 
 
 def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_descends() -> None:
-    world = World(x_m=0.5 * EDGE_M, knows=False)
+    world = Landing(x_m=0.5 * EDGE_M, knows=False)
     world.run(limit_s=2.0)
     assert {plan.phase for plan in world.plans} == {"search"}
     assert all((plan.speed_m_s, plan.turn_m_s) == (0.0, 0.0) for plan in world.plans)
@@ -576,7 +496,7 @@ def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_de
 
 @pytest.mark.parametrize("heading_deg", [-10.0, 10.0])
 def test_a_chair_with_a_heading_error_on_the_flight_turns_by_climbing_before_it_backs_down(heading_deg: float) -> None:
-    world = World(x_m=0.5 * EDGE_M, heading_rad=heading_deg * DEG)
+    world = Landing(x_m=0.5 * EDGE_M, heading_rad=heading_deg * DEG)
     assert "heading error" in world.run("climb").cause
     assert world.run("descend", limit_s=30.0).cause.startswith("square within")
     assert abs(world.heading_rad) < 1.0 * DEG
@@ -594,7 +514,7 @@ def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase(edge: type[Sc
             None if rng.random() < 0.2 else replace(seen, nosings_B=seen.nosings_B[kept] + error, ends=seen.ends and bool(kept[-1]))
         )
 
-    world = World(heading_rad=-10.0 * DEG, spoil=flicker)
+    world = Landing(heading_rad=-10.0 * DEG, spoil=flicker)
     world.run("arrived", limit_s=120.0)
     assert world.phases == ["search", "align", "approach", "edge", "descend", "leave", "arrived"]
     assert len(edge.made) == 1
@@ -605,7 +525,7 @@ def test_a_false_nosing_seen_once_beyond_the_edge_moves_nothing(edge: type[Scrip
         nearer = seen.nosings_B[:1] + np.array([RUN_M, 0.0, RISE_M])
         return replace(seen, nosings_B=np.vstack([nearer, seen.nosings_B])) if 0.25 < world.t_s < 0.35 else seen
 
-    world = World(spoil=ghost)
+    world = Landing(spoil=ghost)
     world.run("approach")
     assert edge.made[0].behind_m == pytest.approx(1.6, abs=0.02)
 
@@ -623,7 +543,7 @@ def test_it_leaves_the_stair_only_with_its_flipper_planner_lifted(stuck_s: float
     """Test: on its way down the flipper does not move, for 0.4 s near the last nosing, or for good. Expected result: it waits
     until it is lifted and goes on; it holds before the front pulley leaves the last nosing but one, for at its own angle the
     section would drop off."""
-    world = World()
+    world = Landing()
     plan = world.run("descend", limit_s=120.0)
     world.flipper_rad, world.flipper_moves = 0.0, False
     stood_s = 0.0

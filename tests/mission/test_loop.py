@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from world import imu, stair
 
 from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Reading
@@ -19,7 +20,6 @@ from treadline.core.signals import (
     MotionPlan,
     SeatCommand,
     SeatReading,
-    StairMap,
     TrackCommand,
     TrackReading,
 )
@@ -28,8 +28,6 @@ from treadline.mission.belt_controllers import ConstantSpeed, Driver
 from treadline.mission.loop import Blocks, Mission, Signal
 from treadline.mission.planner import Cruise, Planner, PlannerInput
 from treadline.mission.rates import Rate
-
-LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class RecordedPlant:
@@ -105,20 +103,11 @@ class Scripted:
         return replace([plan for plan in self._plans if plan.t_s <= t_s + 1e-9][-1], t_s=t_s)
 
 
-def imu(t_s: float, rate_rad_s: float = 0.0) -> ImuSample:
-    return ImuSample(
-        t_s=t_s,
-        orientation=LEVEL,
-        angular_velocity_rad_s=np.array([0.0, 0.0, rate_rad_s]),
-        linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
-    )
-
-
 def stream(seconds: float) -> list[Reading]:
     readings: list[Reading] = []
     for k in range(round(seconds * 100) + 1):
         t_s = k / 100
-        readings.append(imu(t_s, 0.02 * np.sin(t_s)))
+        readings.append(imu(t_s, rates_rad_s=(0.0, 0.0, 0.02 * np.sin(t_s))))
         readings.append(SeatReading(t_s=t_s, pitch_rad=0.01 * np.cos(3 * t_s), stroke_m=0.2))
         if k % 10 == 0:
             readings.append(HeadingMeasurement(t_s=t_s, heading_rad=0.02 * (1 - np.cos(t_s)), sigma_rad=0.004, edge_count=6))
@@ -268,20 +257,16 @@ def test_a_frame_that_repeats_itself_is_not_looked_at() -> None:
 
 def test_the_planner_gets_what_it_needs_and_no_frame() -> None:
     readings: list[Reading] = [*stream(0.1), TrackReading(t_s=0.05, left_m_s=0.1, right_m_s=0.1, brake_on=False)]
-    readings += [FlipperReading(t_s=0.05, angle_rad=0.1, torque_n_m=0.0), frame(0.06, 200), stair_map(0.06)]
+    readings += [
+        FlipperReading(t_s=0.05, angle_rad=0.1, torque_n_m=0.0),
+        frame(0.06, 200),
+        stair(0.06, [(1.0, 0.0, 0.16), (1.3, 0.0, 0.32)], left_seen_m=1.0, right_seen_m=1.0),
+    ]
     planner = Scripted(MotionPlan(t_s=0.0, phase="drive", speed_m_s=0.2))
     mission, _, _ = counting_mission(RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)), planner)
     for _ in range(10):
         mission.tick()
     assert set(planner.inputs) == {"ImuSample", "TrackReading", "FlipperReading", "StairMap"}
-
-
-def stair_map(t_s: float) -> StairMap:
-    return StairMap(
-        t_s=t_s, direction="up", nosings_B=np.array([[1.0, 0.0, 0.16], [1.3, 0.0, 0.32]]), rise_m=0.16, run_m=0.3,
-        slope_rad=0.49, ends=False, left_wall_m=None, right_wall_m=None, obstacle_m=None,
-        left_seen_m=1.0, right_seen_m=1.0,
-    )  # fmt: skip
 
 
 class Listening:

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from world import RISE_M, RUN_M, SLOPE_RAD, belts, imu, stair
 
-from treadline.core.angles import DEG, quaternion_of, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.signals import ImuSample, StairMap, TrackReading
 from treadline.mission.stair_tracker import KNOWN_AFTER, StairTracker
-
-RISE_M, RUN_M = 0.16, 0.30
-SLOPE_RAD = math.atan2(RISE_M, RUN_M)
 
 
 @dataclass
@@ -30,16 +28,10 @@ class Chair:
     """Where the first nosing stands."""
 
     def imu(self) -> ImuSample:
-        R_WB = rotation_z(self.heading_rad) @ rotation_y(-self.pitch_rad)
-        return ImuSample(
-            t_s=self.t_s,
-            orientation=quaternion_of(R_WB),
-            angular_velocity_rad_s=np.zeros(3),
-            linear_acceleration_m_s2=R_WB.T @ np.array([0.0, 0.0, 9.81]),
-        )
+        return imu(self.t_s, self.pitch_rad, yaw_rad=self.heading_rad)
 
     def tracks(self, speed_m_s: float) -> TrackReading:
-        return TrackReading(t_s=self.t_s, left_m_s=speed_m_s, right_m_s=speed_m_s, brake_on=False)
+        return belts(self.t_s, speed_m_s, speed_m_s)
 
     def nosing(self, k: int) -> np.ndarray:
         """Return where the chair's middle plane meets nosing k, in B."""
@@ -50,17 +42,13 @@ class Chair:
     def sees(
         self, *steps: int, direction: Literal["up", "down"] = "up", ends: bool = False, error_m: float = 0.0, **walls: float
     ) -> StairMap:
-        return StairMap(
-            t_s=self.t_s,
+        return stair(
+            self.t_s,
+            [self.nosing(k) + np.array([error_m, 0.0, 0.0]) for k in steps],
             direction=direction,
-            nosings_B=np.array([self.nosing(k) + np.array([error_m, 0.0, 0.0]) for k in steps]),
-            rise_m=RISE_M,
-            run_m=RUN_M,
-            slope_rad=SLOPE_RAD,
             ends=ends,
             left_wall_m=walls.get("left"),
             right_wall_m=walls.get("right"),
-            obstacle_m=None,
         )
 
     def update(self, where: StairTracker, *steps: int, ends: bool = False, error_m: float = 0.0, up: bool = True) -> None:

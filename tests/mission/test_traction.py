@@ -1,18 +1,18 @@
 """The traction test with synthetic belts and IMU: what it lets pass by friction, and how far errors of the sensors move that."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from world import G_M_S2, TICK_S, belts, imu
 
 from treadline.core.angles import DEG, quaternion_of, rotation_y
 from treadline.core.signals import ImuSample, TrackReading
 from treadline.mission._traction_test import TractionConfig, TractionTest
 
-G_M_S2, TICK_S = 9.81, 0.01
 CONFIG = TractionConfig()
 
 
@@ -41,27 +41,21 @@ class Foot:
         pitch = slope if self.pitch_deg is None else self.pitch_deg * DEG
         most = G_M_S2 * ((1.0 + self.share) * math.tan(slope) * math.cos(pitch) - math.sin(pitch))
         test = TractionTest(config, slope + self.slope_error_deg * DEG)
-        belts = chair = self.farthest_m = self.fastest_m_s = 0.0
+        speed = chair = self.farthest_m = self.fastest_m_s = 0.0
         t_s = 0.0
         while not test.over:
             asked = 0.0 if self.stalled else test.speed_m_s
-            belts += (asked - belts) * TICK_S / self.lag_s
+            speed += (asked - speed) * TICK_S / self.lag_s
             # Friction pulls the chair to its belts' speed as fast as it can, and no faster; a brake needs less of it.
-            change = max(min((belts - chair) / TICK_S, most), -4.0)
+            change = max(min((speed - chair) / TICK_S, most), -4.0)
             chair += change * TICK_S
             self.farthest_m += chair * TICK_S
-            self.fastest_m_s = max(self.fastest_m_s, belts)
-            test.update(TrackReading(t_s=t_s, left_m_s=belts, right_m_s=belts, brake_on=False))
-            R = rotation_y(-(pitch + self.gravity_deg * DEG))
-            force = rotation_y(-pitch).T @ np.array([0.0, 0.0, G_M_S2]) + np.array([change + self.bias_m_s2, 0.0, 0.0])
-            test.update(
-                ImuSample(
-                    t_s=t_s,
-                    orientation=quaternion_of(R),
-                    angular_velocity_rad_s=np.zeros(3),
-                    linear_acceleration_m_s2=force + self.noise_m_s2 * rng.normal(size=3),
-                )
-            )
+            self.fastest_m_s = max(self.fastest_m_s, speed)
+            test.update(belts(t_s, speed, speed))
+            # The attitude errs, the force does not: gravity in the true axes, and what the chair gains along its belts.
+            force = imu(t_s, pitch, speeds_up_m_s2=change + self.bias_m_s2).linear_acceleration_m_s2
+            wrong = imu(t_s, pitch + self.gravity_deg * DEG)
+            test.update(replace(wrong, linear_acceleration_m_s2=force + self.noise_m_s2 * rng.normal(size=3)))
             t_s += TICK_S
         self.seconds = t_s
         return test
