@@ -1,17 +1,15 @@
 """What a replay may change: every key reaches its block, and what cannot be is one line."""
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, Literal
 
 import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.images import PinholeCamera
-from treadline.core.settings import settings_of
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
-from treadline.experiments.replay_settings import applied, key_table, resolved, table_of
+from treadline.experiments.replay_settings import key_table, resolved
 from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.perception import StairDetector
@@ -22,18 +20,13 @@ BASE = MissionConfig(chair=read_chair("wheelchair"))
 LOGGED = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=288.5, cx_px=159.5, cy_px=119.5)
 
 
-def values_of(*items: str) -> Any:
-    return resolved(BASE, items).values
-
-
 def test_nothing_set_changes_nothing() -> None:
     settings = resolved(BASE, ())
     assert settings.mission.vision == BASE.vision
     assert settings.mission.allocation == BASE.allocation
-    values: Any = settings.values
     # The very bits: a gate that is 1e-17 off would be another run.
-    assert applied(FilterConfig(), values.filter) == FilterConfig()
-    assert applied(guard_config(BASE, 0.25), values.guard) == guard_config(BASE, 0.25)
+    assert settings.changed(FilterConfig(), "filter") == FilterConfig()
+    assert settings.changed(guard_config(BASE, 0.25), "guard") == guard_config(BASE, 0.25)
     assert settings.R_BI is None
     mounted = settings.calibrate(LOGGED, (320, 240))
     assert mounted is not None
@@ -51,60 +44,22 @@ def test_nothing_set_changes_nothing() -> None:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rule:
-    spread_rad: float = 1.5 * DEG
-    count: int = 20
+def test_a_key_changes_its_setting_and_no_bit_of_the_others() -> None:
+    items = ("filter.gate=16", "filter.drift.least_deg_s=0.5", "filter.drift.least_count=4", "guard.watches_slip=false")
+    settings = resolved(BASE, items)
+    drift = replace(FilterConfig().drift, least_rad_s=0.5 * DEG, least_count=4)
+    assert settings.changed(FilterConfig(), "filter") == replace(FilterConfig(), gate=16.0, drift=drift)
+    assert settings.changed(guard_config(BASE, 0.25), "guard") == replace(guard_config(BASE, 0.25), watches_slip=False)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Block:
-    """Settings as blocks have them."""
-
-    rule: Rule = field(default_factory=Rule)
-    rate_rad_s: float = 0.35 * DEG
-    kind: Literal["a", "b"] = "a"
-    on: bool = True
-    limit_m: float | None = None
-    table: tuple[float, ...] = ()
-
-
-def set_in(block: Block, tables: dict[str, Any]) -> Any:
-    model = table_of("block", block)
-    return applied(block, settings_of(tables, model, where="--set"))
-
-
-def test_a_table_follows_a_blocks_settings_in_degrees() -> None:
-    model: Any = table_of("block", Block(), leave=("kind",))
-    assert set(model.model_fields) == {"rule", "rate_deg_s", "on", "limit_m"}  # a tuple is no single value
-    assert model().rate_deg_s == 0.35
-    assert model().rule.spread_deg == 1.5
-    changed = set_in(Block(), {"rate_deg_s": 1, "rule": {"spread_deg": 3.0}, "kind": "b", "on": False, "limit_m": 2.0})
-    assert changed == Block(rule=Rule(spread_rad=3.0 * DEG), rate_rad_s=DEG, kind="b", on=False, limit_m=2.0)
-    assert set_in(Block(), {}) == Block()
-
-
-@pytest.mark.parametrize(
-    ("tables", "word"),
-    [
-        ({"rule": {"count": 2.5}}, "rule.count: must be a whole number"),
-        ({"rule": {"spread_deg": -1.0}}, "rule.spread_deg: must be a number ≥ 0"),
-        ({"kind": "c"}, "'a' or 'b'"),
-        ({"on": 1}, "true or false"),
-    ],
-)
-def test_a_table_checks_types_and_signs(tables: dict[str, Any], word: str) -> None:
-    with pytest.raises(SettingsError, match=word):
-        set_in(Block(), tables)
-
-
-def test_the_blocks_own_settings_are_keys() -> None:
+def test_the_blocks_own_settings_are_keys_in_degrees() -> None:
     table = key_table(BASE)
     assert not [key for key in table if "_rad" in key]
+    assert table["filter.reacquisition.spread_deg"][0] == "1.5"
+    assert "guard.needs_heading" not in table
     for config, block in ((FilterConfig(), "filter"), (guard_config(BASE, 0.25), "guard")):
         for name in (item.name for item in fields(config) if item.name != "needs_heading"):
             assert any(key.startswith(f"{block}.{name.replace('_rad', '_deg')}") for key in table), name
-    assert applied(FilterConfig(), values_of("filter.gate=16").filter) == replace(FilterConfig(), gate=16.0)
 
 
 def test_a_key_means_what_the_field_it_sets_says() -> None:
@@ -142,14 +97,13 @@ def test_control_and_guard_take_what_is_set() -> None:
     assert settings.mission.climb_speed_m_s == 0.1
     assert settings.mission.allocation == "paper"
     assert settings.mission.loop == "open"
-    values: Any = settings.values
-    assert applied(guard_config(BASE, 0.25), values.guard).cruise_limit_m_s == 0.2
+    assert settings.changed(guard_config(BASE, 0.25), "guard").cruise_limit_m_s == 0.2
 
 
 def test_a_later_item_overrules_an_earlier_one() -> None:
-    assert values_of("filter.gate=16", "filter.gate=4").filter.gate == 4.0
+    assert resolved(BASE, ("filter.gate=16", "filter.gate=4")).values["filter.gate"] == 4.0
     # A former name of a key still sets it.
-    assert values_of("filter.told_s=3").filter.report_s == 3.0
+    assert resolved(BASE, ("filter.told_s=3",)).values["filter.report_s"] == 3.0
 
 
 def test_a_controller_is_loaded_from_its_file(tmp_path: Path) -> None:
@@ -177,6 +131,9 @@ def test_a_controller_is_loaded_from_its_file(tmp_path: Path) -> None:
         ("camera.depth_unit_m=0", ("camera.depth_unit_m",)),
         ("imu.axes=world", ("'chair' or 'camera'",)),
         ("=3", ("unknown key",)),
+        ("filter.drift.least_count=2.5", ("filter.drift.least_count: must be a whole number",)),
+        ("detector.paper.threshold=fixed", ("detector.paper.threshold", "'median'")),
+        ("guard.watches_slip=1", ("true or false",)),
     ],
 )
 def test_what_cannot_be_set_is_one_line_with_the_key(item: str, words: tuple[str, ...]) -> None:

@@ -187,7 +187,7 @@ def _manifest(source: Source, settings: ReplaySettings, recording: SensorLog, ch
         "log": source.log.parent.name if source.sealed else source.log.name,
         "topics": asdict(recording.topics),
         "set": list(changes),
-        "replay": settings.values.model_dump(mode="json") | {"controller": settings.controller_name},
+        "replay": settings.as_tables(),
         "scenario": source.scenario,
     }
 
