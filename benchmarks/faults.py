@@ -28,12 +28,12 @@ from treadline.campaign.scenario_text import scenario_toml
 from treadline.core.angles import DEG
 from treadline.core.processes import default_workers
 from treadline.core.signals import TICK_S
+from treadline.experiments.job_pool import run_jobs
 from treadline.guard.phase_groups import TIPPING
 from treadline.mission.loop import Tick
 from treadline.plant.mujoco import open_plant
 from treadline.plant.mujoco.mujoco_plant import MujocoPlant
 from treadline.run.episode import Traverse, traverse
-from treadline.run.job_pool import run_jobs
 from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.faults import Fault, Process
 from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start

@@ -28,8 +28,8 @@ from uncertainty_runs import (
 )
 
 from treadline.core.models import write_whole
+from treadline.experiments.job_pool import run_jobs
 from treadline.io.provenance import git_commit
-from treadline.run.job_pool import run_jobs
 
 ROOT = Path(__file__).parents[1]
 EVIDENCE = ROOT / "docs" / "evidence" / "uncertainty.md"

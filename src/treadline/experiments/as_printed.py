@@ -1,4 +1,4 @@
-"""The paper's controller as printed: Eq. (11b), (12), (14) at Ts = 1 s, on the simulated chair.
+"""The paper's controller as printed, Eq. (11b), (12), (14) at Ts = 1 s, on the simulated chair; and Table I next to ours.
 
 Eq. (14) follows from (12) and (13), so the printed matrices agree with each other. The belt speed that they command at 30° exceeds
 the limit of Table I. The climb speed is added as an input offset, without which u = -Kx stops the chair.
@@ -15,8 +15,11 @@ from treadline.control.reconstruct import static_reconstruction
 from treadline.core import paper
 from treadline.core.angles import DEG
 from treadline.core.models import ControllerDesign, LinearModel
-from treadline.experiments.jobs import RunJob
-from treadline.experiments.plan import FIG10_SLOPE, TABLE_SPEED_M_S, ReproducePlan, turn
+from treadline.core.signals import TICK_S
+from treadline.experiments.job_pool import RunJob
+from treadline.experiments.plan import FIG10_SLOPE, SLOPES_DEG, TABLE_SPEED_M_S, ReproducePlan, turn
+from treadline.plant.mujoco import CAMERA_PERIOD_S
+from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 
 
@@ -81,6 +84,33 @@ def job(plan: ReproducePlan, runs: Path) -> RunJob:
         scenario=as_printed_turn(plan.turn_s),
         seed=plan.seeds[0],
         controller=paper_controller(TABLE_SPEED_M_S),
-        folder=runs / "literal-28",
+        runs=runs,
         labels={"kind": "literal", "slope_deg": FIG10_SLOPE, "start_heading_deg": 30},
     )
+
+
+def table1() -> list[dict[str, Any]]:
+    """Return Table I as it was run, one row per parameter: the paper's next to ours, read from the objects that ran.
+
+    Paper: Table I.
+    """
+    scenario = turn(int(paper.SLOPE_DEG), 30, paper.FIG10_DURATION_S)
+    chair = read_chair(scenario.chair.model)
+    top = chair.drives.max_speed_m_s
+    friction = scenario.stair.friction
+    return [
+        _row("Mass of the system [kg]", paper.MASS_KG, chair.masses.chassis_kg),
+        _row("Mass of the payload [kg]", paper.PAYLOAD_KG, scenario.chair.payload_kg),
+        _row("Friction μ, μ₂", ", ".join(map(str, paper.FRICTION)), ", ".join(map(str, friction))),
+        _row("Staircase angle β [°]", paper.SLOPE_DEG, ", ".join(map(str, SLOPES_DEG))),
+        _row("Track speed, largest [m/s]", paper.MAX_SPEED_M_S, top),
+        _row("Turn rate, largest [rad/s]", paper.MAX_TURN_RATE_RAD_S, round(2.0 * top / chair.tracks.gauge_m, 3)),
+        _row("IMU [Hz]", paper.IMU_RATE_HZ, 1.0 / TICK_S),
+        _row("Camera [Hz]", paper.CAMERA_RATE_HZ, 1.0 / CAMERA_PERIOD_S),
+        _row("Control [Hz]", paper.CONTROL_RATE_HZ, paper.CONTROL_RATE_HZ),
+        _row("Climb speed [m/s]", "not given", TABLE_SPEED_M_S),
+    ]
+
+
+def _row(parameter: str, printed: object, ours: object) -> dict[str, Any]:
+    return {"parameter": parameter, "paper": str(printed), "ours": str(ours)}

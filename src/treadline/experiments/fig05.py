@@ -70,12 +70,5 @@ def first_frame(seed: int, open_plant: Opener = open_mujoco) -> tuple[RgbdFrame,
     return frame, frame.camera.R_BC.T @ rotation_of(imu.orientation).T @ np.array([0.0, 0.0, -1.0]), true_heading_rad
 
 
-def robust_error_deg(seed: int, open_plant: Opener) -> float | None:
-    """Return the error of the robust estimator's heading on the figure's frame [deg], or None where the frame is rejected."""
-    frame, gravity_C, true_heading_rad = first_frame(seed, open_plant)
-    robust = StairDetector(DetectorConfig(method="robust")).look(frame, gravity_C)
-    return None if robust.heading_rad is None else (robust.heading_rad - true_heading_rad) / DEG
-
-
 def _degrees(angle_rad: float | None) -> float | None:
     return None if angle_rad is None else angle_rad / DEG

@@ -30,20 +30,25 @@ AHEAD_S = 5.0
 class ExciteJob:
     """One recording of random track speeds."""
 
-    name: str
     ground: Ground
     samples: int
     seed: int
-    folder: Path
+    runs: Path
+    """Folder of the run folders."""
     image_every: int = 0
     scenario: Scenario | None = None
     """Scenario of the run; None for the excitation scenario of the ground."""
     open_plant: Opener | PlantName = "mujoco"
 
+    @property
+    def name(self) -> str:
+        """Name of the run folder."""
+        return f"excite-{self.ground.name}-seed{self.seed}"
+
     def run(self) -> "ExcitationRun":
         """Drive and return the record."""
         excited = recorded_excitation(
-            self.folder,
+            self.runs / self.name,
             self.scenario or excitation(self.ground),
             samples=self.samples,
             period_s=PERIOD_S,
@@ -57,7 +62,7 @@ class ExciteJob:
             record=excited.record,
             verdict=excited.run.verdict,
             cpu_s_per_s=excited.run.cpu_s / excited.run.scores.duration_s,
-            name=self.folder.name,
+            name=self.name,
         )
 
 

@@ -15,19 +15,16 @@ import numpy as np
 
 from treadline.core.models import ControllerDesign, write_whole
 from treadline.core.plain_values import plain
-from treadline.experiments import fig09, table2
+from treadline.experiments import closed_loop
 from treadline.experiments.fig08 import ExcitationRun, ExciteJob
-from treadline.experiments.jobs import RunJob
+from treadline.experiments.job_pool import RunJob, run_jobs
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
 from treadline.experiments.reproduce import FIT_SEED, FRESH_SEED, Done, learn
 from treadline.io.provenance import provenance
 from treadline.plant.gazebo import find_environment
-from treadline.run.job_pool import run_jobs
 from treadline.run.resolve import PlantName
 
 SIMULATORS: tuple[PlantName, ...] = ("gazebo", "mujoco")
-GROUNDS = (CONTROLLER_GROUND,)
-"""Grounds of the excitation: the one of the controller."""
 
 
 def job_count(plan: ReproducePlan) -> int:
@@ -47,14 +44,8 @@ def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, done: D
     """
     find_environment()
     started = time.monotonic()
-    plan = replace(plan, grounds=GROUNDS, frictions=(PAPER_FRICTION,))
-    found: dict[str, dict[str, Any]] = {}
-    for name in SIMULATORS:
-
-        def report(what: str, name: str = name) -> None:
-            done(f"{name} {what}")
-
-        found[name] = _paper_in(plan, out / name, name, workers=workers, done=report)
+    plan = replace(plan, grounds=(CONTROLLER_GROUND,), frictions=(PAPER_FRICTION,))
+    found = {name: _paper_in(plan, out / name, name, workers=workers, done=done) for name in SIMULATORS}
     values: dict[str, Any] = plain(
         {**found, "compared": compared(found["gazebo"], found["mujoco"]), "wall_s": time.monotonic() - started, **provenance()}
     )
@@ -92,16 +83,19 @@ def summary(values: dict[str, Any]) -> list[str]:
 
 
 def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers: int, done: Done) -> dict[str, Any]:
+    def report(what: str) -> None:
+        done(f"{open_plant} {what}")
+
     runs = out / "runs"
-    recordings: list[ExcitationRun] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=done)
+    recordings: list[ExcitationRun] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=report)
     controller, fig08_by_ground = learn(plan, recordings, out)
-    results = run_jobs(_drives(plan, controller, runs, open_plant), workers=workers, done=done)
+    results = run_jobs(_drives(plan, controller, runs, open_plant), workers=workers, done=report)
     turns = [result for result in results if result["kind"] == "turn"]
     values: dict[str, Any] = {
         "fig08": fig08_by_ground[CONTROLLER_GROUND],
-        "fig09": fig09.rows([result for result in results if result["kind"] == "straight"]),
-        "fig10": table2.fig10(turns),
-        "table2": table2.rows(turns),
+        "fig09": closed_loop.fig09([result for result in results if result["kind"] == "straight"]),
+        "fig10": closed_loop.fig10(turns),
+        "table2": closed_loop.table2(turns),
         "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
     }
     write_whole(out / "results.json", json.dumps(plain(values), indent=1, allow_nan=False) + "\n")
@@ -111,22 +105,23 @@ def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers:
 def _excitations(plan: ReproducePlan, runs: Path, open_plant: PlantName) -> list[ExciteJob]:
     return [
         ExciteJob(
-            name=f"excite-{ground.name}-seed{seed}",
-            ground=ground,
+            ground=CONTROLLER_GROUND,
             samples=plan.samples,
             seed=seed,
-            folder=runs / f"excite-{ground.name}-seed{seed}",
-            scenario=without_images(excitation(ground)),
+            runs=runs,
+            scenario=without_images(excitation(CONTROLLER_GROUND)),
             open_plant=open_plant,
         )
-        for ground in GROUNDS
         for seed in (FIT_SEED, FRESH_SEED)
     ]
 
 
 def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path, open_plant: PlantName) -> list[RunJob]:
-    straight = [*fig09.closed_jobs(plan, controller, runs), *fig09.open_jobs(plan, runs)]
-    jobs = [*straight, *table2.jobs(plan, controller, runs, "climb-safe")]
+    jobs = [
+        *closed_loop.straight_jobs(plan, controller, runs),
+        *closed_loop.straight_jobs(plan, None, runs),
+        *closed_loop.turn_jobs(plan, controller, runs),
+    ]
     return [replace(job, scenario=without_images(job.scenario), image_every=0, open_plant=open_plant) for job in jobs]
 
 

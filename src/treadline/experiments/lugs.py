@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from treadline.core.models import ControllerDesign
-from treadline.experiments.jobs import RunJob
+from treadline.experiments.job_pool import RunJob
 from treadline.experiments.plan import FIG10_SLOPE, ReproducePlan, turn, without_images
 from treadline.plant.mujoco.physics import NOMINAL
 from treadline.scenario.scenario import Belts, Scenario, read_scenario
@@ -19,8 +19,6 @@ RUBBER_S = (0.5 * NOMINAL_RUBBER_S, NOMINAL_RUBBER_S, 2.0 * NOMINAL_RUBBER_S)
 """Contact time constants of the belts' rubber [s]: the nominal one between the ends of its bracket (``[belts] stiffness_s``)."""
 SMOOTH = Belts()
 LUGGED = {rubber_s: Belts(lug=LUG, stiffness_s=rubber_s) for rubber_s in RUBBER_S}
-PLAIN_LUGS = Belts(lug=LUG)
-"""Lugs whose rubber has the plant's contact time constant, so that a variation of the contact stiffness reaches it."""
 START_DEG = 30
 TURN_S = 4.0
 """Duration of a turn [s]. The roll-back of a turn from 30° ends within 2 s; a longer run only adds nosings."""
@@ -79,13 +77,12 @@ def _job(
     plan: ReproducePlan, controller: ControllerDesign, runs: Path, course: str, slope_deg: int, belts: Belts, scenario: Scenario
 ) -> RunJob:
     surface = "smooth" if belts.stiffness_s is None else f"lugs-{LUG.replace('/', '-')}-{1000.0 * belts.stiffness_s:g}ms"
-    name = f"{course}-{surface}"
     return RunJob(
-        name=name,
+        name=f"{course}-{surface}",
         scenario=scenario,
         seed=plan.seeds[0],
         controller=controller,
-        folder=runs / name,
+        runs=runs,
         labels={
             "kind": "lugs",
             "course": course,

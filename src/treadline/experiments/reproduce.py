@@ -14,9 +14,10 @@ from typing import Any
 from treadline.control.tune import tune
 from treadline.core.models import ControllerDesign, write_whole
 from treadline.core.plain_values import plain
-from treadline.experiments import as_printed, dead_zone, fig05, fig08, fig09, fig11, lugs, table1, table2
+from treadline.core.signals import SeatCommand, TrackCommand
+from treadline.experiments import as_printed, closed_loop, dead_zone, fig05, fig08, fig11, lugs
 from treadline.experiments.fig08 import ExcitationRun, ExciteJob
-from treadline.experiments.jobs import RunJob
+from treadline.experiments.job_pool import Job, JobPool, RunJob
 from treadline.experiments.plan import (
     CONTROLLER_GROUND,
     GRAVITY_ERROR_DEG,
@@ -24,12 +25,12 @@ from treadline.experiments.plan import (
     Ground,
     ReproducePlan,
     excitation,
+    straight,
     without_images,
 )
 from treadline.experiments.sensitivity import read_sensitivity, with_sensitivity
-from treadline.experiments.speed import physics_real_time_factor
 from treadline.io.provenance import provenance
-from treadline.run.job_pool import Job, JobPool
+from treadline.plant.mujoco import open_plant
 
 Done = Callable[[str], None]
 FIT_SEED, FRESH_SEED = 0, 1
@@ -62,7 +63,7 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
         seat, stages, printed, steered, *opened = steerless()
         safe, sliding, closed, lugged = _by_kind(driven())
     speed = {
-        "physics_real_time_factor": physics_real_time_factor(),
+        "physics_real_time_factor": _physics_real_time_factor(),
         "loop_cpu_s_per_s": _median([run["cpu_s"] / run["duration_s"] for run in safe]),
     }
     done("speed")
@@ -71,14 +72,14 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
         {
             "quick": plan.quick,
             "paper": {"lqr": as_printed.facts()},
-            "table1": table1.rows(),
+            "table1": as_printed.table1(),
             "fig05": stages,
             "fig08": fig08_by_ground[CONTROLLER_GROUND] | {"slopes": list(fig08_by_ground.values())},
             "dead_zone": steered["rows"],
-            "fig09": fig09.rows([*closed, *opened]),
-            "fig10": table2.fig10(safe),
-            "table2": table2.rows(safe),
-            "table2_roll_back_allowed": table2.rows(sliding),
+            "fig09": closed_loop.fig09([*closed, *opened]),
+            "fig10": closed_loop.fig10(safe),
+            "table2": closed_loop.table2(safe),
+            "table2_roll_back_allowed": closed_loop.table2(sliding),
             "lugs": lugs.rows(lugged),
             "literal": as_printed.facts() | {"runs": [printed]},
             "fig11": seat,
@@ -97,11 +98,10 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
 def _excitations(plan: ReproducePlan, runs: Path) -> list[ExciteJob]:
     return [
         ExciteJob(
-            name=f"excite-{ground.name}-seed{seed}",
             ground=ground,
             samples=plan.samples,
             seed=seed,
-            folder=runs / f"excite-{ground.name}-seed{seed}",
+            runs=runs,
             image_every=50 if ground == CONTROLLER_GROUND and seed == FIT_SEED else 0,
             # The controller is identified with rendered frames; the other grounds need none.
             scenario=None if ground == CONTROLLER_GROUND else without_images(excitation(ground)),
@@ -138,16 +138,16 @@ def _steerless(plan: ReproducePlan, out: Path) -> list[Job[dict[str, Any]]]:
         fig05.StagesJob(name="stages", figures=out / "figures", seed=seed),
         as_printed.job(plan, runs),
         dead_zone.DeadZoneJob(name="dead-zone", seed=seed),
-        *fig09.open_jobs(plan, runs),
+        *closed_loop.straight_jobs(plan, None, runs),
     ]
 
 
 def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
     """Return all runs with the identified controller, the longest first: the workers then end together."""
     drives = [
-        *fig09.closed_jobs(plan, controller, runs),
-        *table2.jobs(plan, controller, runs, "climb-safe"),
-        *table2.jobs(replace(plan, seeds=plan.seeds[:1], frictions=(PAPER_FRICTION,)), controller, runs, "paper"),
+        *closed_loop.straight_jobs(plan, controller, runs),
+        *closed_loop.turn_jobs(plan, controller, runs),
+        *closed_loop.turn_jobs(replace(plan, seeds=plan.seeds[:1], frictions=(PAPER_FRICTION,)), controller, runs, "paper"),
         *lugs.jobs(plan, controller, runs),
     ]
     return sorted(drives, key=_cost, reverse=True)
@@ -161,11 +161,24 @@ def _cost(job: RunJob) -> float:
 
 def _by_kind(results: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], ...]:
     """Return the results of ``_drives`` by kind: safe turns, turns with roll-back allowed, straight climbs, belts with lugs."""
-    kinds: dict[str, list[dict[str, Any]]] = {"turn": [], "turn-rollback": [], "straight": [], "lugs": []}
-    for result in results:
-        kinds[result["kind"]].append(result)
-    return tuple(kinds.values())
+    return tuple([run for run in results if run["kind"] == kind] for kind in ("turn", "turn-rollback", "straight", "lugs"))
 
 
 def _median(values: list[float]) -> float:
     return sorted(values)[len(values) // 2]
+
+
+def _physics_real_time_factor() -> float:
+    """Return simulated seconds per CPU second with the physics alone: median of five spans of 10 s of climbing at 28°."""
+    plant = open_plant(straight(28, "open", 60.0), seed=0)
+    cpu_s = []
+    try:
+        plant.start()
+        for from_s in (0.0, 10.0, 20.0, 30.0, 40.0, 50.0):
+            plant.write(TrackCommand(t_s=from_s, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=from_s, rate_m_s=0.0))
+            started = time.process_time()
+            plant.advance(from_s + 10.0)
+            cpu_s.append(time.process_time() - started)
+    finally:
+        plant.close()
+    return 10.0 / _median(cpu_s[1:])  # in the first span caches and branch predictors warm up

@@ -1,14 +1,23 @@
-"""Jobs on a process pool: jobs and results are plain data, and the order of results does not depend on timing."""
+"""Jobs on a process pool: jobs and results are plain data, and the order of results does not depend on timing.
+
+A ``RunJob`` is one recorded run: settings in, summary out, everything else in its run folder.
+"""
 
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import active_children, get_context
+from pathlib import Path
 from types import TracebackType
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
+from treadline.core.models import ControllerDesign
 from treadline.core.processes import end_with_parent
+from treadline.run.recorded_run import recorded_run
+from treadline.run.resolve import Opener, PlantName, resolve
+from treadline.scenario.scenario import Scenario
 
 R_co = TypeVar("R_co", covariant=True)
 R = TypeVar("R")
@@ -24,6 +33,30 @@ class Job(Protocol[R_co]):
 
     def run(self) -> R_co:
         """Run the job and return its result."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RunJob:
+    """A scenario, a seed and a controller; ``labels`` are returned unchanged with the result."""
+
+    name: str
+    scenario: Scenario
+    seed: int
+    controller: ControllerDesign | None
+    """Controller design; None for the one shipped for the vehicle."""
+    runs: Path
+    """Folder of the run folders, each named as its job."""
+    labels: dict[str, Any]
+    image_every: int = 0
+    """Keep every n-th frame in the log; 0 keeps none."""
+    open_plant: Opener | PlantName = "mujoco"
+    """Simulator: its name, or a module-level function, because the job may run in another process."""
+
+    def run(self) -> dict[str, Any]:
+        """Run the scenario and return the labels with the run's summary."""
+        setup = resolve(self.scenario, self.controller, self.seed, open_plant=self.open_plant)
+        run = recorded_run(self.runs / self.name, setup, image_every=self.image_every)
+        return {**self.labels, **run.summary(), "cpu_s": run.cpu_s, "run": self.name}
 
 
 class JobPool:
