@@ -25,9 +25,8 @@ from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.plant.mujoco import step_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2, read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
-from treadline.vehicle.bodies import solids, vehicle
-from treadline.vehicle.quasi_static import steady_motion
-from treadline.vehicle.quasi_static_run import quasi_static_run
+from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.quasi_static import quasi_static_run, steady_motion
 from treadline.vehicle.stance import floor_stance
 from treadline.vehicle.static_stability import centre_of_mass
 

@@ -3,6 +3,7 @@
 import math
 import sys
 
+import numpy as np
 from tables import table
 
 from treadline.core.angles import DEG
@@ -10,27 +11,55 @@ from treadline.core.paper import FRICTION
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.scenario.stair import RUN_DEFAULT_M
-from treadline.vehicle.dead_zone import DIFFERENCES_M_S, HEADINGS_RAD, dead_zone_table, mean_distance_m, turning_room_m
-from treadline.vehicle.quasi_static import steady_motion
-from treadline.vehicle.stance import stair_stance
+from treadline.vehicle.quasi_static import SteadyMotion, steady_motion
+from treadline.vehicle.stance import Stance, stair_stance
 
 SLOW_M_S = 0.1
+HEADINGS_DEG = (0.0, 5.0, 10.0, 15.0, 30.0)
+DIFFERENCES_M_S = (-1.0, -0.6, -0.4, -0.2, -0.1, -0.05, -0.02, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 1.0)
 FRICTIONS = (FRICTION, (0.7, 0.5), (0.8, 0.5), (0.9, 0.5), (0.62, 0.3))
 
 
+def turning_share(motion: SteadyMotion, least_rad_s: float) -> float:
+    """Return the fraction of the nosing phases with a yaw rate above a limit."""
+    return float((np.abs(motion.yaw_rad_s) > least_rad_s).mean())
+
+
+def yaw_rate_deg_s(stance: Stance, friction: tuple[float, float], difference_m_s: float) -> float:
+    """Return the yaw rate, averaged over the nosing phases, at right less left belt speed; the slower belt runs at ``SLOW_M_S``."""
+    left, right = SLOW_M_S + max(-difference_m_s, 0.0), SLOW_M_S + max(difference_m_s, 0.0)
+    return steady_motion(stance, friction, left, right).mean[2] / DEG
+
+
 def print_table(slope_deg: float, friction: tuple[float, float]) -> None:
-    rows = dead_zone_table(read_chair("wheelchair"), Chair(), slope_deg * DEG, RUN_DEFAULT_M, friction, slow_m_s=(SLOW_M_S,))
-    signed = [-difference for difference in reversed(DIFFERENCES_M_S)] + list(DIFFERENCES_M_S)
-    yaw = {(row.heading_rad, row.difference_m_s): row.yaw_rad_s / DEG for row in rows}
+    slope, rows = slope_deg * DEG, []
+    for heading_deg in HEADINGS_DEG:
+        stance = stair_stance(read_chair("wheelchair"), Chair(), slope, RUN_DEFAULT_M / math.cos(slope), heading_deg * DEG)
+        rates = [yaw_rate_deg_s(stance, friction, difference) for difference in DIFFERENCES_M_S]
+        rows.append([f"{heading_deg:.0f}°", *(f"{round(rate, 2) + 0.0:.2f}" for rate in rates)])
     case = f"slower belt {SLOW_M_S} m/s, {slope_deg:g}°, friction {friction[0]}/{friction[1]}"
-    table(
-        f"Yaw rate [°/s] over right less left belt speed [m/s]; {case}",
-        ["heading", *(f"{difference:+g}" for difference in signed)],
-        [
-            [f"{heading / DEG:.0f}°", *(f"{round(yaw[heading, difference], 2) + 0.0:.2f}" for difference in signed)]
-            for heading in HEADINGS_RAD
-        ],
-    )
+    heads = ["heading", *(f"{difference:+g}" for difference in DIFFERENCES_M_S)]
+    table(f"Yaw rate [°/s] over right less left belt speed [m/s]; {case}", heads, rows)
+
+
+def turning_room_m(slope_rad: float, friction: tuple[float, float], gauge_m: float) -> float:
+    """Return the mean distance of the carrying contacts from their median below which a chair square to the flight turns [m].
+
+    The slow belt sticks, and the chair starts to turn about the median of that belt's contacts at a rate ω. The fast belt slides
+    lengthwise; its drag across is of second order in ω. With half the load on either belt, friction under the fast belt gains
+    μ_along B ω/2, the chair's rise costs tan β B ω/2, and dragging the slow belt's contacts across costs μ_across m̄ ω/2, with m̄
+    their mean distance from the median. Hence the chair turns if (μ_along - tan β) B > μ_across m̄. The condition is sufficient,
+    not necessary: a few more phases turn about other centres of rotation, found by ``steady_motion``.
+    """
+    return (friction[0] - math.tan(slope_rad)) * gauge_m / friction[1]
+
+
+def mean_distance_m(stance: Stance) -> np.ndarray:
+    """Return the load-weighted mean distance of the contacts from their median along the belts, for each nosing phase."""
+    order = np.argsort(stance.x_m, axis=1)
+    x, load = np.take_along_axis(stance.x_m, order, axis=1), np.take_along_axis(stance.load, order, axis=1)
+    middle = np.argmax(np.cumsum(load, axis=1) >= 0.5 - 1e-9, axis=1)
+    return (load * np.abs(x - np.take_along_axis(x, middle[:, None], axis=1))).sum(axis=1)
 
 
 def print_shares() -> None:
@@ -42,7 +71,7 @@ def print_shares() -> None:
             stance = stair_stance(read_chair("wheelchair"), Chair(), slope, RUN_DEFAULT_M / math.cos(slope))
             motion = steady_motion(stance, friction, 0.15, 0.25)
             room = mean_distance_m(stance) < turning_room_m(slope, friction, read_chair("wheelchair").tracks.gauge_m)
-            shares = (motion.turning_share(1e-3 * DEG), motion.turning_share(1.0 * DEG), float(room.mean()))
+            shares = (turning_share(motion, 1e-3 * DEG), turning_share(motion, 1.0 * DEG), float(room.mean()))
             cells.append("/".join(f"{100.0 * share:.0f}" for share in shares))
         rows.append([f"{friction[0]}/{friction[1]}", *cells])
     title = "Nosing phases [%] that turn at heading 0 with 0.15/0.25 m/s: at all / above 1 °/s / by the sufficient condition"

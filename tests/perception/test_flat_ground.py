@@ -13,6 +13,7 @@ from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import SceneBox, solids_of
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
+from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import Staircase, build_staircase
 
 CHAIR = read_chair("wheelchair")
@@ -62,7 +63,7 @@ def test_a_box_on_the_landing_is_reported_from_the_flight_by_its_distance(before
     last = staircase.steps[-1]
     box = thing(p_WB[0] + beyond_m + BOX_HALF_M[0], 0.1, last.z_m)
     for seed in range(3):
-        reported = obstacle_on_flat_ground(*seen([*solids_of(staircase.boxes()), box], pitch, p_WB, seed=seed))
+        reported = obstacle_on_flat_ground(*seen([*solids_of(stair_boxes(staircase)), box], pitch, p_WB, seed=seed))
         assert reported == pytest.approx(beyond_m, abs=SEES_M)
 
 
@@ -72,7 +73,8 @@ def test_an_empty_landing_is_empty(before_m: float, yaw_deg: float) -> None:
     staircase = flight()
     pitch, p_WB = at_the_crest(staircase, before_m)
     for seed in range(3):
-        assert obstacle_on_flat_ground(*seen(solids_of(staircase.boxes()), pitch, p_WB, seed=seed, yaw_rad=yaw_deg * DEG)) is None
+        frame = seen(solids_of(stair_boxes(staircase)), pitch, p_WB, seed=seed, yaw_rad=yaw_deg * DEG)
+        assert obstacle_on_flat_ground(*frame) is None
 
 
 @pytest.mark.parametrize("far_m", [0.9, 1.2, 1.5])
@@ -80,7 +82,7 @@ def test_a_leg_on_the_floor_behind_a_descending_chair_is_reported_and_no_step(fa
     staircase = flight()
     slope, first = staircase.slope_rad, staircase.steps[0]
     p_WB = np.array([first.x_m + 0.45 * math.cos(slope), 0.0, first.z_m + 0.45 * math.sin(slope)])
-    solids = solids_of(staircase.boxes())
+    solids = solids_of(stair_boxes(staircase))
     for seed in range(3):
         assert obstacle_on_flat_ground(*seen(solids, slope, p_WB, rear=True, seed=seed)) is None
         leg = thing(p_WB[0] - far_m - LEG_HALF_M[0], -0.2, 0.0, LEG_HALF_M)
@@ -95,7 +97,7 @@ def test_a_leg_on_the_floor_behind_a_descending_chair_is_reported_and_no_step(fa
 @pytest.mark.parametrize("down_m", [-0.6, 0.0, 0.6, 1.2])
 def test_a_flight_that_falls_away_behind_is_no_obstacle(walls: str, down_m: float) -> None:
     staircase = build_staircase(Stair.model_validate({"slope_deg": 28.0, "steps": 8, "walls": walls}), np.random.default_rng(2))
-    solids = solids_of(staircase.boxes())
+    solids = solids_of(stair_boxes(staircase))
     slope, last = staircase.slope_rad, staircase.steps[-1]
     level = down_m < 0.0
     p_WB = np.array([last.x_m - down_m * (1.0 if level else math.cos(slope)), 0.0, last.z_m - max(down_m, 0.0) * math.sin(slope)])
@@ -108,7 +110,7 @@ def test_what_is_beside_the_way_or_low_is_no_obstacle(y_m: float, half_m: Float[
     staircase = flight()
     pitch, p_WB = at_the_crest(staircase, 0.3)
     aside = thing(p_WB[0] + 1.5, y_m, staircase.steps[-1].z_m, half_m)
-    assert obstacle_on_flat_ground(*seen([*solids_of(staircase.boxes()), aside], pitch, p_WB)) is None
+    assert obstacle_on_flat_ground(*seen([*solids_of(stair_boxes(staircase)), aside], pitch, p_WB)) is None
 
 
 @pytest.mark.parametrize(("model", "half_m"), [("wheelchair", 0.40), ("rescue", 0.345)])
@@ -120,14 +122,14 @@ def test_what_a_chair_passes_by_a_hair_is_no_obstacle_and_what_it_would_touch_is
     pitch, p_WB = at_the_crest(staircase, 0.3)
     for aside_m, met in ((-0.02, True), (0.02, False)):
         leg = thing(p_WB[0] + 1.5, half_m + aside_m + LEG_HALF_M[1], staircase.steps[-1].z_m, LEG_HALF_M)
-        frame, down_C = seen([*solids_of(staircase.boxes()), leg], pitch, p_WB)
+        frame, down_C = seen([*solids_of(stair_boxes(staircase)), leg], pitch, p_WB)
         assert (obstacle_on_flat_ground(frame, down_C, chair.swept_half_m) is not None) is met
 
 
 def test_without_ground_nothing_is_reported() -> None:
     """Test: no depth at all; a wall before the camera and nothing else. Expected result: None."""
     staircase = flight()
-    frame, down_C = seen(solids_of(staircase.boxes()), *at_the_crest(staircase, 0.3))
+    frame, down_C = seen(solids_of(stair_boxes(staircase)), *at_the_crest(staircase, 0.3))
     frame.depth_m[:] = np.nan
     assert obstacle_on_flat_ground(frame, down_C) is None
     frame.depth_m[:] = 1.0

@@ -15,6 +15,7 @@ from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import solids_of, upright
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
+from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import build_staircase
 
 ROBUST = StairDetector(DetectorConfig(method="robust"))
@@ -208,7 +209,7 @@ def test_a_flight_is_unconfirmed_where_its_image_is_that_of_a_doorstep_before_a_
     stair = build_staircase(Stair(slope_deg=30.0, steps=10, walls="none"), np.random.default_rng(1))
     first, second = stair.steps[:2]
     half = 0.5 * stair.width_m
-    doorstep = [solid for solid in solids_of(stair.boxes()) if solid.kind == "floor" or solid.index == 0]
+    doorstep = [solid for solid in solids_of(stair_boxes(stair)) if solid.kind == "floor" or solid.index == 0]
     door = upright("wall", (second.x_m, -half, 0.0), (second.x_m + 0.1, half, 2.2))
     p_WC = np.array([first.x_m - place_m, 0.0, 0.0]) + np.array(CAMERA.mount_m)
     of_flight, of_doorstep = (

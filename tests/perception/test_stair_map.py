@@ -14,6 +14,7 @@ from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import SceneBox, solids_of
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
+from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import build_staircase
 
 LEG_HALF_M = np.array([0.06, 0.06, 0.4])
@@ -30,7 +31,7 @@ def test_a_leg_on_a_step_is_in_the_way_of_a_chair_that_is_wide_enough(model: str
     leg = SceneBox(kind="bag", centre_W=centre, half_m=LEG_HALF_M, R_WK=np.eye(3), colour=(150.0, 40.0, 38.0), texture="dark")
     calibration, R_WB = chair.camera_at(240), rotation_y(-slope)
     R_WC = R_WB @ calibration.R_BC
-    camera = Camera([*solids_of(staircase.boxes()), leg], calibration, rng=np.random.default_rng(2))
+    camera = Camera([*solids_of(stair_boxes(staircase)), leg], calibration, rng=np.random.default_rng(2))
     frame = camera.frame(0.0, R_WC, np.array([here.x_m, 0.0, here.z_m]) + R_WB @ np.array(calibration.mount_m))
     stair_map = (
         StairDetector(DetectorConfig(swept_half_m=chair.swept_half_m)).see(frame, R_WC.T @ np.array([0.0, 0.0, -1.0])).stair_map

@@ -9,11 +9,7 @@ from treadline.core.angles import rotation_x, rotation_z
 from treadline.report.outlines import ABOVE, SIDE, Loop, silhouettes
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.appearance import body_poses, chair_parts
-from treadline.vehicle.appearance.mesh import Mesh, band, box, merged
-from treadline.vehicle.appearance.parts import part
-
-GREY = (0.5, 0.5, 0.5)
+from treadline.vehicle.appearance import Mesh, band, body_poses, box, chair_parts, merged, part
 
 
 def _signed_area(loop: Loop) -> float:
@@ -22,7 +18,7 @@ def _signed_area(loop: Loop) -> float:
 
 
 def _of(mesh: Mesh, **more: object) -> list:
-    return silhouettes([part("solid", "chair", [mesh], GREY)], **more)
+    return silhouettes([part("solid", "chair", [mesh], "frame")], **more)
 
 
 @pytest.mark.parametrize(("view", "area"), [(SIDE, 2.0 * 6.0), (ABOVE, 2.0 * 4.0)])
@@ -55,7 +51,7 @@ def test_solids_are_sorted_from_the_farthest_and_moved_with_their_body() -> None
     near, far = box((0.0, -1.0, 0.0), (1.0, 1.0, 1.0)), box((0.0, 1.0, 0.0), (1.0, 1.0, 1.0))
     X = np.eye(4)
     X[:3, 3] = (5.0, 0.0, 0.0)
-    shapes = silhouettes([part("pair", "seat", [merged([near, far])], GREY)], poses={"seat": X})
+    shapes = silhouettes([part("pair", "seat", [merged([near, far])], "frame")], poses={"seat": X})
     assert [shape.depth_m for shape in shapes] == pytest.approx([-1.0, 1.0])
     assert all(shape.loops[0][:, 0].mean() == pytest.approx(5.0) for shape in shapes)
 

@@ -21,8 +21,7 @@ from treadline.report.plot_data import MOST_SAMPLES, uniform
 from treadline.scenario.chair import read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.appearance import body_poses, chair_parts
-from treadline.vehicle.appearance.mesh import box, cylinder
+from treadline.vehicle.appearance import body_poses, box, chair_parts, cylinder
 
 from .conftest import HOSTILE, Browser, climbing
 

@@ -25,10 +25,10 @@ from treadline.scenario.chair_files import chair_file
 from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.bodies import vehicle
-from treadline.vehicle.formats.sdf import sdf_model
-from treadline.vehicle.formats.urdf import urdf
 from treadline.vehicle.loading import Loading
+from treadline.vehicle.sdf import sdf_model
 from treadline.vehicle.static_stability import centre_of_mass, payload_place
+from treadline.vehicle.urdf import urdf
 from treadline.vehicle.verdict import check
 
 PAYLOAD = "[payload]\ncom_m = [0.25, 0.0, 0.45]\nsize_m = [0.35, 0.40, 0.30]\n\n"

@@ -9,8 +9,9 @@ from scipy.optimize import linprog
 from treadline.mission.entry_check import reject_reason
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
-from treadline.vehicle.flipper_support import front_support_m, track_on_stair_m
 from treadline.vehicle.static_stability import static_margins
+from treadline.vehicle.tip_over_margin import worst_support
+from treadline.vehicle.track_length import track_on_stair_m
 from treadline.vehicle.verdict import check
 
 FLIPPERS, FIXED = read_chair("wheelchair"), read_chair("wheelchair-fixed")
@@ -35,23 +36,23 @@ def test_a_flipper_lengthens_the_track_and_a_raised_fixed_section_does_not() -> 
 
 @pytest.mark.parametrize("pitch_m", [0.25, 0.34, 0.42])
 def test_without_a_flipper_the_support_ends_a_pitch_before_the_flat_run(pitch_m: float) -> None:
-    assert front_support_m(FIXED, pitch_m, HEAVY_N) == 0.5 * 0.95 - pitch_m
+    assert worst_support(FIXED, pitch_m, HEAVY_N).front_m == 0.5 * 0.95 - pitch_m
 
 
 @pytest.mark.parametrize("pitch_m", [0.25, 0.34, 0.42, 0.5])
 def test_an_unlimited_motor_makes_the_flipper_a_part_of_the_flat_run(pitch_m: float) -> None:
-    assert front_support_m(with_torque(1e4), pitch_m, HEAVY_N) == pytest.approx(0.5 * 0.95 + 0.45 - pitch_m, abs=1e-9)
+    assert worst_support(with_torque(1e4), pitch_m, HEAVY_N).front_m == pytest.approx(0.5 * 0.95 + 0.45 - pitch_m, abs=1e-9)
 
 
 @pytest.mark.parametrize("pitch_m", [0.25, 0.34, 0.42, 0.5])
 def test_a_motor_without_torque_leaves_only_the_flat_run(pitch_m: float) -> None:
-    found = front_support_m(with_torque(1e-9), pitch_m, HEAVY_N)
+    found = worst_support(with_torque(1e-9), pitch_m, HEAVY_N).front_m
     # At the worst phase a nosing lies √(pitch · torque / weight), some micrometres, ahead of the flipper's axis.
     assert found == pytest.approx(0.5 * 0.95 - pitch_m, abs=1e-5)
 
 
 def test_the_support_grows_with_the_torque() -> None:
-    found = [front_support_m(with_torque(torque), 0.34, HEAVY_N) for torque in (1e-6, 50.0, 100.0, 200.0, 1e4)]
+    found = [worst_support(with_torque(torque), 0.34, HEAVY_N).front_m for torque in (1e-6, 50.0, 100.0, 200.0, 1e4)]
     assert found == sorted(found)
     assert found[0] < found[-1]
 
@@ -67,7 +68,7 @@ def test_the_support_is_the_least_of_the_furthest_centres_of_pressure(pitch_m: f
         best = linprog(-nosings, A_ub=[levers * weight_n], b_ub=[torque_n_m], A_eq=[np.ones_like(nosings)], b_eq=[1.0])
         furthest.append(-best.fun)
     # Another grid of phases: the edge moves by at most a step of the grid, a 400th of a pitch.
-    found = front_support_m(with_torque(torque_n_m), pitch_m, weight_n)
+    found = worst_support(with_torque(torque_n_m), pitch_m, weight_n).front_m
     assert min(furthest) - pitch_m / 400 <= found <= min(furthest) + 1e-9
 
 

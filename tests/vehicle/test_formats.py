@@ -16,11 +16,14 @@ from treadline.plant.mujoco import open_plant
 from treadline.plant.mujoco.mjcf_scene import model_xml, scene_xml
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair, Start
-from treadline.vehicle.bodies import Standing, standing, vehicle
-from treadline.vehicle.formats import sdf_model, sdf_world, urdf
-from treadline.vehicle.formats.elements import divided, roll_pitch_yaw
+from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.sdf import divided, sdf_model, sdf_world
+from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import Staircase, as_designed, build_staircase
+from treadline.vehicle.start_pose import Standing, standing
 from treadline.vehicle.static_stability import centre_of_mass
+from treadline.vehicle.urdf import urdf
+from treadline.vehicle.xml_elements import roll_pitch_yaw
 
 CHAIRS = ("wheelchair", "wheelchair-fixed", "rescue")
 LOADING = Chair(payload_kg=4.0, payload_offset_m=(0.01, 0.02, 0.03), seat_shift_m=0.05)
@@ -173,7 +176,7 @@ def test_a_sloping_winding_overhanging_stair_is_the_same_in_mjcf_and_sdf() -> No
     mujoco.mj_forward(model, data)
     link = fromstring(sdf_world(staircase, chair, LOADING)).find("world/model[@name='stair']/link")
     boxes = [element for element in link.findall("collision") if element.find("geometry/box") is not None]
-    assert len(boxes) == len(staircase.boxes())
+    assert len(boxes) == len(stair_boxes(staircase))
     for number, element in enumerate(boxes):
         geom = model.geom(f"stair_{number}").id
         pose = numbers(element.find("pose"), "")
@@ -235,7 +238,7 @@ def test_urdf_has_the_cameras_frames_where_perception_has_them() -> None:
 @pytest.mark.parametrize("name", CHAIRS)
 def test_sdf_gives_each_belt_a_link_for_the_plugin(name: str) -> None:
     chair = read_chair(name)
-    root = fromstring(sdf_model(chair, LOADING, friction=FRICTION, plugins=['<plugin name="tracks" filename="lib.so"/>']))
+    root = fromstring(sdf_model(chair, LOADING, friction=FRICTION))
     model = root.find("model")
     links = {link.get("name"): link for link in model.findall("link")}
     words = ("track",) if chair.flipper is None else ("track", "flipper")
@@ -246,7 +249,6 @@ def test_sdf_gives_each_belt_a_link_for_the_plugin(name: str) -> None:
             assert (float(ode.find("mu").text), float(ode.find("mu2").text)) == FRICTION
     (hull,) = links["chair"].findall("collision")  # what moves is on links of its own
     assert hull.get("name") == "hull"
-    assert model[-1].tag == "plugin"
     names = [element.get("name") for element in model.iter() if element.tag in ("link", "joint", "collision", "visual")]
     assert len(set(names)) == len(names)
 
@@ -255,7 +257,7 @@ def test_sdf_gives_each_belt_a_link_for_the_plugin(name: str) -> None:
 def test_a_divided_mass_is_one_that_can_be(name: str) -> None:
     chair = read_chair(name)
     for body in vehicle(chair, Chair(model=name, payload_kg=0.0)).bodies:
-        for part in divided(body, 0.5 * chair.tracks.gauge_m) if body.name != "seat" else ():
+        for part in divided(body, chair.tracks, "track") if body.name != "seat" else ():
             low, middle, high = sorted(part.inertia)
             assert part.mass_kg > 0.0
             assert low > 0.0

@@ -13,8 +13,9 @@ from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import open_plant
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, Stair, Start
-from treadline.vehicle.bodies import standing
-from treadline.vehicle.staircase import Box, Staircase, as_designed
+from treadline.vehicle.stair_solids import Box, stair_boxes
+from treadline.vehicle.staircase import Staircase, as_designed
+from treadline.vehicle.start_pose import standing
 from treadline.vehicle.verdict import check
 
 KEYS: dict[str, Any] = {"rise_m": 0.16, "run_m": 0.30, "steps": 6, "flights": 3, "between_m": 2.4, "width_m": 1.4, "landing_m": 3.0}
@@ -43,7 +44,7 @@ def test_each_flight_goes_a_quarter_further(turn: str, sign: int) -> None:
 @pytest.mark.parametrize("turn", ["left", "right"])
 def test_every_nosing_lies_on_the_front_edge_of_its_own_box(turn: str) -> None:
     staircase = build(turn)
-    treads = {box.index: box for box in staircase.boxes() if box.kind in ("step", "landing")}
+    treads = {box.index: box for box in stair_boxes(staircase) if box.kind in ("step", "landing")}
     assert len(treads) == 18
     for index, nosing_W in enumerate(staircase.nosings_W):
         box = treads[index]
@@ -54,7 +55,7 @@ def test_every_nosing_lies_on_the_front_edge_of_its_own_box(turn: str) -> None:
 @pytest.mark.parametrize("turn", ["left", "right"])
 def test_a_landing_reaches_to_the_next_flight_and_is_not_built_over(turn: str) -> None:
     staircase = build(turn, walls="both")
-    boxes = staircase.boxes()
+    boxes = stair_boxes(staircase)
     for landing, following in pairwise(range(3)):
         R_WF, p_WF = staircase.flight_frame(following)
         level_m = staircase.flights[landing][-1].z_m

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from treadline.scenario.scenario import Stair
-from treadline.vehicle.staircase import TREAD_THICKNESS_M, Box, Staircase, build_staircase
+from treadline.vehicle.stair_solids import TREAD_THICKNESS_M, Box, stair_boxes
+from treadline.vehicle.staircase import Staircase, build_staircase
 
 
 def build(seed: int = 1, **keys: object) -> Staircase:
@@ -26,7 +27,7 @@ def span_x(box: Box) -> tuple[float, float]:
 
 
 def treads(staircase: Staircase) -> list[Box]:
-    return [box for box in staircase.boxes() if box.kind in ("step", "landing")]
+    return [box for box in stair_boxes(staircase) if box.kind in ("step", "landing")]
 
 
 @given(rise=st.floats(0.05, 0.3), run=st.floats(0.15, 0.6), steps=st.integers(2, 60))
@@ -108,7 +109,7 @@ def test_the_last_tread_is_the_landing_and_never_less_than_a_step(landing_m: flo
 @pytest.mark.parametrize(("walls", "sides"), [("none", []), ("left", [1.0]), ("right", [-1.0]), ("both", [1.0, -1.0])])
 def test_walls_stand_at_the_requested_sides(walls: str, sides: list[float]) -> None:
     staircase = build(walls=walls, width_m=2.0)
-    found = [box for box in staircase.boxes() if box.kind == "wall"]
+    found = [box for box in stair_boxes(staircase) if box.kind == "wall"]
     assert [math.copysign(1.0, box.centre_W[1]) for box in found] == sides
     for box in found:
         assert abs(box.centre_W[1]) - box.half_m[1] == pytest.approx(1.0)  # flush with the flight
@@ -136,7 +137,7 @@ def test_nothing_is_open_between_a_landing_and_the_next_flight() -> None:
 
 def test_walls_leave_the_landing_between_two_flights_free() -> None:
     staircase = build(flights=2, steps=5, walls="left", between_m=2.0)
-    lower, upper = (span_x(box) for box in staircase.boxes() if box.kind == "wall")
+    lower, upper = (span_x(box) for box in stair_boxes(staircase) if box.kind == "wall")
     assert lower == pytest.approx((0.0, 1.2))
     assert upper == pytest.approx((3.2, 4.4))
 

@@ -12,8 +12,8 @@ from treadline.core.angles import rotation_z
 from treadline.run.resolve import ready
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle.overlap import PlacedPart, depth_of_overlap
-from treadline.vehicle.staircase import Box
+from treadline.vehicle._start_checks import PlacedPart, depth_of_overlap
+from treadline.vehicle.stair_solids import Box
 from treadline.vehicle.verdict import check
 
 CHAIR = read_chair("wheelchair")

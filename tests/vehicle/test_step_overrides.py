@@ -10,8 +10,8 @@ from pydantic import ValidationError
 from treadline.core.angles import DEG
 from treadline.plant.sensors.camera.solids import solids_of
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle.bodies import solids
-from treadline.vehicle.staircase import TREAD_THICKNESS_M, Box, Staircase, build_staircase
+from treadline.vehicle.stair_solids import TREAD_THICKNESS_M, Box, stair_boxes, stair_solids
+from treadline.vehicle.staircase import Staircase, build_staircase
 
 
 def build(*steps: dict[str, Any], seed: int = 1, **stair: Any) -> Staircase:
@@ -20,7 +20,7 @@ def build(*steps: dict[str, Any], seed: int = 1, **stair: Any) -> Staircase:
 
 
 def boxes_of(staircase: Staircase, index: int) -> list[Box]:
-    return [box for box in staircase.boxes() if box.index == index]
+    return [box for box in stair_boxes(staircase) if box.index == index]
 
 
 def corner_W(box: Box, x: float, z: float) -> np.ndarray:
@@ -89,14 +89,16 @@ def test_a_sloping_tread_turns_about_its_nosing(slope_deg: float) -> None:
 
 def test_a_worn_nosing_is_rounder_than_the_others() -> None:
     found = {
-        solid.nosing.index: solid.nosing.radius_m for solid in solids(build({"index": 2, "nosing_radius_m": 0.03})) if solid.nosing
+        solid.nosing.index: solid.nosing.radius_m
+        for solid in stair_solids(build({"index": 2, "nosing_radius_m": 0.03}))
+        if solid.nosing
     }
     assert found == {i: 0.03 if i == 2 else 0.01 for i in range(8)}
 
 
 def test_winders_leave_no_gap_between_their_treads() -> None:
     staircase = build({"index": -3, "yaw_deg": 4}, {"index": -2, "yaw_deg": 8}, {"index": -1, "yaw_deg": 20})
-    by_index = {box.index: box for box in staircase.boxes() if box.kind in ("step", "landing")}
+    by_index = {box.index: box for box in stair_boxes(staircase) if box.kind in ("step", "landing")}
     for index in (4, 5, 6):
         ahead = staircase.steps[index + 1]
         for aside in (-0.6, 0.0, 0.6):
@@ -110,8 +112,8 @@ def test_camera_and_plant_stand_on_the_same_boxes() -> None:
     """Test: sloping, overhanging, turned. Expected: the camera's solids are the staircase's boxes, the plant's begin one nosing
     radius behind the same front edge."""
     staircase = build({"index": 3, "tread_slope_deg": 2.0, "yaw_deg": 5.0}, {"index": 4, "overhang_m": 0.03})
-    boxes = staircase.boxes()
-    for box, drawn, stood in zip(boxes, solids_of(boxes), solids(staircase), strict=True):
+    boxes = stair_boxes(staircase)
+    for box, drawn, stood in zip(boxes, solids_of(boxes), stair_solids(staircase), strict=True):
         np.testing.assert_array_equal(drawn.centre_W, box.centre_W)
         np.testing.assert_array_equal(drawn.R_WK, box.R_WK)
         radius = 0.01 if stood.nosing else 0.0
@@ -120,7 +122,7 @@ def test_camera_and_plant_stand_on_the_same_boxes() -> None:
 
 def test_a_wall_at_the_end_stands_on_the_landing_and_closes_it() -> None:
     staircase = build(end_wall=True, landing_m=2.0, walls="none")
-    (wall,) = (box for box in staircase.boxes() if box.kind == "wall")
+    (wall,) = (box for box in stair_boxes(staircase) if box.kind == "wall")
     assert wall.centre_W[0] - wall.half_m[0] == pytest.approx(staircase.steps[-1].x_m + 2.0)
     assert wall.centre_W[2] - wall.half_m[2] == pytest.approx(staircase.steps[-1].z_m)
     assert 2.0 * wall.half_m[1] == pytest.approx(1.2)

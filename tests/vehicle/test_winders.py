@@ -16,11 +16,12 @@ from treadline.plant.mujoco import open_plant
 from treadline.plant.sensors.camera.solids import solids_of
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, Stair
-from treadline.vehicle.bodies import solids, standing, vehicle
-from treadline.vehicle.overlap import deepest_overlap, placed_parts
-from treadline.vehicle.staircase import Staircase, as_designed
+from treadline.vehicle._start_checks import deepest_overlap, placed_parts
+from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.stair_solids import stair_boxes, stair_solids, stair_surfaces
+from treadline.vehicle.staircase import Staircase, Winders, as_designed
+from treadline.vehicle.start_pose import standing
 from treadline.vehicle.verdict import check
-from treadline.vehicle.winders import Winders
 
 KEYS: dict[str, Any] = {"rise_m": 0.16, "run_m": 0.30, "steps": 9, "width_m": 1.2, "landing_m": 3.0, "winders": 3}
 PLACES = [{}, {"winder_first": 0}, {"winder_first": 3, "winder_turn_deg": 60.0}, {"winders": 4, "winder_turn_deg": 180.0}]
@@ -53,7 +54,7 @@ def ends_W(staircase: Staircase) -> np.ndarray:
 def heights_at(staircase: Staircase, places: np.ndarray) -> np.ndarray:
     """Return the height of the highest tread, landing or floor at each place."""
     heights = np.full(len(places), -math.inf)
-    for cx, cy, c, s, half_length, half_width, height in staircase.surfaces:
+    for cx, cy, c, s, half_length, half_width, height in stair_surfaces(staircase):
         dx, dy = places[:, 0] - cx, places[:, 1] - cy
         inside = (np.abs(c * dx + s * dy) <= half_length + 1e-9) & (np.abs(c * dy - s * dx) <= half_width + 1e-9)
         heights = np.where(inside, np.maximum(heights, height), heights)
@@ -128,7 +129,7 @@ def test_between_two_nosings_one_stands_on_the_lower_tread_alone(keys: dict[str,
 def test_newel_and_walls_stand_beside_the_treads_and_not_on_them(keys: dict[str, Any], side: str) -> None:
     staircase = build(winder_to=side, walls="both", **keys)
     plan, rng = plan_of(staircase), np.random.default_rng(6)
-    walls = [box for box in staircase.boxes() if box.kind == "wall"]
+    walls = [box for box in stair_boxes(staircase) if box.kind == "wall"]
     assert len(walls) >= 2 * plan.count
     places = places_on(staircase, plan.newel_m + 1.2 * rng.uniform(1e-4, 0.9999, 2000), rng.uniform(0.0, plan.count, 2000))
     places[:, 2] = 0.5
@@ -139,7 +140,7 @@ def test_newel_and_walls_stand_beside_the_treads_and_not_on_them(keys: dict[str,
 
 def test_the_newel_fills_its_circle_to_within_a_winders_sagitta() -> None:
     staircase = build(walls="none")
-    posts = [box for box in staircase.boxes() if box.kind == "wall"]
+    posts = [box for box in stair_boxes(staircase) if box.kind == "wall"]
     radii = np.full(360, 0.1 * math.cos(0.5 * plan_of(staircase).step_rad) - 1e-6)
     places = places_on(staircase, radii, np.linspace(0.0, 3.0, 360))
     places[:, 2] = 0.5
@@ -150,8 +151,8 @@ def test_the_newel_fills_its_circle_to_within_a_winders_sagitta() -> None:
 def test_camera_and_plant_have_the_nosing_of_each_winder() -> None:
     staircase = build()
     plan = plan_of(staircase)
-    bars = {solid.nosing.index: solid.nosing for solid in solids(staircase) if solid.nosing is not None}
-    drawn = {solid.index: solid for solid in solids_of(staircase.boxes()) if solid.kind == "step"}
+    bars = {solid.nosing.index: solid.nosing for solid in stair_solids(staircase) if solid.nosing is not None}
+    drawn = {solid.index: solid for solid in solids_of(stair_boxes(staircase)) if solid.kind == "step"}
     housed_m = 0.1 * (1.0 - math.cos(plan.step_rad))
     for index, (inner, outer) in enumerate(ends_W(staircase)[:-1], start=plan.first):
         along = (inner - outer) / 1.2
@@ -275,7 +276,7 @@ def resting_tilt(staircase: Staircase, p_WB: np.ndarray, R_WB: np.ndarray) -> tu
     level = rotation_z(math.atan2(R_WB[1, 0], R_WB[0, 0]))
     forward_m = 0.5 * tracks.flat_run_m * math.hypot(R_WB[0, 0], R_WB[1, 0])
     points = []
-    for solid in solids(staircase):
+    for solid in stair_solids(staircase):
         if solid.nosing is None:
             continue
         left, right = np.array(solid.nosing.left_W), np.array(solid.nosing.right_W)

@@ -38,9 +38,10 @@ def model(
     from treadline.core.models import write_whole
     from treadline.scenario.chair import read_chair
     from treadline.scenario.scenario import read_scenario
-    from treadline.vehicle.bodies import standing, vehicle
-    from treadline.vehicle.formats import sdf_model, sdf_world
+    from treadline.vehicle.bodies import vehicle
+    from treadline.vehicle.sdf import sdf_model, sdf_world
     from treadline.vehicle.staircase import build_staircase
+    from treadline.vehicle.start_pose import standing
 
     choice("--to", to, ("mjcf", "urdf", "sdf"))
     claim(out, force=force, kind="file")
@@ -51,14 +52,15 @@ def model(
     start = standing(staircase, chair.tracks, settings.start)
     meshes = out.with_name(f"{out.stem}_meshes")
     if to == "urdf":
-        from treadline.vehicle.appearance.mesh_files import drawn_urdf
+        from treadline.vehicle.urdf import drawn_urdf
 
         claim(meshes, force=force)
-        drawn = drawn_urdf(chair, loading, settings.belts, f"{meshes.name}/" if mesh_url is None else f"{mesh_url.rstrip('/')}/")
+        text, files = drawn_urdf(
+            chair, loading, settings.belts, f"{meshes.name}/" if mesh_url is None else f"{mesh_url.rstrip('/')}/"
+        )
         meshes.mkdir(parents=True, exist_ok=True)
-        for name, data in drawn.files.items():
+        for name, data in files.items():
             write_whole(meshes / name, data)
-        text = drawn.text
     elif to == "sdf" and chair_only:
         text = sdf_model(chair, loading, friction=staircase.friction)
     elif to == "sdf":

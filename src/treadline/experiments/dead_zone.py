@@ -16,7 +16,7 @@ from treadline.plant.mujoco import open_plant as open_mujoco
 from treadline.run.resolve import Opener
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle.quasi_static_run import quasi_static_run
+from treadline.vehicle.quasi_static import quasi_static_run
 
 HEADINGS_DEG = (0, 5, 10, 15, 30)
 DIFFERENCES_M_S = (0.05, 0.1, 0.2, 0.4, 0.8)

@@ -18,8 +18,7 @@ from treadline.io.runs import LOG
 from treadline.playback import Recording, read_recording
 from treadline.run.scene_log import SEEN_WIDTH_M, nosing_ends
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.appearance import MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
-from treadline.vehicle.appearance.palette import SEEN_NOSING, Colour
+from treadline.vehicle.appearance import Colour, MeshPart, body_poses, chair_parts, colour, lug_part, lug_poses, stair_parts
 from treadline.vehicle.bodies import sides
 
 CLOCK = "time"
@@ -94,7 +93,7 @@ def _log_scene(stream: Any, run: Recording) -> None:
         heading = float(run.estimate_rad[run.index_at(seen.t_s)])
         ends = nosing_ends(seen.nosings_B, 0.0 if np.isnan(heading) else heading)
         stream.set_time(CLOCK, duration=seen.t_s)
-        strips = rr.LineStrips3D(ends, radii=0.5 * SEEN_WIDTH_M, colors=_bytes(SEEN_NOSING, 1.0))
+        strips = rr.LineStrips3D(ends, radii=0.5 * SEEN_WIDTH_M, colors=_bytes(colour("seen_nosing"), 1.0))
         stream.log("world/chair/seen_nosings", strips)
 
 

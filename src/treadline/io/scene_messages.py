@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from treadline.io.cdr import CdrWriter, MessageForm
 from treadline.io.messages import Message, Writer
-from treadline.vehicle.appearance.parts import MeshPart
+from treadline.vehicle.appearance import MeshPart
 
 BASE = "base_link"
 """Name of the chair's frame B in its URDF."""

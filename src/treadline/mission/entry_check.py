@@ -9,11 +9,10 @@ import math
 from treadline.core.angles import DEG
 from treadline.perception.lattice_kernels import RISE_M, RUN_M
 from treadline.scenario.chair import ChairDescription
-from treadline.vehicle.flipper_support import track_on_stair_m
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading, centre_of_mass_level
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, tipping_margins, worst_support
-from treadline.vehicle.track_length import minimum_track_length
+from treadline.vehicle.track_length import minimum_track_length, track_on_stair_m
 
 MEASURED_RAD = 1.0 * DEG
 """Reserve for the error of the measured slope [rad]: three standard deviations."""

@@ -27,6 +27,7 @@ from treadline.playback.recording import SLIP_WINDOW_S, Recording
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import EXTENTS, Fault, payload_shift_m
 from treadline.scenario.scenario import Chair
+from treadline.vehicle.stair_solids import above_ground_m
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.static_stability import centre_of_mass
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M, Margins, Support, tipping_margins
@@ -443,7 +444,7 @@ def _support(
     # A pulley's lowest point is below its axis in W.
     for (x, z), within_m in zip(axes, (CONTACT_M, CONTACT_M, TIP_GAP_M), strict=True):
         ends_B = np.array([[x, side * 0.5 * tracks.gauge_m, z] for side in (-1.0, 1.0)])
-        if (staircase.above_ground_m(p_WB + ends_B @ R_WB.T) - radius_m <= within_m).any():
+        if (above_ground_m(staircase, p_WB + ends_B @ R_WB.T) - radius_m <= within_m).any():
             reach.append(float(x - radius_m * R_WB[2, 0]))
     if not reach:
         return None

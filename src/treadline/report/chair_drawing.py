@@ -16,8 +16,7 @@ from treadline.report.outlines import SIDE, Silhouette, silhouettes
 from treadline.report.svg_figures import GREEN, ORANGE
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.appearance import BodyName, MeshPart, body_poses, chair_parts
-from treadline.vehicle.appearance.belts import resting_lugs
+from treadline.vehicle.appearance import BodyName, MeshPart, body_poses, chair_parts, resting_lugs
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.static_stability import payload_com, payload_origin
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.vehicle.appearance import BodyName, MeshPart
-from treadline.vehicle.appearance.palette import Colour
+from treadline.vehicle.appearance import BodyName, Colour, MeshPart
 
 Loop = Float[np.ndarray, "_ 2"]
 """Closed line: right and up in the plane of the drawing [m]."""

@@ -28,6 +28,7 @@ from treadline.report.packed import packed
 from treadline.report.player_scene import scene_of
 from treadline.report.plot_data import plots_of, uniform
 from treadline.report.terms import PHASES, TERMS
+from treadline.vehicle.stair_solids import stair_boxes
 
 TEMPLATES = Path(__file__).parent / "templates"
 SCRIPTS = ("packed.js", "scene.js", "plots.js", "player.js")
@@ -282,7 +283,7 @@ def _extent(recording: Recording) -> dict[str, Any]:
     low, high = points.min(axis=0) - np.array([recording.chair.reach_m, 0.4, 0.0]), points.max(axis=0)
     high = high + np.array([recording.chair.reach_m, 0.4, TALL_M])
     if staircase is not None:
-        for box in staircase.boxes():
+        for box in stair_boxes(staircase):
             if box.kind in ("step", "landing"):
                 half_m = np.abs(box.R_WK) @ np.array(box.half_m)
                 low, high = np.minimum(low, box.centre_W - half_m), np.maximum(high, box.centre_W + half_m)

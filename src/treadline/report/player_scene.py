@@ -13,8 +13,7 @@ from treadline.core.angles import DEG
 from treadline.playback import Recording
 from treadline.report.packed import packed, packed_indices
 from treadline.scenario.scenario import Belts, Chair
-from treadline.vehicle.appearance import MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
-from treadline.vehicle.appearance.belt_path import BeltPath
+from treadline.vehicle.appearance import BeltPath, MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
 
 CREASE_RAD = 35.0 * DEG
 """Angle between two faces above which their edge is drawn: the facets of the meshes' round parts differ by at most 30°."""

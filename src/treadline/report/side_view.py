@@ -15,8 +15,8 @@ from treadline.core.angles import rotation_of
 from treadline.playback import Recording
 from treadline.report.outlines import Silhouette, silhouettes
 from treadline.scenario.scenario import Belts, Chair
-from treadline.vehicle.appearance import BodyName, MeshPart, body_poses, chair_parts, lug_part, lug_poses
-from treadline.vehicle.appearance.palette import BELT, Colour
+from treadline.vehicle.appearance import BodyName, Colour, MeshPart, body_poses, chair_parts, colour, lug_part, lug_poses
+from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import Staircase
 
 VIEW_M = (2.6, 1.95)
@@ -104,7 +104,7 @@ class SideViews:
         (outline,) = lug.loops
         corners = np.column_stack([outline[:, 0], np.zeros(len(outline)), outline[:, 1], np.ones(len(outline))])
         places = np.einsum("nij,cj->nci", poses[:, :3], corners) @ R_WB.T + p_WB
-        return _path([place @ across.T for place in places], BELT)
+        return _path([place @ across.T for place in places], colour("belt"))
 
 
 def _flight_yaw(staircase: Staircase | None, p_WB: Float[np.ndarray, " 3"], R_WB: Float[np.ndarray, "3 3"]) -> float:
@@ -123,7 +123,7 @@ def _stair(
     """Return the boxes of the stair next to the chair, without walls."""
     sideways = np.array([-across[0, 1], across[0, 0], 0.0])
     drawn = []
-    for box in staircase.boxes():
+    for box in stair_boxes(staircase):
         corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * box.half_m
         places = corners @ box.R_WK.T + box.centre_W
         lateral = (places - p_WB) @ sideways
@@ -175,10 +175,10 @@ def _use(name: str, turn: Float[np.ndarray, "2 3"], place: Float[np.ndarray, " 2
     return f'<use href="#{name}" transform="matrix({a:.4f} {b:.4f} {c:.4f} {d:.4f} {place[0]:.4f} {place[1]:.4f})"/>'
 
 
-def _path(loops: Sequence[Outline], colour: Colour) -> str:
+def _path(loops: Sequence[Outline], fill: Colour) -> str:
     """Return closed lines as one path; a line within another cuts a hole."""
     lines = "".join("M" + "L".join(f"{x:.3f} {z:.3f}" for x, z in loop) + "Z" for loop in loops)
-    return f'<path d="{lines}" fill="{_hex(colour)}" fill-rule="evenodd"/>'
+    return f'<path d="{lines}" fill="{_hex(fill)}" fill-rule="evenodd"/>'
 
 
 def _points(points: Outline) -> str:

@@ -47,14 +47,11 @@ from treadline.perception.detector import FrameResult
 from treadline.perception.overlay import jpeg, overlay
 from treadline.scenario.chair import CameraMount, ChairDescription
 from treadline.scenario.scenario import Belts, Chair
-from treadline.vehicle.appearance import chair_parts, stair_parts
-from treadline.vehicle.appearance.belts import resting_lugs
-from treadline.vehicle.appearance.mesh_files import LINKAGE_BODIES
-from treadline.vehicle.appearance.palette import SEEN_NOSING
+from treadline.vehicle.appearance import LINKAGE_BODIES, chair_parts, colour, resting_lugs, stair_parts
 from treadline.vehicle.bodies import Vehicle, vehicle
-from treadline.vehicle.formats import urdf
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.urdf import urdf
 
 SCENE_TICKS = 5
 """Ticks between two transforms: 20 Hz, as the nodes publish odometry. The chair moves 10 mm in between."""
@@ -207,7 +204,13 @@ class SceneLog:
         right = SEEN_HALF_M if stair.right_edge_m is None else stair.right_edge_m
         ends = nosing_ends(stair.nosings_B, heading, (left, right)).reshape(-1, 3)
         return Marker(
-            frame="chair", name="seen", number=0, kind=LINE_LIST, points_m=ends, rgba=(*SEEN_NOSING, 1.0), width_m=SEEN_WIDTH_M
+            frame="chair",
+            name="seen",
+            number=0,
+            kind=LINE_LIST,
+            points_m=ends,
+            rgba=(*colour("seen_nosing"), 1.0),
+            width_m=SEEN_WIDTH_M,
         )
 
 

@@ -1,21 +1,18 @@
-"""Chair and stair as rigid bodies: the common description for MJCF, URDF and SDF.
+"""Chair as rigid bodies: the common description for MJCF, URDF and SDF.
 
-``ChairDescription, Chair -> Vehicle``; ``Staircase -> Solid``. The vehicle is a tree: the chassis, whose frame is B, with the seat
+``ChairDescription, Chair -> Vehicle``. The vehicle is a tree: the chassis, whose frame is B, with the seat
 and, if driven, the flipper. All joints are at zero: the seat parallel to the chassis, the flipper in line with the flat run.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
-from treadline.core.angles import rotation_y, rotation_z
 from treadline.scenario.chair import ChairDescription, Flipper, Point, Seat, Tracks
-from treadline.scenario.scenario import Chair, Start
+from treadline.scenario.scenario import Chair
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.staircase import Box, Staircase, Step
 from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
 
 FLAT_THICKNESS_M = 0.025
@@ -23,13 +20,6 @@ FLAT_THICKNESS_M = 0.025
 HULL_FRICTION = 0.4
 """Friction coefficient of hull and passenger against stair, walls and obstacles: 0.3 to 0.4 for steel on concrete (EN 12812:2004,
 annex A)."""
-CLEARANCE_M = 0.001
-"""Initial gap between a chair and its support [m]."""
-FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
-"""Initial distance of the nearer pulley from the first nosing (floor) and from the edge (landing), and free length of a short
-landing behind the chair [m]."""
-LANDING_LEAST_M = 0.2
-"""Least initial distance of the pulley from the edge of a short landing [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -229,105 +219,3 @@ def box_inertia(mass_kg: float, size_m: tuple[float, float, float]) -> Point:
 def _half(size_m: tuple[float, float, float]) -> Point:
     a, b, c = size_m
     return 0.5 * a, 0.5 * b, 0.5 * c
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NosingGeometry:
-    """Rounded front edge of a step: a round bar between two ends."""
-
-    index: int
-    left_W: Point
-    right_W: Point
-    radius_m: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Solid:
-    """Box of the stair, with the round bar of its nosing; floors and walls have no bar."""
-
-    box: Box
-    nosing: NosingGeometry | None = None
-
-
-def solids(staircase: Staircase) -> tuple[Solid, ...]:
-    """Return the staircase as solids, floor and walls included."""
-    return tuple(
-        _solid(box, staircase.steps[box.index].nosing_radius_m) if box.kind in ("step", "landing") else Solid(box=box)
-        for box in staircase.boxes()
-    )
-
-
-def _solid(box: Box, radius: float) -> Solid:
-    (cx, cy, cz), (hx, hy, hz), yaw = box.centre_W, box.half_m, box.yaw_rad
-    c, s = math.cos(yaw), math.sin(yaw)
-    level, rising = math.cos(box.pitch_rad), math.sin(box.pitch_rad)
-
-    def at(along: float, above: float) -> Point:
-        forward, up = along * level - above * rising, along * rising + above * level
-        return cx + c * forward, cy + s * forward, cz + up
-
-    r = radius
-    start, across = at(-hx + r, hz - r), (s * hy, -c * hy)
-    left = (start[0] - across[0], start[1] - across[1], start[2])
-    right = (start[0] + across[0], start[1] + across[1], start[2])
-    behind = replace(box, centre_W=at(0.5 * r, 0.0), half_m=(hx - 0.5 * r, hy, hz))
-    return Solid(box=behind, nosing=NosingGeometry(index=box.index, left_W=left, right_W=right, radius_m=r))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Standing:
-    """Start pose of a chair."""
-
-    p_WB: Float[np.ndarray, " 3"]
-    R_WB: Float[np.ndarray, "3 3"]
-    seat_rad: float
-    """Angle of the seat relative to the chassis [rad]: level, or parallel."""
-
-
-def from_edge_m(landing_m: float, tracks: Tracks) -> float:
-    """Return the distance of the rear pulley behind the edge for a start on a landing [m]."""
-    return min(max(landing_m - tracks.flat_run_m - LANDING_SPARE_M, LANDING_LEAST_M), LANDING_START_M)
-
-
-def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
-    """Return the start pose of a scenario, slightly above the support.
-
-    On the landing, heading and lateral position are relative to the last flight.
-    """
-    heading, top = math.radians(start.heading_deg), staircase.steps[-1]
-    slope = {"floor": 0.0, "landing": top.tread_slope_rad, "flight": staircase.slope_rad}[start.place]
-    along, flight = 0.5 * tracks.flat_run_m * math.cos(heading), 0
-    R_WB = rotation_y(-slope) @ rotation_z(heading)
-    if start.place == "floor":
-        p_WB = np.array([-along - FLOOR_START_M, start.lateral_m, CLEARANCE_M])
-    elif start.place == "landing":
-        behind_m = along + from_edge_m(staircase.landing_m, tracks)
-        p_WB = np.array([top.x_m + behind_m, start.lateral_m, top.z_m + CLEARANCE_M + behind_m * math.tan(slope)])
-        flight = staircase.flight_count - 1
-    else:
-        step = staircase.steps[start.step]
-        flight = next(k for k, steps in enumerate(staircase.flights) if step in steps) if staircase.turn_rad else 0
-        lifted_m = CLEARANCE_M - rounded_off_m(step.nosing_radius_m, slope) + _above_plane_m(staircase, step, tracks.flat_run_m)
-        from_nosing = staircase.R_WS @ np.array([-along, start.lateral_m, lifted_m])
-        p_WB = step.nosing_F + from_nosing
-    if flight:
-        R_WF, p_WF = staircase.flight_frame(flight)
-        p_WB, R_WB = p_WF + R_WF @ p_WB, R_WF @ R_WB
-    return Standing(p_WB=p_WB, R_WB=R_WB, seat_rad=slope if start.seat == "level" else 0.0)
-
-
-def rounded_off_m(nosing_radius_m: float, slope_rad: float) -> float:
-    """Return the distance from the plane of the sharp edges down to the plane tangent to the rounded nosings [m]."""
-    return nosing_radius_m * (math.sin(slope_rad) + math.cos(slope_rad) - 1.0)
-
-
-def _above_plane_m(staircase: Staircase, front: Step, flat_run_m: float) -> float:
-    """Return the height of the highest nosing under the belts above the plane through the front nosing [m]."""
-    c, s = math.cos(staircase.slope_rad), math.sin(staircase.slope_rad)
-    offsets = [
-        (step.z_m - front.z_m) * c - (step.x_m - front.x_m) * s
-        for step in next(steps for steps in staircase.flights if front in steps)
-        if step.index <= front.index and not step.missing and (front.x_m - step.x_m) * c <= flat_run_m
-    ]
-    highest_m = max(offsets, default=0.0)
-    return highest_m if highest_m > CLEARANCE_M else 0.0

@@ -1,6 +1,6 @@
 """Quasi-static skid steering: motion of a tracked chair at given belt speeds under Coulomb friction.
 
-``Stance, friction, belt speeds -> SteadyMotion``, in the axes of ``stance``.
+``Stance, friction, belt speeds -> SteadyMotion``, in the axes of ``stance``; integrated over time, a ``QuasiStaticRun``.
 
 Belt speeds change slowly against friction's deceleration (5 m/s²), so friction balances gravity at every instant. By the principle
 of maximum dissipation the balancing velocity q = (v_x, v_y, ω) minimises the convex function
@@ -9,6 +9,9 @@ of maximum dissipation the balancing velocity q = (v_x, v_y, ω) minimises the c
 
 with N_i the share of the normal force at contact i and G gravity's wrench along the plane per unit of normal force. The theory is
 independent of the simulator, which is tested against it.
+
+The yaw rate depends on the nosings under the belts and on the heading (at 25° with Table I's friction it falls by a quarter in one
+degree), so a run of some seconds is integrated.
 """
 
 import math
@@ -18,7 +21,9 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import MechanicsError
-from treadline.vehicle.stance import Stance
+from treadline.scenario.chair import ChairDescription
+from treadline.scenario.scenario import Chair
+from treadline.vehicle.stance import Stance, nosing_stance
 
 ROUNDING = np.geomspace(1e-1, 1e-8, 8)
 """Rounding of the kink at zero slip, relative to the faster belt's speed; a sticking contact creeps at about the last value."""
@@ -45,25 +50,6 @@ class SteadyMotion:
     def mean(self) -> tuple[float, float, float]:
         """Speed along, speed across and yaw rate, averaged over the nosing phases."""
         return float(self.along_m_s.mean()), float(self.across_m_s.mean()), float(self.yaw_rad_s.mean())
-
-    @property
-    def mean_over_time(self) -> tuple[float, float, float]:
-        """Speed along, speed across and yaw rate averaged over time: a faster phase has a shorter duration.
-
-        Raises:
-            MechanicsError: If the chair stops or slides back in some phase, so that it never leaves that phase.
-        """
-        if self.climb_m_s.min() <= 0.0:
-            raise MechanicsError(
-                f"the chair climbs at {self.climb_m_s.min():.4f} m/s in one nosing phase; an average over time needs it to pass all"
-            )
-        duration = 1.0 / self.climb_m_s
-        means = [float(np.average(value, weights=duration)) for value in (self.along_m_s, self.across_m_s, self.yaw_rad_s)]
-        return means[0], means[1], means[2]
-
-    def turning_share(self, least_rad_s: float) -> float:
-        """Return the fraction of the nosing phases with a yaw rate above a limit."""
-        return float((np.abs(self.yaw_rad_s) > least_rad_s).mean())
 
 
 def steady_motion(stance: Stance, friction: tuple[float, float], left_m_s: float, right_m_s: float) -> SteadyMotion:
@@ -100,13 +86,62 @@ def steady_motion(stance: Stance, friction: tuple[float, float], left_m_s: float
     return SteadyMotion(along_m_s=q[:, 0], across_m_s=q[:, 1], yaw_rad_s=q[:, 2], climb_m_s=q[:, :2] @ stance.uphill)
 
 
-def dissipation(
-    stance: Stance, friction: tuple[float, float], left_m_s: float, right_m_s: float, q: Float[np.ndarray, "p 3"]
-) -> Float[np.ndarray, " p"]:
-    """Return the minimised function at any motion q: power of friction minus power of gravity, over the normal force [m/s]."""
-    ux = q[:, :1] - q[:, 2:] * stance.y_m - np.where(stance.on_left, left_m_s, right_m_s)
-    uy = q[:, 1:2] + q[:, 2:] * stance.x_m
-    return (stance.load * np.hypot(friction[0] * ux, friction[1] * uy)).sum(axis=1) - q @ stance.wrench
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class QuasiStaticRun:
+    """Time series of a run, the start included."""
+
+    t_s: Float[np.ndarray, " n"]
+    heading_rad: Float[np.ndarray, " n"]
+    climbed_m: Float[np.ndarray, " n"]
+    """Distance of B's origin from its start, up the slope."""
+
+    @property
+    def yaw_rad_s(self) -> float:
+        """Mean yaw rate of the run."""
+        return float((self.heading_rad[-1] - self.heading_rad[0]) / self.t_s[-1])
+
+    @property
+    def climb_m_s(self) -> float:
+        """Mean speed up the slope."""
+        return float(self.climbed_m[-1] / self.t_s[-1])
+
+
+def quasi_static_run(
+    chair: ChairDescription,
+    loading: Chair,
+    slope_rad: float,
+    pitch_m: float,
+    friction: tuple[float, float],
+    left_m_s: float,
+    right_m_s: float,
+    duration_s: float,
+    *,
+    heading_rad: float = 0.0,
+    nosing_ahead_m: float = 0.0,
+    step_s: float = 0.02,
+) -> QuasiStaticRun:
+    """Return heading and distance of a run at constant belt speeds.
+
+    Args:
+        heading_rad: Initial heading.
+        nosing_ahead_m: Initial distance of a nosing ahead of B's origin, up the slope.
+        step_s: Integration step: 0.02 s is 3 to 5 mm of travel, a hundredth of a nosing pitch.
+
+    Raises:
+        MechanicsError: If friction cannot hold the chair at some heading, the chair tips over, or the duration is not positive.
+    """
+    if not (duration_s > 0.0 and step_s > 0.0):
+        raise MechanicsError(f"a run of {duration_s:g} s in steps of {step_s:g} s; both must be positive")
+    count = max(1, round(duration_s / step_s))
+    step = duration_s / count
+    heading, climbed = np.full(count + 1, heading_rad), np.zeros(count + 1)
+    for k in range(count):
+        phase = math.fmod((nosing_ahead_m - climbed[k]) / pitch_m, 1.0)
+        stance = nosing_stance(chair, loading, slope_rad, pitch_m, float(heading[k]), [phase])
+        motion = steady_motion(stance, friction, left_m_s, right_m_s)
+        heading[k + 1] = heading[k] + step * motion.yaw_rad_s[0]
+        climbed[k + 1] = climbed[k] + step * motion.climb_m_s[0]
+    return QuasiStaticRun(t_s=step * np.arange(count + 1), heading_rad=heading, climbed_m=climbed)
 
 
 def _newton_step(

@@ -1,4 +1,4 @@
-"""Staircase in the world: steps, nosings, landings and walls.
+"""Staircase in the world: steps, nosings, flights and their frames; ``stair_solids`` gives its volume.
 
 Paper: Fig. 3(a) (height h, width w). W: z up, x up the flight, origin on the floor under the first nosing, mid-width. Several
 straight flights are equal except for jitter, with a landing between any two; S is the frame of the first flight, so that x along S
@@ -17,19 +17,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG, rotation_y, rotation_z, wrap
 from treadline.scenario.stair import Friction, Stair, StepOverride
 from treadline.scenario.step_rules import place_of
-from treadline.vehicle.winders import Winders
 
-TREAD_THICKNESS_M = 0.04
-"""Thickness of an open-riser tread [m]."""
-WALL_HEIGHT_M = 2.2
-"""Height of the walls above the steps [m]."""
-NEWEL_HEIGHT_M = 1.0
-"""Height of a newel post above the last winder: about that of a handrail."""
-STOREY_M = 0.3
-"""Height range above and below a flight within which a chair counts as on the flight [m]: more than the lift by a pulley and its
-flipper."""
-FLOOR_LENGTH_M = 6.0
-"""Length of the floor before the first step [m]."""
 SIGN_OF_TURN = {"none": 0, "left": 1, "right": -1}
 """Sign of a turn, positive to the left."""
 
@@ -69,24 +57,67 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Box:
-    """Solid box, rotated about the vertical by ``yaw_rad``, its front lowered by ``pitch_rad``."""
+class Winders:
+    """Plan of the winders of one stair: wedge-shaped steps around a newel post.
 
-    kind: str
-    """Kind: ``floor``, ``step`` (a tread, with its riser unless it overhangs), ``riser`` (under an overhanging tread), ``landing``
-    or ``wall``."""
-    index: int
-    """Index of the step; -1 for other boxes."""
-    centre_W: tuple[float, float, float]
-    half_m: tuple[float, float, float]
-    """Half extents along the box's own axes."""
-    yaw_rad: float
-    pitch_rad: float = 0.0
+    All places are in the plan, relative to the middle of the first winder's nosing: x up the flight, y to the left. The first
+    winder's nosing is square to the flight below; each next nosing, and the nosing above the last winder, is turned further by the
+    same angle about the newel's axis.
+    """
+
+    first: int
+    """Index of the first winder, counted over all steps from the floor."""
+    count: int
+    """Number of winders."""
+    turn_rad: float
+    """Turn of the flight by all winders together, positive to the left."""
+    newel_m: float
+    """Radius of the newel: distance of the nosings' inner ends from its axis."""
+    width_m: float
+    """Length of a nosing, from the newel to the outer side."""
 
     @property
-    def R_WK(self) -> Float[np.ndarray, "3 3"]:
-        """Rotation of the box K in the world."""
-        return rotation_z(self.yaw_rad) @ rotation_y(-self.pitch_rad) if self.pitch_rad else rotation_z(self.yaw_rad)
+    def side(self) -> float:
+        """Side of the newel: 1 on the left, -1 on the right."""
+        return math.copysign(1.0, self.turn_rad)
+
+    @property
+    def step_rad(self) -> float:
+        """Angle between neighbouring nosings, with the sign of the turn."""
+        return self.turn_rad / self.count
+
+    @property
+    def walking_radius_m(self) -> float:
+        """Distance of the nosings' middles from the newel's axis."""
+        return self.newel_m + 0.5 * self.width_m
+
+    @property
+    def outer_radius_m(self) -> float:
+        """Distance of the nosings' outer ends from the newel's axis."""
+        return self.newel_m + self.width_m
+
+    @property
+    def depth_m(self) -> float:
+        """Depth of a tread at its outer side, square to its nosing: the box that covers the wedge is as deep."""
+        return self.outer_radius_m * math.sin(abs(self.step_rad))
+
+    @property
+    def after(self) -> int:
+        """Index of the step above the last winder."""
+        return self.first + self.count
+
+    def going_m(self, radius_m: float) -> float:
+        """Return the distance between neighbouring nosings at a distance from the newel's axis, along the chord."""
+        return 2.0 * radius_m * math.sin(0.5 * abs(self.step_rad))
+
+    def holds(self, index: int) -> bool:
+        """Return whether a step is a winder."""
+        return self.first <= index < self.after
+
+    def nosing(self, k: int) -> tuple[float, float, float]:
+        """Return the place of the k-th nosing's middle (x, y) and its turn; k = count is the step above the last winder."""
+        turned, radius_m = k * self.step_rad, self.walking_radius_m
+        return radius_m * math.sin(abs(turned)), self.side * radius_m * (1.0 - math.cos(turned)), turned
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,10 +216,11 @@ class Staircase:
             return 0
         yaw = math.atan2(R_WB[1, 0], R_WB[0, 0])
         height_m = float(p_WB[2])
+        lift_m = 0.3  # more than the lift by a pulley and its flipper
         near = [
             k
             for k, steps in enumerate(self.flights)
-            if steps[0].z_m - steps[0].rise_m - STOREY_M <= height_m <= steps[-1].z_m + STOREY_M
+            if steps[0].z_m - steps[0].rise_m - lift_m <= height_m <= steps[-1].z_m + lift_m
         ]
         heading_errors = {k: abs(wrap(yaw - k * self.turn_rad)) for k in near or range(self.flight_count)}
         return min(heading_errors, key=lambda k: (heading_errors[k], k))
@@ -231,193 +263,6 @@ class Staircase:
         flight = self.flights[0] if self.winders is None else max(self.straight_parts, key=len)
         first, last = flight[0], flight[-1]
         return math.hypot(last.x_m - first.x_m, last.z_m - first.z_m) / (len(flight) - 1)
-
-    def boxes(self) -> tuple[Box, ...]:
-        """Return the solids with sharp front edges: floor, steps, landings, walls.
-
-        The plant rounds the nosings off; the camera draws them with these sharp edges.
-        """
-        floor = Box(
-            kind="floor",
-            index=-1,
-            centre_W=(-0.5 * FLOOR_LENGTH_M, 0.0, -0.1),
-            half_m=(0.5 * FLOOR_LENGTH_M + 0.5, 0.5 * self.width_m + 2.0, 0.1),
-            yaw_rad=0.0,
-        )
-        frames = [self.flight_frame(k) for k in range(self.flight_count)]
-        treads = [_placed(box, *frame) for k, frame in enumerate(frames) for box in self._treads(k)]
-        walls = [_placed(box, *frame) for k, frame in enumerate(frames) for box in self._walls(k)]
-        if self.end_wall:
-            walls.append(_placed(self._end_wall(), *frames[-1]))
-        return (floor, *treads, *walls)
-
-    def _treads(self, flight: int) -> list[Box]:
-        """Return the steps of a flight, winders included, and its landing, in F."""
-        steps = self.flights[flight]
-        is_last, half_width = flight + 1 == self.flight_count, 0.5 * self.width_m
-        goes_on = not is_last and not self.turn_rad
-        above: tuple[Step | None, ...] = (*steps[1:], self.flights[flight + 1][0] if goes_on else None)
-        boxes: list[Box] = []
-        for step, after in zip(steps, above, strict=True):
-            if step.missing:
-                continue
-            if self.winders is not None and self.winders.holds(step.index):
-                boxes += self._winder(step, self.winders)
-            elif after is None:
-                boxes += self._tread(step, max(self.landing_m, step.depth_m) if is_last else step.depth_m, "landing", half_width)
-            else:
-                kind = "landing" if step is steps[-1] else "step"
-                boxes += self._tread(step, step.depth_m + self._under(step, after), kind, half_width)
-        return boxes
-
-    def _end_wall(self) -> Box:
-        """Return the wall across the far end of the uppermost landing, in F."""
-        last, half_height = self.steps[-1], 0.5 * WALL_HEIGHT_M
-        end_x = last.x_m + max(self.landing_m, last.depth_m)
-        return Box(
-            kind="wall",
-            index=-1,
-            centre_W=(end_x + 0.05, 0.0, last.z_m + half_height),
-            half_m=(0.05, 0.5 * self.width_m, half_height),
-            yaw_rad=0.0,
-        )
-
-    @property
-    def surfaces(self) -> Float[np.ndarray, "N 7"]:
-        """Flat tops of floor, treads and landings: centre x, y, cosine and sine of the yaw, half length, half width, height."""
-        return np.array(
-            [
-                (x, y, math.cos(box.yaw_rad), math.sin(box.yaw_rad), *box.half_m[:2], z + box.half_m[2])
-                for box in self.boxes()
-                if box.kind not in ("wall", "riser")
-                for x, y, z in [box.centre_W]
-            ]
-        )
-
-    def above_ground_m(self, points_W: Float[np.ndarray, "n 3"], sunk_m: float = 0.0) -> Float[np.ndarray, " n"]:
-        """Return the height of points above the highest floor, tread or landing below them [m]; inf where there is none.
-
-        Args:
-            sunk_m: Largest height of the ground above a point that lies in it.
-        """
-        x, y, c, s, half_length, half_width, height = self.surfaces.T
-        dx, dy = points_W[:, :1] - x, points_W[:, 1:2] - y
-        inside = (np.abs(dx * c + dy * s) <= half_length) & (np.abs(dy * c - dx * s) <= half_width)
-        below = inside & (height <= points_W[:, 2:] + sunk_m)
-        return np.asarray(points_W[:, 2] - np.where(below, height, -np.inf).max(axis=1))
-
-    def _under(self, step: Step, after: Step) -> float:
-        """Return the length of a tread under the next step [m], so that a rotated nosing leaves no gap."""
-        if self.open_risers:
-            return 0.03
-        turned_m = 0.5 * self.width_m * abs(math.tan(after.yaw_rad) - math.tan(step.yaw_rad))
-        return max(0.10, turned_m + 0.01) + after.overhang_m
-
-    def _winder(self, step: Step, winders: Winders) -> list[Box]:
-        """Return the boxes that cover a winder's wedge; what they cover beyond it lies under the next steps or in the newel."""
-        into_newel_m = winders.newel_m * (1.0 - math.cos(winders.step_rad))
-        aside_m = 0.5 * into_newel_m * winders.side
-        inward = replace(step, x_m=step.x_m - aside_m * math.sin(step.yaw_rad), y_m=step.y_m + aside_m * math.cos(step.yaw_rad))
-        depth_m = winders.depth_m + self._under_next_winder(step, winders)
-        return self._tread(inward, depth_m, "step", 0.5 * (self.width_m + into_newel_m))
-
-    def _under_next_winder(self, step: Step, winders: Winders) -> float:
-        """Return how far a winder reaches under the next step beyond its wedge: jitter turns their nosings apart."""
-        after = self.steps[step.index + 1]
-        design_rad = winders.step_rad if winders.holds(after.index) else -winders.nosing(winders.count - 1)[2]
-        turned_m = 0.5 * self.width_m * abs(math.tan(after.yaw_rad - step.yaw_rad - design_rad))
-        return max(0.10, turned_m + 0.01) + after.overhang_m
-
-    def _tread(self, step: Step, depth_m: float, kind: str, half_width: float) -> list[Box]:
-        """Return the box of a step, or a slab and the riser below an overhanging tread."""
-        whole_m = step.rise_m + 0.10
-        if self.open_risers:
-            return [_behind_nosing(step, kind, half_width, depth_m, 0.0, (0.0, TREAD_THICKNESS_M))]
-        if step.overhang_m == 0.0:
-            return [_behind_nosing(step, kind, half_width, depth_m, 0.0, (0.0, whole_m))]
-        slab_m = max(TREAD_THICKNESS_M, 2.0 * step.nosing_radius_m)
-        slab = _behind_nosing(step, kind, half_width, depth_m, 0.0, (0.0, slab_m))
-        lower = (slab_m, max(whole_m, slab_m + 0.01))
-        return [slab, _behind_nosing(step, "riser", half_width, depth_m, step.overhang_m, lower)]
-
-    def _walls(self, flight: int) -> list[Box]:
-        """Return the walls next to a flight; floor and landings are open, so that a chair can turn."""
-        steps, winders = self.flights[flight], self.winders
-        winds = winders is not None and flight == 0
-        first, last = steps[0], steps[winders.first] if winders is not None and winds else steps[-1]
-        height_m = 0.5 * last.z_m + 0.5
-        straight = [
-            Box(
-                kind="wall",
-                index=-1,
-                centre_W=(0.5 * (first.x_m + last.x_m), sign * (0.5 * self.width_m + 0.05), height_m),
-                half_m=(0.5 * (last.x_m - first.x_m), 0.05, height_m + WALL_HEIGHT_M),
-                yaw_rad=0.0,
-            )
-            for sign in self._walled_sides
-            if last.x_m > first.x_m
-        ]
-        return straight + (self._around(winders, last.x_m) if winders is not None and winds else [])
-
-    @property
-    def _walled_sides(self) -> list[float]:
-        """Sides with a wall: 1 on the left, -1 on the right."""
-        return [sign for side, sign in (("left", 1.0), ("right", -1.0)) if self.walls in (side, "both")]
-
-    def _around(self, winders: Winders, first_x_m: float) -> list[Box]:
-        """Return the newel, a box inscribed in its circle for each winder, and the wall at the outer side of each, in F."""
-        top_m = self.steps[winders.after - 1].z_m
-        boxes: list[Box] = []
-        for k in range(winders.count):
-            x, y, yaw = winders.nosing(k)
-            frame = rotation_z(yaw), np.array([first_x_m + x, y, 0.0])
-            half = 0.5 * abs(winders.step_rad)
-            post = Box(
-                kind="wall",
-                index=-1,
-                centre_W=(0.0, winders.side * winders.walking_radius_m, 0.5 * (top_m + NEWEL_HEIGHT_M)),
-                half_m=(winders.newel_m * math.sin(half), winders.newel_m * math.cos(half), 0.5 * (top_m + NEWEL_HEIGHT_M)),
-                yaw_rad=winders.side * half,
-            )
-            boxes.append(_placed(post, *frame))
-            if -winders.side in self._walled_sides:
-                outside = Box(
-                    kind="wall",
-                    index=-1,
-                    centre_W=(0.5 * winders.depth_m, -winders.side * (0.5 * self.width_m + 0.05), 0.5 * (top_m + WALL_HEIGHT_M)),
-                    half_m=(0.5 * winders.depth_m, 0.05, 0.5 * (top_m + WALL_HEIGHT_M)),
-                    yaw_rad=0.0,
-                )
-                boxes.append(_placed(outside, *frame))
-        return boxes
-
-
-def _placed(box: Box, R_WF: Float[np.ndarray, "3 3"], p_WF: Float[np.ndarray, " 3"]) -> Box:
-    """Return a box of one flight in the world."""
-    x, y, z = p_WF + R_WF @ np.array(box.centre_W)
-    yaw_rad = box.yaw_rad + math.atan2(R_WF[1, 0], R_WF[0, 0])
-    return replace(box, centre_W=(float(x), float(y), float(z)), yaw_rad=yaw_rad)
-
-
-def _behind_nosing(step: Step, kind: str, half_width: float, depth_m: float, front_m: float, depths_m: tuple[float, float]) -> Box:
-    """Return a box between two depths below a tread, from ``front_m`` to ``depth_m`` behind the nosing, in F."""
-    c, s = math.cos(step.tread_slope_rad), math.sin(step.tread_slope_rad)
-    upper_m, lower_m = depths_m
-    half_depth, half_height = 0.5 * (depth_m - front_m), 0.5 * (lower_m - upper_m)
-    along, below = front_m + half_depth, upper_m + half_height
-    forward = along * c + below * s
-    return Box(
-        kind=kind,
-        index=step.index,
-        centre_W=(
-            step.x_m + forward * math.cos(step.yaw_rad),
-            step.y_m + forward * math.sin(step.yaw_rad),
-            step.z_m + along * s - below * c,
-        ),
-        half_m=(half_depth, half_width, half_height),
-        yaw_rad=step.yaw_rad,
-        pitch_rad=step.tread_slope_rad,
-    )
 
 
 def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[StepOverride] = ()) -> Staircase:

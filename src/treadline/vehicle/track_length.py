@@ -1,4 +1,4 @@
-"""Geometry of the tracks: belt outline over three pulleys, and minimum track length.
+"""Geometry of the tracks: pulleys, length on the nosings, and minimum track length.
 
 Paper: Section II.A, Fig. 3(b). "Wheelchair tracks must be in contact with at least two stair edges": L > 2√(h² + w²).
 """
@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import MechanicsError
-from treadline.scenario.chair import Tracks
+from treadline.scenario.chair import ChairDescription, Tracks
 
 
 def minimum_track_length(rise_m: float, run_m: float) -> float:
@@ -40,32 +40,15 @@ def pulley_centres(tracks: Tracks) -> Float[np.ndarray, "3 2"]:
     return np.array([(-half, radius), (half, radius), nose])
 
 
-def outline(tracks: Tracks, points_per_arc: int = 24) -> Float[np.ndarray, "n 2"]:
-    """Return the closed outline of the belt (x, z) in B, anticlockwise from the rear end of the flat run.
+def in_line_m(chair: ChairDescription) -> float:
+    """Return the length of the approach section that lies in the plane of the flat run [m].
 
-    The belt wraps three equal pulleys: straight between tangent points, an arc around each pulley.
+    A flipper always reaches that angle (its range includes 0°); a fixed section does only if it is built at 0°.
     """
-    centres, radius = pulley_centres(tracks), tracks.pulley_radius_m
-    points: list[tuple[float, float]] = []
-    for i in range(3):
-        before, here, after = centres[i - 1], centres[i], centres[(i + 1) % 3]
-        # Outward normals of the straight parts before and after this pulley, for an anticlockwise path.
-        start = _normal_angle(before, here)
-        end = _normal_angle(here, after)
-        turn = (end - start) % (2.0 * math.pi)
-        for k in range(points_per_arc):
-            angle = start + turn * k / (points_per_arc - 1)
-            points.append((here[0] + radius * math.cos(angle), here[1] + radius * math.sin(angle)))
-    return np.array(points)
+    tracks = chair.tracks
+    return tracks.approach_m if chair.flipper is not None or tracks.approach_angle_deg == 0.0 else 0.0
 
 
-def belt_length(tracks: Tracks) -> float:
-    """Return the belt length [m]: the triangle of the pulley centres plus one full turn around a pulley."""
-    centres = pulley_centres(tracks)
-    sides = np.linalg.norm(centres - np.roll(centres, -1, axis=0), axis=1)
-    return float(sides.sum()) + 2.0 * math.pi * tracks.pulley_radius_m
-
-
-def _normal_angle(start: Float[np.ndarray, " 2"], end: Float[np.ndarray, " 2"]) -> float:
-    along = end - start
-    return math.atan2(-along[0], along[1])
+def track_on_stair_m(chair: ChairDescription) -> float:
+    """Return the length of the track in the nosing plane [m]: the flat run, and the section in line with it."""
+    return chair.tracks.flat_run_m + in_line_m(chair)

@@ -1,4 +1,4 @@
-"""Traction on the nosing plane: friction available along and across the belts.
+"""Traction on the nosing plane: friction available along and across the belts, and lugs that the pulleys bend.
 
 Paper: Section II.A, Table I (μ = 0.62 along, μ₂ = 0.5 across). Gravity pulls down the slope with tan β per unit of normal force; at
 a heading ψ the components are cos ψ along the belts and sin ψ across. The chair holds inside the friction ellipse (cos ψ tan β /
@@ -8,7 +8,8 @@ a heading ψ the components are cos ψ along the belts and sin ψ across. The ch
 import math
 
 from treadline.core.errors import MechanicsError
-from treadline.scenario.chair import GRAVITY_M_S2
+from treadline.scenario.chair import Tracks
+from treadline.scenario.scenario import Belts
 
 
 def friction_use(slope_rad: float, heading_rad: float, friction: tuple[float, float]) -> float:
@@ -16,16 +17,6 @@ def friction_use(slope_rad: float, heading_rad: float, friction: tuple[float, fl
     along, across = friction
     pull = math.tan(slope_rad)
     return math.hypot(math.cos(heading_rad) * pull / along, math.sin(heading_rad) * pull / across)
-
-
-def steepest_slope_rad(friction: tuple[float, float]) -> float:
-    """Return the slope at which the chair starts to slide along its belts [rad]."""
-    return math.atan(friction[0])
-
-
-def slide_acceleration_m_s2(slope_rad: float, friction: tuple[float, float]) -> float:
-    """Return the acceleration g (sin β - μ cos β) of a chair sliding along its belts [m/s²]; 0 if friction holds."""
-    return max(0.0, GRAVITY_M_S2 * (math.sin(slope_rad) - friction[0] * math.cos(slope_rad)))
 
 
 def largest_heading_rad(slope_rad: float, friction: tuple[float, float]) -> float:
@@ -44,3 +35,15 @@ def largest_heading_rad(slope_rad: float, friction: tuple[float, float]) -> floa
         return 0.5 * math.pi
     # lengthwise cos² + sidewise sin² = 1, solved for sin².
     return math.asin(math.sqrt((1.0 - lengthwise) / (sidewise - lengthwise)))
+
+
+def oversized_lugs(belts: Belts, tracks: Tracks) -> str | None:
+    """Return why the lugs are too large for the chair's pulleys, or None."""
+    # The belt solid of 0.05 m shrinks by the lug height.
+    height, most = belts.measures_m[0], min(0.5 * tracks.pulley_radius_m, 0.04)
+    if height <= most:
+        return None
+    return (
+        f"belts.height_m is {height:.3f}, the pulleys' radius {tracks.pulley_radius_m:.3f} m; lugs up to {most:.3f} m fit, "
+        "half that radius and 0.04 m at most: a belt bends at the lugs' feet"
+    )

@@ -10,16 +10,14 @@ from treadline.core.angles import DEG
 from treadline.core.printing import Printable
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
-from treadline.vehicle.flipper_support import track_on_stair_m
+from treadline.vehicle._start_checks import start_problems
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
-from treadline.vehicle.lug_limits import oversized_lugs
 from treadline.vehicle.staircase import as_designed
-from treadline.vehicle.starts import start_problems
 from treadline.vehicle.static_stability import static_margins
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins
-from treadline.vehicle.track_length import minimum_track_length, nosings_touched
-from treadline.vehicle.traction import friction_use, largest_heading_rad
+from treadline.vehicle.track_length import minimum_track_length, nosings_touched, track_on_stair_m
+from treadline.vehicle.traction import friction_use, largest_heading_rad, oversized_lugs
 
 TRACTION_RESERVE = 1.05
 """Required ratio of friction to tan β, a reserve for jolts at the nosings."""

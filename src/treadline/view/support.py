@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.scenario.chair import ChairDescription
+from treadline.vehicle.stair_solids import above_ground_m
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.tip_over_margin import ROCKING_M
 
@@ -28,7 +29,7 @@ def support_of(
     aside = 0.5 * tracks.gauge_m + np.linspace(-0.5, 0.5, ACROSS) * tracks.belt_width_m
     x, y = (grid.ravel() for grid in np.meshgrid(along, np.concatenate([-aside, aside]), indexing="ij"))
     points_W = p_WB + np.stack([x, y, np.zeros(len(x))], axis=1) @ R_WB.T
-    near = staircase.above_ground_m(points_W, ROCKING_M) <= ROCKING_M
+    near = above_ground_m(staircase, points_W, ROCKING_M) <= ROCKING_M
     if not near.any():
         return None
     return float(x[near].max()), float(-x[near].min()), float(y[near].max()), float(-y[near].min())

@@ -9,6 +9,7 @@ from treadline.core.angles import DEG, rotation_x, rotation_z
 from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
+from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import Staircase, build_staircase
 
 Pose = tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]
@@ -25,7 +26,7 @@ def rays(staircase: Staircase, pose: Pose) -> Float[np.ndarray, "h w"]:
     """Return depth along the optical axis of each pixel by MuJoCo, NaN where nothing is hit."""
     geoms = "".join(
         f'<geom type="box" pos="{_words(box.centre_W)}" size="{_words(box.half_m)}" euler="0 0 {box.yaw_rad!r}"/>'
-        for box in staircase.boxes()
+        for box in stair_boxes(staircase)
     )
     model = mujoco.MjModel.from_xml_string(f'<mujoco><compiler angle="radian"/><worldbody>{geoms}</worldbody></mujoco>')
     data = mujoco.MjData(model)
@@ -69,7 +70,7 @@ def test_the_chair_on_a_flight_sees_mostly_stair() -> None:
     shares = []
     for seed, heading_deg in enumerate((-35.0, -15.0, 0.0, 15.0, 35.0)):
         staircase = build_staircase(Stair(slope_deg=28.0), np.random.default_rng(seed))
-        boxes = staircase.boxes()
+        boxes = stair_boxes(staircase)
         view = Camera(staircase, CALIBRATION, rng=np.random.default_rng(seed)).exact(
             *pose_on(staircase, heading_deg * DEG, 1.5, 0.0)
         )
@@ -86,7 +87,7 @@ def test_faces_name_the_boxes_of_the_staircase() -> None:
     v, u = CALIBRATION.height_px // 2, CALIBRATION.width_px // 2
     ray = np.array([(u - CALIBRATION.cx_px) / CALIBRATION.fx_px, (v - CALIBRATION.cy_px) / CALIBRATION.fy_px, 1.0])
     point = p_WC + R_WC @ ray * view.depth_m[v, u]
-    box = staircase.boxes()[view.face[v, u] // 6]
+    box = stair_boxes(staircase)[view.face[v, u] // 6]
     # On the surface of the named box: no axis is exceeded, one is reached.
     excess = np.abs(point - np.array(box.centre_W)) - np.array(box.half_m)
     assert np.max(excess) == pytest.approx(0.0, abs=1e-9)

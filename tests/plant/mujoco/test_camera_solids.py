@@ -11,6 +11,7 @@ from treadline.plant.sensors.camera.clutter import worn_step
 from treadline.plant.sensors.camera.solids import SceneBox, beam, solids_of, upright
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
+from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import Staircase, build_staircase
 
 CALIBRATION = read_chair("wheelchair").camera_at(240)
@@ -84,7 +85,7 @@ def flight(*, open_risers: bool) -> Staircase:
 @pytest.mark.parametrize("worn_m", [0.005, 0.02])
 def test_wear_takes_from_a_step_but_its_front_edge(open_risers: bool, worn_m: float) -> None:
     """Test: depth of a worn flight less that of a sharp one. Expected: never nearer, as before but close to the nosings."""
-    sharp = solids_of(flight(open_risers=open_risers).boxes())
+    sharp = solids_of(stair_boxes(flight(open_risers=open_risers)))
     steps = [solid for solid in sharp if solid.kind == "step"]
     rng = np.random.default_rng(1)
     worn = [part for solid in steps for part in worn_step(solid, open_risers, worn_m, rng)]
@@ -100,7 +101,7 @@ def test_wear_takes_from_a_step_but_its_front_edge(open_risers: bool, worn_m: fl
 
 
 def test_a_worn_nosing_is_worn_unevenly() -> None:
-    step = next(solid for solid in solids_of(flight(open_risers=False).boxes()) if solid.kind == "step")
+    step = next(solid for solid in solids_of(stair_boxes(flight(open_risers=False))) if solid.kind == "step")
     parts = worn_step(step, open_risers=False, worn_m=0.02, rng=np.random.default_rng(3))
     sizes = {round(float(part.half_m[0]), 9) for part in parts if abs(part.R_WK[2, 0]) > 0.5}
     assert len(sizes) >= 5

@@ -14,7 +14,17 @@ from functools import cache
 import numpy as np
 import pytest
 from oracles import gauss_seidel
-from oracles.plant_runs import TABLE_I, PlantRun, drift_rad, heading_and_place, over_a_pitch, plant_on, plant_run, theory_from
+from oracles.plant_runs import (
+    TABLE_I,
+    PlantRun,
+    drift_rad,
+    heading_and_place,
+    over_a_pitch,
+    over_time,
+    plant_on,
+    plant_run,
+    theory_from,
+)
 from oracles.plant_steps import stages_before_contact
 
 from treadline.core.angles import DEG
@@ -88,7 +98,7 @@ def test_within_the_dead_zone_no_difference_of_the_belts_turns_the_chair(slope_d
 
 @pytest.mark.parametrize("belts", [(0.19, 0.21), (0.15, 0.25)])
 def test_at_25_degrees_the_chair_turns_as_coulomb_says(belts: tuple[float, float]) -> None:
-    pitches_s = 2.0 * 0.331 / over_a_pitch(25.0, TABLE_I, belts).mean_over_time[0]
+    pitches_s = 2.0 * 0.331 / over_time(over_a_pitch(25.0, TABLE_I, belts))[0]
     result = run(25.0, belts, round(pitches_s, 2))
     expected_deg_s = drift_rad(25.0, TABLE_I, belts, [pitches_s])[0] / pitches_s / DEG
     # The chair turns while it stands on two nosings and sticks on three. The load moves from nosing to nosing in some

@@ -13,8 +13,7 @@ from oracles.plant_steps import coulomb_run, set_belts, stages_before_contact
 from treadline.core.angles import DEG, rotation_of
 from treadline.scenario.chair import GRAVITY_M_S2, read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.quasi_static import steady_motion
-from treadline.vehicle.quasi_static_run import QuasiStaticRun
+from treadline.vehicle.quasi_static import QuasiStaticRun, steady_motion
 from treadline.vehicle.stance import floor_stance, nosing_stance
 
 ISOTROPIC = (0.62, 0.62)

@@ -23,8 +23,8 @@ from treadline.plant.sensors.instruments import ChairState, Instruments, Streams
 from treadline.plant.simulated_plant import InstrumentedPlant
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Belts, Scenario
-from treadline.vehicle.bodies import standing
 from treadline.vehicle.staircase import Staircase, build_staircase
+from treadline.vehicle.start_pose import standing
 
 STEPS = 10
 """Number of 1 ms steps per tick."""

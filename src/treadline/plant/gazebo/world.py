@@ -5,10 +5,10 @@ from xml.etree.ElementTree import Element, tostring
 from treadline.core.angles import DEG
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle.bodies import standing
-from treadline.vehicle.formats import sdf_world
-from treadline.vehicle.formats.elements import child, text
+from treadline.vehicle.sdf import sdf_world
 from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.start_pose import standing
+from treadline.vehicle.xml_elements import child, text
 
 SOLVER_TOLERANCE = 1e-3
 """Tolerance of ODE's solver (``sor_lcp_tolerance``), which ends its iterations: left and right turns stay mirror images, in half

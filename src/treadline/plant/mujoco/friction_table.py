@@ -12,15 +12,15 @@ from jaxtyping import Float
 
 from treadline.plant.mujoco import step_kernels as kernels
 from treadline.plant.mujoco.mjcf_scene import stair_names
-from treadline.vehicle.bodies import solids
-from treadline.vehicle.staircase import Box, Staircase
+from treadline.vehicle.stair_solids import Box, stair_solids
+from treadline.vehicle.staircase import Staircase
 
 
 def friction_table(model: mujoco.MjModel, staircase: Staircase) -> Float[np.ndarray, "g 8"]:
     """Return the belt friction of each geom; geoms outside the stair have its design friction."""
     table = np.zeros((model.ngeom, kernels.MU_COLUMNS))
     table[:, kernels.MU_LEFT : kernels.MIDDLE] = (*staircase.friction, *staircase.friction)
-    for number, solid in enumerate(solids(staircase)):
+    for number, solid in enumerate(stair_solids(staircase)):
         row = _row(solid.box, staircase)
         box_name, bar_name = stair_names(number)
         table[model.geom(box_name).id] = row

@@ -10,7 +10,7 @@ from treadline.core.errors import SettingsError
 from treadline.plant.mujoco import lug_contact_kernels as lug_kernels
 from treadline.scenario.chair import Tracks
 from treadline.scenario.scenario import Belts
-from treadline.vehicle.lug_limits import oversized_lugs
+from treadline.vehicle.traction import oversized_lugs
 
 DMAX = 0.99
 """Largest impedance of a contact, as in the scene's solimp."""

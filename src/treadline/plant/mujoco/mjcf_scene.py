@@ -15,8 +15,10 @@ from treadline.plant.actuators import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S,
 from treadline.plant.mujoco.physics import NOMINAL, Physics
 from treadline.scenario.chair import ChairDescription, Flipper, Point
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.bodies import HULL_FRICTION, Body, Hinge, Shape, Solid, Standing, Vehicle, solids, vehicle
+from treadline.vehicle.bodies import HULL_FRICTION, Body, Hinge, Shape, Vehicle, vehicle
+from treadline.vehicle.stair_solids import Solid, stair_solids
 from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.start_pose import Standing
 
 SEAT_STIFFNESS_RAD_S = 60.0
 """Natural frequency of the seat on its actuator: stiff against the 2 Hz at which a person moves."""
@@ -51,7 +53,7 @@ def seat_stiffness(seat: Body) -> tuple[float, float]:
 
 def scene_xml(staircase: Staircase, chair: ChairDescription, loading: Chair, physics: Physics = NOMINAL) -> str:
     """Return the whole scene as MJCF, the chair at the world's origin."""
-    return _scene(solids(staircase), staircase.friction[0], vehicle(chair, loading), chair.flipper, physics)
+    return _scene(stair_solids(staircase), staircase.friction[0], vehicle(chair, loading), chair.flipper, physics)
 
 
 def model_xml(
@@ -64,7 +66,7 @@ def model_xml(
         friction: Along the belt.
     """
     return _scene(
-        () if staircase is None else solids(staircase), friction, vehicle(chair, loading), chair.flipper, NOMINAL, start=start
+        () if staircase is None else stair_solids(staircase), friction, vehicle(chair, loading), chair.flipper, NOMINAL, start=start
     )
 
 

@@ -35,8 +35,9 @@ from treadline.plant.sensors.instruments import SUPPORT_TICKS, ChairState, Instr
 from treadline.plant.simulated_plant import InstrumentedPlant
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
-from treadline.vehicle.bodies import standing, vehicle
+from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.staircase import Staircase, build_staircase
+from treadline.vehicle.start_pose import standing
 
 SETTLE_S = 1.0
 """Duration of the physics before t = 0 on a stair of high friction [s], until the chair rests on its nosings."""

@@ -15,6 +15,7 @@ from treadline.plant.sensors.imu_noise import IMUS, Imu
 from treadline.plant.sensors.transport_delays import CameraLink, Encoder
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Scenario
+from treadline.vehicle.stair_solids import stair_surfaces
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M
@@ -104,7 +105,7 @@ class Instruments:
         self._link = CameraLink(scenario.realism, streams.link)
         self._encoders = Encoder(scenario.realism.encoder_counts_m), Encoder(scenario.realism.encoder_counts_m)
         self._nosings_W = staircase.nosings_W
-        self._surfaces = staircase.surfaces
+        self._surfaces = stair_surfaces(staircase)
         there = [k for k, steps in enumerate(staircase.flights) for step in steps if not step.missing]
         self._nosings_x_m = np.array(
             [

@@ -7,19 +7,77 @@ look, without an origin. No block, simulator or check reads a mesh (an import co
 on it.
 """
 
-from treadline.vehicle.appearance.belts import lug_part, lug_poses
-from treadline.vehicle.appearance.chair_parts import TRIANGLE_BUDGET, body_poses, chair_parts
-from treadline.vehicle.appearance.parts import BodyName, MeshPart
-from treadline.vehicle.appearance.stair_parts import obstacle_part, stair_parts
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import rotation_y
+from treadline.scenario.chair import ChairDescription
+from treadline.scenario.scenario import Belts, Chair
+from treadline.vehicle.appearance._belts import BeltPath, lug_part, lug_poses, resting_lugs, track_parts
+from treadline.vehicle.appearance._chassis import chassis_parts
+from treadline.vehicle.appearance._mesh import BodyName, Colour, Mesh, MeshPart, band, box, colour, cylinder, merged, part
+from treadline.vehicle.appearance._seat import linkage_poses, seat_parts
+from treadline.vehicle.appearance._stair import stair_parts
+from treadline.vehicle.bodies import vehicle
 
 __all__ = [
-    "TRIANGLE_BUDGET",
+    "LINKAGE_BODIES",
+    "BeltPath",
     "BodyName",
+    "Colour",
+    "Mesh",
     "MeshPart",
+    "band",
     "body_poses",
+    "box",
     "chair_parts",
+    "colour",
+    "cylinder",
     "lug_part",
     "lug_poses",
-    "obstacle_part",
+    "merged",
+    "part",
+    "resting_lugs",
     "stair_parts",
 ]
+
+LINKAGE_BODIES = ("bar", "slider")
+"""Bodies without a link in the URDF: their motion follows from the seat's, and a URDF has no joint for such a mechanism."""
+
+
+def chair_parts(chair: ChairDescription, loading: Chair, belts: Belts | None = None) -> tuple[MeshPart, ...]:
+    """Return a chair with its payload; the lugs are drawn by ``lug_part`` at ``lug_poses``.
+
+    Args:
+        belts: Lug profile of the scenario; None: a smooth belt, drawn with low lugs.
+    """
+    return (*chassis_parts(chair), *track_parts(chair, belts), *seat_parts(chair, loading))
+
+
+def body_poses(
+    chair: ChairDescription, loading: Chair, seat_rad: float = 0.0, flipper_rad: float | None = None
+) -> dict[BodyName, Float[np.ndarray, "4 4"]]:
+    """Return the pose in B of each body that carries parts.
+
+    Args:
+        seat_rad: Forward angle of the seat relative to the chassis; a seat is level if it equals the chassis' pitch.
+        flipper_rad: Angle of the flipper above the flat run; None: its rest angle.
+    """
+    whole = vehicle(chair, loading)
+    poses: dict[BodyName, Float[np.ndarray, "4 4"]] = {"chair": np.eye(4)}
+    if chair.seat is not None:
+        poses["seat"] = _turned(whole.seat.origin_m, seat_rad)
+        slider, bar = (linkage_poses(chair, loading, seat_rad)[name] for name in ("slider", "bar"))
+        poses["slider"], poses["bar"] = slider, bar
+    if whole.flipper is not None:
+        angle = math.radians(chair.tracks.approach_angle_deg) if flipper_rad is None else flipper_rad
+        poses["flipper"] = _turned(whole.flipper.origin_m, -angle)
+    return poses
+
+
+def _turned(origin: tuple[float, float, float], angle_rad: float) -> Float[np.ndarray, "4 4"]:
+    X = np.eye(4)
+    X[:3, :3], X[:3, 3] = rotation_y(angle_rad), origin
+    return X

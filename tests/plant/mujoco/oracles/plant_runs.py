@@ -12,8 +12,7 @@ from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.plant.mujoco import step_kernels as kernels
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
-from treadline.vehicle.quasi_static import SteadyMotion, steady_motion
-from treadline.vehicle.quasi_static_run import QuasiStaticRun, quasi_static_run
+from treadline.vehicle.quasi_static import QuasiStaticRun, SteadyMotion, quasi_static_run, steady_motion
 from treadline.vehicle.stance import stair_stance
 
 TABLE_I = (0.62, 0.5)
@@ -144,13 +143,19 @@ def over_a_pitch(slope_deg: float, friction: tuple[float, float], belts: tuple[f
     return steady_motion(stance, friction, *belts)
 
 
+def over_time(motion: SteadyMotion) -> tuple[float, float]:
+    """Return speed along the belts and yaw rate averaged over time: a faster phase has a shorter duration."""
+    along, yaw = (float(np.average(value, weights=1.0 / motion.climb_m_s)) for value in (motion.along_m_s, motion.yaw_rad_s))
+    return along, yaw
+
+
 def drift_rad(slope_deg: float, friction: tuple[float, float], belts: tuple[float, float], times_s: Sequence[float]) -> np.ndarray:
     """Return the heading that Coulomb friction gives a chair that starts square to the flight, averaged over the nosing phases.
 
     A pitch takes about 2 s, in which a chair of so small a yaw rate turns by less than 1.5°.
     """
     grid = np.array([0.0, 0.5, 1.0, 2.0, 4.0, 8.0]) * DEG
-    rates = [over_a_pitch(slope_deg, friction, belts, float(heading)).mean_over_time[2] for heading in grid]
+    rates = [over_time(over_a_pitch(slope_deg, friction, belts, float(heading)))[1] for heading in grid]
     heading, headings, step_s = 0.0, [0.0], 0.1
     for _ in range(round(max(times_s) / step_s)):
         heading += step_s * float(np.interp(heading, grid, rates))

@@ -8,7 +8,8 @@ import numpy as np
 
 from treadline.plant.sensors.camera.recipe import Clutter
 from treadline.plant.sensors.camera.solids import Puddle, Rgb, SceneBox, Shadow, beam, part_of, placed_in, upright
-from treadline.vehicle.staircase import TREAD_THICKNESS_M, Staircase, Step
+from treadline.vehicle.stair_solids import TREAD_THICKNESS_M
+from treadline.vehicle.staircase import Staircase, Step
 
 RAIL_INSET_M = 0.07
 """Distance from the side of the stair to the middle of a rail [m]."""

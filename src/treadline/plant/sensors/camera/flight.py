@@ -12,7 +12,8 @@ from treadline.plant.sensors.camera.clutter import RAIL_INSET_M, RAIL_M
 from treadline.plant.sensors.camera.recipe import PLACES_M, Range, ViewRecipe, drawn
 from treadline.plant.sensors.camera.solids import SceneBox, part_of, solids_of
 from treadline.scenario.scenario import Stair
-from treadline.vehicle.staircase import TREAD_THICKNESS_M, WALL_HEIGHT_M, Staircase, Step, build_staircase
+from treadline.vehicle.stair_solids import TREAD_THICKNESS_M, WALL_HEIGHT_M, stair_boxes
+from treadline.vehicle.staircase import Staircase, Step, build_staircase
 
 Direction = Literal["up", "down"]
 """Direction of the flight ahead."""
@@ -83,7 +84,7 @@ class TiltedFlight:
         """Return the solids of the staircase, with tilted steps."""
         if self.curvature_1_m:
             return tuple(solid for step in self.staircase.steps for solid in self._curved(step))
-        return tuple(self._tilted(solid) for solid in solids_of(self.staircase.boxes()))
+        return tuple(self._tilted(solid) for solid in solids_of(stair_boxes(self.staircase)))
 
     def _tilted(self, solid: SceneBox) -> SceneBox:
         if solid.kind != "step":

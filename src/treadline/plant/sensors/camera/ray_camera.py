@@ -15,6 +15,7 @@ from treadline.plant.sensors.camera.depth_errors import DISPARITY_PX_M, warp
 from treadline.plant.sensors.camera.depth_sensor import sensor_model
 from treadline.plant.sensors.camera.rendered_frame import ExactView, RenderedFrame, Sweep
 from treadline.plant.sensors.camera.solids import Puddle, SceneBox, Shadow, solids_of
+from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import Staircase
 
 VIEW_M = 7.0
@@ -76,7 +77,7 @@ class Camera:
         puddles: Sequence[Puddle] = (),
         rng: np.random.Generator,
     ) -> None:
-        solids = solids_of(scene.boxes()) if isinstance(scene, Staircase) else tuple(scene)
+        solids = solids_of(stair_boxes(scene)) if isinstance(scene, Staircase) else tuple(scene)
         self.calibration = calibration
         self._declared = declared or calibration
         self._texture = texture

@@ -14,7 +14,7 @@ from treadline.plant.sensors.camera.recipe import ViewRecipe, drawn
 from treadline.plant.sensors.camera.rooms import plain
 from treadline.plant.sensors.camera.solids import Puddle, SceneBox, Shadow, upright
 from treadline.plant.sensors.camera.step_shapes import shaped
-from treadline.vehicle.staircase import FLOOR_LENGTH_M
+from treadline.vehicle.stair_solids import FLOOR_LENGTH_M
 
 BEHIND_M = 0.6
 """Least distance from the chair's middle to the wall behind it [m]: half of its length."""

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import rotation_z
-from treadline.vehicle.staircase import Box
+from treadline.vehicle.stair_solids import Box
 
 Rgb = tuple[float, float, float]
 """Colour (red, green, blue), 0 to 255."""

@@ -7,55 +7,33 @@ passed in ``plugins``; without a plugin the belts are at rest.
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from xml.etree.ElementTree import Element, fromstring
 
 import numpy as np
 
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Point, Tracks
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.bodies import (
-    HULL_FRICTION,
-    Body,
-    Hinge,
-    NosingGeometry,
-    Shape,
-    Solid,
-    Standing,
-    Vehicle,
-    sides,
-    solids,
-    vehicle,
-)
-from treadline.vehicle.formats.elements import Mass, child, divided, document, roll_pitch_yaw, text
+from treadline.vehicle.bodies import HULL_FRICTION, Body, Hinge, Shape, Vehicle, sides, vehicle
+from treadline.vehicle.stair_solids import NosingGeometry, Solid, stair_solids
 from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.start_pose import Standing
+from treadline.vehicle.xml_elements import child, document, roll_pitch_yaw, text
 
 VERSION = "1.6"
-STEP_S = 0.001
-"""Time step [s]: Gazebo's default; contacts of belts on nosings are stiff."""
-ITERATIONS = 1000
-"""Iterations of ODE's solver per step: with the default of 50 a chair turns right three times as fast as left, with 400 half as
-fast from a heading of 30° (docs/gazebo.md)."""
 LIGHT = """<light name="sun" type="directional"><pose>0 0 10 0 0 0</pose><diffuse>0.8 0.8 0.8 1</diffuse>
 <specular>0.1 0.1 0.1 1</specular><direction>0.4 0.2 -0.9</direction><cast_shadows>false</cast_shadows></light>"""
 """Light of the world as SDF."""
 
 
-def sdf_model(
-    chair: ChairDescription,
-    loading: Chair,
-    *,
-    friction: tuple[float, float],
-    start: Standing | None = None,
-    plugins: Sequence[str] = (),
-) -> str:
+def sdf_model(chair: ChairDescription, loading: Chair, *, friction: tuple[float, float]) -> str:
     """Return a chair without a world as SDF.
 
     Args:
         friction: Coefficients along and across the belts.
-        plugins: ``<plugin>`` elements, as text, appended to the model.
     """
     root = Element("sdf", version=VERSION)
-    _model(root, chair, vehicle(chair, loading), friction, start, plugins)
+    _model(root, chair, vehicle(chair, loading), friction)
     return document(root)
 
 
@@ -78,14 +56,16 @@ def sdf_world(
     root = Element("sdf", version=VERSION)
     world = child(root, "world", name="treadline")
     physics = child(world, "physics", name="ode", type="ode")
-    child(physics, "max_step_size", text(STEP_S))
+    child(physics, "max_step_size", text(0.001))  # Gazebo's default; contacts of belts on nosings are stiff
     child(physics, "real_time_update_rate", "0")  # as fast as it goes
     solver = child(child(physics, "ode"), "solver")
     child(solver, "type", "quick")
-    child(solver, "iters", str(ITERATIONS))
+    # With the default of 50 iterations a chair turns right three times as fast as left, with 400 half as fast from a heading of
+    # 30° (docs/gazebo.md).
+    child(solver, "iters", "1000")
     child(world, "gravity", f"0 0 {-GRAVITY_M_S2:g}")
     world.append(fromstring(LIGHT))  # noqa: S314 - a constant of ours
-    _stair(world, solids(staircase))
+    _stair(world, stair_solids(staircase))
     _model(world, chair, vehicle(chair, loading), staircase.friction, start, plugins, belts_on_bodies=belts_on_bodies)
     return document(root)
 
@@ -95,8 +75,8 @@ def _model(
     chair: ChairDescription,
     whole: Vehicle,
     friction: tuple[float, float],
-    start: Standing | None,
-    plugins: Sequence[str],
+    start: Standing | None = None,
+    plugins: Sequence[str] = (),
     *,
     belts_on_bodies: bool = False,
 ) -> None:
@@ -111,9 +91,8 @@ def _model(
         if body.name in words:
             _three_links(model, body, chair.tracks, words[body.name], friction)
         else:
-            mass = Mass(mass_kg=body.mass_kg, com_m=body.com_m, inertia=body.inertia)
             # Our plugin takes each collision of a whole body for a belt's: there hull and payload are only drawn.
-            _link(model, body.name, body, mass, body.shapes, friction, hull_collides=not belts_on_bodies)
+            _link(model, body, friction, hull_collides=not belts_on_bodies)
         if body.hinge is not None:
             _hinge(model, body, body.hinge)
         elif body.parent is not None:
@@ -125,37 +104,56 @@ def _model(
 
 def _three_links(model: Element, body: Body, tracks: Tracks, word: str, friction: tuple[float, float]) -> None:
     """Write a body with both belts: the body itself, and one link per belt."""
-    middle, *aside = divided(body, 0.5 * tracks.gauge_m)
-    _link(model, body.name, body, middle, tuple(shape for shape in body.shapes if shape.belt is None), friction)
-    for (side, _), mass in zip(sides(tracks), aside, strict=True):
-        name = f"{side}_{word}"
-        _link(model, name, body, mass, tuple(shape for shape in body.shapes if shape.belt == side), friction)
-        joint = child(model, "joint", name=f"{name}_joint", type="fixed")
+    middle, *belts = divided(body, tracks, word)
+    _link(model, middle, friction)
+    for belt in belts:
+        _link(model, belt, friction)
+        joint = child(model, "joint", name=f"{belt.name}_joint", type="fixed")
         child(joint, "parent", body.name)
-        child(joint, "child", name)
+        child(joint, "child", belt.name)
 
 
-def _link(
-    model: Element,
-    name: str,
-    body: Body,
-    mass: Mass,
-    shapes: tuple[Shape, ...],
-    friction: tuple[float, float],
-    *,
-    hull_collides: bool = True,
-) -> None:
-    link = child(model, "link", name=name)
+def divided(body: Body, tracks: Tracks, word: str) -> tuple[Body, Body, Body]:
+    """Return a body as three: the middle, and its left and right belt, named by side and ``word``.
+
+    The two sides are level with the centre of mass, half a gauge to either side: sum, centre and moments are those of the body.
+    """
+    (x, y, z), (ixx, iyy, izz), aside_m = body.com_m, body.inertia, 0.5 * tracks.gauge_m
+    side_kg = 0.02 * body.mass_kg  # simulators need a mass in each link, with an unchanged sum
+    own = side_kg * 0.05**2 / 12.0  # a thin horizontal plate, small enough for a thin flipper
+    apart = side_kg * aside_m**2
+    middle = replace(
+        body,
+        mass_kg=body.mass_kg - 2.0 * side_kg,
+        inertia=(ixx - 2.0 * (apart + own), iyy - 2.0 * own, izz - 2.0 * (apart + 2.0 * own)),
+        shapes=tuple(shape for shape in body.shapes if shape.belt is None),
+    )
+    left, right = (
+        replace(
+            body,
+            name=f"{side}_{word}",
+            mass_kg=side_kg,
+            com_m=(x, y + sign * aside_m, z),
+            inertia=(own, own, 2.0 * own),
+            shapes=tuple(shape for shape in body.shapes if shape.belt == side),
+        )
+        for (side, _), sign in zip(sides(tracks), (1.0, -1.0), strict=True)
+    )
+    return middle, left, right
+
+
+def _link(model: Element, body: Body, friction: tuple[float, float], *, hull_collides: bool = True) -> None:
+    link = child(model, "link", name=body.name)
     child(link, "pose", text(*body.origin_m, 0.0, 0.0, 0.0))
     inertial = child(link, "inertial")
-    child(inertial, "pose", text(*mass.com_m, 0.0, 0.0, 0.0))
-    child(inertial, "mass", text(mass.mass_kg))
+    child(inertial, "pose", text(*body.com_m, 0.0, 0.0, 0.0))
+    child(inertial, "mass", text(body.mass_kg))
     inertia = child(inertial, "inertia")
-    for tag, value in zip(("ixx", "iyy", "izz"), mass.inertia, strict=True):
+    for tag, value in zip(("ixx", "iyy", "izz"), body.inertia, strict=True):
         child(inertia, tag, text(value))
     for tag in ("ixy", "ixz", "iyz"):
         child(inertia, tag, "0")
-    for shape in shapes:
+    for shape in body.shapes:
         _geometry(child(link, "visual", name=f"{shape.name}_visual"), shape)
         if shape.belt is not None or hull_collides:
             collision = child(link, "collision", name=shape.name)

@@ -1,32 +1,56 @@
-"""Seat with cushions, armrests and slider-bar linkage, or the sensor head or payload box of a robot.
+"""Seat with cushions, armrests, slider-bar linkage and seated person, or the sensor head or payload box of a robot.
 
 The origin of the seat's frame is the hinge; the pin of the linkage is ``lever_arm_m`` in front of the hinge (Section II.B, Fig. 4).
+A person is drawn as capsules, scaled to the payload's box and mass; segment lengths are fractions of the stature after Drillis and
+Contini (1966).
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import rotation_y
-from treadline.scenario.chair import ChairDescription, Seat
+from treadline.core.angles import DEG, rotation_y
+from treadline.scenario.chair import ChairDescription, Seat, Size
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.appearance import palette
-from treadline.vehicle.appearance.mesh import Mesh, box, capsule, cylinder, extrusion, merged, rounded_box, tube
-from treadline.vehicle.appearance.parts import MeshPart, part
-from treadline.vehicle.appearance.person import RECLINE_RAD, Posture, person_parts, posture
+from treadline.vehicle.appearance._mesh import Mesh, MeshPart, box, capsule, cylinder, extrusion, merged, part, rounded_box, tube
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.static_stability import payload_com, payload_origin
 
-PERSON_M = 0.5
-"""Least height of the payload's box on a seat that is drawn as a person [m]: a seated child of 1.2 m."""
 ROD_M = 0.012
 """Radius of the rods of seat and linkage [m] (drawn only)."""
+RECLINE_RAD = 10.0 * DEG
+"""Recline of backrest and trunk [rad] (drawn only)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Posture:
+    """Joints of a seated person in the seat's frame, in the plane y = ``hip[1]`` [m]."""
+
+    stature_m: float
+    girth: float
+    """Factor on all widths."""
+    hip: Float[np.ndarray, " 3"]
+    shoulder: Float[np.ndarray, " 3"]
+    knee: Float[np.ndarray, " 3"]
+    ankle: Float[np.ndarray, " 3"]
+    thigh_radius_m: float
+
+    @property
+    def sole_z(self) -> float:
+        """Height of the soles [m]."""
+        return float(self.ankle[2]) - 0.039 * self.stature_m
+
+    @property
+    def elbow_z(self) -> float:
+        """Height of the elbows [m]."""
+        return float(self.shoulder[2]) - 0.95 * 0.186 * self.stature_m
 
 
 def carries_person(chair: ChairDescription) -> bool:
-    """Return whether the payload is drawn as a person."""
-    return chair.seat is not None and chair.payload_size_m[2] >= PERSON_M
+    """Return whether the payload is drawn as a person: on a seat, at least as tall as a seated child of 1.2 m."""
+    return chair.seat is not None and chair.payload_size_m[2] >= 0.5
 
 
 def linkage_y_m(chair: ChairDescription) -> float:
@@ -42,10 +66,10 @@ def seat_parts(chair: ChairDescription, loading: Chair) -> tuple[MeshPart, ...]:
     if not carries_person(chair):
         return (*_sensor_head(chair, chair.seat, loading), *linkage)
     (dx, dy, _), nominal = loading.payload_offset_m, np.array(chair.payload_com_m)
-    seated = posture(chair.payload_size_m, loading.payload_kg, nominal)
+    seated = _posture(chair.payload_size_m, loading.payload_kg, nominal)
     parts = [*_wheelchair_seat(chair, chair.seat, seated), *linkage]
     if loading.payload_kg > 0.0:
-        parts += person_parts(posture(chair.payload_size_m, loading.payload_kg, nominal + np.array([dx, dy, 0.0])))
+        parts += _person_parts(_posture(chair.payload_size_m, loading.payload_kg, nominal + np.array([dx, dy, 0.0])))
     return tuple(parts)
 
 
@@ -86,13 +110,13 @@ def _linkage_parts(chair: ChairDescription, seat: Seat, loading: Chair) -> list[
     sliders = [box((0.0, s * y, 0.0), (3.2 * rod, 2.2 * rod, 2.0 * rod)) for s in (1.0, -1.0)]
     bars = [capsule((0.0, s * y, 0.0), (seat.bar_m, s * y, 0.0), rod, sides=8) for s in (1.0, -1.0)]
     return [
-        part("linkage_rails", "chair", rails, palette.RAIL),
-        part("linkage_sliders", "slider", sliders, palette.RAIL),
-        part("linkage_bars", "bar", bars, palette.LINKAGE),
+        part("linkage_rails", "chair", rails, "rail"),
+        part("linkage_sliders", "slider", sliders, "rail"),
+        part("linkage_bars", "bar", bars, "linkage"),
     ]
 
 
-def _wheelchair_seat(chair: ChairDescription, seat: Seat, seated: Posture) -> list[MeshPart]:
+def _wheelchair_seat(chair: ChairDescription, seat: Seat, seated: _Posture) -> list[MeshPart]:
     """Return seat frame, cushions and armrests below and behind a seated person."""
     y, half = linkage_y_m(chair), 0.5 * chair.payload_size_m[1]
     h, (hip_x, _, hip_z) = seated.stature_m, seated.hip
@@ -123,9 +147,9 @@ def _wheelchair_seat(chair: ChairDescription, seat: Seat, seated: Posture) -> li
         rests.append(rounded_box((hip_x + 0.075 * h, rest_y, elbow - 0.05), (0.16 * h, 0.045, 0.028), 0.01))
         frame.append(tube([(hip_x + 0.1 * h, rest_y, elbow - 0.06), (hip_x + 0.1 * h, rest_y, top - thick)], 0.7 * ROD_M))
     return [
-        part("seat_frame", "seat", frame, palette.SEAT_FRAME),
-        part("cushions", "seat", [cushion, back.moved(base, R)], palette.CUSHION),
-        part("armrests", "seat", rests, palette.BATTERY),
+        part("seat_frame", "seat", frame, "seat_frame"),
+        part("cushions", "seat", [cushion, back.moved(base, R)], "cushion"),
+        part("armrests", "seat", rests, "battery"),
     ]
 
 
@@ -142,9 +166,9 @@ def _sensor_head(chair: ChairDescription, seat: Seat, loading: Chair) -> list[Me
     cradle += [extrusion(plate, s * at - 0.004, s * at + 0.004) for s in (1.0, -1.0)]
     window = rounded_box((x + 0.5 * a, y, z + 0.15 * c), (0.01, 0.7 * b, 0.3 * c), 0.05 * b, along=0)
     return [
-        part("seat_frame", "seat", cradle, palette.SEAT_FRAME),
-        part("payload", "seat", [rounded_box((x, y, z), (a, b, c), 0.15 * c)], palette.PAYLOAD),
-        part("payload_window", "seat", [window], palette.CAMERA),
+        part("seat_frame", "seat", cradle, "seat_frame"),
+        part("payload", "seat", [rounded_box((x, y, z), (a, b, c), 0.15 * c)], "payload"),
+        part("payload_window", "seat", [window], "camera"),
     ]
 
 
@@ -156,6 +180,53 @@ def _payload_box(chair: ChairDescription, loading: Chair) -> tuple[MeshPart, ...
     a, b, c = chair.payload_size_m
     straps = merged([box(centre + np.array([s * 0.25 * a, 0.0, 0.0]), (0.08 * a, 1.01 * b, 1.01 * c)) for s in (1.0, -1.0)])
     return (
-        part("payload", "chair", [rounded_box(centre, (a, b, c), 0.08 * c)], palette.PAYLOAD),
-        part("payload_straps", "chair", [straps], palette.BATTERY),
+        part("payload", "chair", [rounded_box(centre, (a, b, c), 0.08 * c)], "payload"),
+        part("payload_straps", "chair", [straps], "battery"),
     )
+
+
+def _posture(size_m: Size, mass_kg: float, com: Float[np.ndarray, " 3"]) -> _Posture:
+    """Return the joints of a person whose box and centre of mass in the seat's frame are given.
+
+    Angles and the limits of the girth are chosen for the look: the feet stay inside the frame on a slope of 30°.
+    """
+    h = 2.4 * size_m[2]  # 1.68 m for the box of 0.70 m of the shipped wheelchairs
+    # Widths grow with the root of the mass; 22 kg/m² is the middle of the WHO's normal range of the body mass index.
+    girth = min(max(math.sqrt(max(mass_kg, 1.0) / (22.0 * h * h)), 0.75), 1.45)
+    hip = com + h * np.array([-0.077, 0.0, -0.116])  # a seated person's centre of mass is in front of the abdomen
+    thigh_rad, shank_rad = 15.0 * DEG, 24.0 * DEG
+    shoulder = hip + 0.288 * h * np.array([-math.sin(RECLINE_RAD), 0.0, math.cos(RECLINE_RAD)])
+    knee = hip + 0.245 * h * np.array([math.cos(thigh_rad), 0.0, math.sin(thigh_rad)])
+    ankle = knee + 0.246 * h * np.array([-math.sin(shank_rad), 0.0, -math.cos(shank_rad)])
+    return _Posture(
+        stature_m=h, girth=girth, hip=hip, shoulder=shoulder, knee=knee, ankle=ankle, thigh_radius_m=0.042 * h * math.sqrt(girth)
+    )
+
+
+def _person_parts(seated: _Posture) -> list[MeshPart]:
+    """Return head, trunk, limbs and shoes of a seated person as capsules."""
+    h, g, hip, shoulder, knee, ankle = (
+        seated.stature_m,
+        seated.girth,
+        seated.hip,
+        seated.shoulder,
+        seated.knee,
+        seated.ankle,
+    )
+    x, y, z = np.eye(3)
+    neck, joint, sole = shoulder + 0.06 * h * z, 0.033 * h * math.sqrt(g), 0.5 * (float(ankle[2]) - seated.sole_z)
+    skin = [capsule(shoulder, neck, 0.03 * h), capsule(neck + 0.055 * h * z, neck + 0.1 * h * z, 0.048 * h)]
+    shirt, trousers, shoes = [], [], []
+    for side in (y, -y):
+        upper = shoulder + 0.1 * g * h * side
+        elbow = np.array([upper[0] + 0.06 * h, upper[1] + 0.012 * h * side[1], seated.elbow_z])
+        hand = elbow + 0.146 * h * (x - 0.12 * side)
+        shirt.append(capsule(hip + 0.038 * g * h * side, shoulder - 0.02 * h * z + 0.04 * g * h * side, 0.062 * g * h))
+        shirt += [capsule(upper, elbow, 0.03 * g * h, 0.024 * g * h), capsule(elbow, hand, 0.024 * g * h, 0.018 * g * h)]
+        skin.append(capsule(hand, hand + 0.03 * h * x, 0.019 * h, sides=8))
+        trousers.append(capsule(hip + 0.052 * g * h * side, knee + 0.056 * h * side, 1.05 * seated.thigh_radius_m, joint))
+        trousers.append(capsule(knee + 0.056 * h * side, ankle + 0.056 * h * side, joint, 0.7 * joint))
+        heel = ankle + 0.056 * h * side - sole * z
+        shoes.append(capsule(heel - 0.01 * h * x, heel + 0.1 * h * x, sole))
+    painted = (("skin", skin), ("shirt", shirt), ("trousers", trousers), ("shoes", shoes))
+    return [part(f"person_{name}", "seat", meshes, name) for name, meshes in painted]

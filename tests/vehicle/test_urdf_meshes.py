@@ -8,10 +8,8 @@ import pytest
 
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.appearance.belts import resting_lugs
-from treadline.vehicle.appearance.chair_parts import body_poses, chair_parts
-from treadline.vehicle.appearance.mesh_files import LINKAGE_BODIES, drawn_urdf
-from treadline.vehicle.formats import urdf
+from treadline.vehicle.appearance import LINKAGE_BODIES, body_poses, chair_parts, resting_lugs
+from treadline.vehicle.urdf import drawn_urdf, urdf
 
 CHAIRS = ("wheelchair", "wheelchair-fixed", "rescue")
 
@@ -19,22 +17,22 @@ CHAIRS = ("wheelchair", "wheelchair-fixed", "rescue")
 @pytest.mark.parametrize("name", CHAIRS)
 def test_each_visual_names_a_file_and_each_part_is_drawn_on_its_link(name: str) -> None:
     chair, loading = read_chair(name), Chair(model=name, payload_kg=5.0)
-    drawn = drawn_urdf(chair, loading, None, "meshes/")
-    robot = fromstring(drawn.text)
+    text, files = drawn_urdf(chair, loading, None, "meshes/")
+    robot = fromstring(text)
     named = {mesh.get("filename") for mesh in robot.iter("mesh")}
-    assert named == {f"meshes/{file}" for file in drawn.files}
+    assert named == {f"meshes/{file}" for file in files}
     parts = {part.name: part for part in (*chair_parts(chair, loading), *resting_lugs(chair)) if part.body not in LINKAGE_BODIES}
     on = {visual.get("name"): link.get("name") for link in robot.findall("link") for visual in link.findall("visual")}
     assert on == {part.name: part.body for part in parts.values()}
     for part in parts.values():
-        data = drawn.files[f"{part.name}.stl"]
+        data = files[f"{part.name}.stl"]
         assert len(data) == 84 + 50 * len(part.faces) == 84 + 50 * int.from_bytes(data[80:84], "little")
 
 
 @pytest.mark.parametrize("name", CHAIRS)
 def test_meshes_change_neither_links_nor_masses_nor_collisions(name: str) -> None:
     chair, loading = read_chair(name), Chair(model=name, payload_kg=5.0)
-    plain, drawn = fromstring(urdf(chair, loading)), fromstring(drawn_urdf(chair, loading, None, "").text)
+    plain, drawn = fromstring(urdf(chair, loading)), fromstring(drawn_urdf(chair, loading, None, "")[0])
     for robot in (plain, drawn):
         for link in robot.findall("link"):
             for visual in link.findall("visual"):

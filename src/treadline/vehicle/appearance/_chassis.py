@@ -4,10 +4,8 @@ import numpy as np
 
 from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.scenario.chair import CameraMount, ChairDescription
-from treadline.vehicle.appearance import palette
-from treadline.vehicle.appearance.mesh import Mesh, box, cylinder, extrusion, merged, rounded_box, tube
-from treadline.vehicle.appearance.parts import MeshPart, part
-from treadline.vehicle.appearance.seat_parts import carries_person, linkage_y_m
+from treadline.vehicle.appearance._mesh import Mesh, MeshPart, box, cylinder, extrusion, merged, part, rounded_box, tube
+from treadline.vehicle.appearance._seat import carries_person, linkage_y_m
 
 PLATE_M = 0.012
 """Thickness of the frame's side plates [m] (drawn only)."""
@@ -64,19 +62,19 @@ def chassis_parts(chair: ChairDescription) -> tuple[MeshPart, ...]:
         for sign in (1.0, -1.0)
     ]
     parts = [
-        part("frame", "chair", frame, palette.FRAME),
-        part("battery", "chair", [battery], palette.BATTERY),
-        part("covers", "chair", covers, palette.COVER),
-        part("drive", "chair", drive, palette.DRIVE),
+        part("frame", "chair", frame, "frame"),
+        part("battery", "chair", [battery], "battery"),
+        part("covers", "chair", covers, "cover"),
+        part("drive", "chair", drive, "drive"),
     ]
     masts = [_front_mast(chair, chair.camera, (x1 - 0.07 * height, half, z0 + 0.32 * height))]
     cameras = [chair.camera]
     if chair.rear_camera is not None:
         masts.append(_rear_mast(chair, chair.rear_camera, (x0, half, z1)))
         cameras.append(chair.rear_camera)
-    parts.append(part("camera_masts", "chair", masts, palette.SEAT_FRAME))
-    parts.append(part("camera_housings", "chair", [_housing(mount) for mount in cameras], palette.CAMERA))
-    parts.append(part("camera_lenses", "chair", [lens for mount in cameras for lens in _lenses(mount)], palette.LENS))
+    parts.append(part("camera_masts", "chair", masts, "seat_frame"))
+    parts.append(part("camera_housings", "chair", [_housing(mount) for mount in cameras], "camera"))
+    parts.append(part("camera_lenses", "chair", [lens for mount in cameras for lens in _lenses(mount)], "lens"))
     return tuple(parts)
 
 

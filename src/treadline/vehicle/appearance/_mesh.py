@@ -1,16 +1,24 @@
-"""Triangle meshes of simple solids: boxes, extrusions, bands and solids of revolution, all closed with outward faces."""
+"""Triangle meshes of simple solids, all closed with outward faces, and the coloured parts of a drawn scene made of them."""
 
 import math
+import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Float32, Int, Int32
 
 Outline = Float[np.ndarray, "n 2"]
 """Closed polygon (x, z), anticlockwise with x to the right and z up."""
 Point3 = Sequence[float] | Float[np.ndarray, " 3"]
+Colour = tuple[float, float, float]
+"""Red, green and blue, each 0 to 1."""
+BodyName = Literal["chair", "seat", "flipper", "bar", "slider", "world"]
+"""Body of a part: the bodies of ``vehicle.bodies.vehicle``, bar and slider of the seat linkage, or the world."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -24,12 +32,6 @@ class Mesh:
         """Return the mesh rotated by R and then shifted by p."""
         turned = self.vertices if R is None else self.vertices @ R.T
         return Mesh(vertices=turned + np.asarray(p, dtype=float), faces=self.faces)
-
-    @property
-    def volume_m3(self) -> float:
-        """Enclosed volume, positive if the faces point outwards."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
 
 
 def merged(meshes: Iterable[Mesh]) -> Mesh:
@@ -156,6 +158,38 @@ def capsule(start: Point3, end: Point3, radius_m: float, end_radius_m: float | N
 def tube(points: Sequence[Point3], radius_m: float, sides: int = 8) -> Mesh:
     """Return a round tube along a line of points."""
     return merged(capsule(a, b, radius_m, sides=sides) for a, b in pairwise(points))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MeshPart:
+    """Closed triangle mesh of one colour, rigidly attached to a body."""
+
+    name: str
+    body: BodyName
+    """Body whose frame holds the vertices."""
+    vertices_m: Float32[np.ndarray, "v 3"]
+    faces: Int32[np.ndarray, "f 3"]
+    """Indices of the corners of each triangle, anticlockwise as seen from outside."""
+    colour: Colour
+    opacity: float = 1.0
+    """Opacity from 0 (invisible) to 1."""
+
+
+@cache
+def colour(name: str) -> Colour:
+    """Return a colour of ``data/palette.toml``."""
+    palette = tomllib.loads((Path(__file__).parents[2] / "data" / "palette.toml").read_text(encoding="utf-8"))
+    code = int(palette[name][1:], 16)
+    return (code >> 16) / 255.0, (code >> 8 & 0xFF) / 255.0, (code & 0xFF) / 255.0
+
+
+def part(name: str, body: BodyName, meshes: Iterable[Mesh], painted: str, opacity: float = 1.0) -> MeshPart:
+    """Return meshes as one part, painted with a colour of the palette."""
+    whole = merged(meshes)
+    vertices, faces = whole.vertices.astype(np.float32), whole.faces.astype(np.int32)
+    vertices.setflags(write=False)
+    faces.setflags(write=False)
+    return MeshPart(name=name, body=body, vertices_m=vertices, faces=faces, colour=colour(painted), opacity=opacity)
 
 
 def _between(line: Outline, low: float, high: float) -> Float[np.ndarray, "m 3"]:

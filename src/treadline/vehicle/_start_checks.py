@@ -1,24 +1,64 @@
-"""Feasibility of the start pose: ``Scenario, ChairDescription -> problems``, part of the verdict."""
+"""Feasibility of the start pose, a part of the verdict: ``Scenario, ChairDescription -> problems``.
+
+The penetration of the chair into the stair is that of boxes into boxes, by the separating axis theorem (Gottschalk et al.,
+SIGGRAPH 1996). A pulley is treated as round along each tested axis; the axes are those of the boxes, so that the edge of a box can
+appear up to 0.4 pulley radii too near.
+"""
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
-from treadline.core.angles import DEG
+from treadline.core.angles import DEG, rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle.bodies import CLEARANCE_M, from_edge_m, rounded_off_m, standing, vehicle
-from treadline.vehicle.overlap import Overlap, deepest_overlap, placed_parts
+from treadline.vehicle.bodies import Body, Vehicle, vehicle
+from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
+from treadline.vehicle.start_pose import CLEARANCE_M, Standing, from_edge_m, rounded_off_m, standing
 from treadline.vehicle.static_stability import centre_of_mass
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
 SUNK_M = 0.01
 """Largest accepted penetration of a part into floor or stair at the start [m]: settling before t = 0 removes it."""
-EDGE_ROUNDING_M = 1e-6
-"""Distance beyond an edge attributed to rounding [m]."""
 PARTS = {"hull": "the hull", "payload": "the passenger", "nose": "the tip of the flipper", "approach": "the flipper"}
 """Names of the chair's shapes in messages; all others are belts."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlacedPart:
+    """Part of the chair in the world: a box or a cylinder."""
+
+    name: str
+    centre_W: Float[np.ndarray, " 3"]
+    half_m: Float[np.ndarray, " 3"]
+    R_WK: Float[np.ndarray, "3 3"]
+    is_round: bool = False
+    """Whether the part is a cylinder about its y."""
+
+    def reach(self, axes: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+        """Return the extent of the part from its centre along unit vectors [m]."""
+        along = np.abs(axes @ self.R_WK)
+        if not self.is_round:
+            return np.asarray(along @ self.half_m)
+        across = np.sqrt(np.maximum(1.0 - along[:, 1] ** 2, 0.0))
+        return np.asarray(self.half_m[0] * across + self.half_m[1] * along[:, 1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Overlap:
+    """Deepest overlap of a part of the chair with a part of the stair."""
+
+    part: str
+    """Shape of the chair, named as in ``bodies.vehicle``."""
+    into: str
+    """Kind of the stair's box."""
+    index: int
+    """Index of the step; -1 for floor and walls."""
+    depth_m: float
 
 
 def start_problems(scenario: Scenario, chair: ChairDescription) -> tuple[str | None, ...]:
@@ -69,12 +109,12 @@ def _over_an_edge(scenario: Scenario, tracks: Tracks, staircase: Staircase) -> s
     if scenario.start.place != "landing":
         return None
     start = standing(staircase, tracks, scenario.start)
-    box = next(box for box in staircase.boxes() if box.kind == "landing" and box.index == staircase.steps[-1].index)
+    box = next(box for box in stair_boxes(staircase) if box.kind == "landing" and box.index == staircase.steps[-1].index)
     half_run, aside = 0.5 * tracks.flat_run_m, 0.5 * tracks.gauge_m
     ends_B = np.array([[x, y, 0.0] for x in (-half_run, half_run) for y in (-aside, aside)])
     ends_K = (start.p_WB + ends_B @ start.R_WB.T - np.array(box.centre_W)) @ box.R_WK
     over_m = max(float(-box.half_m[0] - ends_K[:, 0].min()), float(np.abs(ends_K[:, 1]).max()) - box.half_m[1])
-    if over_m <= EDGE_ROUNDING_M:
+    if over_m <= 1e-6:  # rounding
         return None
     return f"a track would start {over_m:.2f} m over an edge of the landing; start squarer, or nearer its middle"
 
@@ -152,3 +192,54 @@ def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str |
         f"the landing is {depth_m:.2f} m deep, a chair that starts on it needs {needed_m:.2f} m; give it a deeper one or start on "
         "the flight"
     )
+
+
+def placed_parts(chair: Vehicle, start: Standing, flipper_rad: float) -> tuple[PlacedPart, ...]:
+    """Return the chair's shapes at its start pose."""
+    return tuple(_placed(chair, start, flipper_rad))
+
+
+def _placed(chair: Vehicle, start: Standing, flipper_rad: float) -> Iterator[PlacedPart]:
+    for body in chair.bodies:
+        R_BK = _joint(body, start, flipper_rad)
+        for shape in body.shapes:
+            centre_B = np.array(body.origin_m) + R_BK @ np.array(shape.centre_m)
+            yield PlacedPart(
+                name=shape.name,
+                centre_W=start.p_WB + start.R_WB @ centre_B,
+                half_m=np.array(shape.half_m),
+                R_WK=start.R_WB @ R_BK @ rotation_y(-shape.nose_up_rad),
+                is_round=shape.kind == "cylinder",
+            )
+
+
+def _joint(body: Body, start: Standing, flipper_rad: float) -> Float[np.ndarray, "3 3"]:
+    """Return the rotation of a body relative to the chassis."""
+    return {"seat": rotation_y(start.seat_rad), "flipper": rotation_y(-flipper_rad)}.get(body.name, np.eye(3))
+
+
+def deepest_overlap(parts: tuple[PlacedPart, ...], staircase: Staircase) -> Overlap | None:
+    """Return the deepest overlap of the chair with the stair, or None."""
+    boxes = [solid.box for solid in stair_solids(staircase)]
+    centres, radii = np.array([box.centre_W for box in boxes]), np.array([math.hypot(*box.half_m) for box in boxes])
+    worst: Overlap | None = None
+    for part in parts:
+        reach_m = radii + float(np.linalg.norm(part.half_m))
+        for place in np.flatnonzero(np.linalg.norm(centres - part.centre_W, axis=1) < reach_m):
+            box = boxes[int(place)]
+            depth_m = depth_of_overlap(part, box)
+            if depth_m > (0.0 if worst is None else worst.depth_m):
+                worst = Overlap(part=part.name, into=box.kind, index=box.index, depth_m=depth_m)
+    return worst
+
+
+def depth_of_overlap(part: PlacedPart, box: Box) -> float:
+    """Return the distance needed to separate two boxes [m], negative without contact."""
+    A, B = part.R_WK, box.R_WK
+    apart = np.array(box.centre_W) - part.centre_W
+    cross = np.cross(A.T[:, None, :], B.T[None, :, :]).reshape(-1, 3)
+    squared = np.einsum("ij,ij->i", cross, cross)
+    skew = squared > 1e-9  # the cross product of parallel edges is no axis
+    axes = np.vstack([A.T, B.T, cross[skew] / np.sqrt(squared[skew])[:, None]])
+    reach = part.reach(axes) + np.abs(axes @ B) @ np.array(box.half_m)
+    return float((reach - np.abs(axes @ apart)).min())

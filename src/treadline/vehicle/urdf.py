@@ -1,47 +1,39 @@
 """Export of the chair as URDF: links, joints and camera frames, for robot_state_publisher, RViz and other URDF readers.
 
-``ChairDescription, Chair -> str``. The root ``base_link`` is the frame B. A link without mass is part of its parent.
+``ChairDescription, Chair -> URDF, STL files``: one binary STL file per drawn part. The root ``base_link`` is the frame B. A link
+without mass is part of its parent.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from xml.etree.ElementTree import Element
+
+import numpy as np
 
 from treadline.core.images import CAMERA_AXES_IN_CHAIR
 from treadline.scenario.chair import CameraMount, ChairDescription
-from treadline.scenario.scenario import Chair
+from treadline.scenario.scenario import Belts, Chair
+from treadline.vehicle.appearance import LINKAGE_BODIES, MeshPart, chair_parts, resting_lugs
 from treadline.vehicle.bodies import Body, Hinge, Shape, vehicle
-from treadline.vehicle.formats.elements import child, document, roll_pitch_yaw, text
+from treadline.vehicle.xml_elements import child, document, roll_pitch_yaw, text
 
-STIFF_N_M = 1000.0
-"""Effort limit of a joint without torque limit [N m]: URDF requires a number."""
 COLOURS = {"left": "0.15 0.15 0.15 1", "right": "0.15 0.15 0.15 1", None: "0.4 0.5 0.6 0.4"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeshVisual:
-    """Mesh file that is drawn on a link, in the link's frame."""
-
-    name: str
-    link: str
-    url: str
-    rgba: tuple[float, float, float, float]
-
-
-def urdf(chair: ChairDescription, loading: Chair, visuals: Sequence[MeshVisual] = ()) -> str:
+def urdf(chair: ChairDescription, loading: Chair, drawn: Sequence[MeshPart] = (), mesh_url: str = "") -> str:
     """Return a chair with its payload as URDF.
 
     Args:
-        visuals: Meshes to draw; without meshes the collision shapes are drawn.
+        drawn: Parts to draw; without parts the collision shapes are drawn.
+        mesh_url: Prefix of the parts' mesh files.
     """
     whole = vehicle(chair, loading)
     robot = Element("robot", name=whole.name)
     child(robot, "link", name="base_link")  # a root with inertia is refused by KDL
-    _link(robot, whole.chassis, visuals)
+    _link(robot, whole.chassis, drawn, mesh_url)
     _joint(robot, "base_link", whole.chassis.name)
     for body in whole.bodies[1:]:
-        _link(robot, body, visuals)
+        _link(robot, body, drawn, mesh_url)
         if body.hinge is None:
             _joint(robot, whole.chassis.name, body.name, xyz=text(*body.origin_m))
         else:
@@ -49,14 +41,37 @@ def urdf(chair: ChairDescription, loading: Chair, visuals: Sequence[MeshVisual] 
     for body in whole.bodies:
         for shape in body.shapes:
             if shape.kind == "cylinder":
-                _pulley(robot, body, shape, drawn=not visuals)
+                _pulley(robot, body, shape, hidden=bool(drawn))
     _camera(robot, whole.chassis.name, "camera", chair.camera)
     if chair.rear_camera is not None:
         _camera(robot, whole.chassis.name, "rear_camera", chair.rear_camera)
     return document(robot)
 
 
-def _link(robot: Element, body: Body, visuals: Sequence[MeshVisual]) -> None:
+def drawn_urdf(chair: ChairDescription, loading: Chair, belts: Belts | None, mesh_url: str) -> tuple[str, dict[str, bytes]]:
+    """Return a chair's URDF whose visuals are meshes, and the contents of its mesh files by name.
+
+    Args:
+        belts: Lug profile of the scenario; None: a smooth belt.
+        mesh_url: Prefix of the file names in the URDF, for example ``chair_meshes/`` or ``package://my_chair/meshes/``.
+    """
+    parts = (*chair_parts(chair, loading, belts), *resting_lugs(chair, belts))
+    shown = [part for part in parts if part.body not in LINKAGE_BODIES]
+    return urdf(chair, loading, shown, mesh_url), {f"{part.name}.stl": stl(part) for part in shown}
+
+
+def stl(part: MeshPart) -> bytes:
+    """Return a part as a binary STL file."""
+    corners = part.vertices_m[part.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    triangles = np.zeros(len(corners), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    triangles["corners"] = corners
+    triangles["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    header = f"treadline {part.name}".encode().ljust(80)[:80]
+    return header + np.uint32(len(corners)).tobytes() + triangles.tobytes()
+
+
+def _link(robot: Element, body: Body, drawn: Sequence[MeshPart], mesh_url: str) -> None:
     """Write a body with its boxes and meshes; its pulleys are separate links."""
     link = child(robot, "link", name=body.name)
     inertial = child(link, "inertial")
@@ -66,16 +81,17 @@ def _link(robot: Element, body: Body, visuals: Sequence[MeshVisual]) -> None:
     child(inertial, "inertia", ixx=text(ixx), iyy=text(iyy), izz=text(izz), ixy="0", ixz="0", iyz="0")
     for shape in body.shapes:
         if shape.kind == "box":
-            _shape(link, shape, drawn=not visuals)
-    for visual in visuals:
-        if visual.link == body.name:
-            element = child(link, "visual", name=visual.name)
-            child(child(element, "geometry"), "mesh", filename=visual.url)
-            child(child(element, "material", name=visual.name), "color", rgba=text(*(round(part, 4) for part in visual.rgba)))
+            _shape(link, shape, hidden=bool(drawn))
+    for part in drawn:
+        if part.body == body.name:
+            element = child(link, "visual", name=part.name)
+            child(child(element, "geometry"), "mesh", filename=f"{mesh_url}{part.name}.stl")
+            rgba = text(*(round(share, 4) for share in (*part.colour, part.opacity)))
+            child(child(element, "material", name=part.name), "color", rgba=rgba)
 
 
-def _shape(link: Element, shape: Shape, *, drawn: bool) -> None:
-    for tag in ("visual", "collision") if drawn else ("collision",):
+def _shape(link: Element, shape: Shape, *, hidden: bool) -> None:
+    for tag in ("collision",) if hidden else ("visual", "collision"):
         element = child(link, tag, name=shape.name)
         is_box = shape.kind == "box"
         # URDF's cylinder stands along z: a quarter turn about x lays it along y.
@@ -103,14 +119,14 @@ def _turning(robot: Element, body: Body, hinge: Hinge) -> None:
     joint = _joint(robot, body.parent or "base_link", body.name, kind="revolute", xyz=text(*body.origin_m))
     child(joint, "axis", xyz=text(*hinge.axis))
     low, high = hinge.range_rad
-    effort = STIFF_N_M if hinge.torque_n_m is None else hinge.torque_n_m
+    effort = 1000.0 if hinge.torque_n_m is None else hinge.torque_n_m  # URDF requires a number
     child(joint, "limit", lower=text(low), upper=text(high), effort=text(effort), velocity=text(hinge.max_rate_rad_s))
 
 
-def _pulley(robot: Element, body: Body, shape: Shape, *, drawn: bool) -> None:
+def _pulley(robot: Element, body: Body, shape: Shape, *, hidden: bool) -> None:
     """Write a pulley as a massless link fixed to chassis or flipper; its mass is part of the body's."""
     name = f"{shape.name}_pulley"
-    _shape(child(robot, "link", name=name), shape, drawn=drawn)
+    _shape(child(robot, "link", name=name), shape, hidden=hidden)
     _joint(robot, body.name, name, xyz=text(*shape.centre_m))
 
 

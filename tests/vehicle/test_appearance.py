@@ -13,19 +13,17 @@ from treadline.core.angles import rotation_y
 from treadline.scenario.chair import ChairDescription, Payload, read_chair
 from treadline.scenario.scenario import Belts, Chair, Stair
 from treadline.vehicle.appearance import (
-    TRIANGLE_BUDGET,
+    BeltPath,
     MeshPart,
     body_poses,
     chair_parts,
     lug_part,
     lug_poses,
-    obstacle_part,
     stair_parts,
 )
-from treadline.vehicle.appearance.belt_path import BeltPath
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.staircase import as_designed
-from treadline.vehicle.track_length import belt_length, outline
+from treadline.vehicle.track_length import pulley_centres
 
 SHIPPED = sorted(path.stem for path in (Path(treadline.__file__).parent / "data" / "chairs").glob("*.toml"))
 ROUNDING_M = 1e-6
@@ -95,9 +93,8 @@ def test_names_are_unique_and_each_body_has_a_pose(chair: ChairDescription) -> N
 @every_chair
 def test_a_chair_with_its_lugs_keeps_the_triangle_budget(chair: ChairDescription) -> None:
     lugs = sum(len(lug_poses(chair, side, 0.0)) for side in ("left", "right"))
-    assert (
-        sum(len(part.faces) for part in chair_parts(chair, _loading(chair))) + lugs * len(lug_part(chair).faces) <= TRIANGLE_BUDGET
-    )
+    triangles = sum(len(part.faces) for part in chair_parts(chair, _loading(chair))) + lugs * len(lug_part(chair).faces)
+    assert triangles <= 12_000  # embedded in pages and sent over a network
 
 
 @every_chair
@@ -112,19 +109,17 @@ def test_the_chassis_is_inside_the_hull(chair: ChairDescription) -> None:
 def test_belts_are_inside_the_collision_geometry_in_width_and_outline(chair: ChairDescription) -> None:
     tracks = chair.tracks
     low, high = 0.5 * (tracks.gauge_m - tracks.belt_width_m), 0.5 * (tracks.gauge_m + tracks.belt_width_m)
-    line = outline(tracks, points_per_arc=200)
-    along = np.roll(line, -1, axis=0) - line
-    normal = np.column_stack([along[:, 1], -along[:, 0]])
-    kept = np.linalg.norm(normal, axis=1) > 1e-9
-    normal = normal[kept] / np.linalg.norm(normal[kept], axis=1, keepdims=True)
+    turns = np.linspace(0.0, 2.0 * math.pi, 400)
+    normals = np.stack([np.cos(turns), np.sin(turns)])
+    # Three pulleys reach this far in each direction.
+    reach = (pulley_centres(tracks) @ normals).max(axis=0) + tracks.pulley_radius_m
     poses = body_poses(chair, _loading(chair))
     belts = [part for part in chair_parts(chair, _loading(chair)) if "belt" in part.name]
     assert belts
     for part in belts:
         p_B = part.vertices_m @ poses[part.body][:3, :3].T + poses[part.body][:3, 3]
         assert ((np.abs(p_B[:, 1]) >= low - ROUNDING_M) & (np.abs(p_B[:, 1]) <= high + ROUNDING_M)).all()
-        beyond = p_B[:, [0, 2]] @ normal.T - np.einsum("ij,ij->i", line[kept], normal)
-        assert beyond.max() < 0.0, "lugs stand out of the belt"
+        assert (p_B[:, [0, 2]] @ normals < reach).all(), "lugs stand out of the belt"
 
 
 @every_chair
@@ -163,7 +158,10 @@ def test_lug_tips_lie_on_the_pulleys_outline_of_a_flipper(flipper_deg: float) ->
 
 def test_a_fixed_belt_path_is_the_outline_of_the_three_pulleys() -> None:
     chair = read_chair("wheelchair-fixed")
-    assert BeltPath(chair).length_m == pytest.approx(belt_length(chair.tracks), abs=1e-12)
+    centres = pulley_centres(chair.tracks)
+    sides = np.linalg.norm(centres - np.roll(centres, -1, axis=0), axis=1)
+    # The sides of the triangle of axes, and one turn around a pulley.
+    assert BeltPath(chair).length_m == pytest.approx(float(sides.sum()) + 2.0 * math.pi * 0.07, abs=1e-12)
 
 
 def test_lug_spacing_is_the_scenarios_pitch_up_to_a_whole_number_of_lugs() -> None:
@@ -209,7 +207,7 @@ def test_a_person_grows_with_the_payload_and_an_empty_seat_has_none() -> None:
 def test_stairs_are_closed_with_a_strip_at_each_nosing(stair: Stair) -> None:
     staircase = as_designed(stair)
     parts = {part.name: part for part in stair_parts(staircase)}
-    for part in (*parts.values(), obstacle_part((1.0, 0.0, 0.5), (0.3, 0.5, 0.4), 0.3)):
+    for part in parts.values():
         assert part.body == "world"
         _assert_closed_and_outward(part)
     assert {"floor", "treads", "nosings"} <= set(parts)

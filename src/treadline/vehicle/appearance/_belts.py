@@ -1,4 +1,10 @@
-"""Belts, lugs, pulleys and flipper: ``chair, lug profile, belt travel -> meshes and lug poses``."""
+"""Belts, lugs, pulleys and flipper: ``chair, lug profile, belt travel -> meshes and lug poses``.
+
+The closed path of a belt's outline around its pulleys follows the plant's lug model: arc length σ = 0 is mid-track on the flat run,
+and σ grows in the direction in which the belt moves while the chair drives forward, rearward on the flat run. The outline runs
+through the lugs' tips. On a chair with a flipper the belt runs along the flipper and back: it wraps the front pulley on the convex
+side, and bends around a small idler on the concave side, drawn as a corner.
+"""
 
 import math
 from itertools import pairwise
@@ -10,10 +16,19 @@ from jaxtyping import Float
 from treadline.core.angles import rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import LUGS_MM, Belts
-from treadline.vehicle.appearance import palette
-from treadline.vehicle.appearance.belt_path import BeltPath
-from treadline.vehicle.appearance.mesh import Mesh, Outline, band, box, capsule, cylinder, extrusion, lathe
-from treadline.vehicle.appearance.parts import BodyName, MeshPart, part
+from treadline.vehicle.appearance._mesh import (
+    BodyName,
+    Mesh,
+    MeshPart,
+    Outline,
+    band,
+    box,
+    capsule,
+    cylinder,
+    extrusion,
+    lathe,
+    part,
+)
 from treadline.vehicle.bodies import sides
 
 SMOOTH_LUG_M = 1e-3 * LUGS_MM["8/60"][0]
@@ -26,6 +41,80 @@ LUG_SIDE_M = 0.004
 """Distance of a lug's end from the edge of the belt [m] (drawn only)."""
 ROLLERS = 4
 """Number of road wheels between rear and front pulley (drawn only)."""
+
+
+class BeltPath:
+    """Straight lines and arcs of a belt's outline in the plane (x, z) of B.
+
+    Args:
+        chair: Chair with its pulleys.
+        flipper_rad: Angle of the flipper; None, or a chair without flipper: the approach angle.
+    """
+
+    def __init__(self, chair: ChairDescription, flipper_rad: float | None = None) -> None:
+        tracks = chair.tracks
+        rest = math.radians(tracks.approach_angle_deg)
+        angle = rest if flipper_rad is None or chair.flipper is None else flipper_rad
+        run, out, r = tracks.flat_run_m, tracks.approach_m, tracks.pulley_radius_m
+        # Each piece: length, curvature (negative to the right), and turn in place before the piece.
+        pieces = (_around_three if chair.flipper is None else _along_flipper)(run, out, r, angle)
+        starts: list[tuple[float, float, float, float, float]] = []
+        sigma, x, z, heading = 0.0, 0.0, 0.0, math.pi
+        for length, curvature, corner in pieces:
+            heading += corner
+            starts.append((sigma, x, z, heading, curvature))
+            x, z, heading = _advanced(x, z, heading, curvature, length)
+            sigma += length
+        self._starts = np.array(starts)
+        self.length_m = sigma
+        """Length of the outline [m]."""
+
+    def at(self, sigma_m: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
+        """Return points (x, z) and directions of motion at arc lengths.
+
+        Returns:
+            Points in B [m], and the angle of the belt's direction of motion from x towards z [rad].
+        """
+        wrapped = np.mod(sigma_m, self.length_m)
+        s0, x0, z0, heading, curvature = self._starts[np.searchsorted(self._starts[:, 0], wrapped, side="right") - 1].T
+        along = wrapped - s0
+        turned = heading + curvature * along
+        # The chord of an arc has the mean direction, and its length by sin(x)/x.
+        chord = along * np.sinc(0.5 * curvature * along / math.pi)
+        middle = 0.5 * (heading + turned)
+        return np.column_stack([x0 + chord * np.cos(middle), z0 + chord * np.sin(middle)]), turned
+
+
+def _around_three(run: float, out: float, r: float, angle: float) -> list[tuple[float, float, float]]:
+    """Return the pieces of a belt over rear, front and nose pulley."""
+    across, up = run + out * math.cos(angle), out * math.sin(angle)
+    upper = math.atan2(up, across)
+    return [
+        (0.5 * run, 0.0, 0.0),
+        (r * (math.pi - upper), -1.0 / r, 0.0),
+        (math.hypot(across, up), 0.0, 0.0),
+        (r * (math.pi + upper - angle), -1.0 / r, 0.0),
+        (out, 0.0, 0.0),
+        (r * angle, -1.0 / r, 0.0),
+        (0.5 * run, 0.0, 0.0),
+    ]
+
+
+def _along_flipper(run: float, out: float, r: float, angle: float) -> list[tuple[float, float, float]]:
+    """Return the pieces of a belt over rear and front pulley and along a flipper."""
+    cut = r * math.tan(0.5 * abs(angle))
+    half, half_turn, wrap = (0.5 * run, 0.0, 0.0), (math.pi * r, -1.0 / r, 0.0), (r * abs(angle), -1.0 / r, 0.0)
+    if angle >= 0.0:
+        return [half, half_turn, (run - cut, 0.0, 0.0), (out - cut, 0.0, angle), half_turn, (out, 0.0, 0.0), wrap, half]
+    beneath = [(out - cut, 0.0, 0.0), (0.5 * run - cut, 0.0, -angle)]
+    return [half, half_turn, (run, 0.0, 0.0), wrap, (out, 0.0, 0.0), half_turn, *beneath]
+
+
+def _advanced(x: float, z: float, heading: float, curvature: float, length: float) -> tuple[float, float, float]:
+    turned = heading + curvature * length
+    chord = length * float(np.sinc(0.5 * curvature * length / math.pi))
+    middle = 0.5 * (heading + turned)
+    return x + chord * math.cos(middle), z + chord * math.sin(middle), turned
 
 
 def lug_profile(belts: Belts | None) -> tuple[float, float, float, float]:
@@ -46,7 +135,7 @@ def lug_part(chair: ChairDescription, belts: Belts | None = None) -> MeshPart:
     top, foot, depth = 0.5 * max(tip, 0.002), 0.5 * tip + flank, height + 0.001
     outline = np.array([(-foot, -depth), (foot, -depth), (top, 0.0), (-top, 0.0)])
     half_width = 0.5 * chair.tracks.belt_width_m - LUG_SIDE_M
-    return part("lug", "chair", [extrusion(outline, -half_width, half_width)], palette.LUG)
+    return part("lug", "chair", [extrusion(outline, -half_width, half_width)], "lug")
 
 
 def lug_poses(
@@ -97,8 +186,8 @@ def resting_lugs(chair: ChairDescription, belts: Belts | None = None) -> tuple[M
                 fixed.append(mesh.moved(X[:3, 3], X[:3, :3]))
             else:
                 turning.append(mesh.moved(p_flipper, R_flipper.T @ X[:3, :3]))
-    parts = (part("lugs", "chair", fixed, palette.LUG),)
-    return (*parts, part("flipper_lugs", "flipper", turning, palette.LUG)) if turning else parts
+    parts = (part("lugs", "chair", fixed, "lug"),)
+    return (*parts, part("flipper_lugs", "flipper", turning, "lug")) if turning else parts
 
 
 def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[MeshPart, ...]:
@@ -113,11 +202,9 @@ def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[Me
     pulleys = [rear, front, nose] if fixed else [rear, front]
     loops = _hull(pulleys, surface), _hull(pulleys, wheel)
     strips = _tip(out, surface), _tip(out, wheel)
-    parts = [
-        part(f"belt_{side}", "chair", [band(*loops, *_across(tracks, y), closed=True)], palette.BELT) for side, y in sides(tracks)
-    ]
+    parts = [part(f"belt_{side}", "chair", [band(*loops, *_across(tracks, y), closed=True)], "belt") for side, y in sides(tracks)]
     parts += _running_gear(tracks, "chair", pulleys, wheel)
-    parts.append(part("axles", "chair", [_axle(tracks, at, wheel) for at in pulleys], palette.DRIVE))
+    parts.append(part("axles", "chair", [_axle(tracks, at, wheel) for at in pulleys], "drive"))
     if fixed:
         return tuple(parts)
     tip = (out, 0.0)
@@ -126,7 +213,7 @@ def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[Me
             f"flipper_belt_{side}",
             "flipper",
             [band(*strips, *_across(tracks, y), closed=False)],
-            palette.BELT,
+            "belt",
         )
         for side, y in sides(tracks)
     ]
@@ -189,8 +276,8 @@ def _running_gear(
         bars.append(box((0.62 * last[0], 0.0, last[1]), (0.05, tracks.gauge_m - tracks.belt_width_m, 0.02)))
     prefix = "flipper" if levers else "track"
     return [
-        part(f"{prefix}_pulleys", body, wheels, palette.WHEEL),
-        part(f"{prefix}_frame", body, bars, palette.FLIPPER if levers else palette.FRAME),
+        part(f"{prefix}_pulleys", body, wheels, "wheel"),
+        part(f"{prefix}_frame", body, bars, "flipper" if levers else "frame"),
     ]
 
 

@@ -1,0 +1,258 @@
+"""Stair as solids: floor, treads, landings, walls and newel as boxes, nosings as round bars: ``Staircase -> Box, Solid``."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import rotation_y, rotation_z
+from treadline.scenario.chair import Point
+from treadline.vehicle.staircase import Staircase, Step, Winders
+
+TREAD_THICKNESS_M = 0.04
+"""Thickness of an open-riser tread [m]."""
+WALL_HEIGHT_M = 2.2
+"""Height of the walls above the steps [m]."""
+FLOOR_LENGTH_M = 6.0
+"""Length of the floor before the first step [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """Solid box, rotated about the vertical by ``yaw_rad``, its front lowered by ``pitch_rad``."""
+
+    kind: str
+    """Kind: ``floor``, ``step`` (a tread, with its riser unless it overhangs), ``riser`` (under an overhanging tread), ``landing``
+    or ``wall``."""
+    index: int = -1
+    """Index of the step; -1 for other boxes."""
+    centre_W: Point
+    half_m: Point
+    """Half extents along the box's own axes."""
+    yaw_rad: float = 0.0
+    pitch_rad: float = 0.0
+
+    @property
+    def R_WK(self) -> Float[np.ndarray, "3 3"]:
+        """Rotation of the box K in the world."""
+        return rotation_z(self.yaw_rad) @ rotation_y(-self.pitch_rad) if self.pitch_rad else rotation_z(self.yaw_rad)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NosingGeometry:
+    """Rounded front edge of a step: a round bar between two ends."""
+
+    index: int
+    left_W: Point
+    right_W: Point
+    radius_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solid:
+    """Box of the stair, with the round bar of its nosing; floors and walls have no bar."""
+
+    box: Box
+    nosing: NosingGeometry | None = None
+
+
+def stair_boxes(staircase: Staircase) -> tuple[Box, ...]:
+    """Return the solids with sharp front edges: floor, steps, landings, walls.
+
+    The plant rounds the nosings off; the camera draws them with these sharp edges.
+    """
+    floor = Box(
+        kind="floor",
+        centre_W=(-0.5 * FLOOR_LENGTH_M, 0.0, -0.1),
+        half_m=(0.5 * FLOOR_LENGTH_M + 0.5, 0.5 * staircase.width_m + 2.0, 0.1),
+    )
+    frames = [staircase.flight_frame(k) for k in range(staircase.flight_count)]
+    treads = [_placed(box, *frame) for k, frame in enumerate(frames) for box in _treads(staircase, k)]
+    walls = [_placed(box, *frame) for k, frame in enumerate(frames) for box in _walls(staircase, k)]
+    if staircase.end_wall:
+        walls.append(_placed(_end_wall(staircase), *frames[-1]))
+    return (floor, *treads, *walls)
+
+
+def stair_solids(staircase: Staircase) -> tuple[Solid, ...]:
+    """Return the staircase as solids with rounded nosings, floor and walls included."""
+    return tuple(
+        _rounded(box, staircase.steps[box.index].nosing_radius_m) if box.kind in ("step", "landing") else Solid(box=box)
+        for box in stair_boxes(staircase)
+    )
+
+
+def stair_surfaces(staircase: Staircase) -> Float[np.ndarray, "N 7"]:
+    """Return the tops of floor, treads and landings: centre x, y, cosine and sine of the yaw, half length and width, height."""
+    return np.array(
+        [
+            (x, y, math.cos(box.yaw_rad), math.sin(box.yaw_rad), *box.half_m[:2], z + box.half_m[2])
+            for box in stair_boxes(staircase)
+            if box.kind not in ("wall", "riser")
+            for x, y, z in [box.centre_W]
+        ]
+    )
+
+
+def above_ground_m(staircase: Staircase, points_W: Float[np.ndarray, "n 3"], sunk_m: float = 0.0) -> Float[np.ndarray, " n"]:
+    """Return the height of points above the highest floor, tread or landing below them [m]; inf where there is none.
+
+    Args:
+        sunk_m: Largest height of the ground above a point that lies in it.
+    """
+    x, y, c, s, half_length, half_width, height = stair_surfaces(staircase).T
+    dx, dy = points_W[:, :1] - x, points_W[:, 1:2] - y
+    inside = (np.abs(dx * c + dy * s) <= half_length) & (np.abs(dy * c - dx * s) <= half_width)
+    below = inside & (height <= points_W[:, 2:] + sunk_m)
+    return np.asarray(points_W[:, 2] - np.where(below, height, -np.inf).max(axis=1))
+
+
+def _treads(staircase: Staircase, flight: int) -> list[Box]:
+    """Return the steps of a flight, winders included, and its landing, in F."""
+    steps, winders = staircase.flights[flight], staircase.winders
+    is_last, half_width = flight + 1 == staircase.flight_count, 0.5 * staircase.width_m
+    goes_on = not is_last and not staircase.turn_rad
+    above: tuple[Step | None, ...] = (*steps[1:], staircase.flights[flight + 1][0] if goes_on else None)
+    boxes: list[Box] = []
+    for step, after in zip(steps, above, strict=True):
+        if step.missing:
+            continue
+        if winders is not None and winders.holds(step.index):
+            boxes += _winder(staircase, winders, step)
+        elif after is None:
+            depth_m = max(staircase.landing_m, step.depth_m) if is_last else step.depth_m
+            boxes += _tread(staircase, step, depth_m, "landing", half_width)
+        else:
+            kind = "landing" if step is steps[-1] else "step"
+            boxes += _tread(staircase, step, step.depth_m + _under(staircase, step, after), kind, half_width)
+    return boxes
+
+
+def _under(staircase: Staircase, step: Step, after: Step) -> float:
+    """Return the length of a tread under the next step [m], so that a rotated nosing leaves no gap."""
+    if staircase.open_risers:
+        return 0.03
+    turned_m = 0.5 * staircase.width_m * abs(math.tan(after.yaw_rad) - math.tan(step.yaw_rad))
+    return max(0.10, turned_m + 0.01) + after.overhang_m
+
+
+def _winder(staircase: Staircase, winders: Winders, step: Step) -> list[Box]:
+    """Return the boxes that cover a winder's wedge; what they cover beyond it lies under the next steps or in the newel."""
+    into_newel_m = winders.newel_m * (1.0 - math.cos(winders.step_rad))
+    aside_m = 0.5 * into_newel_m * winders.side
+    inward = replace(step, x_m=step.x_m - aside_m * math.sin(step.yaw_rad), y_m=step.y_m + aside_m * math.cos(step.yaw_rad))
+    # Jitter turns two nosings apart: the winder reaches under the next step beyond its wedge.
+    after = staircase.steps[step.index + 1]
+    design_rad = winders.step_rad if winders.holds(after.index) else -winders.nosing(winders.count - 1)[2]
+    turned_m = 0.5 * staircase.width_m * abs(math.tan(after.yaw_rad - step.yaw_rad - design_rad))
+    depth_m = winders.depth_m + (max(0.10, turned_m + 0.01) + after.overhang_m)
+    return _tread(staircase, inward, depth_m, "step", 0.5 * (staircase.width_m + into_newel_m))
+
+
+def _tread(staircase: Staircase, step: Step, depth_m: float, kind: str, half_width: float) -> list[Box]:
+    """Return the box of a step, or a slab and the riser below an overhanging tread."""
+    whole_m = step.rise_m + 0.10
+    if staircase.open_risers:
+        return [_behind_nosing(step, kind, half_width, depth_m, 0.0, (0.0, TREAD_THICKNESS_M))]
+    if step.overhang_m == 0.0:
+        return [_behind_nosing(step, kind, half_width, depth_m, 0.0, (0.0, whole_m))]
+    slab_m = max(TREAD_THICKNESS_M, 2.0 * step.nosing_radius_m)
+    slab = _behind_nosing(step, kind, half_width, depth_m, 0.0, (0.0, slab_m))
+    lower = (slab_m, max(whole_m, slab_m + 0.01))
+    return [slab, _behind_nosing(step, "riser", half_width, depth_m, step.overhang_m, lower)]
+
+
+def _behind_nosing(step: Step, kind: str, half_width: float, depth_m: float, front_m: float, depths_m: tuple[float, float]) -> Box:
+    """Return a box between two depths below a tread, from ``front_m`` to ``depth_m`` behind the nosing, in F."""
+    c, s = math.cos(step.tread_slope_rad), math.sin(step.tread_slope_rad)
+    upper_m, lower_m = depths_m
+    half_depth, half_height = 0.5 * (depth_m - front_m), 0.5 * (lower_m - upper_m)
+    along, below = front_m + half_depth, upper_m + half_height
+    forward = along * c + below * s
+    x_m, y_m = step.x_m + forward * math.cos(step.yaw_rad), step.y_m + forward * math.sin(step.yaw_rad)
+    return Box(
+        kind=kind,
+        index=step.index,
+        centre_W=(x_m, y_m, step.z_m + along * s - below * c),
+        half_m=(half_depth, half_width, half_height),
+        yaw_rad=step.yaw_rad,
+        pitch_rad=step.tread_slope_rad,
+    )
+
+
+def _end_wall(staircase: Staircase) -> Box:
+    """Return the wall across the far end of the uppermost landing, in F."""
+    last, half_height = staircase.steps[-1], 0.5 * WALL_HEIGHT_M
+    end_x = last.x_m + max(staircase.landing_m, last.depth_m)
+    centre = (end_x + 0.05, 0.0, last.z_m + half_height)
+    return Box(kind="wall", centre_W=centre, half_m=(0.05, 0.5 * staircase.width_m, half_height))
+
+
+def _walls(staircase: Staircase, flight: int) -> list[Box]:
+    """Return the walls next to a flight; floor and landings are open, so that a chair can turn."""
+    steps, winders = staircase.flights[flight], staircase.winders if flight == 0 else None
+    first, last = steps[0], steps[-1] if winders is None else steps[winders.first]
+    height_m, half_length = 0.5 * last.z_m + 0.5, 0.5 * (last.x_m - first.x_m)
+    straight = [
+        Box(
+            kind="wall",
+            centre_W=(0.5 * (first.x_m + last.x_m), sign * (0.5 * staircase.width_m + 0.05), height_m),
+            half_m=(half_length, 0.05, height_m + WALL_HEIGHT_M),
+        )
+        for sign in _walled_sides(staircase)
+        if last.x_m > first.x_m
+    ]
+    return straight if winders is None else straight + _around(staircase, winders, last.x_m)
+
+
+def _walled_sides(staircase: Staircase) -> list[float]:
+    """Return the sides with a wall: 1 on the left, -1 on the right."""
+    return [sign for side, sign in (("left", 1.0), ("right", -1.0)) if staircase.walls in (side, "both")]
+
+
+def _around(staircase: Staircase, winders: Winders, first_x_m: float) -> list[Box]:
+    """Return the newel, a box inscribed in its circle for each winder, and the wall at the outer side of each, in F."""
+    top_m, half = staircase.steps[winders.after - 1].z_m, 0.5 * abs(winders.step_rad)
+    newel_half_m = 0.5 * (top_m + 1.0)  # the post ends about at the height of a handrail above the last winder
+    wall_half_m = 0.5 * (top_m + WALL_HEIGHT_M)
+    newel = Box(
+        kind="wall",
+        centre_W=(0.0, winders.side * winders.walking_radius_m, newel_half_m),
+        half_m=(winders.newel_m * math.sin(half), winders.newel_m * math.cos(half), newel_half_m),
+        yaw_rad=winders.side * half,
+    )
+    outside = Box(
+        kind="wall",
+        centre_W=(0.5 * winders.depth_m, -winders.side * (0.5 * staircase.width_m + 0.05), wall_half_m),
+        half_m=(0.5 * winders.depth_m, 0.05, wall_half_m),
+    )
+    walled = -winders.side in _walled_sides(staircase)
+    nosings = [winders.nosing(k) for k in range(winders.count)]
+    frames = [(rotation_z(yaw), np.array([first_x_m + x, y, 0.0])) for x, y, yaw in nosings]
+    return [_placed(box, *frame) for frame in frames for box in ((newel, outside) if walled else (newel,))]
+
+
+def _placed(box: Box, R_WF: Float[np.ndarray, "3 3"], p_WF: Float[np.ndarray, " 3"]) -> Box:
+    """Return a box of one flight in the world."""
+    x, y, z = p_WF + R_WF @ np.array(box.centre_W)
+    yaw_rad = box.yaw_rad + math.atan2(R_WF[1, 0], R_WF[0, 0])
+    return replace(box, centre_W=(float(x), float(y), float(z)), yaw_rad=yaw_rad)
+
+
+def _rounded(box: Box, radius: float) -> Solid:
+    """Return a step with its nosing's bar; the box begins behind the axis of the bar."""
+    (cx, cy, cz), (hx, hy, hz), yaw = box.centre_W, box.half_m, box.yaw_rad
+    c, s = math.cos(yaw), math.sin(yaw)
+    level, rising = math.cos(box.pitch_rad), math.sin(box.pitch_rad)
+
+    def at(along: float, above: float) -> Point:
+        forward, up = along * level - above * rising, along * rising + above * level
+        return cx + c * forward, cy + s * forward, cz + up
+
+    r = radius
+    start, across = at(-hx + r, hz - r), (s * hy, -c * hy)
+    left = (start[0] - across[0], start[1] - across[1], start[2])
+    right = (start[0] + across[0], start[1] + across[1], start[2])
+    behind = replace(box, centre_W=at(0.5 * r, 0.0), half_m=(hx - 0.5 * r, hy, hz))
+    return Solid(box=behind, nosing=NosingGeometry(index=box.index, left_W=left, right_W=right, radius_m=r))

@@ -1,0 +1,79 @@
+"""Start pose of a chair on floor, flight or landing: ``Staircase, Tracks, Start -> Standing``."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import rotation_y, rotation_z
+from treadline.scenario.chair import Tracks
+from treadline.scenario.scenario import Start
+from treadline.vehicle.staircase import Staircase, Step
+
+CLEARANCE_M = 0.001
+"""Initial gap between a chair and its support [m]."""
+FLOOR_START_M, LANDING_START_M, LANDING_SPARE_M = 1.0, 0.6, 0.1
+"""Initial distance of the nearer pulley from the first nosing (floor) and from the edge (landing), and free length of a short
+landing behind the chair [m]."""
+LANDING_LEAST_M = 0.2
+"""Least initial distance of the pulley from the edge of a short landing [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Standing:
+    """Start pose of a chair."""
+
+    p_WB: Float[np.ndarray, " 3"]
+    R_WB: Float[np.ndarray, "3 3"]
+    seat_rad: float
+    """Angle of the seat relative to the chassis [rad]: level, or parallel."""
+
+
+def from_edge_m(landing_m: float, tracks: Tracks) -> float:
+    """Return the distance of the rear pulley behind the edge for a start on a landing [m]."""
+    return min(max(landing_m - tracks.flat_run_m - LANDING_SPARE_M, LANDING_LEAST_M), LANDING_START_M)
+
+
+def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
+    """Return the start pose of a scenario, slightly above the support.
+
+    On the landing, heading and lateral position are relative to the last flight.
+    """
+    heading, top = math.radians(start.heading_deg), staircase.steps[-1]
+    slope = {"floor": 0.0, "landing": top.tread_slope_rad, "flight": staircase.slope_rad}[start.place]
+    along, flight = 0.5 * tracks.flat_run_m * math.cos(heading), 0
+    R_WB = rotation_y(-slope) @ rotation_z(heading)
+    if start.place == "floor":
+        p_WB = np.array([-along - FLOOR_START_M, start.lateral_m, CLEARANCE_M])
+    elif start.place == "landing":
+        behind_m = along + from_edge_m(staircase.landing_m, tracks)
+        p_WB = np.array([top.x_m + behind_m, start.lateral_m, top.z_m + CLEARANCE_M + behind_m * math.tan(slope)])
+        flight = staircase.flight_count - 1
+    else:
+        step = staircase.steps[start.step]
+        flight = next(k for k, steps in enumerate(staircase.flights) if step in steps) if staircase.turn_rad else 0
+        lifted_m = CLEARANCE_M - rounded_off_m(step.nosing_radius_m, slope) + _above_plane_m(staircase, step, tracks.flat_run_m)
+        from_nosing = staircase.R_WS @ np.array([-along, start.lateral_m, lifted_m])
+        p_WB = step.nosing_F + from_nosing
+    if flight:
+        R_WF, p_WF = staircase.flight_frame(flight)
+        p_WB, R_WB = p_WF + R_WF @ p_WB, R_WF @ R_WB
+    return Standing(p_WB=p_WB, R_WB=R_WB, seat_rad=slope if start.seat == "level" else 0.0)
+
+
+def rounded_off_m(nosing_radius_m: float, slope_rad: float) -> float:
+    """Return the distance from the plane of the sharp edges down to the plane tangent to the rounded nosings [m]."""
+    return nosing_radius_m * (math.sin(slope_rad) + math.cos(slope_rad) - 1.0)
+
+
+def _above_plane_m(staircase: Staircase, front: Step, flat_run_m: float) -> float:
+    """Return the height of the highest nosing under the belts above the plane through the front nosing [m]."""
+    c, s = math.cos(staircase.slope_rad), math.sin(staircase.slope_rad)
+    offsets = [
+        (step.z_m - front.z_m) * c - (step.x_m - front.x_m) * s
+        for step in next(steps for steps in staircase.flights if front in steps)
+        if step.index <= front.index and not step.missing and (front.x_m - step.x_m) * c <= flat_run_m
+    ]
+    highest_m = max(offsets, default=0.0)
+    return highest_m if highest_m > CLEARANCE_M else 0.0
