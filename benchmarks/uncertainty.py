@@ -29,7 +29,7 @@ from uncertainty_runs import (
 
 from treadline.core.models import write_whole
 from treadline.experiments.job_pool import run_jobs
-from treadline.io.provenance import git_commit
+from treadline.io.runs import git_commit
 
 ROOT = Path(__file__).parents[1]
 EVIDENCE = ROOT / "docs" / "evidence" / "uncertainty.md"

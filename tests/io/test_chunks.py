@@ -9,29 +9,23 @@ import pytest
 
 from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, SettingsError
 from treadline.core.models import InputOutputRecord
-from treadline.io import delimited, parquet
-from treadline.io.chunks import ChunkReader, read_chunks
-from treadline.io.records import read_record
+from treadline.io import _csv_files, _parquet_files
+from treadline.io.records import ChunkReader, read_chunks, read_record
 
 KINDS = ("csv", "spreadsheet", "parquet")
 
 
-@pytest.fixture(params=["numpy", "pyarrow"])
-def parser(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Read in tiny blocks, by each of the two fast parsers."""
-    monkeypatch.setattr(delimited, "BLOCK_BYTES", 200)
-    if request.param == "numpy":
-        monkeypatch.setattr(delimited, "fastest", lambda: delimited.by_numpy)
-    else:
-        pytest.importorskip("pyarrow", reason="pyarrow is an extra")
-    return str(request.param)
+@pytest.fixture
+def tiny_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Read CSV in blocks of five lines."""
+    monkeypatch.setattr(_csv_files, "BLOCK_ROWS", 5)
 
 
 def chunks_of(log, **options: object) -> ChunkReader:
     return read_chunks(log.path, log.inputs, log.outputs, **options)
 
 
-@pytest.mark.usefixtures("parser")
+@pytest.mark.usefixtures("tiny_blocks")
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("rows", [2, 7, 40, 1000])
 def test_chunks_end_to_end_are_the_record(written, record: InputOutputRecord, kind: str, rows: int) -> None:
@@ -43,14 +37,14 @@ def test_chunks_end_to_end_are_the_record(written, record: InputOutputRecord, ki
     assert {part.dt_s for part in parts} == {record.dt_s}
 
 
-@pytest.mark.usefixtures("parser")
+@pytest.mark.usefixtures("tiny_blocks")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_record_is_the_same_whatever_the_blocks(written, record: InputOutputRecord, kind: str) -> None:
     log = written(kind, record)
     assert read_record(log.path, log.inputs, log.outputs).u.tobytes() == record.u.tobytes()
 
 
-@pytest.mark.usefixtures("parser")
+@pytest.mark.usefixtures("tiny_blocks")
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_fraction_grows_to_one_and_a_second_pass_is_the_first(written, record: InputOutputRecord, kind: str) -> None:
     reader = chunks_of(written(kind, record), rows=5)
@@ -68,7 +62,7 @@ def faulty(path: Path, k: int, row: str) -> Path:
     return path
 
 
-@pytest.mark.usefixtures("parser")
+@pytest.mark.usefixtures("tiny_blocks")
 @pytest.mark.parametrize(
     ("row", "kind", "words"),
     [
@@ -88,7 +82,7 @@ def test_a_fault_is_named_with_its_line_wherever_it_stands(tmp_path: Path, row: 
             list(read_chunks(path, ("u",), ("y",), rows=rows))
 
 
-@pytest.mark.usefixtures("parser")
+@pytest.mark.usefixtures("tiny_blocks")
 def test_what_came_before_a_fault_has_been_yielded(tmp_path: Path) -> None:
     reader = iter(read_chunks(faulty(tmp_path / "log.csv", 25, "x,x,x"), ("u",), ("y",), rows=4))
     assert next(reader).u[:, 0].tolist() == [0, 1, 2, 3]
@@ -96,7 +90,7 @@ def test_what_came_before_a_fault_has_been_yielded(tmp_path: Path) -> None:
         list(reader)
 
 
-@pytest.mark.usefixtures("parser")
+@pytest.mark.usefixtures("tiny_blocks")
 @pytest.mark.parametrize("rows", [2, 7, 40])
 def test_missing_rows_come_back_as_in_the_record_read_whole(written, record: InputOutputRecord, rows: int) -> None:
     log = written("csv", record)
@@ -143,14 +137,14 @@ def test_a_stream_needs_rows_a_period_and_a_kind_that_streams(written, record: I
         list(read_chunks(tmp_path / "short.csv", ("u",), ("y",)))
 
 
-@pytest.mark.usefixtures("parser")
+@pytest.mark.usefixtures("tiny_blocks")
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_stream_holds_a_chunk_and_not_the_file(
     written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
     long = replace(record, u=np.tile(record.u, (400, 1)), y=np.tile(record.y, (400, 1)))
-    monkeypatch.setattr(delimited, "BLOCK_BYTES", 20_000)
-    monkeypatch.setattr(parquet, "BATCH_ROWS", 200)
+    monkeypatch.setattr(_csv_files, "BLOCK_ROWS", 200)
+    monkeypatch.setattr(_parquet_files, "BATCH_ROWS", 200)
     reader = chunks_of(written(kind, long), rows=200)
     tracemalloc.start()
     try:
@@ -163,16 +157,15 @@ def test_a_stream_holds_a_chunk_and_not_the_file(
 
 
 def test_a_file_without_lines_is_not_held_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(delimited, "BLOCK_BYTES", 1000)
-    monkeypatch.setattr(delimited, "MAX_LINE_BYTES", 8000)
+    monkeypatch.setattr(_csv_files, "MAX_LINE", 8000)
     (tmp_path / "log.csv").write_bytes(b"1" * 100_000)
-    with pytest.raises(LogFormatError, match="longer than 8000 bytes"):
+    with pytest.raises(LogFormatError, match="longer than 8000 characters"):
         list(read_chunks(tmp_path / "log.csv", ("u",), ("y",)))
 
 
-@pytest.mark.usefixtures("parser")
+@pytest.mark.usefixtures("tiny_blocks")
 @pytest.mark.parametrize("text", ["+1", "1_0", " 2 ", "1e3", ".5", "5.", "-0", "1e-320", "0.1e1", "12345678901234567890"])
-def test_both_parsers_agree_with_pythons_float(tmp_path: Path, text: str) -> None:
+def test_numbers_are_those_of_pythons_float(tmp_path: Path, text: str) -> None:
     lines = ["t_s,u,y", *[f"{0.25 * i},{i},{text}" for i in range(20)]]
     (tmp_path / "log.csv").write_text("\n".join(lines))
     (part,) = read_chunks(tmp_path / "log.csv", ("u",), ("y",))

@@ -15,7 +15,7 @@ from scipy.io import savemat
 from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch, TreadlineError
 from treadline.core.models import InputOutputRecord
 from treadline.core.signals import HeadingEstimate, TrackCommand
-from treadline.io import arrays, mcap_read
+from treadline.io import _array_files, mcap_read
 from treadline.io.mcap_log import RunLog
 from treadline.io.records import read_record
 
@@ -179,8 +179,8 @@ def test_objects_are_never_unpickled(tmp_path: Path) -> None:
 
 
 def test_an_archive_that_unpacks_beyond_the_cap_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arrays, "MAX_ARRAY_BYTES", 100_000)
-    monkeypatch.setattr("treadline.io.mat.MAX_ARRAY_BYTES", 100_000)
+    monkeypatch.setattr(_array_files, "MAX_ARRAY_BYTES", 100_000)
+    monkeypatch.setattr("treadline.io._mat_files.MAX_ARRAY_BYTES", 100_000)
     zeros = np.zeros(100_000)
     np.savez_compressed(tmp_path / "log.npz", a=zeros, b=zeros)
     savemat(tmp_path / "log.mat", {"a": zeros, "b": zeros}, do_compression=True)

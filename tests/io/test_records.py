@@ -7,8 +7,7 @@ import pytest
 
 from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch, TreadlineError
 from treadline.core.models import InputOutputRecord
-from treadline.io.chunks import read_chunks
-from treadline.io.records import read_record, write_record
+from treadline.io.records import read_chunks, read_record, write_record
 
 INPUTS = ("left_m_s", "right_m_s")
 OUTPUTS = ("heading_rad",)

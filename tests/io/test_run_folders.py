@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from treadline.core.errors import TreadlineError
-from treadline.io import provenance
+from treadline.io import runs
 from treadline.io.runs import begin_run, read_series, write_manifest, write_result, write_series
 
 
@@ -25,14 +25,14 @@ def test_a_manifest_says_how_to_repeat_the_run(tmp_path: Path, monkeypatch: pyte
 
 def test_a_command_is_for_a_shell_and_names_no_folder_of_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["treadline", "climb", "my stairs/a b.toml", "--out=/elsewhere/run 1", "--seed=3", "/x/c.json"])
-    said = provenance.command()
+    said = runs.provenance()["command"]
     assert said == "treadline climb 'my stairs/a b.toml' '--out=run 1' --seed=3 c.json"
     assert shlex.split(said)[2] == "my stairs/a b.toml"
 
 
 def test_no_git_is_no_commit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(provenance.shutil, "which", lambda _: None)
-    assert provenance.provenance()["git_commit"] is None
+    monkeypatch.setattr(runs.shutil, "which", lambda _: None)
+    assert runs.provenance()["git_commit"] is None
 
 
 def test_a_tree_with_changes_is_said_to_be_no_commit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -42,25 +42,25 @@ def test_a_tree_with_changes_is_said_to_be_no_commit(tmp_path: Path, monkeypatch
         return done.stdout.strip()
 
     source = tmp_path / "source.py"
-    monkeypatch.setattr(provenance, "__file__", str(source))
+    monkeypatch.setattr(runs, "__file__", str(source))
     git("init")
     source.write_text("1")
     git("add", ".")
     git("commit", "-m", "one")
     git("tag", "v1")
-    assert provenance.git_commit() == git("rev-parse", "HEAD")
+    assert runs.git_commit() == git("rev-parse", "HEAD")
     (tmp_path / "run.json").write_text("{}")  # an untracked file is none of what runs
-    assert provenance.git_commit() == git("rev-parse", "HEAD")
+    assert runs.git_commit() == git("rev-parse", "HEAD")
     source.write_text("2")
-    assert provenance.git_commit() == git("rev-parse", "HEAD") + "-dirty"
+    assert runs.git_commit() == git("rev-parse", "HEAD") + "-dirty"
 
 
 def test_a_git_that_hangs_is_no_commit(monkeypatch: pytest.MonkeyPatch) -> None:
     def hangs(*_: object, **__: object) -> None:
-        raise subprocess.TimeoutExpired("git", provenance.GIT_S)
+        raise subprocess.TimeoutExpired("git", 10.0)
 
-    monkeypatch.setattr(provenance.subprocess, "run", hangs)
-    assert provenance.git_commit() is None
+    monkeypatch.setattr(runs.subprocess, "run", hangs)
+    assert runs.git_commit() is None
 
 
 def test_numbers_that_are_not_finite_are_null_in_a_result(tmp_path: Path) -> None:

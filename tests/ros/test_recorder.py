@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from treadline.core.signals import HeadingEstimate, TrackCommand
-from treadline.io.records import RECORD, read_record
+from treadline.io.records import read_record
+from treadline.io.runs import RECORD
 from treadline.ros import channels as on
 from treadline.ros.inproc import InProcess
 from treadline.ros.recorder import INPUTS, OUTPUTS, RecorderNode

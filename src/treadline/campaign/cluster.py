@@ -15,7 +15,7 @@ from typing import Any
 from treadline.campaign.pool import LIVES, ONE_THREAD, not_for_children
 from treadline.campaign.sampled_run import Episode, EpisodeRunner, Row, failed, run_one
 from treadline.core.errors import SettingsError
-from treadline.io.provenance import versions
+from treadline.io.runs import versions
 
 LOCAL = "local"
 ANSWERS_WITHIN_S = 10.0

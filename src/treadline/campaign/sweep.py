@@ -33,8 +33,7 @@ from treadline.campaign.thumbnails import thumbnail
 from treadline.core.errors import SettingsError
 from treadline.core.models import read_json, write_whole
 from treadline.core.plain_values import plain
-from treadline.io.provenance import git_commit
-from treadline.io.runs import write_manifest
+from treadline.io.runs import git_commit, write_manifest
 
 MARGIN = "min_stability_margin_deg"
 

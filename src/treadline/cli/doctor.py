@@ -16,10 +16,9 @@ PARTS = (
     ("scipy", "scipy", "identification and control", "pip install scipy"),
 )
 EXTRAS = (
-    ("pyarrow", "pyarrow", "identify on Parquet, long CSV files four times as fast", "pip install '.[parquet]'"),
+    ("pyarrow", "pyarrow", "identify on Parquet", "pip install '.[parquet]'"),
     ("rosbags", "rosbags", "ROS bags read by identify and replay, written by record and nodes", "pip install '.[ros]'"),
     ("eclipse-zenoh", "zenoh", "nodes on ROS 2's wire: --transport zenoh", "pip install '.[ros]'"),
-    ("control", "control", "models as control.StateSpace", "pip install '.[control]'"),
     ("distributed", "distributed", "sweep --cluster", "pip install '.[cluster]'"),
     ("pyrealsense2", "pyrealsense2", "see --live realsense", "pip install '.[realsense]'"),
     ("pyorbbecsdk2", "pyorbbecsdk", "see --live orbbec", "pip install '.[orbbec]'"),

@@ -195,7 +195,7 @@ def _whole(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
 def _streamed(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
     from treadline.cli.progress import Share
     from treadline.identification import identify_chunks
-    from treadline.io.chunks import read_chunks
+    from treadline.io.records import read_chunks
 
     for name, is_given in (
         ("--validate", asked.validate is not None),

@@ -20,7 +20,7 @@ from treadline.experiments.fig08 import ExcitationRun, ExciteJob
 from treadline.experiments.job_pool import RunJob, run_jobs
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
 from treadline.experiments.reproduce import FIT_SEED, FRESH_SEED, Done, learn
-from treadline.io.provenance import provenance
+from treadline.io.runs import provenance
 from treadline.plant.gazebo import find_environment
 from treadline.run.resolve import PlantName
 

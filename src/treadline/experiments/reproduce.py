@@ -29,7 +29,7 @@ from treadline.experiments.plan import (
     without_images,
 )
 from treadline.experiments.sensitivity import read_sensitivity, with_sensitivity
-from treadline.io.provenance import provenance
+from treadline.io.runs import provenance
 from treadline.plant.mujoco import open_plant
 
 Done = Callable[[str], None]

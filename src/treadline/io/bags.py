@@ -17,12 +17,12 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from treadline.core.errors import LogFormatError, RecordError, TreadlineError
+from treadline.io._sampling_grid import held, rows_of
+from treadline.io._tables import Table, listed
 from treadline.io.channels import Channels, Series
 from treadline.io.mcap_read import mcap_messages
-from treadline.io.resample import held, rows_of
 from treadline.io.ros_bags import bag_messages, db3_messages
 from treadline.io.ros_types import Packet
-from treadline.io.tables import Table, listed
 
 PAUSE = 3.0
 """Two messages lost in a row are bridged, three are a gap."""

@@ -17,8 +17,8 @@ from jaxtyping import Float64
 
 from treadline.core.errors import LogFormatError, NotFinite, RecordError
 from treadline.io import mcap_read
+from treadline.io._tables import listed
 from treadline.io.ros_types import RecordedTopic, decoder_of
-from treadline.io.tables import listed
 
 Series = tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]
 """Times since the first message of the log [ns], and values."""

@@ -1,33 +1,32 @@
-"""Input-output records from logs of all supported formats.
+"""Input-output records from logs of all supported formats, whole or in chunks.
 
 The suffix selects the format: CSV (.csv, .txt, .tsv), NPZ, MAT, Parquet, MCAP, ROS bags; a folder is a run folder or a bag. Error
 messages name the file and the location. Rows with NaN are rejected unless gaps are allowed; allowed gaps stay in the record, and
 identification leaves out the windows that contain them.
+
+Records larger than the memory are read as consecutive chunks of one experiment, checked like a whole record. Time must increase
+with the same period across the border of two chunks. The fraction of rows with NaN is known at the end only: too many of them raise
+an error after the last chunk.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from treadline.core.errors import LogFormatError
+from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.models import InputOutputRecord, write_whole
-from treadline.io.resample import period_of, resampled, uneven, with_gaps
-from treadline.io.tables import Log, Table, check_gaps, check_period, check_values, gaps_in, no_clock
+from treadline.io._sampling_grid import MOST_ROWS, Times, period_of, places_of, resampled, spread, uneven, with_gaps
+from treadline.io._tables import Log, Table, check_gaps, check_period, check_values, gaps_in, no_clock
+from treadline.io.runs import LOG, RECORD
 
 TIME = "t_s"
 """Name of the time column of a record."""
-RECORD = "record.csv"
-"""File name of the record in a run folder."""
-LOG = "log.mcap"
-"""File name of the MCAP log in a run folder."""
 DELIMITED = (".csv", ".txt", ".tsv")
 """Suffixes of delimited text files."""
 BAGS = (".mcap", ".bag", ".db3")
 """Suffixes of message logs."""
-KINDS = ".csv, .txt, .tsv, .npz, .mat, .parquet, .mcap, .bag, .db3"
-"""Supported suffixes, for error messages."""
 
 
 def read_record(
@@ -56,7 +55,7 @@ def read_record(
         PeriodMismatch: If the time axis is irregular and ``resample`` is off.
     """
     check_period(period_s)
-    file = file_of(path)
+    file = _file_of(path)
     wanted = (*inputs, *outputs)
     if file.is_dir() or file.suffix.lower() in BAGS:
         from treadline.io.bags import read_bag
@@ -66,7 +65,7 @@ def read_record(
         except LogFormatError as lacking:
             raise _of_a_run(path, lacking) from None
     else:
-        table = joined(list(_tables(file, wanted)))
+        table = _joined(list(_tables(file, wanted)))
     check_values(table, allow_gaps=allow_gaps)
     check_gaps(file, gaps_in(table), len(table))
     values = table.values
@@ -93,7 +92,107 @@ def write_record(path: Path, record: InputOutputRecord, first_t_s: float) -> Non
     write_whole(path, "\n".join(lines) + "\n")
 
 
-def file_of(path: Path) -> Path:
+def read_chunks(
+    path: Path,
+    inputs: tuple[str, ...],
+    outputs: tuple[str, ...],
+    *,
+    rows: int = 262_144,
+    period_s: float | None = None,
+    allow_gaps: bool = False,
+) -> "ChunkReader":
+    """Return an iterator over the chunks of a CSV or Parquet file; its ``fraction`` is the progress.
+
+    Args:
+        rows: Largest number of rows per chunk, by default 10 MB with five columns; without missing rows, all chunks but the last
+            have this length.
+        period_s: Sampling period; by default the median step of the first chunk.
+        allow_gaps: Accept rows with NaN, and missing rows if all times lie on the grid of the period: missing rows become rows of
+            NaN, in separate chunks for long gaps.
+
+    Raises:
+        RecordError: During iteration, with file, line and column.
+        PeriodMismatch: If the time axis is irregular: a stream is not resampled.
+    """
+    check_period(period_s)
+    if rows < 2:
+        raise SettingsError(f"chunks of {rows} rows; a chunk needs two")
+    file = _file_of(path)
+    log = _open_log(file, (*inputs, *outputs))
+    if log is None:
+        raise LogFormatError(f"{file}: only CSV and Parquet are read in chunks; read it whole")
+    return ChunkReader(log, inputs, outputs, rows, period_s, allow_gaps=allow_gaps)
+
+
+class ChunkReader:
+    """Iterable over the chunks of one experiment, in order; a second iteration starts from the beginning."""
+
+    def __init__(
+        self, log: Log, inputs: tuple[str, ...], outputs: tuple[str, ...], rows: int, period_s: float | None, *, allow_gaps: bool
+    ) -> None:
+        self._log = log
+        self._names = inputs, outputs
+        self._rows = rows
+        self._period_s = period_s
+        self._allow_gaps = allow_gaps
+
+    @property
+    def fraction(self) -> float:
+        """Fraction of the file read so far."""
+        return self._log.fraction
+
+    def __iter__(self) -> Iterator[InputOutputRecord]:
+        inputs, outputs = self._names
+        m = len(inputs)
+        before_s, period_s = None, self._period_s
+        gaps = rows = 0
+        for table in _of_length(self._log, self._rows):
+            check_values(table, allow_gaps=self._allow_gaps)
+            places = None
+            if table.t_s is not None:
+                period_s = period_of(table, table.t_s, period_s, before_s)
+                places = self._places(table, table.t_s, period_s, before_s)
+                before_s = float(table.t_s[-1])
+            if period_s is None:
+                raise no_clock(table)
+            for values in [table.values] if places is None else spread(table.values, places, self._rows):
+                gaps += int(np.isnan(values).any(axis=1).sum())
+                rows += len(values)
+                yield InputOutputRecord(u=values[:, :m], y=values[:, m:], dt_s=period_s, input_names=inputs, output_names=outputs)
+        if rows:
+            check_gaps(table.file, gaps, rows)
+
+    def _places(self, table: Table, t_s: Times, period_s: float, before_s: float | None) -> Times | None:
+        """Return the grid indices of the rows if rows are missing between them, else None."""
+        error = uneven(table, t_s, period_s, before_s, remedy="read it whole: a stream is not resampled")
+        if error is None:
+            return None
+        places = places_of(t_s, period_s, before_s) if self._allow_gaps else None
+        # A single wrong time stamp would otherwise produce rows of NaN for days.
+        if places is None or places[-1] > MOST_ROWS:
+            raise error
+        return places
+
+
+def _of_length(tables: Iterable[Table], rows: int) -> Iterator[Table]:
+    """Yield the same rows in tables of equal length; the last can be shorter."""
+    waiting: list[Table] = []
+    for table in tables:
+        waiting.append(table)
+        while sum(len(part) for part in waiting) >= rows:
+            whole = _joined(waiting)
+            yield _part(whole, 0, rows)
+            waiting = [_part(whole, rows, len(whole))]
+    if waiting and sum(len(part) for part in waiting):
+        yield _joined(waiting)
+
+
+def _part(table: Table, first: int, last: int) -> Table:
+    t_s = None if table.t_s is None else table.t_s[first:last]
+    return replace(table, values=table.values[first:last], t_s=t_s, marks=table.marks[first:last])
+
+
+def _file_of(path: Path) -> Path:
     """Return the file to read: the record or log of a run folder; the folder itself for a bag."""
     if not path.exists():
         raise LogFormatError(f"{path}: no such file")
@@ -129,15 +228,15 @@ def _check_readable(file: Path) -> None:
         raise LogFormatError(f"{file}: {error.strerror or error}") from None
 
 
-def open_log(file: Path, wanted: tuple[str, ...]) -> Log | None:
+def _open_log(file: Path, wanted: tuple[str, ...]) -> Log | None:
     """Return a streaming reader for a delimited or Parquet file; None for other formats."""
     suffix = file.suffix.lower()
     if suffix in DELIMITED:
-        from treadline.io.delimited import CsvLog
+        from treadline.io._csv_files import CsvLog
 
         return CsvLog(file, wanted)
     if suffix == ".parquet":
-        from treadline.io.parquet import ParquetLog
+        from treadline.io._parquet_files import ParquetLog
 
         return ParquetLog(file, wanted)
     return None
@@ -145,21 +244,22 @@ def open_log(file: Path, wanted: tuple[str, ...]) -> Log | None:
 
 def _tables(file: Path, wanted: tuple[str, ...]) -> Iterable[Table]:
     """Return a columnar file as consecutive tables."""
-    log = open_log(file, wanted)
+    log = _open_log(file, wanted)
     if log is not None:
         return log
     if file.suffix.lower() == ".npz":
-        from treadline.io.npz import read_npz
+        from treadline.io._array_files import read_npz
 
         return [read_npz(file, wanted)]
     if file.suffix.lower() == ".mat":
-        from treadline.io.mat import read_mat
+        from treadline.io._mat_files import read_mat
 
         return [read_mat(file, wanted)]
-    raise LogFormatError(f"{file}: unsupported log format '{file.suffix}'; supported: {KINDS}, a run folder or a bag folder")
+    kinds = ", ".join((*DELIMITED, ".npz", ".mat", ".parquet", *BAGS))
+    raise LogFormatError(f"{file}: unsupported log format '{file.suffix}'; supported: {kinds}, a run folder or a bag folder")
 
 
-def joined(tables: list[Table]) -> Table:
+def _joined(tables: list[Table]) -> Table:
     """Return consecutive tables as one table."""
     if len(tables) == 1:
         return tables[0]

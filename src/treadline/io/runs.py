@@ -1,11 +1,18 @@
-"""File names and writers of a run folder.
+"""Run folders: file names, writers, and the provenance of their results.
 
-manifest.json holds the settings, result.json the result, series.csv the time series, log.mcap the signals, record.csv the
-input-output record and ``run-controller.json`` the controller.
+manifest.json holds the settings with software versions, git commit and the command line that reproduces the run, result.json the
+result, series.csv the time series, log.mcap the signals, record.csv the input-output record and ``run-controller.json`` the
+controller.
 """
 
 import json
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
 from collections.abc import Mapping, Sequence
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +21,11 @@ from jaxtyping import Float
 
 from treadline.core.models import ControllerDesign, write_whole
 from treadline.core.plain_values import plain
-from treadline.io.provenance import provenance
-from treadline.io.records import RECORD
 
 LOG = "log.mcap"
 """File name of the MCAP log."""
+RECORD = "record.csv"
+"""File name of the input-output record."""
 MANIFEST = "manifest.json"
 """File name of the manifest."""
 RUN_CONTROLLER = "run-controller.json"
@@ -40,6 +47,8 @@ WRITTEN = (
 """Files written by a run and its report, besides the manifest."""
 SERIES_EVERY = 10
 """Decimation of series.csv: every tenth sample of 100 Hz, sufficient for plots."""
+PACKAGES = ("treadline", "numpy", "scipy", "numba", "mujoco", "opencv-python-headless", "matplotlib", "mcap")
+"""Packages whose versions are recorded."""
 
 
 def begin_run(
@@ -122,3 +131,56 @@ def read_series(folder: Path) -> dict[str, Float[np.ndarray, " T"]]:
 
 def _write_json(path: Path, values: Mapping[str, Any]) -> None:
     write_whole(path, json.dumps(plain(values), indent=1, allow_nan=False) + "\n")
+
+
+def provenance() -> dict[str, Any]:
+    """Return versions, git commit (``-dirty`` if tracked files are modified; None without git) and command line."""
+    return {"versions": versions(), "git_commit": git_commit(), "command": _command()}
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that affect results."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def git_commit() -> str | None:
+    """Return the commit of the source tree, ``-dirty`` if tracked files are modified; None outside a git repository."""
+    git = shutil.which("git")
+    if git is None:
+        return None
+    try:
+        # S603: git is found on the path and all arguments are constants. ``--exclude=*`` ignores tags, so the full hash is given.
+        done = subprocess.run(  # noqa: S603
+            [git, "--no-optional-locks", "describe", "--always", "--abbrev=40", "--exclude=*", "--dirty"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=10.0,  # comparing a source tree on a slow disk takes seconds
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def _command() -> str:
+    """Return the command line in shell syntax.
+
+    The command reproduces the run in the same working folder: relative paths are kept. Absolute paths are reduced to their last
+    component, because run files must not contain folder names of this machine; to reproduce, put these files into the working
+    folder.
+    """
+    return shlex.join(["treadline", *(_without_folders(word) for word in sys.argv[1:])])
+
+
+def _without_folders(word: str) -> str:
+    option, sign, value = word.partition("=")
+    if word.startswith("--") and sign:
+        return option + sign + _without_folders(value)
+    return Path(word).name if Path(word).is_absolute() else word

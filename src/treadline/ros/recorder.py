@@ -12,8 +12,8 @@ from treadline.core.errors import SettingsError
 from treadline.core.models import InputOutputRecord
 from treadline.core.ports import Transport
 from treadline.core.signals import TICK_S, HeadingEstimate, TrackCommand
-from treadline.io.records import RECORD, write_record
-from treadline.io.runs import LOG, clear_run
+from treadline.io.records import write_record
+from treadline.io.runs import LOG, RECORD, clear_run
 from treadline.ros import channels as on
 from treadline.ros.bag_writer import Bag, open_bag
 from treadline.ros.node_signals import Beat

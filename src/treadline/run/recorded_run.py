@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.io.mcap_log import RunLog
-from treadline.io.records import RECORD, write_record
-from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
+from treadline.io.records import write_record
+from treadline.io.runs import LOG, RECORD, begin_run, log_metadata, write_result, write_series
 from treadline.mission.loop import Tick
 from treadline.run.episode import Traverse, Watch, run_episode
 from treadline.run.excitation_run import Excited, excitation_of, excite, long_enough

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
 from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame, black
+from treadline.io._tables import listed
 from treadline.io.bags import READERS, parts_of
 from treadline.io.decode import Picture, calibration, picture
 from treadline.io.frames.cloud_files import cloud_of
@@ -21,7 +22,6 @@ from treadline.io.log_frames import PAIR_S, depth_metres, rgb_pixels
 from treadline.io.mcap_read import BROKEN
 from treadline.io.point_cloud_message import POINT_CLOUD, point_cloud
 from treadline.io.ros_types import RecordedTopic
-from treadline.io.tables import listed
 from treadline.io.topics import (
     IMAGE,
     TopicSummary,

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from treadline.core.errors import PeriodMismatch, RecordError
-from treadline.io.tables import MOST_GAPS, Table, check_gaps, gaps_in
+from treadline.io._tables import MOST_GAPS, Table, check_gaps, gaps_in
 
 Times = Float64[np.ndarray, " n"]
 """Times [s]."""

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Shaped
 
 from treadline.core.errors import LogFormatError
-from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, missing, seconds_of
+from treadline.io._tables import NANOSECONDS, Table, check_count, clock_of, missing, seconds_of
 
 BATCH_ROWS = 65_536
 """Rows per batch."""

@@ -1,18 +1,21 @@
-"""Columns from named arrays, as stored in NPZ and MAT files.
+"""NPZ files, and the columns of named arrays in NPZ and MAT files.
 
 A vector is a column by its name, a column of a matrix is ``name[0]``, ``name[1]`` (rows are samples), a struct field is
-``struct.field``.
+``struct.field``. Header sizes are checked against the archive directory; nothing is unpickled, object arrays are rejected.
 """
 
 import re
+import zipfile
+import zlib
 from collections.abc import Callable, Collection
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Shaped
+from numpy.lib import format as npy
 
 from treadline.core.errors import LogFormatError, ShapeMismatch
-from treadline.io.tables import NANOSECONDS, Table, check_count, clock_of, seconds_of
+from treadline.io._tables import NANOSECONDS, Table, check_count, clock_of, missing, seconds_of
 
 MAX_ARRAY_BYTES = 1024**3
 """Largest decompressed size of all requested arrays of a file together [bytes]."""
@@ -84,3 +87,46 @@ def _ticks(file: Path, clock: str, values: Shaped[np.ndarray, " n"]) -> Shaped[n
     if values.dtype.kind not in "iu":
         raise LogFormatError(f"{file}: '{clock}' holds {values.dtype}; nanoseconds are whole numbers: save them as int64")
     return values.astype(np.int64)
+
+
+# Exceptions raised for damaged archives; zipfile has no common base class.
+_BROKEN = (
+    zipfile.BadZipFile,
+    zlib.error,
+    ValueError,
+    EOFError,
+    OSError,
+    NotImplementedError,
+    RuntimeError,
+    OverflowError,
+    MemoryError,
+)
+
+
+def read_npz(file: Path, wanted: tuple[str, ...]) -> Table:
+    """Return the requested columns of an NPZ file.
+
+    Raises:
+        LogFormatError: If the file is damaged, too large, or has non-numeric columns.
+    """
+    try:
+        with zipfile.ZipFile(file) as archive:
+            members = {item.filename.removesuffix(".npy"): item for item in archive.infolist() if item.filename.endswith(".npy")}
+            for name in wanted:
+                if name_of(name) not in members:
+                    raise missing(file, name, members)
+            check_bytes(file, sum(members[name].file_size for name in {name_of(name) for name in wanted}))
+            return table_of(file, wanted, members, lambda name: _array(file, archive, members[name]))
+    except _BROKEN as error:
+        raise LogFormatError(f"{file}: not a valid NPZ file: {error}; is it truncated or modified?") from None
+
+
+def _array(file: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Shaped[np.ndarray, "..."]:
+    name = member.filename.removesuffix(".npy")
+    check_bytes(file, member.file_size)
+    with archive.open(member) as stream:
+        header = npy.read_array_header_1_0 if npy.read_magic(stream) == (1, 0) else npy.read_array_header_2_0
+        shape, in_columns, kind = header(stream)
+        check_kind(file, name, kind)
+        data = stream.read()  # zipfile verifies the checksum, and stops at the size in the directory
+    return np.frombuffer(data, kind).reshape(shape, order="F" if in_columns else "C")
