@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import partial
+from io import TextIOWrapper
 from itertools import islice
 from pathlib import Path
 from typing import TextIO
@@ -61,7 +62,7 @@ class CsvLog:
 
     def __iter__(self) -> Iterator[Table]:
         rows = origin = self._done = 0
-        with self._file.open(encoding="utf-8-sig", errors="surrogateescape") as text:
+        with self._file.open("rb") as raw, TextIOWrapper(raw, encoding="utf-8-sig", errors="surrogateescape") as text:
             line, head = 1, _block(self._file, text, 1)
             while head == ["\n"]:
                 line, head = line + 1, _block(self._file, text, 1)
@@ -75,7 +76,7 @@ class CsvLog:
                 if rows == 0 and ticks is not None and ticks.dtype.kind == "i" and len(ticks):
                     origin = int(ticks[0])
                 rows, line = rows + len(values), line + len(block)
-                self._done = text.buffer.tell()
+                self._done = raw.tell()
                 yield Table(
                     file=self._file,
                     names=self._wanted,
