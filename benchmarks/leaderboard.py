@@ -1,4 +1,4 @@
-"""Leaderboard of stair detectors on the frames of ``treadline frames --benchmark``.
+"""Leaderboard of stair detectors on the frames of ``python benchmarks/scenes render``.
 
 Run: ``python benchmarks/leaderboard.py [--frames N] [--seed N] [--results NAME=FILE ...] [--out FILE]``. Renders the frames, runs
 the detector and Algorithm 1 as printed, scores both and the results tables of other programs, and writes a page.
@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Literal
 
 from perception_cases import percent
+from scenes.known_answers import CONDITIONS, FRAMES_PER_CONDITION, write_benchmark
+from scenes.scores import LEAST_SHARE, HeadingResult, HeadingScores, read_results, read_truth, score
 
-from treadline.experiments.heading_scores import LEAST_SHARE, HeadingResult, HeadingScores, read_results, read_truth, score
 from treadline.io.frames.sources import read_frames
 from treadline.perception.frame_evaluation import see_frames
-from treadline.plant.sensors.camera.benchmark import CONDITIONS, FRAMES_PER_CONDITION, write_benchmark
 
 REJECTED = HeadingResult(heading_deg=None)
 LABELS = ("treadline", "Algorithm 1 as printed", "Algorithm 1 less 90°")
@@ -81,7 +81,7 @@ def page(folder: Path, peers: dict[str, Path], command: str, notes: str) -> str:
         "# Leaderboard of stair detectors on rendered frames",
         "",
         f"Date: {dt.datetime.now(tz=dt.UTC).date()}. Made by `{command}`.",
-        "The frames are those of `treadline frames --benchmark`.",
+        "The frames are those of `python benchmarks/scenes render`.",
         f"{len(truth)} frames of {len(CONDITIONS)} conditions. Fractions have 95 % intervals (Wilson). A rejection counts as "
         f"a miss if the stair covers at least {100 * LEAST_SHARE:.0f} % of the image; errors are of all accepted frames "
         "with a stair.",

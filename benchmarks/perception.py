@@ -28,16 +28,16 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, sensor_cases
+from scenes import STAIRLESS_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
+from scenes.recipe import STEPPED_SCENES
+from scenes.scores import wilson
 
 from treadline.core.angles import DEG, rotation_of
 from treadline.core.signals import StairMap
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
-from treadline.experiments.heading_scores import wilson
 from treadline.io.frames.folders import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.io.frames.image_files import read_frame
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
-from treadline.plant.sensors.camera import STAIRLESS_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
-from treadline.plant.sensors.camera.recipe import STEPPED_SCENES
 from treadline.plant.sensors.imu_noise import IMUS, Imu
 from treadline.scenario.camera_file import CameraFile, read_camera
 

@@ -5,10 +5,9 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-
-from treadline.experiments.heading_scores import LEAST_SHARE, wilson
-from treadline.plant.sensors.camera import ViewRecipe
-from treadline.plant.sensors.camera.recipe import ALONE
+from scenes import ViewRecipe
+from scenes.recipe import ALONE
+from scenes.scores import LEAST_SHARE, wilson
 
 LIFELIKE: dict[str, float] = {
     "grain_px": 1.2,

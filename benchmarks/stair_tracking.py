@@ -14,6 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scenes import SceneCamera, ViewRecipe
+from scenes.flight import draw_flight
 from statistical import AS_BUILT, CHAIR, DOWN_W, FLAT_M, pose_at, tilt_of
 from tables import table
 
@@ -22,8 +24,6 @@ from treadline.core.signals import ImuSample, StairMap, TrackReading
 from treadline.mission.stair_tracker import StairTracker
 from treadline.perception import StairDetector
 from treadline.perception.detector import DetectorConfig
-from treadline.plant.sensors.camera import Camera, ViewRecipe
-from treadline.plant.sensors.camera.flight import draw_flight
 from treadline.vehicle.staircase import Staircase
 
 FRAME_S, SPEED_M_S, TICKS = 0.1, 0.2, 10
@@ -76,9 +76,9 @@ def record(kind: str, seed: int) -> Drive:
     calibration = CHAIR.camera_at(480 if kind == "d455" else 240, rear=rear)
     if kind == "d455":
         calibration = replace(calibration, fx_px=387.0, fy_px=387.0)
-        camera = Camera(flight.solids(), calibration, kind=kind, rng=rng)
+        camera = SceneCamera(flight.solids(), calibration, kind=kind, rng=rng)
     else:
-        camera = Camera(flight.solids(), calibration, grain_px=AS_BUILT["grain_px"], warp_px=AS_BUILT["warp_px"], rng=rng)
+        camera = SceneCamera(flight.solids(), calibration, grain_px=AS_BUILT["grain_px"], warp_px=AS_BUILT["warp_px"], rng=rng)
     detector, tilt = StairDetector(DetectorConfig()), tilt_of(rng)
     heading, aside = float(rng.uniform(-HEADING_RAD, HEADING_RAD)), float(rng.uniform(-ASIDE_M, ASIDE_M))
     slip = mean = float(rng.uniform(*SLIP))

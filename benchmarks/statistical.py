@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from scenes import SceneCamera, ViewRecipe
+from scenes.flight import TiltedFlight, draw_flight
 from scipy.stats import ks_2samp, norm, rankdata
 
 from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.perception import StairDetector
-from treadline.plant.sensors.camera import Camera, ViewRecipe
-from treadline.plant.sensors.camera.flight import TiltedFlight, draw_flight
-from treadline.plant.sensors.camera.ray_camera import TEXTURES
+from treadline.plant.sensors.camera import TEXTURES
 from treadline.plant.sensors.statistical_camera import (
     COUNTS,
     DEPTHS_M,
@@ -158,7 +158,7 @@ def drive(seed: int, *, rear: bool) -> Iterator[Record]:
     flight, recipe, rng = stair_of(seed, rear=rear)
     calibration = CHAIR.camera_at(240, rear=rear)
     texture, light = str(rng.choice(TEXTURES)), float(rng.uniform(0.5, 1.6))
-    camera = Camera(
+    camera = SceneCamera(
         flight.solids(),
         calibration,
         texture=texture,

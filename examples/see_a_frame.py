@@ -1,20 +1,20 @@
-"""Draw one noisy depth image of a stair, detect the stair in it, and print what lies ahead."""
+"""Render one noisy depth image of a stair, detect the stair in it, and print what lies ahead."""
 
 import sys
 
-import numpy as np
-
 import treadline as tl
 from treadline.core.angles import DEG
-from treadline.plant.sensors.camera import ViewRecipe, draw_view
+from treadline.plant.sensors.camera import stair_frames
+from treadline.scenario.scenario import Scenario
 
 seed = int(sys.argv[1]) if len(sys.argv) > 1 else 1
-view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=("up",), heading_deg=(-30.0, 30.0)))
+headings = (-30.0 * DEG, 30.0 * DEG)
+(view,) = stair_frames(Scenario(), sensor="kinect1", count=1, seed=seed, heading_rad=headings)
 found = tl.detect_stair(view.frame.depth_m, view.frame.camera, view.gravity_C)
 print(found)
 if not found.accepted:
     sys.exit(1)
-print(f"truth   {view.stair.heading_rad / DEG:+.2f}°")
+print(f"truth   {view.truth['heading_deg']:+.2f}°")
 
 ahead = found.stair_map
 print("nosings ahead at", ", ".join(f"{x:.2f}" for x in ahead.nosings_B[:, 0]), "m" + (", then it ends" if ahead.ends else ""))

@@ -17,6 +17,7 @@ from jaxtyping import install_import_hook
 
 SOURCE = Path(__file__).parents[1] / "src"
 sys.path.insert(0, str(Path(__file__).parent / "builders"))  # tests import the simulated world from there
+sys.path.append(str(SOURCE.parent / "benchmarks"))  # scenes: random views of stairs with ground truth
 WITH_SHAPES = [
     ".".join(path.relative_to(SOURCE).with_suffix("").parts)
     for path in sorted(SOURCE.glob("treadline/**/*.py"))

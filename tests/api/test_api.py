@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import ViewRecipe, draw_view
 
 import treadline as tl
 from treadline.core.errors import ImageError, RecordError, SettingsError, TreadlineError
 from treadline.core.models import LinearModel
-from treadline.plant.sensors.camera import ViewRecipe, draw_view
 from treadline.scenario.scenario import Scenario
 
 PUBLIC = {"IdentificationOptions", "check", "climb", "detect_stair", "identify", "load_model", "read_frames", "tune"}

@@ -92,7 +92,7 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
         ("record", ["--out", "run", "--duration", "-1"], "--duration is -1; it must be above 0"),
         # A list that begins with a minus is a value, not an option: what follows it is what is refused.
         ("see", ["a.png", "b.png", "--gravity", "-0.05,0.8,0.6"], "--camera"),
-        ("frames", ["--out", "run", "--heading", "-35,95"], "frames: heading_deg"),
+        ("frames", ["--out", "run", "--heading", "-35,95"], "--heading is -35,95"),
         ("tune", ["none.json", "--state-weight", "-1,1"], "none.json: no such file"),
         ("nodes", ["paper-28", "--out", "run", "--seed=-1"], "--seed is -1; at least 0"),
     ],

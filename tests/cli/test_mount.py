@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import RecordedDrive, ViewRecipe
 
 from treadline.core.angles import DEG, quaternion_of
 from treadline.core.images import RgbdFrame
 from treadline.core.signals import HeadingMeasurement, ImuSample, TrackReading
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
-from treadline.plant.sensors.camera import RecordedDrive, ViewRecipe
 from treadline.scenario.camera_file import read_camera
 
 SECONDS = 26

@@ -95,7 +95,7 @@ def test_after_treadline_compile_no_command_compiles_and_two_at_once_compile_onc
     assert sorted(answer["compiled"] for answer in answers) == [False, True]
 
     for command in (
-        "frames --out frames --count 3 --scene down --seed 7",
+        "frames --out frames --count 3 --seed 7",
         "see frames",
         "climb short.toml --out climb",
         "climb images.toml --out images",

@@ -55,6 +55,7 @@ def shell(tmp_path: Path) -> dict[str, str]:
 def test_every_command_of_a_page_runs(page: Path, tmp_path: Path, shell: dict[str, str]) -> None:
     folder = tmp_path / "work"
     folder.mkdir()
+    (folder / "benchmarks").symlink_to(DOCS.parent / "benchmarks")  # pages with benchmarks are for a checkout
     for number, block in enumerate(blocks_of(page)):
         if block.name is not None:
             (folder / block.name).write_text(block.text, encoding="utf-8")

@@ -244,7 +244,7 @@ def test_a_log_without_checksums_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_rendered_frame_is_written_like_any_other(tmp_path: Path) -> None:
-    from treadline.plant.sensors.camera.rendered_frame import RenderedFrame
+    from treadline.plant.sensors.camera import RenderedFrame
 
     frame = RenderedFrame(
         t_s=0.1,

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from scenes import RecordedDrive, ViewRecipe
 
 from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y
 from treadline.core.images import RgbdFrame
@@ -13,7 +14,6 @@ from treadline.core.signals import Event, HeadingMeasurement, ImuSample, StairMa
 from treadline.guard import GuardConfig
 from treadline.mission.blocks import CameraBlock
 from treadline.perception import StairDetector
-from treadline.plant.sensors.camera import RecordedDrive, ViewRecipe
 from treadline.ros import channels as on
 from treadline.ros.block_nodes import CameraNode
 from treadline.ros.inproc import InProcess

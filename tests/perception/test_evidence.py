@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from jaxtyping import Float
+from scenes import ViewRecipe, draw_view
 
 from treadline.core.angles import DEG
 from treadline.core.images import DepthSensor
@@ -15,7 +16,6 @@ from treadline.perception._stair_shape import Placed, spacing
 from treadline.perception._step_parts import seed_points
 from treadline.perception.lattice_kernels import best_lattice
 from treadline.perception.plane_segmentation import BLOCK_RESIDUAL, noise_of, surface_blocks
-from treadline.plant.sensors.camera import ViewRecipe, draw_view
 
 RISE, RUN = 0.17, 0.29
 EMPTY = np.full((320, 240), np.nan)

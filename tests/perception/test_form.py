@@ -4,12 +4,12 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from scenes import View, ViewRecipe, draw_view
 
 from treadline.core.angles import DEG
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.perception._form import LateralEnds, narrower_by_m
 from treadline.perception._form_kernels import OPEN
-from treadline.plant.sensors.camera import View, ViewRecipe, draw_view
 
 LEAST_SHARE = 0.15
 

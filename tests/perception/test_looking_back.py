@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from jaxtyping import Float
+from scenes import View, ViewRecipe, draw_view
 
 from treadline.core.angles import DEG, rms, rotation_z
 from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.perception import StairDetection, StairDetector
 from treadline.perception.overlay import overlay
-from treadline.plant.sensors.camera import Camera, View, ViewRecipe, draw_view
+from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import Staircase, build_staircase

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from jaxtyping import Float
+from scenes import ViewRecipe, draw_view
 
 from treadline.core.angles import DEG, rotation_x, rotation_y
 from treadline.perception._nuisance import (
@@ -19,7 +20,6 @@ from treadline.perception._nuisance import (
 )
 from treadline.perception._plane_segmentation_kernels import BEYOND
 from treadline.perception.plane_segmentation import End, Ends, Line, Surface, surface_blocks
-from treadline.plant.sensors.camera import ViewRecipe, draw_view
 from treadline.scenario.chair import read_chair
 
 CAMERA = read_chair("wheelchair").camera_at(240)

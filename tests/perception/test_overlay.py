@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from scenes.recipe import ViewRecipe
+from scenes.views import View, draw_view
 
 from treadline.perception import StairDetector
 from treadline.perception import overlay as drawn
 from treadline.perception.overlay import BAND_PX, WIDTH_PX, ends_of, overlay
 from treadline.perception.plane_segmentation import Surface
-from treadline.plant.sensors.camera.recipe import ViewRecipe
-from treadline.plant.sensors.camera.views import View, draw_view
 
 
 def seen(scene: str) -> tuple[View, np.ndarray]:

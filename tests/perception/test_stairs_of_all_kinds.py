@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from scenes.recipe import ROOM_SCENES, ViewRecipe
+from scenes.views import StairTruth, View, draw_view
 
 from treadline.core.angles import DEG, rms
 from treadline.perception import StairDetection, StairDetector
-from treadline.plant.sensors.camera.recipe import ROOM_SCENES, ViewRecipe
-from treadline.plant.sensors.camera.views import StairTruth, View, draw_view
 
 DETECTOR = StairDetector()
 LEAST_SHARE = 0.15

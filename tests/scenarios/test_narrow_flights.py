@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from scenes import RecordedDrive, ViewRecipe
 
 from treadline.core.angles import DEG, quaternion_of
 from treadline.core.signals import (
@@ -18,7 +19,6 @@ from treadline.core.signals import (
 from treadline.mission.ascent import Ascent, AscentConfig
 from treadline.mission.blocks import CameraBlock
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.plant.sensors.camera import RecordedDrive, ViewRecipe
 from treadline.scenario.chair import read_chair
 
 CHAIR = read_chair("wheelchair")

@@ -47,9 +47,9 @@ SCENARIOS = {
 """Scenarios of the short runs, by name."""
 
 JOBS = (
-    ("rendered frames", "frames --out {}/frames --count 12 --scene mixed --clutter all --seed 1"),
+    ("rendered frames", "frames --out {}/frames --count 12 --seed 1"),
     ("rendered frames, Kinect 2", "frames --out {}/kinect2 --count 1 --sensor kinect2"),
-    ("rendered frames, time of flight", "frames --out {}/tof --count 1 --sensor tof --height 288"),
+    ("rendered frames, time of flight", "frames --out {}/tof --count 1 --sensor tof"),
     ("rendered frames, stereo", "frames --out {}/d435 --count 1 --sensor d435"),
     ("stair detection", "see {}/frames"),
     ("stair detection, Algorithm 1", "see {}/frames --method paper"),

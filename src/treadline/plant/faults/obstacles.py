@@ -14,9 +14,7 @@ from treadline.core.angles import rotation_z
 from treadline.core.ports import Reading
 from treadline.core.signals import FrameQuality, StairMap
 from treadline.plant.faults.damage import Damage
-from treadline.plant.sensors.camera.ground_truth import SWEPT_HEIGHT_M
-from treadline.plant.sensors.camera.make_camera import CameraModel
-from treadline.plant.sensors.camera.ray_camera import Camera
+from treadline.plant.sensors.camera import Camera, CameraModel
 from treadline.plant.sensors.camera.solids import SceneBox, Shadow, beam
 from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.stair_solids import stair_surfaces
@@ -28,6 +26,9 @@ OUT_OF_THE_WAY_M = (0.0, 0.0, -10.0)
 """Position of the box while the fault is inactive [m]."""
 BOX_COLOUR = (150.0, 40.0, 38.0)
 """Colour of the box (red, green, blue)."""
+SWEPT_HEIGHT_M = (0.06, 1.4)
+"""Height range of the swept volume above the lower line of the belts [m]: the belts climb lower objects, and the rider is lower
+than the upper limit."""
 GRAIN_M = 0.02
 """Spacing of the points of the box tested for the swept volume [m]."""
 SHOWN_M = 3.0

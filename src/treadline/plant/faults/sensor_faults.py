@@ -32,7 +32,7 @@ from treadline.core.signals import (
     StairMap,
     TrackReading,
 )
-from treadline.plant.sensors.camera.rendered_frame import RenderedFrame
+from treadline.plant.sensors.camera import RenderedFrame
 from treadline.scenario.faults import Fault, FaultKind, Process
 from treadline.scenario.operator_actions import REPORT_S, OperatorAct, does
 

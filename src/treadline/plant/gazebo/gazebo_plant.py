@@ -18,7 +18,7 @@ from treadline.plant.actuators import Actuators
 from treadline.plant.gazebo import server
 from treadline.plant.gazebo.environment import PLUGIN, Environment, find_environment
 from treadline.plant.gazebo.world import world_sdf
-from treadline.plant.sensors.camera.make_camera import look, make_camera
+from treadline.plant.sensors.camera import look, make_camera
 from treadline.plant.sensors.instruments import ChairState, Instruments, Streams
 from treadline.plant.simulated_plant import InstrumentedPlant
 from treadline.scenario.chair import ChairDescription, read_chair

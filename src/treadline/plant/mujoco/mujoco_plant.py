@@ -29,7 +29,7 @@ from treadline.plant.mujoco.lug_parameters import fit_lugs
 from treadline.plant.mujoco.mjcf_scene import scene_xml, seat_stiffness
 from treadline.plant.mujoco.native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
 from treadline.plant.mujoco.physics import NOMINAL, Physics
-from treadline.plant.sensors.camera.make_camera import look, make_camera
+from treadline.plant.sensors.camera import look, make_camera
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.plant.sensors.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
 from treadline.plant.simulated_plant import InstrumentedPlant

@@ -1,20 +1,22 @@
-"""RGB-D camera without OpenGL, and random views of stairs and rooms with ground truth."""
+"""RGB-D camera of a simulated chair, without OpenGL: rendered frames with the errors of a depth sensor.
 
-from treadline.plant.sensors.camera.ground_truth import StairTruth
-from treadline.plant.sensors.camera.ray_camera import Camera
-from treadline.plant.sensors.camera.recipe import ROOM_SCENES, STAIR_SCENES, STAIRLESS_SCENES, ViewRecipe
-from treadline.plant.sensors.camera.rendered_frame import ExactView
-from treadline.plant.sensors.camera.views import RecordedDrive, View, draw_view
+Contract: ``make_camera(scenario, ...)`` and ``look`` for a plant; ``Camera`` renders a staircase or any list of ``solids``;
+``stair_frames`` and ``write_frames`` make folders of frames with ground truth.
+"""
+
+from treadline.plant.sensors.camera.frame_folder import TrueFrame, stair_frames, write_frames
+from treadline.plant.sensors.camera.make_camera import CameraModel, look, make_camera
+from treadline.plant.sensors.camera.ray_camera import TEXTURES, Camera, ExactView, RenderedFrame
 
 __all__ = [
-    "ROOM_SCENES",
-    "STAIRLESS_SCENES",
-    "STAIR_SCENES",
+    "TEXTURES",
     "Camera",
+    "CameraModel",
     "ExactView",
-    "RecordedDrive",
-    "StairTruth",
-    "View",
-    "ViewRecipe",
-    "draw_view",
+    "RenderedFrame",
+    "TrueFrame",
+    "look",
+    "make_camera",
+    "stair_frames",
+    "write_frames",
 ]

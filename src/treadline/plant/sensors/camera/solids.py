@@ -14,15 +14,6 @@ Rgb = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Puddle:
-    """Water on a tread: dark, with a highlight, and a mirror for a depth sensor."""
-
-    centre_W: tuple[float, float, float]
-    half_m: tuple[float, float]
-    """Half axes of the ellipse along x and y."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Shadow:
     """Dark band across the scene, the shadow of a beam or banister: all points near a plane."""
 
@@ -47,8 +38,6 @@ class SceneBox:
     """Texture; None: the default of the scene."""
     index: int = -1
     """Index of the step; -1 for other objects."""
-    returns: float = 1.0
-    """Fraction of its pixels with depth: 0 for a mirroring metal strip or the shadow of an edge."""
 
 
 def solids_of(boxes: Iterable[Box]) -> tuple[SceneBox, ...]:

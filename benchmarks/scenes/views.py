@@ -17,17 +17,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from scenes.camera import SceneCamera, Sweep
+from scenes.clutter import cast_shadows
+from scenes.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, bend, draw_flight, draw_pose, rocked
+from scenes.ground_truth import StairTruth, stair_truth
+from scenes.recipe import STAIR_SCENES, Range, Scene, ViewRecipe, drawn
+from scenes.rooms import room
+from scenes.setting import Setting, stair_setting
 from treadline.core.angles import DEG, rotation_z
 from treadline.core.errors import SettingsError
 from treadline.core.images import PinholeCamera, RgbdFrame
-from treadline.plant.sensors.camera.clutter import cast_shadows
-from treadline.plant.sensors.camera.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, bend, draw_flight, draw_pose, rocked
-from treadline.plant.sensors.camera.ground_truth import StairTruth, stair_truth
-from treadline.plant.sensors.camera.ray_camera import Camera
-from treadline.plant.sensors.camera.recipe import STAIR_SCENES, Range, Scene, ViewRecipe, drawn
-from treadline.plant.sensors.camera.rendered_frame import ExactView, Sweep
-from treadline.plant.sensors.camera.rooms import room
-from treadline.plant.sensors.camera.setting import Setting, stair_setting
+from treadline.plant.sensors.camera import ExactView
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import ChairDescription, read_chair
 
@@ -72,8 +72,8 @@ class _Stage:
     true: PinholeCamera
     flight: TiltedFlight | None
     solids: list[SceneBox]
-    camera: Camera
-    filled: tuple[Camera, list[SceneBox]] | None = None
+    camera: SceneCamera
+    filled: tuple[SceneCamera, list[SceneBox]] | None = None
     """Camera before the same scene with solid treads, and its solids, if the treads are gratings or glass: the ground truth counts
     treads and nosings that a depth sensor sees through."""
     motion: tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None = None
@@ -176,7 +176,7 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
         pose = Pose(R_WB=yaw @ rocked(recipe, rng), p_WB=np.array([0.0, drawn(recipe.lateral_m, rng), 0.0]))
         setting = Setting(solids=room(scene, rng), shadows=cast_shadows(rng) if "shadow" in recipe.clutter else [])
     length, angle = drawn(recipe.blur_px, rng), rng.uniform(0.0, math.pi)
-    camera = Camera(
+    camera = SceneCamera(
         setting.solids,
         true,
         declared=declared,
@@ -189,10 +189,9 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
         warp_px=recipe.warp_px,
         holes=recipe.holes,
         blur_px=(length * math.cos(angle), length * math.sin(angle)),
-        shadows=setting.shadows,
-        puddles=setting.puddles,
+        puddles=tuple(setting.puddles),
         rng=rng,
-    )
+    ).facing((), setting.shadows)
     stage = _Stage(
         scene=scene,
         chair=chair,

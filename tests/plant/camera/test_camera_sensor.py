@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 from jaxtyping import Float, Float32
+from scenes import ViewRecipe, draw_view
 
 from treadline.core.angles import DEG, rotation_z
 from treadline.core.images import RgbdFrame
-from treadline.plant.sensors.camera import Camera, ViewRecipe, draw_view
+from treadline.plant.sensors.camera import Camera
+from treadline.plant.sensors.camera.solids import Shadow, upright
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import build_staircase
@@ -30,7 +32,7 @@ def frame(seed: int, *, texture: str = "wood", light: float = 1.0, kind: str = "
 
 
 def measured(depth_m: Float[np.ndarray, "h w"], seed: int, kind: str = "kinect1") -> Float32[np.ndarray, "h w"]:
-    return camera(seed, kind=kind)._measured(depth_m, np.zeros(depth_m.shape, dtype=np.int64), np.arange(1))
+    return camera(seed, kind=kind).measured(depth_m, np.zeros(depth_m.shape, dtype=np.int64), np.arange(1))
 
 
 def wall(distance_m: float) -> Float[np.ndarray, "h w"]:
@@ -74,7 +76,7 @@ def test_a_surface_at_a_grazing_angle_loses_many_pixels() -> None:
 def test_edges_waver_but_flat_surfaces_do_not() -> None:
     depth, face = wall(2.0), np.zeros(wall(2.0).shape, dtype=np.int64)
     depth[:, 160:], face[:, 160:] = 2.4, 1
-    near = camera(14)._measured(depth, face, np.arange(2)) < 2.2
+    near = camera(14).measured(depth, face, np.arange(2)) < 2.2
     # Half a pixel of jitter (0.8 at 640 columns, 0.4 here, in whole pixels) trades places at the edge only.
     assert 0.01 < near[:, 160].mean() < 0.5
     assert near[:, 165:].sum() == 0
@@ -134,7 +136,7 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
 
 def test_consecutive_frames_have_fresh_noise() -> None:
     seen, face = camera(9), np.zeros(wall(2.0).shape, dtype=np.int64)
-    first, second = (seen._measured(wall(2.0), face, np.arange(1)) for _ in range(2))
+    first, second = (seen.measured(wall(2.0), face, np.arange(1)) for _ in range(2))
     assert np.nanmean(first == second) < 0.9
 
 
@@ -172,8 +174,26 @@ def test_a_kinect_2_sees_less_of_what_is_dark_grazing_or_far() -> None:
 def test_pixels_of_a_kinect_2_mix_at_an_edge_and_only_there() -> None:
     depth, face = wall(1.5), np.zeros(wall(1.5).shape, dtype=np.int64)
     depth[:, :160], face[:, :160] = 2.5, 1
-    seen = camera(15, kind="kinect2")._measured(depth, face, np.arange(2))
+    seen = camera(15, kind="kinect2").measured(depth, face, np.arange(2))
     mixed = (seen > 1.6) & (seen < 2.4)
     assert mixed[:, 158:162].mean() > 0.05
     assert mixed.sum() == mixed[:, 158:162].sum()
     assert np.isnan(seen[:, 158:162]).mean() > 0.2
+
+
+def test_a_shadow_darkens_colour_and_leaves_depth() -> None:
+    solids = [upright("step", (0.0, -2.0, -0.2), (4.0, 2.0, 0.0))]
+    shadow = Shadow(normal_W=(1.0, 0.0, 0.0), level_m=1.3, half_m=0.1)
+    plain, shaded = (
+        Camera(solids, CALIBRATION, rng=np.random.default_rng(1))
+        .facing((), shadows)
+        .frame(0.0, CALIBRATION.R_BC, np.array([0.4, 0.0, 0.8]))
+        for shadows in ((), (shadow,))
+    )
+    np.testing.assert_array_equal(plain.depth_m, shaded.depth_m)
+    darker = shaded.rgb.mean(axis=2) < 0.7 * plain.rgb.mean(axis=2)
+    rows = np.flatnonzero(darker.mean(axis=1) > 0.9)
+    # 1.3 m ahead on the floor, 0.9 m from the camera and 0.8 m below it, seen with the camera 40° down.
+    angle = np.arctan2(0.8, 0.9) - 40.0 * DEG
+    assert 119.5 + 287.5 * np.tan(angle) == pytest.approx(rows.mean(), abs=3.0)
+    assert darker.mean() < 0.2

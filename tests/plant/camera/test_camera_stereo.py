@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from jaxtyping import Float, Float32, Int
+from scenes import SceneCamera, ViewRecipe
+from scenes.views import calibration_of
 
-from treadline.plant.sensors.camera import Camera, ViewRecipe
 from treadline.plant.sensors.camera.solids import upright
-from treadline.plant.sensors.camera.views import calibration_of
 from treadline.scenario.chair import read_chair
 
 CHAIR = read_chair("wheelchair")
@@ -15,24 +15,24 @@ FOCAL_PX = 387.0
 BASELINES_M = {"d435": 0.050, "d455": 0.095}
 
 
-def camera(seed: int, kind: str, *, height_px: int = 480, sigma_px: float | None = None, edge_holes: bool = False) -> Camera:
+def camera(seed: int, kind: str, *, height_px: int = 480, sigma_px: float | None = None, edge_holes: bool = False) -> SceneCamera:
     calibration = calibration_of(ViewRecipe(sensor=kind, height_px=height_px), CHAIR)
     solids = [upright("floor", (-1.0, -1.0, -1.0), (1.0, 1.0, 0.0), colour=(255.0, 255.0, 255.0))] * 2
     rng = np.random.default_rng(seed)
-    return Camera(solids, calibration, kind=kind, sigma_px=sigma_px, edge_holes=edge_holes, rng=rng)
+    return SceneCamera(solids, calibration, kind=kind, sigma_px=sigma_px, edge_holes=edge_holes, rng=rng)
 
 
-def measured(seen: Camera, depth: Float[np.ndarray, "h w"], face: Int[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
-    return seen._measured(depth, face, np.arange(2))
+def measured(seen: SceneCamera, depth: Float[np.ndarray, "h w"], face: Int[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
+    return seen.measured(depth, face, np.arange(2))
 
 
-def wall(seen: Camera, distance_m: float) -> tuple[Float[np.ndarray, "h w"], Int[np.ndarray, "h w"]]:
+def wall(seen: SceneCamera, distance_m: float) -> tuple[Float[np.ndarray, "h w"], Int[np.ndarray, "h w"]]:
     size = (seen.calibration.height_px, seen.calibration.width_px)
     return np.full(size, distance_m), np.zeros(size, dtype=np.int64)
 
 
 def post(
-    seen: Camera, near_m: float, far_m: float, left: int, right: int
+    seen: SceneCamera, near_m: float, far_m: float, left: int, right: int
 ) -> tuple[Float[np.ndarray, "h w"], Int[np.ndarray, "h w"]]:
     depth, face = wall(seen, far_m)
     depth[:, left:right], face[:, left:right] = near_m, 6

@@ -1,12 +1,13 @@
 """Steps that are no plain boxes: bowed nosings, bands without depth, gratings, glass, a carpet runner."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
+from scenes.camera import Film
+from scenes.recipe import ViewRecipe
 from treadline.core.angles import rotation_z
-from treadline.plant.sensors.camera.recipe import ViewRecipe
 from treadline.plant.sensors.camera.solids import Rgb, SceneBox, part_of, placed_in
 
 PIECES = 12
@@ -71,7 +72,7 @@ def edge_bands(solid: SceneBox, band_m: float, *, open_risers: bool) -> list[Sce
     ]
     if open_risers:
         bands.append(part_of(solid, (depth - band_m, depth), (-width, width), above))
-    return [replace(band, returns=0.0) for band in bands]
+    return [Film(**{field.name: getattr(band, field.name) for field in fields(band)}) for band in bands]
 
 
 def grating(solid: SceneBox) -> list[SceneBox]:

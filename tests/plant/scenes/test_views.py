@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 from jaxtyping import Bool, Float
+from scenes import CLUTTER, STAIR_SCENES, STAIRLESS_SCENES, RecordedDrive, View, ViewRecipe, draw_view
 
 from treadline.core.angles import DEG, rotation_z
 from treadline.core.errors import SettingsError
-from treadline.core.images import RgbdFrame
-from treadline.core.settings import settings_of
-from treadline.plant.sensors.camera import STAIR_SCENES, STAIRLESS_SCENES, Camera, RecordedDrive, View, ViewRecipe, draw_view
-from treadline.plant.sensors.camera.recipe import CLUTTER
-from treadline.plant.sensors.camera.solids import Puddle, Shadow, upright
+from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import build_staircase
@@ -219,36 +216,6 @@ def test_a_place_without_a_stair_has_no_truth_of_one_but_depth(scene: str) -> No
         assert seen.frame.rgb.std() > 1.0
 
 
-def tread(**light: object) -> RgbdFrame:
-    """Return a frame of a bare tread, the camera's noise the same each time."""
-    calibration = read_chair("wheelchair").camera_at(240)
-    solids = [upright("step", (0.0, -2.0, -0.2), (4.0, 2.0, 0.0))]
-    camera = Camera(solids, calibration, rng=np.random.default_rng(1), **light)
-    return camera.frame(0.0, calibration.R_BC, np.array([0.4, 0.0, 0.8]))
-
-
-def test_a_shadow_darkens_colour_and_leaves_depth() -> None:
-    plain, shaded = tread(), tread(shadows=[Shadow(normal_W=(1.0, 0.0, 0.0), level_m=1.3, half_m=0.1)])
-    np.testing.assert_array_equal(plain.depth_m, shaded.depth_m)
-    darker = shaded.rgb.mean(axis=2) < 0.7 * plain.rgb.mean(axis=2)
-    rows = np.flatnonzero(darker.mean(axis=1) > 0.9)
-    # 1.3 m ahead on the floor, 0.9 m from the camera and 0.8 m below it, seen with the camera 40° down.
-    angle = np.arctan2(0.8, 0.9) - 40.0 * DEG
-    assert 119.5 + 287.5 * np.tan(angle) == pytest.approx(rows.mean(), abs=3.0)
-    assert darker.mean() < 0.2
-
-
-def test_water_takes_depth_away_and_lights_colour_up() -> None:
-    dry, wet = tread(), tread(puddles=[Puddle(centre_W=(1.3, 0.0, 0.0), half_m=(0.15, 0.3))])
-    lost = np.isnan(wet.depth_m) & ~np.isnan(dry.depth_m)
-    deeper = wet.depth_m > dry.depth_m
-    assert 0.01 < lost.mean() < 0.2
-    assert 0.0005 < deeper.mean() < lost.mean()
-    assert wet.rgb[lost].mean() > dry.rgb[lost].mean() + 10.0
-    elsewhere = ~(lost | deeper)
-    np.testing.assert_array_equal(wet.depth_m[elsewhere], dry.depth_m[elsewhere])
-
-
 def test_blur_softens_colour_along_its_way_and_leaves_depth() -> None:
     sharp = view(7, light=(1.0, 1.0), textures=("terrazzo",), **IDEAL)
     soft = view(7, light=(1.0, 1.0), textures=("terrazzo",), blur_px=(8.0, 8.0), **IDEAL)
@@ -274,19 +241,6 @@ def test_warp_is_smooth_and_of_the_requested_size() -> None:
     means = np.nanmean(blocks, axis=2)
     assert float(means.std()) == pytest.approx(0.2, rel=0.15)
     assert np.abs(np.diff(means, axis=1)).max() < 0.3
-
-
-def test_a_recipe_that_makes_no_sense_is_refused() -> None:
-    for wrong, word in (
-        ({"slope_deg": (35.0, 25.0)}, "smaller first"),
-        ({"scenes": ()}, "empty"),
-        ({"scenes": ("attic",)}, "scenes"),
-        ({"rise_m": (0.05, 0.06), "slope_deg": (40.0, 45.0)}, "run"),
-        ({"sensor": "kinect3"}, "kinect1"),
-        ({"colour": 1}, "unknown"),
-    ):
-        with pytest.raises(SettingsError, match=word):
-            settings_of(wrong, ViewRecipe, where="recipe.toml")
 
 
 def test_tilted_treads_leave_the_nosings_truth_where_the_picture_shows_it() -> None:
@@ -333,10 +287,6 @@ def test_a_drive_shows_one_flight_from_one_camera() -> None:
 def test_a_drive_needs_a_flight_under_the_chair(scene: str) -> None:
     with pytest.raises(SettingsError, match=scene):
         RecordedDrive(np.random.default_rng(0), ViewRecipe(scenes=(scene,)))
-
-
-def test_there_are_more_than_twenty_kinds_of_scenes_without_a_stair() -> None:
-    assert len(set(STAIRLESS_SCENES)) == len(STAIRLESS_SCENES) >= 30
 
 
 @pytest.mark.parametrize("known", [False, True])

@@ -1,10 +1,11 @@
-"""Scores of a stair detector's headings against ground truth: results table and truth table in, scores out."""
+"""Scores of a stair detector's headings against ground truth: results table and truth table in, scores and a summary out."""
 
 import csv
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -110,7 +111,7 @@ def _accepted(results: dict[str, HeadingResult], names: Sequence[str]) -> Fracti
 
 
 def read_truth(path: Path) -> dict[str, TrueFrame]:
-    """Return the ground truth of a truth.csv of ``treadline frames``.
+    """Return the ground truth of a truth.csv with a row per frame.
 
     Raises:
         SettingsError: If the table is invalid.
@@ -136,9 +137,9 @@ def read_results(path: Path, truth: dict[str, TrueFrame]) -> dict[str, HeadingRe
             raise SettingsError(f"{where}: '{name}' is no frame of the truth; its names look like '{next(iter(truth), '')}'")
         heading = _number(where, "heading_deg", row["heading_deg"])
         sigma = _number(where, "sigma_deg", row.get("sigma_deg") or "")
-        if heading is not None and abs(heading) > MOST_DEG:
+        if heading is not None and not abs(heading) <= MOST_DEG:
             raise SettingsError(f"{where}: heading_deg is {heading:g}; it must be from -360 to 360 degrees")
-        if sigma is not None and sigma <= 0.0:
+        if sigma is not None and not sigma > 0.0:
             raise SettingsError(f"{where}: sigma_deg is {sigma:g}; it must be above 0, or empty if not known")
         table[name] = HeadingResult(heading_deg=heading, sigma_deg=sigma)
     lacking = [name for name in truth if name not in table]
@@ -151,39 +152,75 @@ def read_results(path: Path, truth: dict[str, TrueFrame]) -> dict[str, HeadingRe
 
 
 def _rows(path: Path, needed: tuple[str, ...]) -> list[tuple[str, dict[str, str]]]:
-    """Return place and cells of each row of a CSV file with the needed columns; names are unique."""
+    """Return place and cells of each row of a CSV file with the needed columns."""
     try:
-        lines = path.read_bytes().decode("utf-8-sig").splitlines()
+        reader = csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines())
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError as error:
-        raise SettingsError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
-    reader = csv.DictReader(lines)
-    header = reader.fieldnames or ()
     for column in needed:
-        if column not in header:
-            raise SettingsError(f"{path}: no column '{column}'; it has {', '.join(header) or 'none'}; needed: {', '.join(needed)}")
-    rows: dict[str, tuple[str, dict[str, str]]] = {}
-    for row in reader:
-        where = f"{path}:{reader.line_num}"
-        if None in row or None in row.values():
-            raise SettingsError(f"{where}: the number of cells differs from the header's {len(header)}")
-        if row["name"] in rows:
-            raise SettingsError(f"{where}: '{row['name']}' occurs twice; remove one")
-        rows[row["name"]] = (where, row)
-    if not rows:
-        raise SettingsError(f"{path}: no frames below the header; at least one is needed")
-    return list(rows.values())
+        if column not in (reader.fieldnames or ()):
+            raise SettingsError(f"{path}: no column '{column}'; needed: {', '.join(needed)}")
+    return [(f"{path}:{reader.line_num}", row) for row in reader]
 
 
 def _number(where: str, column: str, cell: str) -> float | None:
     """Return the number of a cell; None if it is empty."""
-    if not cell.strip():
-        return None
     try:
-        value = float(cell)
+        return float(cell) if cell.strip() else None
     except ValueError:
         raise SettingsError(f"{where}: {column} is '{cell}'; write a number, or leave it empty for a rejected frame") from None
-    if not math.isfinite(value):
-        raise SettingsError(f"{where}: {column} is {value}; leave it empty for a rejected frame")
-    return value
+
+
+def scored_table(results: Path, truth: Path) -> tuple[dict[str, Any], list[str]]:
+    """Return the scores of a results table, of all frames and of each condition, and a summary."""
+    true = read_truth(truth)
+    answers = read_results(results, true)
+    scores = score(answers, true)
+    conditions = _by_condition(answers, true)
+    values = _values(scores) | {"frames": len(true), "conditions": {name: _values(part) for name, part in conditions.items()}}
+    return values, [*_summary(scores), *(f"  {name}: {_short(part)}" for name, part in conditions.items())]
+
+
+def _by_condition(answers: dict[str, HeadingResult], true: dict[str, TrueFrame]) -> dict[str, HeadingScores]:
+    """Return the scores of each folder in the frames' names; nothing for names without a folder."""
+    folders = dict.fromkeys(name.rpartition("/")[0] for name in true if "/" in name)
+    return {
+        folder: score(answers, {name: frame for name, frame in true.items() if name.rpartition("/")[0] == folder})
+        for folder in folders
+    }
+
+
+def _values(scores: HeadingScores) -> dict[str, Any]:
+    fractions = {"accepted": scores.accepted, "inside_95": scores.inside_95, "false_accepts": scores.false_accepts}
+    return {key: value for key, value in asdict(scores).items() if key not in fractions} | {
+        key: {"hits": part.hits, "count": part.count, "share": part.share, "interval_95": list(part.interval)}
+        for key, part in fractions.items()
+    }
+
+
+def _summary(scores: HeadingScores) -> list[str]:
+    return [
+        f"accepted: {_percent(scores.accepted)} of the frames with a stair on at least {100 * LEAST_SHARE:.0f} % of the image",
+        f"heading error: {_errors(scores)}",
+        f"inside the declared 95 % interval: {_percent(scores.inside_95)}",
+        f"false accepts: {_percent(scores.false_accepts)} of the frames without a stair",
+    ]
+
+
+def _short(scores: HeadingScores) -> str:
+    if scores.false_accepts.count:
+        return f"false accepts {scores.false_accepts.hits}/{scores.false_accepts.count}"
+    return f"accepted {scores.accepted.hits}/{scores.accepted.count}, {_errors(scores)}"
+
+
+def _errors(scores: HeadingScores) -> str:
+    if scores.rmse_deg is None:
+        return "no accepted frame"
+    return f"RMSE {scores.rmse_deg:.3f}°, p95 {scores.p95_deg:.3f}°, worst {scores.worst_deg:.3f}°"
+
+
+def _percent(part: Fraction) -> str:
+    if part.share is None:
+        return "no frames"
+    low, high = part.interval
+    return f"{part.hits}/{part.count} = {100 * part.share:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"

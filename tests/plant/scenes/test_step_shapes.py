@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 from jaxtyping import Float
-from pydantic import ValidationError
+from scenes import View, ViewRecipe, draw_view
 
 from treadline.core.angles import DEG
-from treadline.plant.sensors.camera import View, ViewRecipe, draw_view
 
 IDEAL: dict[str, object] = {"sensor": "ideal", "gravity_error_deg": 0.0, "heading_deg": (0.0, 0.0), "back_wall_deg": (0.0, 0.0)}
 
@@ -145,7 +144,7 @@ def test_winders_turn_a_quarter_ahead_of_a_straight_part() -> None:
 
 
 def test_shapes_that_cannot_be_combined_are_refused_with_their_names() -> None:
-    with pytest.raises(ValidationError, match="bow_m with treads is not supported; give one of them"):
+    with pytest.raises(ValueError, match="bow_m with treads is not supported; give one of them"):
         ViewRecipe(bow_m=(0.05, 0.05), treads="glass")
 
 

@@ -1,11 +1,11 @@
-"""Rolling shutter: rows of a moving camera belong to different poses."""
+"""Rolling shutter, edge holes and water of the benchmark's camera."""
 
 import numpy as np
 import pytest
+from scenes import SceneCamera, ViewRecipe, draw_view
+from scenes.camera import Puddle, Sweep
 
 from treadline.core.angles import DEG
-from treadline.plant.sensors.camera import Camera, ViewRecipe, draw_view
-from treadline.plant.sensors.camera.rendered_frame import Sweep
 from treadline.plant.sensors.camera.solids import upright
 from treadline.scenario.chair import read_chair
 
@@ -14,9 +14,9 @@ LEVEL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Camera axes (right, down, ahead) of a camera that looks along x."""
 
 
-def wall_camera() -> Camera:
+def wall_camera() -> SceneCamera:
     wall = upright("wall", (2.0, -5.0, -5.0), (2.1, 5.0, 5.0))
-    return Camera([wall], CALIBRATION, kind="ideal", rng=np.random.default_rng(0))
+    return SceneCamera([wall], CALIBRATION, kind="ideal", rng=np.random.default_rng(0))
 
 
 def test_a_camera_that_drives_at_a_wall_sees_the_lower_rows_nearer() -> None:
@@ -53,3 +53,20 @@ def test_the_truth_belongs_to_the_middle_row() -> None:
     shift = np.abs(seen.frame.depth_m[rows] - seen.exact.depth_m[rows])
     away = np.abs(seen.frame.depth_m[:10] - seen.exact.depth_m[:10])
     assert np.nanmedian(shift) < 0.25 * np.nanmedian(away)
+
+
+def test_water_takes_depth_away_and_mirrors() -> None:
+    solids = [upright("step", (0.0, -2.0, -0.2), (4.0, 2.0, 0.0))]
+    puddle = Puddle(centre_W=(1.3, 0.0, 0.0), half_m=(0.15, 0.3))
+    dry, wet = (
+        SceneCamera(solids, CALIBRATION, puddles=puddles, rng=np.random.default_rng(1)).frame(
+            0.0, CALIBRATION.R_BC, np.array([0.4, 0.0, 0.8])
+        )
+        for puddles in ((), (puddle,))
+    )
+    lost = np.isnan(wet.depth_m) & ~np.isnan(dry.depth_m)
+    deeper = wet.depth_m > dry.depth_m
+    assert 0.01 < lost.mean() < 0.2
+    assert 0.0005 < deeper.mean() < lost.mean()
+    elsewhere = ~(lost | deeper)
+    np.testing.assert_array_equal(wet.depth_m[elsewhere], dry.depth_m[elsewhere])

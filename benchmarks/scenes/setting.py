@@ -5,15 +5,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from scenes.camera import Puddle
+from scenes.clutter import cast_shadows, clutter_of, spilt, worn_step
+from scenes.flight import DIRECTIONS, Pose, TiltedFlight
+from scenes.placing import oblique_wall
+from scenes.recipe import ViewRecipe, drawn
+from scenes.rooms import plain
+from scenes.step_shapes import shaped
 from treadline.core.angles import DEG
-from treadline.plant.sensors.camera.clutter import cast_shadows, clutter_of, spilt, worn_step
-from treadline.plant.sensors.camera.flight import DIRECTIONS, Pose, TiltedFlight
-from treadline.plant.sensors.camera.placing import oblique_wall
 from treadline.plant.sensors.camera.ray_camera import VIEW_M
-from treadline.plant.sensors.camera.recipe import ViewRecipe, drawn
-from treadline.plant.sensors.camera.rooms import plain
-from treadline.plant.sensors.camera.solids import Puddle, SceneBox, Shadow, upright
-from treadline.plant.sensors.camera.step_shapes import shaped
+from treadline.plant.sensors.camera.solids import SceneBox, Shadow, upright
 from treadline.vehicle.stair_solids import FLOOR_LENGTH_M
 
 BEHIND_M = 0.6

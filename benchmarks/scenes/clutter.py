@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from treadline.plant.sensors.camera.recipe import Clutter
-from treadline.plant.sensors.camera.solids import Puddle, Rgb, SceneBox, Shadow, beam, part_of, placed_in, upright
+from scenes.camera import Puddle
+from scenes.recipe import Clutter
+from treadline.plant.sensors.camera.solids import Rgb, SceneBox, Shadow, beam, part_of, placed_in, upright
 from treadline.vehicle.stair_solids import TREAD_THICKNESS_M
 from treadline.vehicle.staircase import Staircase, Step
 

@@ -1,13 +1,18 @@
-"""``treadline frames --benchmark`` and ``--score``: frames with known answers, and scores of any detector's headings."""
+"""``python benchmarks/scenes``: frames with known answers, and scores of any detector's headings."""
 
 import csv
+import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from scenes.known_answers import CONDITIONS
+from scenes.scores import HeadingResult, TrueFrame, score, scored_table, wilson
 
-from treadline.experiments.heading_scores import HeadingResult, TrueFrame, score, wilson
-from treadline.plant.sensors.camera.benchmark import CONDITIONS
+from treadline.core.errors import SettingsError
 
+SCENES = Path(__file__).parents[3] / "benchmarks" / "scenes"
 TRUTH = "name,scene,heading_deg,share\na/0,up,10.0,0.5\na/1,up,-5.0,0.4\na/2,foot,3.0,0.05\nb/0,shelf,,\nb/1,floor,,\n"
 PERFECT = "name,heading_deg,sigma_deg\na/0,10.0,0.1\na/1,-5.0,0.1\na/2,3.0,0.1\nb/0,,\nb/1,,\n"
 
@@ -19,46 +24,46 @@ def truth(tmp_path: Path) -> Path:
     return path
 
 
+def scenes(*words: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, SCENES, *map(str, words)], capture_output=True, text=True, check=False)
+
+
 def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
-def test_the_same_seed_gives_the_same_bytes_and_a_perfect_table_scores_100_percent(run, tmp_path: Path) -> None:
-    one, other, fresh = (tmp_path / name for name in ("one", "other", "fresh"))
-    for folder, seed in ((one, 0), (other, 0), (fresh, 1)):
-        assert run("frames", "--benchmark", "--out", folder, "--count", 1, "--seed", seed).code == 0
+def test_the_same_seed_gives_the_same_bytes_and_a_perfect_table_scores_100_percent(tmp_path: Path) -> None:
+    one, other = tmp_path / "one", tmp_path / "other"
+    for folder in (one, other):
+        assert scenes("render", "--out", folder, "--count", 1).returncode == 0
     assert contents(one) == contents(other)
-    assert contents(one).keys() == contents(fresh).keys()
     depths = [name for name in contents(one) if name.endswith("_depth.png")]
-    assert len(depths) == len(CONDITIONS)
-    assert all(contents(one)[name] != contents(fresh)[name] for name in depths)
+    assert len(depths) == len(CONDITIONS) == 16
 
     with (one / "truth.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert {row["name"] for row in rows} == {name.removesuffix("_depth.png") for name in depths}
     results = tmp_path / "results.csv"
     results.write_text("name,heading_deg\n" + "".join(f"{row['name']},{row['heading_deg']}\n" for row in rows))
-    values = run("frames", "--score", results, "--truth", one / "truth.csv", "--json").values
+    values = json.loads(scenes("score", results, "--truth", one / "truth.csv", "--json").stdout)
     assert (values["accepted"]["share"], values["worst_deg"], values["false_accepts"]["hits"]) == (1.0, 0.0, 0)
     assert values["false_accepts"]["count"] == sum(row["heading_deg"] == "" for row in rows) == 4
     assert list(values["conditions"]) == list(CONDITIONS)
+    refused = scenes("score", tmp_path / "none.csv", "--truth", one / "truth.csv")
+    assert (refused.returncode, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
 
 
-def test_scores_count_misses_errors_intervals_and_false_accepts(run, truth: Path, tmp_path: Path) -> None:
+def test_scores_count_misses_errors_intervals_and_false_accepts(truth: Path, tmp_path: Path) -> None:
     results = tmp_path / "results.csv"
     # One error of 0.3° outside its interval, one miss, one error of 4° on a small stair without sigma, one false accept.
     results.write_text("name,heading_deg,sigma_deg\na/0,10.3,0.1\na/1,,\na/2,-1.0,\nb/0,,\nb/1,7,1\n")
-    outcome = run("frames", "--score", results, "--truth", truth, "--json")
-    values = outcome.values
-    assert outcome.code == 0
+    values, lines = scored_table(results, truth)
     assert (values["accepted"]["hits"], values["accepted"]["count"]) == (1, 2)
     assert (values["inside_95"]["hits"], values["inside_95"]["count"]) == (0, 1)
     assert (values["false_accepts"]["hits"], values["false_accepts"]["count"]) == (1, 2)
     assert values["worst_deg"] == pytest.approx(4.0)
     assert values["rmse_deg"] == pytest.approx(((0.3**2 + 4.0**2) / 2) ** 0.5)
-    lines = run("frames", "--score", results, "--truth", truth).out
-    assert "1/2 = 50.0 %" in lines
-    assert "b: false accepts 1/2" in lines
+    assert "1/2 = 50.0 %" in "\n".join(lines)
 
 
 def test_an_error_is_taken_around_the_circle() -> None:
@@ -76,40 +81,19 @@ def test_wilson_interval_is_the_published_one() -> None:
 @pytest.mark.parametrize(
     ("table", "words"),
     [
-        ("frame,heading_deg\na/0,1\n", ("no column 'name'", "frame, heading_deg")),
         ("name,yaw\na/0,1\n", ("no column 'heading_deg'",)),
-        ("", ("no column 'name'",)),
         (PERFECT.replace("a/1,-5.0", "a/1,left"), (":3:", "'left'")),
-        (PERFECT.replace("a/1,-5.0", "a/1,nan"), (":3:", "nan")),
         (PERFECT.replace("a/1,-5.0", "a/1,500"), (":3:", "500", "360")),
         (PERFECT.replace("a/1,-5.0,0.1", "a/1,-5.0,0"), (":3:", "sigma_deg is 0", "above 0")),
-        (PERFECT.replace("a/1,-5.0,0.1", "a/0,-5.0,0.1"), (":3:", "'a/0' occurs twice")),
         (PERFECT.replace("a/1,-5.0,0.1\n", ""), ("1 of 5 frames are missing", "'a/1'")),
         (PERFECT + "c/9,1,1\n", (":7:", "'c/9'")),
-        (PERFECT.replace("b/0,,", "b/0,"), (":5:", "cells")),
     ],
 )
-def test_a_wrong_results_table_is_one_line(run, truth: Path, tmp_path: Path, table: str, words: tuple[str, ...]) -> None:
+def test_a_wrong_results_table_is_refused_with_line_and_value(
+    truth: Path, tmp_path: Path, table: str, words: tuple[str, ...]
+) -> None:
     results = tmp_path / "results.csv"
     results.write_text(table)
-    refused = run("frames", "--score", results, "--truth", truth)
-    assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
-    assert all(word in refused.err for word in words), refused.err
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ((), ("--out", "missing")),
-        (("--benchmark",), ("--out", "missing")),
-        (("--benchmark", "--out", "x", "--sensor", "d435"), ("--benchmark", "--count and --seed")),
-        (("--score", "results.csv"), ("--score needs --truth",)),
-        (("--truth", "truth.csv"), ("--truth needs --score",)),
-        (("--score", "results.csv", "--truth", "truth.csv", "--out", "x"), ("--score renders no frames",)),
-        (("--score", "none.csv", "--truth", "none.csv"), ("none.csv", "No such file")),
-    ],
-)
-def test_options_that_do_not_fit_are_one_line(run, options: tuple[str, ...], words: tuple[str, ...]) -> None:
-    refused = run("frames", *options)
-    assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
-    assert all(word in refused.err for word in words), refused.err
+    with pytest.raises(SettingsError) as refused:
+        scored_table(results, truth)
+    assert all(word in str(refused.value) for word in words), refused.value

@@ -1,14 +1,9 @@
-"""Parameter ranges of random views, for ``draw_view``; each is checked."""
+"""Parameter ranges of random views, for ``draw_view``."""
 
-import math
-from typing import Annotated, Literal, get_args
+from dataclasses import dataclass, fields
+from typing import Literal, get_args
 
 import numpy as np
-from pydantic import Field, model_validator
-
-from treadline.core.angles import DEG
-from treadline.core.settings import Settings
-from treadline.scenario.scenario import RISE_M, RUN_M, SLOPE_DEG
 
 Scene = Literal[
     "up",
@@ -74,22 +69,6 @@ Texture = Literal["wood", "concrete", "carpet", "terrazzo", "dark"]
 Walls = Literal["none", "left", "right", "both"]
 Range = tuple[float, float]
 """Smallest and largest value of a uniform distribution."""
-Spread = Annotated[float, Field(ge=0.0)]
-"""Standard deviation."""
-Rise = Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])]
-Run = Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])]
-Slope = Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])]
-Width = Annotated[float, Field(ge=0.3, le=60.0)]
-Count = Annotated[int, Field(ge=6, le=200)]
-Length = Annotated[float, Field(ge=0.0, le=20.0)]
-Bow = Annotated[float, Field(ge=-0.3, le=0.3)]
-Radius = Annotated[float, Field(ge=0.45, le=100.0)]
-Speed = Annotated[float, Field(ge=-2.0, le=2.0)]
-Small = Annotated[float, Field(ge=0.0, le=0.03)]
-Turn = Annotated[float, Field(ge=-90.0, le=90.0)]
-ObliqueAngle = Annotated[float, Field(ge=-45.0, le=45.0)]
-Tilt = Annotated[float, Field(ge=-30.0, le=80.0)]
-Light = Annotated[float, Field(ge=0.1, le=3.0)]
 PLACES_M: dict[str, Range] = {
     "up": (0.3, 3.0),
     "top": (0.9, 2.2),
@@ -109,110 +88,95 @@ ALONE: dict[str, tuple[str, ...]] = {
 """Shapes of steps that exclude others, because their solids are built from whole boxes."""
 
 
-class ViewRecipe(Settings):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViewRecipe:
     """Parameter ranges of a view. A range (a, a) fixes the value; of several words one is drawn."""
 
     scenes: tuple[Scene, ...] = ("up",)
-    slope_deg: tuple[Slope, Slope] = (25.0, 35.0)
-    rise_m: tuple[Rise, Rise] = (0.14, 0.19)
-    run_m: tuple[Run, Run] | None = None
+    slope_deg: Range = (25.0, 35.0)
+    rise_m: Range = (0.14, 0.19)
+    run_m: Range | None = None
     """Run of the steps. None: run from rise and slope; otherwise the slope follows from rise and run."""
-    steps: tuple[Count, Count] = (14, 22)
-    width_m: tuple[Width, Width] = (1.0, 1.6)
-    landing_m: tuple[Length, Length] = (1.2, 2.5)
-    back_wall_deg: tuple[ObliqueAngle, ObliqueAngle] = (-20.0, 20.0)
+    steps: tuple[int, int] = (14, 22)
+    width_m: Range = (1.0, 1.6)
+    landing_m: Range = (1.2, 2.5)
+    back_wall_deg: Range = (-20.0, 20.0)
     """Yaw of the wall behind the landing."""
     walls: tuple[Walls, ...] = ("none", "left", "right", "both")
     open_risers: bool = False
-    rise_jitter_m: Small = 0.0
-    run_jitter_m: Small = 0.0
-    nosing_yaw_jitter_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
-    tread_tilt_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
+    rise_jitter_m: float = 0.0
+    run_jitter_m: float = 0.0
+    nosing_yaw_jitter_deg: float = 0.0
+    tread_tilt_deg: float = 0.0
     """Standard deviation of the tilt of each step about the middle of its nosing, along and across the flight."""
-    worn_m: Small = 0.0
+    worn_m: float = 0.0
     """Largest nosing radius of worn steps, which varies along the nosing; zero: sharp nosings."""
-    bow_m: tuple[Bow, Bow] = (0.0, 0.0)
+    bow_m: Range = (0.0, 0.0)
     """Sagitta of the nosings over the width; positive if the middle protrudes towards the foot of the flight."""
-    radius_m: tuple[Radius, Radius] | None = None
+    radius_m: Range | None = None
     """Radius of the flight's centre line, which turns to a random side; None: a straight flight."""
-    winder_radius_m: tuple[Radius, Radius] | None = None
+    winder_radius_m: Range | None = None
     """Radius of the centre line of a quarter turn of winders ahead of the chair, to a random side; None: no winders."""
-    edge_holes_m: Annotated[float, Field(ge=0.0, le=0.05)] = 0.0
+    edge_holes_m: float = 0.0
     """Width of the bands without depth along the edges of the treads, as on metal strips or in the shadow of a nosing."""
     treads: Treads = "solid"
     runner: bool = False
     """Whether a carpet runner covers the middle of the flight."""
-    heading_deg: tuple[Turn, Turn] = (-35.0, 35.0)
+    heading_deg: Range = (-35.0, 35.0)
     lateral_m: Range = (-0.25, 0.25)
     place_m: Range | None = None
     """Position of the chair's middle along the direction of travel: beyond the first nosing (``up``), beyond the landing's edge
     (``down``), before the last nosing ahead (``top``, ``bottom``) or before the first (``foot``, ``edge``); None: ``PLACES_M``."""
-    rock_deg: Spread = 0.0
+    rock_deg: float = 0.0
     """Standard deviation of pitch and roll of the chair relative to nosings or floor."""
-    readout_s: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0
+    readout_s: float = 0.0
     """Time from the first row to the last of a rolling shutter; zero is a global shutter. About 0.03 s in a Kinect 1."""
-    speed_m_s: tuple[Speed, Speed] = (0.0, 0.0)
+    speed_m_s: Range = (0.0, 0.0)
     """Speed of the chair along its own x axis during the readout."""
-    turn_rate_deg_s: Spread = 0.0
+    turn_rate_deg_s: float = 0.0
     """Standard deviation of the rates of roll, pitch and yaw during the readout."""
     sensor: Sensor = "kinect1"
     sensor_known: bool = False
     """Whether the frame's calibration names the sensor."""
-    sigma_px: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    sigma_px: float | None = None
     """Standard deviation of the disparity noise of a Kinect 1, D435 or D455 [sensor px]. None: the sensor's default."""
     edge_holes: bool = False
     """Whether a Kinect 1 loses the pixels whose correlation window contains a depth jump, as recorded frames do."""
-    grain_px: Spread = 0.0
+    grain_px: float = 0.0
     """Correlation length of the depth noise, in sensor pixels, as a standard deviation; zero is white noise. About 1.2 in a Kinect
     1 due to its matching windows of nine pixels; the Kinect 2 model has its own correlation."""
-    warp_px: Spread = 0.0
+    warp_px: float = 0.0
     """Smooth depth error across the image, in pixels of Kinect 1 disparity: about 0.1 with factory calibration."""
-    holes: Annotated[float, Field(ge=0.0, le=0.95)] = 0.0
+    holes: float = 0.0
     """Fraction of the depth image lost in blotches, as in sunlight."""
-    height_px: Annotated[int, Field(ge=120, le=1080)] | None = None
+    height_px: int | None = None
     """Image height. None: the sensor's default: 240, 424 for the Kinect 2, 480 for stereo, 576 for tof."""
-    focal_px: Annotated[float, Field(gt=0.0)] | None = None
+    focal_px: float | None = None
     """Focal length. None: the sensor's default."""
-    focal_error: Spread = 0.0
+    focal_error: float = 0.0
     """Standard deviation of the relative error of the calibrated focal length."""
-    pitch_deg: tuple[Tilt, Tilt] | None = None
+    pitch_deg: Range | None = None
     """Downward pitch of the camera mount. None: as in the chair file."""
     mount_pitch_error_deg: Range = (0.0, 0.0)
     """Pitch of the true mount minus pitch of the calibrated mount."""
     mount_roll_error_deg: Range = (0.0, 0.0)
     """Roll of the true mount minus roll of the calibrated mount."""
-    gravity_error_deg: Spread = 0.5
+    gravity_error_deg: float = 0.5
     """Error of the measured gravity direction, towards a random side."""
     textures: tuple[Texture, ...] = get_args(Texture)
-    light: tuple[Light, Light] = (0.35, 1.6)
-    blur_px: tuple[Length, Length] = (0.0, 0.0)
+    light: Range = (0.35, 1.6)
+    blur_px: Range = (0.0, 0.0)
     """Length of the motion blur of the colour image."""
     clutter: tuple[Clutter, ...] = ()
-    clutter_chance: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    clutter_chance: float = 1.0
     """Probability of each kind of clutter."""
 
-    @model_validator(mode="after")
-    def _ranges_make_sense(self) -> "ViewRecipe":
-        for name in type(self).model_fields:
-            value = getattr(self, name)
-            is_range = isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str)
-            if is_range and value[0] > value[1]:
-                raise ValueError(f"{name} runs from {value[0]:g} to {value[1]:g}; give the smaller first")
-        for name in ("scenes", "walls", "textures"):
-            if not getattr(self, name):
-                raise ValueError(f"{name} is empty; name at least one")
+    def __post_init__(self) -> None:
+        """Reject shapes of steps that exclude each other."""
+        given = {field.name for field in fields(self) if getattr(self, field.name) != field.default}
         for name, others in ALONE.items():
-            given = [other for other in (name, *others) if getattr(self, other) != type(self).model_fields[other].default]
-            if name in given and len(given) > 1:
-                raise ValueError(f"{name} with {given[1]} is not supported; give one of them")
-        if self.run_m is None:
-            runs = (self.rise_m[0] / math.tan(self.slope_deg[1] * DEG), self.rise_m[1] / math.tan(self.slope_deg[0] * DEG))
-            if not (RUN_M[0] <= runs[0] and runs[1] <= RUN_M[1]):
-                raise ValueError(
-                    f"rise_m and slope_deg give runs of {runs[0]:.3f} to {runs[1]:.3f} m; "
-                    f"they must be from {RUN_M[0]:g} to {RUN_M[1]:g} m, or give run_m"
-                )
-        return self
+            for other in given.intersection(others) if name in given else ():
+                raise ValueError(f"{name} with {other} is not supported; give one of them")
 
 
 def drawn(limits: Range, rng: np.random.Generator) -> float:

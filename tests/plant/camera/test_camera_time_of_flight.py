@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from jaxtyping import Float, Int
+from scenes import ViewRecipe
+from scenes.views import calibration_of
 
-from treadline.plant.sensors.camera import Camera, ViewRecipe
-from treadline.plant.sensors.camera.multipath import multipath_bias
+from treadline.plant.sensors.camera import Camera
+from treadline.plant.sensors.camera.depth_sensor import multipath_bias
 from treadline.plant.sensors.camera.solids import upright
-from treadline.plant.sensors.camera.views import calibration_of
 from treadline.scenario.chair import read_chair
 
 CALIBRATION = calibration_of(ViewRecipe(sensor="tof"), read_chair("wheelchair"))
@@ -34,7 +35,7 @@ def random_sigma_m(depth_m: Float[np.ndarray, "h w"]) -> float:
 
 
 def test_noise_grows_with_range_and_keeps_the_specification() -> None:
-    sigmas = [random_sigma_m(camera(1, 60.0)._measured(*wall(distance_m), np.arange(2))) for distance_m in (0.6, 1.5, 2.5, 3.8)]
+    sigmas = [random_sigma_m(camera(1, 60.0).measured(*wall(distance_m), np.arange(2))) for distance_m in (0.6, 1.5, 2.5, 3.8)]
     assert sigmas == sorted(sigmas)
     # Tölgyessy et al., Sensors 21, 2021: standard deviation of at most 17 mm, as the manufacturer states.
     assert sigmas[-1] < 0.017
@@ -45,7 +46,7 @@ def test_noise_grows_with_range_and_keeps_the_specification() -> None:
 def test_pixels_fly_between_an_object_and_its_background() -> None:
     depth, face = wall(2.5)
     depth[:, 320:], face[:, 320:] = 1.5, 6
-    seen = camera(2, 200.0)._measured(depth, face, np.arange(2))
+    seen = camera(2, 200.0).measured(depth, face, np.arange(2))
     between = (seen > 1.6) & (seen < 2.4)
     # At the edge, on both sides of it, and nowhere else (Wasenmüller and Stricker 2016).
     assert between[:, 319:321].mean() > 0.3

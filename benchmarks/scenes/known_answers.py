@@ -5,19 +5,29 @@ of the libraries.
 """
 
 import csv
-import io
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
+from scenes.recipe import Scene, ViewRecipe
+from scenes.views import View, draw_view
+from treadline.core.angles import DEG
 from treadline.core.models import write_whole
-from treadline.plant.sensors.camera.folder import TRUTH, write_views
-from treadline.plant.sensors.camera.recipe import Scene, ViewRecipe
+from treadline.plant.sensors.camera import TrueFrame, write_frames
+from treadline.plant.sensors.camera.frame_folder import table_text
 
 FRAMES_PER_CONDITION = 4
 """Default number of frames of each condition; 16 conditions give 64 frames."""
+STAIR_COLUMNS = (
+    "direction", "heading_deg", "slope_deg", "rise_m", "run_m", "edge_x", "edge_y", "edge_z", "share", "next_nosing_x_m",
+    "next_nosing_z_m", "end_in_view", "left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m", "left_side",
+    "right_side", "bow_m", "curvature_1_m",
+)  # fmt: skip
+"""Columns of truth.csv that are blank without a stair."""
 AS_BUILT: dict[str, Any] = {
     "tread_tilt_deg": 0.3,
     "nosing_yaw_jitter_deg": 0.15,
@@ -71,20 +81,38 @@ def write_benchmark(
     Each folder has its own camera.toml, gravity.csv and truth.csv. In the common truth.csv the name of a frame is
     ``CONDITION/NAME``. Each condition has its own random numbers, so that a new condition leaves the others unchanged.
     """
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(TRUTH)
+    header: Sequence[str] = ()
+    rows: list[list[str]] = []
     for condition, recipe in CONDITIONS.items():
         folder = out / condition
-        own_seed = [seed, zlib.crc32(condition.encode())]
-        write_views(recipe, folder, count=frames, seed=own_seed, watch=_prefixed(condition, watch))
+        write_frames(folder, recipe_frames(recipe, count=frames, seed=[seed, zlib.crc32(condition.encode())]), watch)
         with (folder / "truth.csv").open(encoding="utf-8", newline="") as file:
-            rows = csv.reader(file)
-            next(rows)
-            table.writerows([f"{condition}/{name}", *cells] for name, *cells in rows)
-    write_whole(out / "truth.csv", text.getvalue())
+            header, *table = csv.reader(file)
+        rows += [[f"{condition}/{name}", *cells] for name, *cells in table]
+    write_whole(out / "truth.csv", table_text(header, rows))
     return frames * len(CONDITIONS)
 
 
-def _prefixed(condition: str, watch: Callable[[str], None]) -> Callable[[str], None]:
-    return lambda name: watch(f"{condition}/{name}")
+def recipe_frames(recipe: ViewRecipe, *, count: int, seed: Sequence[int]) -> Iterator[TrueFrame]:
+    """Yield views of a recipe; each has its own seed, so that a larger count leaves the first views unchanged."""
+    for number in range(count):
+        view = draw_view(np.random.default_rng([*seed, number]), recipe)
+        yield TrueFrame(f"{number:05d}", view.frame, view.gravity_C, truth_of(view))
+
+
+def truth_of(view: View) -> dict[str, object]:
+    """Return the ground truth of a view by column; None without a stair.
+
+    Edge and gravity are unit vectors in the camera frame. The next nosing is the intersection of the first visible nosing with the
+    chair's middle plane, in the chair frame. The edges are the sides of the flight, each ``wall`` or ``open``.
+    """
+    stair = view.stair
+    gravity = dict(zip(("gravity_x", "gravity_y", "gravity_z"), view.true_gravity_C.tolist(), strict=True))
+    if stair is None:
+        return {"scene": view.scene} | dict.fromkeys(STAIR_COLUMNS) | gravity
+    seen = stair.nosings_B[stair.nosing_in_view]
+    following = seen[0, ::2].tolist() if len(seen) else [None, None]
+    direction = [stair.direction, stair.heading_rad / DEG, stair.slope_rad / DEG, stair.rise_m, stair.run_m, *stair.edge_C.tolist()]
+    around = [stair.share, *following, int(stair.end_in_view), stair.left_wall_m, stair.right_wall_m, stair.obstacle_m]
+    sides = [stair.left_edge_m, stair.right_edge_m, stair.left_side, stair.right_side, stair.bow_m, stair.curvature_1_m]
+    return {"scene": view.scene} | dict(zip(STAIR_COLUMNS, [*direction, *around, *sides], strict=True)) | gravity

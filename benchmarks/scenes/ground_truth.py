@@ -7,18 +7,16 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
+from scenes.clutter import OBSTACLES, RAIL_INSET_M, RAIL_M
+from scenes.flight import Direction, Pose, TiltedFlight
 from treadline.core.images import PinholeCamera
-from treadline.plant.sensors.camera.clutter import OBSTACLES, RAIL_INSET_M, RAIL_M
-from treadline.plant.sensors.camera.flight import Direction, Pose, TiltedFlight
-from treadline.plant.sensors.camera.rendered_frame import ExactView
+from treadline.plant.faults.obstacles import SWEPT_HEIGHT_M
+from treadline.plant.sensors.camera import ExactView
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.plant.sensors.visibility import crossings
 from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.staircase import Staircase, Step
 
-SWEPT_HEIGHT_M = (0.06, 1.4)
-"""Height range of the swept volume above the lower line of the belts [m]: the belts climb lower objects, and the rider is lower
-than the upper limit."""
 GRAIN_M = 0.01
 """Spacing of the points of an object tested for the swept volume [m]."""
 LEAST_WALL = 0.01
