@@ -35,8 +35,8 @@ from scenes.scores import wilson
 from treadline.core.angles import DEG, rotation_of
 from treadline.core.signals import StairMap
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
-from treadline.io.frames.folders import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.io.frames.image_files import read_frame
+from treadline.io.frames.sources import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.plant.sensors.imu_noise import IMUS, Imu
 from treadline.scenario.camera_file import CameraFile, read_camera

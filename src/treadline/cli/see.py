@@ -71,7 +71,7 @@ def see(
     """
     from treadline.cli.compiling import report_compiling
     from treadline.core.errors import SettingsError
-    from treadline.io.frames.point_cloud import AXES
+    from treadline.io.frames.options import AXES
     from treadline.perception.paper.edges import ThresholdRule
 
     if out is not None:
@@ -114,7 +114,8 @@ def _source(
     colour: bool,
 ) -> "FrameSource":
     from treadline.core.images import gravity_of
-    from treadline.io.frames.sources import FrameOptions, open_frames
+    from treadline.io.frames.options import FrameOptions
+    from treadline.io.frames.sources import open_frames
     from treadline.scenario.camera_file import read_camera
 
     options = FrameOptions(

@@ -1,14 +1,14 @@
 """PLY and PCD files: all layouts give the same points; damaged files are one line."""
 
 import struct
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from treadline.core.errors import ImageError
-from treadline.io.frames.cloud_files import read_cloud
-from treadline.io.frames.lzf import decompress
+from treadline.io.frames._cloud_files import read_cloud
 
 WIDTH, HEIGHT = 40, 30
 
@@ -95,14 +95,15 @@ def test_a_pcd_file_has_its_points_colours_and_size(tmp_path: Path, cloud, colou
     assert read_cloud(tmp_path / "a.pcd").size_px is None
 
 
-def test_repetitions_of_compressed_data_may_overlap_themselves() -> None:
-    # Literals "abc", then 7 bytes from 3 back (a length of 5 + 2), then 20 bytes from 1 back (7 + 11 + 2).
-    data = bytes([2]) + b"abc" + bytes([5 << 5, 2]) + bytes([7 << 5, 11, 0])
-    plain = b"abc" + b"abcabca"
-    assert decompress(data, 30) == plain + b"a" * 20
-    for damaged in (data[:-1], bytes([5 << 5, 2]), data[:4]):
-        with pytest.raises(ImageError):
-            decompress(damaged, 30)
+def test_a_header_that_promises_more_than_the_file_holds_takes_no_memory(tmp_path: Path, cloud, colours) -> None:
+    for layout, promised in (("binary", 10**12), ("binary_compressed", 40_000_000), ("ascii", 40_000_000)):
+        whole = pcd(cloud, colours, layout).replace(b"WIDTH 40\nHEIGHT 30", f"WIDTH {promised}\nHEIGHT 1".encode())
+        (tmp_path / "a.pcd").write_bytes(whole.replace(b"POINTS 1200", f"POINTS {promised}".encode()))
+        tracemalloc.start()
+        with pytest.raises(ImageError, match=r"at most|declares|truncated"):
+            read_cloud(tmp_path / "a.pcd")
+        assert tracemalloc.get_traced_memory()[1] < 10_000_000
+        tracemalloc.stop()
 
 
 @pytest.mark.parametrize("name", ["a.ply", "a.pcd"])

@@ -10,9 +10,8 @@ import pytest
 from treadline.cli import main
 from treadline.core.errors import TreadlineError
 from treadline.io.frames import read_frames
-from treadline.io.frames.cloud_files import read_cloud
+from treadline.io.frames._cloud_files import point_cloud, read_cloud
 from treadline.io.mcap_log import RunLog
-from treadline.io.point_cloud_message import point_cloud
 from treadline.io.topics import CdrReader
 
 

@@ -14,7 +14,8 @@ from treadline.cli import main
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
 from treadline.core.images import NamedFrame, RgbdFrame
 from treadline.io.frames import read_frames
-from treadline.io.frames.logs import FramesOfLog
+from treadline.io.frames._recorded_frames import FramesOfLog
+from treadline.io.frames.options import FrameOptions
 from treadline.perception.frame_evaluation import see_frames
 
 RATE_HZ = 30.0
@@ -107,8 +108,8 @@ def test_depth_images_are_preferred_to_clouds_and_one_of_several_is_named(walk, 
     log = walk()
     add_cloud(log, "/points", 0.0, points(frame), (320, 240))
     path = log.write(tmp_path / "walk.mcap")
-    assert FramesOfLog(path).topic == "/camera/depth/image_rect"
-    assert FramesOfLog(path, topic="/points").is_cloud
+    assert FramesOfLog(path, FrameOptions()).topic == "/camera/depth/image_rect"
+    assert FramesOfLog(path, FrameOptions(topic="/points")).is_cloud
     with pytest.raises(SettingsError, match="--topic /nowhere: no such topic"):
         read_frames(path, topic="/nowhere")
     with pytest.raises(SettingsError, match="holds sensor_msgs/msg/CameraInfo"):
@@ -137,11 +138,11 @@ def test_a_calibration_of_another_size_is_refused(walk, frame, calibration_file,
 
 
 def test_depth_and_colour_of_different_times_are_counted(walk, tmp_path: Path) -> None:
-    together = FramesOfLog(walk(colour_late_s=0.005).write(tmp_path / "a.mcap"), colour=True)
+    together = FramesOfLog(walk(colour_late_s=0.005).write(tmp_path / "a.mcap"), FrameOptions())
     assert [named.has_colour for named in together] == [True] * COUNT
     assert together.warnings == []
     # Half a second apart: no colour image is of the time of a depth image.
-    apart = FramesOfLog(walk(colour_late_s=0.5).write(tmp_path / "b.mcap"), colour=True)
+    apart = FramesOfLog(walk(colour_late_s=0.5).write(tmp_path / "b.mcap"), FrameOptions())
     assert [named.has_colour for named in apart] == [False] * COUNT
     assert apart.warnings == ["3 of 3 depth images have no colour image within 20 ms and were used without"]
 

@@ -10,14 +10,13 @@ from jaxtyping import Float32, UInt8
 
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.images import RgbdFrame, black
+from treadline.io.frames.options import PLAUSIBLE_M
 from treadline.scenario.camera_file import CameraFile
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
 JPEG_START, JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
 NO_RETURN = (0, 65535)
 """Depth counts without a return."""
-PLAUSIBLE_M = (0.2, 30.0)
-"""Range of the median depth of an indoor frame [m]; outside it the unit is wrong."""
 
 
 def read_frame(rgb: Path | None, depth: Path, calibration: CameraFile) -> RgbdFrame:

@@ -3,7 +3,7 @@
 import csv
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any
@@ -99,11 +99,3 @@ class Summary:
         share = f" ({100.0 * self._accepted / count:.0f} %), median {np.median(self._times_ms):.1f} ms" if count else ""
         first = f"{self._accepted} of {count} frames accepted{share}"
         return [first, *(f"  rejected {times}: {reason}" for reason, times in self.values["rejections"].items())]
-
-
-def summary_of(results: Iterable[Mapping[str, Any]]) -> Summary:
-    """Return the summary of results that are in memory."""
-    summary = Summary()
-    for values in results:
-        summary.add(values)
-    return summary

@@ -1,40 +1,23 @@
 """Frames of a file, a folder or a recording, by what the path is."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float
-
 from treadline.core.errors import ImageError, SettingsError
-from treadline.core.images import FrameSource, NamedFrame, PinholeCamera, SeveralFrames, gravity_of
-from treadline.io.frames.cloud_files import ENDINGS, read_cloud
-from treadline.io.frames.folders import DEPTH_ENDING, FolderOfFrames
+from treadline.core.images import FrameSource, NamedFrame, SeveralFrames, gravity_of, gravity_table
+from treadline.io.frames._cloud_files import ENDINGS, read_cloud
+from treadline.io.frames._recorded_frames import FramesOfLog, is_log
 from treadline.io.frames.image_files import is_photo, nominal_camera, read_frame
-from treadline.io.frames.logs import FramesOfLog, is_log
-from treadline.io.frames.point_cloud import UNITS, Axes, cloud_image
+from treadline.io.frames.options import UNITS, Axes, FrameOptions
+from treadline.io.frames.point_cloud import cloud_image
 from treadline.scenario.camera_file import CameraFile, read_camera
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FrameOptions:
-    """Properties of frames that their files do not hold."""
-
-    camera: CameraFile | None = None
-    """Calibration; a folder has its own camera.toml, a cloud and a log need none."""
-    gravity_C: Float[np.ndarray, " 3"] | None = None
-    """Unit vector that points down in the camera frame."""
-    unit: str | None = None
-    """Unit of depth counts or cloud coordinates: m, cm or mm."""
-    axes: Axes = "camera"
-    """Axes of point clouds."""
-    topic: str | None = None
-    """Topic of the depth images or point clouds of a log."""
-    mount: PinholeCamera | None = None
-    """Camera whose mount the camera of a log has, if no calibration is given."""
-    colour: bool = True
-    """Whether the colour images of a log are wanted; depth alone is read faster."""
+COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
+"""File name endings of colour images."""
+DEPTH_ENDING = "_depth.png"
+"""File name ending of depth images."""
 
 
 def read_frames(
@@ -84,27 +67,50 @@ def open_frames(path: Path, depth: Path | None, options: FrameOptions) -> FrameS
         named, warning = _cloud(path, options)
         return SeveralFrames([named], [] if warning is None else [warning])
     if is_log(path):
-        return FramesOfLog(
-            path,
-            topic=options.topic,
-            camera=options.camera,
-            gravity_C=options.gravity_C,
-            unit=options.unit,
-            axes=options.axes,
-            mount=options.mount,
-            colour=options.colour,
-        )
+        return FramesOfLog(path, options)
     if options.topic is not None:
         raise SettingsError(f"--topic is of logs; {path} is none")
     return _folder(path, options) if path.is_dir() else _depth_image(path, options)
 
 
 def _folder(path: Path, options: FrameOptions) -> FrameSource:
+    """Return the clouds or the depth images of a folder; NAME_depth.png is a frame, with NAME_rgb.png if there is one.
+
+    Raises:
+        ImageError: If the folder has no frame, or an invalid gravity.csv.
+    """
     clouds = sorted(file for file in path.iterdir() if file.suffix.lower() in ENDINGS)
-    if clouds and not any(path.glob("*" + DEPTH_ENDING)):
-        return _FolderOfClouds(clouds, options)
-    calibration = options.camera or read_camera(path / "camera.toml")
-    return FolderOfFrames(path, _with_unit(calibration, options), options.gravity_C)
+    depths = sorted(path.glob("*" + DEPTH_ENDING))
+    if clouds and not depths:
+        return _FolderOfFrames(clouds, partial(_cloud, options=options), _unread_cloud)
+    calibration = _with_unit(options.camera or read_camera(path / "camera.toml"), options)
+    gravity = gravity_table(path / "gravity.csv")
+    if not depths:
+        orphans = [file for ending in COLOUR_ENDINGS for file in sorted(path.glob("*" + ending))]
+        if orphans:
+            raise ImageError(f"{path}: photos without depth; {orphans[0].name} needs its 16-bit NAME{DEPTH_ENDING}")
+        raise ImageError(f"{path}: no frames: neither NAME{DEPTH_ENDING} (with NAME{COLOUR_ENDINGS[0]}) nor .ply or .pcd files")
+
+    def unread(depth: Path) -> NamedFrame:
+        name = depth.name.removesuffix(DEPTH_ENDING)
+        return NamedFrame(
+            name=name,
+            frame=None,
+            gravity_C=gravity.get(name, options.gravity_C),
+            mount_known=calibration.mount_known,
+            has_colour=_photo_of(depth) is not None,
+        )
+
+    def read(depth: Path) -> tuple[NamedFrame, None]:
+        return replace(unread(depth), frame=read_frame(_photo_of(depth), depth, calibration)), None
+
+    return _FolderOfFrames(depths, read, unread)
+
+
+def _photo_of(depth: Path) -> Path | None:
+    """Return the colour image of a depth image, or None."""
+    name = depth.name.removesuffix(DEPTH_ENDING)
+    return next((path for ending in COLOUR_ENDINGS if (path := depth.with_name(name + ending)).exists()), None)
 
 
 def _depth_image(path: Path, options: FrameOptions) -> FrameSource:
@@ -142,28 +148,41 @@ def _cloud(path: Path, options: FrameOptions) -> tuple[NamedFrame, str | None]:
     return named, image.warning
 
 
-class _FolderOfClouds:
-    """Clouds of a folder in the order of their names, read lazily; unreadable clouds are reported as such."""
+def _unread_cloud(path: Path) -> NamedFrame:
+    return NamedFrame(name=path.name, frame=None, mount_known=False, gravity_C=None)
 
-    def __init__(self, files: list[Path], options: FrameOptions) -> None:
+
+class _FolderOfFrames:
+    """Frames of a folder in the order of their names, read lazily; unreadable frames are reported as such."""
+
+    def __init__(
+        self, files: list[Path], read: Callable[[Path], tuple[NamedFrame, str | None]], unread: Callable[[Path], NamedFrame]
+    ) -> None:
+        """Choose the files.
+
+        Args:
+            read: Function that returns the frame in a file, and a warning or None.
+            unread: Function that returns the name and properties of a frame whose file cannot be read.
+        """
         self._files = files
-        self._options = options
+        self._read = read
+        self._unread = unread
         self.count: int | None = len(files)
         self.warnings: list[str] = []
 
     def __iter__(self) -> Iterator[NamedFrame]:
-        unread: list[ImageError] = []
+        errors: list[ImageError] = []
         for path in self._files:
             try:
-                named, warning = _cloud(path, self._options)
+                named, warning = self._read(path)
             except ImageError as error:
-                unread.append(error)
-                named, warning = NamedFrame(name=path.name, frame=None, mount_known=False, gravity_C=None, reason=str(error)), None
+                errors.append(error)
+                named, warning = replace(self._unread(path), reason=str(error)), None
             if warning is not None and not self.warnings:
                 self.warnings.append(f"{path.name}: {warning}")
             yield named
-        if len(unread) == len(self._files):
-            raise unread[0]
+        if len(errors) == len(self._files):
+            raise errors[0]
 
 
 def _with_unit(calibration: CameraFile, options: FrameOptions) -> CameraFile:

@@ -9,19 +9,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
-from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame, black
+from treadline.core.images import NamedFrame, RgbdFrame, black
 from treadline.io._tables import listed
 from treadline.io.bags import READERS, parts_of
 from treadline.io.decode import Picture, calibration, picture
-from treadline.io.frames.cloud_files import cloud_of
-from treadline.io.frames.point_cloud import UNITS, Axes, cloud_image
+from treadline.io.frames._cloud_files import POINT_CLOUD, cloud_of, point_cloud
+from treadline.io.frames.options import UNITS, FrameOptions
+from treadline.io.frames.point_cloud import cloud_image
 from treadline.io.log_frames import PAIR_S, depth_metres, rgb_pixels
 from treadline.io.mcap_read import BROKEN
-from treadline.io.point_cloud_message import POINT_CLOUD, point_cloud
 from treadline.io.ros_types import RecordedTopic
+from treadline.io.runs import LOG
 from treadline.io.topics import (
     IMAGE,
     TopicSummary,
@@ -33,10 +33,6 @@ from treadline.io.topics import (
     reader_of,
     survey,
 )
-from treadline.scenario.camera_file import CameraFile
-
-RUN_LOG = "log.mcap"
-"""File name of the log in a run folder."""
 
 MOUNT = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
 """Names of the mount of a camera, which CameraInfo messages lack."""
@@ -57,41 +53,24 @@ class FramesOfLog:
         SettingsError: If a topic must be named, or is not in the log.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        *,
-        topic: str | None = None,
-        camera: CameraFile | None = None,
-        gravity_C: Float[np.ndarray, " 3"] | None = None,
-        unit: str | None = None,
-        axes: Axes = "camera",
-        mount: PinholeCamera | None = None,
-        colour: bool = False,
-    ) -> None:
+    def __init__(self, path: Path, options: FrameOptions) -> None:
         """Survey a log.
 
         Args:
-            topic: Topic of the depth images or point clouds; needed where several exist.
-            camera: Calibration and mount in place of the log's.
-            unit: Unit of 16-bit depth counts or of cloud coordinates.
-            axes: Axes of the clouds.
-            mount: Camera whose mount the log's camera has, unless ``camera`` is given.
-            colour: Whether colour images are wanted.
+            options: ``camera`` is calibration and mount in place of the log's; ``topic`` is needed where several topics hold depth.
         """
         self._path = path
-        self._sealed = (path / RUN_LOG).is_file()
-        self._log = path / RUN_LOG if self._sealed else path
-        self._given, self._gravity, self._axes = camera, gravity_C, axes
-        self._mount = mount if camera is None else camera.camera
-        self._mount_known = mount is not None if camera is None else camera.mount_known
+        self._sealed = (path / LOG).is_file()
+        self._log = path / LOG if self._sealed else path
+        self._options, self._given = options, options.camera
+        self._mount = options.mount if options.camera is None else options.camera.camera
+        self._mount_known = options.mount is not None if options.camera is None else options.camera.mount_known
         found = survey(self._log, sealed=self._sealed)
-        self.topic = _chosen(path, found, topic)
+        self.topic = _chosen(path, found, options.topic)
         self.is_cloud = found[self.topic].kind == POINT_CLOUD
-        self._unit = unit
         self._roles = {self.topic: "cloud" if self.is_cloud else "depth"}
         if not self.is_cloud:
-            self._add_image_topics(found, colour=colour)
+            self._add_image_topics(found)
         self._origin_ns = found[self.topic].stamp_ns
         self.count: int | None = found[self.topic].count
         self._noted: dict[str, None] = {}
@@ -134,12 +113,12 @@ class FramesOfLog:
                 f"{self._path}: no calibration on {self._info} before the last depth image; give --camera camera.toml"
             )
 
-    def _add_image_topics(self, found: Mapping[str, TopicSummary], *, colour: bool) -> None:
+    def _add_image_topics(self, found: Mapping[str, TopicSummary]) -> None:
         color = color_topic(found, self.topic)
         self._info = info_topic(found, self.topic, color)
         if self._given is None and self._info is None:
             raise LogFormatError(f"{self._path}: no intrinsics: no CameraInfo next to {self.topic}; give --camera camera.toml")
-        self._wants_colour = colour and color is not None
+        self._wants_colour = self._options.colour and color is not None
         if self._wants_colour and color is not None:
             self._roles[color] = "colour"
         if self._given is not None:
@@ -192,7 +171,8 @@ class FramesOfLog:
             )
         colour = self._pair(depth)
         self._unpaired += self._wants_colour and colour is None
-        unit_m = UNITS[self._unit] if self._unit else 0.001 if self._given is None else self._given.depth_unit_m
+        unit = self._options.unit
+        unit_m = UNITS[unit] if unit else 0.001 if self._given is None else self._given.depth_unit_m
         frame = RgbdFrame(
             t_s=depth.t_s,
             rgb=black(height, width) if colour is None else rgb_pixels(colour),
@@ -209,10 +189,8 @@ class FramesOfLog:
         return colour if colour.pixels.shape[:2] == depth.pixels.shape[:2] else None
 
     def _of_cloud(self, t_s: float, size: tuple[int, int], values: np.ndarray) -> tuple[RgbdFrame, bool]:
-        organised = size if min(size) > 1 else None
-        image = cloud_image(
-            f"cloud at {t_s:.3f} s", cloud_of(values, organised, t_s), self._camera, axes=self._axes, unit=self._unit or "m"
-        )
+        cloud, options = cloud_of(values, size if min(size) > 1 else None, t_s), self._options
+        image = cloud_image(f"cloud at {t_s:.3f} s", cloud, self._camera, axes=options.axes, unit=options.unit or "m")
         if image.warning is not None and not self._noted:
             self._noted[image.warning] = None
         return image.frame, image.has_colour
@@ -231,7 +209,7 @@ class FramesOfLog:
             name=f"{number:06d}",
             frame=frame,
             mount_known=self._mount_known,
-            gravity_C=self._gravity,
+            gravity_C=self._options.gravity_C,
             has_colour=has_colour,
             t_s=frame.t_s,
         )

@@ -1,7 +1,8 @@
-"""Point cloud files: PLY (ASCII, binary of both byte orders) and PCD (ASCII, binary, compressed).
+"""Point clouds: PLY files (ASCII, binary of both byte orders), PCD files (ASCII, binary, compressed) and PointCloud2 messages.
 
 Coordinates are the fields x, y, z. A PCD file with HEIGHT > 1 is organised, and so is a PLY file whose grid size is declared: by
-``obj_info num_cols`` and ``num_rows`` (range grids) or by the viewport of PCL's camera element.
+``obj_info num_cols`` and ``num_rows`` (range grids) or by the viewport of PCL's camera element. PCD files are read by pypcd4
+(decision 0029).
 """
 
 import io
@@ -12,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib import recfunctions
 
-from treadline.core.errors import ImageError
-from treadline.io.frames.lzf import decompress
+from treadline.core.errors import ImageError, LogFormatError
+from treadline.io.decode import CdrReader
 from treadline.io.frames.point_cloud import PointCloud
 
 ENDINGS = (".ply", ".pcd")
@@ -27,6 +28,10 @@ PLY_TYPES = {
     "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 """Number types of PLY properties."""
+POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
+"""Message type of point clouds."""
+NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""Number types of ``sensor_msgs/PointField``."""
 
 
 def read_cloud(path: Path) -> PointCloud:
@@ -43,7 +48,7 @@ def read_cloud(path: Path) -> PointCloud:
         return _ply(data) if path.suffix.lower() == ".ply" else _pcd(data)
     except ImageError as error:
         raise ImageError(f"{path}: {error}") from None
-    except (ValueError, TypeError, KeyError, IndexError, UnicodeDecodeError, OverflowError, MemoryError) as error:
+    except Exception as error:  # noqa: BLE001 - damaged bytes can raise any exception in the parsers
         raise ImageError(f"{path}: damaged point cloud: {' '.join(str(error).split())[:200]}; export it again") from None
 
 
@@ -137,47 +142,23 @@ def _pcd(data: bytes) -> PointCloud:
     head, sign, rest = data[:HEADER_BYTES].partition(b"\nDATA ")
     if not sign:
         raise ImageError("not a PCD file, or a truncated one: its header has no line DATA")
-    layout = rest.split(b"\n", 1)[0].strip().decode("ascii", "replace")
-    body = data[data.index(b"\n", len(head) + len(sign)) + 1 :]
-    header = {words[0].upper(): words[1:] for line in head.decode("ascii", "replace").splitlines() if (words := line.split())}
-    kind = _pcd_type(header)
-    width, height = int(header["WIDTH"][0]), int(header["HEIGHT"][0])
-    count = int(header.get("POINTS", [str(width * height)])[0])
-    if count != width * height or not 0 <= count <= MOST_POINTS:
-        raise ImageError(f"{count} points in {width}×{height}; at most {MOST_POINTS}, as many as width × height")
-    if layout == "binary_compressed":
-        values = _compressed(body, kind, count)
-    elif layout in {"ascii", "binary"}:
-        values = _rows(io.BytesIO(body), kind, count, is_text=layout == "ascii")
-    else:
-        raise ImageError(f"DATA is '{layout[:40]}'; supported: ascii, binary, binary_compressed")
-    return cloud_of(values, (width, height) if min(width, height) > 1 else None)
+    layout, body = rest.split(b"\n", 1)[0].strip(), data[data.index(b"\n", len(head) + len(sign)) + 1 :]
+    if layout not in {b"ascii", b"binary", b"binary_compressed"}:
+        raise ImageError(f"DATA is '{layout.decode('ascii', 'replace')[:40]}'; supported: ascii, binary, binary_compressed")
+    from pypcd4.pypcd4 import MetaData
+    from pypcd4.pypcd4 import PointCloud as PcdFile
 
-
-def _pcd_type(header: dict[str, list[str]]) -> np.dtype:
-    names, sizes, letters = header["FIELDS"], header["SIZE"], header["TYPE"]
-    counts = header.get("COUNT", ["1"] * len(names))
-    fields: list[tuple[str, str, tuple[int, ...]]] = []
-    for place, (name, size, letter, count) in enumerate(zip(names, sizes, letters, counts, strict=True)):
-        number = {"F": "f", "I": "i", "U": "u"}[letter.upper()]
-        shape = (int(count),) if int(count) != 1 else ()
-        fields.append((f"{name}{place}" if name == "_" else name, f"<{number}{int(size)}", shape))
-    return np.dtype(fields)
-
-
-def _compressed(body: bytes, kind: np.dtype, count: int) -> np.ndarray:
-    """Return the points of a compressed PCD file, which stores all values of a field together."""
-    packed, plain = (int(size) for size in np.frombuffer(body[:8], "<u4"))
-    if plain != count * kind.itemsize:
-        raise ImageError(f"declares {plain} bytes for {count} points of {kind.itemsize} bytes")
-    if len(body) - 8 < packed:
-        raise ImageError(f"truncated: {len(body) - 8} of {packed} compressed bytes")
-    data, values, start = decompress(body[8 : 8 + packed], plain), np.zeros(count, kind), 0
-    for name in kind.names or ():
-        field = kind[name]
-        values[name] = np.frombuffer(data, field, count, start)
-        start += count * field.itemsize
-    return values
+    header = MetaData.parse_header(head.decode("ascii", "replace").splitlines())
+    count, size = header.points, (header.width, header.height)
+    if count != size[0] * size[1] or count > MOST_POINTS:
+        raise ImageError(f"{count} points in {size[0]}×{size[1]}; at most {MOST_POINTS}, as many as width × height")
+    plain = count * header.build_dtype().itemsize
+    if layout == b"binary_compressed" and int.from_bytes(body[4:8], "little") != plain:
+        raise ImageError(f"declares {int.from_bytes(body[4:8], 'little')} bytes for {count} points of {plain} bytes in all")
+    values = np.atleast_1d(PcdFile.from_fileobj(io.BufferedReader(io.BytesIO(data))).pc_data)
+    if len(values) < count:
+        raise ImageError(f"truncated: {len(values)} of {count} points")
+    return cloud_of(values, size if min(size) > 1 else None)
 
 
 def _rows(stream: io.BytesIO, kind: np.dtype, count: int, *, is_text: bool) -> np.ndarray:
@@ -203,3 +184,47 @@ def _typed(table: np.ndarray, kind: np.dtype) -> np.ndarray:
     """Return columns of numbers as a structured array; text stores a packed colour by its value or its bits."""
     with np.errstate(invalid="ignore"):
         return recfunctions.unstructured_to_structured(table, kind, casting="unsafe")
+
+
+class CloudMessage(NamedTuple):
+    """Points of one message."""
+
+    t_s: float
+    frame_id: str
+    width: int
+    height: int
+    """Number of rows; 1 for an unorganised cloud."""
+    values: np.ndarray
+    """Structured array with the fields of the message."""
+
+
+def point_cloud(r: CdrReader) -> CloudMessage:
+    """Return the points of a message.
+
+    Raises:
+        LogFormatError: If the declared sizes contradict each other.
+    """
+    t_s, frame_id = r.stamp()
+    height, width, count = r.uint32(), r.uint32(), r.uint32()
+    if count > 64:  # usual clouds have four to nine
+        raise LogFormatError(f"a cloud declares {count} fields; at most 64 are read")
+    fields = [(r.string(), r.uint32(), r.uint8(), r.uint32()) for _ in range(count)]
+    order = ">" if r.uint8() else "<"
+    step, row_step = r.uint32(), r.uint32()
+    data = r.take(r.uint32())
+    usable = [(name, offset, NUMBERS[kind]) for name, offset, kind, number in fields if number == 1 and kind in NUMBERS]
+    if any(offset + np.dtype(number).itemsize > step for _, offset, number in usable):
+        raise LogFormatError(f"a field of the cloud ends beyond its point of {step} bytes")
+    if row_step < width * step or len(data) != height * row_step:
+        raise LogFormatError(f"a cloud of {width}×{height} points of {step} bytes holds {len(data)} bytes in rows of {row_step}")
+    kind = np.dtype(
+        {
+            "names": [name for name, _, _ in usable],
+            "formats": [order + number for _, _, number in usable],
+            "offsets": [offset for _, offset, _ in usable],
+            "itemsize": step,
+        }
+    )
+    rows = np.frombuffer(data, np.uint8).reshape(height, row_step)[:, : width * step]
+    values = np.ascontiguousarray(rows).reshape(-1).view(kind) if width * height else np.zeros(0, kind)
+    return CloudMessage(t_s, frame_id, width, height, values)
