@@ -3,7 +3,6 @@
 The mission receives the plant's sensors only; verdict and scores are computed from the simulator's ground truth.
 """
 
-import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -12,7 +11,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG
 from treadline.core.compile_time import compiling
 from treadline.core.errors import SimulationDiverged
 from treadline.core.models import ControllerDesign
@@ -20,19 +18,11 @@ from treadline.core.ports import Truth, TruthPlant
 from treadline.core.signals import TICK_S, Event, HeadingHealth, MotionPlan, StairMap
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Blocks, GuardMessage, Mission, Signal, Tick
+from treadline.run._ending import Ending
 from treadline.run.resolve import Opener, PlantName, Setup, resolve
 from treadline.run.run_scores import Scores, Trace, score
-from treadline.run.slide import LEVEL_RAD, SlideWatch
-from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import Fault, Message, Process, is_killed, stamp_of
-from treadline.scenario.operator_actions import rearms_until_s
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle.staircase import as_designed
-
-FALLEN_RAD = 25.0 * DEG
-"""Tilt beyond which the chair counts as fallen: pitch above the stair's slope, pitch below horizontal, or roll [rad]."""
-FALLEN_SLIDE_M = 0.5
-"""Roll-back beyond which the chair counts as fallen [m]: one and a half steps."""
 
 MESSAGES = {StairMap: Message.MAP, MotionPlan: Message.PLAN, HeadingHealth: Message.HEALTH}
 Sink = Callable[[Signal | Truth, float], None]
@@ -69,52 +59,6 @@ class Traverse:
             "events": [asdict(event) for event in self.events],
             "real_time_factor": self.scores.duration_s / max(self.cpu_s, 1e-9),
         }
-
-
-class _Ending:
-    """End of a run and its verdict, judged by simulator ground truth."""
-
-    def __init__(self, scenario: Scenario, chair: ChairDescription, *, attended: bool = False) -> None:
-        self._slope_rad = scenario.stair.slope_rad
-        self._duration_s = scenario.drive.duration_s
-        staircase = as_designed(scenario.stair, scenario.step)
-        self._last_x_m = staircase.last_nosing_m
-        # Where only a flight is driven, it is the first, and it ends with the front pulley at its last nosing.
-        self._end_x_m = staircase.alone(0).last_nosing_m - 0.5 * chair.tracks.flat_run_m
-        self._is_up = scenario.drive.direction == "up"
-        self._slide = SlideWatch(upward=self._is_up)
-        self._rearms_until_s = math.inf if attended else rearms_until_s(scenario.operator)
-
-    def fall(self, truth: Truth) -> tuple[str, str] | None:
-        """Return the verdict ``fell`` and its cause, or None. Call once per tick: the slide is integrated."""
-        above = max(truth.pitch_rad - self._slope_rad, -truth.pitch_rad, abs(truth.roll_rad))
-        if above > FALLEN_RAD:
-            return "fell", f"tilted {above / DEG:.0f}° beyond the stair at {truth.t_s:.2f} s"
-        roll_back_m = self._slide.update(truth)
-        return ("fell", f"slid {roll_back_m:.2f} m down the flight by {truth.t_s:.2f} s") if roll_back_m > FALLEN_SLIDE_M else None
-
-    def verdict(self, truth: Truth, plan: MotionPlan, holding: str | None) -> tuple[str, str | None] | None:
-        fallen = self.fall(truth)
-        if fallen is not None:
-            return fallen
-        if holding is not None and truth.t_s >= self._rearms_until_s:
-            return "held", holding
-        if plan.phase == "arrived":
-            if self._is_there(truth):
-                return "arrived", None
-            return "held", f"reported arrival at {truth.t_s:.2f} s, and has not arrived"
-        if plan.phase == "refused":
-            return "refused", plan.cause
-        if plan.phase == "drive" and self._is_up and truth.x_m >= self._end_x_m:
-            return "end_of_flight", None
-        if truth.t_s >= self._duration_s - 0.5 * TICK_S:
-            return "time_up", None
-        return None
-
-    def _is_there(self, truth: Truth) -> bool:
-        """Return whether the chair is horizontal with mid-track beyond the flight's last nosing."""
-        beyond_m = truth.x_m - self._last_x_m if self._is_up else -truth.x_m
-        return abs(truth.pitch_rad) < LEVEL_RAD and beyond_m > 0.0
 
 
 def run_episode(
@@ -160,7 +104,7 @@ def run_episode(
             recorder.collect(plant)
             over: tuple[str, str | None] = ("refused", refusal)
         else:
-            ending = _Ending(setup.scenario, setup.mission.chair, attended=attended)
+            ending = Ending(setup.scenario, setup.mission.chair, attended=attended)
             over = _drive(ending, plant, blocks, recorder, watch, after_hold_s, faults)
     except SimulationDiverged as error:
         # A start that is refused may also be one in which no chair can be put down.
@@ -171,7 +115,7 @@ def run_episode(
 
 
 def _drive(
-    ending: _Ending,
+    ending: Ending,
     plant: TruthPlant,
     blocks: Blocks,
     recorder: "_EpisodeRecorder",

@@ -11,8 +11,8 @@ from treadline.core import paper
 from treadline.core.models import InputOutputRecord
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
 from treadline.identification.excitation_signal import Excitation, ExcitationConfig
-from treadline.run.episode import Sink, Traverse, Watch, traverse
-from treadline.run.resolve import Opener, PlantName
+from treadline.run.episode import Traverse, run_episode
+from treadline.run.resolve import Opener, PlantName, Setup, resolve
 from treadline.scenario.scenario import Scenario
 
 PERIOD_S = 1.0 / paper.CONTROL_RATE_HZ
@@ -28,9 +28,9 @@ class ExcitationDriver:
     def __init__(self, excitation: Excitation, period_s: float) -> None:
         self._excitation = excitation
         self._period_s = period_s
-        self.t_s: list[float] = []
-        self.u: list[tuple[float, float]] = []
-        self.y: list[tuple[float, float]] = []
+        self._t_s: list[float] = []
+        self._u: list[tuple[float, float]] = []
+        self._y: list[tuple[float, float]] = []
 
     @property
     def period_s(self) -> float:
@@ -43,10 +43,21 @@ class ExcitationDriver:
         heading = 0.0 if estimate is None else estimate.heading_rad
         left, right = self._excitation.step(heading)
         if estimate is not None:
-            self.t_s.append(t_s)
-            self.u.append((left, right))
-            self.y.append((estimate.heading_rad, estimate.heading_rate_rad_s))
+            self._t_s.append(t_s)
+            self._u.append((left, right))
+            self._y.append((estimate.heading_rad, estimate.heading_rate_rad_s))
         return TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right)
+
+    def excited(self, run: Traverse, samples: int) -> "Excited":
+        """Return the record of a run with this driver, of at most ``samples``."""
+        record = InputOutputRecord(
+            u=np.array(self._u[:samples]).reshape(-1, len(INPUTS)),
+            y=np.array(self._y[:samples]).reshape(-1, len(OUTPUTS)),
+            dt_s=self._period_s,
+            input_names=INPUTS,
+            output_names=OUTPUTS,
+        )
+        return Excited(record=record, first_t_s=self._t_s[0] if self._t_s else 0.0, run=run)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,32 +69,18 @@ class Excited:
     run: Traverse
 
 
-def excite(
-    scenario: Scenario,
-    *,
-    samples: int,
-    period_s: float,
-    seed: int,
-    sink: Sink | None = None,
-    watch: Watch | None = None,
-    open_plant: Opener | PlantName = "mujoco",
-) -> Excited:
+def excite(scenario: Scenario, *, samples: int, period_s: float, seed: int, open_plant: Opener | PlantName = "mujoco") -> Excited:
     """Return ``samples`` of random driving on a flight made long enough for them."""
-    driver = ExcitationDriver(
-        Excitation(excitation_of(scenario), np.random.default_rng([seed, 5])),
-        period_s,
-    )
-    whole = long_enough(scenario, (samples + 1) * period_s)
-    run = traverse(whole, seed=seed, driver=driver, sink=sink, watch=watch, open_plant=open_plant)
-    count = min(samples, len(driver.u))
-    record = InputOutputRecord(
-        u=np.array(driver.u[:count]).reshape(-1, len(INPUTS)),
-        y=np.array(driver.y[:count]).reshape(-1, len(OUTPUTS)),
-        dt_s=period_s,
-        input_names=INPUTS,
-        output_names=OUTPUTS,
-    )
-    return Excited(record=record, first_t_s=driver.t_s[0] if driver.t_s else 0.0, run=run)
+    setup, driver = excitation_setup(scenario, samples, period_s, seed, open_plant)
+    return driver.excited(run_episode(setup), samples)
+
+
+def excitation_setup(
+    scenario: Scenario, samples: int, period_s: float, seed: int, open_plant: Opener | PlantName = "mujoco"
+) -> tuple[Setup, ExcitationDriver]:
+    """Return the resolved run of an excitation, on a flight made long enough, and its driver."""
+    driver = ExcitationDriver(Excitation(excitation_of(scenario), np.random.default_rng([seed, 5])), period_s)
+    return resolve(long_enough(scenario, (samples + 1) * period_s), driver, seed, open_plant=open_plant), driver
 
 
 def excitation_of(scenario: Scenario) -> ExcitationConfig:

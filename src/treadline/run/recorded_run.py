@@ -10,16 +10,16 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
+from treadline.core.models import ControllerDesign
 from treadline.io.mcap_log import RunLog
 from treadline.io.records import write_record
 from treadline.io.runs import LOG, RECORD, begin_run, log_metadata, write_result, write_series
 from treadline.mission.loop import Tick
 from treadline.run.episode import Traverse, Watch, run_episode
-from treadline.run.excitation_run import Excited, excitation_of, excite, long_enough
+from treadline.run.excitation_run import Excited, excitation_of, excitation_setup
 from treadline.run.resolve import Opener, PlantName, Setup
 from treadline.run.run_scores import Trace
 from treadline.run.scene_log import SceneLog, WatchedDetector
-from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.staircase import build_staircase
 
@@ -54,8 +54,7 @@ def recorded_run(
     more: dict[str, dict[str, Any]] = {**setup.manifest()}
     if blocks is not None:
         more["guard"] = asdict(blocks.guard.config)  # plots draw the limits that applied
-    manifest = begin_run(folder, setup.scenario.model_dump(mode="json"), setup.seed, setup.mission.controller, **more)
-    with _scene_log(folder, setup.scenario, setup.chair, manifest, image_every) as scene:
+    with _scene_log(folder, setup, image_every, more, setup.mission.controller) as scene:
         if blocks is not None and image_every:
             blocks = replace(blocks, detector=WatchedDetector(blocks.detector, scene))
         run = run_episode(setup, blocks=blocks, sink=scene, watch=_watching(scene, watch))
@@ -83,19 +82,9 @@ def recorded_excitation(
     Raises:
         TreadlineError: Before anything is written, if the chair cannot be read.
     """
-    chair = read_chair(scenario.chair.model)
-    whole = long_enough(scenario, (samples + 1) * period_s)
-    manifest = begin_run(folder, whole.model_dump(mode="json"), seed, excitation=asdict(excitation_of(scenario)))
-    with _scene_log(folder, whole, chair, manifest, image_every) as scene:
-        excited = excite(
-            scenario,
-            samples=samples,
-            period_s=period_s,
-            seed=seed,
-            sink=scene,
-            watch=_watching(scene, watch),
-            open_plant=open_plant,
-        )
+    setup, driver = excitation_setup(scenario, samples, period_s, seed, open_plant)
+    with _scene_log(folder, setup, image_every, {"excitation": asdict(excitation_of(scenario))}) as scene:
+        excited = driver.excited(run_episode(setup, sink=scene, watch=_watching(scene, watch)), samples)
     write_record(folder / RECORD, excited.record, excited.first_t_s)
     _write(folder, excited.run)
     return excited
@@ -103,15 +92,16 @@ def recorded_excitation(
 
 @contextmanager
 def _scene_log(
-    folder: Path, scenario: Scenario, chair: ChairDescription, manifest: Mapping[str, Any], image_every: int
+    folder: Path, setup: Setup, image_every: int, more: Mapping[str, Any], controller: ControllerDesign | None = None
 ) -> Iterator[SceneLog]:
-    """Yield the log of a run folder."""
+    """Begin a run folder and yield its log."""
+    scenario, seed = setup.scenario, setup.seed
+    manifest = begin_run(folder, scenario.model_dump(mode="json"), seed, controller, **more)
     # The stair of a run with this seed: the plant draws it from the first of its streams.
-    rng = np.random.default_rng(manifest["seed"]).spawn(1)[0]
-    staircase = build_staircase(scenario.stair, rng, scenario.step)
+    staircase = build_staircase(scenario.stair, np.random.default_rng(seed).spawn(1)[0], scenario.step)
     backwards = scenario.drive.direction == "down"
     with RunLog(folder / LOG, image_every=image_every, metadata=log_metadata(manifest, manifest["settings"], folder)) as log:
-        yield SceneLog(log, chair, scenario.chair, belts=scenario.belts, staircase=staircase, backwards=backwards)
+        yield SceneLog(log, setup.chair, scenario.chair, belts=scenario.belts, staircase=staircase, backwards=backwards)
 
 
 def _watching(scene: SceneLog, watch: Watch | None) -> Watch:

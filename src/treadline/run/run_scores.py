@@ -5,6 +5,7 @@ The paper scores the heading alone; roll-back, lateral drift and the friction ma
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -114,43 +115,6 @@ class Scores:
     """Start time [s] and name of each phase of the mission."""
 
 
-UNMOVED = Scores(
-    duration_s=0.0,
-    rms_heading_deg=0.0,
-    rms_yaw_deg=0.0,
-    steady_rms_heading_deg=None,
-    settle_s=None,
-    final_heading_deg=0.0,
-    max_abs_heading_deg=0.0,
-    roll_back_m=0.0,
-    lateral_m=0.0,
-    climbed_m=0.0,
-    seat_rms_deg=0.0,
-    seat_max_deg=0.0,
-    max_pitch_rate_deg_s=0.0,
-    max_pitch_jolt_deg_s=0.0,
-    min_stability_margin_deg=0.0,
-    seconds_below_7_deg=0.0,
-    max_friction_use=0.0,
-    aligned_s=None,
-    aligned_rms_heading_deg=None,
-    aligned_max_heading_deg=None,
-    passenger_max_m_s2=0.0,
-    passenger_vertical_m_s2=0.0,
-    passenger_longitudinal_m_s2=0.0,
-    passenger_lateral_m_s2=0.0,
-    passenger_jerk_m_s3=0.0,
-    airborne_share=None,
-    max_contact_force_share=None,
-    unconverged_share=None,
-    held_creep_mm_min=None,
-    energy_wh=0.0,
-    peak_power_w=0.0,
-    max_belt_force_n=0.0,
-    phases=(),
-)
-
-
 def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: bool = True, held_s: float | None = None) -> Scores:
     """Return the scores of a run; a run without samples scores zero.
 
@@ -160,7 +124,7 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         held_s: Time of the hold that ended the run, if one did.
     """
     if not len(trace["t_s"]):
-        return UNMOVED
+        return _without_samples()
     t, heading, x, y = (trace[name] for name in ("t_s", "heading_rad", "x_m", "y_m"))
     steady = t > STEADY_FROM_S
     seat = trace["seat_pitch_rad"]
@@ -203,6 +167,13 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         max_belt_force_n=float(max(np.abs(lasting(trace[name])).max() for name in ("left_force_n", "right_force_n"))),
         phases=phases,
     )
+
+
+def _without_samples() -> Scores:
+    """Return the scores of a run without samples: zeros, and None where a score may be missing, except the seat's."""
+    is_zero = {"seat_rms_deg", "seat_max_deg"} | {item.name for item in fields(Scores) if item.type is float}
+    values: dict[str, Any] = {item.name: 0.0 if item.name in is_zero else None for item in fields(Scores)}
+    return Scores(**values | {"phases": ()})
 
 
 def _reported(

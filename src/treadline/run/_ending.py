@@ -1,0 +1,90 @@
+"""End of a run and its verdict, by the simulator's ground truth: arrival, a hold, a fall, a slide down the flight, or the limit.
+
+A slide is a retreat that the belts did not drive.
+"""
+
+import math
+
+from treadline.core.angles import DEG
+from treadline.core.ports import Truth
+from treadline.core.signals import TICK_S, MotionPlan
+from treadline.scenario.chair import ChairDescription
+from treadline.scenario.operator_actions import rearms_until_s
+from treadline.scenario.scenario import Scenario
+from treadline.vehicle.staircase import as_designed
+
+FALLEN_RAD = 25.0 * DEG
+"""Tilt beyond which the chair counts as fallen: pitch above the stair's slope, pitch below horizontal, or roll [rad]."""
+FALLEN_SLIDE_M = 0.5
+"""Roll-back beyond which the chair counts as fallen [m]: one and a half steps."""
+LEVEL_RAD = 4.0 * DEG
+"""Pitch up to which the chair counts as level, on the floor or a landing."""
+
+
+class Ending:
+    """End of a run and its verdict, judged by simulator ground truth."""
+
+    def __init__(self, scenario: Scenario, chair: ChairDescription, *, attended: bool = False) -> None:
+        self._slope_rad = scenario.stair.slope_rad
+        self._duration_s = scenario.drive.duration_s
+        staircase = as_designed(scenario.stair, scenario.step)
+        self._last_x_m = staircase.last_nosing_m
+        # Where only a flight is driven, it is the first, and it ends with the front pulley at its last nosing.
+        self._end_x_m = staircase.alone(0).last_nosing_m - 0.5 * chair.tracks.flat_run_m
+        self._is_up = scenario.drive.direction == "up"
+        self._slide = SlideWatch(upward=self._is_up)
+        self._rearms_until_s = math.inf if attended else rearms_until_s(scenario.operator)
+
+    def fall(self, truth: Truth) -> tuple[str, str] | None:
+        """Return the verdict ``fell`` and its cause, or None. Call once per tick: the slide is integrated."""
+        above = max(truth.pitch_rad - self._slope_rad, -truth.pitch_rad, abs(truth.roll_rad))
+        if above > FALLEN_RAD:
+            return "fell", f"tilted {above / DEG:.0f}° beyond the stair at {truth.t_s:.2f} s"
+        roll_back_m = self._slide.update(truth)
+        return ("fell", f"slid {roll_back_m:.2f} m down the flight by {truth.t_s:.2f} s") if roll_back_m > FALLEN_SLIDE_M else None
+
+    def verdict(self, truth: Truth, plan: MotionPlan, holding: str | None) -> tuple[str, str | None] | None:
+        fallen = self.fall(truth)
+        if fallen is not None:
+            return fallen
+        if holding is not None and truth.t_s >= self._rearms_until_s:
+            return "held", holding
+        if plan.phase == "arrived":
+            if self._is_there(truth):
+                return "arrived", None
+            return "held", f"reported arrival at {truth.t_s:.2f} s, and has not arrived"
+        if plan.phase == "refused":
+            return "refused", plan.cause
+        if plan.phase == "drive" and self._is_up and truth.x_m >= self._end_x_m:
+            return "end_of_flight", None
+        if truth.t_s >= self._duration_s - 0.5 * TICK_S:
+            return "time_up", None
+        return None
+
+    def _is_there(self, truth: Truth) -> bool:
+        """Return whether the chair is horizontal with mid-track beyond the flight's last nosing."""
+        beyond_m = truth.x_m - self._last_x_m if self._is_up else -truth.x_m
+        return abs(truth.pitch_rad) < LEVEL_RAD and beyond_m > 0.0
+
+
+class SlideWatch:
+    """Slide since the furthest point reached on the flight, against the direction of travel.
+
+    A chair that backs away under power does not slide: only the retreat beyond the belts' own reverse travel counts.
+    """
+
+    def __init__(self, *, upward: bool) -> None:
+        self._sign = 1.0 if upward else -1.0
+        self._x_m: float | None = None
+        self.roll_back_m = 0.0
+
+    def update(self, truth: Truth) -> float:
+        """Take the truth of one tick; return the slide so far."""
+        before_m, self._x_m = self._x_m, truth.x_m
+        if before_m is None or abs(truth.pitch_rad) <= LEVEL_RAD:
+            self.roll_back_m = 0.0
+            return self.roll_back_m
+        driven_m = self._sign * 0.5 * (truth.left_m_s + truth.right_m_s) * math.cos(truth.heading_rad) * TICK_S
+        advance_m = self._sign * (truth.x_m - before_m) - min(driven_m, 0.0)
+        self.roll_back_m = max(self.roll_back_m - advance_m, 0.0)
+        return self.roll_back_m
