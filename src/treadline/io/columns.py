@@ -15,7 +15,7 @@ from treadline.core.errors import LogFormatError
 from treadline.core.signals import TICK_S
 from treadline.io.cdr import HEADER, TICK_NS, seconds_of
 from treadline.io.decode import CdrReader
-from treadline.io.mcap_read import one_error, sealed_messages
+from treadline.io.mcap_read import mcap_messages, one_error
 
 MAX_LAYOUTS = 64
 """Largest number of different labels within one topic; a log of treadline has at most two."""
@@ -71,11 +71,9 @@ def read_contents(path: Path, numeric: Collection[str], others: Collection[str],
     stamps: dict[str, list[int]] = {}
     data: dict[str, list[bytes]] = {}
     with one_error(path):
-        for topic, logged_ns, message in sealed_messages(path, wanted.__contains__):
-            if topic not in data:
-                stamps[topic], data[topic] = [], []
-            stamps[topic].append(logged_ns)
-            data[topic].append(message[: _FIRST + _STAMP_BYTES] if topic in stamped else message)
+        for topic, logged_ns, message in mcap_messages(path, wanted.__contains__, sealed=True):
+            stamps.setdefault(topic.name, []).append(logged_ns)
+            data.setdefault(topic.name, []).append(message[: _FIRST + _STAMP_BYTES] if topic.name in stamped else message)
         columns = {topic: _columns(topic, np.array(stamps[topic]), data[topic]) for topic in numeric if topic in data}
     messages = {
         topic: [(seconds_of(ns), message) for ns, message in zip(stamps[topic], data[topic], strict=True)]

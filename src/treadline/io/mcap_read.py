@@ -4,7 +4,6 @@ Checksums are verified if present. A log written by treadline has checksums ever
 (``sealed``): any damage gives one ``LogFormatError``, and all messages yielded before have verified checksums.
 """
 
-import dataclasses
 import mmap
 import struct
 import zlib
@@ -21,7 +20,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, DataEnd, Header, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import StreamReader
 
 from treadline.core.errors import LogFormatError
 from treadline.io.decode import LogDecoder
@@ -59,8 +58,8 @@ def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Itera
     """
     decoder = LogDecoder()
     with one_error(path):
-        for topic, _, data in sealed_messages(path, wants):
-            signal = decoder.signal(topic, data)
+        for topic, _, data in mcap_messages(path, wants, sealed=True):
+            signal = decoder.signal(topic.name, data)
             if signal is not None:
                 yield signal
 
@@ -104,93 +103,76 @@ def run_metadata(path: Path) -> dict[str, str]:
 def mcap_messages(path: Path, wants: Callable[[str], bool], *, sealed: bool = False) -> Iterator[Packet]:
     """Yield the messages of the requested topics, in file order.
 
+    No object is made for a message that is not requested, so that a few topics of a long log are read several times as fast.
+
     Args:
         sealed: Whether each message must be in a chunk with a checksum, as in logs written by treadline.
     """
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         if sealed and len(data) > MAX_FILE_BYTES:
             raise LogFormatError(f"{len(data)} bytes; at most {MAX_FILE_BYTES} are read")
-        schemas: dict[int, Schema] = {}
-        topics: dict[int, RecordedTopic | None] = {}
+        topics = _Topics(wants)
         count = 0
-        for record in _unpacked(data, sealed=sealed):
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                topics[record.id] = _topic(record, schemas) if wants(record.topic) else None
-            elif isinstance(record, Message) and (topic := topics[record.channel_id]) is not None:
+        for record in _records(data, sealed=sealed):
+            for packet in topics.messages_in(record) if isinstance(record, Chunk) else topics.message(record):
                 count += 1
                 if count > MAX_MESSAGES:
                     raise LogFormatError(f"more than {MAX_MESSAGES} messages")
-                yield topic, record.log_time, record.data
-
-
-def _topic(channel: Channel, schemas: dict[int, Schema]) -> RecordedTopic:
-    schema = schemas.get(channel.schema_id)
-    return RecordedTopic(
-        name=channel.topic,
-        encoding=channel.message_encoding,
-        kind="" if schema is None else schema.name,
-        language="" if schema is None else schema.encoding,
-        definition="" if schema is None else schema.data.decode(),
-    )
-
-
-def sealed_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[tuple[str, int, bytes]]:
-    """Yield topic, log time [ns] and bytes of the requested messages of a treadline log, in file order.
-
-    Same checks as ``mcap_messages`` with ``sealed``; no object is made for a message that is not requested, so that a log of many
-    messages is read several times as fast.
-    """
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        if len(data) > MAX_FILE_BYTES:
-            raise LogFormatError(f"{len(data)} bytes; at most {MAX_FILE_BYTES} are read")
-        wanted: dict[int, str] = {}
-        count = 0
-        for record in _records(data, sealed=True):
-            if isinstance(record, Chunk):
-                for message in _messages_in(_inflated(record), record.uncompressed_crc, wanted, wants):
-                    count += 1
-                    if count > MAX_MESSAGES:
-                        raise LogFormatError(f"more than {MAX_MESSAGES} messages")
-                    yield message
+                yield packet
 
 
 _PREFIX = struct.Struct("<BQ")
 """Opcode and length of a record."""
-_MESSAGE = struct.Struct("<HIQ")
-"""Channel, sequence number and log time at the start of a message record."""
-_MESSAGE_BYTES = 22
-"""Bytes of a message record before its data: channel, sequence number, log time, publish time."""
+_MESSAGE = struct.Struct("<HIQQ")
+"""Channel, sequence number, log time and publish time at the start of a message record."""
 
 
-def _messages_in(data: bytes, crc: int, wanted: dict[int, str], wants: Callable[[str], bool]) -> Iterator[tuple[str, int, bytes]]:
-    """Yield the messages of a chunk; adds the requested channels to ``wanted``."""
-    if zlib.crc32(data) != crc:
-        raise LogFormatError("the checksum of a chunk is wrong")
-    at, end = 0, len(data)
-    while at < end:
-        opcode, length = _PREFIX.unpack_from(data, at)
-        start = at + _PREFIX.size
-        at = start + length
-        if at > end:
-            raise LogFormatError("a record is longer than its chunk")
-        if opcode == Opcode.MESSAGE:
-            channel, _, logged_ns = _MESSAGE.unpack_from(data, start)
-            if channel in wanted:
-                yield wanted[channel], logged_ns, data[start + _MESSAGE_BYTES : at]
-        elif opcode == Opcode.CHANNEL:
-            declared = Channel.read(ReadDataStream(BytesIO(data[start:at])))
-            if wants(declared.topic):
-                wanted[declared.id] = declared.topic
+class _Topics:
+    """Topics declared so far by the records of a file, as far as they are requested."""
 
+    def __init__(self, wants: Callable[[str], bool]) -> None:
+        self._wants = wants
+        self._schemas: dict[int, Schema] = {}
+        self._topics: dict[int, RecordedTopic | None] = {}
 
-def _unpacked(data: mmap.mmap, *, sealed: bool) -> Iterator[McapRecord]:
-    for record in _records(data, sealed=sealed):
-        if isinstance(record, Chunk):
-            yield from breakup_chunk(dataclasses.replace(record, data=_inflated(record), compression=""), validate_crc=True)
-        else:
-            yield record
+    def message(self, record: McapRecord) -> Iterator[Packet]:
+        """Yield the message of a record outside chunks if it is requested; keep what a schema or a channel declares."""
+        if isinstance(record, Schema):
+            self._schemas[record.id] = record
+        elif isinstance(record, Channel):
+            schema = self._schemas.get(record.schema_id)
+            self._topics[record.id] = None
+            if self._wants(record.topic):
+                self._topics[record.id] = RecordedTopic(
+                    name=record.topic,
+                    encoding=record.message_encoding,
+                    kind="" if schema is None else schema.name,
+                    language="" if schema is None else schema.encoding,
+                    definition="" if schema is None else schema.data.decode(),
+                )
+        elif isinstance(record, Message) and (topic := self._topics[record.channel_id]) is not None:
+            yield topic, record.log_time, record.data
+
+    def messages_in(self, chunk: Chunk) -> Iterator[Packet]:
+        """Yield the requested messages of a chunk whose checksum, if it has one, is right."""
+        data = _inflated(chunk)
+        if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+            raise ValueError("the checksum of a chunk is wrong")
+        at, end = 0, len(data)
+        while at < end:
+            opcode, length = _PREFIX.unpack_from(data, at)
+            start = at + _PREFIX.size
+            at = start + length
+            if at > end:
+                raise ValueError("a record is longer than its chunk")
+            if opcode == Opcode.MESSAGE:
+                channel, _, logged_ns, _ = _MESSAGE.unpack_from(data, start)
+                topic = self._topics[channel]
+                if topic is not None:
+                    yield topic, logged_ns, data[start + _MESSAGE.size : at]
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                kind = Schema if opcode == Opcode.SCHEMA else Channel
+                yield from self.message(kind.read(ReadDataStream(BytesIO(data[start:at]))))
 
 
 def _records(data: mmap.mmap, *, sealed: bool) -> Iterator[McapRecord]:

@@ -58,7 +58,7 @@ def read_record(
     file = _file_of(path)
     wanted = (*inputs, *outputs)
     if file.is_dir() or file.suffix.lower() in BAGS:
-        from treadline.io.bags import read_bag
+        from treadline.io._bag_columns import read_bag
 
         try:
             table, period_s = read_bag(file, inputs, outputs, period_s)

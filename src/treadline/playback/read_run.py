@@ -12,10 +12,10 @@ from treadline.core.images import RgbdFrame
 from treadline.core.models import json_of, read_json
 from treadline.core.ports import Truth
 from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, SeatReading, TrackCommand, TrackReading
-from treadline.io.bags import READERS, parts_of
 from treadline.io.columns import Columns, LogContents, read_contents
 from treadline.io.decode import ADDED_TRUTH, EVENTS, LOOKED, OURS, CdrReader
 from treadline.io.mcap_read import BROKEN, has_arrivals, one_error, read_log, run_metadata
+from treadline.io.message_files import READERS, parts_of
 from treadline.io.messages import TRUTH_NAMES
 from treadline.io.runs import LOG, MANIFEST
 from treadline.io.topics import packets, reader_of

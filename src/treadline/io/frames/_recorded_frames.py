@@ -13,13 +13,13 @@ import numpy as np
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
 from treadline.core.images import NamedFrame, RgbdFrame, black
 from treadline.io._tables import listed
-from treadline.io.bags import READERS, parts_of
 from treadline.io.decode import Picture, calibration, picture
 from treadline.io.frames._cloud_files import POINT_CLOUD, cloud_of, point_cloud
 from treadline.io.frames.options import UNITS, FrameOptions
 from treadline.io.frames.point_cloud import cloud_image
 from treadline.io.log_frames import PAIR_S, depth_metres, rgb_pixels
 from treadline.io.mcap_read import BROKEN
+from treadline.io.message_files import READERS, parts_of
 from treadline.io.ros_types import RecordedTopic
 from treadline.io.runs import LOG
 from treadline.io.topics import (

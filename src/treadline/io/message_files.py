@@ -1,4 +1,4 @@
-"""Messages of ROS bags: ``.bag`` of ROS 1, read by rosbags, and ``.db3`` of ROS 2, an SQLite file.
+"""Files of messages: MCAP, ``.bag`` of ROS 1, read by rosbags, and ``.db3`` of ROS 2, an SQLite file; and folders of them.
 
 The files are not trusted: no read beyond the end of the file, and the size limit of MCAP chunks for decompression.
 """
@@ -7,21 +7,21 @@ import bz2
 import mmap
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, cast
 
 import zstandard
 
-from treadline.core.errors import LogFormatError
+from treadline.core.errors import LogFormatError, TreadlineError
 from treadline.io import mcap_read
-from treadline.io.mcap_read import inflate_lz4, inflate_zstd
+from treadline.io.mcap_read import inflate_lz4, inflate_zstd, mcap_messages
 from treadline.io.ros_types import Packet, RecordedTopic, needs_rosbags
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
 
 
-def db3_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
+def _db3_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
     """Yield the messages of the requested topics of a ROS 2 SQLite file, in order of time."""
     with path.open("rb") as file:
         magic = file.read(16)
@@ -92,7 +92,7 @@ class _Mapped:
         return _Open(self._data)
 
 
-def bag_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
+def _bag_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
     """Yield the messages of the requested topics of a ROS 1 bag, in order of time."""
     try:
         from rosbags.rosbag1 import Reader
@@ -130,3 +130,41 @@ def _capped(decompress: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
         return plain
 
     return capped
+
+
+READERS: dict[str, Callable[[Path, Callable[[str], bool]], Iterator[Packet]]] = {
+    ".mcap": mcap_messages,
+    ".bag": _bag_messages,
+    ".db3": _db3_messages,
+}
+"""Reader of a file of messages, by its ending."""
+
+
+def parts_of(path: Path) -> list[Path]:
+    """Return the files of a log in their order: itself, or those of a bag's folder."""
+    return [path] if path.is_file() else sorted((p for p in path.iterdir() if p.suffix in READERS), key=_number)
+
+
+def _number(path: Path) -> tuple[int, str]:
+    """Order the parts of a bag: run_2 before run_10."""
+    digits = path.stem.rpartition("_")[2]
+    return int(digits) if digits.isascii() and digits.isdigit() else 0, path.name
+
+
+@contextmanager
+def damage(file: Path) -> Iterator[None]:
+    """Turn every failure to read a damaged log into one error that names the file."""
+    try:
+        yield
+    except LogFormatError as error:
+        raise LogFormatError(f"{file}: {_line(error)}") from None
+    except TreadlineError:
+        raise
+    except Exception as error:
+        cause = _line(error) or type(error).__name__
+        raise LogFormatError(f"{file}: not a whole log: {cause}; was it cut short? (mcap recover, rosbag reindex)") from error
+
+
+def _line(error: Exception) -> str:
+    """Return what an error says on one line: names out of a file may hold anything."""
+    return " ".join(str(error).split())[:500]

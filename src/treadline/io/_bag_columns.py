@@ -1,8 +1,14 @@
-"""Selected fields of a log's messages as time series, each topic with its own time axis.
+"""Selected fields of the messages in MCAP files and ROS bags as columns on one grid.
 
 A column is ``topic.field``, nested fields with dots, elements with brackets: ``/imu.angular_velocity.z``, ``/tracks.data[0]``; the
 leading slash is optional. The time of a topic is ``header.stamp`` if any of its messages has a non-zero stamp, else the log time.
-Of messages with equal times the last is used.
+Of messages with equal times the last is used. Each topic has its own times; they are brought to one grid:
+
+* its period is the one asked for, or the median interval of the slowest topic wanted;
+* it runs from the latest first message to the earliest last one;
+* an input is the last value at or before the point; an output lies on the line between its neighbours;
+* where a topic pauses for more than ``PAUSE`` periods (its own median interval or the grid's, the longer one), the points
+  inside the pause are NaN: nothing is invented.
 """
 
 import re
@@ -13,18 +19,67 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from treadline.core.errors import LogFormatError, NotFinite, RecordError
 from treadline.io import mcap_read
-from treadline.io._tables import listed
+from treadline.io._sampling_grid import held, rows_of
+from treadline.io._tables import Table, listed
+from treadline.io.message_files import READERS, damage, parts_of
 from treadline.io.ros_types import RecordedTopic, decoder_of
 
-Series = tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]
+_Series = tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]
 """Times since the first message of the log [ns], and values."""
 
 _FIELD = re.compile(r"\w+(\.\w+|\[\d{1,9}\])*", re.ASCII)
 _STEP = re.compile(r"(\w*[A-Za-z_]\w*)|\[(\d+)\]", re.ASCII)
+PAUSE = 3.0
+"""Two messages lost in a row are bridged, three are a gap."""
+HALF = 0.5
+"""Half a nanosecond, which absorbs rounding: stamps are whole nanoseconds."""
+
+
+def read_bag(path: Path, inputs: tuple[str, ...], outputs: tuple[str, ...], period_s: float | None) -> tuple[Table, float]:
+    """Return the wanted columns on one grid, and its period.
+
+    Raises:
+        LogFormatError: If the log is broken, or a column is not in it.
+        RecordError: If a topic's time goes back, or the topics share no time.
+    """
+    wanted = (*inputs, *outputs)
+    channels = _Channels(path, wanted)
+    for file in parts_of(path):
+        with damage(file):
+            for topic, time_ns, data in READERS[file.suffix.lower()](file, channels.wants):
+                channels.take(topic, time_ns, data)
+    series = channels.series()
+    medians = {name: float(np.median(np.diff(t))) for name, (t, _) in series.items()}
+    period_ns = max(medians.values()) if period_s is None else 1e9 * period_s
+    grid = _grid(path, series, period_ns)
+    values = np.empty((len(grid), len(wanted)))
+    for j, name in enumerate(wanted):
+        t, column = series[name]
+        values[:, j] = held(grid + HALF, t, column) if j < len(inputs) else np.interp(grid, t, column)
+        values[_in_a_pause(grid, t, PAUSE * max(period_ns, medians[name])), j] = np.nan
+    since_first = 1e-9 * (grid - grid[0])
+    spot = ": {:.3f} s after the first common time"
+    table = Table(file=path, names=wanted, values=values, clock=None, t_s=None, marks=since_first, spot=spot)
+    return table, period_ns / 1e9 if period_s is None else period_s
+
+
+def _grid(path: Path, series: dict[str, _Series], period_ns: float) -> Float64[np.ndarray, " k"]:
+    first = max(t[0] for t, _ in series.values())
+    last = min(t[-1] for t, _ in series.values())
+    if not last - first >= period_ns:
+        spans = listed(f"{name} from {t[0] / 1e9:.3f} to {t[-1] / 1e9:.3f} s" for name, (t, _) in series.items())
+        raise RecordError(f"{path}: the columns share less than a period of time ({spans}); are their stamps of one clock?")
+    return first + period_ns * np.arange(rows_of(str(path), first, last + HALF, period_ns))
+
+
+def _in_a_pause(grid: Float64[np.ndarray, " k"], t: Float64[np.ndarray, " n"], longest: float) -> Bool[np.ndarray, " k"]:
+    """Return which points lie inside, not at the ends of, an interval longer than that."""
+    before = np.clip(np.searchsorted(t, grid + HALF, side="right") - 1, 0, len(t) - 2)
+    return (np.diff(t)[before] > longest) & (grid > t[before] + HALF) & (grid < t[before + 1] - HALF)
 
 
 @dataclass(slots=True)
@@ -37,7 +92,7 @@ class _Channel:
     values: "array[float]" = field(default_factory=lambda: array("d"))
 
 
-class Channels:
+class _Channels:
     """Collector of the requested columns, message by message."""
 
     def __init__(self, path: Path, wanted: tuple[str, ...]) -> None:
@@ -70,7 +125,7 @@ class Channels:
         channel.times.append(time_ns)
         channel.stamps.append(_stamp(message))
 
-    def series(self) -> dict[str, Series]:
+    def series(self) -> dict[str, _Series]:
         """Return times and values of each column.
 
         Raises:
@@ -81,7 +136,7 @@ class Channels:
             raise LogFormatError(f"{self._path}: no column is requested; name one as topic.field (topics: {listed(self._seen)})")
         clocks = {topic: self._clock(topic, channel) for topic, channel in self._channels.items()}
         origin = min(int(times[0]) for times, _ in clocks.values())
-        series: dict[str, Series] = {}
+        series: dict[str, _Series] = {}
         for topic, (times, rows) in clocks.items():
             channel = self._channels[topic]
             values = np.array(channel.values).reshape(-1, len(channel.columns))[rows]
