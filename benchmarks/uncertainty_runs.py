@@ -22,7 +22,7 @@ from treadline.core.plain_values import plain
 from treadline.core.ports import TruthPlant
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments import as_printed, dead_zone, fig05, fig11, lugs, plan
-from treadline.experiments.sensitivity import MAIN_SOURCES
+from treadline.experiments._sensitivity import MAIN_SOURCES
 from treadline.identification import IdentificationOptions, identify
 from treadline.mission.belt_controllers import ConstantSpeed
 from treadline.perception import StairDetector

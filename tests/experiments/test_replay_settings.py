@@ -9,7 +9,7 @@ from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.images import PinholeCamera
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
-from treadline.experiments.replay_settings import key_table, resolved
+from treadline.experiments._replay_settings import key_table, resolved
 from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.perception import StairDetector

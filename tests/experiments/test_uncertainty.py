@@ -9,7 +9,7 @@ from uncertainty_figures import FIGURES, VariedFigure, budget
 from uncertainty_runs import ALL_RUNS, LUG_RUNS, NOMINAL_VARIATION, RUNS, SOURCES, SUMMED, VARIATIONS, Variation, runs_of
 
 from treadline.core.models import read_json
-from treadline.experiments.sensitivity import NEAREST, SENSITIVITY, read_sensitivity, shown, with_nearest, with_sensitivity
+from treadline.experiments._sensitivity import NEAREST, SENSITIVITY, read_sensitivity, shown, with_nearest, with_sensitivity
 from treadline.report.results import Moves
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario

@@ -57,8 +57,7 @@ def replay(
         return _keys(log)
     if log is None or out is None:
         raise SettingsError("replay needs a log and --out RUN; treadline replay --keys lists what --set may change")
-    from treadline.experiments.replay_settings import camera_items
-    from treadline.experiments.replayed import replayed_run
+    from treadline.experiments.replay import camera_items, replayed_run
     from treadline.scenario.camera_file import read_camera
 
     claim(out, force=force)
@@ -81,7 +80,7 @@ def replay(
 
 
 def _keys(log: Path | None) -> Answer:
-    from treadline.experiments.replay_settings import key_table
+    from treadline.experiments.replay import key_table
     from treadline.experiments.replay_source import CHAIR, source_of
     from treadline.mission.mission_config import MissionConfig
     from treadline.scenario.chair import read_chair

@@ -42,19 +42,19 @@ SCORES = {
 """Key of a row and the run score that it holds."""
 
 
-def on_belts(scenario: Scenario, belts: Belts) -> Scenario:
+def _on_belts(scenario: Scenario, belts: Belts) -> Scenario:
     """Return the scenario with other belts and the statistical camera."""
     return without_images(scenario).model_copy(update={"belts": belts})
 
 
 def lugged_turn(slope_deg: int, belts: Belts) -> Scenario:
     """Return the turn from 30° on a slope."""
-    return on_belts(turn(slope_deg, START_DEG, TURN_S), belts)
+    return _on_belts(turn(slope_deg, START_DEG, TURN_S), belts)
 
 
 def lugged_traversal(belts: Belts) -> Scenario:
     """Return the whole traversal."""
-    return on_belts(read_scenario(TRAVERSAL), belts)
+    return _on_belts(read_scenario(TRAVERSAL), belts)
 
 
 def jobs(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> list[RunJob]:

@@ -6,7 +6,6 @@ detector receives no gravity: gravity transformed by the assumed mount would con
 
 import json
 import math
-import re
 from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -25,7 +24,7 @@ from treadline.core.settings import settings_of
 from treadline.core.signals import TICK_S, ImuSample, TrackReading
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate
 from treadline.estimation.camera_mount import PAIRED_S, STANDING_M_S
-from treadline.experiments.replay_source import source_of
+from treadline.experiments.replay_source import kind_of, source_of
 from treadline.io.sensor_log import SensorLog
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.perception import StairDetector
@@ -38,7 +37,6 @@ MOUNT = (*(f"mount_{name}_rad" for name in ANGLES), "mount_m")
 TURNED_RAD = 5.0 * DEG
 """Smallest range between the 10th and 90th percentile of the headings at which the yaw is reported [rad]. In a smaller range the
 few frames of the first turn determine the yaw, and one bump changed it by a degree (a climb that was square after two seconds)."""
-_NUMBER = re.compile(r"(?<!\()[+-]?\d+(\.\d+)?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -226,7 +224,7 @@ class MountStudy:
                     self._calibrator.step(reading)
         detection = self._detector.look(frame)
         if detection.axes is None:
-            self._left_out[_NUMBER.sub("#", detection.reason or "no tread visible, which the slope is measured from")] += 1
+            self._left_out[kind_of(detection.reason or "no tread visible, which the slope is measured from")] += 1
             return
         dropped_count = self._calibrator.dropped_count
         estimate = self._calibrator.step(detection.axes)

@@ -1,5 +1,6 @@
 """Source of a replay: the log, and the manifest of the run that wrote it."""
 
+import re
 import shlex
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -81,6 +82,11 @@ def source_of(log: Path) -> Source:
         else _controller(where, str(command)),
         plugins=plugins,
     )
+
+
+def kind_of(reason: str) -> str:
+    """Return a rejection reason without its numbers, so that equal reasons count as one; a number in brackets is an equation's."""
+    return re.sub(r"(?<!\()[+-]?\d+(\.\d+)?", "#", reason)
 
 
 def _controller(where: Path, command: str) -> str | None:

@@ -15,8 +15,9 @@ from treadline.control.tune import tune
 from treadline.core.models import ControllerDesign, write_whole
 from treadline.core.plain_values import plain
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.experiments import as_printed, closed_loop, dead_zone, fig05, fig08, fig11, lugs
-from treadline.experiments.fig08 import ExcitationRun, ExciteJob
+from treadline.experiments import _closed_loop, _fig08, as_printed, dead_zone, fig05, fig11, lugs
+from treadline.experiments._fig08 import ExcitationRun, ExciteJob
+from treadline.experiments._sensitivity import read_sensitivity, with_sensitivity
 from treadline.experiments.job_pool import Job, JobPool, RunJob
 from treadline.experiments.plan import (
     CONTROLLER_GROUND,
@@ -28,7 +29,6 @@ from treadline.experiments.plan import (
     straight,
     without_images,
 )
-from treadline.experiments.sensitivity import read_sensitivity, with_sensitivity
 from treadline.io.runs import provenance
 from treadline.plant.mujoco import open_plant
 
@@ -76,10 +76,10 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
             "fig05": stages,
             "fig08": fig08_by_ground[CONTROLLER_GROUND] | {"slopes": list(fig08_by_ground.values())},
             "dead_zone": steered["rows"],
-            "fig09": closed_loop.fig09([*closed, *opened]),
-            "fig10": closed_loop.fig10(safe),
-            "table2": closed_loop.table2(safe),
-            "table2_roll_back_allowed": closed_loop.table2(sliding),
+            "fig09": _closed_loop.fig09([*closed, *opened]),
+            "fig10": _closed_loop.fig10(safe),
+            "table2": _closed_loop.table2(safe),
+            "table2_roll_back_allowed": _closed_loop.table2(sliding),
             "lugs": lugs.rows(lugged),
             "literal": as_printed.facts() | {"runs": [printed]},
             "fig11": seat,
@@ -120,7 +120,7 @@ def learn(plan: ReproducePlan, recordings: list[ExcitationRun], out: Path) -> tu
         if recording.seed != FIT_SEED:
             continue
         ground = recording.ground
-        model, figures[ground] = fig08.evaluate(recording, fresh.get(ground))
+        model, figures[ground] = _fig08.evaluate(recording, fresh.get(ground))
         model.save(out / f"model-{ground.name}.json")
         if ground == CONTROLLER_GROUND:
             controller = tune(model)
@@ -138,16 +138,16 @@ def _steerless(plan: ReproducePlan, out: Path) -> list[Job[dict[str, Any]]]:
         fig05.StagesJob(name="stages", figures=out / "figures", seed=seed),
         as_printed.job(plan, runs),
         dead_zone.DeadZoneJob(name="dead-zone", seed=seed),
-        *closed_loop.straight_jobs(plan, None, runs),
+        *_closed_loop.straight_jobs(plan, None, runs),
     ]
 
 
 def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
     """Return all runs with the identified controller, the longest first: the workers then end together."""
     drives = [
-        *closed_loop.straight_jobs(plan, controller, runs),
-        *closed_loop.turn_jobs(plan, controller, runs),
-        *closed_loop.turn_jobs(replace(plan, seeds=plan.seeds[:1], frictions=(PAPER_FRICTION,)), controller, runs, "paper"),
+        *_closed_loop.straight_jobs(plan, controller, runs),
+        *_closed_loop.turn_jobs(plan, controller, runs),
+        *_closed_loop.turn_jobs(replace(plan, seeds=plan.seeds[:1], frictions=(PAPER_FRICTION,)), controller, runs, "paper"),
         *lugs.jobs(plan, controller, runs),
     ]
     return sorted(drives, key=_cost, reverse=True)

@@ -3,7 +3,6 @@
 The mission is the one that drives the chair; its plant is the recording. Ground truth in the log is read here and nowhere else.
 """
 
-import re
 import time
 from array import array
 from collections import Counter
@@ -20,9 +19,9 @@ from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.images import RgbdFrame
 from treadline.core.models import ControllerDesign
 from treadline.core.signals import TICK_S, Event
-from treadline.experiments.replay_scores import ReplayScores
-from treadline.experiments.replay_settings import ReplaySettings, resolved
-from treadline.experiments.replay_source import Source, source_of
+from treadline.experiments._replay_scores import ReplayScores
+from treadline.experiments._replay_settings import ReplaySettings, camera_items, key_table, resolved
+from treadline.experiments.replay_source import Source, kind_of, source_of
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
 from treadline.io.sensor_log import SensorLog
@@ -37,7 +36,7 @@ from treadline.run.resolve import SHIPPED, resolved_controller, resolved_plugin
 from treadline.run.scene_log import SceneLog, WatchedDetector
 from treadline.scenario.scenario import Chair
 
-_NUMBER = re.compile(r"(?<!\()[+-]?\d+(\.\d+)?")
+__all__ = ["Replayed", "camera_items", "key_table", "replayed_run"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -208,8 +207,7 @@ class _Watched:
         sight = getattr(seen, "sight", "of another detector")
         reason = getattr(sight, "reason", None if seen.measurement is not None or sight is None else "no heading")
         if reason is not None:
-            # Reasons that differ in numbers only count as one; a number in brackets is that of an equation.
-            self.refusals[_NUMBER.sub("#", reason)] += 1
+            self.refusals[kind_of(reason)] += 1
         return seen
 
     def ms(self, percent: float) -> float | None:
