@@ -118,7 +118,7 @@ format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 
 docs: $(VENV)/.docs
-	$(BIN)/python -m treadline.report.drawings docs/drawings
+	PYTHONPATH=docs/tools $(BIN)/python -m drawings docs/drawings
 	$(BIN)/python docs/tools/tree.py docs/drawings/tree.svg
 	$(BIN)/python docs/tools/commands.py docs/reference/commands.md
 	$(BIN)/python docs/tools/decisions_index.py docs

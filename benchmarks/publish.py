@@ -8,8 +8,7 @@ import json
 from pathlib import Path
 
 from treadline.core.models import write_whole
-from treadline.report.headline_figures import published, with_table
-from treadline.report.results import Results, read_part
+from treadline.report.comparison import published_of, with_table
 
 ROOT = Path(__file__).parents[1]
 EVIDENCE = ROOT / "docs" / "evidence" / "results.json"
@@ -20,10 +19,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Write the headline figures of a reproduction to README.md and docs/evidence.")
     parser.add_argument("folder", type=Path, help="folder that make reproduce wrote")
     options = parser.parse_args()
-    results = read_part(options.folder / "results.json", Results)
-    if results.quick:
-        parser.error("a quick reproduction is not published: its runs are shortened")
-    values = published(results)
+    values = published_of(options.folder)
     readme = ROOT / "README.md"
     write_whole(EVIDENCE, json.dumps(values, indent=1, ensure_ascii=False) + "\n")
     write_whole(readme, with_table(readme.read_text(encoding="utf-8"), values))

@@ -24,11 +24,12 @@ from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from tables import table
 
-from treadline.report.climb_picture import HEADLESS
 from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import resolve
 from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Stair, Start
 
+HEADLESS = ("--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader", "--disable-background-networking", "--no-first-run")
+"""Flags of a browser on a machine without display and graphics card, as in ``docs/tools/climb_picture.py``."""
 LIVE = "up-28"
 """Scenario of the live run: a traversal with rendered images, detector and fusion."""
 REPLAY_S = 300.0

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-from treadline.report.climb_picture import HEADLESS
+from climb_picture import HEADLESS
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 OPTIONS = (*HEADLESS, "--disable-quic", "--window-size=1440,900")

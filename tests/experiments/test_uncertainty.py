@@ -10,7 +10,7 @@ from uncertainty_runs import ALL_RUNS, LUG_RUNS, NOMINAL_VARIATION, RUNS, SOURCE
 
 from treadline.core.models import read_json
 from treadline.experiments._sensitivity import NEAREST, SENSITIVITY, read_sensitivity, shown, with_nearest, with_sensitivity
-from treadline.report.results import Moves
+from treadline.report._results import Moves
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario
 

@@ -5,19 +5,20 @@ import io
 import json
 import math
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from climb_picture import HEADLESS
 from PIL import Image
 
 from treadline.core.angles import DEG, rotation_y
 from treadline.core.ports import Truth
 from treadline.core.signals import Event, HeadingEstimate, StairMap, TrackCommand
+from treadline.io.mcap_log import RunLog
 from treadline.playback import Limits, Recording, RecordingBuilder
-from treadline.report.climb_picture import HEADLESS
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair
 from treadline.vehicle.staircase import as_designed
@@ -178,8 +179,10 @@ def run_folder(tmp_path: Path) -> Path:
     folder = tmp_path / "run"
     write_series(folder, 10.0)
     event = {"t_s": 1.5, "name": "hold", "cause": "no command for 0.5 s"}
+    write_log(folder, events=[event])
     result = {"verdict": "held", "cause": "no command", "rms_heading_deg": 1.234, "events": [event], "settle_s": None}
-    manifest = {"settings": {"stair": {"slope_deg": 28.0}}, "seed": 3, "command": "treadline climb paper-28"}
+    settings = {"stair": {"slope_deg": 28.0, "steps": 10}}
+    manifest = {"settings": settings, "seed": 3, "command": "treadline climb paper-28"}
     (folder / "result.json").write_text(json.dumps(result), encoding="utf-8")
     (folder / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
     return folder
@@ -220,6 +223,15 @@ def truths_of_a_climb(seconds: float) -> list[Truth]:
         )
         found.append(truth)
     return found
+
+
+def write_log(folder: Path, *, seconds: float = 1.0, events: Sequence[Mapping[str, Any]] = ()) -> None:
+    """Write the log of a climb."""
+    with RunLog(folder / "log.mcap") as log:
+        for sample in truths_of_a_climb(seconds):
+            log(sample)
+        for event in events:
+            log(Event(**event))
 
 
 def climbing(*, seconds: float = 6.0, cause: str = HOSTILE) -> Recording:

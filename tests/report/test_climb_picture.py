@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from climb_picture import SIZE_PX, render, write_climb_picture
 
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.ports import Truth
 from treadline.io.mcap_log import RunLog
 from treadline.playback import Recording
-from treadline.report.climb_picture import SIZE_PX, render, write_climb_picture
 
 from .conftest import CHROMIUM
 
@@ -43,6 +43,7 @@ def test_a_log_without_the_pose_is_refused_by_name(run_folder: Path, tmp_path: P
 
 
 def test_a_run_without_a_log_is_refused(run_folder: Path, tmp_path: Path) -> None:
+    (run_folder / "log.mcap").unlink()
     with pytest.raises(LogFormatError, match=r"no log\.mcap"):
         write_climb_picture(run_folder, tmp_path / "climb.webp")
 

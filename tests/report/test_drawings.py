@@ -5,9 +5,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from drawings.paper_figures import DRAWINGS, write_drawings
+from drawings.pen import turned
 
-from treadline.report.drawing_pen import turned
-from treadline.report.drawings import DRAWINGS, write_drawings
 from treadline.report.svg_figures import svg_of
 
 SHIPPED = Path(__file__).parents[2] / "docs" / "drawings"

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -17,53 +17,26 @@ from treadline.core.errors import TreadlineError
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, identify, validate
 from treadline.identification.era import hankel_svd
-from treadline.identification.stabilisation import stabilisation_of_svd
-from treadline.report import model_figures as figures
-from treadline.report import model_runs as runs
-from treadline.report.channels import both_angles, channel, ratio_unit
+from treadline.identification.stabilisation import StabilisationDiagram, stabilisation_of_svd
+from treadline.report import _model_figures as figures
+from treadline.report import _model_runs as runs
 from treadline.report.identification_page import write_identification_page
-from treadline.report.model_figures import StabilisationLike
+from treadline.report.labels import channel
+from treadline.report.svg_figures import decimated
 
 HOSTILE = '<script>alert("x")</script><img src=http://example.org/x onerror=alert(1)>{{ 7*7 }}$x$ --><b>'
 SECTIONS = {"identified", "order", "impulse", "frequency", "fit", "residuals", "poles"}
 SIZE_MOST = 1_500_000
 
 
-@dataclass(frozen=True, kw_only=True)
-class FakeReport:
-    """A report with all that is there today."""
-
-    order: int
-    poles: list[tuple[float, float]]
-    pole_ci95: list[float] | None
-    fit_percent: dict[str, float]
-    one_step_vaf_percent: dict[str, float]
-    lags: int = 4
-    method: str = "okid-era"
-    feedthrough: bool = True
-    singular_values: list[float] = field(default_factory=lambda: [3.0, 1.0, 0.01, 0.005, 1e-17])
-    gap: float = 100.0
-    whiteness_p: float = 0.4
-    samples: int = 400
-    dropped: int = 0
-    warnings: list[str] = field(default_factory=list)
-    seconds: float = 0.01
-
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self)
-
-
-@dataclass(frozen=True, kw_only=True)
-class LaterReport(FakeReport):
-    """A report with what may come."""
-
-    crosscorrelation_p: dict[str, float] = field(default_factory=lambda: {"left": 0.3, "right": 0.0001})
-    excitation_order: int = 12
-    delays: list[int] = field(default_factory=lambda: [0, 2])
-    noise_level: float = 0.02
-    candidates: list[dict[str, Any]] = field(
-        default_factory=lambda: [{"method": f"m{k}", "held_out_error": 0.1 * k, "kept": k == 0} for k in range(50)]
-    )
+LATER = {
+    "crosscorrelation_p": {"left": 0.3, "right": 0.0001},
+    "excitation_order": 12,
+    "delays": [0, 2],
+    "noise_level": 0.02,
+    "candidates": [{"method": f"m{k}", "held_out_error": 0.1 * k, "kept": k == 0} for k in range(50)],
+}
+"""Entries that a report may have."""
 
 
 class FakeIntervals:
@@ -84,7 +57,7 @@ class Found:
     """What identification hands over."""
 
     model: LinearModel
-    report: FakeReport
+    report: dict[str, Any]
     intervals: FakeIntervals | None = None
 
 
@@ -143,34 +116,47 @@ def model_with(A: Float[np.ndarray, "n n"], inputs: Sequence[str], outputs: Sequ
     )
 
 
-def found_with(model: LinearModel, kind: type[FakeReport] = FakeReport, **changes: Any) -> Found:
+def found_with(model: LinearModel, **changes: Any) -> Found:
     poles = np.linalg.eigvals(model.A)
-    report = kind(
-        order=model.order,
-        poles=[(float(pole.real), float(pole.imag)) for pole in poles],
-        pole_ci95=[0.01] * len(poles),
-        fit_percent=dict.fromkeys(model.output_names, 91.234),
-        one_step_vaf_percent=dict.fromkeys(model.output_names, 99.5),
-    )
-    return Found(model=model, report=replace(report, **changes), intervals=FakeIntervals(*model.D.shape))
+    report = {
+        "order": model.order,
+        "poles": [(float(pole.real), float(pole.imag)) for pole in poles],
+        "pole_ci95": [0.01] * len(poles),
+        "fit_percent": dict.fromkeys(model.output_names, 91.234),
+        "one_step_vaf_percent": dict.fromkeys(model.output_names, 99.5),
+        "lags": 4,
+        "method": "okid-era",
+        "feedthrough": True,
+        "singular_values": [3.0, 1.0, 0.01, 0.005, 1e-17],
+        "gap": 100.0,
+        "whiteness_p": 0.4,
+        "samples": 400,
+        "dropped": 0,
+        "warnings": [],
+        "seconds": 0.01,
+    }
+    return Found(model=model, report=report | changes, intervals=FakeIntervals(*model.D.shape))
 
 
 def record_of(model: LinearModel, samples: int = 400, seed: int = 0) -> InputOutputRecord:
     """Return what a model answers to random inputs, with a little noise."""
     rng = np.random.default_rng(seed)
     u = 0.2 + rng.standard_normal((samples, model.B.shape[1]))
-    y = runs.run(model, u, np.zeros(model.order))
+    y = validate.simulate(model, u, np.zeros(model.order))
     return InputOutputRecord(u=u, y=y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape), dt_s=model.dt_s)
 
 
 def page_of(tmp_path: Path, found: Found, judged: list[InputOutputRecord] | None = None, **more: Any) -> str:
     records = more.pop("fitted", None) or [record_of(found.model)]
     path = tmp_path / "page.html"
-    write_identification_page(path, found, records, judged or records, title=more.pop("title", "a chair"), **more)
+    title = more.pop("title", "a chair")
+    write_identification_page(
+        path, found.model, found.report, records, judged or records, title=title, intervals=found.intervals, **more
+    )
     return path.read_text(encoding="utf-8")
 
 
-def diagram_of(model: LinearModel) -> StabilisationLike:
+def diagram_of(model: LinearModel) -> StabilisationDiagram:
     """Return the stabilisation diagram of a model's own impulse response."""
     markov = validate.impulse_response(model, 41)
     return stabilisation_of_svd(hankel_svd(markov, 20, 20, np.ones(model.B.shape[1]), np.ones(model.C.shape[0])), model.dt_s)
@@ -221,7 +207,7 @@ def test_the_page_asks_for_nothing_and_runs_nothing(tmp_path: Path, calm: Found)
 
 def test_hostile_names_titles_and_warnings_are_text(tmp_path: Path) -> None:
     model = model_with(A_CALM, (HOSTILE, "right\n\x00\x07" + "x" * 300), ("$\\frac{$", "見出し_rad"))
-    found = found_with(model, LaterReport, warnings=[HOSTILE], method=HOSTILE, candidates=[{HOSTILE: HOSTILE}])
+    found = found_with(model, **LATER | {"warnings": [HOSTILE], "method": HOSTILE, "candidates": [{HOSTILE: HOSTILE}]})
     page = page_of(tmp_path, found, title=HOSTILE)
     outline = outline_of(page)
     assert outline.tags.isdisjoint({"script", "img", "b"})
@@ -232,7 +218,7 @@ def test_hostile_names_titles_and_warnings_are_text(tmp_path: Path) -> None:
 
 def test_warnings_stand_before_the_first_section(tmp_path: Path, small: Found) -> None:
     said = "no clear gap in the singular values (largest ratio 1.3 at order 1); give --order, or more data"
-    page = page_of(tmp_path, replace(small, report=replace(small.report, warnings=[said])))
+    page = page_of(tmp_path, replace(small, report=small.report | {"warnings": [said]}))
     assert 0 < page.index(said) < page.index('<h2 id="identified"')
 
 
@@ -247,7 +233,7 @@ def test_fit_says_what_it_was_measured_on(tmp_path: Path, small: Found, small_pa
 
 
 def test_what_is_not_known_is_said_to_be_unknown(tmp_path: Path, small: Found) -> None:
-    bare = replace(small, report=replace(small.report, pole_ci95=None, singular_values=[]), intervals=None)
+    bare = replace(small, report=small.report | {"pole_ci95": None, "singular_values": []}, intervals=None)
     page = page_of(tmp_path, bare)
     assert "No singular values in the report" in page
     assert "No stabilisation diagram was made" in page
@@ -256,7 +242,7 @@ def test_what_is_not_known_is_said_to_be_unknown(tmp_path: Path, small: Found) -
 
 
 def test_values_of_a_later_report_are_shown(tmp_path: Path, small: Found) -> None:
-    text = outline_of(page_of(tmp_path, found_with(small.model, LaterReport))).text
+    text = outline_of(page_of(tmp_path, found_with(small.model, **LATER))).text
     assert "order the inputs excite12" in text.replace("\n", "")
     assert "delays [samples]0, 2" in text.replace("\n", "")
     assert "left: 0.3; right: 0.0001" in text
@@ -268,7 +254,7 @@ def test_values_of_a_later_report_are_shown(tmp_path: Path, small: Found) -> Non
 
 def test_the_chosen_structure_is_marked_also_where_it_is_not_the_lowest_or_the_first(tmp_path: Path, small: Found) -> None:
     tried = [{"method": f"m{k}", "error": 0.2 + 0.001 * abs(k - 7), "chosen": k == 45} for k in range(50)]
-    page = page_of(tmp_path, found_with(small.model, LaterReport, candidates=tried))
+    page = page_of(tmp_path, found_with(small.model, **LATER | {"candidates": tried}))
     (row,) = re.findall(r'<tr class="chosen">(.*?)</tr>', page)
     assert re.findall("<td>(.*?)</td>", row) == ["m45", "0.238", "chosen"]
     text = " ".join(outline_of(page).text.split())
@@ -292,7 +278,7 @@ def test_an_output_that_answers_for_a_second_is_not_drawn_for_a_minute() -> None
 
 def test_p_values_carry_their_verdict(tmp_path: Path, small: Found, small_page: str) -> None:
     assert "not rejected at 5 %" in small_page
-    page = page_of(tmp_path, replace(small, report=replace(small.report, whiteness_p=0.0)))
+    page = page_of(tmp_path, replace(small, report=small.report | {"whiteness_p": 0.0}))
     assert "p &lt; 0.001" in page
     assert "not rejected" not in page
 
@@ -364,7 +350,7 @@ def test_the_same_numbers_give_the_same_bytes(tmp_path: Path, small: Found, smal
 
 def test_a_page_that_cannot_be_written_is_refused(tmp_path: Path, small: Found) -> None:
     with pytest.raises(TreadlineError, match="cannot be written"):
-        write_identification_page(tmp_path, small, [record_of(small.model)], [record_of(small.model)], title="a folder")
+        write_identification_page(tmp_path, small.model, small.report, [record_of(small.model)], [record_of(small.model)], title="")
 
 
 def test_what_identify_returns_fits_the_page(tmp_path: Path) -> None:
@@ -379,39 +365,35 @@ def test_what_identify_returns_fits_the_page(tmp_path: Path) -> None:
         output_offset=np.zeros(2),
     )
     u = rng.standard_normal((1000, 2))
-    y = runs.run(true, u, np.zeros(2))
+    y = validate.simulate(true, u, np.zeros(2))
     y += 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
     whole = InputOutputRecord(u=u, y=y, dt_s=1.0, input_names=TWO[0], output_names=TWO[1])
     fitted, kept = validate.part(whole, 0, 700), validate.part(whole, 700, 1000)
     path = tmp_path / "page.html"
-    write_identification_page(path, identify(fitted, IdentificationOptions(validation=kept)), [fitted], [kept], title="Eq. (12)")
+    found = identify(fitted, IdentificationOptions(validation=kept))
+    write_identification_page(
+        path, found.model, found.report.as_json(), [fitted], [kept], title="Eq. (12)", intervals=found.intervals
+    )
     text = outline_of(path.read_text(encoding="utf-8")).text
     assert "heading_rad" in text
     assert "on data that were not fitted, 300 samples" in text
 
 
-def test_runs_are_those_that_identification_judges_by(calm: Found) -> None:
-    record = record_of(calm.model, 300)
+def test_runs_begin_anew_behind_a_missing_input_and_bridge_missing_outputs(calm: Found) -> None:
+    record = record_of(calm.model, 800)
     record.y[50] = np.nan
-    x0 = validate.initial_state(calm.model, record)
-    np.testing.assert_allclose(runs.initial_state(calm.model, record), x0, atol=1e-9)
-    free = validate.simulate(calm.model, record.u, x0)
-    np.testing.assert_allclose(runs.run(calm.model, record.u, x0), free, atol=1e-9)
-    start = validate.initial_state(calm.model, validate.head(record, runs.HEAD))
-    ahead = runs.run(calm.model, record.u, start, record.y)
-    np.testing.assert_allclose(record.y - ahead, validate.one_step_residuals(calm.model, record), atol=1e-9)
-    # Behind a missing input both begin anew.
-    record.u[120] = np.nan
-    ahead = runs.one_step_ahead(calm.model, record)
-    np.testing.assert_allclose(record.y - ahead, validate.one_step_residuals(calm.model, record), atol=1e-9)
-    free = runs.free_run(calm.model, record)
-    assert np.isnan(free[120]).all()
-    assert np.isfinite(np.delete(free, 120, axis=0)).all()
-    assert not runs.cut(free, record.y)[1].any()
+    record.u[400] = np.nan
+    ahead, free = runs.one_step_ahead(calm.model, record), runs.free_run(calm.model, record)
+    for answers in (ahead, free):
+        assert np.isnan(answers[400]).all()
+        assert np.isfinite(np.delete(answers, 400, axis=0)).all()
+        assert not runs.cut(answers, record.y)[1].any()
+    # The noise of the record is one per cent of each output's deviation.
+    assert (np.nanstd(record.y - ahead, axis=0) < 0.05 * np.nanstd(record.y, axis=0)).all()
 
 
 def test_responses_are_those_of_the_model(calm: Found) -> None:
-    response = runs.impulse_response(calm.model)
+    response = runs.shown_response(calm.model)
     np.testing.assert_allclose(response, validate.impulse_response(calm.model, len(response)), atol=1e-12)
     assert np.abs(response[-1]).max() < 0.05 * np.abs(response).max()
     omega = runs.frequencies(calm.model, 1000)
@@ -449,7 +431,7 @@ def test_independent_white_series_stay_within_the_band_as_often_as_said() -> Non
 def test_thinning_keeps_peaks_and_gaps() -> None:
     values = np.zeros(100_000)
     values[54_321], values[60_000:70_000] = 7.0, np.nan
-    t, thin = runs.decimated(np.arange(100_000.0), values)
+    t, thin = decimated(np.arange(100_000.0), values)
     assert len(thin) <= 600
     assert np.nanmax(thin) == 7.0
     assert np.isnan(thin).any()
@@ -472,10 +454,3 @@ def test_thinning_keeps_peaks_and_gaps() -> None:
 def test_a_name_tells_its_unit(name: str, quantity: str, unit: str | None) -> None:
     said = channel(name)
     assert (said.quantity, said.unit) == (quantity, unit)
-
-
-def test_a_ratio_has_both_units_or_none() -> None:
-    assert ratio_unit(channel("yaw_rate_rad_s"), channel("left_m_s")) == "rad/s per m/s"
-    assert ratio_unit(channel("a_m"), channel("b_m")) == "–"
-    assert ratio_unit(channel("level"), channel("b_m")) == "own units"
-    assert both_angles([channel("a_rad"), channel("b_rad_s")]) is None

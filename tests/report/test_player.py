@@ -1,9 +1,11 @@
 """The player: its numbers are the recording's, and it opens and plays in a browser without a request."""
 
+import base64
 import re
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +15,11 @@ from hypothesis import strategies as st
 from treadline.core.signals import Event
 from treadline.playback import Recording
 from treadline.playback.findings import findings_of
+from treadline.report._html import packed, packed_indices
+from treadline.report._player_scene import creases, scene_of
+from treadline.report._plot_data import MOST_SAMPLES, uniform
 from treadline.report.answers import moments_of
-from treadline.report.packed import packed, packed_indices, unpacked
 from treadline.report.player_page import player_data, player_page, write_player
-from treadline.report.player_scene import creases, scene_of
-from treadline.report.plot_data import MOST_SAMPLES, uniform
 from treadline.scenario.chair import read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Chair
@@ -27,6 +29,13 @@ from .conftest import HOSTILE, Browser, climbing
 
 MOST_BYTES = 5_000_000
 """Largest page of a traversal of 50 s (issue's bound)."""
+
+
+def unpacked(value: dict[str, Any]) -> np.ndarray:
+    """Return the array of ``packed``, as the script of the page reads it."""
+    codes = np.frombuffer(base64.b64decode(value["data"]), "<i2").reshape(-1, value["columns"]).astype(float)
+    table = np.array(value["low"]) + np.array(value["step"]) * (codes + 32767)
+    return np.where(codes == -32768, np.nan, table)
 
 
 @given(st.lists(st.floats(-100.0, 100.0) | st.just(float("nan")), min_size=1, max_size=30))

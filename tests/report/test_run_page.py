@@ -9,30 +9,36 @@ from typing import Any
 import numpy as np
 import pytest
 
+from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.ports import Truth
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import read_series
+from treadline.playback import read_recording
 from treadline.report import write_report
-from treadline.report.headline import headline
-from treadline.report.motion import read_motion
-from treadline.report.results import Manifest, RunResult
+from treadline.report._results import Manifest, RunResult
+from treadline.report._run_page import headline
+from treadline.report.labels import LABELS, score_groups
 from treadline.report.run_figure import single_run
-from treadline.report.score_labels import WORDS, score_groups
 from treadline.run.run_scores import Scores, Trace, comfort_of
 from treadline.vehicle.comfort import lasting
 
+from .conftest import HOSTILE
+
 SEAT = {"settle_s": 1.73, "start_deg": 24.1, "steady_error_deg": 0.001, "steady_rms_deg": 0.01, "max_error_deg": 0.95}
-PHASES = [[0.0, "search"], [0.1, "align"], [5.4, "approach"], [9.9, "climb"], [25.0, "arrived"]]
+PHASES = [(0.0, "search"), (0.1, "align"), (5.4, "approach"), (9.9, "climb"), (25.0, "arrived")]
+
+
+def page_of(folder: Path) -> str:
+    return write_report(folder).read_text(encoding="utf-8")
 
 
 def result_of(**values: Any) -> RunResult:
     return RunResult.model_validate({"verdict": "time_up"} | values)
 
 
-def titles_of(folder: Path, result: RunResult) -> list[str]:
+def titles_of(folder: Path, **options: Any) -> list[str]:
     """Return what the figure's panels show, from above."""
-    figure = single_run(read_series(folder), result, read_motion(folder)[0])
-    return [ax.get_title(loc="left") for ax in figure.axes]
+    return [ax.get_title(loc="left") for ax in single_run(read_series(folder), [], **options).axes]
 
 
 def truth_at(t_s: float) -> Truth:
@@ -41,12 +47,64 @@ def truth_at(t_s: float) -> Truth:
     return Truth(**(values | rocks | {"t_s": t_s}))
 
 
+def changed(path: Path, **values: Any) -> None:
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | values), encoding="utf-8")
+
+
+def test_one_run_has_a_page_with_its_figures_events_and_settings(run_folder: Path) -> None:
+    page = page_of(run_folder)
+    assert "<h1>climb paper-28: held (no command)</h1>" in page
+    assert '<td>RMS over the whole run <code class="key">rms_heading_deg</code></td><td class="n">1.23°</td>' in page
+    assert '<td>settling time to ±2° <code class="key">settle_s</code></td><td class="n">not settled</td>' in page
+    assert "no command for 0.5 s" in page
+    assert "slope_deg" in page
+    assert page.count('<div class="wide column"><svg') == 1
+    assert "http:" not in page
+    assert page.count("<script") == 2  # the player's data and its script, under its hash
+    assert "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-" in page
+
+
+def test_hostile_text_in_one_run_is_escaped(run_folder: Path) -> None:
+    event = {"t_s": 0.0, "name": HOSTILE, "cause": HOSTILE}
+    changed(run_folder / "result.json", verdict=HOSTILE, events=[event], **{HOSTILE: 1.0})
+    changed(run_folder / "manifest.json", command=HOSTILE, other=HOSTILE)
+    page = page_of(run_folder)
+    assert page.count("<script") == 2
+    assert HOSTILE not in page
+
+
+@pytest.mark.parametrize("name", ["result.json", "manifest.json"])
+def test_a_broken_or_missing_file_is_named(run_folder: Path, name: str) -> None:
+    (run_folder / name).write_text('{"seed": 1}', encoding="utf-8")
+    with pytest.raises(SettingsError, match=f"{name}: "):
+        write_report(run_folder)
+    (run_folder / "manifest.json").unlink()
+    with pytest.raises(SettingsError, match=r"no such file|result\.json: "):
+        write_report(run_folder)
+    assert not (run_folder / "report.html").exists()
+
+
+def test_a_result_of_another_seed_than_the_manifest_is_refused(run_folder: Path) -> None:
+    changed(run_folder / "result.json", seed=4)
+    with pytest.raises(SettingsError, match=r"result\.json is of seed 4, manifest\.json of 3"):
+        write_report(run_folder)
+
+
+def test_a_missing_or_broken_log_is_refused_in_one_line(run_folder: Path) -> None:
+    (run_folder / "log.mcap").write_bytes(b"no log")
+    with pytest.raises(LogFormatError, match=r"log\.mcap") as caught:
+        write_report(run_folder)
+    assert "\n" not in str(caught.value)
+    (run_folder / "log.mcap").unlink()
+    with pytest.raises(LogFormatError, match=r"no log\.mcap; make the run again"):
+        write_report(run_folder)
+
+
 @pytest.mark.parametrize(
     ("command", "values", "said"),
     [
         ("treadline climb up-28 --out runs/up", {"verdict": "arrived", "duration_s": 48.75}, "climb up-28: arrived after 48.8 s"),
         ("treadline climb --out up --json up-28", {"duration_s": 80.0}, "climb up-28: driven to the end of its time, 80.0 s"),
-        ("treadline excite paper-28 --out x", {"duration_s": 250.25}, "excite paper-28: driven to the end of its time, 250.2 s"),
         ("treadline replay runs/seen --set a=b", {"duration_s": 15.01}, "replay runs/seen: played to its end, 15.0 s"),
         ("treadline seat paper-28", {"seat": SEAT}, "seat paper-28: level within 1° after 1.73 s"),
         ("treadline seat x.toml", {"seat": SEAT | {"settle_s": None}}, "seat x.toml: the seat did not settle"),
@@ -64,101 +122,74 @@ def test_the_heading_says_what_was_run_and_how_it_ended(command: str, values: di
     assert headline(result_of(**values), Manifest(settings={}, seed=0, command=command), "turn-28") == said
 
 
-def test_every_score_of_a_run_has_words_and_is_shown_once() -> None:
+def test_every_score_of_a_run_has_a_label_and_is_shown_once() -> None:
     names = {item.name for item in fields(Scores)} - {"phases"}
-    assert names <= WORDS.keys()
-    groups = score_groups(result_of(**dict.fromkeys(names, 1.0), seed=3, foreign=7))
-    keys = [row.key for group in groups for row in group.rows]
+    assert names <= LABELS.keys()
+    groups = score_groups(dict.fromkeys(names, 1.0) | {"foreign": 7}, None)
+    keys = [key for group in groups for key, _, _ in group.rows]
     assert sorted(keys) == sorted({*names, "foreign"})
-    assert groups[-1].rows[0].value == "7"
+    assert groups[-1].rows == [("foreign", "foreign", "7")]
 
 
 def test_counts_are_whole_numbers_and_measures_have_units() -> None:
-    result = result_of(frames=151, brakes_differ=0, largest_command_gap_m_s=0.5, vision_rms_error_deg=0.0033, settle_s=None)
-    rows = {row.key: row.value for group in score_groups(result) for row in group.rows}
-    assert rows == {
+    figures = {"frames": 151, "brakes_differ": 0, "largest_command_gap_m_s": 0.5, "vision_rms_error_deg": 0.0033, "settle_s": None}
+    figures |= {"energy_wh": 1.234, "seconds_below_7_deg": 0.05, "max_belt_force_n": 312.4, "ms_per_frame": 3.21}
+    assert {key: value for group in score_groups(figures, None) for key, _, value in group.rows} == {
         "frames": "151",
         "brakes_differ": "0",
         "largest_command_gap_m_s": "0.500 m/s",
         "vision_rms_error_deg": "0.003°",
         "settle_s": "not settled",
+        "energy_wh": "1.23 Wh",
+        "seconds_below_7_deg": "0.050 s",
+        "max_belt_force_n": "312 N",
+        "ms_per_frame": "3.2 ms",
     }
 
 
-def test_a_run_of_the_seat_alone_shows_the_seats_figures_first() -> None:
-    first, *others = score_groups(result_of(seat=SEAT, settle_s=None, rms_heading_deg=30.1, min_stability_margin_deg=22.7))
-    assert [(row.key, row.value) for row in first.rows][:1] == [("seat.settle_s", "1.73 s")]
-    assert [row.key for group in others if group.aside for row in group.rows] == ["rms_heading_deg", "settle_s"]
+def test_a_run_of_the_seat_alone_shows_the_seats_figures_first(run_folder: Path) -> None:
+    first, *others = score_groups({"settle_s": None, "rms_heading_deg": 30.1, "min_stability_margin_deg": 22.7}, SEAT)
+    assert first.rows[0] == ("seat.settle_s", "settling time to ±1° of horizontal", "1.73 s")
+    assert [key for group in others if group.aside for key, _, _ in group.rows] == ["rms_heading_deg", "settle_s"]
+    titles = titles_of(run_folder, seat_alone=True)
+    assert titles[0] == "seat pitch [°]"
+    assert not any("heading" in title or "belt" in title for title in titles)
 
 
 def test_a_traversal_has_its_phases_as_bands(run_folder: Path) -> None:
-    with_phases, without = (single_run(read_series(run_folder), result_of(phases=phases), None) for phases in (PHASES, []))
-    strip = with_phases.axes[0]
+    strip = single_run(read_series(run_folder), PHASES).axes[0]
     assert [text.get_text() for text in strip.texts] == ["search", "align", "approach", "climb", "arrived"]
     places = [text.get_position()[0] for text in strip.texts]
     assert places == sorted(places)
     assert min(np.diff(places)) > 0.3  # of 30 s on 7 in: none over another, also where a phase lasted 0.1 s
-    assert "phase" not in [ax.get_title(loc="left") for ax in without.axes]
-
-
-def test_a_replay_has_its_phases_from_its_events(run_folder: Path) -> None:
-    events = [{"t_s": t_s, "name": name, "cause": ""} for t_s, name in [(0.0, "search"), (0.0, "seat_shifted"), (9.9, "climb")]]
-    strip = single_run(read_series(run_folder), result_of(events=events), None).axes[0]
-    assert [text.get_text() for text in strip.texts] == ["search", "climb"]
+    assert "phase" not in titles_of(run_folder)
 
 
 def test_a_steady_part_that_a_start_dwarfs_is_drawn_closer(run_folder: Path) -> None:
-    figure = single_run(read_series(run_folder), result_of(), None)
+    figure = single_run(read_series(run_folder), [])
     (closer,) = [ax for ax in figure.axes if ax.get_title(loc="left") == "heading, steady interval, enlarged [°]"]
     low, high = closer.get_ylim()
     assert -0.1 < low < 0.0 < high < 0.1  # the series starts at 10°
 
 
-def test_without_a_log_its_curves_are_left_out_and_the_page_says_so(run_folder: Path) -> None:
-    assert not any("pitch rate" in title for title in titles_of(run_folder, result_of()))
-    assert "Pitch rate and passenger are not drawn: no log was kept." in write_report(run_folder).read_text(encoding="utf-8")
-
-
 def test_the_curves_of_a_log_are_what_the_scores_are_the_peaks_of(run_folder: Path) -> None:
+    assert not any("mean over 50 ms" in title for title in titles_of(run_folder))
     truth = [truth_at(0.01 * k) for k in range(500)]
     with RunLog(run_folder / "log.mcap") as log:
         for sample in truth:
             log(sample)
-    motion, unread = read_motion(run_folder)
-    assert (unread, motion is None) == (None, False)
-    assert motion is not None
+    figure = single_run(read_series(run_folder), [], read_recording(run_folder))
+    rate, passenger = (ax.lines[0].get_ydata() for ax in figure.axes if "mean over 50 ms" in ax.get_title(loc="left"))
     trace = Trace.of(truth)
-    rate = np.abs(lasting(trace["pitch_rate_rad_s"])).max()
-    assert np.radians(np.abs(motion.pitch_rate_deg_s).max()) == pytest.approx(rate)
+    assert np.radians(np.abs(rate).max()) == pytest.approx(np.abs(lasting(trace["pitch_rate_rad_s"])).max())
     # Stamps are kept to the nanosecond, and differences of places are divided by them twice.
-    assert motion.passenger_m_s2.max() == pytest.approx(comfort_of(trace).total_m_s2, rel=1e-5)
-    assert sum("mean over 50 ms" in title for title in titles_of(run_folder, result_of())) == 2
-
-
-def test_a_broken_log_costs_its_curves_alone(run_folder: Path) -> None:
-    (run_folder / "log.mcap").write_bytes(b"no log")
-    page = write_report(run_folder).read_text(encoding="utf-8")
-    assert "log.mcap cannot be read" in page
-    assert str(run_folder) not in page
-
-
-def test_a_run_of_the_seat_has_no_panels_of_what_stands(run_folder: Path) -> None:
-    titles = titles_of(run_folder, result_of(seat=SEAT))
-    assert titles[0] == "seat pitch [°]"
-    assert not any("heading" in title or "belt" in title for title in titles)
+    assert passenger.max() == pytest.approx(comfort_of(trace).total_m_s2, rel=1e-5)
 
 
 def test_what_a_log_without_truth_does_not_know_has_no_panel(run_folder: Path) -> None:
     series = read_series(run_folder)
     for name in ("heading_deg", "pitch_deg", "y_m", "stability_margin_deg"):
         series[name] = np.full_like(series["t_s"], np.nan)
-    titles = [ax.get_title(loc="left") for ax in single_run(series, result_of(), None).axes]
+    titles = [ax.get_title(loc="left") for ax in single_run(series, []).axes]
     assert titles[0] == "heading [°]"  # the estimate is there
     assert not any(word in title for title in titles for word in ("pitch of", "lateral", "margin"))
-
-
-def test_a_phase_that_is_none_is_refused(run_folder: Path) -> None:
-    path = run_folder / "result.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"phases": [["early", "align"]]}))
-    with pytest.raises(Exception, match=r"phases\.0"):
-        write_report(run_folder)

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from treadline.playback import Recording
-from treadline.report.film_strip import film_strip
+from treadline.report._run_page import film_strip
 from treadline.report.player_page import transient_s
-from treadline.report.recorded_series import of_series
-from treadline.report.results import RunResult
 from treadline.report.side_view import SideViews, _hull
 
 
@@ -39,14 +37,11 @@ def test_a_strip_has_a_frame_at_each_phase_and_at_the_end(recording: Recording) 
     assert [frame["t_s"] for frame in single] == pytest.approx([0.0, 1.4975, 2.995, 4.4925, 5.99])
 
 
-def test_plots_of_a_turn_that_settles_early_begin_with_its_transient() -> None:
+def test_plots_of_a_turn_that_settles_early_begin_with_its_transient(recording: Recording) -> None:
     """Test: time constants of 1 s and of 30 s in 60 s. Expected: a window of a few seconds; the whole run."""
     t_s = np.arange(0.0, 60.0, 0.1)
-    names = ("pitch_deg", "seat_pitch_deg", "stability_margin_deg", "left_m_s", "right_m_s", "x_m", "y_m", "friction_use")
-    flat = dict.fromkeys(names, np.zeros(600)) | {"t_s": t_s}
-    result = RunResult.model_validate({"verdict": "time_up"})
     for constant_s, low, high in ((1.0, 3.9, 4.3), (30.0, None, None)):
-        heading = 30.0 * np.exp(-t_s / constant_s)
-        shown = transient_s(of_series(flat | {"heading_deg": heading, "estimate_deg": heading}, result, "no log"))
+        heading_rad = np.radians(30.0) * np.exp(-t_s / constant_s)
+        shown = transient_s(Recording.of_curves(t_s, recording.chair, heading_rad=heading_rad))
         # 30° decays to 2° within 2.7 time constants; half as long again is shown, in steps of 0.1 s.
         assert (shown is None) if low is None else (low < shown < high)

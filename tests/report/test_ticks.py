@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from treadline.report.svg_figures import STYLE, svg_of
-from treadline.report.ticks import plain_log_labels
+from treadline.report.svg_figures import STYLE, plain_log_labels, svg_of
 
 
 def labels(low: float, high: float, scale: str = "log") -> list[str]:

@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import TreadlineError
-from treadline.core.plain_values import plain
 from treadline.core.printing import Printable
 from treadline.run.episode import Traverse, run_episode
 from treadline.run.recorded_run import recorded_run, series
@@ -50,12 +49,11 @@ class Run(Printable):
         Raises:
             TreadlineError: If the run ended before its first tick.
         """
-        from treadline.report.results import RunResult
         from treadline.report.run_figure import single_run
 
         if len(self.episode.trace["t_s"]) < 2:
             raise TreadlineError(f"nothing to plot: the run ended before its first tick ({self.verdict}: {self.cause})")
-        return single_run(self.series, RunResult.model_validate(plain(self.episode.summary())), None)
+        return single_run(self.series, self.scores.phases)
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the title and the most important scores."""

@@ -10,8 +10,7 @@ from treadline.campaign.frontier import ARRIVED, frontier_of
 from treadline.campaign.sampled_run import Row
 from treadline.campaign.summary import has_rms
 from treadline.core.models import write_whole
-from treadline.report.channels import channel, suffix
-from treadline.report.score_labels import WORDS, score_name
+from treadline.report.labels import score_name, score_unit, suffix
 
 TEMPLATES = (Path(__file__).parent / "templates", Path(__file__).parents[1] / "report" / "templates")
 """Template folders of the campaign and of the report base page."""
@@ -176,8 +175,7 @@ def _is_number(value: object) -> bool:
 
 def _unit(key: str) -> str:
     """Return the unit from the suffix of a key; list items have the unit of the list."""
-    word = WORDS.get(key)
-    return (channel(key.rstrip(".0123456789")).unit or "") if word is None else word.unit
+    return score_unit(key) or score_unit(key.rstrip(".0123456789"))
 
 
 def _with_unit(name: str, unit: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from treadline.campaign.sampled_run import Row
-from treadline.report.channels import channel, suffix
+from treadline.report.labels import channel, suffix
 
 CONFIDENCE = 0.95
 WORST = 10

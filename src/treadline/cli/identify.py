@@ -277,7 +277,16 @@ def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
 
     with Status("drawing"):
         diagram = stabilisation_of_svd(found.svd, found.model.dt_s)
-        write_identification_page(path, found, found.fitted, found.judged, title=_titled(logs), stabilisation=diagram)
+        write_identification_page(
+            path,
+            found.model,
+            found.report.as_json(),
+            found.fitted,
+            found.judged,
+            title=_titled(logs),
+            intervals=found.intervals,
+            stabilisation=diagram,
+        )
 
 
 def _titled(logs: Sequence[Path]) -> str:

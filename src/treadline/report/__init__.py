@@ -1,5 +1,36 @@
-"""Figures, tables and pages, drawn from run folders alone."""
+"""Figures, tables and pages, drawn from run folders alone.
 
-from treadline.report.run_page import write_report
+Contract: ``write_report`` here; ``player_page.write_player`` for one recording; ``identification_page``, which loads no other
+page; ``run_figure.single_run``; ``side_view.SideViews``; ``comparison`` for the published figures; ``labels`` and ``answers`` for
+the words that campaign and live view share with the pages; ``svg_figures`` and ``outlines`` for the drawings of the documents.
+"""
+
+from pathlib import Path
+
+from treadline.core.errors import SettingsError
 
 __all__ = ["write_report"]
+
+
+def write_report(folder: Path) -> Path:
+    """Write ``report.html`` of a reproduce folder and of its main runs, or of one run's folder; return its path.
+
+    Raises:
+        SettingsError: If the folder holds neither, or a file in it lacks or mistypes something.
+        LogFormatError: If the log of a single run is missing or damaged.
+    """
+    if (folder / "results.json").exists():
+        from treadline.report._reproduction_page import write_reproduction_page
+
+        return write_reproduction_page(folder)
+    if (folder / "result.json").exists():
+        from treadline.report._run_page import write_run_page
+
+        write_run_page(folder)
+        return folder / "report.html"
+    if (folder / "journal.jsonl").exists():
+        there = "its report.html is there" if (folder / "report.html").exists() else "treadline sweep --resume finishes it"
+        raise SettingsError(f"{folder}: a sweep's folder; {there}")
+    if (folder / "manifest.json").exists():
+        raise SettingsError(f"{folder}: no result.json: this run was interrupted, or goes on; make it again to report it")
+    raise SettingsError(f"{folder}: no results.json (reproduce) and no result.json (climb, excite); nothing to report")

@@ -1,12 +1,10 @@
 """The page of one identification: what was fitted, how well, how sure, and how to read each figure.
 
-It takes a model, its report and the records as values and imports nothing of the laboratory: whoever identified hands them
-over (``treadline.identification.Identified`` fits the protocol here).
+It takes a model, its report and the records as values: whoever identified hands them over.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -16,12 +14,13 @@ from matplotlib.figure import Figure
 
 from treadline.core.models import InputOutputRecord, LinearModel, write_whole
 from treadline.core.printing import p_text
-from treadline.report import model_figures as figures
-from treadline.report import model_runs as runs
-from treadline.report.channels import both_angles, channel
-from treadline.report.inline_svg import inline_svg
-from treadline.report.model_figures import StabilisationLike
-from treadline.report.run_page import page_of
+from treadline.identification.stabilisation import StabilisationDiagram
+from treadline.identification.validate import head
+from treadline.report import _model_figures as figures
+from treadline.report import _model_runs as runs
+from treadline.report._html import page_of
+from treadline.report.labels import channel
+from treadline.report.svg_figures import short_svg
 
 PAIRS_MOST = 4
 """Largest number of inputs and of outputs drawn: sixteen panels fill a screen."""
@@ -38,14 +37,6 @@ CHOSEN = "chosen"
 
 
 @runtime_checkable
-class ReportLike(Protocol):
-    """Report of an identification."""
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the report as JSON values."""
-
-
-@runtime_checkable
 class IntervalsLike(Protocol):
     """How sure a model's responses are."""
 
@@ -56,51 +47,30 @@ class IntervalsLike(Protocol):
         """Return the standard deviation of |G| at frequencies in rad per sample."""
 
 
-@runtime_checkable
-class IdentifiedLike(Protocol):
-    """A model and its report; ``intervals`` may stand there too."""
-
-    @property
-    def model(self) -> LinearModel:
-        """The model."""
-
-    @property
-    def report(self) -> ReportLike:
-        """What is said of it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PoleRow:
-    """One row of the table of poles; a complex pair is one row."""
-
-    value: str
-    radius: str
-    frequency: str
-    damping: str
-    time_constant: str
-    remark: str
-
-
 def write_identification_page(
     path: Path,
-    identified: IdentifiedLike,
+    model: LinearModel,
+    report: Mapping[str, Any],
     records: Sequence[InputOutputRecord],
     judged: Sequence[InputOutputRecord],
     *,
     title: str,
-    stabilisation: StabilisationLike | None = None,
+    intervals: IntervalsLike | None = None,
+    stabilisation: StabilisationDiagram | None = None,
 ) -> None:
     """Write one HTML file that shows an identification and needs nothing else.
 
     Args:
-        records: What was fitted.
-        judged: What the model was judged on; the longest is drawn.
+        report: The report of the identification as JSON values.
+        records: The records that were fitted.
+        judged: The records on which the model was judged; the longest is drawn.
+        intervals: How sure the model's responses are.
         stabilisation: The poles of every order, for the stabilisation diagram.
 
     Raises:
         TreadlineError: If the file cannot be written.
     """
-    write_whole(path, _Page(identified, records, judged, stabilisation).html(title))
+    write_whole(path, _Page(model, report, records, judged, intervals, stabilisation).html(title))
 
 
 class _Page:
@@ -108,20 +78,20 @@ class _Page:
 
     def __init__(
         self,
-        identified: IdentifiedLike,
+        model: LinearModel,
+        report: Mapping[str, Any],
         records: Sequence[InputOutputRecord],
         judged: Sequence[InputOutputRecord],
-        stabilisation: StabilisationLike | None,
+        intervals: IntervalsLike | None,
+        stabilisation: StabilisationDiagram | None,
     ) -> None:
-        self.model, self.said = identified.model, identified.report.as_json()
-        self.intervals: IntervalsLike | None = getattr(identified, "intervals", None)
+        self.model, self.said = model, report
         self.records, self.judged = records, judged
-        self.stabilisation = stabilisation
-        m, p = self.model.B.shape[1], self.model.C.shape[0]
-        self.inputs = [channel(name) for name in self.model.input_names or [f"u{j + 1}" for j in range(m)]]
-        self.outputs = [channel(name) for name in self.model.output_names or [f"y{i + 1}" for i in range(p)]]
+        self.intervals, self.stabilisation = intervals, stabilisation
+        self.inputs = [channel(name) for name in model.input_names or [f"u{j + 1}" for j in range(model.B.shape[1])]]
+        self.outputs = [channel(name) for name in model.output_names or [f"y{i + 1}" for i in range(model.C.shape[0])]]
         self.drawn_in, self.drawn_out = self.inputs[:PAIRS_MOST], self.outputs[:PAIRS_MOST]
-        self.unstable = runs.is_unstable(self.model)
+        self.unstable = runs.is_unstable(model)
         self.notes: list[str] = []
         self.drawn: dict[str, Figure] = {}
         self.values: dict[str, Any] = {}
@@ -136,7 +106,7 @@ class _Page:
         self._poles()
         return page_of(
             "identification.html.j2",
-            {name: [inline_svg(figure)] for name, figure in self.drawn.items()},
+            {name: [short_svg(figure)] for name, figure in self.drawn.items()},
             title=title,
             said=self.said,
             notes=self.notes,
@@ -170,10 +140,10 @@ class _Page:
         self.values["gap"] = _number(self.said.get("gap"))
         self.values["candidates"], self.values["candidates_left"] = _table(self.said.get("candidates"))
         self.values["marked"] = any(chosen for chosen, _ in (self.values["candidates"] or ((), ()))[1])
-        mixed = both_angles([*self.inputs, *self.outputs])
-        if mixed is not None:
+        degrees, radians = ([c.name for c in (*self.inputs, *self.outputs) if mark in (c.unit or "")] for mark in ("°", "rad"))
+        if degrees and radians:
             self.notes.append(
-                f"channels in degrees ({', '.join(mixed[0])}) and in radians ({', '.join(mixed[1])}) stand side by side; "
+                f"channels in degrees ({', '.join(degrees)}) and in radians ({', '.join(radians)}) stand side by side; "
                 "each axis names its own unit"
             )
         if len(self.inputs) > PAIRS_MOST or len(self.outputs) > PAIRS_MOST:
@@ -197,7 +167,7 @@ class _Page:
 
     def _responses(self) -> None:
         p, m = len(self.drawn_out), len(self.drawn_in)
-        response = runs.impulse_response(self.model)
+        response = runs.shown_response(self.model)
         longest = max((len(record) for record in self.records), default=1000)
         omega = runs.frequencies(self.model, longest)
         size = runs.frequency_response(self.model, omega)
@@ -214,7 +184,7 @@ class _Page:
     def _fit(self) -> tuple[InputOutputRecord, Float[np.ndarray, "T p"]]:
         place = int(np.argmax([len(record) for record in self.judged]))
         whole = self.judged[place]
-        record = runs.cut_out(whole, slice(0, SAMPLES_MOST))
+        record = head(whole, SAMPLES_MOST)
         if len(whole) > SAMPLES_MOST:
             self.notes.append(f"figures of fit and residuals show the first {SAMPLES_MOST} of {len(whole)} samples")
         free, ahead = runs.free_run(self.model, record), runs.one_step_ahead(self.model, record)
@@ -269,19 +239,20 @@ class _Page:
         self.values["discs_left"] = sum(r is not None and not r < figures.DISC_MOST for r in spread or [])
 
 
-def _pole_rows(values: Complex[np.ndarray, " n"], spread: Sequence[float | None] | None, dt_s: float) -> list[PoleRow]:
+def _pole_rows(values: Complex[np.ndarray, " n"], spread: Sequence[float | None] | None, dt_s: float) -> list[dict[str, str]]:
     known = [None] * len(values) if spread is None else list(spread)
     # The slowest first; of a pair the upper one speaks for both.
     chosen = [k for k in np.argsort(-np.abs(values), kind="stable").tolist() if values[k].imag >= -1e-12]
     return [_pole_row(complex(values[k]), known[k], dt_s) for k in chosen]
 
 
-def _pole_row(pole: complex, radius: float | None, dt_s: float) -> PoleRow:
+def _pole_row(pole: complex, radius: float | None, dt_s: float) -> dict[str, str]:
     pair = pole.imag > 1e-12
     value = (f"{pole.real:.5f} ± {pole.imag:.5f}i" if pair else f"{pole.real:.5f}").replace("-", "−")
     said = "–" if radius is None else f"{radius:.2g}"
     if pole == 0:
-        return PoleRow(value=value, radius=said, frequency="–", damping="–", time_constant="0", remark="a delay of one sample")
+        rest = {"frequency": "–", "damping": "–", "time_constant": "0", "remark": "a delay of one sample"}
+        return {"value": value, "radius": said, **rest}
     rate = complex(np.log(pole))
     size, decay = abs(rate), -rate.real
     sure = radius is not None and abs(pole - 1.0) <= radius and not pair
@@ -294,14 +265,14 @@ def _pole_row(pole: complex, radius: float | None, dt_s: float) -> PoleRow:
         if not pair and pole.real < 0.0
         else ""
     )
-    return PoleRow(
-        value=value,
-        radius=said,
-        frequency=f"{size / (2.0 * math.pi * dt_s):.4g}",
-        damping=f"{decay / size:.4g}".replace("-", "−") if size > 0.0 else "–",
-        time_constant="∞" if abs(decay) < 1e-12 else f"{dt_s / abs(decay):.4g}",
-        remark=remark,
-    )
+    return {
+        "value": value,
+        "radius": said,
+        "frequency": f"{size / (2.0 * math.pi * dt_s):.4g}",
+        "damping": f"{decay / size:.4g}".replace("-", "−") if size > 0.0 else "–",
+        "time_constant": "∞" if abs(decay) < 1e-12 else f"{dt_s / abs(decay):.4g}",
+        "remark": remark,
+    }
 
 
 def _number(value: Any) -> str:

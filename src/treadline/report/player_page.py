@@ -4,17 +4,14 @@ Scene, plots and controls are the package's own scripts in ``templates``; meshes
 content security policy admits the page's one script, by its hash, and no request.
 """
 
-import base64
 import hashlib
 import io
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 from PIL import Image
 
@@ -23,14 +20,13 @@ from treadline.core.models import write_whole
 from treadline.playback import PerceivedStair, Recording, read_frames
 from treadline.playback.findings import Findings, Hold, Moment, findings_of
 from treadline.playback.nosing_matches import FrameNosings, comparison_of
+from treadline.report._html import TEMPLATES, in_base64, json_in_page, packed, page_of
+from treadline.report._player_scene import scene_of
+from treadline.report._plot_data import plots_of, uniform
 from treadline.report.answers import moments_of
-from treadline.report.packed import packed
-from treadline.report.player_scene import scene_of
-from treadline.report.plot_data import plots_of, uniform
-from treadline.report.terms import PHASES, TERMS
+from treadline.report.labels import PHASES, TERMS
 from treadline.vehicle.stair_solids import stair_boxes
 
-TEMPLATES = Path(__file__).parent / "templates"
 SCRIPTS = ("packed.js", "scene.js", "plots.js", "player.js")
 IMAGE_PX, IMAGE_QUALITY, MOST_IMAGES = 240, 62, 120
 """Height, JPEG quality and largest number of embedded camera images: about 10 kB each, so 1.2 MB."""
@@ -55,29 +51,20 @@ def write_player(recording: Recording, path: Path) -> Path:
 
 def player_page(recording: Recording) -> str:
     """Return the page that plays a recording."""
-    return (
-        environment()
-        .get_template("player.html.j2")
-        .render(
-            title=title_of(recording),
-            summary=_summary(recording),
-            missing=recording.missing,
-            player=embedded(player_data(recording), recording),
-        )
-    )
-
-
-def environment() -> Environment:
-    """Return the template engine of the report's pages, which escapes every value."""
-    return Environment(
-        loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    return page_of(
+        "player.html.j2",
+        {},
+        title=title_of(recording),
+        summary=_summary(recording),
+        missing=recording.missing,
+        player=embedded(player_data(recording), recording),
     )
 
 
 def embedded(data: dict[str, Any], recording: Recording) -> dict[str, str]:
     """Return what ``player_body.html.j2`` needs: script with its hash for the content security policy, style, and data."""
     script = "\n".join((TEMPLATES / name).read_text(encoding="utf-8") for name in SCRIPTS)
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    digest = in_base64(hashlib.sha256(script.encode()).digest())
     return {
         # The package's own files, base64, and JSON in which every "<" is escaped.
         "script": Markup(script),  # noqa: S704
@@ -86,11 +73,6 @@ def embedded(data: dict[str, Any], recording: Recording) -> dict[str, str]:
         "data": Markup(json_in_page(data)),  # noqa: S704
         "scene_text": _scene_text(recording),
     }
-
-
-def json_in_page(value: Any) -> str:
-    """Return JSON that cannot end the script element around it: text in a log may hold anything."""
-    return json.dumps(value, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def player_data(recording: Recording) -> dict[str, Any]:
@@ -121,7 +103,7 @@ def player_data(recording: Recording) -> dict[str, Any]:
             for frame in (findings.nosings.missing if findings.nosings else ())
         ],
         "moments": moments_of(recording, findings),
-        "terms": {name: {"text": text, "labels": labels} for name, (text, labels) in TERMS.items()},
+        "terms": TERMS,
         "phase_terms": PHASES,
         "transient_s": transient_s(played),
         "reach_m": recording.chair.reach_m,
@@ -254,7 +236,7 @@ def jpeg_of(rgb: np.ndarray) -> str:
         picture = picture.resize((round(picture.width * IMAGE_PX / picture.height), IMAGE_PX))
     buffer = io.BytesIO()
     picture.save(buffer, "JPEG", quality=IMAGE_QUALITY)
-    return base64.b64encode(buffer.getvalue()).decode()
+    return in_base64(buffer.getvalue())
 
 
 def nosing_lines_in(recording: Recording, seen: PerceivedStair | None) -> list[list[float]]:

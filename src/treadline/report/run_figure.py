@@ -1,7 +1,7 @@
 """Time series of one run: one panel per quantity over a common time axis, phases of the traversal as bands."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import matplotlib as mpl
@@ -10,10 +10,11 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from treadline.report.model_runs import decimated
-from treadline.report.motion import Motion
-from treadline.report.results import RunResult
-from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, Series
+from treadline.core.angles import DEG
+from treadline.playback import Recording
+from treadline.report._plot_data import passenger_m_s2
+from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, decimated
+from treadline.vehicle.comfort import COMFORT_TICKS, lasting
 
 WIDTH_IN, PANEL_IN, STRIP_IN = 8.0, 1.3, 0.75
 STEADY_FROM_S = 20.0
@@ -23,6 +24,20 @@ CLOSER_BY = 3.0
 BANDS = ("#dbe9f6", "#f6ecd5")
 LETTER_IN = 0.075
 """Width of one letter of a band's name [in]."""
+HEADING = ("heading", "°", (("heading_deg", BLUE, "-", "truth"), ("estimate_deg", ORANGE, ":", "estimate")))
+PITCH = ("pitch of the chair, front up positive", "°", (("pitch_deg", BLUE, "-", ""),))
+SEAT = ("seat pitch", "°", (("seat_pitch_deg", BLUE, "-", ""),))
+BELTS = ("belt speed", "m/s", (("left_m_s", BLUE, "-", "left"), ("right_m_s", RED, "-", "right")))
+LATERAL = ("lateral position, left positive", "m", (("y_m", GREEN, "-", ""),))
+MARGIN = ("smallest tip-over margin", "°", (("stability_margin_deg", GREY, "-", ""),))
+CLOSER = (HEADING, SEAT)
+"""Quantities with a second panel of the steady interval."""
+
+Series = Mapping[str, Float[np.ndarray, " T"]]
+Quantity = tuple[str, str, tuple[tuple[str, str, str, str], ...]]
+"""Title, unit, and the column, colour, line style and label of each curve."""
+Bands = Sequence[tuple[float, float, str]]
+"""Start [s], end [s] and name of each phase."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,17 +50,28 @@ class Panel:
 
 
 @mpl.rc_context(STYLE)
-def single_run(series: Series, result: RunResult, motion: Motion | None) -> Figure:
-    """Return the figure of one run: heading, pitch, seat, passenger, belts, position and margin, as far as recorded."""
-    panels = _panels(series, result, motion)
-    bands = _bands(result, float(series["t_s"][-1]))
-    strip = [STRIP_IN] if bands else []
-    heights = strip + [PANEL_IN] * len(panels)
+def single_run(
+    series: Series, phases: Sequence[tuple[float, str]], moved: Recording | None = None, *, seat_alone: bool = False
+) -> Figure:
+    """Return the figure of one run: heading, pitch, seat, passenger, belts, position and margin, as far as recorded.
+
+    Args:
+        series: Columns of ``series.csv``.
+        phases: Start [s] and name of each phase.
+        moved: Recording with ground truth at 100 Hz, from which pitch rate and passenger acceleration are drawn.
+        seat_alone: Whether the chair stands still, so that heading, belts and position are constant.
+    """
+    moving = (HEADING, PITCH, None, SEAT, BELTS, LATERAL, MARGIN)
+    panels = _panels(series, moved, (SEAT, PITCH, None, MARGIN) if seat_alone else moving)
+    t_s = series["t_s"]
+    ends = [*(start for start, _ in phases[1:]), max(float(t_s[-1]), phases[-1][0] if phases else 0.0)]
+    bands = [(start, end, name) for (start, name), end in zip(phases, ends, strict=False)] if len(phases) > 1 else []
+    heights = ([STRIP_IN] if bands else []) + [PANEL_IN] * len(panels)
     figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.4), layout="constrained")
     axes = list(figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights).ravel())
     if bands:
         _name(axes[0], bands)
-    for panel, ax in zip(panels, axes[len(strip) :], strict=True):
+    for panel, ax in zip(panels, axes[-len(panels) :], strict=True):
         panel.draw(ax)
         ax.set_title(panel.title, loc="left", fontsize=9)
         if panel.limits is not None:
@@ -54,61 +80,64 @@ def single_run(series: Series, result: RunResult, motion: Motion | None) -> Figu
             ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=3, fontsize=8, borderaxespad=0.0, borderpad=0.1)
         for k, (start, end, _) in enumerate(bands):
             ax.axvspan(start, end, color=BANDS[k % 2], alpha=0.6, linewidth=0.0, zorder=0)
-    axes[-1].set_xlim(float(series["t_s"][0]), float(series["t_s"][-1]))
+    axes[-1].set_xlim(float(t_s[0]), float(t_s[-1]))
     axes[-1].set_xlabel("time [s]")
     return figure
 
 
-def _panels(series: Series, result: RunResult, motion: Motion | None) -> list[Panel]:
-    def shown(title: str, *curves: tuple[str, str, str, str], unit: str = "[°]", closer: bool = False) -> list[Panel]:
-        """Return the panel of columns (name, colour, style, label), and an enlarged one; none without data."""
+def _panels(series: Series, moved: Recording | None, quantities: Sequence[Quantity | None]) -> list[Panel]:
+    """Return the panels of quantities with data; None stands for the motion at 100 Hz."""
+    panels = []
+    for quantity in quantities:
+        if quantity is None:
+            panels += [] if moved is None else _motion(moved)
+            continue
+        title, unit, curves = quantity
         known = [curve for curve in curves if np.isfinite(series[curve[0]]).any()]
-
-        def draw(ax: Axes) -> None:
-            for name, colour, style, label in known:
-                ax.plot(series["t_s"], series[name], style, color=colour, label=label or None, linewidth=1.2)
-
-        whole = [Panel(title=f"{title} {unit}", draw=draw)] if known else []
-        return whole + (
-            _closer(f"{title}, steady interval, enlarged {unit}", draw, series, [name for name, *_ in known]) if closer else []
-        )
-
-    heading = shown("heading", ("heading_deg", BLUE, "-", "truth"), ("estimate_deg", ORANGE, ":", "estimate"), closer=True)
-    seat = shown("seat pitch", ("seat_pitch_deg", BLUE, "-", ""), closer=True)
-    pitch = shown("pitch of the chair, front up positive", ("pitch_deg", BLUE, "-", ""))
-    margin = shown("smallest tip-over margin", ("stability_margin_deg", GREY, "-", ""))
-    if result.seat is not None:  # the chair stands still: heading, belts and position are constant
-        return [*seat, *pitch, *_motion_panels(motion), *margin]
-    belts = shown("belt speed", ("left_m_s", BLUE, "-", "left"), ("right_m_s", RED, "-", "right"), unit="[m/s]")
-    aside = shown("lateral position, left positive", ("y_m", GREEN, "-", ""), unit="[m]")
-    return [*heading, *pitch, *_motion_panels(motion), *seat, *belts, *aside, *margin]
+        if known:
+            panels.append(Panel(title=f"{title} [{unit}]", draw=_drawing(series, known)))
+            limits = _closer(series, [name for name, *_ in known]) if quantity in CLOSER else None
+            if limits is not None:
+                panels.append(
+                    Panel(title=f"{title}, steady interval, enlarged [{unit}]", draw=_drawing(series, known), limits=limits)
+                )
+    return panels
 
 
-def _motion_panels(motion: Motion | None) -> list[Panel]:
-    if motion is None:
+def _drawing(series: Series, curves: Sequence[tuple[str, str, str, str]]) -> Callable[[Axes], object]:
+    def draw(ax: Axes) -> None:
+        for name, colour, style, label in curves:
+            ax.plot(series["t_s"], series[name], style, color=colour, label=label or None, linewidth=1.2)
+
+    return draw
+
+
+def _motion(moved: Recording) -> list[Panel]:
+    """Return pitch rate and passenger acceleration, as far as there is ground truth at 100 Hz."""
+    passenger = passenger_m_s2(moved)
+    first = 1 + COMFORT_TICKS
+    if not np.isfinite(passenger[first:]).any():
         return []
+    rate = lasting(moved.pitch_rate_rad_s) / DEG
 
-    def drawn(t_s: Float[np.ndarray, " T"], values: Float[np.ndarray, " T"], colour: str) -> Callable[[Axes], object]:
+    def drawn(t_s: Float[np.ndarray, " k"], values: Float[np.ndarray, " k"], colour: str) -> Callable[[Axes], object]:
         return lambda ax: ax.plot(*decimated(t_s, values), color=colour, linewidth=0.9)
 
     return [
-        Panel(title="pitch rate, mean over 50 ms [°/s]", draw=drawn(motion.t_s, motion.pitch_rate_deg_s, BLUE)),
-        Panel(
-            title="acceleration of the passenger, mean over 50 ms [m/s²]",
-            draw=drawn(motion.accelerated_t_s, motion.passenger_m_s2, RED),
-        ),
+        Panel(title="pitch rate, mean over 50 ms [°/s]", draw=drawn(moved.t_s[COMFORT_TICKS - 1 :], rate, BLUE)),
+        Panel(title="acceleration of the passenger, mean over 50 ms [m/s²]", draw=drawn(moved.t_s[first:], passenger[first:], RED)),
     ]
 
 
-def _closer(title: str, draw: Callable[[Axes], object], series: Series, names: Sequence[str]) -> list[Panel]:
-    """Return a second panel scaled to the steady interval, if that is a flat line at the scale of the whole run."""
+def _closer(series: Series, names: Sequence[str]) -> tuple[float, float] | None:
+    """Return limits scaled to the steady interval; None if it is no flat line at the scale of the whole run."""
     t, curves = series["t_s"], [series[name] for name in names]
     from_s = STEADY_FROM_S if t[-1] > 1.25 * STEADY_FROM_S else 0.5 * float(t[0] + t[-1])
     steady, whole = (_reach([curve[t >= start] for curve in curves]) for start in (from_s, -math.inf))
     if steady is None or whole is None or whole[1] - whole[0] < CLOSER_BY * (steady[1] - steady[0]):
-        return []
+        return None
     room = max(0.15 * (steady[1] - steady[0]), 1e-3)
-    return [Panel(title=title, draw=draw, limits=(steady[0] - room, steady[1] + room))]
+    return steady[0] - room, steady[1] + room
 
 
 def _reach(curves: Sequence[Float[np.ndarray, " k"]]) -> tuple[float, float] | None:
@@ -116,16 +145,7 @@ def _reach(curves: Sequence[Float[np.ndarray, " k"]]) -> tuple[float, float] | N
     return (float(known.min()), float(known.max())) if known.size else None
 
 
-def _bands(result: RunResult, end_s: float) -> list[tuple[float, float, str]]:
-    """Return start [s], end [s] and name of each phase; none for a single phase."""
-    phases = result.course
-    starts = [t_s for t_s, _ in phases]
-    if len(starts) < 2:
-        return []
-    return [(start, end, name) for (start, name), end in zip(phases, [*starts[1:], max(end_s, starts[-1])], strict=True)]
-
-
-def _name(ax: Axes, bands: Sequence[tuple[float, float, str]]) -> None:
+def _name(ax: Axes, bands: Bands) -> None:
     """Draw the strip with the names of the bands: lying where there is room, else standing; none over another."""
     per_in = (bands[-1][1] - bands[0][0] or 1.0) / (WIDTH_IN - 0.8)
     standing = 0.16 * per_in

@@ -11,8 +11,8 @@ import numpy as np
 from treadline.core.angles import DEG
 from treadline.playback import PhaseSpan
 from treadline.playback.findings import SILENT_S, Moment
-from treadline.report.terms import PHASES as PHASE_TERMS
-from treadline.report.terms import TERMS
+from treadline.report.labels import PHASES as PHASE_TERMS
+from treadline.report.labels import TERMS
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 from treadline.view.colours import BAD, CONTACT, GHOST, GOOD, MISSED, RISER, SEEN, SWEPT, TREAD, TRUE, WARN
 from treadline.view.orders import Handset
@@ -91,7 +91,7 @@ def text_on(colour: str) -> str:
 def _card(colour: str, head: str, text: str) -> str:
     return (
         f'<div style="{STYLE};background:{colour};color:{text_on(colour)};border-radius:4px;padding:3px 7px;margin:4px 14px 4px 0">'
-        f'<b title="{escape(TERMS["guard"][0])}">{escape(head)}</b>{_two_lines(text)}</div>'
+        f'<b title="{escape(TERMS["guard"]["text"])}">{escape(head)}</b>{_two_lines(text)}</div>'
     )
 
 
@@ -107,8 +107,8 @@ def _margin_html(tape: Tape, t_s: float, least: str, *, live: bool) -> str:
     span = "so far" if live else "of the whole run"
     said = least.replace("least tip-over margin", "least")
     return (
-        f'<div title="{escape(TERMS["tip-over margin"][0])}" style="{STYLE};height:2.7em">tip-over margin <b>{now / DEG:.1f}°</b> '
-        f'now (7° is required)<br>{span}: <b style="color:{colour}">{escape(said)}</b></div>'
+        f'<div title="{escape(TERMS["tip-over margin"]["text"])}" style="{STYLE};height:2.7em">tip-over margin '
+        f'<b>{now / DEG:.1f}°</b> now (7° is required)<br>{span}: <b style="color:{colour}">{escape(said)}</b></div>'
     )
 
 
@@ -330,6 +330,6 @@ def legend_of_scene() -> str:
 
 def terms_html() -> str:
     """Return the explanation of the terms on the page, folded."""
-    terms = [(name, text) for name, (text, _) in TERMS.items()] + list(PHASE_TERMS.items())
+    terms = [(name, term["text"]) for name, term in TERMS.items()] + list(PHASE_TERMS.items())
     rows = "".join(f"<div><b>{escape(name)}</b>: {escape(text)}</div>" for name, text in terms)
     return f'<details style="{STYLE};margin-top:6px"><summary><b>Terms</b></summary>{rows}</details>'

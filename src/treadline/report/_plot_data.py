@@ -8,7 +8,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.signals import TICK_S
 from treadline.playback import Recording
-from treadline.report.packed import packed
+from treadline.report._html import packed
 from treadline.vehicle.comfort import COMFORT_TICKS, passenger_acceleration
 
 MOST_SAMPLES = 40_000

@@ -10,8 +10,8 @@ from itertools import groupby
 import numpy as np
 from jaxtyping import Float
 
+from drawings.pen import AMBER, WHITE, Pen, Point, pair, turned
 from treadline.core.angles import DEG
-from treadline.report.drawing_pen import AMBER, WHITE, Pen, Point, pair, turned
 from treadline.report.outlines import SIDE, Silhouette, silhouettes
 from treadline.report.svg_figures import GREEN, ORANGE
 from treadline.scenario.chair import ChairDescription

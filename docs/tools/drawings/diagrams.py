@@ -2,7 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from treadline.report.drawing_pen import AMBER, Pen, sheet
+from drawings.pen import AMBER, Pen, sheet
 from treadline.report.svg_figures import BLUE, GREEN, GREY, RED
 
 SENSOR, BLOCK, GUARD, PLANT, LEARN = "#e5f1f8", "#ffffff", "#fbe6da", "#e3f2ec", "#fdf3dc"

@@ -1,21 +1,18 @@
 """Data of the figures of a linear model: simulation of a record, impulse and frequency responses, residuals.
 
-Reports import nothing from identification (``lint-imports``), so the recursions are repeated here; tests compare them with those of
-identification. Models may be unstable: an overflow gives infinity, never an error.
+Models may be unstable: an overflow gives infinity, never an error.
 """
 
-import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
-from treadline.core.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
+from treadline.core.models import RUN_VALUES, InputOutputRecord, LinearModel
+from treadline.identification.validate import head, impulse_response, initial_state, part, predictor_states, simulate
 
-HEAD = 50
-"""Number of samples from which the initial state of the one-step predictor is estimated."""
+LEAST_FOLLOWED = 50
+"""Smallest number of samples from which the initial state is estimated, as for one-step predictions."""
 GROWTH_MOST = 1e3
 """Growth up to which the responses of an unstable model are computed."""
 STEPS_LEAST, STEPS_MOST = 20, 400
@@ -29,68 +26,22 @@ DECADES = 4.0
 """Largest range of a frequency axis [decades]."""
 
 
-def run(
-    model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"], measured: Float[np.ndarray, "T p"] | None = None
-) -> Float[np.ndarray, "T p"]:
-    """Return the outputs of a free run, or one step ahead where measured outputs correct the state.
-
-    A sample of the outputs with a NaN corrects nothing.
-    """
-    v = u - model.input_offset
-    drive, feed = v @ model.B.T, v @ model.D.T + model.output_offset
-    gain = np.zeros((model.order, len(model.C))) if model.observer_gain is None else model.observer_gain
-    seen = np.full(feed.shape, np.nan) if measured is None else measured
-    correcting = np.asarray(np.isfinite(seen).all(axis=1))
-    answers, x = np.empty(feed.shape), x0
-    with np.errstate(over="ignore", invalid="ignore"):
-        for k in range(len(u)):
-            answers[k] = model.C @ x + feed[k]
-            x = model.A @ x + drive[k]
-            if correcting[k]:
-                x += gain @ (seen[k] - answers[k])
-    return answers
-
-
 def free_run(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the free-run simulation of a record, restarted after each missing input; NaN in sections too short to score."""
-    spans = record.stretches(RUN_VALUES * model.order)
-    return _over(spans, record, lambda part: run(model, part.u, initial_state(model, part)))
+    answers = np.full(record.y.shape, np.nan)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for span in record.stretches(RUN_VALUES * model.order):
+            section = part(record, span.start, span.stop)
+            start = initial_state(model, head(section, _followed(model)))
+            answers[span] = simulate(model, section.u, start)
+    return answers
 
 
 def one_step_ahead(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the one-step predictions of a record, restarted after each missing input; NaN in sections too short to score."""
-    spans = record.stretches(TEST_VALUES * model.order)
-    return _over(spans, record, lambda part: run(model, part.u, initial_state(model, cut_out(part, slice(0, HEAD))), part.y))
-
-
-def _over(
-    spans: Iterable[slice], record: InputOutputRecord, answer: Callable[[InputOutputRecord], Float[np.ndarray, "t p"]]
-) -> Float[np.ndarray, "T p"]:
-    answers = np.full(record.y.shape, np.nan)
-    for span in spans:
-        answers[span] = answer(cut_out(record, span))
-    return answers
-
-
-def cut_out(record: InputOutputRecord, span: slice) -> InputOutputRecord:
-    """Return some samples of a record."""
-    return replace(record, u=record.u[span], y=record.y[span])
-
-
-def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
-    """Return the least-squares initial state of a free run; of an unstable model, over the steps of ``_followed``."""
-    steps, n = min(len(record), _followed(model)), model.order
-    response = np.empty((steps, model.C.shape[0], n))
-    reach = np.eye(n)
-    for k in range(steps):
-        response[k] = model.C @ reach
-        reach = model.A @ reach
-    residual = record.y[:steps] - run(model, record.u[:steps], np.zeros(n))
-    whole = np.isfinite(residual).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
-    # Each output is scaled by its standard deviation, so that units do not weight the fit.
-    weight = 1.0 / np.maximum(np.std(record.y[:steps][whole], axis=0), 1e-300) if whole.any() else np.ones(residual.shape[1])
-    design, target = (response[whole] * weight[:, None]).reshape(-1, n), (residual[whole] * weight).ravel()
-    return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        states = predictor_states(model, record)
+        return np.asarray(states @ model.C.T + (record.u - model.input_offset) @ model.D.T + model.output_offset)
 
 
 def radius(model: LinearModel) -> float:
@@ -104,20 +55,19 @@ def is_unstable(model: LinearModel) -> bool:
 
 
 def _followed(model: LinearModel) -> int:
-    """Return the number of steps over which the model grows at most ``GROWTH_MOST`` times, at least ``HEAD``."""
+    """Return the number of steps over which the model grows at most ``GROWTH_MOST`` times, at least ``LEAST_FOLLOWED``."""
     if not is_unstable(model):
         return 2**31
-    return max(HEAD, int(math.log(GROWTH_MOST) / math.log(radius(model))))
+    return max(LEAST_FOLLOWED, int(math.log(GROWTH_MOST) / math.log(radius(model))))
 
 
-def impulse_response(model: LinearModel) -> Float[np.ndarray, "steps p m"]:
+def shown_response(model: LinearModel) -> Float[np.ndarray, "steps p m"]:
     """Return the outputs after a unit impulse of one sample, until they have died out or as far as they can be shown."""
     limit = STEPS_MOST
     if is_unstable(model):
         limit = max(STEPS_LEAST // 2, min(limit, int(math.log(GROWTH_MOST) / math.log(radius(model)))))
-    response = np.array(list(itertools.islice(_markov(model), limit if is_unstable(model) else 5 * limit)))
-    if is_unstable(model):
-        return response
+        return impulse_response(model, limit)
+    response = impulse_response(model, 5 * limit)
     # An integrator's response stays: there, it is its change that has to die out.
     ends = [_died_out(response), _died_out(np.diff(response, axis=0))]
     return response[: max(STEPS_LEAST, next((end for end in ends if end <= limit), limit))]
@@ -134,14 +84,6 @@ def answering(response: Float[np.ndarray, "steps m"]) -> int:
     size = np.abs(response)
     lasts = int(np.flatnonzero((size > ANSWERED * size.max(axis=0)).any(axis=1)).max(initial=0))
     return min(len(response), max(STEPS_LEAST, lasts + lasts // 2))
-
-
-def _markov(model: LinearModel) -> Iterator[Float[np.ndarray, "p m"]]:
-    yield np.asarray(model.D)
-    reach = model.B
-    while True:
-        yield model.C @ reach
-        reach = model.A @ reach
 
 
 def frequencies(model: LinearModel, samples: int, points: int = 160) -> Float[np.ndarray, " w"]:
@@ -199,20 +141,6 @@ def correlation_band(a: Float[np.ndarray, " k"], b: Float[np.ndarray, " k"], cou
         count: Samples N.
     """
     return quantile * math.sqrt(max(float(a @ b), 1.0) / max(count, 1))
-
-
-def decimated(
-    t: Float[np.ndarray, " T"], values: Float[np.ndarray, " T"], columns: int = 300
-) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return least and largest value of each of many short spans, or the series itself where it is short.
-
-    Peaks stay; a span without any value stays a gap.
-    """
-    if len(values) <= 2 * columns:
-        return t, values
-    edges = np.linspace(0, len(values), columns, endpoint=False).astype(int)
-    low, high = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
-    return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()
 
 
 def typical_span(error: Float[np.ndarray, "T p"], span: int) -> slice:

@@ -1,11 +1,10 @@
-"""Drawings of ours for Figs. 1 to 4, 6 and 7 of the paper: ``python -m treadline.report.drawings FOLDER``.
+"""Drawings of ours for Figs. 1 to 4, 6 and 7 of the paper; ``make docs`` writes them.
 
 Chair and track are silhouettes of the meshes that viewer and URDF show, and measures are those that the simulator runs: a drawing
 cannot differ from either.
 """
 
 import math
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,12 +12,12 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from drawings.chair import TRACK, draw_chair, draw_payload, draw_view_of_camera, mark_linkage, name_linkage
+from drawings.diagrams import nodes, scheme
+from drawings.pen import AMBER, INK, STONE, Pen, Point, pair, sheet, turned
 from treadline.core.angles import DEG
 from treadline.core.models import write_whole
 from treadline.core.paper import FIG11_SLOPE_DEG
-from treadline.report.chair_drawing import TRACK, draw_chair, draw_payload, draw_view_of_camera, mark_linkage, name_linkage
-from treadline.report.diagrams import nodes, scheme
-from treadline.report.drawing_pen import AMBER, INK, STONE, Pen, Point, pair, sheet, turned
 from treadline.report.outlines import ABOVE
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, svg_of
 from treadline.scenario.chair import read_chair
@@ -178,7 +177,3 @@ def write_drawings(folder: Path) -> list[Path]:
         write_whole(path, '<?xml version="1.0" encoding="utf-8"?>\n' + svg_of(draw()))
         paths.append(path)
     return paths
-
-
-if __name__ == "__main__":
-    write_drawings(Path(sys.argv[1]))

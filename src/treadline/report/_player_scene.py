@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from treadline.core.angles import DEG
 from treadline.playback import Recording
-from treadline.report.packed import packed, packed_indices
+from treadline.report._html import packed, packed_indices
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import BeltPath, MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
 

@@ -2,21 +2,20 @@
 
 import math
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
 
 import matplotlib as mpl
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int
+from jaxtyping import Complex, Float, Int
 from matplotlib.axes import Axes
 from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from treadline.report.channels import UNKNOWN, ColumnLabel, ratio_unit
-from treadline.report.model_runs import answering, decimated
-from treadline.report.svg_figures import BLUE, GREY, ORANGE, RED, STYLE
-from treadline.report.ticks import plain_log_labels
+from treadline.identification.stabilisation import StabilisationDiagram
+from treadline.report._model_runs import answering
+from treadline.report.labels import ColumnLabel
+from treadline.report.svg_figures import BLUE, GREY, ORANGE, RED, STYLE, decimated, plain_log_labels
 
 WIDTH_IN = 8.0
 NARROWEST_IN = 1.75
@@ -35,31 +34,6 @@ BAND = 1.96
 
 DISC_MOST = 0.5
 """Radius of a disc from which on it would hide the others."""
-
-
-@runtime_checkable
-class StabilisationLike(Protocol):
-    """The poles of every order in one list, as ``treadline.identification.stabilisation`` makes it."""
-
-    @property
-    def order(self) -> Int[np.ndarray, " k"]:
-        """The order each pole belongs to."""
-
-    @property
-    def frequency_hz(self) -> Float[np.ndarray, " k"]:
-        """Natural frequency."""
-
-    @property
-    def damping(self) -> Float[np.ndarray, " k"]:
-        """Share of critical damping."""
-
-    @property
-    def frequency_stable(self) -> Bool[np.ndarray, " k"]:
-        """Whether the order below has it too, by frequency."""
-
-    @property
-    def damping_stable(self) -> Bool[np.ndarray, " k"]:
-        """Whether by damping as well."""
 
 
 def _grid(
@@ -110,7 +84,7 @@ def singular_values(values: Float[np.ndarray, " k"], order: int, noise: float | 
 
 
 @mpl.rc_context(STYLE)
-def stabilisation(diagram: StabilisationLike, order: int, nyquist_hz: float) -> Figure:
+def stabilisation(diagram: StabilisationDiagram, order: int, nyquist_hz: float) -> Figure:
     """Return frequency against order, and damping against frequency."""
     figure, ((left, right),) = _grid(1, 2, 3.0)
     inside = diagram.frequency_hz <= nyquist_hz
@@ -179,7 +153,9 @@ def _window(values: Float[np.ndarray, " k"], low: Float[np.ndarray, " k"], high:
 
 def _pair_labels(ax: Axes, output: ColumnLabel, given: ColumnLabel, symbol: str) -> None:
     ax.set_title(f"{given.quantity} → {output.quantity}", fontsize=_title_size(output, given))
-    ax.set_ylabel(f"{symbol}[{ratio_unit(output, given)}]", fontsize=8)
+    known = output.unit is not None and given.unit is not None
+    unit = "own units" if not known else "–" if output.unit == given.unit else f"{output.unit} per {given.unit}"
+    ax.set_ylabel(f"{symbol}[{unit}]", fontsize=8)
 
 
 @mpl.rc_context(STYLE)
@@ -267,8 +243,8 @@ def fit(
         whole, last = panels[2 * i][0], panels[2 * i][-1]
         whole.set_title(f"{output.quantity}: whole record" if closer is not None else output.quantity, loc="left")
         last.legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=7.5, borderpad=0.0, columnspacing=1.0)
-        whole.set_ylabel(f"output [{output.unit or UNKNOWN}]")
-        panels[2 * i + 1][0].set_ylabel(f"residual [{output.unit or UNKNOWN}]")
+        whole.set_ylabel(f"output [{output.unit or 'own unit'}]")
+        panels[2 * i + 1][0].set_ylabel(f"residual [{output.unit or 'own unit'}]")
     for ax in panels[-1]:
         ax.set_xlabel("time in the record [s]")
     return figure

@@ -5,16 +5,14 @@ present part is complete.
 """
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, get_args
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from treadline.core import paper
 from treadline.core.errors import SettingsError
 from treadline.core.models import read_json
-from treadline.core.signals import Phase
 
-PHASES = get_args(Phase)
 PAPER_FRICTION = list(paper.FRICTION)
 """Table I's friction along the belt and across, as JSON has it."""
 RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$")]
@@ -280,10 +278,6 @@ class Results(Part):
     command: str = "treadline"
 
 
-Began = Annotated[tuple[float, str], Field(strict=False)]
-"""Start time [s] and name of a phase; a list in JSON."""
-
-
 class LoggedEvent(Part):
     """Event of a run, with its cause."""
 
@@ -311,13 +305,7 @@ class RunResult(Part):
     cause: str | None = None
     seed: int | None = None
     events: list[LoggedEvent] = []
-    phases: list[Began] = []
     seat: SeatFigures | None = None
-
-    @property
-    def course(self) -> list[tuple[float, str]]:
-        """When each phase began, and which; a replay says it by its events alone."""
-        return self.phases or [(event.t_s, event.name) for event in self.events if event.name in PHASES]
 
     @property
     def figures(self) -> dict[str, int | float | None]:

@@ -1,4 +1,4 @@
-"""The page: offline, escaped, the same bytes; a folder that is not whole is refused in one line."""
+"""The page of a reproduction: offline, escaped, the same bytes; a folder that is not whole is refused in one line."""
 
 import json
 import re
@@ -10,11 +10,10 @@ import pytest
 
 from treadline.core.errors import SettingsError
 from treadline.core.printing import p_text
-from treadline.io.mcap_log import RunLog
 from treadline.report import write_report
-from treadline.report.run_page import ratio
+from treadline.report._html import ratio
 
-from .conftest import truths_of_a_climb
+from .conftest import write_log
 
 Tables = dict[str, Any]
 MakeFolder = Callable[..., Path]
@@ -67,16 +66,6 @@ def test_every_figure_is_on_the_page_and_a_file_of_its_own(results: Tables, repr
     assert len(ids) == len(set(ids))
 
 
-def test_the_page_links_to_the_pages_of_its_runs(results: Tables, reproduce_folder: MakeFolder, run_folder: Path) -> None:
-    folder = reproduce_folder(results)
-    for name in ("result.json", "manifest.json"):
-        (folder / "runs" / "seat-28" / name).write_bytes((run_folder / name).read_bytes())
-    page = page_of(folder)
-    linked = set(re.findall(r'href="(runs/[^"]+)"', page))
-    assert linked == {"runs/seat-28/report.html"}, "a run without its files has no page and no link"
-    assert all((folder / path).is_file() for path in linked)
-
-
 @pytest.mark.parametrize(
     ("value", "text"), [(None, "–"), (1.2e-21, "p < 0.001"), (0.0, "p < 0.001"), (0.292, "p = 0.29"), (1.0, "p = 1")]
 )
@@ -114,9 +103,7 @@ def test_a_run_with_a_log_is_shown_and_plays_on_its_page(results: Tables, reprod
     run = folder / "runs" / "seat-28"
     for name in ("manifest.json", "result.json"):
         (run / name).write_bytes((run_folder / name).read_bytes())
-    with RunLog(run / "log.mcap") as log:
-        for sample in truths_of_a_climb(1.0):
-            log(sample)
+    write_log(run)
     page = page_of(folder)
     assert '<a href="runs/seat-28/report.html"><svg class="side-shapes"' in page
     assert "▶ seat-28</a>: held, 1 s" in page
@@ -264,53 +251,6 @@ def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
     assert "nothing to report" in refused(tmp_path)
 
 
-def test_one_run_has_a_page_with_its_figures_events_and_settings(run_folder: Path) -> None:
-    page = page_of(run_folder)
-    assert "<h1>climb paper-28: held (no command)</h1>" in page
-    assert '<td>RMS over the whole run <code class="key">rms_heading_deg</code></td><td class="n">1.23°</td>' in page
-    assert '<td>settling time to ±2° <code class="key">settle_s</code></td><td class="n">not settled</td>' in page
-    assert "no command for 0.5 s" in page
-    assert "slope_deg" in page
-    assert page.count("<svg") == 1
-    assert "http:" not in page
-    # Without a log: the curves of series.csv, the player's own script under its hash, and a sentence about the scene.
-    assert "No log was kept: the scene is not drawn" in page
-    assert page.count("<script") == 2
-    assert "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-" in page
-
-
-def test_hostile_text_in_one_run_is_escaped(run_folder: Path) -> None:
-    result = json.loads((run_folder / "result.json").read_text(encoding="utf-8"))
-    event = {"t_s": 0.0, "name": HOSTILE, "cause": HOSTILE}
-    (run_folder / "result.json").write_text(
-        json.dumps(result | {"verdict": HOSTILE, "events": [event], HOSTILE: 1.0}), encoding="utf-8"
-    )
-    (run_folder / "manifest.json").write_text(
-        json.dumps({"settings": {HOSTILE: HOSTILE}, "seed": 1, "command": HOSTILE}), encoding="utf-8"
-    )
-    page = page_of(run_folder)
-    assert page.count("<script") == 2  # the player's data and its script
-    assert HOSTILE not in page
-    assert "<img" not in page
-
-
-@pytest.mark.parametrize("name", ["result.json", "manifest.json"])
-def test_one_run_with_a_broken_file_is_refused(run_folder: Path, name: str) -> None:
-    (run_folder / name).write_text('{"seed": 1}', encoding="utf-8")
-    assert f"{name}: " in refused(run_folder)
-
-
-def test_one_run_without_a_manifest_is_refused(run_folder: Path) -> None:
-    (run_folder / "manifest.json").unlink()
-    assert "no such file" in refused(run_folder)
-
-
-def test_a_result_of_another_seed_than_the_manifest_is_refused(run_folder: Path) -> None:
-    path = run_folder / "result.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"seed": 4}))
-    assert "result.json is of seed 4, manifest.json of 3" in refused(run_folder)
-
-
 def test_a_run_that_no_figure_names_has_a_page_that_plays_it_and_a_damaged_one_has_none(
     results: Tables, reproduce_folder: MakeFolder, run_folder: Path
 ) -> None:
@@ -321,9 +261,7 @@ def test_a_run_that_no_figure_names_has_a_page_that_plays_it_and_a_damaged_one_h
         run.mkdir()
         for file in ("manifest.json", "result.json"):
             (run / file).write_bytes((run_folder / file).read_bytes())
-        with RunLog(run / "log.mcap") as log:
-            for sample in truths_of_a_climb(1.0):
-                log(sample)
+        write_log(run)
     cut = folder / "runs" / "turn-cut" / "log.mcap"
     cut.write_bytes(cut.read_bytes()[:-100])
     page = page_of(folder)

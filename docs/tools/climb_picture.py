@@ -1,6 +1,6 @@
 """Moving picture of one recorded traversal: ``run folder -> animated WebP``.
 
-``python -m treadline.report.climb_picture RUN docs/media/climb.webp`` renders the player page's scene in headless Chromium with a
+``python docs/tools/climb_picture.py RUN docs/media/climb.webp`` renders the player page's scene in headless Chromium with a
 camera that follows the chair, one image per frame.
 """
 
@@ -21,8 +21,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from treadline.core.errors import SettingsError, TreadlineError
 from treadline.playback import Recording, read_recording
-from treadline.report.player_page import TEMPLATES, json_in_page
-from treadline.report.player_scene import scene_of
+from treadline.report.player_page import TEMPLATES, json_in_page, scene_of
 
 SIZE_PX = (720, 405)
 SPEED_UP = 4.0
@@ -92,7 +91,8 @@ def render(recording: Recording, times_s: Float[np.ndarray, " n"]) -> list[Image
 
 
 def _page(recording: Recording, times_s: Float[np.ndarray, " n"]) -> str:
-    scripts = "\n".join((TEMPLATES / name).read_text(encoding="utf-8") for name in ("packed.js", "scene.js", "film.js"))
+    files = (TEMPLATES / "packed.js", TEMPLATES / "scene.js", Path(__file__).parent / "film.js")
+    scripts = "\n".join(file.read_text(encoding="utf-8") for file in files)
     data = {"scene": scene_of(recording), "background": BACKGROUND, "shots": [_shot(recording, float(t_s)) for t_s in times_s]}
     width, height = SIZE_PX
     return (
@@ -133,9 +133,7 @@ def _captioned(image: Image.Image, recording: Recording, t_s: float) -> Image.Im
 
 def main() -> None:
     """Write the picture named on the command line."""
-    parser = argparse.ArgumentParser(
-        prog="python -m treadline.report.climb_picture", description="Write an animated WebP of a recorded run; needs Chromium."
-    )
+    parser = argparse.ArgumentParser(description="Write an animated WebP of a recorded run; needs Chromium.")
     parser.add_argument("run", type=Path, help="run folder with a log, written by treadline climb")
     parser.add_argument("picture", type=Path, help="file to write, such as climb.webp")
     order = parser.parse_args()

@@ -1,22 +1,25 @@
-"""The summary's rows: verdicts that follow from the numbers, for whole and quick runs, on any slope."""
+"""The table of figures: verdicts that follow from the numbers, sensitivities, and the headline figures of README and evidence."""
 
+import json
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from treadline.report.compare import comparisons
-from treadline.report.comparison import Comparison
-from treadline.report.results import Results
+from treadline.report._results import Moves, Results
+from treadline.report.comparison import BEGIN, END, FigureRow, comparisons, moves_text, published, with_table
 
 Tables = dict[str, Any]
+ROOT = Path(__file__).parents[2]
+MOVES = {"unit": "m", "conditions": "from +30°, one seed", "step": 0.001, "stiffness": 0.0042, "friction": 0.013}
 
 
-def rows_of(tables: Tables) -> dict[str, Comparison]:
-    return {row.what: row for row in comparisons(Results.model_validate(tables))}
+def rows_of(tables: Tables) -> dict[str, FigureRow]:
+    return {row.figure: row for row in comparisons(Results.model_validate(tables))}
 
 
-def row_of(tables: Tables, start: str) -> Comparison:
+def row_of(tables: Tables, start: str) -> FigureRow:
     (row,) = [row for what, row in rows_of(tables).items() if what.startswith(start)]
     return row
 
@@ -170,4 +173,78 @@ def test_what_was_not_measured_has_no_row(results: Tables, part: str) -> None:
 
 
 def test_nothing_measured_leaves_an_empty_summary() -> None:
-    assert rows_of({"quick": False}) == {}
+    assert rows_of({"quick": False}) == headlines({"quick": False}) == {}
+
+
+# ---- sensitivity ----
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({}, "±0.001 m with step size, ±0.0042 m with stiffness, ±0.013 m with friction ±20 % (from +30°, one seed)"),
+        (
+            {"friction": None, "lost": ["friction -20 %"], "exceeded": ["friction"], "missed": ["step 1 ms"], "conditions": ""},
+            "±0.001 m with step size, ±0.0042 m with stiffness; no figure with friction -20 %; "
+            "margin exceeded with friction; target missed with step 1 ms",
+        ),
+        ({"step": None, "stiffness": None, "friction": None, "lost": ["step 1 ms"]}, "no figure with step 1 ms"),
+        (
+            {"step": 4.7e-05, "stiffness": 148.2, "friction": 0.0, "conditions": ""},
+            "±0.000 m with step size, ±148 m with stiffness, ±0.000 m with friction ±20 %",
+        ),
+    ],
+)
+def test_moves_are_written_with_their_units(changes: Tables, says: str) -> None:
+    assert moves_text(Moves.model_validate(MOVES | changes)) == says
+
+
+def test_a_row_has_the_moves_of_its_figure_and_no_other(results: Tables) -> None:
+    results["sensitivity"] = {"table2/0.62-0.5/28/roll_back_m": MOVES}
+    assert [what for what, row in rows_of(results).items() if row.sensitivity] == ["roll-back at 28°, friction 0.62/0.5"]
+    # A quick run's figures rest on shortened runs, which no budget was made for.
+    assert not any(row.sensitivity for row in rows_of(results | {"quick": True}).values())
+
+
+# ---- headline figures of README and evidence ----
+
+
+def headlines(tables: Tables) -> dict[str, str]:
+    return {row["figure"]: row["ours"] for row in published(Results.model_validate(tables))["figures"]}
+
+
+def test_the_readme_has_the_figures_of_the_published_results() -> None:
+    values = json.loads((ROOT / "docs" / "evidence" / "results.json").read_text(encoding="utf-8"))
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert with_table(readme, values) == readme, "make publish writes both"
+    assert 1 <= len(values["figures"]) <= 10
+    assert all(row["conditions"] for row in values["figures"])
+
+
+def test_the_readme_is_short_and_the_files_that_it_names_exist() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 120
+    named = [word for word in text.replace("(", "`").replace(")", "`").split("`") if word.startswith("docs/")]
+    assert len(named) > 10
+    assert [word for word in named if not (ROOT / word).exists()] == []
+
+
+def test_headlines_state_each_start_and_the_worst_run(results: Tables) -> None:
+    results["table2"][0] |= {"rms_heading_deg": 3.21, "settle_s": None}
+    results["table2"][4]["roll_back_m"] = 0.08
+    rows = headlines(results)
+    assert rows["Table II: RMS heading at 25°, from +30° / -30°"] == "3.21° / 2.20°"
+    assert rows["roll-back in these turns at 25° / 28° / 30°"] == "0.010 / 0.080 / 0.010 m"
+    assert rows["settling to ±2° at 25° / 28° / 30°"] == "never / 3.0 / 3.0 s"
+    assert rows["Fig. 11: steady seat error"] == "0.003°, settles in 2.0 s"
+
+
+def test_headlines_of_lugs_stand_next_to_smooth_belts(results: Tables) -> None:
+    results["lugs"] = [belt_run("up-28", "none", None, 0.01), belt_run("up-28", "15/80", 0.01, 0.01)]
+    label = "whole traversal up-28, passenger's acceleration: smooth belts / lugs 15/80 mm"
+    assert headlines(results)[label] == "1 / 6.5 m/s²"
+
+
+def test_a_readme_without_its_markers_is_refused() -> None:
+    with pytest.raises(ValueError, match="once each, in this order"):
+        with_table(f"{END} text {BEGIN}", {"figures": []})

@@ -1,0 +1,1 @@
+"""Drawings of the documents: ``PYTHONPATH=docs/tools python -m drawings FOLDER``."""
