@@ -5,7 +5,7 @@ The mission receives none of these signals. Sums are updated per tick; recorded 
 
 import math
 from array import array
-from collections import deque
+from collections import defaultdict, deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -87,14 +87,7 @@ class ReplayScores:
     _truths: Recent[Truth] = field(default_factory=Recent)
     _seat_pitch_rad: float = float("nan")
     _columns: dict[str, "array[float]"] = field(default_factory=lambda: {name: array("d") for name in COLUMNS})
-    _to_recorded: RunningDifference = field(default_factory=RunningDifference)
-    _to_truth: RunningDifference = field(default_factory=RunningDifference)
-    _recorded_to_truth: RunningDifference = field(default_factory=RunningDifference)
-    _vision_to_truth: RunningDifference = field(default_factory=RunningDifference)
-    _normalised: RunningDifference = field(default_factory=RunningDifference)
-    _vision_normalised: RunningDifference = field(default_factory=RunningDifference)
-    _tracks: RunningDifference = field(default_factory=RunningDifference)
-    _seat: RunningDifference = field(default_factory=RunningDifference)
+    _differences: defaultdict[str, RunningDifference] = field(default_factory=lambda: defaultdict(RunningDifference))
     _brakes: int = 0
 
     def note(self, signal: Signal) -> None:
@@ -127,21 +120,17 @@ class ReplayScores:
         truth, recorded = self._at(Truth, tick.t_s), self._at(HeadingEstimate, tick.t_s)
         estimate = tick.estimate
         if estimate is not None and recorded is not None:
-            self._to_recorded.add(wrap(estimate.heading_rad - recorded.heading_rad))
+            self._differences["recorded"].add(wrap(estimate.heading_rad - recorded.heading_rad))
         if truth is not None:
             if estimate is not None:
-                error = wrap(estimate.heading_rad - truth.heading_rad)
-                self._to_truth.add(error)
-                self._normalised.add(error / max(estimate.sigma_rad, 1e-9))
+                self._add_error("estimate", estimate, truth)
             if recorded is not None:
-                self._recorded_to_truth.add(wrap(recorded.heading_rad - truth.heading_rad))
+                self._differences["recorded to truth"].add(wrap(recorded.heading_rad - truth.heading_rad))
             self._truths.add(truth.t_s, truth)
             for seen in self._now:
                 exposed = self._truths.at(seen.t_s)
                 if exposed is not None and abs(seen.t_s - exposed.t_s) < SAME_S:
-                    error = wrap(seen.heading_rad - exposed.heading_rad)
-                    self._vision_to_truth.add(error)
-                    self._vision_normalised.add(error / max(seen.sigma_rad, 1e-9))
+                    self._add_error("vision", seen, exposed)
         self._compare_commands(tick)
         self._row(tick, truth)
         self._now.clear()
@@ -150,21 +139,28 @@ class ReplayScores:
 
     def figures(self) -> dict[str, Any]:
         """Return the scores; None where the log holds no reference."""
+        of = self._differences
         return self._as_estimated() | {
-            "rms_difference_deg": self._to_recorded.rms_deg,
-            "largest_difference_deg": self._to_recorded.largest_deg,
-            "rms_error_deg": self._to_truth.rms_deg,
-            "largest_error_deg": self._to_truth.largest_deg,
-            "recorded_rms_error_deg": self._recorded_to_truth.rms_deg,
-            "vision_rms_error_deg": self._vision_to_truth.rms_deg,
-            "vision_largest_error_deg": self._vision_to_truth.largest_deg,
-            "normalised_error_squared": self._normalised.mean_square,
-            "vision_normalised_error_squared": self._vision_normalised.mean_square,
-            "largest_command_gap_m_s": self._tracks.largest if self._tracks.count else None,
-            "largest_seat_gap_m_s": self._seat.largest if self._seat.count else None,
-            "commands_compared": self._tracks.count // 2,
+            "rms_difference_deg": of["recorded"].rms_deg,
+            "largest_difference_deg": of["recorded"].largest_deg,
+            "rms_error_deg": of["estimate"].rms_deg,
+            "largest_error_deg": of["estimate"].largest_deg,
+            "recorded_rms_error_deg": of["recorded to truth"].rms_deg,
+            "vision_rms_error_deg": of["vision"].rms_deg,
+            "vision_largest_error_deg": of["vision"].largest_deg,
+            "normalised_error_squared": of["estimate, normalised"].mean_square,
+            "vision_normalised_error_squared": of["vision, normalised"].mean_square,
+            "largest_command_gap_m_s": of["tracks"].largest if of["tracks"].count else None,
+            "largest_seat_gap_m_s": of["seat"].largest if of["seat"].count else None,
+            "commands_compared": of["tracks"].count // 2,
             "brakes_differ": self._brakes,
         }
+
+    def _add_error(self, name: str, measured: HeadingEstimate | HeadingMeasurement, truth: Truth) -> None:
+        """Add the error of a heading, and its ratio to the declared standard deviation."""
+        error = wrap(measured.heading_rad - truth.heading_rad)
+        self._differences[name].add(error)
+        self._differences[f"{name}, normalised"].add(error / max(measured.sigma_rad, 1e-9))
 
     def _as_estimated(self) -> dict[str, float | None]:
         """Return the scores that need no ground truth, from the replay's heading estimate and the seat readings."""
@@ -193,11 +189,11 @@ class ReplayScores:
     def _compare_commands(self, tick: Tick) -> None:
         tracks, seat = self._at(TrackCommand, tick.t_s), self._at(SeatCommand, tick.t_s)
         if tracks is not None:
-            self._tracks.add(tick.tracks.left_m_s - tracks.left_m_s)
-            self._tracks.add(tick.tracks.right_m_s - tracks.right_m_s)
+            self._differences["tracks"].add(tick.tracks.left_m_s - tracks.left_m_s)
+            self._differences["tracks"].add(tick.tracks.right_m_s - tracks.right_m_s)
             self._brakes += tracks.brake != tick.tracks.brake
         if seat is not None:
-            self._seat.add(tick.seat.rate_m_s - seat.rate_m_s)
+            self._differences["seat"].add(tick.seat.rate_m_s - seat.rate_m_s)
 
     def _row(self, tick: Tick, truth: Truth | None) -> None:
         recorded, command, estimate = self._at(HeadingEstimate, tick.t_s), self._last.get(TrackCommand), tick.estimate

@@ -202,7 +202,7 @@ class SceneLog:
         heading = 0.0 if measured is None or measured.t_s != stair.t_s else measured.heading_rad
         left = SEEN_HALF_M if stair.left_edge_m is None else stair.left_edge_m
         right = SEEN_HALF_M if stair.right_edge_m is None else stair.right_edge_m
-        ends = nosing_ends(stair.nosings_B, heading, (left, right)).reshape(-1, 3)
+        ends = _nosing_ends(stair.nosings_B, heading, (left, right)).reshape(-1, 3)
         return Marker(
             frame="chair",
             name="seen",
@@ -232,15 +232,12 @@ class WatchedDetector:
         return seen
 
 
-def nosing_ends(
-    nosings_B: Float[np.ndarray, "n 3"], heading_rad: float, reach_m: tuple[float, float] = (SEEN_HALF_M, SEEN_HALF_M)
+def _nosing_ends(
+    nosings_B: Float[np.ndarray, "n 3"], heading_rad: float, reach_m: tuple[float, float]
 ) -> Float[np.ndarray, "n 2 3"]:
-    """Return left and right end of each detected nosing in B [m], parallel to the x-y plane of B.
+    """Return left and right end of each detected nosing in B [m], turned by the heading and parallel to the x-y plane of B.
 
-    Args:
-        nosings_B: Intersections of the nosings with the chair's middle plane [m].
-        heading_rad: Heading of the chair: nosings are turned by its negative in B.
-        reach_m: Length of the nosings to the left and to the right of the middle plane.
+    ``reach_m`` is the length to the left and to the right of the chair's middle plane.
     """
     across = np.array([math.sin(heading_rad), math.cos(heading_rad), 0.0])
     return np.stack([nosings_B + reach_m[0] * across, nosings_B - reach_m[1] * across], axis=1)
