@@ -17,8 +17,8 @@ from typing import Any
 
 from treadline.core.processes import default_workers
 from treadline.run.episode import traverse
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import scenario_of
+from treadline.scenario.shipped_files import shipped_controller
 
 RISE_M = 0.1595128
 """Rise of the nominal step [m]: 28° with a run of 0.30 m."""

@@ -34,9 +34,9 @@ from treadline.mission.loop import Tick
 from treadline.plant.mujoco import open_plant
 from treadline.plant.mujoco.mujoco_plant import MujocoPlant
 from treadline.run.episode import Traverse, traverse
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.faults import Fault, Process
 from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.scenario.shipped_files import shipped_controller
 
 STEPS = 8
 FRICTION_OF_TANGENT = 1.166

@@ -16,8 +16,8 @@ from treadline.plant.mujoco import lug_contact_kernels as lug_kernels
 from treadline.plant.mujoco import step_kernels as kernels
 from treadline.run.episode import traverse
 from treadline.scenario.chair import read_chair
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Belts, Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.scenario.shipped_files import shipped_controller
 
 RUN_M = 0.30
 SEEDS = (1, 2, 3, 4)

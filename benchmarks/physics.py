@@ -13,8 +13,8 @@ from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.plant.mujoco.physics import Physics
 from treadline.run.episode import traverse
 from treadline.scenario.chair import read_chair
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start, read_scenario
+from treadline.scenario.shipped_files import shipped_controller
 
 SEED = 0
 SIMULATED_S = 30.0

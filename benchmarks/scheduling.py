@@ -13,8 +13,8 @@ from treadline.core.models import ControllerDesign
 from treadline.identification import IdentificationOptions, identify
 from treadline.run.episode import traverse
 from treadline.run.excitation_run import PERIOD_S, excite, long_enough
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.scenario.shipped_files import shipped_controller
 
 CELLS = ((20.0, 0.0), (20.0, 110.0), (25.0, 50.0), (28.0, 50.0), (30.0, 0.0), (30.0, 80.0))
 """Slope [°], payload [kg]: the corners of the envelope, and the paper's."""

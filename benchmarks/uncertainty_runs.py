@@ -18,8 +18,8 @@ import numpy as np
 from treadline.core.angles import DEG
 from treadline.core.errors import RecordError, SimulationDiverged
 from treadline.core.models import ControllerDesign, write_whole
-from treadline.core.plain_values import plain
 from treadline.core.ports import TruthPlant
+from treadline.core.printing import plain
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments import as_printed, dead_zone, fig05, fig11, lugs, plan
 from treadline.experiments._sensitivity import MAIN_SOURCES
@@ -32,8 +32,8 @@ from treadline.run.episode import traverse
 from treadline.run.excitation_run import PERIOD_S, excite
 from treadline.run.resolve import Opener, ready
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, read_chair
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Belts, DriveSettings, Scenario, Stair, Start, read_scenario
+from treadline.scenario.shipped_files import shipped_controller
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ from treadline.control import tune
 from treadline.experiments.plan import CONTROLLER_GROUND, excitation
 from treadline.identification import IdentificationOptions, identify
 from treadline.run.excitation_run import PERIOD_S, excite
-from treadline.scenario.controller_files import SHIPPED
+from treadline.scenario.shipped_files import CONTROLLERS
 
 SEED, SAMPLES = 100, 1000
 PAYLOAD_KG = {"wheelchair": 50.0, "rescue": 3.0}
@@ -35,5 +35,5 @@ origin = {
     "yaw_rate_vaf_percent": round(found.report.one_step_vaf_percent["yaw_rate_rad_s"], 1),
 }
 design = tune(found.model, vehicle=vehicle)
-replace(design, provenance=design.provenance | origin).save(SHIPPED / f"{vehicle}.json")
+replace(design, provenance=design.provenance | origin).save(CONTROLLERS / f"{vehicle}.json")
 print(f"order {found.report.order}, yaw-rate VAF {origin['yaw_rate_vaf_percent']} %, K = {design.K.round(4).tolist()}")

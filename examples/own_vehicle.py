@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 
 import treadline as tl
 from treadline.core.errors import SettingsError
-from treadline.scenario.chair_files import chair_file
+from treadline.scenario.shipped_files import chair_file
 
 text = chair_file("wheelchair").read_text(encoding="utf-8")
 text = re.sub(r'^name = ".*"', 'name = "long-chair"', text, flags=re.MULTILINE)

@@ -32,9 +32,7 @@ def reference() -> str:
     parts = [HEAD]
     for heading, verbs in VERBS.items():
         parts.append(f"## {heading}\n")
-        for verb in verbs:
-            name = verb.__name__.rstrip("_")
-            parts.append(f"### treadline {name}\n\n```text\n{help_of(name)}\n```\n")
+        parts += [f"### treadline {verb}\n\n```text\n{help_of(verb)}\n```\n" for verb in verbs]
     return "\n".join(parts)
 
 

@@ -30,15 +30,9 @@ __all__ = [
     "tune",
 ]
 
-_MODULE_OF = {
+_MODULE_OF = dict.fromkeys(__all__, "treadline.api") | {
     "IdentificationOptions": "treadline.identification.options",
-    "check": "treadline.api.feasibility",
-    "climb": "treadline.api.simulation",
-    "detect_stair": "treadline.api.vision",
-    "identify": "treadline.api.models",
-    "load_model": "treadline.api.models",
     "read_frames": "treadline.io.frames",
-    "tune": "treadline.api.models",
 }
 """Module of each public function. Named by text, so that importing the package, or one of its blocks, loads none of them."""
 

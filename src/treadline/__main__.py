@@ -3,12 +3,12 @@
 import signal
 import sys
 
-from treadline.core import interrupts
+from treadline.core import processes
 
 
 def main() -> int:
     """Run the command line of this process; Ctrl-C at any time gives one line and exit code 130."""
-    interrupts.install()
+    processes.install_interrupts()
     try:
         from treadline.cli import main as run
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from treadline.cli import main
+from treadline.core.compile_cache import CompileTimer
 
 
 @dataclass(frozen=True)
@@ -29,7 +30,7 @@ Run = Callable[..., Outcome]
 
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
-    monkeypatch.setattr("treadline.cli.compiling._write_compiling", lambda: None)  # whether this machine has compiled before
+    monkeypatch.setattr(CompileTimer, "call_once_if_long", lambda *_: None)  # whether this machine has compiled before
 
     def call(*arguments: object) -> Outcome:
         code = main([str(argument) for argument in arguments])

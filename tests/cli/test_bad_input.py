@@ -9,7 +9,7 @@ import pytest
 from treadline.core import paper
 from treadline.experiments.as_printed import paper_model
 from treadline.io.mcap_log import RunLog
-from treadline.scenario.chair_files import CHAIRS
+from treadline.scenario.shipped_files import CHAIRS
 
 SCENARIOS = {
     "unknown key": ("[stair]\nriser_m = 0.16\n", "stair.riser_m: unknown key; did you mean rise_m?"),

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from treadline.experiments.as_printed import paper_model
-from treadline.scenario.controller_files import SHIPPED
+from treadline.scenario.shipped_files import CONTROLLERS
 
-CONTROLLER = SHIPPED / "wheelchair.json"
+CONTROLLER = CONTROLLERS / "wheelchair.json"
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,8 @@ import pytest
 
 from treadline import cli
 from treadline.cli import main
-from treadline.core.interrupts import Terminated
 from treadline.core.ports import Truth
+from treadline.core.processes import Terminated
 from treadline.io.mcap_read import read_log
 
 LONG = '[stair]\nslope_deg = 25\nsteps = 400\nwidth_m = 2.4\n[start]\nplace = "flight"\nstep = 6\n[drive]\nduration_s = 600\n'

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from treadline.cli.out import claim
+from treadline.cli._arguments import claim
 from treadline.core.errors import SettingsError
-from treadline.scenario.controller_files import SHIPPED
+from treadline.scenario.shipped_files import CONTROLLERS
 
 FOLDERS = {
     "climb": ("up-28",),
@@ -16,7 +16,7 @@ FOLDERS = {
     "replay": ("no-such-log",),
     "reproduce": ("--quick",),
     "frames": ("--count", "1"),
-    "export": (SHIPPED / "wheelchair.json", "--to", "c"),
+    "export": (CONTROLLERS / "wheelchair.json", "--to", "c"),
     "see": ("folder",),
     "nodes": ("up-28",),
     "record": ("no-such-log",),
@@ -60,7 +60,7 @@ def test_force_writes_over_a_result_and_an_empty_folder_needs_no_force(run, tmp_
     folder = tmp_path / "c"
     folder.mkdir()
     for options in ((), ("--force",)):
-        assert run("export", SHIPPED / "wheelchair.json", "--to", "c", "--out", folder, *options).code == 0
+        assert run("export", CONTROLLERS / "wheelchair.json", "--to", "c", "--out", folder, *options).code == 0
 
 
 def test_a_run_that_is_forced_leaves_nothing_of_the_earlier_one(run, tmp_path: Path) -> None:

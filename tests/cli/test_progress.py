@@ -2,7 +2,7 @@
 
 import pytest
 
-from treadline.cli.progress import Progress
+from treadline.cli._output import Progress
 
 
 @pytest.mark.parametrize(("parts", "lines"), [(1, 1), (12, 12), (20, 20), (21, 20), (4000, 20)])

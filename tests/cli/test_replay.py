@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from treadline.cli import main
-from treadline.cli import replay as replay_verb
+from treadline.cli._output import SimulatedTime
 from treadline.core.angles import rotation_of
 from treadline.core.images import RgbdFrame
 from treadline.core.ports import Truth
@@ -283,11 +283,12 @@ def test_samples_that_are_no_numbers_are_dropped_and_commands_stay_finite(run, b
 def test_an_interrupted_replay_leaves_what_is_done_readable(
     run, blind: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def interrupt(_: object, t_s: float) -> None:
+    def interrupt(_: object, t_s: float, duration_s: float) -> None:
+        del duration_s
         if t_s > 0.4:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(replay_verb._Played, "at", interrupt)
+    monkeypatch.setattr(SimulatedTime, "at", interrupt)
     out = tmp_path / "again"
     outcome = run("replay", blind, "--out", out)
     assert outcome.code == 130
@@ -299,7 +300,7 @@ def test_an_interrupted_replay_leaves_what_is_done_readable(
 
 
 def test_the_controller_of_the_run_is_used_again_whatever_became_of_its_file(run, tmp_path: Path) -> None:
-    from treadline.scenario.controller_files import shipped_controller
+    from treadline.scenario.shipped_files import shipped_controller
 
     shipped = shipped_controller("wheelchair")
     (tmp_path / "short.toml").write_text(SCENARIO)
@@ -325,7 +326,7 @@ def test_the_controller_of_the_run_is_used_again_whatever_became_of_its_file(run
 
 
 def test_an_old_run_is_driven_by_the_controller_that_its_command_named(run, blind: Path, tmp_path: Path) -> None:
-    from treadline.scenario.controller_files import shipped_controller
+    from treadline.scenario.shipped_files import shipped_controller
 
     named = tmp_path / "named"
     shutil.copytree(blind, named)

@@ -9,8 +9,8 @@ import pytest
 from treadline.core.angles import DEG
 from treadline.io.runs import read_series
 from treadline.scenario.chair import read_chair
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Chair, Scenario, Stair, Start
+from treadline.scenario.shipped_files import shipped_controller
 from treadline.vehicle.track_length import minimum_track_length
 from treadline.vehicle.verdict import check
 

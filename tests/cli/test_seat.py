@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from treadline.scenario.chair_files import CHAIRS
+from treadline.scenario.shipped_files import CHAIRS
 
 SLOPE = """\
 [stair]

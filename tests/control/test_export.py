@@ -15,8 +15,8 @@ from treadline.control.c_export import SOURCES, Exchange, exported, rehearsal
 from treadline.core.models import ControllerDesign, LinearModel
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
 from treadline.run.episode import traverse
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Control, DriveSettings, Scenario, Stair, Start
+from treadline.scenario.shipped_files import shipped_controller
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 needs_a_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc or clang) on the path")

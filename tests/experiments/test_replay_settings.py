@@ -14,7 +14,7 @@ from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.perception import StairDetector
 from treadline.scenario.chair import read_chair
-from treadline.scenario.controller_files import shipped_controller
+from treadline.scenario.shipped_files import shipped_controller
 
 BASE = MissionConfig(chair=read_chair("wheelchair"))
 LOGGED = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=288.5, cx_px=159.5, cy_px=119.5)

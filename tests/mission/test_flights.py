@@ -9,8 +9,8 @@ from treadline.core.signals import StairMap
 from treadline.mission.stair_tracker import GAP_KNOWN_AFTER, KNOWN_AFTER, NEXT_MAPS, NEXT_S, StairTracker
 from treadline.run.episode import Traverse, traverse
 from treadline.scenario.chair import read_chair
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Scenario
+from treadline.scenario.shipped_files import shipped_controller
 from treadline.vehicle.verdict import check
 
 RISE_M, RUN_M, BETWEEN_M = 0.16, 0.30, 2.5

@@ -26,8 +26,7 @@ from treadline.core.signals import (
 )
 from treadline.plant.gazebo import open_gazebo
 from treadline.plant.mujoco import open_plant
-from treadline.scenario.realism import Realism
-from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
+from treadline.scenario.scenario import Chair, Control, Realism, Scenario, Stair, Start
 from treadline.vehicle.staircase import as_designed
 
 Opened = Callable[..., TruthPlant]

@@ -6,8 +6,7 @@ import pytest
 from treadline.core.signals import TICK_S, FrameQuality
 from treadline.plant.mujoco import open_plant
 from treadline.plant.sensors.transport_delays import CameraLink, Encoder
-from treadline.scenario.realism import Realism
-from treadline.scenario.scenario import Control, Scenario, Start
+from treadline.scenario.scenario import Control, Realism, Scenario, Start
 
 
 def frame(tick: int) -> FrameQuality:

@@ -16,8 +16,8 @@ from treadline.ros.lockstep import LockStep
 from treadline.ros.node_signals import GuardState, VelocityCommand
 from treadline.ros.plant_node import LOST_S, PlantNode
 from treadline.run.resolve import mission_config
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Scenario
+from treadline.scenario.shipped_files import shipped_controller
 
 KILLED_S, WITHIN_S = 1.0, 0.8
 

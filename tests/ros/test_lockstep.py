@@ -12,8 +12,8 @@ from treadline.plant.faults import faulty
 from treadline.plant.mujoco import open_plant
 from treadline.ros.lockstep import LockStep
 from treadline.run.resolve import mission_config
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Scenario
+from treadline.scenario.shipped_files import shipped_controller
 
 Written = tuple[TrackCommand, SeatCommand, float]
 

@@ -16,8 +16,8 @@ from treadline.mission.planner import Cruise
 from treadline.run.episode import Traverse, traverse
 from treadline.run.resolve import SEAT_SHIFT_M, mission_config, ready, with_seat_shifted
 from treadline.scenario.chair import read_chair
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.scenario.shipped_files import shipped_controller
 
 LANDING_M = 3.0
 

@@ -13,8 +13,8 @@ from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign
 from treadline.mission.belt_controllers import ConstantSpeed
 from treadline.run.resolve import resolve, with_seat_shifted
-from treadline.scenario.controller_files import SHIPPED, shipped_controller
 from treadline.scenario.scenario import Scenario, read_scenario
+from treadline.scenario.shipped_files import CONTROLLERS, shipped_controller
 
 SHORT = {"drive": {"duration_s": 0.2}, "sensors": {"camera": "statistical"}}
 
@@ -90,7 +90,7 @@ def test_check_can_be_switched_off() -> None:
 @pytest.mark.parametrize("kind", [str, Path])
 def test_a_controller_is_a_path_a_design_or_left_out(kind: type) -> None:
     design = shipped_controller("wheelchair")
-    for given in (None, design, kind(SHIPPED / "wheelchair.json")):
+    for given in (None, design, kind(CONTROLLERS / "wheelchair.json")):
         found = resolve("up-28", given).mission.controller
         assert found is not None
         assert (found.K == design.K).all()

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.core.errors import SettingsError
-from treadline.scenario.chair_files import CHAIRS
 from treadline.scenario.scenario import Scenario, Stair, read_scenario, shipped_scenarios
+from treadline.scenario.shipped_files import CHAIRS
 
 
 def read(text: str, tmp_path: Path) -> Scenario:

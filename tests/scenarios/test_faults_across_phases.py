@@ -10,9 +10,9 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.run.episode import Traverse, traverse
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.faults import Fault, Process
 from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.scenario.shipped_files import shipped_controller
 
 TICK_S = 0.01
 FOREVER_S = 1000.0

@@ -13,9 +13,9 @@ from treadline.core.angles import DEG
 from treadline.perception.frame_quality import ENOUGH
 from treadline.plant.faults.sensor_faults import DEPTH_ENOUGH
 from treadline.run.episode import Traverse, traverse
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.faults import Fault, Process
 from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.scenario.shipped_files import shipped_controller
 
 TICK_S = 0.01
 WAITS_S = 3.1

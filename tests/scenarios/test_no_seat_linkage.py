@@ -21,9 +21,8 @@ from treadline.ros.lockstep import LockStep
 from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import mission_config, resolve
 from treadline.scenario.chair import read_chair
-from treadline.scenario.chair_files import chair_file
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Chair, Scenario
+from treadline.scenario.shipped_files import chair_file, shipped_controller
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.sdf import sdf_model
@@ -163,7 +162,7 @@ def test_a_sweep_of_a_robot_summarises_without_the_seat(robot: Callable[..., Pat
     text = f'[chair]\nmodel = "{path}"\npayload_kg = 30.0\n[sensors]\ncamera = "statistical"\n[drive]\nduration_s = 1.0\n'
     (tmp_path / "sweep.toml").write_text(text + '[[draw]]\nkey = "start.heading_deg"\nuniform = [-5, 5]\n')
     out = tmp_path / "swept"
-    monkeypatch.setattr("treadline.cli.compiling.compile_once", lambda: None)  # one worker compiles what it needs
+    monkeypatch.setattr("treadline.cli.sweep.compile_once", lambda: None)  # one worker compiles what it needs
     run_command("sweep", tmp_path / "sweep.toml", "--runs", 2, "--workers", 1, "--seed", 5, "--out", out)
     assert len((out / "runs.csv").read_text().splitlines()) == 3
     assert "seat_max_deg" not in json.loads((out / "summary.json").read_text())["scores"]

@@ -6,9 +6,9 @@ import pytest
 
 from treadline.core.errors import SettingsError
 from treadline.run.episode import Traverse, traverse
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.operator_actions import OperatorAct, does
 from treadline.scenario.scenario import Scenario, scenario_of
+from treadline.scenario.shipped_files import shipped_controller
 
 FLIGHT: dict[str, Any] = {
     "stair": {"slope_deg": 25.0, "steps": 8, "landing_m": 3.0},

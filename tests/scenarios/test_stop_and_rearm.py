@@ -13,8 +13,8 @@ from treadline.mission.loop import Mission, Signal
 from treadline.mission.mission_blocks import build_blocks
 from treadline.plant.mujoco import open_plant
 from treadline.run.resolve import mission_config
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Scenario
+from treadline.scenario.shipped_files import shipped_controller
 from treadline.vehicle.comfort import lasting
 
 LIMIT_S = 150.0

@@ -3,8 +3,8 @@
 import pytest
 
 from treadline.run.episode import traverse
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import read_scenario
+from treadline.scenario.shipped_files import shipped_controller
 
 
 @pytest.mark.parametrize("name", ["up-28", "down-28"])

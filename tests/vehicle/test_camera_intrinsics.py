@@ -7,7 +7,7 @@ import pytest
 
 from treadline.core.errors import SettingsError
 from treadline.scenario.chair import read_chair
-from treadline.scenario.chair_files import CHAIRS
+from treadline.scenario.shipped_files import CHAIRS
 
 CAMERA = "width = 1280\nheight = 720\nfx_px = 640.0\nfy_px = 641.0\ncx_px = 630.0\ncy_px = 350.0\nmount_pitch_deg = 3.0\n"
 

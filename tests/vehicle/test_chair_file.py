@@ -9,7 +9,7 @@ import pytest
 
 from treadline.core.errors import SettingsError
 from treadline.scenario.chair import read_chair
-from treadline.scenario.chair_files import CHAIRS
+from treadline.scenario.shipped_files import CHAIRS
 from treadline.vehicle.track_length import pulley_centres
 
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.scenario.chair import ChairDescription, read_chair
-from treadline.scenario.chair_files import CHAIRS
 from treadline.scenario.scenario import SEAT_SHIFT_M, DriveSettings, Scenario, Start, read_scenario, shipped_scenarios
+from treadline.scenario.shipped_files import CHAIRS
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.verdict import CheckReport, check
 

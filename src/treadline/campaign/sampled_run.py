@@ -8,7 +8,7 @@ from traceback import extract_tb
 from typing import Any
 
 from treadline.core.errors import SimulationDiverged
-from treadline.core.plain_values import plain
+from treadline.core.printing import plain
 from treadline.scenario.scenario import Scenario
 
 EpisodeRunner = Callable[[Scenario, int, float], Mapping[str, Any]]

@@ -18,7 +18,7 @@ from treadline.campaign.draws import Draw, check_draw
 from treadline.campaign.scenario_paths import LABEL, LISTS, Tables, get_value, set_value
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
-from treadline.core.plain_values import plain
+from treadline.core.printing import plain
 from treadline.core.settings import Settings, parse_toml, settings_of
 from treadline.scenario.scenario import SHIPPED, Scenario, is_sweep, scenario_of, shipped_scenarios
 

@@ -32,7 +32,7 @@ from treadline.campaign.tables import flat, write_tables
 from treadline.campaign.thumbnails import thumbnail
 from treadline.core.errors import SettingsError
 from treadline.core.models import read_json, write_whole
-from treadline.core.plain_values import plain
+from treadline.core.printing import plain
 from treadline.io.runs import git_commit, write_manifest
 
 MARGIN = "min_stability_margin_deg"

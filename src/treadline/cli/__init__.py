@@ -2,7 +2,7 @@
 
 Exit codes: 0 done; 1 the job ran and the answer is no; 2 the input is bad, or the answer cannot be written (one line on
 stderr); 130 interrupted; 143 asked to end.
-Nothing heavy is imported here: each verb imports what it needs.
+Nothing heavy is imported here, nor at the top of a verb's module: a verb imports what it needs.
 """
 
 import _thread
@@ -21,34 +21,10 @@ import cyclopts
 from cyclopts import App, Group, Parameter
 
 from treadline import __version__
-from treadline.cli import (
-    check,
-    climb,
-    compiling,
-    doctor,
-    excite,
-    export,
-    frames,
-    identify,
-    model,
-    mount,
-    node,
-    nodes,
-    record,
-    replay,
-    report,
-    reproduce,
-    seat,
-    see,
-    sweep,
-    tune,
-    view,
-)
-from treadline.cli.answer import Answer, say
-from treadline.cli.numbers import check_whole_numbers
-from treadline.cli.start_line import start_line
+from treadline.cli._arguments import check_whole_numbers
+from treadline.cli._output import Answer, start_line
 from treadline.core.errors import SimulationDiverged, TreadlineError
-from treadline.core.interrupts import Terminated, on_terminate
+from treadline.core.processes import Terminated, on_terminate
 
 AGAIN_S = 0.25
 """Delay after which a lost interrupt is sent again [s]: longer than a burst that counts as one (``interrupts``)."""
@@ -68,18 +44,23 @@ app = App(
     config=check_whole_numbers,
 )
 VERBS = {
-    "The paper": (reproduce.reproduce, report.report),
-    "Simulation": (check.check, climb.climb, view.view, seat.seat, sweep.sweep, model.model),
-    "Identification and control": (excite.excite, identify.identify, tune.tune, export.export),
-    "Perception": (see.see, frames.frames, mount.mount),
-    "Logs and ROS": (replay.replay, record.record, nodes.nodes, node.node),
-    "Installation": (doctor.doctor, compiling.compile_),
+    "The paper": ("reproduce", "report"),
+    "Simulation": ("check", "climb", "view", "seat", "sweep", "model"),
+    "Identification and control": ("excite", "identify", "tune", "export"),
+    "Perception": ("see", "frames", "mount"),
+    "Logs and ROS": ("replay", "record", "nodes", "node"),
+    "Installation": ("doctor", "compile"),
 }
-"""Commands by the heading under which ``--help`` lists them."""
+"""Verbs by the heading under which ``--help`` lists them."""
+MODULES = {"model": "export", "record": "node", "report": "reproduce"}
+"""Module of a verb that shares the module of another verb."""
+FUNCTIONS = {"compile": "compile_"}
+"""Function of a verb whose name Python uses itself."""
 GROUPS = {heading: Group(heading, sort_key=number) for number, heading in enumerate(VERBS)}
 for heading, verbs in VERBS.items():
-    for verb in verbs:
-        app.command(verb, name=verb.__name__.rstrip("_"), group=GROUPS[heading])
+    for verb in verbs:  # a verb's module is imported when the verb is run, or its help is shown
+        path = f"treadline.cli.{MODULES.get(verb, verb)}:{FUNCTIONS.get(verb, verb)}"
+        app.command(path, name=verb, group=GROUPS[heading])
 app.register_install_completion_command(group=GROUPS["Installation"])
 
 
@@ -107,7 +88,7 @@ def _launch(
         where = f"{error.filename}: " if error.filename else ""
         return _fail(f"{where}{error.strerror or error}", 2, debug=debug)
     if isinstance(answer, Answer):
-        say(answer, as_json=json)
+        answer.write(as_json=json)
         return answer.code
     return 0
 

@@ -1,6 +1,10 @@
 """``treadline check``: mechanical feasibility of a scenario."""
 
-from treadline.cli.answer import Answer
+from dataclasses import asdict
+
+from treadline import api
+from treadline.cli._output import Answer
+from treadline.core.errors import SettingsError
 
 
 def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
@@ -13,19 +17,11 @@ def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
         keys: List the shipped scenarios and all keys of a scenario with type, range, default and meaning, as a scenario file of
             the defaults, and exit.
     """
-    from dataclasses import asdict
-
-    from treadline.core.errors import SettingsError
-    from treadline.scenario.chair import read_chair
-    from treadline.scenario.scenario import read_scenario
-    from treadline.vehicle.verdict import check as judge
-
     if keys:
         return _keys()
     if scenario is None:
         raise SettingsError("check needs a scenario: a file, or the name of a shipped one; treadline check --keys lists both")
-    settings = read_scenario(scenario)
-    report = judge(settings, read_chair(settings.chair.model))
+    report = api.check(scenario)
     margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in report.stability_margin_deg.items())
     return Answer(
         values=asdict(report),

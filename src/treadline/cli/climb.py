@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
-from treadline.cli.answer import Answer
-from treadline.cli.out import Force, claim
+from treadline import api
+from treadline.cli._arguments import Force, claim
+from treadline.cli._output import Answer, SimulatedTime
+from treadline.cli.compile import report_compiling
 
 DONE = ("arrived", "end_of_flight", "time_up")
 """Verdicts with exit code 0."""
@@ -38,28 +40,30 @@ def climb(
         seed: Random seed. The same seed gives byte-identical results.
         log_images: Keep every frame in the log (about 1.7 MB per second at 320×240).
     """
-    from treadline.cli.compiling import report_compiling
-    from treadline.cli.progress import SimulatedTime
-    from treadline.run.recorded_run import recorded_run
-    from treadline.run.resolve import resolve
-
     claim(out, force=force)
     report_compiling()
-    setup = resolve(scenario, controller, seed, detector=detector, estimator=estimator)
-    if setup.rejections:
-        cause = "; ".join(setup.rejections)
+    with SimulatedTime("climb") as progress:
+        run = api.climb(
+            scenario,
+            controller,
+            seed,
+            detector=detector,
+            estimator=estimator,
+            out=out,
+            log_images=log_images,
+            on_progress=progress.at,
+        )
+    if run.rejections:
         return Answer(
-            values={"verdict": "refused", "cause": cause, "reasons": list(setup.rejections), "seed": seed, "events": []},
-            summary=[f"refused: {cause}"],
+            values={"verdict": "refused", "cause": run.cause, "reasons": run.rejections, "seed": seed, "events": []},
+            summary=[f"refused: {run.cause}"],
             code=1,
         )
-    with SimulatedTime("climb", setup.scenario.drive.duration_s) as progress:
-        run = recorded_run(out, setup, image_every=1 if log_images else 0, watch=lambda tick: progress.at(tick.t_s))
     scores = run.scores
     seat = "no seat linkage" if scores.seat_max_deg is None else f"seat at most {scores.seat_max_deg:.1f}° off level"
     settled = "did not settle" if scores.settle_s is None else f"settled to ±2° in {scores.settle_s:.1f} s"
     return Answer(
-        values=run.summary() | {"run": str(out)},
+        values=run.episode.summary() | {"run": str(out)},
         summary=[
             f"{run.verdict}" + (f": {run.cause}" if run.cause else "") + f" after {scores.duration_s:.1f} s",
             f"heading {scores.rms_heading_deg:.2f}° RMS, {settled}; roll-back {scores.roll_back_m:.3f} m, "

@@ -5,7 +5,7 @@ import sys
 from importlib import metadata, util
 
 from treadline import __version__
-from treadline.cli.answer import Answer
+from treadline.cli._output import Answer
 
 PARTS = (
     ("mujoco", "mujoco", "the simulator: climb, excite, reproduce", "pip install mujoco"),

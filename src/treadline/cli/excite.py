@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from treadline.cli.answer import Answer
-from treadline.cli.out import Force, claim
+from treadline.cli._arguments import Force, claim
+from treadline.cli._output import Answer, SimulatedTime
+from treadline.cli.compile import report_compiling
 
 LONGEST_S = 10.0
 """Longest sampling period [s]: the chair climbs two metres in it."""
@@ -33,8 +34,6 @@ def excite(
         seed: Random seed. The same seed gives byte-identical results.
         log_images: Keep every frame in the log.
     """
-    from treadline.cli.compiling import report_compiling
-    from treadline.cli.progress import SimulatedTime
     from treadline.core.angles import DEG
     from treadline.core.errors import SettingsError
     from treadline.core.signals import TICK_S, on_the_tick
@@ -51,7 +50,7 @@ def excite(
     if not on_the_tick(period) or period > LONGEST_S:
         raise SettingsError(f"--period is {period}; it must be a multiple of {TICK_S} s between {TICK_S} and {LONGEST_S:g}")
     settings = read_scenario(scenario)
-    with SimulatedTime("excite", samples * period) as progress:
+    with SimulatedTime("excite") as progress:
         excited = recorded_excitation(
             out,
             settings,
@@ -59,7 +58,7 @@ def excite(
             period_s=period,
             seed=seed,
             image_every=1 if log_images else 0,
-            watch=lambda tick: progress.at(tick.t_s),
+            watch=lambda tick: progress.at(tick.t_s, samples * period),
         )
     if len(excited.record) == 0:
         return Answer(

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from treadline.cli.answer import Answer
-from treadline.cli.numbers import List, choice, numbers
-from treadline.cli.out import Force, claim
+from treadline.cli._arguments import Force, List, choice, claim, numbers
+from treadline.cli._output import Answer, Progress
+from treadline.cli.compile import report_compiling
 from treadline.core.errors import SettingsError
 
 
@@ -33,8 +33,6 @@ def frames(
         sensor: Noise model: kinect1, kinect2, tof, d435, d455 or ideal. Default: that of the scenario; kinect1 if it has none.
         heading: Smallest and largest heading in degrees, from -45 to 45.
     """
-    from treadline.cli.compiling import report_compiling
-    from treadline.cli.progress import Progress
     from treadline.core.angles import DEG
     from treadline.io.runs import remove
     from treadline.plant.sensors.camera import stair_frames, write_frames

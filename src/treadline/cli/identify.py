@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from treadline.cli.answer import Answer
-from treadline.cli.numbers import choice, words
-from treadline.cli.out import Force, claim
+from treadline.cli._arguments import Force, choice, claim, words
+from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError, TooFewSamples
 
 if TYPE_CHECKING:
@@ -170,7 +169,7 @@ def _in_chunks(logs: Sequence[Path], asked: IdentifyOptions) -> bool:
 
 
 def _whole(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
-    from treadline.cli.progress import Status
+    from treadline.cli._output import Status
     from treadline.core.models import InputOutputRecord
     from treadline.identification import Gram
     from treadline.identification import identify as fit
@@ -184,16 +183,16 @@ def _whole(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
     with Status("reading") as status:
         records = [read(path) for path in logs]
         judged = asked.validate if asked.validate_on is None else read(asked.validate_on)
-        status.say("identifying")
+        status.update("identifying")
         prior = None if asked.update is None else Gram.load(asked.update)
-        found = fit(records, asked.options(validation=judged, prior=prior), on_progress=status.say)
-        status.say("judging")
+        found = fit(records, asked.options(validation=judged, prior=prior), on_progress=status.update)
+        status.update("judging")
         found.report  # noqa: B018 - computed here, where a person sees what takes time
     return found
 
 
 def _streamed(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
-    from treadline.cli.progress import Share
+    from treadline.cli._output import Share
     from treadline.identification import identify_chunks
     from treadline.io.records import read_chunks
 
@@ -271,7 +270,7 @@ def _share_kept(asked: IdentifyOptions) -> str:
 
 
 def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
-    from treadline.cli.progress import Status
+    from treadline.cli._output import Status
     from treadline.identification.stabilisation import stabilisation_of_svd
     from treadline.report.identification_page import write_identification_page
 

@@ -3,8 +3,9 @@
 from pathlib import Path
 from typing import Any
 
-from treadline.cli.answer import Answer
-from treadline.cli.out import Force, claim
+from treadline.cli._arguments import Force, claim
+from treadline.cli._output import Answer
+from treadline.cli.compile import report_compiling
 
 OUT = Path("camera.toml")
 
@@ -33,8 +34,7 @@ def mount(
         topics: Topics by role, where their types are ambiguous: depth=/a,color=/b,info=/c,imu=/d,accel=/e.
         out: Calibration file to write. Default: camera.toml.
     """
-    from treadline.cli.compiling import report_compiling
-    from treadline.cli.progress import Share
+    from treadline.cli._output import Share
     from treadline.experiments.mount_calibration import MountStudy
     from treadline.io.topics import parse_topics
     from treadline.scenario.camera_file import read_camera

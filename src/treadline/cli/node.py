@@ -1,15 +1,17 @@
-"""``treadline node``: one node of the graph in a process of its own."""
+"""``treadline node``: one node of the graph in a process of its own; ``treadline record``: the recorder, or a log converted."""
 
 import os
 import signal
 import time
 from pathlib import Path
-from threading import Event, Thread
-from typing import TYPE_CHECKING, Literal
+from threading import Event, Thread, Timer
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from treadline.cli.answer import Answer
-from treadline.cli.numbers import check_times
-from treadline.cli.out import Force, claim, make_way
+from cyclopts import Parameter
+
+from treadline.cli._arguments import Force, check_times, claim, make_way
+from treadline.cli._output import Answer
+from treadline.core.errors import SettingsError
 
 if TYPE_CHECKING:
     from treadline.mission.mission_config import MissionConfig
@@ -64,7 +66,6 @@ def node(
         stick: Let the guard take /cmd_vel (geometry_msgs/Twist) instead of the driver's commands.
         out: Run folder, or .mcap, .bag or .db3 file, that the recorder writes.
     """
-    from treadline.core.errors import SettingsError
     from treadline.ros.assembly import node_of
     from treadline.ros.node_process import NodeRunner, run_plant
     from treadline.ros.plant_node import PlantNode
@@ -102,6 +103,103 @@ def node(
     left_out = made.left_out if isinstance(made, RecorderNode) else None
     summary = [f"{name}: done" + (f", lost {lost}" if lost else ""), *([] if left_out is None else [left_out])]
     return Answer(values={"node": name, "lost": lost}, summary=summary)
+
+
+def record(
+    log: Path | None = None,
+    /,
+    *,
+    out: Path,
+    transport: WireName = "zenoh",
+    duration: float | None = None,
+    scenario: str = "default",
+    images: Annotated[bool, Parameter(negative="--no-images")] = True,
+    endpoint: str = "tcp/127.0.0.1:7447",
+    domain: int = 0,
+    force: Force = False,
+) -> Answer:
+    """Record the messages of the node graph, or convert a log into another bag format.
+
+    treadline record --transport ros1 --duration 60 --out drive.bag
+    treadline record runs/first --out first.bag
+
+    Args:
+        log: Run folder or bag to convert. Default: record live messages until Ctrl-C.
+        out: Run folder (record.csv and log.mcap), or a file: .mcap, .bag (ROS 1) or .db3 (ROS 2).
+        transport: Transport of the nodes; nodes in one process are recorded by treadline nodes --out.
+        duration: Duration of the recording in seconds. Default: until Ctrl-C.
+        scenario: Settings that the graph shares; they hold the camera's mount.
+        images: Keep images.
+        endpoint: Address at which the nodes of zenoh connect.
+        domain: ROS_DOMAIN_ID of ROS 2.
+    """
+    check_times(duration=duration)
+    claim(out, force=force, kind="either")
+    if log is not None:
+        return _copied(log, out, force=force)
+    from treadline.run.resolve import resolve
+
+    make_way(out, force=force)
+    config = resolve(scenario).mission
+    wire = wired(transport, "recorder", config, endpoint=endpoint, domain=domain)
+    wire.spare = RECORDER_SPARE
+    try:
+        count, left_out = _listened(wire, out, duration, images=images)
+    finally:
+        wire.close()
+    lost = dict(wire.inbox.lost)
+    lines = [f"{out}: {count} signals" + (f"; lost {lost}" if lost else ""), *([] if left_out is None else [left_out])]
+    return Answer(values={"out": str(out), "signals": count, "lost": lost}, summary=lines, code=0 if count else 1)
+
+
+def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, images: bool) -> tuple[int, str | None]:
+    from treadline.core import paper
+    from treadline.ros.node_process import NodeRunner
+    from treadline.ros.recorder import RecorderNode
+
+    node = RecorderNode(out, 1.0 / paper.CONTROL_RATE_HZ, frames=images)
+    stop = stopping()
+    timer = Timer(duration_s, stop.set) if duration_s is not None else None
+    try:
+        runner = NodeRunner(node, wire, patience_s=float("inf"))
+        if timer is not None:
+            timer.start()
+        runner.run(stop)
+    finally:
+        if timer is not None:
+            timer.cancel()
+        node.close()
+    return node.count, node.left_out
+
+
+def _copied(log: Path, out: Path, *, force: bool) -> Answer:
+    """Convert a log, signal by signal in order of time."""
+    from treadline.io.sensor_log import SensorLog
+    from treadline.ros.bag_writer import open_bag
+
+    source = log / "log.mcap" if (log / "log.mcap").is_file() else log
+    recording = SensorLog(source)
+    if out.resolve() == source.resolve():
+        raise SettingsError(f"--out {out}: is the log itself; give another")
+    make_way(out, force=force)
+    bag = open_bag(out)
+    aside: list[Any] = []
+    count = 0
+    try:
+        for taken_s, signal in recording.arrivals(aside.append):
+            for kept in aside:
+                bag(kept)
+            bag(signal, taken_s)
+            count += 1 + len(aside)
+            aside.clear()
+        for kept in aside:
+            bag(kept)
+    finally:
+        bag.close()
+    count += len(aside)
+    dropped = dict(recording.dropped)
+    lines = [f"{out}: {count} signals from {source}", *(f"  dropped {number}: {reason}" for reason, number in dropped.items())]
+    return Answer(values={"out": str(out), "signals": count, "dropped": dropped}, summary=lines)
 
 
 def wired(

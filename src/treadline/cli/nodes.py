@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
-from treadline.cli.answer import Answer
+from treadline.cli._arguments import Force, check_times, claim, make_way
+from treadline.cli._output import Answer
+from treadline.cli.compile import compile_once
 from treadline.cli.node import STARTED_BY, PlantName, TransportName, stopping, wired
-from treadline.cli.numbers import check_times
-from treadline.cli.out import Force, claim, make_way
 from treadline.core.errors import SettingsError
 
 GONE_S = 4.0
@@ -54,7 +54,6 @@ def nodes(
         without: Leave out the plant node; the drivers of a real chair take its place.
         out: Run folder, or .mcap, .bag or .db3 file, to record to. Default: no recording.
     """
-    from treadline.cli.compiling import compile_once
     from treadline.run.resolve import resolve
     from treadline.scenario.operator_actions import rearms_until_s
 
@@ -209,7 +208,7 @@ class _Watch:
 
 
 def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, out: Path | None, rearms_until: float) -> Answer:
-    from treadline.cli.progress import SimulatedTime
+    from treadline.cli._output import SimulatedTime
     from treadline.mission.mission_blocks import build_blocks, guard_config
     from treadline.ros.assembly import driving_nodes, mount_of
     from treadline.ros.lockstep import LockStep
@@ -225,10 +224,10 @@ def _in_one_process(config: Any, plant_of: Callable[[], Any], seconds: float, ou
     stop = stopping()
     t_s = 0.0
     try:
-        with SimulatedTime("nodes", seconds) as progress:
+        with SimulatedTime("nodes") as progress:
             while t_s < seconds and not watch.over and not stop.is_set():
                 t_s = graph.tick()
-                progress.at(t_s)
+                progress.at(t_s, seconds)
     finally:
         plant.close()
         if recorder is not None:

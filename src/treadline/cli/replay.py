@@ -1,15 +1,14 @@
 """``treadline replay``: recorded sensor data processed again by perception, fusion, controller and guard."""
 
-import math
-from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from treadline.cli.answer import Answer
-from treadline.cli.out import Force, claim
+from treadline.cli._arguments import Force, claim
+from treadline.cli._output import Answer, SimulatedTime
+from treadline.cli.compile import report_compiling
+from treadline.core.errors import SettingsError
 
 
 def replay(
@@ -48,21 +47,18 @@ def replay(
         keys: List the keys of --set with defaults and meanings (of the log's run if a log is given) and exit.
         log_images: Keep the frames in the new log.
     """
-    from treadline.cli.compiling import report_compiling
-    from treadline.core.errors import SettingsError
-    from treadline.io.topics import parse_topics
-
     report_compiling()
     if keys:
         return _keys(log)
     if log is None or out is None:
         raise SettingsError("replay needs a log and --out RUN; treadline replay --keys lists what --set may change")
     from treadline.experiments.replay import camera_items, replayed_run
+    from treadline.io.topics import parse_topics
     from treadline.scenario.camera_file import read_camera
 
     claim(out, force=force)
     settings = () if camera is None else camera_items(read_camera(camera))
-    with _Played() as progress:
+    with SimulatedTime("replay") as progress:
         run = replayed_run(
             out,
             log,
@@ -72,8 +68,7 @@ def replay(
             detector=detector,
             estimator=estimator,
             log_images=log_images,
-            begun=progress.begin,
-            watch=lambda tick: progress.at(tick.t_s),
+            on_progress=progress.at,
         )
     values = run.summary()
     return Answer(values=values | {"run": str(out)}, summary=_lines(values, out), code=0 if run.verdict == "time_up" else 1)
@@ -93,33 +88,6 @@ def _keys(log: Path | None) -> Answer:
         },
         summary=[f"{key} = {default}" + (f"  # {meaning}" if meaning else "") for key, (default, meaning) in table.items()],
     )
-
-
-class _Played:
-    """Progress of a replay: a line every ten seconds of the recording, or every twentieth of a long one."""
-
-    STEP_S, MOST = 10.0, 20
-
-    def __init__(self) -> None:
-        self._shown = ExitStack()
-        self._step_s = self._next_s = math.inf
-
-    def __enter__(self) -> "_Played":
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._shown.close()
-
-    def begin(self, duration_s: float) -> None:
-        from treadline.cli.progress import Progress
-
-        self._step_s = self._next_s = max(self.STEP_S, duration_s / self.MOST)
-        self._progress = self._shown.enter_context(Progress("replay", max(1, int(duration_s / self._step_s))))
-
-    def at(self, t_s: float) -> None:
-        if t_s >= self._next_s:
-            self._progress.done(f"{t_s:.0f} s played")
-            self._next_s += self._step_s
 
 
 def _lines(values: dict[str, Any], out: Path) -> list[str]:

@@ -1,10 +1,10 @@
-"""``treadline reproduce``: every figure and table of the paper."""
+"""``treadline reproduce``: every figure and table of the paper; ``treadline report``: the page of a run or of all runs."""
 
 from pathlib import Path
 
-from treadline.cli.answer import Answer
-from treadline.cli.numbers import choice
-from treadline.cli.out import Force, claim
+from treadline.cli._arguments import Force, choice, claim
+from treadline.cli._output import Answer
+from treadline.cli.compile import compile_once
 
 
 def reproduce(
@@ -31,8 +31,7 @@ def reproduce(
     """
     from dataclasses import replace
 
-    from treadline.cli.compiling import compile_once
-    from treadline.cli.progress import Progress
+    from treadline.cli._output import Progress
     from treadline.core.errors import SettingsError
     from treadline.core.processes import default_workers
     from treadline.experiments.plan import QUICK, WHOLE
@@ -64,3 +63,15 @@ def reproduce(
         values=results,
         summary=[f"done in {results['wall_s']:.0f} s; results: {out / 'results.json'}", f"report: {path}"],
     )
+
+
+def report(run: Path, /) -> Answer:
+    """Draw the report of a run folder, or of a whole reproduce folder, from its files alone.
+
+    Args:
+        run: A folder that climb, or reproduce, wrote.
+    """
+    from treadline.report import write_report
+
+    path = write_report(run)
+    return Answer(values={"path": str(path)}, summary=[f"report: {path}"])

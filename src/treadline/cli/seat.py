@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from treadline.cli.answer import Answer
-from treadline.cli.out import Force, claim
+from treadline.cli._arguments import Force, claim
+from treadline.cli._output import Answer
+from treadline.cli.compile import report_compiling
 
 
 def seat(scenario: str, /, *, out: Path, seed: int = 0, force: Force = False) -> Answer:
@@ -16,7 +17,6 @@ def seat(scenario: str, /, *, out: Path, seed: int = 0, force: Force = False) ->
         out: Run folder: log.mcap, series.csv, result.json, manifest.json.
         seed: Random seed. The same seed gives byte-identical results.
     """
-    from treadline.cli.compiling import report_compiling
     from treadline.experiments.fig11 import level_seat
     from treadline.scenario.scenario import read_scenario
 

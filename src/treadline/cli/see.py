@@ -1,19 +1,27 @@
 """``treadline see``: heading and stair geometry in recorded frames, point clouds, logs and live cameras."""
 
-from collections.abc import Iterator
-from contextlib import ExitStack
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from treadline.cli.answer import Answer
-from treadline.cli.numbers import List, choice
-from treadline.cli.out import Force, claim
+from treadline.cli._arguments import Force, List, check_times, choice, claim
+from treadline.cli._output import Answer
+from treadline.cli.compile import report_compiling
+from treadline.core.errors import SettingsError
 
 if TYPE_CHECKING:
     from treadline.core.images import FrameSource, PinholeCamera
 
 MANY = 20
 """Number of frames above which progress is shown."""
+LINE_S = 1.0
+"""Interval of the lines of a live camera where stderr is no terminal [s]."""
+PICTURE_S = 0.5
+"""Shortest interval between two pictures of a live camera [s]: drawing one takes longer than detecting the stair."""
 
 
 def see(
@@ -69,8 +77,6 @@ def see(
         out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and heading of
             the robust method (NAME-seen.png); of --live, the newest picture (live-seen.png).
     """
-    from treadline.cli.compiling import report_compiling
-    from treadline.core.errors import SettingsError
     from treadline.io.frames.options import AXES
     from treadline.perception.paper.edges import ThresholdRule
 
@@ -92,8 +98,6 @@ def see(
             raise SettingsError(
                 f"{alone[0]} is of recorded frames; --live takes --camera, --gravity, --seconds, --headings and --out"
             )
-        from treadline.cli.see_live import see_live
-
         return see_live(live, camera=camera, gravity=gravity, seconds=seconds, headings=headings, out=out)
     if seconds is not None:
         raise SettingsError("--seconds is of --live")
@@ -171,7 +175,7 @@ def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None
 
 def _with_progress(seen: Iterator[dict[str, Any]], count: int | None) -> Iterator[dict[str, Any]]:
     """Yield the results; of many frames, show the progress."""
-    from treadline.cli.progress import Progress
+    from treadline.cli._output import Progress
 
     if count is None or count < MANY:
         yield from seen
@@ -210,3 +214,117 @@ def _warnings(seen: list[dict[str, Any]]) -> list[str]:
     return [
         f"warning: {warning}" for warning in {item["warning"]: None for item in seen if item["accepted"]} if warning is not None
     ]
+
+
+def see_live(
+    name: str, *, camera: Path | None, gravity: str | None, seconds: float | None, headings: Path | None, out: Path | None
+) -> Answer:
+    """Detect the stair in the frames of a live camera.
+
+    Raises:
+        CameraError: If the camera is missing, busy, or stops.
+        ImageError: If its images do not fit its intrinsics.
+    """
+    from treadline.core.images import gravity_of
+    from treadline.core.processes import Terminated, deferred
+    from treadline.io.frames.results import HeadingTable, Summary
+    from treadline.io.live.depth_camera import camera_by_name
+    from treadline.io.live.stream import LiveFrames
+    from treadline.perception.frame_evaluation import FrameEvaluator, write_seen
+    from treadline.scenario.camera_file import read_camera
+
+    check_times(seconds=seconds)
+    calibration = None if camera is None else read_camera(camera)
+    device = camera_by_name(name)
+    line = StatusLine()
+    frames = LiveFrames(
+        device, calibration=calibration, gravity_C=gravity_of(gravity), colour=out is not None, on_warning=line.warn
+    )
+    evaluator, summary, last = FrameEvaluator("robust", warm_up=False), Summary(), dict[str, Any]()
+    drawn_s, picture = -PICTURE_S, None if out is None else out / "live-seen.png"
+    with ExitStack() as stack:
+        stack.enter_context(stdout_on_stderr())
+        stack.callback(line.end)
+        table = None if headings is None else stack.enter_context(HeadingTable(headings))
+        try:
+            for named in frames:
+                with deferred():  # an interrupt inside compiled code would be wrapped in another exception
+                    sight, last = evaluator.evaluate(named)
+                    summary.add(last)
+                    if table is not None:
+                        table.write(last)
+                    if picture is not None and time.monotonic() - drawn_s >= PICTURE_S:
+                        write_seen(named, sight, picture)
+                        drawn_s = time.monotonic()
+                line.show(live_line(last, frames.rate.rate_hz))
+                if seconds is not None and last["t_s"] >= seconds:
+                    break
+        except Terminated:
+            raise
+        except KeyboardInterrupt:
+            pass  # Ctrl-C is how a person ends a live view
+    notes = [f"warning: {warning}" for warning in frames.warnings]
+    if last.get("warning") is not None:
+        notes.append(f"warning: {last['warning']}")
+    pictures = [] if picture is None else [f"newest picture: {picture}"]
+    return Answer(
+        values={"camera": device.name, "summary": summary.values, "last": last or None, "warnings": frames.warnings},
+        summary=[f"{device.name}: {summary.lines[0]}", *summary.lines[1:], *pictures, *notes],
+    )
+
+
+def live_line(values: dict[str, Any], rate_hz: float | None) -> str:
+    """Return the newest result on one line: heading, interval, rise, run or the rejection reason, and the frame rate."""
+    rate = "" if rate_hz is None else f" | {rate_hz:.0f} frames/s"
+    if not values["accepted"]:
+        return f"no heading: {values['reason']}{rate}"
+    stair = values["stair"]
+    size = "" if stair is None else f", rise {1e3 * stair['rise_m']:.0f} mm, run {1e3 * stair['run_m']:.0f} mm"
+    return f"heading {values['heading_deg']:+.2f}° ± {1.96 * values['sigma_deg']:.2f}°{size}{rate}"
+
+
+@contextmanager
+def stdout_on_stderr() -> Iterator[None]:
+    """Send what the vendors' libraries write to stdout to stderr: stdout is for the answer alone."""
+    try:
+        kept = os.dup(1)
+    except OSError:  # stdout is closed
+        yield
+        return
+    try:
+        os.dup2(2, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+
+
+class StatusLine:
+    """Line on stderr that is overwritten on a terminal, and repeated once a second elsewhere."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._shown_s = -LINE_S
+        self._open = False
+
+    def show(self, text: str) -> None:
+        """Replace the line."""
+        if sys.stderr.isatty():
+            sys.stderr.write(f"\r\x1b[K{text}")
+            self._open = True
+        elif self._clock() - self._shown_s >= LINE_S:
+            self._shown_s = self._clock()
+            sys.stderr.write(f"{text}\n")
+        sys.stderr.flush()
+
+    def warn(self, text: str) -> None:
+        """Write a warning on a line of its own."""
+        self.end()
+        sys.stderr.write(f"warning: {text}\n")
+        sys.stderr.flush()
+
+    def end(self) -> None:
+        """Leave the line as it is and begin a new one."""
+        if self._open:
+            sys.stderr.write("\n")
+            self._open = False

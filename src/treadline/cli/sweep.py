@@ -1,19 +1,17 @@
 """``treadline sweep``: many traversals, sampled from the distributions in a file."""
 
 import sys
-import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from treadline.cli.answer import Answer
-from treadline.cli.numbers import choice
-from treadline.cli.out import Force, claim
-from treadline.cli.progress import Progress
+from treadline.cli._arguments import Force, choice, claim
+from treadline.cli._output import Answer, Progress
+from treadline.cli.compile import compile_once
 
 if TYPE_CHECKING:
-    from treadline.scenario.scenario import Scenario
+    from treadline.scenario import Scenario
 
 
 def sweep(
@@ -62,7 +60,6 @@ def sweep(
     from treadline.campaign.spec import read_spec
     from treadline.campaign.summary import FAILED, lines
     from treadline.campaign.sweep import SweepPlan, run_sweep
-    from treadline.cli.compiling import compile_once
     from treadline.core.errors import SettingsError
     from treadline.core.processes import default_workers
     from treadline.io.runs import remove
@@ -91,8 +88,12 @@ def sweep(
     if plan.total < runs:
         sys.stderr.write(f"treadline: {plan.total} runs of {runs}: a search runs whole generations\n")
     try:
-        with _Left() as progress:
-            summary = run_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=progress.done)
+        with Progress("sweep") as progress:
+
+            def done(row: Mapping[str, Any], left: int) -> None:
+                progress.done(f"run {row['index']:04d} {row['verdict']}, {_spoken(left * progress.part_s)} left")
+
+            summary = run_sweep(plan, out, runners, resume=resume, begin=progress.begin, done=done)
     except KeyboardInterrupt as stopped:
         stopped.add_note("the same command with --resume continues it")
         raise
@@ -122,7 +123,7 @@ def scores() -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunScenario:
-    """Function from a scenario and a seed to the summary of one run: what a campaign's processes call.
+    """Function from a scenario and a seed to the summary of one run, for the processes of a campaign.
 
     Plug-ins are named by text, so that each process loads them itself.
     """
@@ -143,35 +144,6 @@ class RunScenario:
         builder = RecordingBuilder(setup.mission.chair, setup.scenario, seed=seed)
         summary = run_episode(setup, sink=builder, after_hold_s=watched_s).summary()
         return summary | {VIEW: view_of(builder.build())}
-
-
-class _Left:
-    """Progress by runs, with the remaining time estimated from the mean time per run."""
-
-    def __init__(self) -> None:
-        self._progress: Progress | None = None
-        self._started, self._finished = 0.0, 0
-
-    def __enter__(self) -> "_Left":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._progress is not None:
-            self._progress.__exit__(None, None, None)
-
-    def begin(self, left: int) -> None:
-        """Start the clock; of a resumed sweep only the remaining runs count."""
-        self._started = time.monotonic()
-        if left:
-            self._progress = Progress("sweep", left)
-            self._progress.__enter__()
-
-    def done(self, row: Mapping[str, Any], left: int) -> None:
-        """Count one run."""
-        self._finished += 1
-        left_s = (time.monotonic() - self._started) / self._finished * left
-        if self._progress is not None:
-            self._progress.done(f"run {row['index']:04d} {row['verdict']}, {_spoken(left_s)} left")
 
 
 def _short(value: object) -> str:

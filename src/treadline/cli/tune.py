@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import get_args
 
-from treadline.cli.answer import Answer
-from treadline.cli.numbers import List, choice, numbers
-from treadline.cli.out import Force, claim
+from treadline import api
+from treadline.cli._arguments import Force, List, choice, claim, numbers
+from treadline.cli._output import Answer
+from treadline.core.errors import SettingsError
 
 
 def tune(
@@ -35,10 +36,8 @@ def tune(
         out: Controller file to write. Default: controller.json.
     """
     from treadline.control import closed_loop_poles
-    from treadline.control import tune as design
     from treadline.control.design_warning import design_warning
-    from treadline.core.errors import SettingsError
-    from treadline.core.models import LinearModel, Reconstruct
+    from treadline.core.models import Reconstruct
     from treadline.scenario.chair import read_chair
 
     chosen = choice("--reconstruct", reconstruct, get_args(Reconstruct))
@@ -47,12 +46,12 @@ def tune(
     if out.resolve() == model.resolve():
         raise SettingsError(f"--out {out}: is the model itself; a controller would be written over it: give another")
     claim(out, force=force, kind="file")
-    loaded = LinearModel.load(model)
+    loaded = api.load_model(model)
     try:
         chair = read_chair(vehicle).name
     except SettingsError as error:
         raise SettingsError(f"--vehicle: {error}") from None
-    controller = design(
+    controller = api.tune(
         loaded,
         state_weight=numbers("--state-weight", state_weight),
         output_weight=numbers("--output-weight", output_weight),

@@ -6,8 +6,9 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
-from treadline.cli.answer import Answer
-from treadline.cli.out import Force
+from treadline.cli._arguments import Force
+from treadline.cli._output import Answer
+from treadline.cli.compile import report_compiling
 
 PORT = 8350
 """Default port: free of the ports that ROS, Foxglove and viser use themselves."""
@@ -53,7 +54,6 @@ def view(
     """
     if export is not None:
         return _exported(target, export, force=force)
-    from treadline.cli.compiling import report_compiling
     from treadline.core.errors import SettingsError
     from treadline.view.opening import is_recorded, open_live, open_recorded
     from treadline.view.server import GuardedServer, import_viser

@@ -14,8 +14,8 @@ from types import ModuleType
 PLACES = {
     "angles": "core.angles",
     "camera_file": "scenario.camera_file",
-    "chair_files": "scenario.chair_files",
-    "controller_files": "scenario.controller_files",
+    "chair_files": "scenario.shipped_files",
+    "controller_files": "scenario.shipped_files",
     "errors": "core.errors",
     "models": "core.models",
     "ports": "core.ports",

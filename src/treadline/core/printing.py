@@ -1,9 +1,31 @@
-"""Printed form of results: p-values, and a short table for a terminal or a notebook."""
+"""Printed form of results: units, p-values, JSON values, and a short table for a terminal or a notebook."""
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from html import escape
+from typing import Any
 
+UNITS = {
+    "m_s2": "m/s²",
+    "rad_s2": "rad/s²",
+    "deg_s2": "°/s²",
+    "m_s": "m/s",
+    "rad_s": "rad/s",
+    "deg_s": "°/s",
+    "rad": "rad",
+    "deg": "°",
+    "mm": "mm",
+    "cm": "cm",
+    "n_m": "N m",
+    "m": "m",
+    "s": "s",
+    "hz": "Hz",
+    "kg": "kg",
+    "px": "px",
+    "percent": "%",
+}
+"""Unit by name suffix, longer suffixes first. Single letters other than m and s are excluded: many ordinary words end in them."""
 P_VALUE_LEAST = 1e-3
 """p-value below which only this bound is printed: the tests are asymptotic, and their far tails carry no information."""
 
@@ -38,3 +60,21 @@ def p_text(value: float | None) -> str:
     if value is None:
         return "–"
     return f"p < {P_VALUE_LEAST:g}" if value < P_VALUE_LEAST else f"p = {value:.2g}"
+
+
+def unit_ending(name: str) -> str | None:
+    """Return the unit suffix of a name, or None."""
+    return next((end for end in UNITS if name.lower().endswith("_" + end) and len(name) > len(end) + 1), None)
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON types: arrays as lists, non-finite numbers as null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

@@ -1,14 +1,19 @@
-"""Worker processes: their default number, and their termination together with the parent process."""
+"""Processes: Ctrl-C and requests to end as exceptions, number of workers, termination together with the parent process.
 
-import ctypes
+An interrupt (SIGINT, SIGTERM) is never raised in the middle of a file record.
+"""
+
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable
-from multiprocessing import parent_process
-from typing import Any
+from contextlib import AbstractContextManager, nullcontext
+from types import FrameType, TracebackType
 
+BURST_S = 0.2
+"""Shortest interval between two interrupts [s]: further signals within it belong to the same key press or burst."""
 PR_SET_PDEATHSIG = 1
 """Option number of Linux ``prctl``: signal to the child at the death of its parent."""
 
@@ -27,12 +32,86 @@ def killed_with_starter() -> Callable[[], None] | None:
     """Return a ``preexec_fn`` for a new process: SIGKILL at the end of the thread that started it; Linux only."""
     if not sys.platform.startswith("linux"):
         return None
+    import ctypes
+
     prctl = ctypes.CDLL(None).prctl
     return lambda: prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def _wait_and_end() -> None:
-    parent: Any = parent_process()
+    from multiprocessing import parent_process
+
+    parent = parent_process()
     if parent is not None:
         parent.join()
         os._exit(1)
+
+
+class Terminated(KeyboardInterrupt):
+    """Request to end (SIGTERM): handled as Ctrl-C, with an exit code of its own."""
+
+
+class _Deferral:
+    """State of ``deferred`` in the main thread: nesting depth, and an interrupt received in the block."""
+
+    depth = 0
+    pending: KeyboardInterrupt | None = None
+
+
+def interrupt(error: KeyboardInterrupt) -> None:
+    """Raise an interrupt in the main thread, now or at the end of the running ``deferred`` block."""
+    if _Deferral.depth:
+        _Deferral.pending = _Deferral.pending or error
+        return
+    raise error
+
+
+class _Block:
+    """Block of the main thread in which interrupts wait."""
+
+    def __enter__(self) -> None:
+        _Deferral.depth += 1
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        _Deferral.depth -= 1
+        if not _Deferral.depth and (pending := _Deferral.pending) is not None:
+            _Deferral.pending = None
+            raise pending
+
+
+_BLOCK, _NO_BLOCK = _Block(), nullcontext()
+
+
+def deferred() -> AbstractContextManager[None]:
+    """Return a context that postpones interrupts to its end.
+
+    An exception between the two halves of a file record would leave a file that nobody can read. Blocks may nest. Signal handlers
+    run in the main thread only, so other threads need no protection.
+    """
+    return _BLOCK if threading.get_ident() == threading.main_thread().ident else _NO_BLOCK
+
+
+class Interrupts:
+    """SIGINT handler that raises one ``KeyboardInterrupt`` for a burst of Ctrl-C."""
+
+    def __init__(self) -> None:
+        self._last_s = -BURST_S
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Handle one signal."""
+        del number, frame
+        before_s, self._last_s = self._last_s, time.monotonic()
+        if self._last_s - before_s >= BURST_S:
+            interrupt(KeyboardInterrupt())
+
+
+def on_terminate(number: int, frame: FrameType | None) -> None:
+    """Handle SIGTERM: raise ``Terminated``."""
+    del number, frame
+    interrupt(Terminated())
+
+
+def install_interrupts() -> None:
+    """Install the SIGINT handler of this process, unless the signal is ignored (by the starting shell)."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, Interrupts())

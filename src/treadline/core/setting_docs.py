@@ -13,8 +13,8 @@ from typing import Any
 
 from pydantic_core import PydanticUndefined
 
+from treadline.core.printing import UNITS, unit_ending
 from treadline.core.settings import Place, Settings, allowed_at
-from treadline.core.units import UNITS, unit_ending
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

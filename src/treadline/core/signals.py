@@ -12,9 +12,10 @@ positive anticlockwise seen from above.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 from numbers import Real
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -308,3 +309,35 @@ class Event:
     publishers on the topic use other names."""
     cause: str
     """Observation behind the event, with its value."""
+
+
+T = TypeVar("T")
+RECENT_DEPTH = 50
+"""Remembered values by default: 0.5 s at 100 Hz, the longest mean camera latency that a scenario accepts."""
+
+
+class Recent(Generic[T]):
+    """Last values of a signal by time: the chair's state when a late frame was exposed.
+
+    Args:
+        depth: Number of values kept.
+    """
+
+    def __init__(self, depth: int = RECENT_DEPTH) -> None:
+        self._values: deque[tuple[float, T]] = deque(maxlen=depth)
+
+    def add(self, t_s: float, value: T) -> None:
+        """Append the value at ``t_s``."""
+        self._values.append((t_s, value))
+
+    def at(self, t_s: float) -> T | None:
+        """Return the value whose stamp is nearest to ``t_s``, the newest of several; None before the first value."""
+        if not self._values:
+            return None
+        return min(reversed(self._values), key=lambda item: abs(item[0] - t_s))[1]
+
+    def copy(self) -> "Recent[T]":
+        """Return an independent history with the same values."""
+        twin: Recent[T] = Recent()
+        twin._values = self._values.copy()
+        return twin

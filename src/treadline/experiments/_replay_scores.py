@@ -15,8 +15,16 @@ from jaxtyping import Float
 from treadline.core.angles import DEG, rms, wrap
 from treadline.core.images import RgbdFrame
 from treadline.core.ports import Truth
-from treadline.core.recent import Recent
-from treadline.core.signals import TICK_S, Event, HeadingEstimate, HeadingMeasurement, SeatCommand, SeatReading, TrackCommand
+from treadline.core.signals import (
+    TICK_S,
+    Event,
+    HeadingEstimate,
+    HeadingMeasurement,
+    Recent,
+    SeatCommand,
+    SeatReading,
+    TrackCommand,
+)
 from treadline.mission.loop import Signal, Tick
 from treadline.run.recorded_run import PLAIN_SERIES, SERIES
 from treadline.run.run_scores import STEADY_FROM_S, settling_time

@@ -31,8 +31,8 @@ from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import Cruise
 from treadline.perception import DetectorConfig
 from treadline.scenario.camera_file import CameraFile, Degrees, Pixels, Positive
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Control, DriveSettings
+from treadline.scenario.shipped_files import shipped_controller
 
 CONTROL_RATE_PERIOD_S = 0.25
 INTRINSICS = ("fx_px", "fy_px", "cx_px", "cy_px")

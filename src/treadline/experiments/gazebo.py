@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from treadline.core.models import ControllerDesign, write_whole
-from treadline.core.plain_values import plain
+from treadline.core.printing import plain
 from treadline.experiments import _closed_loop
 from treadline.experiments._fig08 import ExcitationRun, ExciteJob
 from treadline.experiments.job_pool import RunJob, run_jobs

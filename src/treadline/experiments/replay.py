@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.compile_time import compiling
+from treadline.core.compile_cache import compiling
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.images import RgbdFrame
 from treadline.core.models import ControllerDesign
@@ -31,7 +31,6 @@ from treadline.mission.mission_blocks import detector_of
 from treadline.mission.mission_config import Plugins
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.perception import StairDetector
-from treadline.run.episode import Watch
 from treadline.run.resolve import SHIPPED, resolved_controller, resolved_plugin
 from treadline.run.scene_log import SceneLog, WatchedDetector
 from treadline.scenario.scenario import Chair
@@ -64,8 +63,7 @@ def replayed_run(
     detector: str | None = None,
     estimator: str | None = None,
     log_images: bool = False,
-    watch: Watch | None = None,
-    begun: Callable[[float], None] | None = None,
+    on_progress: Callable[[float, float], None] | None = None,
 ) -> Replayed:
     """Replay a log and write its run folder.
 
@@ -75,7 +73,7 @@ def replayed_run(
         controller: Controller in place of the recorded run's: file, ``module:Class``, entry point name.
         detector: Stair detector plug-in.
         estimator: Heading estimator plug-in.
-        begun: Called with the length of the recording [s] before it is played.
+        on_progress: Receives the mission time and the length of the recording [s] at each tick.
 
     Raises:
         TreadlineError: Before anything is written, if the log is damaged or a setting cannot be.
@@ -111,8 +109,6 @@ def replayed_run(
     )
     if settings.mission.vision == "paper" and recording.topics.depth is not None and recording.topics.color is None:
         raise LogFormatError(f"{source.log}: the paper's vision needs colour images, and there are none: --set vision=robust")
-    if begun is not None:
-        begun(recording.duration_s)
     manifest = _manifest(source, settings, recording, (*source.changed, *changes))
     sources = plugins.sources()
     written = begin_run(out, manifest, source.seed, settings.mission.controller, **({"plugins": sources} if sources else {}))
@@ -122,7 +118,7 @@ def replayed_run(
         with RunLog(out / LOG, image_every=int(log_images), metadata=log_metadata(written, source.scenario, out)) as run_log:
             sink = SceneLog(run_log, settings.mission.chair, Chair(payload_kg=settings.mission.payload_kg))
             started = time.process_time() - compiling().spent_s
-            cause, rejected = _play(recording, settings, watched, scores, sink, watch)
+            cause, rejected = _play(recording, settings, watched, scores, sink, on_progress)
             cpu_s = time.process_time() - compiling().spent_s - started
     finally:
         if scores.ticks:
@@ -151,7 +147,12 @@ def replayed_run(
 
 
 def _play(
-    recording: SensorLog, settings: ReplaySettings, detector: "_Watched", scores: ReplayScores, sink: SceneLog, watch: Watch | None
+    recording: SensorLog,
+    settings: ReplaySettings,
+    detector: "_Watched",
+    scores: ReplayScores,
+    sink: SceneLog,
+    on_progress: Callable[[float, float], None] | None,
 ) -> tuple[str | None, int]:
     """Run the mission to the end of the recording; return the cause of a hold and the number of headings the fusion rejected."""
     now_s = 0.0
@@ -175,8 +176,8 @@ def _play(
         if truth is not None:
             sink(truth, tick.t_s)
         now_s = tick.t_s + TICK_S
-        if watch is not None:
-            watch(tick)
+        if on_progress is not None:
+            on_progress(tick.t_s, recording.duration_s)
     plant.close()
     return recording.ended or blocks.guard.holding, blocks.estimator.rejected_count
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from treadline.control.tune import tune
 from treadline.core.models import ControllerDesign, write_whole
-from treadline.core.plain_values import plain
+from treadline.core.printing import plain
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments import _closed_loop, _fig08, as_printed, dead_zone, fig05, fig11, lugs
 from treadline.experiments._fig08 import ExcitationRun, ExciteJob

@@ -2,8 +2,7 @@
 
 import math
 
-from treadline.core.recent import Recent
-from treadline.core.signals import TrackReading
+from treadline.core.signals import Recent, TrackReading
 
 GAP_S = 0.1
 """Longest interval between two readings over which a belt speed is integrated."""

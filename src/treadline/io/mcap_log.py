@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 
 from treadline.core.errors import TreadlineError
 from treadline.core.images import RgbdFrame
-from treadline.core.interrupts import deferred
+from treadline.core.processes import deferred
 from treadline.io.cdr import nanoseconds_of
 from treadline.io.mcap_read import LIBRARY
 from treadline.io.messages import DEFINITIONS, Message, messages_of

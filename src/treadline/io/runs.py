@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.models import ControllerDesign, write_whole
-from treadline.core.plain_values import plain
+from treadline.core.printing import plain
 
 LOG = "log.mcap"
 """File name of the MCAP log."""

@@ -5,8 +5,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import rotation_of
 from treadline.core.images import PinholeCamera, RgbdFrame
-from treadline.core.recent import Recent
-from treadline.core.signals import ImuSample
+from treadline.core.signals import ImuSample, Recent
 
 DOWN_W = np.array([0.0, 0.0, -1.0])
 

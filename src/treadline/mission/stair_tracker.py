@@ -12,8 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from treadline.core.recent import DEPTH, Recent
-from treadline.core.signals import ImuSample, StairMap, TrackReading
+from treadline.core.signals import RECENT_DEPTH, ImuSample, Recent, StairMap, TrackReading
 from treadline.mission._flight_shape import FlightShape
 from treadline.mission._nosing_filter import GATE, PITCHED_RAD, NosingDetection, NosingFilter
 
@@ -117,7 +116,7 @@ class StairTracker:
         self._filter, self._shape = NosingFilter(), FlightShape()
         self._odometry_x_m = self._odometry_y_m = self._odometry_z_m = 0.0
         """Position by belts, pitch and heading alone [m], y to the left; maps do not correct it, so that differences are travel."""
-        self._poses: Recent[_Pose] = Recent(2 * DEPTH)  # one entry per IMU sample and one per belt reading
+        self._poses: Recent[_Pose] = Recent(2 * RECENT_DEPTH)  # one entry per IMU sample and one per belt reading
         self._highest_m = -math.inf
         self._slip_m_s = 0.0
         self._sides: dict[Side, _Side] = {"left": _Side(), "right": _Side()}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from treadline.core.units import UNITS, unit_ending
+from treadline.core.printing import UNITS, unit_ending
 
 LONGEST = 26
 """Longest name that fits a panel [characters]."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.compile_time import compiling
+from treadline.core.compile_cache import compiling
 from treadline.core.errors import SimulationDiverged
 from treadline.core.models import ControllerDesign
 from treadline.core.ports import Truth, TruthPlant
@@ -112,6 +112,13 @@ def run_episode(
     finally:
         plant.close()
     return recorder.result(over, time.process_time() - compiling().spent_s - started)
+
+
+def rejected_run(setup: Setup) -> Traverse:
+    """Return the result of a rejected scenario, without a simulation."""
+    recorder, cause = _EpisodeRecorder(setup.scenario, setup.seed, None), "; ".join(setup.rejections)
+    recorder.log(Event(t_s=0.0, name="refused", cause=cause), 0.0)
+    return recorder.result(("refused", cause), 0.0)
 
 
 def _drive(

@@ -25,8 +25,8 @@ from treadline.mission.mission_config import (
 )
 from treadline.mission.plugins import checked_plugin, load_plugin
 from treadline.scenario.chair import ChairDescription, read_chair
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Scenario, read_scenario
+from treadline.scenario.shipped_files import shipped_controller
 from treadline.vehicle.verdict import CheckReport, check
 
 SEAT_SHIFT_M = 0.10

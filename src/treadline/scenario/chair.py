@@ -15,7 +15,7 @@ from treadline.core.images import PinholeCamera
 from treadline.core.settings import Settings, read_toml
 from treadline.core.signals import TICK_S
 from treadline.scenario.camera_file import CameraFile, read_camera
-from treadline.scenario.chair_files import chair_file
+from treadline.scenario.shipped_files import chair_file
 
 GRAVITY_M_S2 = 9.81
 """Acceleration of gravity [m/s²]."""

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from treadline.cli import main
-from treadline.cli.see_live import StatusLine
+from treadline.cli.see import StatusLine
 from treadline.core.errors import CameraError, ImageError, SettingsError
 from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame
 from treadline.io.live import depth_camera

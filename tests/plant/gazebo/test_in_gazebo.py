@@ -25,8 +25,8 @@ from treadline.plant.gazebo import GazeboPlant, find_environment, open_gazebo
 from treadline.plant.mujoco import open_plant
 from treadline.run.episode import traverse
 from treadline.scenario.chair import read_chair
-from treadline.scenario.controller_files import shipped_controller
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.scenario.shipped_files import shipped_controller
 
 pytestmark = pytest.mark.skipif(os.environ.get("TREADLINE_TEST_GAZEBO") != "1", reason="make test-gazebo runs these")
 

@@ -24,8 +24,7 @@ from treadline.plant.gazebo.world import world_sdf
 from treadline.plant.mujoco import open_plant as open_mujoco
 from treadline.plant.sensors.instruments import ChairState
 from treadline.scenario.chair import read_chair
-from treadline.scenario.realism import Realism
-from treadline.scenario.scenario import Control, Scenario, Sensors, Start
+from treadline.scenario.scenario import Control, Realism, Scenario, Sensors, Start
 from treadline.vehicle.staircase import build_staircase
 
 SCENARIO = Scenario(start=Start(place="flight", step=4, heading_deg=10.0), control=Control(vision="truth"))

@@ -30,8 +30,7 @@ from treadline.plant.faults import FaultyPlant, faulty
 from treadline.plant.faults.damage import PHYSICAL
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.scenario.faults import EXTENTS, Fault, FaultKind, Message, Process, is_killed, stamp_of
-from treadline.scenario.realism import Realism
-from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.scenario.scenario import Chair, Control, DriveSettings, Realism, Scenario, Sensors, Stair, Start
 
 GRAVITY_M_S2 = 9.81
 SLOPE_DEG = 28.0

@@ -15,8 +15,8 @@ from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.plant.mujoco.mjcf_scene import scene_xml
 from treadline.run.episode import traverse
 from treadline.scenario.chair import ChairDescription, read_chair
-from treadline.scenario.chair_files import CHAIRS
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Stair, Start
+from treadline.scenario.shipped_files import CHAIRS
 from treadline.vehicle.staircase import build_staircase
 from treadline.vehicle.static_stability import centre_of_mass
 

@@ -13,8 +13,7 @@ from treadline.plant import motor_kernels as motors
 from treadline.plant.mujoco import open_plant
 from treadline.plant.mujoco.mujoco_plant import MujocoPlant
 from treadline.scenario.chair import ChairDescription, read_chair
-from treadline.scenario.realism import Realism
-from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
+from treadline.scenario.scenario import Chair, Control, Realism, Scenario, Stair, Start
 from treadline.vehicle.loading import Loading
 
 CHAIR = read_chair("wheelchair")

@@ -11,7 +11,7 @@ from typing import IO, Any
 import numpy as np
 
 from treadline.core.errors import SettingsError
-from treadline.core.plain_values import plain
+from treadline.core.printing import plain
 
 COLUMNS = ("name", "t_s", "accepted", "heading_deg", "sigma_deg", "edges", "ms", "reason")
 """Columns of the table that are values of a frame."""

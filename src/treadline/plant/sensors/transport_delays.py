@@ -11,7 +11,7 @@ import numpy as np
 
 from treadline.core.ports import Reading
 from treadline.core.signals import TICK_S
-from treadline.scenario.realism import Realism
+from treadline.scenario.scenario import Realism
 
 
 class CameraLink:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 
-from treadline.core.interrupts import Interrupts, Terminated, deferred, on_terminate
+from treadline.core.processes import Interrupts, Terminated, deferred, on_terminate
 from treadline.core.signals import TrackCommand
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log

@@ -1,47 +1,28 @@
 """``treadline compile``: compile all kernels once, by short runs of the commands that use them."""
 
-import sys
 from contextlib import redirect_stderr
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from treadline.cli.answer import Answer
+from treadline.cli._output import Answer, Progress, say
 
 COMPILING_TEXT = (
-    "compiling for this machine, kept for later runs; this takes about half a minute (treadline compile does it once for all)\n"
+    "compiling for this machine, kept for later runs; this takes about half a minute (treadline compile does it once for all)"
 )
 
 SCENARIOS = {
-    "flight": """
-        [start]
-        place = "flight"
-        step = 4
-        heading_deg = 5
-        [drive]
-        duration_s = 6
-    """,
+    "flight": 'start = {place = "flight", step = 4, heading_deg = 5}\ndrive.duration_s = 6',
     "lugs": """
-        [start]
-        place = "flight"
-        step = 4
-        [drive]
-        duration_s = 1
-        [belts]
-        lug = "15/80"
-        [sensors]
-        camera = "statistical"
+        start = {place = "flight", step = 4}
+        drive.duration_s = 1
+        belts.lug = "15/80"
+        sensors.camera = "statistical"
     """,
     "down": """
-        [stair]
-        slope_deg = 28
-        steps = 8
-        landing_m = 3.0
-        [start]
-        place = "landing"
-        [drive]
-        direction = "down"
-        duration_s = 3
+        stair = {slope_deg = 28, steps = 8, landing_m = 3.0}
+        start.place = "landing"
+        drive = {direction = "down", duration_s = 3}
     """,
 }
 """Scenarios of the short runs, by name."""
@@ -85,7 +66,7 @@ def compile_once() -> float | None:
 
     A command that starts several processes calls this first, so that they do not compile the same kernels each.
     """
-    from treadline.cli.kernel_cache import locked, marker_path
+    from treadline.core.compile_cache import locked, marker_path
 
     marker = marker_path()
     if marker.exists():
@@ -100,8 +81,7 @@ def compile_once() -> float | None:
 
 def _run_jobs() -> float:
     from treadline.cli import app
-    from treadline.cli.progress import Progress
-    from treadline.core.compile_time import compiling
+    from treadline.core.compile_cache import compiling
 
     started_s = compiling().spent_s
     with TemporaryDirectory() as folder, Progress("compile", len(JOBS)) as progress:
@@ -116,11 +96,6 @@ def _run_jobs() -> float:
 
 def report_compiling() -> None:
     """Write one line to stderr if this command has to compile for long."""
-    from treadline.core.compile_time import compiling
+    from treadline.core.compile_cache import compiling
 
-    compiling().call_once_if_long(_write_compiling)
-
-
-def _write_compiling() -> None:
-    sys.stderr.write(COMPILING_TEXT)
-    sys.stderr.flush()
+    compiling().call_once_if_long(lambda: say(COMPILING_TEXT))

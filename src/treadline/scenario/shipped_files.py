@@ -1,14 +1,16 @@
-"""Path of a chair file: a shipped one by its name, or the user's own.
+"""Files of chairs and controllers: the shipped ones by name, or the user's own.
 
-``model -> path``, for scenarios, which name a chair, and for the code that reads it.
+A controller is shipped for each vehicle: one JSON file, made by ``examples/make_controller.py``.
 """
 
 from functools import cache
 from pathlib import Path
 
 from treadline.core.errors import SettingsError
+from treadline.core.models import ControllerDesign
 
-CHAIRS = Path(__file__).parents[1] / "data" / "chairs"
+DATA = Path(__file__).parents[1] / "data"
+CHAIRS, CONTROLLERS = DATA / "chairs", DATA / "controllers"
 
 
 def chair_file(model: str, *folders: Path) -> Path:
@@ -38,3 +40,15 @@ def chair_file(model: str, *folders: Path) -> Path:
 @cache
 def _shipped() -> dict[str, Path]:
     return {found.stem: found for found in CHAIRS.glob("*.toml")}
+
+
+def shipped_controller(vehicle: str) -> ControllerDesign:
+    """Return the controller that is shipped for a vehicle.
+
+    Raises:
+        SettingsError: If none is shipped.
+    """
+    path = CONTROLLERS / f"{vehicle}.json"
+    if not path.exists():
+        raise SettingsError(f"no controller is shipped for '{vehicle}'; identify and tune one, then give --controller")
+    return ControllerDesign.load(path)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 from numba.core import event
 
-from treadline.core import compile_time as module
-from treadline.core.compile_time import CompileTimer, compiling
+from treadline.core import compile_cache as module
+from treadline.core.compile_cache import CompileTimer, compiling
 
 SCENARIO = """
 [stair]
@@ -73,7 +73,7 @@ def test_a_first_climb_reports_compiling_and_excludes_it_from_the_real_time_fact
 
 COUNTED = """
 import sys
-from treadline.core.compile_time import compiling
+from treadline.core.compile_cache import compiling
 compiling()
 from treadline.cli import main
 code = main(sys.argv[1:])
