@@ -1,5 +1,7 @@
 """Time series of a recording for the plots of pages, as JSON values."""
 
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -7,10 +9,11 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.signals import TICK_S
-from treadline.playback import Recording
+from treadline.playback import Limits, Recording
 from treadline.report._html import packed
 from treadline.vehicle.comfort import COMFORT_TICKS, passenger_acceleration
 
+PANELS = Path(__file__).parents[1] / "data" / "player_panels.toml"
 MOST_SAMPLES = 40_000
 """Most samples of a page, 400 s at 100 Hz: 80 kB per curve. Longer runs are decimated."""
 
@@ -43,7 +46,7 @@ def passenger_m_s2(recording: Recording) -> Float[np.ndarray, " T"]:
 
 def plots_of(recording: Recording) -> dict[str, Any]:
     """Return time base, series, panels and phase bands; the recording has equal time steps (``uniform``)."""
-    t_s, limits = recording.t_s, recording.limits
+    t_s = recording.t_s
     step_s = float((t_s[-1] - t_s[0]) / max(len(t_s) - 1, 1)) or TICK_S
     series: dict[str, Float[np.ndarray, " T"]] = {
         "heading": recording.heading_rad / DEG,
@@ -61,76 +64,31 @@ def plots_of(recording: Recording) -> dict[str, Any]:
         "lateral": recording.place_S[:, 1],
     }
     known = {name for name, values in series.items() if np.isfinite(values).any()}
-
-    def curve(name: str, label: str, colour: str, **more: Any) -> dict[str, Any]:
-        return {"label": label, "colour": f"--{colour}", "series": name, **more}
-
-    def limit(
-        value: float | None, unit: str, scale: float = 1.0, *, both: bool = False, always: bool = False
-    ) -> list[dict[str, Any]]:
-        if value is None:
-            return []
-        sign = "±" if both else ""
-        found = [{"value": value / scale, "label": f"limit {sign}{value / scale:g} {unit}", "always": always}]
-        return found + ([{"value": -value / scale, "label": "", "always": always}] if both else [])
-
-    drawn: list[dict[str, Any]] = [
-        {
-            "title": "heading",
-            "unit": "°",
-            "curves": [
-                curve("heading", "true", "green"),
-                curve("estimate", "estimate ± 2 σ", "blue", sigma="interval"),
-            ],
-            "limits": limit(limits.heading_rad, "° over crest and edge", DEG, both=True),
-        },
-        {
-            "title": "pitch rate",
-            "unit": "°/s",
-            "curves": [curve("rate", "", "blue")],
-            "limits": limit(limits.pitch_rate_rad_s, "°/s", DEG, both=True),
-        },
-        {
-            "title": "belt speed",
-            "unit": "m/s",
-            "digits": 3,
-            "zero": True,
-            "curves": [
-                curve("left_command", "left asked", "grey", dash=[2, 3]),
-                curve("right_command", "right asked", "purple", dash=[2, 3]),
-                curve("left", "left", "blue"),
-                curve("right", "right", "red"),
-            ],
-            "limits": limit(limits.belt_m_s, "m/s", both=True),
-        },
-        {
-            "title": "seat and chassis pitch",
-            "unit": "°",
-            "curves": [curve("seat", "seat", "green"), curve("pitch", "chassis", "grey")],
-        },
-        {
-            "title": "tip-over margin",
-            "unit": "°",
-            "zero": True,
-            "curves": [curve("margin", "", "purple")],
-            "limits": limit(limits.margin_rad, "°", DEG, always=True),
-        },
-        {"title": "acceleration of the passenger, mean over 50 ms", "unit": "m/s²", "curves": [curve("passenger", "", "red")]},
-        {"title": "lateral position, left positive", "unit": "m", "digits": 3, "curves": [curve("lateral", "", "green")]},
-    ]
-    panels = [
-        {"limits": [], **panel, "curves": [item for item in panel["curves"] if item["series"] in known]}
-        for panel in drawn
-        if any(item["series"] in known for item in panel["curves"])
-    ]
-    for panel in panels:
-        for item in panel["curves"]:
-            if item.get("sigma") not in known:
-                item.pop("sigma", None)
-    used = {name for panel in panels for item in panel["curves"] for name in (item["series"], item.get("sigma")) if name}
+    panels = []
+    for entry in tomllib.loads(PANELS.read_text(encoding="utf-8"))["panel"]:
+        limited = _limits(recording.limits, **entry.pop("limit")) if "limit" in entry else []
+        curves = [curve for curve in entry["curves"] if curve["series"] in known]
+        for curve in curves:
+            if curve.get("sigma") not in known:
+                curve.pop("sigma", None)
+        if curves:
+            panels.append({"limits": limited, **entry, "curves": curves})
+    used = {name for panel in panels for curve in panel["curves"] for name in (curve["series"], curve.get("sigma")) if name}
     return {
         "time": {"start": float(t_s[0]), "step": step_s, "count": len(t_s)},
         "series": {name: packed(series[name]) for name in sorted(used)},
         "panels": panels,
         "bands": [{"start": span.start_s, "end": span.end_s, "name": span.name, "cause": span.cause} for span in recording.phases],
     }
+
+
+def _limits(
+    limits: Limits, name: str, unit: str, *, deg: bool = False, both: bool = False, always: bool = False
+) -> list[dict[str, Any]]:
+    """Return the lines of a limit; none where the run does not state it."""
+    value = getattr(limits, name)
+    if value is None:
+        return []
+    shown = value / DEG if deg else value
+    found = [{"value": shown, "label": f"limit {'±' if both else ''}{shown:g} {unit}", "always": always}]
+    return found + ([{"value": -shown, "label": "", "always": always}] if both else [])

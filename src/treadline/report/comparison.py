@@ -222,20 +222,25 @@ def _table_two(results: Results) -> Iterator[tuple[str, Values]]:
         yield "table2_roll_back_allowed", _allowed(results.table2_roll_back_allowed)
 
 
-def _average(cells: Sequence[Cell], start_deg: float) -> Values:
-    """Return the means of all slopes from one start; paper and target are those of the three slopes of Table II."""
-    slopes = _distinct([cell.slope_deg for cell in cells])
-    whole = set(slopes) == TABLE_SLOPES and abs(start_deg) == 30.0
-    printed = paper.TABLE_II_AVERAGE.get(int(start_deg)) if whole else None
+def _means(cells: Sequence[Cell]) -> Values:
+    """Return the means of some cells over their slopes."""
     return {
-        "start": start_deg,
-        "slopes": _listed(slopes),
+        "slopes": _listed(_distinct([cell.slope_deg for cell in cells])),
         "rms_heading_deg": float(np.mean([cell.rms_heading_deg for cell in cells])),
         "yaw": float(np.mean([cell.rms_yaw_deg for cell in cells])),
-        "printed": "–" if printed is None else f"{printed}°",
-        "rms_target": RMS_TARGETS.get(cells[0].friction[0]) if whole else None,
         "conditions": cells[0].conditions,
-        **({} if whole else {"part": ""}),
+    }
+
+
+def _average(cells: Sequence[Cell], start_deg: float) -> Values:
+    """Return the means from one start; paper and target are those of the three slopes of Table II."""
+    values = {"start": start_deg, **_means(cells)}
+    if {cell.slope_deg for cell in cells} != TABLE_SLOPES or abs(start_deg) != 30.0:
+        return {**values, "part": "", "printed": "–", "rms_target": None}
+    return {
+        **values,
+        "printed": f"{paper.TABLE_II_AVERAGE[int(start_deg)]}°",
+        "rms_target": RMS_TARGETS.get(cells[0].friction[0]),
     }
 
 
@@ -274,17 +279,13 @@ def _steady(cells: Sequence[Cell], tilt_deg: float) -> Iterator[tuple[str, Value
 
 
 def _allowed(cells: Sequence[Cell]) -> Values:
-    slopes = _distinct([cell.slope_deg for cell in cells])
-    whole = set(slopes) == TABLE_SLOPES
+    whole = {cell.slope_deg for cell in cells} == TABLE_SLOPES
     return {
         "part": "table2_roll_back_allowed/28",
-        "slopes": _listed(slopes),
-        "rms_heading_deg": float(np.mean([cell.rms_heading_deg for cell in cells])),
-        "yaw": float(np.mean([cell.rms_yaw_deg for cell in cells])),
+        **_means(cells),
         "back": max(cell.roll_back_m for cell in cells),
         "rms_target": 2.4 if whole else None,
         "printed": f"{np.mean(list(paper.TABLE_II_AVERAGE.values())):.2f}°" if whole else "–",
-        "conditions": cells[0].conditions,
     }
 
 
@@ -294,16 +295,12 @@ def _published_turns(cells: Sequence[Cell], slopes: Sequence[float]) -> Iterator
     for slope in slopes:
         here = sorted((cell for cell in cells if cell.slope_deg == slope), key=lambda cell: -cell.start_heading_deg)
         worst.append(_worst(here))
-        yield (
-            "table2, cells",
-            {
-                "slope": slope,
-                "starts": " / ".join(f"{cell.start_heading_deg:+g}°" for cell in here),
-                "printed": " / ".join("–" if cell.paper_deg is None else f"{cell.paper_deg:g}°" for cell in here),
-                "rms": " / ".join(f"{cell.rms_heading_deg:.2f}°" for cell in here),
-                "conditions": here[0].conditions,
-            },
-        )
+        sides = {
+            "starts": " / ".join(f"{cell.start_heading_deg:+g}°" for cell in here),
+            "printed": " / ".join("–" if cell.paper_deg is None else f"{cell.paper_deg:g}°" for cell in here),
+            "rms": " / ".join(f"{cell.rms_heading_deg:.2f}°" for cell in here),
+        }
+        yield "table2, cells", {"slope": slope, "conditions": here[0].conditions, **sides}
     settled = ("never" if turn["settle_s"] is None else f"{turn['settle_s']:.1f}" for turn in worst)
     back = " / ".join(f"{turn['roll_back_m']:.3f}" for turn in worst)
     at = " / ".join(f"{slope:g}°" for slope in slopes)

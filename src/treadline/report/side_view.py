@@ -127,7 +127,7 @@ def _stair(
         corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * box.half_m
         places = corners @ box.R_WK.T + box.centre_W
         lateral = (places - p_WB) @ sideways
-        outline = _hull(places @ across.T)
+        outline = _hull((places @ across.T).round(6))
         if box.kind == "wall" or lateral.min() > 0.3 or lateral.max() < -0.3:
             continue
         if outline[:, 0].max() < reach[0] or outline[:, 0].min() > reach[1]:
@@ -149,23 +149,11 @@ def _groups(parts: Sequence[MeshPart]) -> list[_Group]:
 
 
 def _hull(points: Float[np.ndarray, "n 2"]) -> Outline:
-    """Return the convex outline of points, anticlockwise (Andrew's monotone chain)."""
-    ordered = np.unique(points.round(6), axis=0).tolist()
-    if len(ordered) < 3:
-        return np.array(ordered)
+    """Return the convex outline of points, anticlockwise from the one farthest to the left."""
+    from scipy.spatial import ConvexHull  # a quarter of a second to import
 
-    def chain(along: list[list[float]]) -> list[list[float]]:
-        kept: list[list[float]] = []
-        for p in along:
-            while len(kept) > 1:
-                (x0, y0), (x1, y1) = kept[-2:]
-                if (x1 - x0) * (p[1] - y0) - (y1 - y0) * (p[0] - x0) > 0.0:
-                    break
-                kept.pop()
-            kept.append(p)
-        return kept[:-1]
-
-    return np.array(chain(ordered) + chain(ordered[::-1]))
+    around = points[ConvexHull(points).vertices]
+    return np.roll(around, -np.lexsort(around.T[::-1])[0], axis=0)
 
 
 def _use(name: str, turn: Float[np.ndarray, "2 3"], place: Float[np.ndarray, " 2"]) -> str:
