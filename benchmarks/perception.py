@@ -35,7 +35,7 @@ from scenes.scores import wilson
 from treadline.core.angles import DEG, rotation_of
 from treadline.core.signals import StairMap
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
-from treadline.io.frames.image_files import read_frame
+from treadline.io.frames import read_frame
 from treadline.io.frames.sources import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.plant.sensors.imu_noise import IMUS, Imu

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from treadline.cli import main
 from treadline.core.angles import DEG, rotation_z
 from treadline.core.images import RgbdFrame
-from treadline.io.frames.image_files import read_frame
+from treadline.io.frames import read_frame
 from treadline.perception import StairDetector
 from treadline.plant.sensors.camera import Camera
 from treadline.scenario.camera_file import read_camera

@@ -59,6 +59,21 @@ def bag(path: Path, *, stamps: dict[str, list[float]] | None = None, **channels:
     return path
 
 
+def one_topic(path: Path, kind: str, language: str, definition: str, messages: list[bytes], encoding: str = "cdr") -> Path:
+    """Write one topic, /y, with a message per second."""
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        key = writer.register_channel("/y", encoding, writer.register_schema(kind, language, definition.encode()))
+        for k, data in enumerate(messages):
+            writer.add_message(key, k * SECOND, data, 0)
+        writer.finish()
+    return path
+
+
+COUNTING = [cdr(float(k), None) for k in range(9)]
+
+
 def read(path: Path, **options: Any) -> InputOutputRecord:
     return read_record(path, ("/u.data",), ("/y.data",), **options)
 
@@ -175,15 +190,7 @@ def test_an_element_beyond_the_array_is_refused(written, record: InputOutputReco
 
 
 def test_degrees_in_a_bag_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "log.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        schema = writer.register_schema("test_msgs/msg/Heading", "ros2msg", b"float64 heading_rad")
-        key = writer.register_channel("/y", "cdr", schema)
-        for k in range(9):
-            writer.add_message(key, k * SECOND, cdr(20.0, None), 0)
-        writer.finish()
+    path = one_topic(tmp_path / "log.mcap", "test_msgs/msg/Heading", "ros2msg", "float64 heading_rad", [cdr(20.0, None)] * 9)
     with pytest.raises(RecordError, match="degrees"):
         read_record(path, (), ("/y.heading_rad",))
 
@@ -193,14 +200,7 @@ def test_degrees_in_a_bag_are_refused(tmp_path: Path) -> None:
     [("protobuf", "protobuf", "encoded in 'protobuf'"), ("json", "jsonschema", "'json'"), ("cdr", "", "not defined in the bag")],
 )
 def test_messages_of_another_encoding_are_named(tmp_path: Path, encoding: str, language: str, words: str) -> None:
-    path = tmp_path / "log.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        schema = writer.register_schema("test_msgs/msg/Unknown", language, b"")
-        key = writer.register_channel("/y", encoding, schema)
-        writer.add_message(key, 0, b"{}", 0)
-        writer.finish()
+    path = one_topic(tmp_path / "log.mcap", "test_msgs/msg/Unknown", language, "", [b"{}"], encoding)
     if not language:
         pytest.importorskip("rosbags", reason="rosbags is an extra")
     with pytest.raises(LogFormatError, match=words):
@@ -223,14 +223,7 @@ def test_idl_definitions_and_bags_without_any_are_read_by_rosbags(tmp_path: Path
         base.execute("DELETE FROM message_definitions")
     assert read_record(log.path, log.inputs, log.outputs).u.tobytes() == record.u.tobytes()
     idl = "module test_msgs { module msg { struct Y { double data; }; }; };"
-    path = tmp_path / "idl.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        key = writer.register_channel("/y", "cdr", writer.register_schema("test_msgs/msg/Y", "ros2idl", idl.encode()))
-        for k in range(9):
-            writer.add_message(key, k * SECOND, cdr(float(k), None), 0)
-        writer.finish()
+    path = one_topic(tmp_path / "idl.mcap", "test_msgs/msg/Y", "ros2idl", idl, COUNTING)
     assert read_record(path, (), ("/y.data",)).y[:, 0].tolist() == list(range(9))
 
 
@@ -252,15 +245,7 @@ def test_idl_definitions_and_bags_without_any_are_read_by_rosbags(tmp_path: Path
     ],
 )
 def test_a_malicious_definition_is_refused(tmp_path: Path, kind: str, language: str, definition: str) -> None:
-    path = tmp_path / "log.mcap"
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        schema = writer.register_schema(kind, language, definition.encode())
-        key = writer.register_channel("/y", "ros1" if language == "ros1msg" else "cdr", schema)
-        for k in range(9):
-            writer.add_message(key, k * SECOND, cdr(float(k), None), 0)
-        writer.finish()
+    path = one_topic(tmp_path / "log.mcap", kind, language, definition, COUNTING, "ros1" if language == "ros1msg" else "cdr")
     with pytest.raises(LogFormatError, match=r"log\.mcap") as caught:
         read_record(path, (), ("/y.data",))
     assert "\n" not in str(caught.value)

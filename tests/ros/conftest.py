@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from treadline.ros import channels as on
-from treadline.ros.node_signals import Clock
+from treadline.ros._node_signals import Clock
 from treadline.ros.wire import WireTransport
 
 SCENARIO = """

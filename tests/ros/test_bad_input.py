@@ -17,10 +17,10 @@ from treadline.mission.replay_plant import ReplayPlant
 from treadline.ros import channels as on
 from treadline.ros import node_process as process
 from treadline.ros import ros1
+from treadline.ros._codec import encoded
+from treadline.ros._node_signals import Clock
 from treadline.ros.block_nodes import SeatNode
-from treadline.ros.codec import encoded
 from treadline.ros.node_process import NodeRunner, run_plant
-from treadline.ros.node_signals import Clock
 from treadline.ros.plant_node import PlantNode
 from treadline.ros.wire import Inbox, WireTransport
 from treadline.scenario.chair import read_chair

@@ -8,9 +8,9 @@ import pytest
 
 from treadline.core.signals import SeatReading
 from treadline.ros import channels as on
-from treadline.ros.codec import encoded
+from treadline.ros._codec import encoded
+from treadline.ros._node_signals import Clock
 from treadline.ros.node_process import NodeRunner
-from treadline.ros.node_signals import Clock
 from treadline.ros.wire import WireTransport
 
 

@@ -27,8 +27,8 @@ from treadline.core.signals import (
 )
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
-from treadline.ros.codec import Decoder, encoded
-from treadline.ros.node_signals import Beat, Clock, GuardState, Mounts, VelocityCommand
+from treadline.ros._codec import Decoder, encoded
+from treadline.ros._node_signals import Beat, Clock, GuardState, Mounts, VelocityCommand
 
 T_S = 12.34
 CAMERA = PinholeCamera(

@@ -10,10 +10,10 @@ from treadline.guard import GuardConfig
 from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.plant.mujoco import open_plant
 from treadline.ros import channels as on
+from treadline.ros._node_signals import GuardState, VelocityCommand
 from treadline.ros.block_nodes import GuardNode
 from treadline.ros.inproc import InProcess
 from treadline.ros.lockstep import LockStep
-from treadline.ros.node_signals import GuardState, VelocityCommand
 from treadline.ros.plant_node import LOST_S, PlantNode
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario

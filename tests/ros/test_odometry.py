@@ -11,10 +11,10 @@ from treadline.core.signals import FlipperReading, ImuSample, SeatReading, Track
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.odometry import DeadReckoning, Odometry
 from treadline.ros import channels as on
+from treadline.ros._codec import encoded
+from treadline.ros._node_signals import Mounts
 from treadline.ros.assembly import mount_of, node_of
-from treadline.ros.codec import encoded
 from treadline.ros.inproc import InProcess
-from treadline.ros.node_signals import Mounts
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.linkage import SeatLinkage
 

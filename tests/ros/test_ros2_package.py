@@ -15,8 +15,8 @@ import pytest
 
 import treadline
 from treadline.ros import channels as on
-from treadline.ros.codec import Decoder
-from treadline.ros.node_signals import GuardState
+from treadline.ros._codec import Decoder
+from treadline.ros._node_signals import GuardState
 
 PACKAGE = Path(__file__).parents[2] / "ros" / "treadline_ros2"
 NAMES = ("guard", "camera", "heading", "seat", "driver", "plant")

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.io.mcap_read import mcap_messages
-from treadline.io.ros_types import decoder_of
+from treadline.io.message_files import decoder_of
 from treadline.io.runs import LOG
 from treadline.io.scene_messages import LINE_LIST
 from treadline.playback import Recording, read_recording

@@ -25,8 +25,8 @@ from treadline.core.errors import LogFormatError, NotFinite, RecordError
 from treadline.io import mcap_read
 from treadline.io._sampling_grid import held, rows_of
 from treadline.io._tables import Table, listed
-from treadline.io.message_files import READERS, damage, parts_of
-from treadline.io.ros_types import RecordedTopic, decoder_of
+from treadline.io.mcap_read import RecordedTopic
+from treadline.io.message_files import READERS, damage, decoder_of, parts_of
 
 _Series = tuple[Float64[np.ndarray, " n"], Float64[np.ndarray, " n"]]
 """Times since the first message of the log [ns], and values."""

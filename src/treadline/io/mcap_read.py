@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Any, cast
+from typing import IO, Any, NamedTuple, cast
 
 import lz4.frame
 import zstandard
@@ -24,7 +24,6 @@ from mcap.stream_reader import StreamReader
 
 from treadline.core.errors import LogFormatError
 from treadline.io.decode import LogDecoder
-from treadline.io.ros_types import Packet, RecordedTopic
 
 MAX_FILE_BYTES = 8 * 1024**3
 """Largest size of a run log [bytes]; other logs are read record by record without a limit."""
@@ -48,6 +47,23 @@ BROKEN = (
     MemoryError,
 )
 """Exceptions of the parsers for damaged files: lengths, opcodes, text, numbers out of range."""
+
+
+class RecordedTopic(NamedTuple):
+    """Topic as declared in its file."""
+
+    name: str
+    encoding: str
+    """Message encoding: cdr or ros1."""
+    kind: str
+    """Message type, for example sensor_msgs/msg/Imu."""
+    language: str
+    """Language of the definition: ros2msg, ros2idl, ros1msg, or empty."""
+    definition: str
+
+
+Packet = tuple[RecordedTopic, int, bytes]
+"""Topic, log time [ns], message."""
 
 
 def read_log(path: Path, wants: Callable[[str], bool] = lambda _: True) -> Iterator[Any]:

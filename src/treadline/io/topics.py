@@ -10,9 +10,8 @@ from pathlib import Path
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.io._tables import listed
 from treadline.io.decode import HEADINGS, IMU, OURS, CdrReader, Ros1Reader, calibration, heading_of_image, imu
-from treadline.io.mcap_read import mcap_messages
+from treadline.io.mcap_read import Packet, RecordedTopic, mcap_messages
 from treadline.io.message_files import READERS, damage, parts_of
-from treadline.io.ros_types import Packet, RecordedTopic
 
 IMAGE, CAMERA_INFO, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/CompressedImage"
 DEPTH_ENCODINGS = ("16UC1", "32FC1", "mono16")

@@ -11,8 +11,8 @@ from treadline.io.mcap_log import RunLog
 from treadline.io.messages import Message, messages_of
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
-from treadline.ros.codec import encoded
-from treadline.ros.node_signals import Mounts
+from treadline.ros._codec import encoded
+from treadline.ros._node_signals import Mounts
 
 
 @runtime_checkable

@@ -32,8 +32,8 @@ from treadline.mission.odometry import DeadReckoning
 from treadline.mission.planner import Planner
 from treadline.perception.frame_quality import quality_of
 from treadline.ros import channels as on
-from treadline.ros.node_signals import Beat, GuardState, JointAngles, Mounts, VelocityCommand
-from treadline.ros.warm_up import stair_frames
+from treadline.ros._node_signals import Beat, GuardState, JointAngles, Mounts, VelocityCommand
+from treadline.ros._warm_up import stair_frames
 from treadline.vehicle.linkage import SeatLinkage
 
 ODOM_TICKS = 5

@@ -6,9 +6,9 @@ from treadline.core.signals import TICK_S
 from treadline.guard import GuardConfig
 from treadline.mission.loop import Blocks
 from treadline.ros import channels as on
+from treadline.ros._node_signals import Beat
 from treadline.ros.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
 from treadline.ros.inproc import InProcess
-from treadline.ros.node_signals import Beat
 from treadline.ros.plant_node import PlantNode
 
 BEAT_TICKS = 25

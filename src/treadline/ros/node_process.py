@@ -13,8 +13,8 @@ from typing import Any, Literal
 from treadline.core.errors import TreadlineError
 from treadline.core.signals import TICK_S
 from treadline.ros import channels as on
+from treadline.ros._node_signals import Beat, Clock
 from treadline.ros.block_nodes import GuardNode, Node
-from treadline.ros.node_signals import Beat, Clock
 from treadline.ros.plant_node import PlantNode
 from treadline.ros.wire import WireTransport
 

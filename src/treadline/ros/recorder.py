@@ -15,8 +15,8 @@ from treadline.core.signals import TICK_S, HeadingEstimate, TrackCommand
 from treadline.io.records import write_record
 from treadline.io.runs import LOG, RECORD, clear_run
 from treadline.ros import channels as on
+from treadline.ros._node_signals import Beat
 from treadline.ros.bag_writer import Bag, open_bag
-from treadline.ros.node_signals import Beat
 
 INPUTS = ("left_m_s", "right_m_s")
 OUTPUTS = ("heading_rad", "yaw_rate_rad_s")

@@ -7,8 +7,8 @@ from threading import Condition
 from typing import Any, NamedTuple
 
 from treadline.core.images import PinholeCamera
+from treadline.ros._codec import Decoder, encoded
 from treadline.ros.channels import CHANNELS, Channel
-from treadline.ros.codec import Decoder, encoded
 
 
 class _Subscriber(NamedTuple):

@@ -1,6 +1,7 @@
 """Frames from files, logs and cameras: images, point clouds, recordings and live depth cameras, each as a series of frames."""
 
 from treadline.core.images import FrameSource, NamedFrame
+from treadline.io.frames._image_files import read_frame
 from treadline.io.frames.sources import read_frames
 
-__all__ = ["FrameSource", "NamedFrame", "read_frames"]
+__all__ = ["FrameSource", "NamedFrame", "read_frame", "read_frames"]

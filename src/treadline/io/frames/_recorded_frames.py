@@ -18,9 +18,7 @@ from treadline.io.frames._cloud_files import POINT_CLOUD, cloud_of, point_cloud
 from treadline.io.frames.options import UNITS, FrameOptions
 from treadline.io.frames.point_cloud import cloud_image
 from treadline.io.log_frames import PAIR_S, depth_metres, rgb_pixels
-from treadline.io.mcap_read import BROKEN
-from treadline.io.message_files import READERS, parts_of
-from treadline.io.ros_types import RecordedTopic
+from treadline.io.mcap_read import BROKEN, RecordedTopic
 from treadline.io.runs import LOG
 from treadline.io.topics import (
     IMAGE,
@@ -36,13 +34,6 @@ from treadline.io.topics import (
 
 MOUNT = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
 """Names of the mount of a camera, which CameraInfo messages lack."""
-
-
-def is_log(path: Path) -> bool:
-    """Return whether a path is a recording: a file of messages, a run folder, or the folder of a bag."""
-    if path.is_dir():
-        return bool(parts_of(path))
-    return path.suffix.lower() in READERS
 
 
 class FramesOfLog:

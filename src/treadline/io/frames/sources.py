@@ -8,10 +8,10 @@ from pathlib import Path
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.images import FrameSource, NamedFrame, SeveralFrames, gravity_of, gravity_table
 from treadline.io.frames._cloud_files import ENDINGS, read_cloud
-from treadline.io.frames._recorded_frames import FramesOfLog, is_log
-from treadline.io.frames.image_files import is_photo, nominal_camera, read_frame
+from treadline.io.frames._image_files import is_photo, nominal_camera, read_frame
 from treadline.io.frames.options import UNITS, Axes, FrameOptions
 from treadline.io.frames.point_cloud import cloud_image
+from treadline.io.records import BAGS
 from treadline.scenario.camera_file import CameraFile, read_camera
 
 COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
@@ -66,7 +66,10 @@ def open_frames(path: Path, depth: Path | None, options: FrameOptions) -> FrameS
     if path.suffix.lower() in ENDINGS and not path.is_dir():
         named, warning = _cloud(path, options)
         return SeveralFrames([named], [] if warning is None else [warning])
-    if is_log(path):
+    endings = {item.suffix for item in path.iterdir()} if path.is_dir() else {path.suffix.lower()}
+    if not endings.isdisjoint(BAGS):
+        from treadline.io.frames._recorded_frames import FramesOfLog
+
         return FramesOfLog(path, options)
     if options.topic is not None:
         raise SettingsError(f"--topic is of logs; {path} is none")

@@ -29,7 +29,7 @@ GRAVITY_OFF_M_S2 = 0.6
 """Largest deviation of the mean specific force from gravity [m/s²]: cameras without IMU calibration measure 9.4 to 10.2."""
 
 
-class FrameRate:
+class _FrameRate:
     """Rate of the stamps within the last second, or of the last three stamps."""
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class FrameRate:
         return (len(self._stamps) - 1) / (self._stamps[-1] - self._stamps[0])
 
 
-class GravityAverage:
+class _GravityAverage:
     """Direction of gravity from the specific force of a camera that moves little: opposite to its mean."""
 
     def __init__(self) -> None:
@@ -98,7 +98,7 @@ class LiveFrames:
         self._colour = colour
         self._on_warning = on_warning
         self.count: int | None = None
-        self.rate = FrameRate()
+        self.rate = _FrameRate()
         self._unpaired = self._repeated = 0
         self._slowest_hz: float | None = None
         self._collapsed = False
@@ -117,7 +117,7 @@ class LiveFrames:
 
     def __iter__(self) -> Iterator[NamedFrame]:
         camera = self._camera
-        gravity, start_s, last_s, number = GravityAverage(), 0.0, -np.inf, 0
+        gravity, start_s, last_s, number = _GravityAverage(), 0.0, -np.inf, 0
         try:
             camera.open(colour=self._colour)
             pinhole = self._pinhole(camera.intrinsics())

@@ -32,7 +32,7 @@ from treadline.io.scene_messages import BASE, FramePose, frames_message, odometr
 from treadline.io.topics import Topics
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
-from treadline.ros.node_signals import Beat, Clock, GuardState, JointAngles, Mounts, VelocityCommand
+from treadline.ros._node_signals import Beat, Clock, GuardState, JointAngles, Mounts, VelocityCommand
 
 NODE = "node"
 """Hardware id of a heartbeat in a diagnostic message."""
