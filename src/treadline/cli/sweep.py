@@ -63,7 +63,7 @@ def sweep(
     from treadline.core.errors import SettingsError
     from treadline.core.processes import default_workers
     from treadline.io.runs import remove
-    from treadline.run.resolve import resolved_controller, resolved_plugin
+    from treadline.run.resolve import resolved_blocks
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")
@@ -71,9 +71,7 @@ def sweep(
     if resume and force:
         raise SettingsError("give --resume or --force, not both: one continues the sweep in the folder, the other replaces it")
     claim(out, force=force, resume=resume)
-    resolved_controller(controller)  # loaded once here, so that a mistake is found before a process starts
-    resolved_plugin("detector", detector)
-    resolved_plugin("estimator", estimator)
+    resolved_blocks(controller, detector, estimator)  # loaded once here, so that a mistake is found before a process starts
     blocks = {"--controller": controller, "--detector": detector, "--estimator": estimator}
     shared = tuple(word for option, value in blocks.items() if value is not None for word in (option, value))
     run = RunScenario(controller=controller, detector=detector, estimator=estimator)

@@ -17,7 +17,6 @@ from jaxtyping import Float
 from treadline.core.compile_cache import compiling
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.images import RgbdFrame
-from treadline.core.models import ControllerDesign
 from treadline.core.signals import TICK_S, Event
 from treadline.experiments._replay_scores import ReplayScores
 from treadline.experiments._replay_settings import ReplaySettings, camera_items, key_table, resolved
@@ -28,10 +27,9 @@ from treadline.io.sensor_log import SensorLog
 from treadline.mission.blocks import Detector
 from treadline.mission.loop import Mission, Signal
 from treadline.mission.mission_blocks import detector_of
-from treadline.mission.mission_config import Plugins
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.perception import StairDetector
-from treadline.run.resolve import SHIPPED, resolved_controller, resolved_plugin
+from treadline.run.resolve import SHIPPED, resolved_blocks
 from treadline.run.scene_log import SceneLog, WatchedDetector
 from treadline.scenario.scenario import Chair
 
@@ -89,16 +87,12 @@ def replayed_run(
                 f"{log}: the run used the {kind} plug-in '{source.plugins[kind]}', which a replay does not load by itself; give "
                 f"--{kind} {source.plugins[kind]}, or --{kind} {SHIPPED} for the shipped one"
             )
-    own = resolved_controller(controller)
-    plugins = Plugins(
-        controller=None if isinstance(own, ControllerDesign) else own,
-        detector=resolved_plugin("detector", detector),
-        estimator=resolved_plugin("estimator", estimator),
-    )
+    design, plugins = resolved_blocks(controller, detector, estimator)
+    is_shipped = design is None and plugins.controller is None
     settings = resolved(
         replace(source.base, plugins=plugins),
         (*source.changed, *changes),
-        source.controller if controller is None else None if own is None else controller,
+        source.controller if controller is None else None if is_shipped else controller,
     )
     recording = SensorLog(
         source.log,

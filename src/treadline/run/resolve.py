@@ -145,13 +145,7 @@ def resolve(
     chair = read_chair(given.chair.model)
     report = check(given, chair)
     driver = controller if isinstance(controller, Driver) and not isinstance(controller, type) else None
-    source = None if driver is not None else resolved_controller(controller)
-    plugins = Plugins(
-        controller=None if isinstance(source, ControllerDesign) else source,
-        detector=resolved_plugin("detector", detector),
-        estimator=resolved_plugin("estimator", estimator),
-    )
-    design = source if isinstance(source, ControllerDesign) else None
+    design, plugins = resolved_blocks(None if driver is not None else controller, detector, estimator)
     mission = mission_config(given, design, chair=chair, plugins=plugins)
     run, seat_shift = given, None
     rejections: tuple[str, ...] = ()
@@ -162,7 +156,8 @@ def resolve(
             rejections = () if refusal is None else rejections
     if seat_shift is not None:
         mission = replace(mission, chair=with_seat_shifted(chair, run.chair.seat_shift_m))
-    if source is None and driver is None and given.control.loop == "closed":
+    is_shipped = design is None and plugins.controller is None and driver is None
+    if is_shipped and given.control.loop == "closed":
         mission = replace(mission, controller=_shipped(chair.name, is_needed=not rejections))
     return Setup(
         scenario=run,
@@ -245,40 +240,39 @@ def _shipped(vehicle: str, *, is_needed: bool) -> ControllerDesign | None:
         return None
 
 
-def resolved_controller(source: Any) -> ControllerDesign | ControllerPlugin | None:
-    """Return the design or plug-in behind a source.
+def resolved_blocks(
+    controller: Any, detector: DetectorSource = None, estimator: EstimatorSource = None
+) -> tuple[ControllerDesign | None, Plugins]:
+    """Return the controller's design, and the plug-ins; None for each that is shipped.
 
-    Text with a colon is a plug-in, an existing or ``.json`` file a design, ``shipped`` the shipped controller (None), anything else
-    the name of an entry point.
+    Of a controller, an existing or ``.json`` file is a design. Other text is a plug-in: ``module:Class``, or the name of an entry
+    point; ``shipped`` is the shipped block.
 
     Raises:
-        SettingsError: If there is none, or it is not a controller.
+        SettingsError: If a file or plug-in is missing, or lacks an attribute of its kind.
     """
-    if source is None or source == SHIPPED:
-        return None
+    design = _design(controller)
+    plugins = Plugins(
+        controller=None if design is not None else _plugin("controller", controller),
+        detector=_plugin("detector", detector),
+        estimator=_plugin("estimator", estimator),
+    )
+    return design, plugins
+
+
+def _design(source: Any) -> ControllerDesign | None:
+    """Return a controller's design; None for a plug-in or the shipped controller."""
     if isinstance(source, ControllerDesign):
         return source
-    if isinstance(source, str | Path):
-        text = str(source)
-        if Path(text).is_file() or Path(text).suffix == ".json" or ("/" in text and ":" not in text):
-            return ControllerDesign.load(Path(text))
-        plugin: ControllerPlugin = load_plugin("controller", text)
-        return plugin
-    checked: ControllerPlugin = checked_plugin("controller", source, f"controller {source!r}")
-    return checked
+    text = str(source) if isinstance(source, str | Path) and source != SHIPPED else ""
+    is_file = Path(text).is_file() or Path(text).suffix == ".json" or ("/" in text and ":" not in text)
+    return ControllerDesign.load(Path(text)) if is_file else None
 
 
-def resolved_plugin(kind: str, source: Any) -> Any:
-    """Return the plug-in class behind a source, or None.
-
-    Args:
-        kind: ``controller``, ``detector`` or ``estimator``.
-
-    Raises:
-        SettingsError: If it cannot be loaded, or lacks an attribute of its kind.
-    """
+def _plugin(kind: str, source: Any) -> Any:
+    """Return the plug-in class behind a source, or None."""
     if source is None or source == SHIPPED:
         return None
-    if isinstance(source, str):
-        return load_plugin(kind, source)
+    if isinstance(source, str | Path):
+        return load_plugin(kind, str(source))
     return checked_plugin(kind, source, f"{kind} {source_of_plugin(source) if isinstance(source, type) else source!r}")
