@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 
-from treadline.campaign.scenario_text import scenario_toml
+from treadline.campaign.spec import scenario_toml
 from treadline.core.angles import DEG
 from treadline.core.processes import default_workers
 from treadline.core.signals import TICK_S

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from treadline.campaign.frontier import frontier_of, separation
-from treadline.campaign.sampled_run import VIEW, Row
-from treadline.campaign.tables import flat
-from treadline.campaign.thumbnails import thumbnail, view_of
+from treadline.campaign._frontier import frontier_of, separation
+from treadline.campaign._results import flat
+from treadline.campaign._sampled_run import VIEW, Row
+from treadline.campaign.campaign_page import thumbnail, view_of
 from treadline.playback import Recording
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
@@ -31,7 +31,7 @@ def test_the_frontier_is_where_half_of_the_runs_fail() -> None:
     frontier = frontier_of(runs(800, seed=1), ["payload_kg", "slope_deg", "friction"])
     assert frontier is not None
     assert set(frontier.keys) == {"slope_deg", "friction"}
-    ends = np.array(frontier.contours[0.5])[:, :2]
+    ends = np.concatenate(frontier.contours[0.5])
     slope, friction = (ends[:, frontier.keys.index(key)] for key in ("slope_deg", "friction"))
     # On the line (slope - 34) / 0.8 = (friction - 0.5) / 0.05. 800 runs place it within a degree (three standard errors).
     np.testing.assert_allclose(slope, 34.0 + 16.0 * (friction - 0.5), atol=1.0)
@@ -72,7 +72,7 @@ def test_a_thumbnail_is_drawn_from_the_row_alone() -> None:
         belt_travel_m=np.zeros((3, 2)),
         margin_rad=np.array([0.3, 0.1, 0.2]),
     )
-    row: Row = json.loads(json.dumps({"index": 7, "seed": 1, "verdict": "fell", VIEW: view_of(recording)}))
+    row: Row = json.loads(json.dumps({"index": 7, "seed": 1, "verdict": "fell"} | view_of(recording)))
     assert row[VIEW]["p_WB"] == [1.0, 0.1, 0.5]
     assert VIEW not in flat(row)
     drawn = thumbnail(row, scenario)

@@ -12,9 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.campaign.scenario_text import scenario_toml
-from treadline.campaign.sobol_sampling import points, run_seed
-from treadline.campaign.spec import Drawn, Spec, read_spec
+from treadline.campaign._sobol_sampling import points, run_seed
+from treadline.campaign.spec import Drawn, Spec, read_spec, scenario_toml
 from treadline.core.errors import SettingsError
 from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Scenario, read_scenario

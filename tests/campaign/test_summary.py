@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from treadline.campaign.summary import SHOWN, clopper_pearson, lines, summarise, worst
+from treadline.campaign._results import clopper_pearson, summarise, worst
+from treadline.campaign.sweep import SHOWN, lines
 from treadline.run.run_scores import Scores
 
 

@@ -1,5 +1,6 @@
 """Campaigns: many simulated traversals sampled from stated distributions, run on many processes, and summarised.
 
-``spec`` reads what is sampled, ``sampling`` places run k in the unit cube, ``pool`` and ``cluster`` execute, ``journal``
-records finished runs, ``summary`` evaluates. The function that simulates a run is passed in; this package has no simulator.
+Contract: ``spec.read_spec`` reads what is sampled, ``sweep.SweepPlan`` and ``sweep.run_sweep`` execute it with ``pool.Pool`` or
+``cluster.Cluster``, ``journal`` records finished runs, and ``campaign_page`` draws the results. The function that simulates a run
+is passed in; this package has no simulator.
 """

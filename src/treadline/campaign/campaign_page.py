@@ -1,4 +1,7 @@
-"""Report page of a campaign: one self-contained HTML file."""
+"""Report page of a campaign: one self-contained HTML file, with side views of the worst runs at their least tip-over margin.
+
+A campaign keeps no logs. Each run's row keeps one pose under ``VIEW``, from which the page draws the worst runs.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -6,14 +9,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from treadline.campaign.frontier import ARRIVED, frontier_of
-from treadline.campaign.sampled_run import Row
-from treadline.campaign.summary import has_rms
-from treadline.core.models import write_whole
-from treadline.report.labels import score_name, score_unit, suffix
+import numpy as np
 
-TEMPLATES = (Path(__file__).parent / "templates", Path(__file__).parents[1] / "report" / "templates")
-"""Template folders of the campaign and of the report base page."""
+from treadline.campaign._frontier import ARRIVED, Frontier, frontier_of
+from treadline.campaign._results import has_rms
+from treadline.campaign._sampled_run import VIEW, Row
+from treadline.core.models import write_whole
+from treadline.playback import Recording
+from treadline.report.labels import score_name, score_unit, suffix
+from treadline.report.side_view import SideViews
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario
+
 COLOURS = {
     "arrived": "#009e73",
     "held": "#e69f00",
@@ -21,16 +28,10 @@ COLOURS = {
     "end_of_flight": "#0072b2",
     "time_up": "#999999",
     "fell": "#e4002b",
+    "other": "#8a4fa0",
 }
-OTHER = "#8a4fa0"
-WIDTH, HEIGHT = 640.0, 320.0
-LEFT, RIGHT, TOP, BOTTOM = 64.0, 16.0, 12.0, 32.0
-"""Margins of the chart for ticks [px]; the axis titles are text of the page."""
-DOT, FELL_DOT = 3.0, 6.0
-"""Radii of the dots [px]; falls are larger and drawn last."""
-TICKS_MOST = 7
-FIRST_CHOICE = "stair.slope_deg"
-"""Preferred key of the horizontal axis: the slope has the strongest effect on the verdict."""
+FRAME = {"x": 64.0, "y": 12.0, "width": 560.0, "height": 276.0}
+"""Frame of a chart in a drawing of 640 by 320 px, with room for ticks; the axis titles are text of the page."""
 
 
 def write_page(
@@ -47,113 +48,156 @@ def write_page(
         drawn: Columns that are not scores.
         views: Side views of the worst runs as SVG, by run index.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    environment = Environment(loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined)
-    page = environment.get_template("sweep.html.j2").render(
+    name = score_name(summary["score"])
+    found = frontier_of(rows, drawn)
+    engine = Environment(
+        loader=PackageLoader("treadline.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    page = engine.get_template("sweep.html.j2").render(
         summary=summary,
         times=times,
         chart=_chart(rows, drawn, summary["score"]),
-        frontier=_frontier(rows, drawn),
+        frontier=None if found is None else _frontier(found),
         views={index: Markup(view) for index, view in (views or {}).items()},  # noqa: S704 - drawn by this package
-        colours=COLOURS | {"other": OTHER},
-        up=score_name(summary["score"]),
-        up_with_unit=_with_unit(score_name(summary["score"]), _unit(summary["score"])),
+        colours=COLOURS,
+        up=name,
+        up_with_unit=_with_unit(name, _unit(summary["score"])),
         scores=[_score_row(name, score) for name, score in summary["scores"].items()],
     )
     write_whole(folder / "report.html", page)
     return folder / "report.html"
 
 
+def view_of(recording: Recording) -> dict[str, Any]:
+    """Return the entry of a run's row that holds its pose at the least tip-over margin; None without poses."""
+    if not recording.has_poses or not np.isfinite(recording.margin_rad).any():
+        return {VIEW: None}
+    k = int(np.nanargmin(recording.margin_rad))
+    joints = {"seat_rad": recording.seat_rad[k], "flipper_rad": recording.flipper_rad[k]}
+    lists = {"p_WB": recording.p_WB[k], "quat_WB": recording.quat_WB[k], "belt_travel_m": recording.belt_travel_m[k]}
+    # 0.01 mm, and 1e-5 of a unit quaternion.
+    pose = {name: round(float(value), 5) for name, value in joints.items()}
+    pose_lists = {name: value.round(5).tolist() for name, value in lists.items()}
+    return {VIEW: {"t_s": float(recording.t_s[k]), **pose, **pose_lists}}
+
+
+def thumbnail(row: Row, scenario: Scenario) -> str | None:
+    """Return the side view of a run from its row, as SVG; None if the row holds no pose."""
+    kept: Mapping[str, Any] | None = row.get(VIEW)
+    if kept is None:
+        return None
+    known = {name: np.array([value]) for name, value in kept.items() if name != "t_s"}
+    recording = Recording.of_curves(
+        np.array([kept["t_s"]]), read_chair(scenario.chair.model), scenario=scenario, seed=row["seed"], **known
+    )
+    views = SideViews(recording, f"run{row['index']:04d}")
+    words = f"Run {row['index']:04d}, {row['verdict']}: side view at its least tip-over margin, {kept['t_s']:.1f} s"
+    return views.definitions + views.view(kept["t_s"], words)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Dot:
+    """Run in a chart."""
+
+    x: float
+    y: float
+    index: int
+    verdict: str
+    radius_px: float
+
+
 def _chart(rows: Sequence[Row], drawn: Sequence[str], score: str) -> dict[str, Any] | None:
-    """Return the scatter chart of the score over a drawn key; None if no drawn number varies."""
+    """Return the scatter chart of the score over a drawn key, the slope if it varies; None if no drawn number varies."""
     scored = [row for row in rows if _is_number(row.get(score))]
-    key = next((key for key in (FIRST_CHOICE, *drawn) if len(set(_numbers(scored, key))) > 1), None)
+    keys = ("stair.slope_deg", *drawn)  # the slope has the strongest effect on the verdict
+    key = next((key for key in keys if len({row[key] for row in scored if _is_number(row.get(key))}) > 1), None)
     if key is None:
         return None
-    found = [row for row in scored if _is_number(row.get(key))]
-    x, y = _numbers(found, key), _numbers(found, score)
-    across, up = _Axis.of(x), _Axis.of(y)
-    inner = (WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM)
-    dots: list[dict[str, Any]] = [
-        {
-            "x": LEFT + inner[0] * across.share(at),
-            "y": TOP + inner[1] * (1.0 - up.share(reached)),
-            "r": FELL_DOT if row["verdict"] == "fell" else DOT,
-            "colour": COLOURS.get(row["verdict"], OTHER),
-            "name": f"{row['index']:04d} {row['verdict']}: {reached:.3g}{suffix(_unit(score))} at {at:.3g}{suffix(_unit(key))}",
-        }
-        for row, at, reached in zip(found, x, y, strict=True)
+    dots = [
+        _Dot(
+            x=float(row[key]),
+            y=float(row[score]),
+            index=row["index"],
+            verdict=row["verdict"],
+            radius_px=6.0 if row["verdict"] == "fell" else 3.0,
+        )
+        for row in scored
+        if _is_number(row.get(key))
     ]
-    dots.sort(key=lambda dot: dot["r"])
-    return {
-        "dots": dots,
-        "frame": {"x": LEFT, "y": TOP, "width": inner[0], "height": inner[1]},
-        "size": (WIDTH, HEIGHT),
-        "across": [(LEFT + inner[0] * across.share(tick), f"{tick:g}") for tick in across.ticks],
-        "up": [(TOP + inner[1] * (1.0 - up.share(tick)), f"{tick:g}") for tick in up.ticks],
-        "key": key,
-        "titles": (_with_unit(key, _unit(key)), _with_unit(score_name(score), _unit(score))),
-    }
+    titles = (_with_unit(key, _unit(key)), _with_unit(score_name(score), _unit(score)))
+    return _scatter(dots, (key, score), titles)[0] | {"key": key}
 
 
-def _frontier(rows: Sequence[Row], drawn: Sequence[str]) -> dict[str, Any] | None:
+def _frontier(found: Frontier) -> dict[str, Any]:
     """Return the chart of all runs over the two quantities that separate failures best, with the contours of their share."""
-    found = frontier_of(rows, drawn)
-    if found is None:
-        return None
-    across, up = (_Axis.of(found.points[:, k].tolist()) for k in (0, 1))
-    inner = (WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM)
+    dots = [
+        _Dot(x=x, y=y, index=index, verdict=verdict, radius_px=3.0 if verdict in ARRIVED else 5.0)
+        for (x, y), index, verdict in zip(found.points.tolist(), found.index, found.verdicts, strict=True)
+    ]
+    across, up = found.keys
+    chart, axes = _scatter(dots, found.keys, (_with_unit(across, _unit(across)), _with_unit(up, _unit(up))))
+    lines = {level: "".join(_path(line, axes) for line in contour) for level, contour in found.contours.items()}
+    return chart | {"names": found.keys, "lines": {level: line for level, line in lines.items() if line}}
 
-    def place(x: float, y: float) -> tuple[float, float]:
-        return LEFT + inner[0] * across.share(x), TOP + inner[1] * (1.0 - up.share(y))
 
-    units = [suffix(_unit(key)) for key in found.keys]
-    dots: list[dict[str, Any]] = []
-    for (x, y), index, verdict in zip(found.points.tolist(), found.index, found.verdicts, strict=True):
-        at = place(x, y)
-        name = f"{index:04d} {verdict}: {x:.3g}{units[0]}, {y:.3g}{units[1]}"
-        colour, r = COLOURS.get(verdict, OTHER), DOT if verdict in ARRIVED else FELL_DOT - 1.0
-        dots.append({"x": at[0], "y": at[1], "r": r, "colour": colour, "name": name})
-    lines = {
-        level: "".join("M{:.1f} {:.1f}L{:.1f} {:.1f}".format(*place(*segment[:2]), *place(*segment[2:])) for segment in segments)
-        for level, segments in found.contours.items()
+def _scatter(
+    dots: Sequence[_Dot], keys: tuple[str, str], titles: tuple[str, str]
+) -> tuple[dict[str, Any], tuple["_Axis", "_Axis"]]:
+    """Return a chart for the template, larger dots last, and its two axes."""
+    across = _Axis.of([dot.x for dot in dots], FRAME["x"], FRAME["width"])
+    up = _Axis.of([dot.y for dot in dots], FRAME["y"] + FRAME["height"], -FRAME["height"])
+    units = [suffix(_unit(key)) for key in keys]
+    chart = {
+        "dots": [
+            {
+                "x": across.place(dot.x),
+                "y": up.place(dot.y),
+                "r": dot.radius_px,
+                "colour": COLOURS.get(dot.verdict, COLOURS["other"]),
+                "name": f"{dot.index:04d} {dot.verdict}: {dot.x:.3g}{units[0]}, {dot.y:.3g}{units[1]}",
+            }
+            for dot in sorted(dots, key=lambda dot: dot.radius_px)
+        ],
+        "frame": FRAME,
+        "across": [(across.place(tick), f"{tick:g}") for tick in across.ticks],
+        "up": [(up.place(tick), f"{tick:g}") for tick in up.ticks],
+        "titles": titles,
     }
-    return {
-        "dots": sorted(dots, key=lambda dot: dot["r"]),
-        "lines": {level: line for level, line in lines.items() if line},
-        "frame": {"x": LEFT, "y": TOP, "width": inner[0], "height": inner[1]},
-        "size": (WIDTH, HEIGHT),
-        "across": [(LEFT + inner[0] * across.share(tick), f"{tick:g}") for tick in across.ticks],
-        "up": [(TOP + inner[1] * (1.0 - up.share(tick)), f"{tick:g}") for tick in up.ticks],
-        "titles": [_with_unit(key, _unit(key)) for key in found.keys],
-        "names": found.keys,
-    }
+    return chart, (across, up)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Axis:
-    """Axis range with a margin, and round tick values."""
+    """Axis range with a margin, its place in the drawing, and round tick values."""
 
     low: float
     high: float
-    ticks: list[float]
+    start_px: float
+    length_px: float
 
     @classmethod
-    def of(cls, values: Sequence[float]) -> "_Axis":
+    def of(cls, values: Sequence[float], start_px: float, length_px: float) -> "_Axis":
         least, most = min(values), max(values)
         room = 0.05 * (most - least) or max(0.05 * abs(most), 0.5)
-        low, high = least - room, most + room
-        rough = (high - low) / TICKS_MOST
+        return cls(low=least - room, high=most + room, start_px=start_px, length_px=length_px)
+
+    @property
+    def ticks(self) -> list[float]:
+        """At most seven multiples of 1, 2 or 5 times a power of ten."""
+        rough = (self.high - self.low) / 7
         decade = 10.0 ** math.floor(math.log10(rough))
         step = next(decade * times for times in (1, 2, 5, 10) if decade * times >= rough)
-        return cls(
-            low=low, high=high, ticks=[round(k * step, 12) for k in range(math.ceil(low / step), math.floor(high / step) + 1)]
-        )
+        return [round(k * step, 12) for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
 
-    def share(self, value: float) -> float:
-        return (value - self.low) / (self.high - self.low)
+    def place(self, value: float) -> float:
+        return self.start_px + self.length_px * (value - self.low) / (self.high - self.low)
+
+
+def _path(line: np.ndarray, axes: tuple[_Axis, _Axis]) -> str:
+    return "M" + "L".join(f"{axes[0].place(x):.1f} {axes[1].place(y):.1f}" for x, y in line.tolist())
 
 
 def _score_row(name: str, score: Mapping[str, Any]) -> dict[str, Any]:
@@ -163,10 +207,6 @@ def _score_row(name: str, score: Mapping[str, Any]) -> dict[str, Any]:
     return {"name": score_name(name), "key": name, "unit": _unit(name), "figures": figures} | {
         word: score[word] for word in ("count", "worst_run")
     }
-
-
-def _numbers(rows: Sequence[Row], key: str) -> list[float]:
-    return [float(row[key]) for row in rows if _is_number(row.get(key))]
 
 
 def _is_number(value: object) -> bool:

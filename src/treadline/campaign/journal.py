@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
-from treadline.campaign.sampled_run import Row
+from treadline.campaign._sampled_run import Row
 from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
 
 NAME = "journal.jsonl"
@@ -82,7 +82,7 @@ class Journal:
         self._read(self._sweep)
 
     def _append(self, value: Mapping[str, Any]) -> None:
-        line = sealed(json.dumps(value, allow_nan=False).encode()) + b"\n"
+        line = _sealed(json.dumps(value, allow_nan=False).encode()) + b"\n"
         whole = os.fstat(self._file.fileno()).st_size
         try:
             # A disk may fill up within a line: an unbuffered write returns the bytes written, and the next write the error.
@@ -153,7 +153,7 @@ class Journal:
         )
 
 
-def sealed(line: bytes) -> bytes:
+def _sealed(line: bytes) -> bytes:
     """Return a JSON object with the CRC-32 of its text as last value."""
     return line[:-1] + CHECKSUM + _crc(line) + b'"}'
 

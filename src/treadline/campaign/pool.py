@@ -16,7 +16,7 @@ from multiprocessing.context import SpawnProcess
 from types import TracebackType
 from typing import Protocol, runtime_checkable
 
-from treadline.campaign.sampled_run import Episode, EpisodeRunner, Row, failed, run_one
+from treadline.campaign._sampled_run import Episode, EpisodeRunner, Row, failed, run_one
 from treadline.core.processes import end_with_parent
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM", "NUMBA_NUM_THREADS")

@@ -7,23 +7,21 @@ import copy
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from treadline.campaign.draws import Draw, check_draw
-from treadline.campaign.scenario_paths import LABEL, LISTS, Tables, get_value, set_value
+from treadline.campaign._draws import Draw, check_draw
+from treadline.campaign._scenario_paths import LABEL, LISTS, Tables, get_value, set_value
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.printing import plain
 from treadline.core.settings import Settings, parse_toml, settings_of
 from treadline.scenario.scenario import SHIPPED, Scenario, is_sweep, scenario_of, shipped_scenarios
 
-CORNERS = 256
-"""Number of corners of the ranges checked when the file is read."""
 SHAPE = ("stair.slope_deg", "stair.rise_m", "stair.run_m")
 
 
@@ -117,6 +115,22 @@ def _try_corners(spec: Spec) -> None:
     """Check the corners of the ranges, so that impossible combinations are reported before any run."""
     rng = np.random.default_rng(0)
     has_ends = np.array([draw.choice is None for draw in spec.draws if draw.is_chance], dtype=bool)
-    shape = (CORNERS, spec.dimension)
+    shape = (256, spec.dimension)
     for corner in np.where(has_ends, rng.integers(0, 2, shape), rng.random(shape)):
         spec.at(corner.tolist(), "at the ends of its ranges")
+
+
+def scenario_toml(scenario: Scenario, note: str) -> str:
+    """Return the text of a scenario file with every key; it reads back as the identical scenario."""
+    lines = [f"# {note}"]
+    for table, value in scenario.model_dump(exclude_none=True).items():
+        tables = value if isinstance(value, tuple) else (value,)
+        for one in tables:
+            lines += ["", f"[[{table}]]" if isinstance(value, tuple) else f"[{table}]"]
+            lines += _keys(one)
+    return "\n".join(lines) + "\n"
+
+
+def _keys(table: Mapping[str, Any]) -> list[str]:
+    # JSON writes strings, numbers, true and false as TOML does; numbers by repr, without loss.
+    return [f"{key} = {json.dumps(value)}" for key, value in table.items()]

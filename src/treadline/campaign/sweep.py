@@ -18,24 +18,35 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.campaign.campaign_page import write_page
+from treadline.campaign._results import CONFIDENCE, FAILED, flat, harm, has_rms, summarise, write_tables
+from treadline.campaign._sampled_run import Episode, Row
+from treadline.campaign._scenario_paths import LISTS
+from treadline.campaign._sobol_sampling import Sampling, budget, generation_size, points, run_seed, search
+from treadline.campaign.campaign_page import thumbnail, write_page
 from treadline.campaign.journal import Journal
 from treadline.campaign.pool import Runners
-from treadline.campaign.sampled_run import Episode, Row
-from treadline.campaign.scenario_paths import LISTS
-from treadline.campaign.scenario_text import scenario_toml
-from treadline.campaign.search import budget, generation_size, search
-from treadline.campaign.sobol_sampling import Sampling, points, run_seed
-from treadline.campaign.spec import SHAPE, Spec
-from treadline.campaign.summary import harm, summarise
-from treadline.campaign.tables import flat, write_tables
-from treadline.campaign.thumbnails import thumbnail
+from treadline.campaign.spec import SHAPE, Spec, scenario_toml
 from treadline.core.errors import SettingsError
 from treadline.core.models import read_json, write_whole
 from treadline.core.printing import plain
 from treadline.io.runs import git_commit, write_manifest
+from treadline.report.labels import channel, suffix
 
-MARGIN = "min_stability_margin_deg"
+SHOWN = (
+    "min_stability_margin_deg",
+    "max_pitch_rate_deg_s",
+    "aligned_rms_heading_deg",
+    "aligned_max_heading_deg",
+    "rms_heading_deg",
+    "steady_rms_heading_deg",
+    "max_abs_heading_deg",
+    "roll_back_m",
+    "seat_max_deg",
+    "passenger_max_m_s2",
+    "passenger_lateral_m_s2",
+    "duration_s",
+)
+"""Scores in the printed summary, if present; summary.json has all scores."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +59,7 @@ class SweepPlan:
     sampling: Sampling = "random"
     adversarial: bool = False
     """Whether to search for the worst score instead of sampling."""
-    score: str = MARGIN
+    score: str = "min_stability_margin_deg"
     """Score that ranks the worst runs."""
     climb_options: tuple[str, ...] = ()
     """Options of ``treadline climb`` that all runs share: controller and plug-ins. They are part of what ``--resume`` compares."""
@@ -149,6 +160,27 @@ def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], episod
     views = {row["index"]: thumbnail(rows[row["index"]], episodes[row["index"]].scenario) for row in summary["worst"]}
     page = write_page(folder, summary, times, flat_rows, drawn, {index: view for index, view in views.items() if view is not None})
     return summary | times | {"files": [str(path) for path in files], "report": str(page)}
+
+
+def lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return the printed lines of the summary."""
+    total = summary["runs"]
+    said = [f"{total} runs; shares with {100 * CONFIDENCE:.0f} % bounds:"]
+    for name, share in sorted(summary["verdicts"].items(), key=lambda item: -item[1]["count"]):
+        low, high = (100.0 * bound for bound in share["bounds"])
+        said.append(f"  {name:9s} {share['count']:5d}  {100 * share['share']:6.2f} %  ({low:.2f} to {high:.2f})")
+    for name in SHOWN:
+        if name in summary["scores"]:
+            score, unit = summary["scores"][name], suffix(channel(name).unit or "")
+            words = ("rms", "median", "worst") if has_rms(name) else ("median", "worst")
+            figures = ", ".join(f"{'RMS' if word == 'rms' else word} {score[word]:.3g}{unit}" for word in words)
+            said.append(f"  {name}: {figures} (run {score['worst_run']:04d})")
+    return said
+
+
+def has_failures(summary: Mapping[str, Any]) -> bool:
+    """Whether a run fell or failed."""
+    return any(summary["verdicts"].get(verdict, {"count": 0})["count"] for verdict in FAILED)
 
 
 def replay_command(folder: Path, row: Mapping[str, Any], options: Sequence[str] = ()) -> str:

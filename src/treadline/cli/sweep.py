@@ -58,8 +58,7 @@ def sweep(
     from treadline.campaign.journal import NAME
     from treadline.campaign.pool import Pool
     from treadline.campaign.spec import read_spec
-    from treadline.campaign.summary import FAILED, lines
-    from treadline.campaign.sweep import SweepPlan, run_sweep
+    from treadline.campaign.sweep import SweepPlan, has_failures, lines, run_sweep
     from treadline.core.errors import SettingsError
     from treadline.core.processes import default_workers
     from treadline.io.runs import remove
@@ -106,7 +105,7 @@ def sweep(
             f"  {worst['replay']}",
             f"results: {out}/runs.csv; report: {summary['report']}" + (f"; {rate:.0f} runs per CPU hour" if rate else ""),
         ],
-        code=int(any(summary["verdicts"].get(verdict, {"count": 0})["count"] for verdict in FAILED)),
+        code=int(has_failures(summary)),
     )
 
 
@@ -132,8 +131,7 @@ class RunScenario:
 
     def __call__(self, scenario: "Scenario", seed: int, watched_s: float) -> Mapping[str, Any]:
         """Return the summary of one run; a held chair is simulated for ``watched_s`` more seconds."""
-        from treadline.campaign.sampled_run import VIEW
-        from treadline.campaign.thumbnails import view_of
+        from treadline.campaign.campaign_page import view_of
         from treadline.playback import RecordingBuilder
         from treadline.run.episode import run_episode
         from treadline.run.resolve import resolve
@@ -141,7 +139,7 @@ class RunScenario:
         setup = resolve(scenario, self.controller, seed, detector=self.detector, estimator=self.estimator)
         builder = RecordingBuilder(setup.mission.chair, setup.scenario, seed=seed)
         summary = run_episode(setup, sink=builder, after_hold_s=watched_s).summary()
-        return summary | {VIEW: view_of(builder.build())}
+        return summary | view_of(builder.build())
 
 
 def _short(value: object) -> str:

@@ -1,36 +1,27 @@
-"""Summary of a campaign: verdicts with exact bounds, scores, and the worst runs."""
+"""Results of a campaign: tables, and their summary: verdicts with exact bounds, scores, and the worst runs.
 
+``runs.csv`` always, ``runs.parquet`` with pyarrow; times separately, because they vary between repetitions.
+"""
+
+import csv
+import io
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from treadline.campaign.sampled_run import Row
-from treadline.report.labels import channel, suffix
+from treadline.campaign._sampled_run import TIMES, VIEW, Row
+from treadline.core.models import write_whole, written_whole
 
 CONFIDENCE = 0.95
-WORST = 10
 FAILED = ("fell", "diverged", "crashed", "error")
 """Verdicts that must not occur in a campaign."""
 NOT_SCORES = ("index", "seed", "events")
 DISTANCE = "climbed_m"
 """Distance score; negative on the way down, and the shortest distance is the worst."""
-SHOWN = (
-    "min_stability_margin_deg",
-    "max_pitch_rate_deg_s",
-    "aligned_rms_heading_deg",
-    "aligned_max_heading_deg",
-    "rms_heading_deg",
-    "steady_rms_heading_deg",
-    "max_abs_heading_deg",
-    "roll_back_m",
-    "seat_max_deg",
-    "passenger_max_m_s2",
-    "passenger_lateral_m_s2",
-    "duration_s",
-)
-"""Scores in the printed summary, if present; summary.json has all scores."""
 
 
 def clopper_pearson(count: int, total: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
@@ -70,7 +61,7 @@ def summarise(rows: Sequence[Row], drawn: Sequence[str], choices: Sequence[str],
     }
 
 
-def worst(rows: Sequence[Row], score: str, count: int = WORST) -> list[Row]:
+def worst(rows: Sequence[Row], score: str, count: int = 10) -> list[Row]:
     """Return the worst runs: falls, then failures, then by the score."""
     rank = {"fell": 0} | dict.fromkeys(FAILED[1:], 1)
     return sorted(rows, key=lambda row: (rank.get(row["verdict"], 2), harm(row, score), row["index"]))[:count]
@@ -89,22 +80,6 @@ def harm(row: Mapping[str, Any], score: str) -> float:
 def lower_is_worse(score: str) -> bool:
     """Whether a lower score is worse, as for margins and distances, but not for rates."""
     return score.startswith("min_") or "margin" in score or score == DISTANCE
-
-
-def lines(summary: Mapping[str, Any]) -> list[str]:
-    """Return the printed lines of the summary."""
-    total = summary["runs"]
-    said = [f"{total} runs; shares with {100 * CONFIDENCE:.0f} % bounds:"]
-    for name, share in sorted(summary["verdicts"].items(), key=lambda item: -item[1]["count"]):
-        low, high = (100.0 * bound for bound in share["bounds"])
-        said.append(f"  {name:9s} {share['count']:5d}  {100 * share['share']:6.2f} %  ({low:.2f} to {high:.2f})")
-    for name in SHOWN:
-        if name in summary["scores"]:
-            score, unit = summary["scores"][name], suffix(channel(name).unit or "")
-            words = ("rms", "median", "worst") if has_rms(name) else ("median", "worst")
-            figures = ", ".join(f"{'RMS' if word == 'rms' else word} {score[word]:.3g}{unit}" for word in words)
-            said.append(f"  {name}: {figures} (run {score['worst_run']:04d})")
-    return said
 
 
 def has_rms(score: str) -> bool:
@@ -154,3 +129,67 @@ def _figures(rows: Sequence[Row], name: str) -> dict[str, Any] | None:
 
 def _short(row: Row, score: str) -> dict[str, Any]:
     return {name: row.get(name) for name in ("index", "seed", "verdict", "cause", score)}
+
+
+def write_tables(folder: Path, rows: Sequence[Row]) -> list[Path]:
+    """Write the results in the given order and the times next to them; return the result files."""
+    results = [flat(row) for row in rows]
+    _write_csv(folder / "runs.csv", results)
+    _write_csv(folder / "times.csv", [{name: row.get(name) for name in ("index", *TIMES)} for row in rows])
+    parquet = _write_parquet(folder / "runs.parquet", results)
+    return [folder / "runs.csv", *([folder / "runs.parquet"] if parquet else [])]
+
+
+def flat(row: Mapping[str, Any], prefix: str = "") -> Row:
+    """Return a row of single values: tables with dotted names, lists of numbers as JSON, events counted, no times, no poses."""
+    values: Row = {}
+    for key, value in row.items():
+        name = prefix + key
+        if name in TIMES or name == VIEW:
+            continue
+        if isinstance(value, Mapping):
+            values |= flat(value, f"{name}.")
+        elif isinstance(value, list):
+            values[name] = len(value) if name == "events" else json.dumps(value)
+        else:
+            values[name] = value
+    return values
+
+
+def _columns(rows: Sequence[Row]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows for name in row))
+
+
+def _write_csv(path: Path, rows: Sequence[Row]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = _columns(rows)
+    writer.writerow(names)
+    writer.writerows([[_cell(row.get(name)) for name in names] for row in rows])
+    write_whole(path, text.getvalue())
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "" if value is None else str(value)
+
+
+def _write_parquet(path: Path, rows: Sequence[Row]) -> bool:
+    try:
+        import pyarrow as pa
+        from pyarrow import parquet
+    except ImportError:
+        return False
+    columns = {name: _of_one_kind([row.get(name) for row in rows]) for name in _columns(rows)}
+    with written_whole(path) as part:
+        parquet.write_table(pa.table(columns), part, compression="zstd")
+    return True
+
+
+def _of_one_kind(values: list[Any]) -> list[Any]:
+    """Return a column with a single type: mixed numbers become floats, any other mixture strings."""
+    kinds = {type(value) for value in values if value is not None}
+    if kinds == {int, float}:
+        return [None if value is None else float(value) for value in values]
+    return values if len(kinds) <= 1 else [None if value is None else str(value) for value in values]

@@ -7,28 +7,22 @@ terms; the frontier is its contour. Where few runs fail, the contour is an extra
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.campaign.sampled_run import Row
+from treadline.campaign._sampled_run import Row
 
 ARRIVED = ("arrived", "end_of_flight")
 """Verdicts of runs that did what was asked."""
 LEVELS = (0.1, 0.5)
 """Shares of failed runs whose contours are drawn."""
-LEAST_OF_EACH = 5
-"""Least number of failed and of other runs for a fit of six coefficients to be drawn."""
 COLLINEAR = 0.9
 """Rank correlation from which on two quantities count as one, as rise and slope of a stair whose run is fixed. At this correlation
 the variance of a coefficient is 5 times that with independent quantities (variance inflation factor)."""
-RIDGE = 0.1
-"""Weight of the penalty on the coefficients: standardised quantities; separable runs have a finite fit."""
-NEWTON_STEPS = 30
 GRID = 40
 """Points of the contour's grid in each direction."""
-
-Segment = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,19 +33,22 @@ class Frontier:
     points: Float[np.ndarray, "n 2"]
     index: tuple[int, ...]
     verdicts: tuple[str, ...]
-    contours: dict[float, list[Segment]]
-    """Line segments (x0, y0, x1, y1) of each level, in the quantities' units."""
+    contours: dict[float, list[Float[np.ndarray, "_ 2"]]]
+    """Lines of each level, in the quantities' units."""
 
 
 def frontier_of(rows: Sequence[Row], drawn: Sequence[str]) -> Frontier | None:
     """Return the frontier, or None unless two drawn numbers vary independently and enough runs failed and did not fail."""
+    from scipy.stats import spearmanr  # takes a second to import
+
     keys = [key for key in drawn if _varies(rows, key)]
     failed = np.array([row["verdict"] not in ARRIVED for row in rows])
-    if len(keys) < 2 or min(int(failed.sum()), int((~failed).sum())) < LEAST_OF_EACH:
+    # A fit of six coefficients needs at least five runs of each kind.
+    if len(keys) < 2 or min(int(failed.sum()), int((~failed).sum())) < 5:
         return None
     values = {key: np.array([float(row[key]) for row in rows]) for key in keys}
     first, *rest = sorted(keys, key=lambda key: (-separation(values[key], failed), key))
-    second = next((key for key in rest if abs(_rank_correlation(values[first], values[key])) < COLLINEAR), None)
+    second = next((key for key in rest if abs(float(spearmanr(values[first], values[key]).statistic)) < COLLINEAR), None)
     if second is None:
         return None
     points = np.column_stack([values[first], values[second]])
@@ -71,35 +68,23 @@ def _varies(rows: Sequence[Row], key: str) -> bool:
 
 def separation(values: Float[np.ndarray, " n"], failed: Bool[np.ndarray, " n"]) -> float:
     """Return the distance of the area under the ROC curve from that of chance: 0 is none, 0.5 is complete separation."""
+    from scipy.stats import rankdata
+
     n, m = int(failed.sum()), int((~failed).sum())
-    area = (_ranks(values)[failed].sum() - 0.5 * n * (n + 1)) / (n * m)
+    area = (rankdata(values)[failed].sum() - 0.5 * n * (n + 1)) / (n * m)
     return abs(float(area) - 0.5)
 
 
-def _ranks(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return the ranks from 1; ties share their mean rank."""
-    order = np.argsort(values, kind="stable")
-    ranks = np.empty(len(values))
-    ranks[order] = np.arange(1.0, len(values) + 1.0)
-    for value in np.unique(values):
-        tied = values == value
-        ranks[tied] = ranks[tied].mean()
-    return ranks
+def _contours(points: Float[np.ndarray, "n 2"], failed: Bool[np.ndarray, " n"]) -> dict[float, list[Float[np.ndarray, "_ 2"]]]:
+    from contourpy import contour_generator
 
-
-def _rank_correlation(a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"]) -> float:
-    """Return Spearman's correlation of two quantities."""
-    return float(np.corrcoef(_ranks(a), _ranks(b))[0, 1])
-
-
-def _contours(points: Float[np.ndarray, "n 2"], failed: Bool[np.ndarray, " n"]) -> dict[float, list[Segment]]:
     middle, scale = points.mean(axis=0), points.std(axis=0)
     weights = _logistic(_terms((points - middle) / scale), failed.astype(float))
-    axes = [np.linspace(points[:, k].min(), points[:, k].max(), GRID) for k in (0, 1)]
-    x, y = np.meshgrid(*axes, indexing="ij")
+    x, y = np.meshgrid(*(np.linspace(points[:, k].min(), points[:, k].max(), GRID) for k in (0, 1)))
     grid = (np.column_stack([x.ravel(), y.ravel()]) - middle) / scale
     share = (1.0 / (1.0 + np.exp(-_terms(grid) @ weights))).reshape(GRID, GRID)
-    return {level: _level(share - level, *axes) for level in LEVELS}
+    lines: Any = contour_generator(x, y, share)
+    return {level: list(lines.lines(level)) for level in LEVELS}
 
 
 def _terms(z: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 6"]:
@@ -108,10 +93,10 @@ def _terms(z: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 6"]:
 
 
 def _logistic(X: Float[np.ndarray, "n 6"], y: Float[np.ndarray, " n"]) -> Float[np.ndarray, " 6"]:
-    """Return the coefficients of the penalised logistic regression, by Newton's method."""
+    """Return the coefficients of the logistic regression, by Newton's method; a penalty keeps separable runs finite."""
     weights = np.zeros(X.shape[1])
-    penalty = RIDGE * np.diag([0.0, *np.ones(X.shape[1] - 1)])
-    for _ in range(NEWTON_STEPS):
+    penalty = 0.1 * np.diag([0.0, *np.ones(X.shape[1] - 1)])
+    for _ in range(30):
         share = 1.0 / (1.0 + np.exp(-np.clip(X @ weights, -30.0, 30.0)))
         gradient = X.T @ (share - y) + penalty @ weights
         curvature = (X * (share * (1.0 - share))[:, None]).T @ X + penalty + 1e-9 * np.eye(X.shape[1])
@@ -120,26 +105,3 @@ def _logistic(X: Float[np.ndarray, "n 6"], y: Float[np.ndarray, " n"]) -> Float[
         if np.abs(step).max() < 1e-8:
             break
     return weights
-
-
-def _level(f: Float[np.ndarray, "g g"], x: Float[np.ndarray, " g"], y: Float[np.ndarray, " g"]) -> list[Segment]:
-    """Return the segments at which a function on a grid is zero: each cell in two triangles."""
-    found: list[Segment] = []
-    for i in range(len(x) - 1):
-        for j in range(len(y) - 1):
-            corners = [
-                (x[i], y[j], f[i, j]),
-                (x[i + 1], y[j], f[i + 1, j]),
-                (x[i + 1], y[j + 1], f[i + 1, j + 1]),
-                (x[i], y[j + 1], f[i, j + 1]),
-            ]
-            for triangle in ((0, 1, 2), (0, 2, 3)):
-                ends = [
-                    (a[0] + r * (b[0] - a[0]), a[1] + r * (b[1] - a[1]))
-                    for a, b in ((corners[triangle[k]], corners[triangle[(k + 1) % 3]]) for k in range(3))
-                    if (a[2] < 0.0) != (b[2] < 0.0)
-                    for r in [a[2] / (a[2] - b[2])]
-                ]
-                if len(ends) == 2:
-                    found.append((float(ends[0][0]), float(ends[0][1]), float(ends[1][0]), float(ends[1][1])))
-    return found

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from treadline.campaign.scenario_paths import DERIVED, LABEL, Tables, check_path, check_value, get_value, is_integer
+from treadline.campaign._scenario_paths import DERIVED, LABEL, Tables, check_path, check_value, get_value, is_integer
 from treadline.core.errors import SettingsError
 from treadline.core.settings import Settings
 
