@@ -13,23 +13,31 @@ import pytest
 from treadline.core.angles import DEG, attitude_of, rotation_y
 from treadline.core.signals import Event, FrameQuality, SeatCommand, TrackCommand
 from treadline.plant.mujoco import open_plant
-from treadline.playback import PerceivedStair, PhaseSpan, Recording, RecordingBuilder, read_recording
-from treadline.playback.findings import (
-    SETTLED_RAD,
+from treadline.playback import (
     LogNotes,
-    crossings,
-    fault_moments,
+    NosingComparison,
+    PerceivedStair,
+    PhaseSpan,
+    Recording,
+    RecordingBuilder,
+    comparison_of,
     findings_of,
     holding_at,
-    holds_of,
     least_margin,
+    read_recording,
+)
+from treadline.playback._moments import (
+    SETTLED_RAD,
+    crossings,
+    fault_moments,
+    holds_of,
     margins_at,
     notes_of,
     silences,
     slipping,
     tipping_direction,
 )
-from treadline.playback.nosing_matches import NosingComparison, comparison_of, nosing_record
+from treadline.playback._nosings import nosing_record
 from treadline.scenario.chair import read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Chair, Scenario, Stair

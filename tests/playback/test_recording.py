@@ -17,7 +17,7 @@ from treadline.io.decode import OURS
 from treadline.io.mcap_read import read_log
 from treadline.io.runs import LOG
 from treadline.plant.mujoco import open_plant
-from treadline.playback import Recording, RecordingBuilder, read_frames, read_recording
+from treadline.playback import Recording, RecordingBuilder, SignalCollector, read_frames, read_recording
 from treadline.ros.bag_writer import open_bag
 from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import resolve
@@ -94,8 +94,7 @@ def test_a_perceived_nosing_is_placed_by_the_pose_at_its_exposure_and_known_from
     R_WB = rotation_of(recording.quat_WB[10])
     expected = R_WB @ seen.nosings_B[1] + np.array([at.chassis_x_m, at.chassis_y_m, at.chassis_z_m])
     np.testing.assert_allclose(seen.nosings_W[1], expected, atol=1e-12)  # rounding alone
-    assert recording.map_at(0.15) is recording.maps[0]
-    assert recording.map_at(0.16) is recording.maps[1]
+    assert [seen.taken_s for seen in recording.maps[:2]] == pytest.approx([0.06, 0.16])
 
 
 @pytest.mark.parametrize("seat_deg", [-5.0, 0.0, 12.0, 28.0])
@@ -193,13 +192,42 @@ def test_frames_are_found_by_time(written: Written) -> None:
     assert frame.rgb[0, 0, 0] == 20
 
 
-def test_the_last_samples_of_a_live_run_are_the_end_of_the_whole() -> None:
+@pytest.mark.parametrize("sees_truth", [True, False])
+def test_a_recording_does_not_depend_on_how_the_run_is_divided(sees_truth: bool) -> None:
+    """Test: signals collected elsewhere, in parts of 1, 7 and 50, and built after each. Expected: the same to the bit."""
+    signals = [(signal, t_s) for signal, t_s in signals_of_a_run() if sees_truth or not isinstance(signal, Truth)]
+    whole = built(signals)
+    for size in (1, 7, 50):
+        collector, builder = SignalCollector(), RecordingBuilder(read_chair("wheelchair"), SCENARIO, seed=3)
+        for first in range(0, len(signals), size):
+            for signal, taken_s in signals[first : first + size]:
+                collector(signal, taken_s)
+            builder.add(collector.take())
+            grown = builder.build()
+        for item in fields(Recording):
+            if isinstance(getattr(whole, item.name), np.ndarray):
+                assert getattr(grown, item.name).tobytes() == getattr(whole, item.name).tobytes(), item.name
+        assert [seen.nosings_W.tobytes() for seen in grown.maps] == [seen.nosings_W.tobytes() for seen in whole.maps]
+        assert (grown.events, grown.phases) == (whole.events, whole.phases)
+
+
+def test_a_recording_in_progress_is_a_view_that_costs_no_copy() -> None:
     builder = RecordingBuilder(read_chair("wheelchair"), SCENARIO)
-    for signal, taken_s in signals_of_a_run():
-        builder(signal, taken_s)
-    whole, tail = builder.build(), builder.build(last=5)
-    assert tail.t_s.tolist() == whole.t_s[-5:].tolist()
-    assert tail.estimate_rad.tolist() == whole.estimate_rad[-5:].tolist()
+    for k in range(3):
+        builder(truth(k))
+    first = builder.build()
+    assert np.shares_memory(first.p_WB, builder.build().p_WB)
+    builder(truth(3))
+    assert (len(first.t_s), len(builder.build().t_s)) == (3, 4)
+
+
+@pytest.mark.parametrize(("moved", "slip"), [(1.0, 0.0), (0.7, 0.3), (0.0, 1.0)])
+def test_the_slip_ratio_is_the_share_of_the_belts_travel_that_the_chair_does_not_cover(moved: float, slip: float) -> None:
+    """Test: belts at 0.2 m/s and a chair that covers a share of it. Expected: slip once the belts have moved 1 cm, NaN before."""
+    level = {"yaw_rad": 0.0, "pitch_rad": 0.0, "roll_rad": 0.0, "right_m_s": 0.2}
+    found = built([(replace(truth(k), chassis_x_m=0.002 * moved * k, **level), 0.01 * k) for k in range(200)]).slip
+    assert np.isnan(found[:5]).all()
+    np.testing.assert_allclose(found[10:], slip, atol=1e-9)
 
 
 def test_decimation_keeps_every_nth_sample() -> None:
@@ -210,7 +238,7 @@ def test_decimation_keeps_every_nth_sample() -> None:
 
 
 def test_every_topic_that_is_read_in_columns_is_one_of_ours() -> None:
-    from treadline.playback.read_run import IMU, NUMERIC, TRUTH
+    from treadline.playback._read_run import IMU, NUMERIC, TRUTH
 
     assert {*NUMERIC, IMU, TRUTH} <= set(OURS)
 

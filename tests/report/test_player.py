@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.core.signals import Event
-from treadline.playback import Recording
-from treadline.playback.findings import findings_of
+from treadline.playback import Recording, findings_of
 from treadline.report._html import packed, packed_indices
 from treadline.report._player_scene import creases, scene_of
 from treadline.report._plot_data import MOST_SAMPLES, uniform

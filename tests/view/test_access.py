@@ -9,7 +9,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from treadline.core.errors import SettingsError
-from treadline.view.access import AccessRules
+from treadline.view.server import AccessRules
 
 viser = pytest.importorskip("viser")
 RULES = AccessRules(token="secret", host="127.0.0.1", port=8350)  # noqa: S106 - of these tests alone

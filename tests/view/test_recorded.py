@@ -1,4 +1,4 @@
-"""Recorded runs on a tape: the same as during the run, and images with what the detector finds in them."""
+"""Recorded runs in the viewer: the same as during the run, and images with what the detector finds in them."""
 
 import io
 from dataclasses import fields, replace
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from treadline.core.angles import rotation_of
 from treadline.core.errors import LogFormatError
 from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.models import ControllerDesign
@@ -17,25 +18,22 @@ from treadline.io.cdr import nanoseconds_of
 from treadline.io.runs import LOG
 from treadline.io.scene_messages import compressed_message
 from treadline.perception.overlay import as_jpeg
-from treadline.playback.recording import in_world
+from treadline.playback import Recording, read_recording
 from treadline.ros.bag_writer import open_bag
 from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import resolve
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import DriveSettings, Scenario, Start
 from treadline.vehicle.staircase import as_designed
-from treadline.view.images import looks_of, pictures_of
-from treadline.view.moment_panel import RunMoments
+from treadline.view._feed import Feed
+from treadline.view._images import frames_of, pictures_of
+from treadline.view._live_run import LiveRun
+from treadline.view._messages import ImageOrder, Order, ShownFrame
+from treadline.view._panels import answers_html, camera_html
+from treadline.view._session import RunMoments, Session
 from treadline.view.opening import is_recorded, open_recorded
-from treadline.view.orders import ImageOrder, Order
-from treadline.view.pages import answers_html, camera_html
-from treadline.view.session import Feed
-from treadline.view.tape import COLUMNS, NUMBER, Tape
-from treadline.view.worker import LiveRun
 
 SHORT = Scenario(start=Start(place="flight", step=4, heading_deg=6.0), drive=DriveSettings(duration_s=0.8, check=False))
-LIVE_ONLY = ("brake", "force_share", "left_force_n", "right_force_n")
-"""Quantities that a recording does not hold."""
 
 
 @pytest.fixture(scope="module")
@@ -50,57 +48,51 @@ def image_order(folder: Path) -> ImageOrder:
     return ImageOrder(log=str(folder / LOG), camera=chair.camera_at(240), swept_half_m=chair.swept_half_m)
 
 
+@pytest.fixture(scope="module")
 def live() -> Feed:
-    feed = Feed(order=Order(scenario=SHORT, seed=3, speed=0.0))
-    LiveRun(feed.order, lambda message: feed._take(*message) is None, list).run()
+    feed = Feed.live(Order(scenario=SHORT, seed=3, speed=0.0), read_chair("wheelchair"))
+    LiveRun(feed.order, lambda message: feed.take(*message) is None, list).run()
     return feed
 
 
-def test_a_log_gives_the_tape_of_the_run(folder: Path) -> None:
-    """Test: all columns of a run on its tape and on that of its log. Expected: equal up to the rounding of stamps and angles."""
-    opened = open_recorded(str(folder))
-    opened.session.close()
-    tape, run = opened.session.tape, live().tape
-    assert opened.can_fork
-    assert len(tape) == len(run)
-    for name in COLUMNS:
-        if name not in LIVE_ONLY:
-            # Stamps are whole nanoseconds; an estimate may count from the tick before or after it.
-            late = 1e-3 if name in ("estimate_rad", "sigma_rad", "command_left_m_s", "command_right_m_s", "flipper_rad") else 1e-6
-            np.testing.assert_allclose(tape.column(name)[5:], run.column(name)[5:], atol=late, err_msg=name)
-    assert [span.name for span in tape.phases] == [span.name for span in run.phases]
-    assert tape.limits == run.limits
-    assert tape.verdict == run.verdict == "time_up"
+@pytest.fixture(scope="module")
+def frames(folder: Path) -> list[ShownFrame]:
+    """Frames of the log with what the detector finds in them."""
+    return list(frames_of(image_order(folder)))
 
 
-def test_a_live_run_has_the_moments_of_its_log(folder: Path) -> None:
-    """Test: moments of a run that has ended, and of its log. Expected: the same least margin and the same list."""
-    opened, feed = open_recorded(str(folder)), live()
-    opened.session.close()
-    of_log = RunMoments(chair=opened.stage.chair, recording=opened.recording)
-    of_run = RunMoments(chair=opened.stage.chair)
-    assert of_log.update(opened.session.feed)
-    assert of_run.update(feed)
-    assert not of_run.update(feed)  # nothing is new
+def test_a_live_run_is_the_recording_of_its_log(folder: Path, live: Feed) -> None:
+    """Test: all quantities, events, moments and answers of a run and of its log. Expected: equal up to the rounding of stamps."""
+    logged, run = read_recording(folder), live.recording
+    for item in fields(Recording):
+        if isinstance(getattr(run, item.name), np.ndarray):
+            # Stamps are whole nanoseconds, and angles are converted.
+            np.testing.assert_allclose(getattr(logged, item.name), getattr(run, item.name), atol=1e-9, err_msg=item.name)
+    assert [span.name for span in logged.phases] == [span.name for span in run.phases]
+    assert [seen.taken_s for seen in logged.maps] == pytest.approx([seen.taken_s for seen in run.maps])
+    assert logged.limits == run.limits
+    assert logged.outcome == run.outcome == "time_up"
+    of_log, of_run, shown = RunMoments(), RunMoments(), Feed.recorded(logged, live.order)
+    assert of_log.update(shown)
+    assert of_run.update(live)
+    assert not of_run.update(live)  # nothing is new
     assert of_run.margin == of_log.margin != ""
-    names = [[moment.name for moment in found.listed] for found in (of_run, of_log)]
-    assert names[0] == names[1]
-    assert "of the whole run" in answers_html(of_log.answers, live=False)
+    assert [moment.name for moment in of_run.listed] == [moment.name for moment in of_log.listed]
+    assert [answer["label"] for answer in of_run.answers] == [answer["label"] for answer in of_log.answers]
+    assert "of the whole run" in answers_html(Session(feed=shown))
 
 
-def test_the_images_of_a_log_show_what_the_detector_saw_in_the_run(folder: Path) -> None:
-    looks, run = list(looks_of(image_order(folder))), live()
-    seen = run.tape.looks
-    assert [look.t_s for look in looks] == pytest.approx([look.t_s for look in seen])
-    assert [look.reason for look in looks] == [look.reason for look in seen]
-    assert all(look.picture is not None and look.picture.startswith(b"\xff\xd8") for look in looks)  # JPEG
+def test_the_images_of_a_log_show_what_the_detector_saw_in_the_run(frames: list[ShownFrame], live: Feed) -> None:
+    assert [frame.t_s for frame in frames] == pytest.approx([frame.t_s for frame in live.frames])
+    assert [frame.reason for frame in frames] == [frame.reason for frame in live.frames]
+    assert all(frame.picture is not None and frame.picture.startswith(b"\xff\xd8") for frame in frames)  # JPEG
 
 
-def test_detected_planes_lie_on_the_stair(folder: Path) -> None:
+def test_detected_planes_lie_on_the_stair(frames: list[ShownFrame], live: Feed) -> None:
     """Test: corners of the detected treads at the true pose. Expected: at heights of treads, and above true treads in plan."""
-    tape, staircase = live().tape, as_designed(SHORT.stair)
-    heights = np.array([step.z_m for step in staircase.steps])
-    found = [in_world(look.treads_B.reshape(-1, 3), *pose(tape, look.t_s)) for look in looks_of(image_order(folder))]
+    run, heights = live.recording, np.array([step.z_m for step in as_designed(SHORT.stair).steps])
+    poses = [(rotation_of(run.quat_WB[k]), run.p_WB[k]) for k in (run.index_at(frame.t_s) for frame in frames)]
+    found = [frame.treads_B.reshape(-1, 3) @ R_WB.T + p_WB for frame, (R_WB, p_WB) in zip(frames, poses, strict=True)]
     corners = np.concatenate(found)
     assert len(corners) > 20
     off = np.abs(corners[:, 2:] - heights).min(axis=1)
@@ -108,21 +100,14 @@ def test_detected_planes_lie_on_the_stair(folder: Path) -> None:
     assert np.median(off) < 0.01
 
 
-def pose(tape: Tape, t_s: float) -> tuple[np.ndarray, np.ndarray]:
-    row = tape.at(t_s)
-    return np.array([row[name] for name in ("x_m", "y_m", "z_m")]), np.array([row[name] for name in ("qw", "qx", "qy", "qz")])
-
-
-def test_frames_replace_the_stair_maps_that_came_from_them(folder: Path) -> None:
-    opened = open_recorded(str(folder))
-    feed = opened.session.feed
-    feed._end_images()
-    maps = len(feed.tape.looks)
-    for look in looks_of(image_order(folder)):
-        feed._illustrate("look", look)
-    assert len(feed.tape.looks) >= maps
-    assert all(look.picture is not None for look in feed.tape.looks)
-    assert (np.diff([look.t_s for look in feed.tape.looks]) > 0.0).all()
+def test_frames_replace_the_stair_maps_that_came_from_them(folder: Path, frames: list[ShownFrame], live: Feed) -> None:
+    feed = Feed.recorded(read_recording(folder), live.order)
+    maps = len(feed.frames)
+    for frame in frames:
+        feed.take_image("frame", frame)
+    assert len(feed.frames) >= maps
+    assert all(frame.picture is not None for frame in feed.frames)
+    assert (np.diff([frame.t_s for frame in feed.frames]) > 0.0).all()
 
 
 def test_targets_are_told_apart(folder: Path, tmp_path: Path) -> None:
@@ -133,17 +118,16 @@ def test_targets_are_told_apart(folder: Path, tmp_path: Path) -> None:
     assert not is_recorded(str(tmp_path / "own.toml"))
     with pytest.raises(LogFormatError, match=r"missing\.mcap"):
         open_recorded("missing.mcap")
-    assert NUMBER["t_s"] == 0
 
 
 def test_a_log_without_its_folder_can_be_forked_as_the_folder(folder: Path, tmp_path: Path) -> None:
     bare = tmp_path / "bare.mcap"
     bare.write_bytes((folder / LOG).read_bytes())
     whole, alone = open_recorded(str(folder)), open_recorded(str(bare))
-    whole.session.close()
-    alone.session.close()
-    assert alone.can_fork
-    orders = [opened.session.feed.order for opened in (whole, alone)]
+    whole.close()
+    alone.close()
+    assert alone.can_repeat
+    orders = [session.feed.order for session in (whole, alone)]
     assert (orders[0].scenario, orders[0].seed) == (orders[1].scenario, orders[1].seed)
     assert isinstance(orders[0].controller, ControllerDesign)
     np.testing.assert_array_equal(orders[0].controller.K, orders[1].controller.K)
@@ -194,19 +178,18 @@ def test_the_images_of_a_bag_are_shown_at_their_time(tmp_path: Path, name: str, 
     """Test: images of one colour each, raw and compressed. Expected: each at its time, and one with the map."""
     path = tmp_path / name
     write_bag(path, compressed=compressed)
-    feed = open_recorded(str(path)).session.feed
+    session = open_recorded(str(path))
+    feed = session.feed
     assert feed.images is not None
     order = ImageOrder(log=str(path), camera=SMALL, swept_half_m=0.4)
-    feed._end_images()
+    feed.end_images()
     for shown in pictures_of(order):
-        feed._illustrate("look", shown)
-    feed.close()
-    looks = feed.tape.looks
-    assert [look.t_s for look in looks] == pytest.approx([0.0, 0.1, 0.2], abs=1e-5)
-    assert [look.is_judged for look in looks] == [False, True, False]
-    assert [len(look.nosings_B) for look in looks] == [0, 1, 0]
-    for look, colour in zip(looks, COLOURS, strict=True):
-        with Image.open(io.BytesIO(look.picture or b"")) as image:
+        feed.take_image("frame", shown)
+    assert [frame.t_s for frame in feed.frames] == pytest.approx([0.0, 0.1, 0.2], abs=1e-5)
+    assert [frame.is_judged for frame in feed.frames] == [False, True, False]
+    assert [len(frame.nosings_B) for frame in feed.frames] == [0, 1, 0]
+    for frame, colour in zip(feed.frames, COLOURS, strict=True):
+        with Image.open(io.BytesIO(frame.picture or b"")) as image:
             middle = np.asarray(image)[image.height // 2, image.width // 2]
         np.testing.assert_allclose(middle, colour, atol=6)  # two JPEG compressions at quality 80
-    assert "image of 0.00 s" in camera_html(looks[0], [], {}, None)
+    assert "image of 0.00 s" in camera_html(session)

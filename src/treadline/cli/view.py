@@ -68,31 +68,30 @@ def view(
     handlers: dict[str, Any] = {}
     server = GuardedServer(host, port, handlers)
     try:
-        opened = (
+        session = (
             open_recorded(target)
             if recorded
             else open_live(target, seed=seed, controller=controller, detector=detector, estimator=estimator, attended=control)
         )
-        return _served(server, opened, handlers, no_browser=no_browser, seconds=seconds)
+        return _served(server, session, handlers, no_browser=no_browser, seconds=seconds)
     finally:
         server.close()
 
 
-def _served(server: Any, opened: Any, handlers: dict[str, Any], *, no_browser: bool, seconds: float | None) -> Answer:
+def _served(server: Any, session: Any, handlers: dict[str, Any], *, no_browser: bool, seconds: float | None) -> Answer:
     """Serve the page until Ctrl-C or the end of the given time."""
     from treadline.core.errors import SettingsError
     from treadline.view.app import App, handset_handler, jump_handler
 
-    session = opened.session
     handlers["handset"] = handset_handler(session)
     ended = threading.Event()
     try:
-        app = App(server, session, opened)
+        app = App(server, session)
         handlers["jump"] = jump_handler(app)
         url = server.rules.url
         _say(f"view: {url}")
         _say(_exposure(server.rules.host, attended=session.attended))
-        for sentence in opened.missing:
+        for sentence in session.run.missing:
             _say(f"view: {sentence}")
         if not no_browser and not webbrowser.open(url):
             raise SettingsError("no browser found on this machine; pass --no-browser, and open the printed address in one")
@@ -109,19 +108,19 @@ def _served(server: Any, opened: Any, handlers: dict[str, Any], *, no_browser: b
     finally:
         ended.set()
         session.close()
-    tape = session.tape
+    run, error = session.run, session.feed.error
     return Answer(
-        values={"url": url, "t_s": tape.end_s, "verdict": tape.verdict, "scene_updates": app.updates, "error": session.feed.error},
+        values={"url": url, "t_s": run.duration_s, "verdict": run.outcome, "scene_updates": app.updates, "error": error},
         summary=[
-            f"viewed {opened.title}: {tape.end_s:.1f} s, {tape.verdict or 'not ended'}",
-            *([session.feed.error] if session.feed.error else []),
+            f"viewed {session.title}: {run.duration_s:.1f} s, {run.outcome or 'not ended'}",
+            *([error] if error else []),
         ],
-        code=1 if session.feed.error else 0,
+        code=1 if error else 0,
     )
 
 
 def _exposure(host: str, *, attended: bool) -> str:
-    from treadline.view.access import LOOPBACK
+    from treadline.view.server import LOOPBACK
 
     may = "may stop, drive and disturb the chair" if attended else "may only view"
     if host in LOOPBACK:

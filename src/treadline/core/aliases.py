@@ -52,7 +52,7 @@ PLACES = {
     "nodes.plant": "ros.plant_node",
     "nodes.process": "ros.node_process",
     "nodes.wire": "ros.wire",
-    "playback.moments": "playback.findings",
+    "playback.moments": "playback",
     "setup": "run.resolve",
     "sim": "plant.mujoco",
     "sim.camera": "plant.sensors.camera",

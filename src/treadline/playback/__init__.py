@@ -1,18 +1,53 @@
-"""A run as arrays, for viewers, players and pictures: ``run folder, log or signals -> Recording``."""
+"""A run as arrays, complete or still growing, and what its log does not name: ``run folder, log or signals -> Recording``.
 
-from treadline.playback.builder import RecordingBuilder
-from treadline.playback.read_run import bag_origin_ns, manifest_of, read_frames, read_recording, run_folder_of
-from treadline.playback.recording import Limits, PerceivedStair, PhaseSpan, Recording
+``read_recording`` reads a run, and ``RecordingBuilder`` takes its signals while it is under way; ``findings_of`` returns moments,
+holds, perceived nosings and the least tip-over margin.
+"""
+
+from treadline.playback._builder import RecordingBuilder, SignalCollector, Signals
+from treadline.playback._moments import (
+    SILENT_S,
+    Findings,
+    Hold,
+    LogNotes,
+    Moment,
+    findings_of,
+    holding_at,
+    least_margin,
+    on_flight,
+    support_at,
+)
+from treadline.playback._nosings import HALF_LINE_M, FrameNosings, NosingComparison, NosingRecord, comparison_of
+from treadline.playback._read_run import bag_origin_ns, manifest_of, read_frames, read_recording, run_folder_of
+from treadline.playback._recording import Limits, PerceivedStair, PhaseSpan, Recording, staircase_of
 
 __all__ = [
+    "HALF_LINE_M",
+    "SILENT_S",
+    "Findings",
+    "FrameNosings",
+    "Hold",
     "Limits",
+    "LogNotes",
+    "Moment",
+    "NosingComparison",
+    "NosingRecord",
     "PerceivedStair",
     "PhaseSpan",
     "Recording",
     "RecordingBuilder",
+    "SignalCollector",
+    "Signals",
     "bag_origin_ns",
+    "comparison_of",
+    "findings_of",
+    "holding_at",
+    "least_margin",
     "manifest_of",
+    "on_flight",
     "read_frames",
     "read_recording",
     "run_folder_of",
+    "staircase_of",
+    "support_at",
 ]

@@ -7,8 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.playback import Recording
-from treadline.playback.findings import Findings, Moment, on_flight
+from treadline.playback import Findings, Moment, Recording, on_flight
 
 MOST_SPANS = 3
 """Largest number of spans without a frame or a stair among the answers."""

@@ -17,9 +17,17 @@ from PIL import Image
 
 from treadline.core.angles import DEG, rotation_of
 from treadline.core.models import write_whole
-from treadline.playback import PerceivedStair, Recording, read_frames
-from treadline.playback.findings import Findings, Hold, Moment, findings_of
-from treadline.playback.nosing_matches import FrameNosings, comparison_of
+from treadline.playback import (
+    Findings,
+    FrameNosings,
+    Hold,
+    Moment,
+    PerceivedStair,
+    Recording,
+    comparison_of,
+    findings_of,
+    read_frames,
+)
 from treadline.report._html import TEMPLATES, in_base64, json_in_page, packed, page_of
 from treadline.report._player_scene import scene_of
 from treadline.report._plot_data import plots_of, uniform

@@ -1,6 +1,5 @@
 """Live view and replay of runs in a browser: ``treadline view``.
 
-A worker process runs the simulation and never waits for the viewer (``worker``); a ``Tape`` collects what happened; a session moves
-a cursor over the tape; scene and panels show the instant under the cursor. The server checks token, Host and Origin of every
-request before the page or a WebSocket is served (``access``).
+``opening`` makes a session of a target, ``server`` serves the page behind an access check, and ``app`` shows the instant under the
+cursor. A worker process runs the simulation and never waits for the viewer; its signals make a ``playback.Recording`` grow.
 """

@@ -6,59 +6,32 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from html import escape
 from typing import Any
 
 from treadline.core.errors import SettingsError
 from treadline.scenario.faults import EXTENTS, Conditions, FaultKind
-from treadline.view.moment_panel import RunMoments
-from treadline.view.nosing_lines import SeenNosings
-from treadline.view.opening import Opened
-from treadline.view.pages import (
-    answers_html,
-    camera_html,
-    camera_warning,
-    events_html,
-    handset_html,
-    legend_of_scene,
-    state_html,
-    terms_html,
-    timeline_html,
-    transitions_html,
-)
-from treadline.view.plot_panels import RED, SKY, PlotSpec, legend_html, plot_data, plot_specs
-from treadline.view.scene_3d import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SceneChoices, SceneView
+from treadline.view._panels import PANELS, legend_of_scene, terms_html
+from treadline.view._plots import PLOTS, add_plot, legend_html, plot_data
+from treadline.view._scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SHOWN, SceneView
+from treadline.view._session import SPEEDS, STEPS, TRANSPORT, Session
+from treadline.view._what_if import FORKS, FRICTION_MAX, FRICTION_MIN, INJECTIONS, ChangeForm
 from treadline.view.server import GuardedServer
-from treadline.view.session import SPEEDS, STEPS, TRANSPORT, Session
-from treadline.view.whatif import (
-    CHANGES,
-    FORKS,
-    FRICTION_MAX,
-    FRICTION_MIN,
-    INJECTIONS,
-    LASTS_S,
-    complain,
-    fault_of,
-    meaning,
-    outcome_html,
-    said_of,
-)
 
 SCENE_S, TEXT_S, PLOT_S = 1.0 / 25.0, 0.1, 0.4
 """Intervals of the updates of scene, text and plots [s]."""
-PLOT_PX = 72
-"""Height of a plot [px]: six of them fit on a laptop's screen."""
 NARROW_PX = 576
 """Largest width of a page that shows the panels at its lower edge [px], as in ``narrow.css``."""
 EDITED_S = 0.8
 """Time after a client's edit of the time box for which the server leaves it alone [s]: longer than between two typed digits."""
 WEIGHT: tuple[tuple[str, FaultKind], ...] = (("forward", "payload_forward"), ("left", "payload_left"), ("up", "payload_up"))
 """Directions in which the passenger's weight moves, with the faults of the same range."""
-NO_FORK = (
-    '<div style="font-size:12px">This run cannot be repeated: its log comes without scenario and seed, or it used plug-ins. '
-    "Run folders of treadline climb can be forked.</div>"
+DRIVING = (
+    "Hold <b>Shift</b> (or a shoulder button of a gamepad) and drive with <b>W A S D</b>, the arrow keys or the left stick. "
+    "Letting go, or leaving the page, stops the chair; then re-arm."
 )
-"""Content of the tab of a run that cannot be forked."""
+"""How a person drives the chair."""
+CONDITIONS = "From now on: factor on the friction of each belt, and the passenger's weight."
+"""Meaning of the sliders of the control panel."""
 
 
 class App:
@@ -67,24 +40,18 @@ class App:
     Args:
         server: Server with its access check.
         session: What is shown.
-        opened: Target with its stage and title.
     """
 
-    def __init__(self, server: GuardedServer, session: Session, opened: Opened) -> None:
-        self._viser, self._session, self._opened = server.viser, session, opened
-        stage = opened.stage
-        self._scene = SceneView(server.viser, stage)
-        self._choices = SceneChoices()
-        self._nosings = SeenNosings(stage.staircase, stage.chair.camera_at(stage.image_height_px, rear=stage.rear_camera))
+    def __init__(self, server: GuardedServer, session: Session) -> None:
+        self._viser, self._session = server.viser, session
+        self._scene = SceneView(server.viser, session.feed)
+        session.shows.update({name: shown for name, (_, shown) in SHOWN.items()})
         self._lock = threading.Lock()
-        self._texts: dict[int, str] = {}
-        self._legends: list[Any] = []
-        self._plots: list[Any] = []
+        self._panels: dict[str, Any] = {}
+        self._plots: list[tuple[Any, Any]] = []
+        self._plotted: tuple[Any, ...] = ()
         self._edited_at = -math.inf
         self._is_stale = False
-        self._moments = RunMoments(chair=stage.chair, recording=opened.recording)
-        self._ghost_moments = RunMoments(chair=stage.chair)
-        self._forked_at = 0.0
         self.failure: Exception | None = None
         """Exception that ended the updates; None while all is well."""
         self.updates = 0
@@ -92,32 +59,28 @@ class App:
         self._build()
         server.viser.on_client_connect(show_above_sheet)
 
-    # Panels
+    # Controls
 
     def _build(self) -> None:
-        gui = self._viser.gui
+        gui, session = self._viser.gui, self._session
         gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False, control_width="large")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(400)
-        if self._session.attended:
-            self._build_stop(gui)
-        self._state = gui.add_html("")
-        self._timeline = gui.add_html("")
+        if session.attended:
+            self._add_button("STOP", lambda: session.press("stop"), color="red")
+            self._add_button("Re-arm", lambda: session.press("rearm"))
+        self._place("state", "timeline")
         self._build_transport(gui)
-        self._camera = gui.add_html("")
+        self._place("camera")
         tabs = gui.add_tab_group()
-        with tabs.add_tab("Moments"):
-            self._answers = gui.add_html("")
-        with tabs.add_tab("Phases"):
-            self._transitions = gui.add_html("")
-        with tabs.add_tab("Events"):
-            self._events = gui.add_html("")
+        for label, name in (("Moments", "answers"), ("Phases", "transitions"), ("Events", "events")):
+            with tabs.add_tab(label):
+                self._place(name)
         with tabs.add_tab("What if"):
-            if self._opened.can_fork:
+            if session.can_repeat:
                 self._build_what_if(gui)
-            else:
-                self._outcome = gui.add_html(NO_FORK)
-        if self._session.attended:
+            self._place("outcome")
+        if session.attended:
             with tabs.add_tab("Control"):
                 self._build_control(gui)
         with tabs.add_tab("Show"):
@@ -126,6 +89,24 @@ class App:
         self._plot_tab = panel.add_tab("Plots")
         panel.dock_left()
         panel.set_width(380)
+
+    def _place(self, *names: str) -> None:
+        """Add panels of text."""
+        self._panels |= {name: self._viser.gui.add_html("") for name in names}
+
+    def _add_button(self, label: str, act: Callable[[], None], **look: Any) -> Any:
+        button = self._viser.gui.add_button(label, **look)
+        button.on_click(self._locked(lambda _event: act()))
+        return button
+
+    def _locked(self, act: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a handler of events that acts while the page is not updated."""
+
+        def handle(event: Any) -> None:
+            with self._lock:
+                act(event)
+
+        return handle
 
     def _build_transport(self, gui: Any) -> None:
         session = self._session
@@ -138,26 +119,13 @@ class App:
                 self.jump(float(self._slider.value))
 
         for label, names in (("play", TRANSPORT), ("step", tuple(STEPS))):
-            self._add_transport(gui, label, names)
-
+            buttons = gui.add_button_group(label, names)
+            buttons.on_click(self._locked(lambda event: session.press_transport(str(event.target.value))))
         speed = gui.add_dropdown("speed ×", tuple(f"{value:g}" for value in SPEEDS), initial_value="1")
-
-        @speed.on_update
-        def _(_event: Any) -> None:
-            with self._lock:
-                session.set_speed(float(speed.value))
-
-        for label, hotkey, ticks in (("Play or pause", "K", 0), ("Back one tick", "J", -1), ("Forward one tick", "L", 1)):
-            command = gui.add_command(label, hotkey=hotkey)
-            command.on_trigger(self._stepper(ticks))
-
-    def _add_transport(self, gui: Any, label: str, names: tuple[str, ...]) -> None:
-        buttons = gui.add_button_group(label, names)
-
-        @buttons.on_click
-        def _(_event: Any) -> None:
-            with self._lock:
-                self._session.press_transport(str(buttons.value))
+        speed.on_update(self._locked(lambda _event: session.set_speed(float(speed.value))))
+        gui.add_command("Play or pause", hotkey="K").on_trigger(self._locked(lambda _event: session.play()))
+        gui.add_command("Back one tick", hotkey="J").on_trigger(self._locked(lambda _event: session.step(-1)))
+        gui.add_command("Forward one tick", hotkey="L").on_trigger(self._locked(lambda _event: session.step(1)))
 
     def jump(self, t_s: float) -> None:
         """Move the cursor, and stay there."""
@@ -166,197 +134,72 @@ class App:
                 self._session.playing = False
             self._session.seek(t_s)
 
-    def _stepper(self, ticks: int) -> Callable[[Any], None]:
-        def triggered(_event: Any) -> None:
-            with self._lock:
-                if ticks:
-                    self._session.step(ticks)
-                else:
-                    self._session.play()
-
-        return triggered
-
-    def _build_form(self, gui: Any, label: str, choices: tuple[str, ...]) -> tuple[Any, Any, Any]:
-        """Add choice, value and duration of a change; a choice fills in its default value."""
-        choice = gui.add_dropdown(label, choices)
-        value = gui.add_number("value", 0.0, step=0.05)
-        lasts = gui.add_number("for [s]", LASTS_S, min=0.1, step=0.5)
-
-        def fill() -> None:
-            change = CHANGES.get(choice.value)
-            value.value = 0.0 if change is None else change.default
-            value.disabled = change is None or not change.has_value
-            lasts.disabled = change is None or change.stays
-
-        choice.on_update(lambda _event: fill())
-        fill()
-        return choice, value, lasts
-
-    def _add_hint(self, gui: Any, choice: Any) -> None:
-        hint = gui.add_html("")
-
-        def show() -> None:
-            hint.content = f'<div style="font-size:12px;margin-right:14px">{escape(meaning(choice.value))}</div>'
-
-        choice.on_update(lambda _event: show())
-        show()
-
     def _build_what_if(self, gui: Any) -> None:
-        session = self._session
-        choice, value, lasts = self._build_form(gui, "change", FORKS)
-        fork = gui.add_button("Fork here", hint="repeat the run up to the cursor, and go on with the change")
-        self._drop = gui.add_button("Remove the fork", visible=False)
+        form = ChangeForm(gui, "change", FORKS)
+        button = gui.add_button("Fork here", hint="repeat the run up to the cursor, and go on with the change")
+        self._drop = self._add_button("Remove the fork", self._session.drop_ghost, visible=False)
         self._progress = gui.add_progress_bar(0.0, visible=False, animated=True)
-        self._add_hint(gui, choice)
-        self._outcome = gui.add_html("")
+        form.add_hint(gui)
 
-        @fork.on_click
-        def _(event: Any) -> None:
-            chosen = choice.value, float(value.value), float(lasts.value)
-            try:
-                change = fault_of(*chosen)
-            except ValueError as error:
-                complain(event, error)
-                return
-            self._ghost_moments = RunMoments(chair=self._opened.stage.chair)
-            self._forked_at = time.perf_counter()
-            with self._lock:
-                session.fork(change, said_of(*chosen))
+        def fork(event: Any) -> None:
+            taken = form.take(event)
+            if taken is not None:
+                self._session.fork(*taken)
 
-        @self._drop.on_click
-        def _(_event: Any) -> None:
-            with self._lock:
-                session.drop_ghost()
-
-    def _build_stop(self, gui: Any) -> None:
-        """Add the buttons of the handset, in view at all times."""
-        session = self._session
-        stop = gui.add_button("STOP", color="red")
-        rearm = gui.add_button("Re-arm")
-
-        @stop.on_click
-        def _(_event: Any) -> None:
-            with self._lock:
-                session.press("stop")
-
-        @rearm.on_click
-        def _(_event: Any) -> None:
-            with self._lock:
-                session.press("rearm")
+        button.on_click(self._locked(fork))
 
     def _build_control(self, gui: Any) -> None:
         session = self._session
         manual = gui.add_checkbox("Drive by hand", initial_value=False)
-        gui.add_html(
-            '<div style="font-size:12px">Hold <b>Shift</b> (or a shoulder button of a gamepad) and drive with <b>W A S D</b>, the '
-            "arrow keys or the left stick. Letting go, or leaving the page, stops the chair; then re-arm.</div>"
-        )
-        self._handset = gui.add_html("")
-        choice, value, lasts = self._build_form(gui, "break something", INJECTIONS)
-        inject = gui.add_button("Inject now")
-        self._add_hint(gui, choice)
+        manual.on_update(self._locked(lambda _event: session.set_manual(manual=bool(manual.value))))
+        gui.add_html(f'<div style="font-size:12px">{DRIVING}</div>')
+        self._place("handset")
+        form = ChangeForm(gui, "break something", INJECTIONS)
+        button = gui.add_button("Inject now")
+        form.add_hint(gui)
 
-        @manual.on_update
-        def _(_event: Any) -> None:
-            with self._lock:
-                session.set_manual(manual=bool(manual.value))
+        def inject(event: Any) -> None:
+            fault, _ = form.take(event) or (None, "")
+            if fault is not None:
+                session.act(fault.model_copy(update={"at_s": session.feed.end_s}))
 
-        @inject.on_click
-        def _(event: Any) -> None:
-            try:
-                change = fault_of(choice.value, float(value.value), float(lasts.value))
-            except ValueError as error:
-                complain(event, error)
-                return
-            if change is not None:
-                with self._lock:
-                    session.act(change.model_copy(update={"at_s": session.tape.end_s}))
-
+        button.on_click(self._locked(inject))
         self._build_conditions(gui)
 
     def _build_conditions(self, gui: Any) -> None:
-        session = self._session
-        gui.add_html(
-            '<div style="font-size:12px">From now on: factor on the friction of each belt, and the passenger\'s weight.</div>'
-        )
+        gui.add_html(f'<div style="font-size:12px">{CONDITIONS}</div>')
         friction = [
             gui.add_slider(f"friction, {side} ×", min=FRICTION_MIN, max=FRICTION_MAX, step=0.05, initial_value=1.0)
             for side in ("left", "right")
         ]
-        extents = [(label, EXTENTS[kind]) for label, kind in WEIGHT]
         weight = [
-            gui.add_slider(f"weight {label} [m]", min=extent.low, max=extent.high, step=0.01, initial_value=0.0)
-            for label, extent in extents
+            gui.add_slider(f"weight {label} [m]", min=EXTENTS[kind].low, max=EXTENTS[kind].high, step=0.01, initial_value=0.0)
+            for label, kind in WEIGHT
         ]
 
         def moved(event: Any) -> None:
             if event.client is not None:
-                with self._lock:
-                    session.act(
-                        Conditions(
-                            friction=(float(friction[0].value), float(friction[1].value)),
-                            payload_m=(float(weight[0].value), float(weight[1].value), float(weight[2].value)),
-                        )
-                    )
+                left, right, *shift_m = (float(slider.value) for slider in (*friction, *weight))
+                self._session.act(Conditions(friction=(left, right), payload_m=(shift_m[0], shift_m[1], shift_m[2])))
 
         for slider in (*friction, *weight):
-            slider.on_update(moved)
+            slider.on_update(self._locked(moved))
 
     def _build_choices(self, gui: Any) -> None:
-        for name, label in (
-            ("follow", "follow the chair"),
-            ("passenger", "passenger"),
-            ("planes", "detected treads and risers"),
-            ("forces", "belt forces (live runs)"),
-            ("contacts", "contact forces"),
-            ("swept", "swept volume"),
-        ):
-            box = gui.add_checkbox(label, initial_value=getattr(self._choices, name))
-            box.on_update(self._chooser(box, name))
-        self._contacts_note = gui.add_html("")
+        for name, (label, shown) in SHOWN.items():
+            box = gui.add_checkbox(label, initial_value=shown)
+            box.on_update(self._locked(self._chooser(box, name)))
+        self._place("contacts")
         gui.add_html(legend_of_scene())
         gui.add_html(terms_html())
 
     def _chooser(self, box: Any, name: str) -> Callable[[Any], None]:
         def chosen(_event: Any) -> None:
-            setattr(self._choices, name, bool(box.value))
+            self._session.shows[name] = bool(box.value)
             if name == "contacts":
-                with self._lock:
-                    self._session.ask_contacts(asked=bool(box.value))
+                self._session.ask_contacts(asked=bool(box.value))
 
         return chosen
-
-    def _plot(self, gui: Any, spec: PlotSpec) -> Any:
-        from viser import uplot
-
-        # Values under the pointer are those of the curves: see page.css.
-        aid: dict[str, Any] = {"class": "treadline-aid"}
-        lines = [uplot.Series(**aid, label="fork", stroke=SKY, width=1.4, points={"show": False}, show=spec.ghost is not None)]
-        lines += [
-            uplot.Series(**aid, label="limit", stroke=RED, width=1.0, dash=(6, 4), points={"show": False}) for _ in spec.limits
-        ]
-        lines += [
-            uplot.Series(
-                label=curve.label,
-                stroke=curve.colour,
-                width=1.4,
-                points={"show": False},
-                **({"dash": (4, 3)} if curve.dashed else {}),
-            )
-            for curve in spec.curves
-        ]
-        lines.append(uplot.Series(**aid, label="cursor", stroke="#444", width=1.0, points={"show": False}))
-        self._legends.append(gui.add_html(""))
-        last = spec is plot_specs(self._session.tape.limits)[-1]
-        return gui.add_uplot(
-            data=plot_data(spec, self._session.tape, 0.0),
-            series=(uplot.Series(label="t [s]"), *lines),
-            scales={"x": uplot.Scale(time=False)},
-            axes=(uplot.Axis(size=24) if last else uplot.Axis(show=False), uplot.Axis(size=38)),
-            legend=uplot.Legend(show=True, live=True),
-            height=PLOT_PX + (20 if last else 0),
-            padding=(4, 8, 0, 0),
-        )
 
     # Updates
 
@@ -369,124 +212,88 @@ class App:
             ended.set()
 
     def _update(self, ended: threading.Event) -> None:
+        session, feed = self._session, self._session.feed
         before = time.perf_counter()
         due_text = due_plots = 0.0
-        shown: tuple[Any, ...] | None = None
+        shown: tuple[Any, ...] = ()
         while not ended.is_set():
             now = time.perf_counter()
             with self._lock:
-                self._session.advance(now - before)
-                t_s, end_s = self._session.cursor_s, self._session.tape.end_s
+                session.advance(now - before)
             before = now
-            if self._session.feed.error is not None and not len(self._session.tape):
-                raise SettingsError(self._session.feed.error)
-            ghost = self._session.ghost
-            known = len(self._session.tape.contacts), None if ghost is None else len(ghost.tape)
-            key = (round(t_s, 3), vars_of(self._choices), known)
+            if feed.error is not None and feed.is_empty:
+                raise SettingsError(feed.error)
+            ghost = session.ghost
+            grown = len(feed.contacts), None if ghost is None else len(ghost.recording.t_s)
+            key = (round(session.cursor_s, 3), tuple(session.shows.values()), grown)
             if key != shown:
                 shown = key
-                self._show_scene(t_s)
+                self.updates += 1
+                with self._viser.atomic():
+                    self._scene.show(session.cursor_s, session.shows, ghost, session.ghost_name)
             if now >= due_text:
                 due_text = now + TEXT_S
-                self._show_text(t_s, end_s)
+                self._show_text()
             if now >= due_plots:
                 due_plots = now + PLOT_S
-                self._show_plots(t_s)
+                self._show_plots()
             ended.wait(max(SCENE_S - (time.perf_counter() - now), 0.001))
 
-    def _show_scene(self, t_s: float) -> None:
+    def _show_text(self) -> None:
         session = self._session
-        with self._viser.atomic():
-            self._scene.show(
-                session.tape, t_s, self._choices, None if session.ghost is None else session.ghost.tape, session.ghost_name
-            )
-        self.updates += 1
+        session.moments.update(session.feed)
+        if session.can_repeat:
+            self._show_progress()
+        for name, panel in self._panels.items():
+            change(panel, "content", PANELS[name](session))
+        self._show_slider()
 
-    def _show_text(self, t_s: float, end_s: float) -> None:
-        session, tape = self._session, self._session.tape
-        self._moments.update(session.feed)
-        listed = self._moments.listed
-        title = session.feed.error or self._opened.title
-        self._say(self._state, state_html(tape, t_s, live=session.is_live, title=title, least=self._moments.margin))
-        self._say(self._timeline, timeline_html(tape, t_s, None if session.ghost is None else session.ghost_from_s, listed))
-        self._say(self._answers, answers_html(self._moments.answers, live=session.is_live))
-        self._say(self._transitions, transitions_html(tape, t_s))
-        self._say(self._events, events_html(tape, t_s, listed))
-        look = tape.look_at(t_s)
-        warning = camera_warning(tape, t_s, listed)
-        seen, missed = ((), ()) if look is None else self._nosings.judge(look, tape.at(look.t_s))
-        reasons = {} if look is None else {number: self._nosings.why_missed(number, look, tape.at(look.t_s)) for number in missed}
-        self._say(self._camera, camera_html(look, seen, reasons, warning))
-        if self._opened.can_fork:
-            self._show_fork()
-        if session.attended:
-            self._say(self._handset, handset_html(session.handset, tape, t_s))
-        note = session.contacts_note if self._choices.contacts else ""
-        self._say(self._contacts_note, f'<div style="font-size:12px">{note}</div>')
-        self._show_slider(t_s, end_s)
-
-    def _show_fork(self) -> None:
-        """Show how far the fork is, and how it went."""
+    def _show_progress(self) -> None:
+        """Show how far the fork is."""
         session, ghost = self._session, self._session.ghost
-        self._set(self._drop, "visible", ghost is not None)
-        busy = ghost is not None and ghost.worker is not None
-        self._set(self._progress, "visible", busy)
-        if ghost is None:
-            self._say(self._outcome, "")
-            return
-        self._set(self._drop, "label", "Cancel the fork" if busy else "Remove the fork")
-        self._set(self._progress, "value", round(100.0 * min(ghost.tape.end_s / max(session.tape.end_s, 1.0), 1.0), 1))
-        margins = ["", ""]
-        if ghost.tape.verdict is not None:
-            self._ghost_moments.update(ghost)
-            margins = [self._ghost_moments.margin, self._moments.margin]
-        waited_s = time.perf_counter() - self._forked_at
-        self._say(self._outcome, outcome_html(session, waited_s, (margins[0], margins[1])))
+        is_busy = ghost is not None and ghost.worker is not None
+        change(self._drop, "visible", ghost is not None)
+        change(self._progress, "visible", is_busy)
+        if ghost is not None:
+            change(self._drop, "label", "Cancel the fork" if is_busy else "Remove the fork")
+            change(self._progress, "value", round(100.0 * min(ghost.end_s / max(session.feed.end_s, 1.0), 1.0), 1))
+            if ghost.recording.verdict is not None:
+                session.ghost_moments.update(ghost)
 
-    @staticmethod
-    def _set(handle: Any, name: str, value: Any) -> None:
-        """Set a property of a control, if it has changed."""
-        if getattr(handle, name) != value:
-            setattr(handle, name, value)
-
-    def _show_slider(self, t_s: float, end_s: float) -> None:
+    def _show_slider(self) -> None:
         """Set slider and time box to the cursor; a client that edits them has precedence, and is corrected afterwards."""
         if time.perf_counter() - self._edited_at < EDITED_S:
             self._is_stale = True
             return
-        wanted = max(round(end_s, 2), 1.0)
+        wanted = max(round(self._session.feed.end_s, 2), 1.0)
         # A live run grows at every call; its slider follows in steps of half a second.
         if self._slider.max != wanted and (not self._session.is_live or abs(self._slider.max - wanted) > 0.5):
             self._slider.max = wanted
-        value = min(round(t_s, 2), self._slider.max)
+        value = min(round(self._session.cursor_s, 2), self._slider.max)
         if self._is_stale or abs(self._slider.value - value) > 0.005:
             self._is_stale = False
             self._slider.value = value
 
-    def _say(self, handle: Any, text: str) -> None:
-        """Set the content of a panel, if it has changed."""
-        if self._texts.get(id(handle)) != text:
-            self._texts[id(handle)] = text
-            handle.content = text
-
-    def _show_plots(self, t_s: float) -> None:
-        session = self._session
-        key = f"{t_s:.2f} {len(session.tape)} {0 if session.ghost is None else len(session.ghost.tape)}"
-        if self._texts.get(0) == key or not len(session.tape):
+    def _show_plots(self) -> None:
+        session, run = self._session, self._session.run
+        fork = None if session.ghost is None else session.ghost.recording
+        key = round(session.cursor_s, 2), len(run.t_s), None if fork is None else len(fork.t_s)
+        if key == self._plotted or session.feed.is_empty:
             return
-        self._texts[0] = key
-        ghost = None if session.ghost is None else session.ghost.tape
+        self._plotted = key
         if not self._plots:  # made after the first picture
+            gui = self._viser.gui
             with self._plot_tab:
-                self._plots = [self._plot(self._viser.gui, spec) for spec in plot_specs(self._session.tape.limits)]
-        for handle, legend, spec in zip(self._plots, self._legends, plot_specs(self._session.tape.limits), strict=True):
-            self._say(legend, legend_html(spec, session.tape, t_s, forked=ghost is not None))
-            handle.data = plot_data(spec, session.tape, t_s, ghost)
+                self._plots = [(gui.add_html(""), add_plot(gui, plot, run)) for plot in PLOTS]
+        for (legend, handle), plot in zip(self._plots, PLOTS, strict=True):
+            change(legend, "content", legend_html(plot, run, session.cursor_s, forked=fork is not None))
+            handle.data = plot_data(plot, run, session.cursor_s, fork)
 
 
-def vars_of(choices: SceneChoices) -> tuple[bool, ...]:
-    """Return the choices as a comparable value."""
-    return choices.planes, choices.forces, choices.contacts, choices.swept, choices.follow, choices.passenger
+def change(handle: Any, name: str, value: Any) -> None:
+    """Set a property of a control, if it has changed: each assignment is a message to all clients."""
+    if getattr(handle, name) != value:
+        setattr(handle, name, value)
 
 
 def show_above_sheet(client: Any) -> None:

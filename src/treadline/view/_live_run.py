@@ -1,8 +1,7 @@
 """Simulation of a live run in a process of its own, which never waits for the viewer.
 
-``Order`` in; rows, events, frames and the verdict out, through a bounded queue: what finds no room stays with the worker
-until there is some, and images are dropped. Commands of the person at the screen are applied between two ticks and returned as the
-script.
+``Order`` in; signals, frames and the verdict out, through a bounded queue: what finds no room stays with the worker until there is
+some, and images are dropped. Commands of the person at the screen are applied between two ticks and returned as the script.
 """
 
 import math
@@ -12,22 +11,24 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
-from treadline.core.angles import DEG
 from treadline.core.images import RgbdFrame
-from treadline.core.signals import TICK_S
-from treadline.mission.blocks import Detection
+from treadline.core.ports import Reading
+from treadline.core.signals import TICK_S, HeadingEstimate, MotionPlan, OperatorInput
+from treadline.mission.blocks import Detection, Detector
+from treadline.mission.planner import Planner, PlannerInput
 from treadline.plant.faults import FaultyPlant
 from treadline.plant.mujoco import open_plant
-from treadline.playback import Limits
-from treadline.run.episode import Sink, run_episode
+from treadline.playback import Limits, SignalCollector
+from treadline.run.episode import Sink, Traverse, run_episode
 from treadline.run.resolve import Setup, resolve
 from treadline.scenario.faults import Conditions, Fault
+from treadline.scenario.operator_actions import REPORT_S
 from treadline.scenario.scenario import Scenario
-from treadline.view.commands import AttendedPlanner, AttendedPlant, Operator
-from treadline.view.orders import MESSAGES_MAX, Command, Handset, Order, Script
-from treadline.view.tap import Tap, TappedDetector, look_of
-from treadline.view.tape import ContactForces, Obstacle
+from treadline.vehicle.stair_solids import Box
+from treadline.view._images import shown
+from treadline.view._messages import MESSAGES_MAX, Command, ContactForces, Handset, Obstacle, Order, Script, ShownFrame
 
 SEND_S = 0.04
 """Interval of the messages to the viewer [s]: 25 updates a second, of which a display of 15 shows each second one or all."""
@@ -35,6 +36,8 @@ PAUSED_S = 0.02
 """Interval at which a paused simulation looks for commands [s]."""
 RESERVE_S = 1e9
 """Start of the obstacle that only reserves its body in the model [s]: after every run."""
+REPORT_TICKS = round(REPORT_S / TICK_S)
+"""Report period of the handset [ticks]."""
 
 
 class Stopped(Exception):
@@ -77,6 +80,61 @@ class Pacer:
             time.sleep(early_s)
 
 
+class AttendedPlant(FaultyPlant):
+    """Simulated chair with faults, whose readings include the reports of the handset in the browser."""
+
+    handset: Handset | None = None
+    """State of the handset; None before its first use: an unused handset does not report."""
+
+    def read(self) -> list[Reading]:
+        """Return the readings of the plant, and ten times a second the state of a handset in use."""
+        readings = list(super().read())
+        state = self.handset
+        if state is not None and self._tick % REPORT_TICKS == 0:
+            report = OperatorInput(t_s=self._tick * TICK_S, dead_man=state.dead_man, stop=state.stop, rearm=state.rearm)
+            readings.append(report)
+        return readings
+
+
+class AttendedPlanner:
+    """Planner whose speeds a person replaces while steering; the phases go on by what the chair does."""
+
+    def __init__(self, planner: Planner, plant: AttendedPlant) -> None:
+        self._planner, self._plant = planner, plant
+
+    def update(self, signal: PlannerInput) -> None:
+        """Update the planner."""
+        self._planner.update(signal)
+
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
+        """Return the plan of this tick, with a person's speeds where a person steers."""
+        plan, state = self._planner.step(t_s, estimate), self._plant.handset
+        if state is None or not state.manual:
+            return plan
+        return replace(plan, speed_m_s=state.speed_m_s, turn_m_s=state.turn_m_s, min_inner_speed_ratio=None)
+
+
+class TappedDetector:
+    """Detector that passes each of its frames to ``note`` and returns the same detections.
+
+    Args:
+        detector: Detector of the mission.
+        note: Receives frame and detection.
+    """
+
+    def __init__(self, detector: Detector, note: Callable[[RgbdFrame, Detection], None]) -> None:
+        self._detector, self._note = detector, note
+
+    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Detection:
+        """Return the detection in one frame."""
+        detection = self._detector.see(frame, gravity_C)
+        self._note(frame, detection)
+        return detection
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._detector, name)
+
+
 class LiveRun:
     """One run with a tap, commands and a pace.
 
@@ -94,11 +152,12 @@ class LiveRun:
         self._script: Script = sorted(order.script, key=lambda entry: entry[0])
         self._next = 0
         self._pacer = Pacer(speed=order.speed)
-        self._operator = Operator()
         self._tick = 0
         self._sent_at = 0.0
         self._waiting: list[Any] = []
-        self._obstacle: Obstacle | None = None
+        self._signals = SignalCollector()
+        self._frames: list[ShownFrame] = []
+        self._obstacle: Any = None
         self._asks_contacts = order.contacts
         self._contacts: list[ContactForces] = []
 
@@ -108,25 +167,22 @@ class LiveRun:
         setup = resolve(
             with_reserve(order.scenario), order.controller, order.seed, detector=order.detector, estimator=order.estimator
         )
-        tracks = setup.mission.chair.tracks
         self._chair = open_plant(setup.scenario, setup.seed, chair=setup.chair)
-        self._plant = FaultyPlant(self._chair, setup.scenario.fault, setup.seed, setup.scenario.operator)
-        plant = self._plant
-        self._tap = Tap(fixed_flipper_rad=tracks.approach_angle_deg * DEG, payload_shift_m=lambda: plant.damage.payload_m)
+        self._plant = AttendedPlant(self._chair, setup.scenario.fault, setup.seed, setup.scenario.operator)
         try:
             run = self._episode(setup)
         except Stopped:
-            self._flush(None)
+            self._flush(None, None)
             return
-        self._flush(f"{run.verdict}: {run.cause}" if run.cause else run.verdict)
+        self._flush(run.verdict, run.cause)
 
-    def _episode(self, setup: Setup) -> Any:
+    def _episode(self, setup: Setup) -> Traverse:
         blocks = None
         if not (setup.is_full_traversal and setup.rejections):
             built = setup.build_blocks()
             self._waiting.append(("limits", Limits.of_guard(asdict(built.guard.config))))
             blocks = replace(
-                built, detector=TappedDetector(built.detector, self._note), planner=AttendedPlanner(built.planner, self._operator)
+                built, detector=TappedDetector(built.detector, self._note), planner=AttendedPlanner(built.planner, self._plant)
             )
         return run_episode(
             setup,
@@ -134,19 +190,19 @@ class LiveRun:
             sink=self._sink,
             watch=lambda tick: self._after(tick.t_s),
             after_hold_s=0.0,
-            plant=AttendedPlant(self._plant, self._operator),
+            plant=self._plant,
             faults=self._plant.faults,
             attended=self._order.attended,
         )
 
     def _sink(self, signal: Any, taken_s: float) -> None:
-        self._tap.sink(signal)
+        self._signals(signal, taken_s)
         if self._log is not None:
             self._log(signal, taken_s)
 
     def _note(self, frame: RgbdFrame, detection: Detection) -> None:
         roomy = self._order.pictures and len(self._waiting) < MESSAGES_MAX
-        self._tap.looks.append(look_of(frame, detection, self._tick * TICK_S, with_picture=roomy))
+        self._frames.append(shown(frame, detection, self._tick * TICK_S, with_picture=roomy))
 
     def _after(self, t_s: float) -> None:
         """Send, obey and wait after a tick."""
@@ -161,8 +217,6 @@ class LiveRun:
         while self._next < len(self._script) and self._script[self._next][0] <= self._tick:
             self._apply(self._script[self._next][1])
             self._next += 1
-        if self._order.until_s is not None and t_s >= self._order.until_s - 0.5 * TICK_S:
-            raise Stopped
         self._pacer.wait(t_s, self._look)
 
     def _look(self) -> None:
@@ -186,7 +240,7 @@ class LiveRun:
     def _apply(self, command: Command) -> None:
         match command:
             case Handset():
-                self._operator.state = command
+                self._plant.handset = command
             case Conditions():
                 self._plant.adjust(command)
             case Fault():
@@ -194,17 +248,14 @@ class LiveRun:
 
     def _show_obstacle(self, t_s: float) -> None:
         box = self._chair.obstacle
-        if (box is None) == (self._obstacle is None):
-            return
-        if box is None:
-            self._obstacle = None
-            self._waiting.append(("obstacle", Obstacle(t_s=t_s, centre_W=None)))
-            return
-        yaw = math.atan2(box.R_WK[1, 0], box.R_WK[0, 0])
-        x, y, z = box.centre_W.tolist()
-        a, b, c = box.half_m.tolist()
-        self._obstacle = Obstacle(t_s=t_s, centre_W=(x, y, z), half_m=(a, b, c), yaw_rad=yaw)
-        self._waiting.append(("obstacle", self._obstacle))
+        if (box is None) != (self._obstacle is None):
+            self._obstacle = box
+            drawn = None
+            if box is not None:
+                (x, y, z), (a, b, c) = box.centre_W.tolist(), box.half_m.tolist()
+                yaw_rad = math.atan2(box.R_WK[1, 0], box.R_WK[0, 0])
+                drawn = Box(kind="obstacle", index=-1, centre_W=(x, y, z), half_m=(a, b, c), yaw_rad=yaw_rad)
+            self._waiting.append(("obstacle", Obstacle(t_s=t_s, box=drawn)))
 
     def _read_contacts(self, t_s: float) -> None:
         points_W, forces_W = self._chair.contacts()
@@ -214,16 +265,17 @@ class LiveRun:
         if self._contacts:
             self._waiting.append(("contacts", self._contacts))
             self._contacts = []
-        taken = self._tap.take()
-        if len(taken[0]) or taken[1] or taken[2]:
-            self._waiting.append(("ticks", taken))
+        signals, frames = self._signals.take(), self._frames
+        self._frames = []
+        if frames or not signals.is_empty:
+            self._waiting.append(("ticks", (signals, frames)))
         while self._waiting and self._send(self._waiting[0]):
             del self._waiting[0]
 
-    def _flush(self, verdict: str | None) -> None:
+    def _flush(self, verdict: str | None, cause: str | None) -> None:
         """Send the rest and the verdict, however long the viewer takes: the simulation is over."""
         self._post()
-        self._waiting.append(("end", verdict))
+        self._waiting.append(("end", (verdict, cause)))
         while self._waiting:
             if self._send(self._waiting[0]):
                 del self._waiting[0]

@@ -1,22 +1,21 @@
-"""Text of the panels as HTML: state, timeline, transitions, guard, events, camera. ``Tape, t -> str``."""
+"""Panels of the page as HTML: state, timeline, answers, phases, events, camera, handset, fork. ``Session -> str``."""
 
 import base64
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
-from typing import Any
 
 import numpy as np
 
-from treadline.core.angles import DEG
-from treadline.playback import PhaseSpan
-from treadline.playback.findings import SILENT_S, Moment
+from treadline.core.angles import DEG, rotation_of
+from treadline.playback import SILENT_S, Moment, PhaseSpan, holding_at
 from treadline.report.labels import PHASES as PHASE_TERMS
 from treadline.report.labels import TERMS
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
-from treadline.view.colours import BAD, CONTACT, GHOST, GOOD, MISSED, RISER, SEEN, SWEPT, TREAD, TRUE, WARN
-from treadline.view.orders import Handset
-from treadline.view.tape import Look, Tape
+from treadline.view._messages import ShownFrame
+from treadline.view._scene import COLOURS
+from treadline.view._session import Session
 
 PHASE_COLOURS = {
     "search": "#bbbbbb", "align": "#56b4e9", "approach": "#0072b2", "mount": "#e69f00", "traction": "#999933", "climb": "#009e73",
@@ -24,35 +23,37 @@ PHASE_COLOURS = {
     "drive": "#009e73", "arrived": "#44aa99", "refused": "#882255",
 }  # fmt: skip
 """Colour of each phase in the timeline."""
-TIMELINE_PX = 360.0
-"""Width of the timeline [px]: that of the panel without its margins."""
-LETTER_PX, SIDES_PX = 6.6, 8.0
-"""Width of a letter of the timeline, the widest of its phases' names on average, and of both margins [px]."""
+TIMELINE_PX, LETTER_PX = 360.0, 6.6
+"""Width of the timeline [px], the panel without its margins, and of a letter in it: the widest of the phases' names on average."""
 EVENTS_SHOWN = 40
 """Events of the log that are shown, the newest first."""
 GREEN, ORANGE, RED = "#009e73", "#e69f00", "#d55e00"
 """Colours of cards and marks (Okabe and Ito, 2008)."""
 GOOD_TEXT, BAD_TEXT = "#006b4e", "#a84300"
 """Colours of text on white: green and red, darkened to a contrast above 4.5."""
+PREPARING = "preparing the simulation; the first run on a computer compiles its kernels once, which takes a minute or two"
+"""Sentence about a simulation that has not sent anything yet."""
+NO_FORK = (
+    "This run cannot be repeated: its log comes without scenario and seed, or it used plug-ins. "
+    "Run folders of treadline climb can be forked."
+)
+"""Sentence about a run that cannot be forked."""
 IMAGE_STYLE = "width:calc(100% - 14px);max-height:250px;object-fit:contain;object-position:left;display:block"
 STYLE = "font-size:12px;line-height:1.35;margin-right:14px"
 TWO_LINES = "height:2.7em;overflow:hidden;display:-webkit-box;-webkit-line-clamp:2;-webkit-box-orient:vertical"
 """Style of a text that always takes two lines, so that nothing below it moves."""
 
 
-def state_html(tape: Tape, t_s: float, *, live: bool, title: str, least: str = "") -> str:
-    """Return time, phase with its reason, guard and margin at an instant.
-
-    Args:
-        least: Least tip-over margin of the run with direction and time, as far as it is known.
-    """
-    phase, hold = tape.phase_at(t_s), tape.holding_at(t_s)
-    what = "live" if live else (tape.verdict or "recorded")
+def state_html(session: Session) -> str:
+    """Return time, phase with its reason, guard and margin at the cursor."""
+    run, t_s, is_live = session.run, session.cursor_s, session.is_live
+    phase, hold = run.phase_at(t_s), holding_at(run.events, t_s)
+    what = "live" if is_live else (run.outcome or "recorded")
     lines = [
-        f'<div style="{STYLE}"><b style="font-size:15px">{t_s:.2f} s</b> of {tape.end_s:.1f} s · {escape(what)}'
-        f'<br><span style="opacity:.8">{escape(title)}</span></div>'
+        f'<div style="{STYLE}"><b style="font-size:15px">{t_s:.2f} s</b> of {session.feed.end_s:.1f} s · {escape(what)}'
+        f'<br><span style="opacity:.8">{escape(session.feed.error or session.title)}</span></div>'
     ]
-    if live and not len(tape):
+    if is_live and session.feed.is_empty:
         lines.append(_card(ORANGE, "preparing the simulation", "the first run on a computer compiles its kernels once"))
     if phase is not None:
         meaning = PHASE_TERMS.get(phase.name, "")
@@ -60,19 +61,14 @@ def state_html(tape: Tape, t_s: float, *, live: bool, title: str, least: str = "
             f'<div title="{escape(meaning)}" style="{STYLE};border-left:6px solid {_colour_of(phase)};padding-left:6px;'
             f'margin:4px 14px 4px 0"><b>{escape(phase.name)}</b> since {phase.start_s:.2f} s{_two_lines(phase.cause)}</div>'
         )
+    guard = [event for event in run.events if event.t_s <= t_s and event.name in ("slow", "resumed", "rearmed")]
     if hold is not None:
         lines.append(_card(RED, f"HOLD since {hold.t_s:.2f} s", hold.cause))
+    elif guard and guard[-1].name == "slow":
+        lines.append(_card(ORANGE, f"guard: slowed since {guard[-1].t_s:.2f} s", guard[-1].cause))
     else:
-        slow = next(
-            (event for event in reversed(tape.events) if event.t_s <= t_s and event.name in ("slow", "resumed", "rearmed")), None
-        )
-        if slow is not None and slow.name == "slow":
-            lines.append(_card(ORANGE, f"guard: slowed since {slow.t_s:.2f} s", slow.cause))
-        else:
-            lines.append(_card(GREEN, "guard: passes commands", "no limit reached"))
-    if len(tape):
-        lines.append(_margin_html(tape, t_s, least, live=live))
-    return "".join(lines)
+        lines.append(_card(GREEN, "guard: passes commands", "no limit reached"))
+    return "".join([*lines, _margin_html(session)])
 
 
 def _two_lines(text: str) -> str:
@@ -95,39 +91,35 @@ def _card(colour: str, head: str, text: str) -> str:
     )
 
 
-def _margin_html(tape: Tape, t_s: float, least: str, *, live: bool) -> str:
+def _margin_html(session: Session) -> str:
     """Return the margin now, and the least of a whole run, or of a live run up to now."""
-    now = tape.at(t_s)["margin_rad"]
-    if math.isnan(now):
+    run, margins_rad = session.run, session.run.margin_rad
+    now_rad = math.nan if session.feed.is_empty else margins_rad[run.index_at(session.cursor_s)]
+    if math.isnan(now_rad):
         return ""
-    if not least:
-        lowest = int(np.nanargmin(tape.column("margin_rad")))
-        least = f"least {tape.column('margin_rad')[lowest] / DEG:.1f}° at {tape.column('t_s')[lowest]:.2f} s"
-    colour = BAD_TEXT if np.nanmin(tape.column("margin_rad")) < MARGIN_LIMIT_RAD else "inherit"
-    span = "so far" if live else "of the whole run"
+    lowest = int(np.nanargmin(margins_rad))
+    least = session.moments.margin or f"least {margins_rad[lowest] / DEG:.1f}° at {run.t_s[lowest]:.2f} s"
+    colour = BAD_TEXT if margins_rad[lowest] < MARGIN_LIMIT_RAD else "inherit"
+    span = "so far" if session.is_live else "of the whole run"
     said = least.replace("least tip-over margin", "least")
     return (
         f'<div title="{escape(TERMS["tip-over margin"]["text"])}" style="{STYLE};height:2.7em">tip-over margin '
-        f'<b>{now / DEG:.1f}°</b> now (7° is required)<br>{span}: <b style="color:{colour}">{escape(said)}</b></div>'
+        f'<b>{now_rad / DEG:.1f}°</b> now (7° is required)<br>{span}: <b style="color:{colour}">{escape(said)}</b></div>'
     )
 
 
-def answers_html(answers: Iterable[Mapping[str, Any]], *, live: bool) -> str:
-    """Return the answers to the usual questions about a run; those with a time lead to it.
-
-    Args:
-        answers: Text, time, kind and note of each, as the player page has them.
-    """
+def answers_html(session: Session) -> str:
+    """Return the answers to the usual questions about a run; those with a time lead to it."""
     colours = {"hold": RED, "fault": ORANGE, "missed": ORANGE, "perception": ORANGE}
     style = "background:#f1f3f5;color:#000;border-radius:3px;padding:3px 7px;margin:3px 0"
     rows = []
-    for answer in answers:
+    for answer in session.moments.answers:
         leads, colour = answer["t"] is not None, colours.get(str(answer["kind"]), "#0072b2")
         rows.append(
             f'<div {_jump(answer["t"])} title="{escape(str(answer["note"]))}" style="border-left:4px solid {colour};{style};'
             f'cursor:{"pointer" if leads else "auto"}">{"▸ " if leads else ""}{escape(str(answer["label"]))}</div>'
         )
-    head = "up to now, renewed every few seconds" if live else "of the whole run; click to go there"
+    head = "up to now, renewed every few seconds" if session.is_live else "of the whole run; click to go there"
     return f'<div style="{STYLE}">{head}{"".join(rows)}</div>'
 
 
@@ -139,13 +131,13 @@ def _jump(t_s: float | None, span_s: float | None = None) -> str:
     return f'data-jump="{t_s:.3f}"{span} tabindex="0" role="button"'
 
 
-def timeline_html(tape: Tape, t_s: float, fork_s: float | None = None, moments: Iterable[Moment] = ()) -> str:
+def timeline_html(session: Session) -> str:
     """Return the phases as a bar, with holds, faults, camera silence, the cursor, and the instant of a fork."""
-    end_s = max(tape.end_s, 1e-3)
+    run, t_s, end_s = session.run, session.cursor_s, max(session.feed.end_s, 1e-3)
     bars = []
-    for span in tape.phases:
+    for span in run.phases:
         share = (span.end_s - span.start_s) / end_s
-        name = escape(span.name) if share * TIMELINE_PX > LETTER_PX * len(span.name) + SIDES_PX else ""
+        name = escape(span.name) if share * TIMELINE_PX > LETTER_PX * len(span.name) + 8.0 else ""  # 4 px on either side
         colour = _colour_of(span)
         bars.append(
             f'<div {_jump(span.start_s, span.end_s - span.start_s)} title="{span.start_s:.2f} s {escape(span.name)}: '
@@ -155,12 +147,12 @@ def timeline_html(tape: Tape, t_s: float, fork_s: float | None = None, moments: 
         )
     marks = [
         _mark(event.t_s, end_s, "#d00000" if event.name == "hold" else "#00a000", f"{event.t_s:.2f} s {event.name}: {event.cause}")
-        for event in tape.events
+        for event in run.events
         if event.name in ("hold", "rearmed")
     ]
-    marks += [_strip(moment, end_s) for moment in moments if moment.kind in ("fault", "perception")]
-    if fork_s is not None:
-        marks.append(_mark(fork_s, end_s, "#56b4e9", f"{fork_s:.2f} s: the fork begins"))
+    marks += [_strip(moment, end_s) for moment in session.moments.listed if moment.kind in ("fault", "perception")]
+    if session.ghost is not None:
+        marks.append(_mark(session.ghost_from_s, end_s, "#56b4e9", f"{session.ghost_from_s:.2f} s: the fork begins"))
     cursor = _mark(t_s, end_s, "#000", f"{t_s:.2f} s", leads=False)
     inside = "".join([*bars, *marks, cursor])
     return f'<div style="position:relative;height:30px;margin:2px 14px 2px 0;border-radius:3px">{inside}</div>'
@@ -187,10 +179,10 @@ def _mark(t_s: float, end_s: float, colour: str, title: str, *, leads: bool = Tr
     )
 
 
-def transitions_html(tape: Tape, t_s: float) -> str:
+def transitions_html(session: Session) -> str:
     """Return the table of transitions: time, phase, reason; the present phase is bold."""
-    present = tape.phase_at(t_s)
-    rows = [_row(span.start_s, span.name, span.cause, bold=span == present, colour=_colour_of(span)) for span in tape.phases]
+    present = session.run.phase_at(session.cursor_s)
+    rows = [_row(span.start_s, span.name, span.cause, bold=span == present, colour=_colour_of(span)) for span in session.run.phases]
     return _table(rows)
 
 
@@ -198,15 +190,11 @@ def _colour_of(span: PhaseSpan) -> str:
     return PHASE_COLOURS.get(span.name, "#888")
 
 
-def events_html(tape: Tape, t_s: float, moments: Iterable[Moment] = ()) -> str:
-    """Return events, faults, camera silence and other moments up to an instant, the newest first.
-
-    Args:
-        moments: Moments of the run besides its events, as far as they are known.
-    """
-    found = [(event.t_s, event.name, event.cause) for event in tape.events]
-    found += [(moment.t_s, moment.name, moment.cause) for moment in moments if moment.kind != "event"]
-    past = sorted(entry for entry in found if entry[0] <= t_s + 1e-6)[-EVENTS_SHOWN:]
+def events_html(session: Session) -> str:
+    """Return events, faults, camera silence and other moments up to the cursor, the newest first."""
+    found = [(event.t_s, event.name, event.cause) for event in session.run.events]
+    found += [(moment.t_s, moment.name, moment.cause) for moment in session.moments.listed if moment.kind != "event"]
+    past = sorted(entry for entry in found if entry[0] <= session.cursor_s + 1e-6)[-EVENTS_SHOWN:]
     colours = {
         "hold": RED, "slow": ORANGE, "rearmed": GREEN, "hull_contact": RED, "rejected": ORANGE, "fault": RED,
         "no camera frame": ORANGE, "no stair perceived": ORANGE, "slip": ORANGE,
@@ -232,12 +220,10 @@ def _table(rows: list[str]) -> str:
     return f'<table style="{STYLE};border-collapse:collapse;width:100%">{"".join(rows)}</table>'
 
 
-def handset_html(state: Handset, tape: Tape, t_s: float) -> str:
+def handset_html(session: Session) -> str:
     """Return the state of the handset and the distance travelled by the belts."""
-    travelled_m = 0.0
-    if len(tape):
-        row = tape.at(t_s)
-        travelled_m = 0.5 * (row["left_travel_m"] + row["right_travel_m"])
+    run, state = session.run, session.handset
+    travelled_m = 0.0 if session.feed.is_empty else float(run.belt_travel_m[run.index_at(session.cursor_s)].mean())
     asked = "the planner drives"
     if state.manual:
         switch = "held" if state.dead_man else "released"
@@ -245,49 +231,96 @@ def handset_html(state: Handset, tape: Tape, t_s: float) -> str:
     return f'<div style="{STYLE}">{asked}; belts travelled {travelled_m:.2f} m</div>'
 
 
-def camera_html(look: Look | None, seen: Sequence[int], missed: Mapping[int, str], warning: str | None) -> str:
+def contacts_html(session: Session) -> str:
+    """Return where the contact forces come from, if they are shown."""
+    return f'<div style="font-size:12px">{session.contacts_note if session.shows.get("contacts") else ""}</div>'
+
+
+def camera_html(session: Session) -> str:
     """Return the camera image with its overlay, the detector's answer, and the nosings by number.
 
-    Args:
-        missed: Numbers of the missed nosings, each with the reason.
-        warning: Sentence about a silent camera or a stair that is not perceived; the frame before is dimmed.
+    The last frame before a silence is dimmed, below a sentence about a silent camera or a stair that is not perceived.
     """
+    frame, warning = session.feed.frame_at(session.cursor_s), camera_warning(session)
     alarm = "" if warning is None else _card(ORANGE, "camera", warning)
-    if look is None:
+    if frame is None:
         return alarm or f'<div style="{STYLE}">no camera frame yet</div>'
     picture = ""
-    if look.picture is not None:
-        data = base64.b64encode(look.picture).decode("ascii")
+    if frame.picture is not None:
+        data = base64.b64encode(frame.picture).decode("ascii")
         style = IMAGE_STYLE + (";opacity:.4" if warning else "")
         picture = f'<img alt="camera image with detected nosings" style="{style}" src="data:image/jpeg;base64,{data}">'
-    if not look.is_judged:
-        return f'{picture}{alarm}<div style="{STYLE}"><b>image of {look.t_s:.2f} s</b><br>{escape(look.summary)}</div>'
-    head = f"frame of {look.t_s:.2f} s: " + ("accepted" if look.reason is None else f"rejected, {look.reason}")
+    if not frame.is_judged:
+        return f'{picture}{alarm}<div style="{STYLE}"><b>image of {frame.t_s:.2f} s</b><br>{escape(frame.summary)}</div>'
+    head = f"frame of {frame.t_s:.2f} s: " + ("accepted" if frame.reason is None else f"rejected, {frame.reason}")
     if warning is not None:
         return f'{picture}{alarm}<div style="{STYLE}">last {escape(head)}</div>'
-    colour = BAD_TEXT if look.reason is not None else GOOD_TEXT
-    found = f"nosings perceived: {_numbers(seen)}; " + (
+    colour = BAD_TEXT if frame.reason is not None else GOOD_TEXT
+    found, missed = _nosings_of(session, frame)
+    said = f"nosings perceived: {_numbers(found)}; " + (
         f'<b style="color:{BAD_TEXT}">missed: {escape(_reasons(missed))}</b>' if missed else "none missed in view"
     )
-    return f'{picture}<div style="{STYLE}"><b style="color:{colour}">{escape(head)}</b><br>{escape(look.summary)}<br>{found}</div>'
+    return f'{picture}<div style="{STYLE}"><b style="color:{colour}">{escape(head)}</b><br>{escape(frame.summary)}<br>{said}</div>'
 
 
-def camera_warning(tape: Tape, t_s: float, moments: Iterable[Moment]) -> str | None:
-    """Return a sentence about a silent camera or a stair that is not perceived at a time; None while frames arrive.
+def _nosings_of(session: Session, frame: ShownFrame) -> tuple[Sequence[int], dict[int, str]]:
+    """Return the numbers of the nosings that were perceived in a frame, and of the missed ones, each with the reason."""
+    if session.feed.is_empty:
+        return (), {}
+    run, nosings = session.run, session.feed.nosings
+    k = run.index_at(frame.t_s)
+    pose = rotation_of(run.quat_WB[k]), run.p_WB[k]
+    found, missed = nosings.compare(frame.nosings_B, *pose)
+    if frame.reason is not None:
+        return found, dict.fromkeys(missed, "the frame is rejected")
+    if frame.depth_m is None:
+        return found, dict.fromkeys(missed, "its image is not kept")
+    return found, {number: nosings.why_missed(number, frame.depth_m, *pose) for number in missed}
 
-    Args:
-        moments: Moments of the run, as far as they are known.
-    """
-    look = tape.look_at(t_s)
-    spans = [span for span in moments if span.kind == "perception" and span.t_s < t_s <= (span.end_s or span.t_s)]
+
+def camera_warning(session: Session) -> str | None:
+    """Return a sentence about a silent camera or a stair that is not perceived at the cursor; None while frames arrive."""
+    t_s, frame = session.cursor_s, session.feed.frame_at(session.cursor_s)
+    spans = [span for span in session.moments.listed if span.kind == "perception" and span.t_s < t_s <= (span.end_s or span.t_s)]
     silent = next((span for span in spans if span.name == "no camera frame"), None)
-    since_s = 0.0 if look is None else look.taken_s
-    if tape.fresh_look_at(t_s) is not None or t_s - (since_s if silent is None else silent.t_s) <= SILENT_S:
+    since_s = silent.t_s if silent is not None else 0.0 if frame is None else frame.taken_s
+    if session.feed.fresh_frame_at(t_s) is not None or t_s - since_s <= SILENT_S:
         return None
     if silent is None and spans:
         return f"no stair perceived for {t_s - spans[0].t_s:.1f} s; {spans[0].cause}"
-    since_s = since_s if silent is None else silent.t_s
     return f"no frame for {t_s - since_s:.1f} s, since {since_s:.2f} s: the camera is silent"
+
+
+def outcome_html(session: Session) -> str:
+    """Return how a fork went, next to the run."""
+    ghost, run = session.ghost, session.run
+    if ghost is None:
+        return "" if session.can_repeat else f'<div style="font-size:12px">{NO_FORK}</div>'
+    fork, cursor_s = ghost.recording, session.cursor_s
+    if ghost.error is not None:
+        said = f'<span style="color:{BAD_TEXT}">{escape(ghost.error)}</span>'
+    elif ghost.is_empty:
+        said = f"{PREPARING} ({time.perf_counter() - session.forked_at:.0f} s so far)"
+    elif fork.outcome is None:
+        said = f"simulated to {ghost.end_s:.1f} s of about {session.feed.end_s:.1f} s"
+    else:
+        said = f"ended at {ghost.end_s:.2f} s: <b>{escape(fork.outcome)}</b>"
+        hold = next((event for event in reversed(fork.events) if event.name == "hold"), None)
+        if hold is not None and hold.cause not in fork.outcome:
+            said += f"<br>hold at {hold.t_s:.2f} s: {escape(hold.cause)}"
+        if session.ghost_moments.margin:
+            said += f"<br>{escape(session.ghost_moments.margin)}"
+        if cursor_s > ghost.end_s:
+            said += f"<br><b>the fork ended {cursor_s - ghost.end_s:.1f} s before the cursor</b>; its chair stays there"
+    ended = (
+        f"still runs at {session.feed.end_s:.2f} s"
+        if run.outcome is None
+        else f"ended at {session.feed.end_s:.2f} s: {escape(run.outcome)}"
+    )
+    if fork.outcome is not None and session.moments.margin:
+        ended += f"<br>{escape(session.moments.margin)}"
+    head = f"<b>fork at {session.ghost_from_s:.2f} s: {escape(session.ghost_name)}</b>"
+    return f'<div style="{STYLE}">{head}<br>{said}<br><b>run</b>: {ended}</div>'
 
 
 def _reasons(missed: Mapping[int, str]) -> str:
@@ -302,28 +335,12 @@ def _numbers(numbers: Sequence[int]) -> str:
     return ", ".join(str(number) for number in numbers) or "none"
 
 
-SCENE_COLOURS: tuple[tuple[tuple[int, int, int], str], ...] = (
-    (SEEN, "nosing that the camera perceives"),
-    (TRUE, "true nosing (ground truth); true heading: line ahead of the chair"),
-    (MISSED, "true nosing that was missed"),
-    (WARN, "estimated heading: wedge of 95 % ahead of the chair"),
-    (GOOD, "support of the belts, centre of mass and its plumb line; orange below 7° of margin, red when it tips"),
-    (TREAD, "detected treads"),
-    (RISER, "detected risers"),
-    (CONTACT, "contact forces"),
-    (BAD, "belt forces (live runs); obstacle"),
-    (SWEPT, "swept volume: the space that the chair needs ahead"),
-    (GHOST, "fork: the chair of the repeated run"),
-)
-"""Colours of the scene and their meanings."""
-
-
 def legend_of_scene() -> str:
     """Return the colours of the scene with their meanings."""
     rows = [
         f'<div style="display:flex;gap:6px;margin:2px 0"><span style="flex:none;width:14px;height:14px;border-radius:2px;'
         f'background:rgb{colour}"></span><span>{escape(text)}</span></div>'
-        for colour, text in SCENE_COLOURS
+        for colour, text in COLOURS.values()
     ]
     return f'<div style="{STYLE};margin-top:6px"><b>Colours of the scene</b>{"".join(rows)}</div>'
 
@@ -333,3 +350,17 @@ def terms_html() -> str:
     terms = [(name, term["text"]) for name, term in TERMS.items()] + list(PHASE_TERMS.items())
     rows = "".join(f"<div><b>{escape(name)}</b>: {escape(text)}</div>" for name, text in terms)
     return f'<details style="{STYLE};margin-top:6px"><summary><b>Terms</b></summary>{rows}</details>'
+
+
+PANELS: Mapping[str, Callable[[Session], str]] = {
+    "state": state_html,
+    "timeline": timeline_html,
+    "camera": camera_html,
+    "answers": answers_html,
+    "transitions": transitions_html,
+    "events": events_html,
+    "handset": handset_html,
+    "contacts": contacts_html,
+    "outcome": outcome_html,
+}
+"""Panels by name."""

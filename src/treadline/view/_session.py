@@ -1,19 +1,21 @@
-"""Session: a tape, the cursor over it, the worker that extends it, and the fork next to it.
+"""Session: the run that is shown, the cursor over it, and the fork next to it.
 
-A live run and a recorded one are the same to scene and panels: a tape that may grow, and a cursor. The plant is deterministic, so a
-fork repeats the scenario with the same seed and commands up to the cursor and then goes on with one change.
+The plant is deterministic: a fork repeats the scenario with the same seed and commands up to the cursor, and then goes on with one
+change.
 """
 
 import time
-from bisect import bisect_left
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from treadline.core.signals import TICK_S
+from treadline.playback import LogNotes, Moment, Recording, findings_of
+from treadline.report.answers import moments_of
 from treadline.scenario.faults import Fault
-from treadline.view.orders import Command, Handset, Order, Script, Worker
-from treadline.view.tape import Look, Tape
+from treadline.view._feed import CONTACTS_MAX, FASTEST, Feed
+from treadline.view._messages import Command, Handset
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 """Speeds of the display as multiples of real time."""
@@ -21,144 +23,48 @@ STEPS = {"−1 s": -100, "−0.01 s": -1, "+0.01 s": 1, "+1 s": 100}
 """Buttons that move the cursor, and their ticks."""
 TRANSPORT = ("start", "play", "end")
 """Further buttons below the timeline; every other name than the outer two plays or pauses."""
-PAUSE, FASTEST = -1.0, 0.0
-"""Speeds of a worker that mean pause and as fast as possible."""
-PICTURES_MAX = 1500
-"""Camera images kept: two and a half minutes at 10 Hz, 40 MB; older frames keep their text."""
-CONTACTS_MAX = 30_000
-"""Ticks whose contact forces are kept: five minutes, 30 MB with 40 contacts; older ones are forgotten."""
-SILENT_S = 0.3
+PAUSE = -1.0
+"""Speed of a worker that means pause."""
+RELEASED_S = 0.3
 """Time without a report of the handset after which its dead-man switch counts as released [s]: that of the guard's link."""
 DRIVE_M_S, TURN_M_S = 0.10, 0.08
 """Belt speeds at full deflection of the handset [m/s]: the guard's limit at edges, and a turn of 14 °/s."""
+LEAST_PAUSE_S = 2.0
+"""Least time between two computations of the moments of a live run [s]."""
+LARGEST_SHARE = 0.05
+"""Largest share of the time of the updates that the computation takes for a live run."""
 
 
 @dataclass(slots=True, kw_only=True)
-class Feed:
-    """Tape of a worker that may still run."""
+class RunMoments:
+    """Moments and answers of a run, computed again while it grows."""
 
-    order: Order
-    tape: Tape = field(default_factory=Tape)
-    worker: Worker | None = None
-    script: Script = field(default_factory=list)
-    error: str | None = None
-    images: Worker | None = None
-    """Worker that runs the detector on the images of a log."""
-    repeat: Worker | None = None
-    """Worker that repeats the run from its seed and sends the contact forces, which no log holds."""
-    _illustrated: int = 0
+    listed: tuple[Moment, ...] = ()
+    """Events and all other moments, in order of time."""
+    answers: tuple[dict[str, Any], ...] = ()
+    """Answers to the usual questions: text, time, kind and note, as in the player page."""
+    margin: str = ""
+    """Least tip-over margin with its direction and time; empty without margins."""
+    _known: tuple[Recording | None, bool] = (None, False)
+    _due_s: float = 0.0
 
-    def start(self, make: Callable[[Order], Worker] = Worker) -> None:
-        """Start the worker."""
-        self.script = list(self.order.script)
-        self.worker = make(self.order)
-
-    def drain(self) -> bool:
-        """Take what the workers have sent; return whether the simulation sent anything."""
-        if self.images is not None:
-            for kind, value in self.images.receive():
-                self._illustrate(kind, value)
-        if self.repeat is not None:
-            for kind, value in self.repeat.receive():
-                self._take_repeated(kind, value)
-        if self.worker is None:
+    def update(self, feed: Feed) -> bool:
+        """Compute the moments if the run has grown; return whether they are new."""
+        recording, notes = feed.recording, None
+        known, began_s = (recording, feed.worker is not None), time.perf_counter()
+        if feed.is_empty or known == self._known or (known[1] and began_s < self._due_s):
             return False
-        messages = self.worker.receive()
-        for kind, value in messages:
-            self._take(kind, value)
-        if self.worker is not None and not messages and not self.worker.is_alive:
-            self.error = self.error or "the simulation ended unexpectedly; treadline view --debug shows more"
-            self.close()
-        return bool(messages)
-
-    def _take(self, kind: str, value: Any) -> None:
-        match kind:
-            case "ticks":
-                rows, events, looks = value
-                self.tape.append(rows)
-                self.tape.events += events
-                self.tape.looks += looks
-                self._forget_pictures(len(looks))
-            case "limits":
-                self.tape.limits = value
-            case "obstacle":
-                self.tape.obstacles.append(value)
-            case "contacts":
-                self.tape.contacts += value
-                del self.tape.contacts[:-CONTACTS_MAX]
-            case "script":
-                self.script.append(value)
-            case "end":
-                self.tape.verdict = value
-                self.close()
-            case "error":
-                self.error = value
-                self.close()
-            case _:
-                pass
-
-    def start_repeat(self, make: Callable[[Order], Worker] = Worker) -> None:
-        """Repeat the run, which has ended, for its contact forces."""
-        self.tape.contacts.clear()
-        script = tuple(self.script or self.order.script)
-        self.repeat = make(replace(self.order, script=script, speed=FASTEST, pictures=False, contacts=True))
-
-    def _take_repeated(self, kind: str, value: Any) -> None:
-        if kind == "contacts":
-            self._take(kind, value)
-        elif kind in ("end", "error"):
-            self.error = value if kind == "error" else self.error
-            self.end_repeat()
-
-    def end_repeat(self) -> None:
-        """End the repetition; the contact forces so far stay."""
-        repeat, self.repeat = self.repeat, None
-        if repeat is not None:
-            repeat.close()
-
-    def _illustrate(self, kind: str, value: Any) -> None:
-        """Replace the stair maps of a log by the frames that they came from."""
-        if kind != "look":
-            self.error = value if kind == "error" else self.error
-            self._end_images()
-            return
-        looks = self.tape.looks
-        if not value.is_judged:
-            self._add_picture(value)
-            self._forget_pictures(1)
-            return
-        maps = [look for look in looks[self._illustrated :] if look.t_s > value.t_s + 0.5 * TICK_S]
-        looks[self._illustrated :] = [value, *maps]
-        self._illustrated += 1
-        self._forget_pictures(1)
-
-    def _add_picture(self, shown: Look) -> None:
-        """Add an image to the stair map of its time; without one, it is shown alone."""
-        looks = self.tape.looks
-        place = bisect_left([look.t_s for look in looks], shown.t_s - 0.5 * TICK_S)
-        if place < len(looks) and looks[place].t_s <= shown.t_s + 0.5 * TICK_S:
-            looks[place] = replace(looks[place], picture=shown.picture)
-        else:
-            looks.insert(place, shown)
-
-    def _end_images(self) -> None:
-        images, self.images = self.images, None
-        if images is not None:
-            images.close()
-
-    def _forget_pictures(self, count: int) -> None:
-        looks = self.tape.looks
-        old = max(len(looks) - PICTURES_MAX, 0)
-        for number in range(max(old - count, 0), old):
-            looks[number] = replace(looks[number], picture=None, depth_m=None)
-
-    def close(self) -> None:
-        """End the workers."""
-        self._end_images()
-        self.end_repeat()
-        worker, self.worker = self.worker, None
-        if worker is not None:
-            worker.close()
+        self._known = known
+        if feed.builder is not None:
+            recording = replace(recording, scenario=feed.order.scenario.model_copy(update={"fault": feed.faults}))
+            exposures_s = np.unique([*(frame.t_s for frame in feed.frames), *(seen.t_s for seen in recording.maps)])
+            notes = LogNotes(exposures_s=exposures_s, faults=feed.faults)
+        findings = findings_of(recording, notes)
+        self.listed, self.answers = findings.moments, tuple(moments_of(recording, findings))
+        self.margin = findings.margin_text
+        cost_s = time.perf_counter() - began_s
+        self._due_s = began_s + max(LEAST_PAUSE_S, cost_s / LARGEST_SHARE)
+        return True
 
 
 @dataclass(slots=True, kw_only=True)
@@ -166,10 +72,13 @@ class Session:
     """State of the viewer that all its clients share."""
 
     feed: Feed
+    title: str = ""
     attended: bool = False
     """Whether clients may command the chair."""
     can_repeat: bool = True
-    """Whether scenario and seed of the run are known."""
+    """Whether the run can be repeated and forked: its scenario and seed are known."""
+    moments: RunMoments = field(default_factory=RunMoments)
+    ghost_moments: RunMoments = field(default_factory=RunMoments)
     cursor_s: float = 0.0
     playing: bool = True
     speed: float = 1.0
@@ -179,15 +88,19 @@ class Session:
     ghost_from_s: float = 0.0
     ghost_name: str = ""
     """Change of the fork, for people."""
+    forked_at: float = 0.0
+    """Clock at the start of the fork [s]."""
+    shows: dict[str, bool] = field(default_factory=dict)
+    """What of the scene is shown, by name."""
     manual: bool = False
-    _handset: Handset = field(default_factory=Handset)
+    handset: Handset = field(default_factory=Handset)
     _reported_at: float = 0.0
     _released: tuple[str, float] | None = None
 
     @property
-    def tape(self) -> Tape:
-        """Tape that is shown."""
-        return self.feed.tape
+    def run(self) -> Recording:
+        """Recording that is shown."""
+        return self.feed.recording
 
     @property
     def is_live(self) -> bool:
@@ -204,7 +117,7 @@ class Session:
         if self.ghost is not None:
             self.ghost.drain()
         self._watch_dead_man()
-        end_s = self.tape.end_s
+        end_s = self.feed.end_s
         if self.is_live and self.following:
             self.cursor_s = end_s
         elif self.playing:
@@ -218,7 +131,7 @@ class Session:
     def play(self, playing: bool | None = None) -> None:
         """Play or pause; None toggles. A run that is attended pauses its simulation."""
         self.playing = (not self.playing) if playing is None else playing
-        if self.playing and not self.is_live and self.cursor_s >= self.tape.end_s - 0.5 * TICK_S:
+        if self.playing and not self.is_live and self.cursor_s >= self.feed.end_s - 0.5 * TICK_S:
             self.cursor_s = 0.0
         if not self.playing and self.is_live and not self.attended:
             self.following = False
@@ -240,8 +153,8 @@ class Session:
 
     def seek(self, t_s: float) -> None:
         """Move the cursor."""
-        self.cursor_s = min(max(t_s, 0.0), self.tape.end_s)
-        self.following = self.is_live and self.cursor_s >= self.tape.end_s - TICK_S
+        self.cursor_s = min(max(t_s, 0.0), self.feed.end_s)
+        self.following = self.is_live and self.cursor_s >= self.feed.end_s - TICK_S
 
     def press_transport(self, button: str) -> None:
         """Press a button below the timeline: one of ``TRANSPORT`` or ``STEPS``."""
@@ -251,7 +164,7 @@ class Session:
             case _ if button in STEPS:
                 self.step(STEPS[button])
             case "end":
-                self.seek(self.tape.end_s)
+                self.seek(self.feed.end_s)
                 self.following = self.is_live
             case _:
                 self.play()
@@ -278,17 +191,17 @@ class Session:
 
     @property
     def _has_all_contacts(self) -> bool:
-        known = self.tape.contacts
-        return len(known) == CONTACTS_MAX or (len(known) > 0 and known[-1].t_s - known[0].t_s >= self.tape.end_s - 2.0 * TICK_S)
+        known = self.feed.contacts
+        return len(known) == CONTACTS_MAX or (len(known) > 0 and known[-1].t_s - known[0].t_s >= self.feed.end_s - 2.0 * TICK_S)
 
     @property
     def contacts_note(self) -> str:
         """Sentence about where the contact forces come from; empty if nothing needs to be said."""
-        if self.is_live or (self.feed.tape.contacts and self.feed.repeat is None):
+        if self.is_live or (self.feed.contacts and self.feed.repeat is None):
             return ""
         if self.feed.repeat is not None:
-            known = self.tape.contacts
-            return f"repeating the run: contact forces up to {known[-1].t_s if known else 0.0:.0f} s of {self.tape.end_s:.0f} s"
+            known = self.feed.contacts
+            return f"repeating the run: contact forces up to {known[-1].t_s if known else 0.0:.0f} s of {self.feed.end_s:.0f} s"
         return (
             "contact forces are computed by repeating the run"
             if self.can_repeat
@@ -301,15 +214,10 @@ class Session:
         """Pass a command to the running simulation; without one, or in a session that only views, it is ignored."""
         self._command("act", command)
 
-    @property
-    def handset(self) -> Handset:
-        """State of the handset."""
-        return self._handset
-
     def press(self, button: str) -> None:
         """Press the stop or the re-arm button of the handset."""
-        self._set_handset(replace(self._handset, **{button: True}))
-        self._released = (button, time.monotonic() + 2.0 * SILENT_S)
+        self._set_handset(replace(self.handset, **{button: True}))
+        self._released = (button, time.monotonic() + 2.0 * RELEASED_S)
 
     def set_manual(self, *, manual: bool) -> None:
         """Hand the belts to a person, or back to the planner."""
@@ -326,7 +234,7 @@ class Session:
         ahead, turn = (min(max(value, -1.0), 1.0) for value in (ahead, turn))
         self._set_handset(
             replace(
-                self._handset,
+                self.handset,
                 dead_man=dead_man,
                 speed_m_s=DRIVE_M_S * ahead if dead_man else 0.0,
                 turn_m_s=TURN_M_S * turn if dead_man else 0.0,
@@ -337,13 +245,13 @@ class Session:
         now = time.monotonic()
         if self._released is not None and now >= self._released[1]:
             button, self._released = self._released[0], None
-            self._set_handset(replace(self._handset, **{button: False}))
-        if self.manual and self._handset.dead_man and now - self._reported_at > SILENT_S:
-            self._set_handset(replace(self._handset, dead_man=False, speed_m_s=0.0, turn_m_s=0.0))
+            self._set_handset(replace(self.handset, **{button: False}))
+        if self.manual and self.handset.dead_man and now - self._reported_at > RELEASED_S:
+            self._set_handset(replace(self.handset, dead_man=False, speed_m_s=0.0, turn_m_s=0.0))
 
     def _set_handset(self, state: Handset) -> None:
-        if state != self._handset:
-            self._handset = state
+        if state != self.handset:
+            self.handset = state
             self.act(state)
 
     # What if
@@ -360,7 +268,8 @@ class Session:
         if change is not None:
             before.append((tick, change.model_copy(update={"at_s": tick * TICK_S})))
         order = replace(self.feed.order, script=tuple(before), speed=FASTEST, attended=False, pictures=False, contacts=True)
-        self.ghost, self.ghost_from_s, self.ghost_name = Feed(order=order), self.cursor_s, name
+        self.ghost, self.ghost_from_s, self.ghost_name = Feed.live(order, self.run.chair), self.cursor_s, name
+        self.ghost_moments, self.forked_at = RunMoments(), time.perf_counter()
         self.ghost.start()
 
     def drop_ghost(self) -> None:

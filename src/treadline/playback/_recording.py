@@ -1,6 +1,7 @@
 """Recording of a run: poses, joint positions, signals, events and phases on one time grid.
 
-Frames as in ``signals``: W world, B chair. A quantity without data is NaN; ``Recording.missing`` gives the reason as a sentence.
+The one type of a run, complete or still growing. Frames as in ``signals``: W world, B chair. A quantity without data is NaN;
+``Recording.missing`` gives the reason as a sentence.
 """
 
 from collections.abc import Mapping, Sequence
@@ -120,7 +121,11 @@ class PerceivedStair:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
-    """One run on a uniform time grid, that of the ground truth (100 Hz) if the log has any."""
+    """One run up to its end or up to now, on a uniform time grid: that of the ground truth (100 Hz) if the log has any.
+
+    Of a run in progress the arrays are views of the builder's memory. Samples of the latest instants may still change, because a
+    signal counts from its stamp and arrives later.
+    """
 
     source: str
     """Path or name of the run."""
@@ -137,6 +142,10 @@ class Recording:
     """Belt speeds left and right [m/s]: ground truth, else as reported by the drives."""
     belt_travel_m: Float[np.ndarray, "T 2"]
     """Distance travelled by each belt's surface since the start [m]."""
+    belt_force_n: Float[np.ndarray, "T 2"]
+    """Traction of the belts left and right, forward positive [N]."""
+    slip: Float[np.ndarray, " T"]
+    """Slip ratio of both belts by ground truth, see ``slip_ratio``."""
     command_m_s: Float[np.ndarray, "T 2"]
     """Commanded belt speeds [m/s]."""
     heading_rad: Float[np.ndarray, " T"]
@@ -186,6 +195,11 @@ class Recording:
         return float(self.t_s[-1]) if len(self.t_s) else 0.0
 
     @property
+    def outcome(self) -> str | None:
+        """Verdict with its cause; None while the run lasts, and without a verdict."""
+        return self.verdict if self.verdict is None or not self.cause else f"{self.verdict}: {self.cause}"
+
+    @property
     def has_poses(self) -> bool:
         """Whether the chair can be drawn in the world."""
         return len(self.t_s) > 0 and bool(np.isfinite(self.p_WB).all())
@@ -193,10 +207,7 @@ class Recording:
     @property
     def staircase(self) -> Staircase | None:
         """Staircase of the run with its jitter, or None if the scenario is unknown."""
-        if self.scenario is None:
-            return None
-        # The plants draw the jitter from the first stream of the run's seed.
-        return build_staircase(self.scenario.stair, np.random.default_rng(self.seed).spawn(1)[0], self.scenario.step)
+        return None if self.scenario is None else staircase_of(self.scenario, self.seed)
 
     def index_at(self, t_s: float) -> int:
         """Return the index of the last sample at or before a time."""
@@ -205,10 +216,6 @@ class Recording:
     def phase_at(self, t_s: float) -> PhaseSpan | None:
         """Return the phase at a time, or None before the first."""
         return next((span for span in reversed(self.phases) if span.start_s <= t_s + 1e-9), None)
-
-    def map_at(self, t_s: float) -> PerceivedStair | None:
-        """Return the latest perceived stair that the mission had at a time, or None."""
-        return next((seen for seen in reversed(self.maps) if seen.taken_s <= t_s + 1e-9), None)
 
     def decimated(self, every: int) -> "Recording":
         """Return the recording with every n-th sample; events, phases and maps are kept."""
@@ -221,10 +228,17 @@ class Recording:
         return replace(self, **{**kept, "t_s": t_s})
 
 
-WIDTHS = {"p_WB": 3, "quat_WB": 4, "belt_m_s": 2, "belt_travel_m": 2, "command_m_s": 2, "passenger_W": 3, "place_S": 2}
+WIDTHS = {
+    "p_WB": 3, "quat_WB": 4, "belt_m_s": 2, "belt_travel_m": 2, "belt_force_n": 2, "command_m_s": 2, "passenger_W": 3, "place_S": 2,
+}  # fmt: skip
 """Numbers per sample of the fields that have more than one."""
 SAMPLED = tuple(item.name for item in fields(Recording) if "ndarray" in str(item.type) and item.name != "frames_t_s")
 """Fields with one row per sample."""
+
+
+def staircase_of(scenario: Scenario, seed: int) -> Staircase:
+    """Return the staircase of a run with its jitter, which the plants draw from the first stream of the run's seed."""
+    return build_staircase(scenario.stair, np.random.default_rng(seed).spawn(1)[0], scenario.step)
 
 
 def in_world(

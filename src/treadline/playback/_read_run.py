@@ -12,15 +12,15 @@ from treadline.core.images import RgbdFrame
 from treadline.core.models import json_of, read_json
 from treadline.core.ports import Truth
 from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, SeatReading, TrackCommand, TrackReading
-from treadline.io.columns import Columns, LogContents, read_contents
+from treadline.io.columns import Columns, read_contents
 from treadline.io.decode import ADDED_TRUTH, EVENTS, LOOKED, OURS, CdrReader
 from treadline.io.mcap_read import BROKEN, has_arrivals, one_error, read_log, run_metadata
 from treadline.io.message_files import READERS, parts_of
 from treadline.io.messages import TRUTH_NAMES
 from treadline.io.runs import LOG, MANIFEST
 from treadline.io.topics import packets, reader_of
-from treadline.playback.builder import RecordingBuilder
-from treadline.playback.recording import Limits, Recording
+from treadline.playback._builder import RecordingBuilder, Signals
+from treadline.playback._recording import Limits, Recording
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, scenario_of
 
@@ -38,7 +38,7 @@ NUMERIC: dict[str, type] = {
 """Topics of numbers besides ground truth and IMU, with the signal that each holds."""
 POSITIONS: dict[type, tuple[str, ...]] = {
     HeadingEstimate: ("heading_rad", "sigma_rad"),
-    SeatReading: ("pitch", "stroke"),
+    SeatReading: ("pitch",),
     FlipperReading: ("angle",),
 }
 """Names of the positions that become columns of ``COLUMNS``; belts have velocities."""
@@ -59,21 +59,31 @@ def read_recording(target: str | Path) -> Recording:
     if not path.exists():
         raise LogFormatError(f"{path}: no such file or folder; give a run folder, an MCAP log or a ROS bag")
     folder = run_folder_of(path)
-    if folder is not None:
-        return _of_run(folder)
-    if path.is_file() and has_arrivals(path):
-        manifest = manifest_in(path)
-        builder = (
-            RecordingBuilder(read_chair(DEFAULT_CHAIR), source=str(path)) if manifest is None else _begun(manifest, path, path)
-        )
-        _take_log(path, builder)
-        return builder.build()
-    if path.is_dir() and not any(part.suffix in READERS for part in parts_of(path)):
+    log = path if folder is None else folder / LOG
+    if folder is not None and not log.is_file():
+        raise LogFormatError(f"{folder}: no {LOG}; make the run again with treadline climb, which keeps a log")
+    if folder is None and path.is_dir() and not any(part.suffix in READERS for part in parts_of(path)):
         raise LogFormatError(f"{path}: no {MANIFEST} and no bag; give a run folder, an MCAP log or a ROS bag")
-    builder = RecordingBuilder(read_chair(DEFAULT_CHAIR), source=str(path))
-    for signal, taken_s in _bag_signals(path):
-        builder(signal, taken_s)
-    return builder.build()
+    manifest = manifest_of(path)
+    builder = (
+        RecordingBuilder(read_chair(DEFAULT_CHAIR), source=str(path))
+        if manifest is None
+        else _begun(manifest, path if folder is None else folder / MANIFEST, folder or path)
+    )
+    if folder is not None or has_arrivals(path):
+        _take_log(log, builder)
+    else:
+        for signal, taken_s in _bag_signals(path):
+            builder(signal, taken_s)
+    result = read_json(folder / "result.json") if folder is not None and (folder / "result.json").is_file() else {}
+    verdict, cause = (value if isinstance(value, str) else None for value in (result.get("verdict"), result.get("cause")))
+    recording = builder.build(verdict=verdict, cause=cause)
+    if not len(recording.t_s):
+        raise LogFormatError(
+            f"{recording.source}: no signals to play: a log needs ground truth, belts, IMU or a heading estimate; "
+            "treadline climb and treadline record write such logs"
+        )
+    return recording
 
 
 def run_folder_of(target: Path) -> Path | None:
@@ -83,7 +93,7 @@ def run_folder_of(target: Path) -> Path | None:
 
 
 def manifest_of(target: Path) -> dict[str, Any] | None:
-    """Return the manifest of a run folder, or the one that a log on its own keeps; None without one.
+    """Return the manifest of a run folder, or the one that a log on its own keeps in its metadata; None without one.
 
     Raises:
         LogFormatError: If the log is damaged.
@@ -92,29 +102,8 @@ def manifest_of(target: Path) -> dict[str, Any] | None:
     folder = run_folder_of(target)
     if folder is not None:
         return read_json(folder / MANIFEST)
-    return manifest_in(target) if target.is_file() and has_arrivals(target) else None
-
-
-def manifest_in(log: Path) -> dict[str, Any] | None:
-    """Return the manifest that a log keeps in its metadata record, or None for a log of release 0.1.
-
-    Raises:
-        LogFormatError: If the log is damaged.
-        SettingsError: If its record is not a manifest.
-    """
-    text = run_metadata(log).get("manifest")
-    return None if text is None else json_of(text, f"{log}, metadata")
-
-
-def _of_run(folder: Path) -> Recording:
-    manifest = read_json(folder / MANIFEST)
-    if not (folder / LOG).is_file():
-        raise LogFormatError(f"{folder}: no {LOG}; make the run again with treadline climb, which keeps a log")
-    builder = _begun(manifest, folder / MANIFEST, folder)
-    _take_log(folder / LOG, builder)
-    result = read_json(folder / "result.json") if (folder / "result.json").is_file() else {}
-    verdict, cause = result.get("verdict"), result.get("cause")
-    return builder.build(verdict=verdict if isinstance(verdict, str) else None, cause=cause if isinstance(cause, str) else None)
+    text = run_metadata(target).get("manifest") if has_arrivals(target) else None
+    return None if text is None else json_of(text, f"{target}, metadata")
 
 
 def _begun(manifest: dict[str, Any], path: Path, source: Path) -> RecordingBuilder:
@@ -155,8 +144,12 @@ def _take_log(path: Path, builder: RecordingBuilder) -> None:
         contents = read_contents(path, [*NUMERIC, IMU], [EVENTS, MAPS], [COLOUR])
     for topic, columns in contents.columns.items():
         kind, rows = _rows(path, topic, columns)
-        builder.extend(kind, rows)
-    _take_others(path, contents, builder)
+        builder.add(Signals(rows={kind: rows}))
+    with one_error(path):
+        for topic, read in ((EVENTS, OURS[EVENTS][1]), (MAPS, LOOKED[MAPS][1])):
+            for taken_s, message in contents.messages.get(topic, []):
+                builder(read(CdrReader(message)), taken_s)
+        builder.add(Signals(frames_t_s=[CdrReader(message).time() for _, message in contents.messages.get(COLOUR, [])]))
 
 
 def _rows(path: Path, topic: str, columns: Columns) -> tuple[type, Float[np.ndarray, "n c"]]:
@@ -181,14 +174,6 @@ def _rows(path: Path, topic: str, columns: Columns) -> tuple[type, Float[np.ndar
     if len(known) < len(POSITIONS[kind]):
         raise LogFormatError(f"{path}: {topic} lacks {' or '.join(POSITIONS[kind])}; is it of another version?")
     return kind, np.column_stack([columns.t_s, *known])
-
-
-def _take_others(path: Path, contents: LogContents, builder: RecordingBuilder) -> None:
-    with one_error(path):
-        for topic, read in ((EVENTS, OURS[EVENTS][1]), (MAPS, LOOKED[MAPS][1])):
-            for taken_s, message in contents.messages.get(topic, []):
-                builder(read(CdrReader(message)), taken_s)
-        builder.add_frames([CdrReader(message).time() for _, message in contents.messages.get(COLOUR, [])])
 
 
 def bag_origin_ns(path: Path) -> int:

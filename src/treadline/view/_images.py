@@ -1,4 +1,4 @@
-"""Images of a recorded run: ``ImageOrder -> Look``.
+"""Camera frames with what the detector finds in them: ``RgbdFrame, Detection -> ShownFrame``, and those of a log in their order.
 
 A run log holds headings and stair maps, not the reason of a rejected frame; the detector is run again on the logged images. The
 mount of a ROS bag's camera is unknown: its images are shown without a detector's result.
@@ -11,26 +11,36 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 from PIL import Image
 
 from treadline.core.errors import ImageError, LogFormatError
-from treadline.core.images import RgbdFrame
+from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.signals import ImuSample
 from treadline.io.decode import CdrReader, compressed_picture, picture
 from treadline.io.mcap_read import BROKEN, has_arrivals, read_log
 from treadline.io.topics import COLOUR_ENCODINGS, COMPRESSED, IMAGE, TopicSummary, kind_of, packets, reader_of, survey
+from treadline.mission.blocks import Detection
 from treadline.mission.frame_gravity import GravityAtExposure
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.perception.overlay import as_jpeg
+from treadline.perception.detection import StairDetection
+from treadline.perception.overlay import BAND_PX, as_jpeg, overlay
 from treadline.playback import bag_origin_ns
-from treadline.view.orders import ImageOrder
-from treadline.view.tap import PICTURE_PX, look_of
-from treadline.view.tape import Look
+from treadline.view._messages import DEPTH_STEP, ImageOrder, ShownFrame
+
+PICTURE_PX = 480
+"""Width of the camera image in the panel [px]."""
 
 
-def looks_of(order: ImageOrder) -> Iterator[Look]:
-    """Yield the notes of the frames of a log in their order.
+def send_frames(order: ImageOrder, put: Callable[[Any], None]) -> None:
+    """Send all frames of a log, waiting for the viewer where it is slow."""
+    for frame in frames_of(order) if has_arrivals(Path(order.log)) else pictures_of(order):
+        put(("frame", frame))
+    put(("frames_end", None))
+
+
+def frames_of(order: ImageOrder) -> Iterator[ShownFrame]:
+    """Yield the frames of a log in their order, with what the detector finds in them.
 
     Raises:
         LogFormatError: If the log is damaged.
@@ -46,10 +56,59 @@ def looks_of(order: ImageOrder) -> Iterator[Look]:
                 detection = detector.see(frame, gravity.gravity_C(frame))
             except ImageError:
                 continue  # an image that the detector refuses has nothing to show
-            yield look_of(frame, detection, signal.t_s + order.latency_s, with_picture=True)
+            yield shown(frame, detection, signal.t_s + order.latency_s, with_picture=True)
 
 
-def pictures_of(order: ImageOrder) -> Iterator[Look]:
+def shown(frame: RgbdFrame, detection: Detection, taken_s: float, *, with_picture: bool) -> ShownFrame:
+    """Return a frame with its detection.
+
+    Args:
+        taken_s: Time at which the mission received the frame [s].
+        with_picture: Whether the image with its overlay is drawn: 10 ms.
+    """
+    sight = getattr(detection, "sight", None)
+    found = sight if isinstance(sight, StairDetection) else None  # a plug-in returns its answer alone
+    measurement, stair = detection.measurement, detection.stair_map
+    more: dict[str, Any] = {}
+    if found is not None:
+        line, rows = found.printed()
+        reason, summary = found.reason, "; ".join([line, *(f"{key} {value}" for key, value in rows)])
+    elif measurement is None:
+        reason = summary = "no heading in this frame"
+    else:
+        reason, summary = None, f"heading from {measurement.edge_count} nosings"
+    if stair is not None:
+        more["nosings_B"] = stair.nosings_B
+    if found is not None and found.parts is not None:
+        more |= {f"{name}_B": planes_of(getattr(found.parts, name), frame.camera) for name in ("treads", "risers")}
+    if with_picture:
+        drawn = frame.rgb if found is None else overlay(frame, found)[:-BAND_PX]
+        more["picture"] = as_jpeg(drawn, PICTURE_PX)
+        more["depth_m"] = frame.depth_m[::DEPTH_STEP, ::DEPTH_STEP].astype(np.float32)
+    heading_rad = None if measurement is None else measurement.heading_rad
+    return ShownFrame(t_s=frame.t_s, taken_s=taken_s, summary=summary, reason=reason, heading_rad=heading_rad, **more)
+
+
+def planes_of(surfaces: Any, camera: PinholeCamera) -> Float[np.ndarray, "n 4 3"]:
+    """Return the corners of detected surfaces in B [m], each in the order upper left, upper right, lower right, lower left.
+
+    The upper and the lower edge in the image are replaced by straight lines, and their ends lie on the plane.
+    """
+    found = []
+    for surface in surfaces:
+        columns = surface.upper.columns.astype(float)
+        ends, degree = np.array([columns.min(), columns.max()]), min(len(np.unique(columns)) - 1, 1)
+        upper, lower = (
+            np.polyval(np.polyfit(columns, np.asarray(edge.rows, dtype=float), degree), ends)
+            for edge in (surface.upper, surface.lower)
+        )
+        u, v = np.concatenate([ends, ends[::-1]]), np.concatenate([upper, lower[::-1]])
+        rays = camera.pixel_to_point(u, v)
+        found.append(rays / (rays @ surface.normal)[:, None])
+    return np.asarray(np.array(found).reshape(-1, 4, 3) @ camera.R_BC.T + np.array(camera.mount_m))
+
+
+def pictures_of(order: ImageOrder) -> Iterator[ShownFrame]:
     """Yield the colour images of a ROS bag, raw or compressed, in their order.
 
     Raises:
@@ -66,14 +125,9 @@ def pictures_of(order: ImageOrder) -> Iterator[Look]:
             t_s, rgb = _compressed(reader) if kind_of(packet) == COMPRESSED else _raw(reader)
         except (LogFormatError, *BROKEN, OSError, Image.DecompressionBombError):
             continue  # an image that cannot be read has nothing to show
-        yield Look(
+        yield ShownFrame(
             t_s=t_s,
             taken_s=max(1e-9 * (logged_ns - origin_ns), t_s),
-            reason=None,
-            heading_rad=None,
-            sigma_rad=None,
-            edge_count=0,
-            nosings_B=np.zeros((0, 3)),
             summary=f"image of {topic}, without a detector's result",
             picture=as_jpeg(rgb, PICTURE_PX),
             is_judged=False,
@@ -101,10 +155,3 @@ def _compressed(reader: CdrReader) -> tuple[float, UInt8[np.ndarray, "h w 3"]]:
     t_s, data = compressed_picture(reader)
     with Image.open(BytesIO(data), formats=("JPEG", "PNG")) as image:
         return t_s, np.asarray(image.convert("RGB"))
-
-
-def send_looks(order: ImageOrder, put: Callable[[Any], None]) -> None:
-    """Send the notes of all frames, waiting for the viewer where it is slow."""
-    for look in looks_of(order) if has_arrivals(Path(order.log)) else pictures_of(order):
-        put(("look", look))
-    put(("looks_end", None))

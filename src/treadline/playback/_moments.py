@@ -21,9 +21,9 @@ from treadline.io.columns import read_contents
 from treadline.io.decode import CdrReader
 from treadline.io.mcap_read import has_arrivals
 from treadline.io.runs import LOG
-from treadline.playback.nosing_matches import NosingRecord, nosing_record
-from treadline.playback.read_run import manifest_of
-from treadline.playback.recording import SLIP_WINDOW_S, Recording
+from treadline.playback._nosings import NosingRecord, nosing_record
+from treadline.playback._read_run import manifest_of
+from treadline.playback._recording import SLIP_WINDOW_S, Recording
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import EXTENTS, Fault, payload_shift_m
 from treadline.scenario.scenario import Chair
@@ -407,7 +407,7 @@ def margins_at(recording: Recording, k: int) -> Margins | None:
     if scenario is None or staircase is None or not np.isfinite(recording.p_WB[k]).all():
         return None
     R_WB, p_WB, flipper_rad = rotation_of(recording.quat_WB[k]), recording.p_WB[k], float(recording.flipper_rad[k])
-    support = _support(recording.chair, staircase, R_WB, p_WB, flipper_rad)
+    support = support_at(recording.chair, staircase, R_WB, p_WB, flipper_rad)
     if support is None:
         return None
     loading = _loading(scenario.chair, scenario.fault, float(recording.t_s[k]))
@@ -423,10 +423,10 @@ def _loading(chair: Chair, faults: Iterable[Fault], t_s: float) -> Chair:
     return lean.model_copy(update={"payload_offset_m": offset})
 
 
-def _support(
+def support_at(
     chair: ChairDescription, staircase: Staircase, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"], flipper_rad: float
 ) -> Support | None:
-    """Return the support by nosings under the belts, by ground under the pulleys, and by the flipper's tip.
+    """Return the support by nosings under the belts, by ground under the pulleys, and by the flipper's tip; None without any.
 
     The lower outline of a belt has the distance of the pulleys' radius from the line through rear, front and tip axis.
     """

@@ -1,6 +1,6 @@
-"""Perceived nosings next to the true ones, in one frame and over a run: ``stair maps, poses, Staircase -> found, missed``.
+"""Perceived nosings next to the true ones, in one frame and over a run: ``stair maps, poses, Staircase -> found, missed, why``.
 
-A live view compares one frame with ``NosingComparison.compare``; a recorded run is judged as a whole by ``nosing_record``.
+``NosingComparison`` judges one frame; ``nosing_record`` judges a run as a whole.
 """
 
 import math
@@ -11,12 +11,18 @@ from jaxtyping import Bool, Float
 
 from treadline.core.angles import rotation_of
 from treadline.core.images import PinholeCamera
-from treadline.playback.recording import PerceivedStair, Recording
+from treadline.playback._recording import PerceivedStair, Recording
 from treadline.vehicle.staircase import Staircase
 
 MATCH_SHARE = 1.0 / 3.0
 """Largest distance between a perceived and a true nosing as a share of the distance between neighbours: below a half, no nosing
 takes its neighbour's place."""
+HALF_LINE_M = 0.45
+"""Half length of a perceived nosing [m]: a little more than the chair's width."""
+POINTS = 31
+"""Points along a nosing at which a depth image is read: 3 cm apart, two pixels of a quarter of the image at 1 m."""
+HIDDEN_M = 0.10
+"""Depth before a nosing from which something hides it [m]: half a riser, more than the noise and the step of the pixels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,11 +148,65 @@ class NosingComparison:
     def in_view(self, points_B: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Return which points are in the image."""
         camera = self.camera
-        x, y, z = ((points_B - np.array(camera.mount_m)) @ camera.R_BC).T
-        depth = np.where(z > 0.0, z, 1.0)
-        u, v = camera.fx_px * x / depth + camera.cx_px, camera.fy_px * y / depth + camera.cy_px
+        u, v, z = self._pixels_of(points_B)
         inside = (u >= 0.0) & (u <= camera.width_px) & (v >= 0.0) & (v <= camera.height_px)
         return np.asarray((z > 0.0) & inside)
+
+    def _pixels_of(
+        self, points_B: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Return column, row and depth of points [px, px, m]; of points behind the camera, the depth alone counts."""
+        camera = self.camera
+        x, y, z = ((points_B - np.array(camera.mount_m)) @ camera.R_BC).T
+        depth = np.where(z > 0.0, z, 1.0)
+        return camera.fx_px * x / depth + camera.cx_px, camera.fy_px * y / depth + camera.cy_px, z
+
+    def why_missed(
+        self,
+        number: int,
+        depth_m: Float[np.ndarray, "h w"],
+        R_WB: Float[np.ndarray, "3 3"],
+        p_WB: Float[np.ndarray, " 3"],
+    ) -> str:
+        """Return why a true nosing was missed in a frame, by the depth along it: the cause of at least half of its points.
+
+        Args:
+            depth_m: Depth image, possibly of every n-th row and column [m].
+        """
+        measured_m, true_m = self._depths_at(number, depth_m, R_WB, p_WB)
+        if not len(true_m):
+            return "outside the image"
+        blank, near = np.isnan(measured_m), measured_m < true_m - HIDDEN_M
+        if blank.mean() >= 0.5:
+            return f"no depth at {100.0 * blank.mean():.0f} % of its pixels"
+        if near.mean() >= 0.5:
+            return f"hidden by something {np.median(true_m[near] - measured_m[near]):.2f} m nearer"
+        foot_B = self._middle_of(number, R_WB, p_WB) + 2.0 * self.sides_W[0, self.place_of(number)] @ R_WB
+        if not self.in_view(foot_B[None])[0]:
+            return "its riser is not in the image"
+        return f"depth at {100.0 * (1.0 - blank.mean()):.0f} % of its pixels, but too few of its planes for an edge"
+
+    def place_of(self, number: int) -> int:
+        """Return the position of a nosing among ``ends_W``."""
+        return int(self.numbers.tolist().index(number))
+
+    def _middle_of(self, number: int, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+        """Return the intersection of a nosing with the chair's middle plane in B [m]."""
+        crosses, points_B = self.ahead(R_WB, p_WB)
+        return np.asarray(points_B[self.numbers[crosses].tolist().index(number)])
+
+    def _depths_at(
+        self, number: int, depth_m: Float[np.ndarray, "h w"], R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
+    ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Return measured and true depth at points of a nosing that are in the image, within the perceived width [m]."""
+        along = np.diff(self.ends_W[self.place_of(number)], axis=0)[0] @ R_WB
+        offsets = np.linspace(-HALF_LINE_M, HALF_LINE_M, POINTS)[:, None]
+        points = self._middle_of(number, R_WB, p_WB) + offsets * along / np.linalg.norm(along)
+        u, v, z = self._pixels_of(points[self.in_view(points)])
+        step = round(self.camera.width_px / depth_m.shape[1])
+        rows = np.clip(np.round(v / step).astype(int), 0, depth_m.shape[0] - 1)
+        columns = np.clip(np.round(u / step).astype(int), 0, depth_m.shape[1] - 1)
+        return depth_m[rows, columns], z
 
 
 def nosing_record(recording: Recording) -> NosingRecord | None:

@@ -1,0 +1,215 @@
+"""Panels and plots of the page, without a browser."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from treadline.core.angles import DEG
+from treadline.core.signals import Event
+from treadline.playback import Limits, Moment, Recording
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario
+from treadline.vehicle.stair_solids import Box
+from treadline.view._messages import Handset, Obstacle, ShownFrame, latest
+from treadline.view._panels import (
+    GREEN,
+    ORANGE,
+    PANELS,
+    PHASE_COLOURS,
+    RED,
+    camera_html,
+    camera_warning,
+    events_html,
+    handset_html,
+    state_html,
+    text_on,
+    timeline_html,
+    transitions_html,
+)
+from treadline.view._plots import PLOTS, legend_html, plot_data
+from treadline.view._session import Session
+
+from .conftest import END_S, LIMITS, a_run, session_of
+
+HEADING, PITCH_RATE, _, SLIP, *_ = PLOTS
+EMPTY = Recording.of_curves(np.empty(0), read_chair("wheelchair"), scenario=Scenario())
+
+
+def test_a_run_answers_for_any_instant() -> None:
+    run, box = a_run(), Box(kind="obstacle", index=-1, centre_W=(1.0, 0.0, 0.2), half_m=(0.1, 0.1, 0.1), yaw_rad=0.0)
+    assert [run.t_s[run.index_at(t_s)] for t_s in (-1.0, 17.503, 99.0)] == pytest.approx([0.0, 17.5, END_S])
+    assert [run.phase_at(t_s).name for t_s in (19.99, 20.0)] == ["climb", "crest"]
+    there = [Obstacle(t_s=5.0, box=box), Obstacle(t_s=8.0, box=None)]
+    assert latest(there, 4.9) is None
+    assert [latest(there, t_s).box for t_s in (5.0, 7.9, 8.0)] == [box, box, None]
+
+
+# ---- plots ----
+
+
+def test_a_plot_keeps_every_transient_and_shows_limits_and_cursor() -> None:
+    """Test: one sample of 30 °/s among 3000. Expected: it is among the few hundred points, and all arrays have one length."""
+    rate = np.zeros(3001)
+    rate[1234] = 30.0 * DEG
+    data = plot_data(PITCH_RATE, a_run(pitch_rate_rad_s=rate), 12.0)
+    t_s, _, upper, lower, curve, cursor = data
+    assert {len(column) for column in data} == {len(t_s)}
+    assert len(t_s) < 600
+    assert curve.max() == pytest.approx(30.0)
+    assert (upper[0], lower[0]) == (25.0, -25.0)  # the guard's limit, row 18 of the hazards
+    assert (np.diff(t_s) >= 0.0).all()
+    assert t_s[np.argmax(cursor)] == pytest.approx(12.0)
+    assert all(np.isfinite(column).all() for column in data)
+
+
+def test_a_plot_of_an_empty_run_or_of_unknown_quantities_is_finite() -> None:
+    unknown = a_run(estimate_rad=math.nan, slip=math.nan, seat_pitch_rad=math.nan)
+    for plot in PLOTS:
+        for run in (replace(EMPTY, limits=LIMITS), unknown):
+            data = plot_data(plot, run, 3.0)
+            assert len(data) == len(plot.curves) + len(plot.limits(LIMITS)) + 3
+            assert all(np.isfinite(column).all() for column in data)
+
+
+def test_the_curve_of_a_fork_is_its_own_up_to_its_end() -> None:
+    data = plot_data(HEADING, a_run(), 1.0, a_run(heading_rad=5.0 * DEG))
+    assert data[1][10] == pytest.approx(5.0)
+    assert data[-2][10] == pytest.approx(0.0)  # the estimate of the run
+
+
+def test_a_limit_far_from_the_signal_is_named_but_does_not_flatten_it() -> None:
+    """Test: a pitch rate of 1 °/s and a limit of 25 °/s; then one of 20 °/s. Expected: drawn only in the second plot."""
+    slow, fast = (a_run(pitch_rate_rad_s=rate * DEG * np.sin(np.arange(3001))) for rate in (1.0, 20.0))
+    assert max(column.max() for column in plot_data(PITCH_RATE, slow, 1.0)[1:]) < 3.0
+    assert max(column.max() for column in plot_data(PITCH_RATE, fast, 1.0)[1:]) == pytest.approx(25.0)
+    assert "guard's limit ±25° (beyond this plot)" in legend_html(PITCH_RATE, slow, 1.0, forked=False)
+    assert "beyond" not in legend_html(PITCH_RATE, fast, 1.0, forked=False)
+
+
+def test_plots_draw_the_limits_of_the_run_and_none_that_it_does_not_state() -> None:
+    assert [plot.limits(Limits(margin_rad=None)) for plot in PLOTS] == [(), (), (), (), (), (0.0,)]
+    assert SLIP.limits(LIMITS) == (0.3,)
+    assert "limit" not in legend_html(PITCH_RATE, replace(a_run(), limits=Limits()), 1.0, forked=False)
+
+
+# ---- texts ----
+
+
+def test_the_texts_name_hold_phase_and_least_margin_and_escape_what_a_log_says() -> None:
+    margin = np.full(3001, 20.0 * DEG)
+    margin[900] = 4.0 * DEG
+    session = session_of(a_run(margin_rad=margin), 13.0)
+    state = state_html(session)
+    for said in ("HOLD since 12.00 s", "operator &lt;stop&gt;", "of the whole run", "4.0° at 9.00 s"):
+        assert said in state
+    assert "hold" in events_html(session)
+    assert "rearmed" not in events_html(session)
+    session.ghost = session.feed
+    assert timeline_html(session).count("position:absolute") == 6  # two phases, hold, re-arm, fork, cursor
+    assert "end of the flight" in transitions_html(session)
+    assert "HOLD" not in state_html(session_of(a_run(), 16.0, live=True))
+
+
+@pytest.mark.parametrize("name", PANELS)
+def test_every_panel_of_a_run_that_has_not_begun_is_a_text(name: str) -> None:
+    assert isinstance(PANELS[name](session_of(EMPTY, live=True, attended=True)), str)
+
+
+def test_the_name_of_a_phase_is_shown_whole_or_not_at_all() -> None:
+    drawn = timeline_html(session_of(a_run(more=(Event(t_s=29.5, name="traction", cause="on two nosings"),)), 1.0))
+    assert "&nbsp;climb</div>" in drawn
+    assert "&nbsp;</div>" in drawn
+
+
+@pytest.mark.parametrize("colour", [*PHASE_COLOURS.values(), ORANGE, GREEN, RED])
+def test_text_on_every_colour_can_be_read(colour: str) -> None:
+    """Test: contrast by WCAG 2.2. Expected: at least 4.5:1, as it asks for small text."""
+
+    def luminance(code: str) -> float:
+        digits = code[1:] if len(code) == 7 else "".join(2 * letter for letter in code[1:])
+        parts = [int(digits[k : k + 2], 16) / 255.0 for k in (0, 2, 4)]
+        return float(np.dot([0.2126, 0.7152, 0.0722], [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]))
+
+    dark, light = sorted((luminance(colour), luminance(text_on(colour))))
+    assert (light + 0.05) / (dark + 0.05) >= 4.5
+
+
+def test_the_handset_shows_its_switch_and_the_travel_of_the_belts() -> None:
+    session = session_of(a_run(belt_travel_m=np.full((3001, 2), [1.0, 2.0])), 3.0)
+    assert "the planner drives; belts travelled 1.50 m" in handset_html(session)
+    session.handset = Handset(manual=True, dead_man=False, speed_m_s=0.1)
+    assert "<b>released</b>; speed +0.10 m/s" in handset_html(session)
+
+
+# ---- camera ----
+
+
+def frame(nosings_B: Any, **more: Any) -> ShownFrame:
+    """Return a frame of the instant 0 s, taken at 0.06 s."""
+    return ShownFrame(t_s=0.0, taken_s=0.06, summary="<b>", heading_rad=0.0, nosings_B=np.asarray(nosings_B), **more)
+
+
+def before_the_flight(shown: ShownFrame, x_m: float = -1.5) -> Session:
+    """Return a session of a chair that stands on the floor before a flight, with one frame."""
+    run = replace(a_run(), p_WB=np.tile([x_m, 0.0, 0.0], (3001, 1)))
+    session = session_of(run, 0.1)
+    session.feed.frames.append(shown)
+    return session
+
+
+def test_a_silent_camera_is_a_warning_and_shows_no_nosings() -> None:
+    """Test: the last frame at 0.06 s. Expected: fresh to 0.36 s, then a warning instead of "accepted" and "none missed"."""
+    session = before_the_flight(frame(np.ones((2, 3))))
+    session.cursor_s = 0.36
+    assert camera_warning(session) is None
+    assert session.feed.fresh_frame_at(0.36) is not None
+    assert session.feed.fresh_frame_at(0.38) is None
+    session.cursor_s = 20.76
+    assert camera_warning(session) == "no frame for 20.7 s, since 0.06 s: the camera is silent"
+    assert "none missed" not in camera_html(session)
+    assert "last frame of 0.00 s" in camera_html(session)
+
+
+def test_a_log_names_a_stair_that_was_not_perceived_and_a_silent_camera() -> None:
+    """Test: a log of stair maps alone, with its moments. Expected: frames without a stair are no silence of the camera."""
+    session = before_the_flight(frame(np.ones((2, 3))))
+    unseen = Moment(t_s=0.0, name="no stair perceived", cause="9 frames, none with a stair", kind="perception", end_s=5.0)
+    silent = Moment(t_s=2.0, name="no camera frame", cause="from 2.00 s to 3.00 s", kind="perception", end_s=3.0)
+    session.cursor_s, session.moments.listed = 1.5, (unseen,)
+    assert camera_warning(session) == "no stair perceived for 1.5 s; 9 frames, none with a stair"
+    session.cursor_s, session.moments.listed = 2.5, (unseen, silent)
+    assert camera_warning(session) == "no frame for 0.5 s, since 2.00 s: the camera is silent"
+    assert 'data-jump="2.000"' in events_html(session)
+
+
+def test_missed_nosings_are_named_with_their_reasons() -> None:
+    """Test: two nosings in the image of a chair on the floor, of which the map lacks the first. Expected: it is missed."""
+    session = before_the_flight(frame(np.empty((0, 3))))
+    nosings_B = session.feed.staircase.nosings_W[:2] - np.array([-1.5, 0.0, 0.0])
+    session.feed.frames[0] = frame(nosings_B[1:])
+    page = camera_html(session)
+    assert "nosings perceived: 2; " in page
+    assert "missed: 1 (its image is not kept)" in page
+    assert "&lt;b&gt;" in page
+    session.feed.frames[0] = frame(nosings_B, reason="too dark")
+    assert "rejected, too dark" in camera_html(session)
+    session.feed.frames[0] = frame(np.empty((0, 3)), reason="too dark")
+    assert "(the frame is rejected)" in camera_html(session)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "depth_m", "reason"),
+    [
+        (-1.5, math.nan, "no depth at 100 % of its pixels"),
+        (-1.5, 0.4, "hidden by something"),
+        (-1.5, 9.0, "depth at 100 % of its pixels"),
+        (-0.8, 9.0, "its riser is not in the image"),
+    ],
+)
+def test_a_missed_nosing_has_a_reason_by_its_depth(x_m: float, depth_m: float, reason: str) -> None:
+    """Test: one depth in every fourth pixel of the image. Expected: the cause that this depth means."""
+    image = np.full((60, 80), depth_m, dtype=np.float32)
+    assert f"1 ({reason}" in camera_html(before_the_flight(frame(np.empty((0, 3)), depth_m=image), x_m)).replace("1, 2 (", "1 (")
