@@ -6,7 +6,6 @@ place (``mechanics.quasi_static_run``), which knows nothing of the simulator.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 from treadline.core.angles import DEG
@@ -29,16 +28,9 @@ THEORY_STEP_S = 0.05
 gives 0.165 °/s."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeadZoneJob:
-    """All headings and belt differences."""
-
-    name: str
-    seed: int
-
-    def run(self) -> dict[str, Any]:
-        """Return ``rows``: one per heading and belt difference."""
-        return {"rows": [row(heading, difference, self.seed) for heading in HEADINGS_DEG for difference in DIFFERENCES_M_S]}
+def rows(seed: int) -> list[dict[str, Any]]:
+    """Return one row per heading and belt difference."""
+    return [row(heading, difference, seed) for heading in HEADINGS_DEG for difference in DIFFERENCES_M_S]
 
 
 def row(heading_deg: int, difference_m_s: float, seed: int, open_plant: Opener = open_mujoco) -> dict[str, Any]:

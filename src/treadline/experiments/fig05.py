@@ -3,7 +3,6 @@
 Paper: Algorithm 1, Fig. 5, Eq. (1)-(4).
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,19 +19,6 @@ from treadline.plant.mujoco import open_plant as open_mujoco
 from treadline.run.resolve import Opener
 
 HEADING_DEG = 10
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StagesJob:
-    """The figure's frame."""
-
-    name: str
-    figures: Path
-    seed: int
-
-    def run(self) -> dict[str, Any]:
-        """Return the figure's numbers and write its pictures."""
-        return see_stages(self.figures, self.seed)
 
 
 def see_stages(figures: Path, seed: int) -> dict[str, Any]:

@@ -4,7 +4,6 @@ Paper: Section II.B, Section VI.C.3, Fig. 11 (hardware; here the simulated linka
 the flight with its brake on, the seat parallel to the chassis; at t = 0 the loop is closed.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,19 +23,6 @@ DURATION_S = 40.0
 """Fig. 11's time axis."""
 STEADY_FROM_S = 20.0
 SETTLED_RAD = 1.0 * DEG
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SeatJob:
-    """The figure's run."""
-
-    name: str
-    folder: Path
-    seed: int
-
-    def run(self) -> dict[str, Any]:
-        """Level the seat and return the figure's numbers."""
-        return level_seat(self.folder, self.seed)
 
 
 def at_rest(scenario: Scenario) -> Scenario:

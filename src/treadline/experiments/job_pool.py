@@ -35,6 +35,19 @@ class Job(Protocol[R_co]):
         """Run the job and return its result."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Call:
+    """Call of a module-level function as a job."""
+
+    name: str
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+
+    def run(self) -> Any:
+        """Return the function's result."""
+        return self.function(*self.arguments)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunJob:
     """A scenario, a seed and a controller; ``labels`` are returned unchanged with the result."""

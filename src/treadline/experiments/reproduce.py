@@ -18,7 +18,7 @@ from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments import _closed_loop, _fig08, as_printed, dead_zone, fig05, fig11, lugs
 from treadline.experiments._fig08 import ExcitationRun, ExciteJob
 from treadline.experiments._sensitivity import read_sensitivity, with_sensitivity
-from treadline.experiments.job_pool import Job, JobPool, RunJob
+from treadline.experiments.job_pool import Call, Job, JobPool, RunJob
 from treadline.experiments.plan import (
     CONTROLLER_GROUND,
     GRAVITY_ERROR_DEG,
@@ -75,7 +75,7 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
             "table1": as_printed.table1(),
             "fig05": stages,
             "fig08": fig08_by_ground[CONTROLLER_GROUND] | {"slopes": list(fig08_by_ground.values())},
-            "dead_zone": steered["rows"],
+            "dead_zone": steered,
             "fig09": _closed_loop.fig09([*closed, *opened]),
             "fig10": _closed_loop.fig10(safe),
             "table2": _closed_loop.table2(safe),
@@ -130,14 +130,14 @@ def learn(plan: ReproducePlan, recordings: list[ExcitationRun], out: Path) -> tu
     return controller, figures
 
 
-def _steerless(plan: ReproducePlan, out: Path) -> list[Job[dict[str, Any]]]:
+def _steerless(plan: ReproducePlan, out: Path) -> list[Job[Any]]:
     """Return the jobs without the identified controller: seat, stages of a frame, printed controller, dead zone, open loops."""
     runs, seed = out / "runs", plan.seeds[0]
     return [
-        fig11.SeatJob(name="seat", folder=runs / "seat-28", seed=seed),
-        fig05.StagesJob(name="stages", figures=out / "figures", seed=seed),
+        Call("seat", fig11.level_seat, (runs / "seat-28", seed)),
+        Call("stages", fig05.see_stages, (out / "figures", seed)),
         as_printed.job(plan, runs),
-        dead_zone.DeadZoneJob(name="dead-zone", seed=seed),
+        Call("dead-zone", dead_zone.rows, (seed,)),
         *_closed_loop.straight_jobs(plan, None, runs),
     ]
 
