@@ -104,7 +104,7 @@ class MissionKeys(Settings):
 
 
 @dataclass(frozen=True, slots=True)
-class Key:
+class ReplayKey:
     """One key of ``--set``."""
 
     hint: Any
@@ -260,7 +260,7 @@ def _detector(base: MissionConfig) -> DetectorConfig:
     return DetectorConfig(swept_half_m=base.chair.swept_half_m)
 
 
-def keys_of(base: MissionConfig) -> dict[str, Key]:
+def keys_of(base: MissionConfig) -> dict[str, ReplayKey]:
     """Return every key of ``--set``, with the settings of the recorded run as defaults."""
     control = ControlKeys(speed_m_s=base.climb_speed_m_s, allocation=base.allocation, reconstruct=base.reconstruct)
     keys = _keys(MissionKeys(vision=base.vision, loop=base.loop, control=control))
@@ -283,22 +283,22 @@ def key_table(base: MissionConfig) -> dict[str, tuple[str, str]]:
     }
 
 
-def _keys(settings: Any, before: str = "") -> dict[str, Key]:
+def _keys(settings: Any, before: str = "") -> dict[str, ReplayKey]:
     """Return the keys of a settings object: its fields that hold one value, angles in degrees, nested settings as tables."""
     hints = get_type_hints(type(settings), include_extras=True)
     is_block = is_dataclass(settings)
     written = meanings(type(settings)) if is_block else meanings(Control) | meanings(DriveSettings) | meanings(type(settings))
-    found: dict[str, Key] = {}
+    found: dict[str, ReplayKey] = {}
     for name in (item.name for item in fields(settings)) if is_block else type(settings).model_fields:
         value, key = getattr(settings, name), before + name.replace("_rad", "_deg")
         if isinstance(value, Settings) or is_dataclass(value):
             found |= _keys(value, f"{before}{name}.")
         elif not is_block:
-            found[key] = Key(hints[name], value, written.get(name, ""))
+            found[key] = ReplayKey(hints[name], value, written.get(name, ""))
         elif _is_plain(hints[name]) and key not in NO_KEYS:
             # A limit, sigma, gate or time is not negative.
             hint = Annotated[hints[name], Field(ge=0)] if hints[name] in (float, int) and value >= 0 else hints[name]
-            found[key] = Key(hint, float(f"{value / DEG:.12g}") if "_rad" in name else value, written.get(name, ""))
+            found[key] = ReplayKey(hint, float(f"{value / DEG:.12g}") if "_rad" in name else value, written.get(name, ""))
     return found
 
 
