@@ -14,7 +14,7 @@ from treadline.mission.mission_blocks import planner_of
 from treadline.mission.mission_config import is_full_traversal
 from treadline.mission.planner import Cruise
 from treadline.run.episode import Traverse, traverse
-from treadline.run.resolve import SEAT_SHIFT_M, mission_config, ready, with_seat_shifted
+from treadline.run.resolve import SEAT_SHIFT_M, mission_config, ready
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
@@ -193,13 +193,6 @@ def test_no_more_than_a_tenth_of_a_metre_is_shifted() -> None:
         assert abs(told.chair.seat_shift_m) <= SEAT_SHIFT_M
         assert (done is None) == (told.chair.seat_shift_m == 0.0)
         assert refused is None or told.chair.seat_shift_m == 0.0
-
-
-def test_the_mission_uses_the_shifted_seat() -> None:
-    scenario = Trip(chair={"seat_shift_m": 0.05}).scenario()
-    chair = mission_config(scenario, shipped_controller("wheelchair")).chair
-    assert chair == with_seat_shifted(read_chair("wheelchair"), 0.05)
-    assert chair.seat.hinge_m[0] == pytest.approx(read_chair("wheelchair").seat.hinge_m[0] + 0.05)
 
 
 def test_what_stands_still_is_neither_there_nor_refused_when_its_time_is_up() -> None:

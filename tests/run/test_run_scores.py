@@ -7,7 +7,7 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
-from treadline.run.run_scores import MARGIN_TICKS, Trace, lasting_minimum, score, settling_time
+from treadline.run.run_scores import Trace, lasting_minimum, score, settling_time
 from treadline.vehicle.comfort import comfort
 
 
@@ -15,30 +15,8 @@ def trace(heading_deg: np.ndarray, x_m: np.ndarray | None = None, y_m: np.ndarra
     count = len(heading_deg)
     x = np.linspace(0.0, 1.0, count) if x_m is None else x_m
     y = np.zeros(count) if y_m is None else y_m
-    return Trace.of(
-        [
-            Truth(
-                t_s=k / 100,
-                heading_rad=float(heading_deg[k]) * DEG,
-                yaw_rad=0.0,
-                heading_rate_rad_s=0.0,
-                pitch_rad=0.5,
-                roll_rad=0.0,
-                pitch_rate_rad_s=-0.1,
-                x_m=float(x[k]),
-                y_m=float(y[k]),
-                seat_pitch_rad=0.01,
-                left_m_s=0.2,
-                right_m_s=0.2,
-                stability_margin_rad=0.2,
-                friction_use=0.8,
-                passenger_x_m=float(x[k]),
-                passenger_y_m=0.0,
-                passenger_z_m=0.0,
-            )
-            for k in range(count)
-        ]
-    )
+    columns = {name: np.zeros(count) for name in Truth.__slots__} | {"x_m": x, "y_m": y, "passenger_x_m": x}
+    return Trace(columns=columns | {"t_s": np.arange(count) / 100, "heading_rad": heading_deg * DEG})
 
 
 def test_a_ramp_of_t_seconds_has_the_rms_of_its_triangle() -> None:
@@ -102,9 +80,9 @@ def test_a_push_up_the_flight_is_split_by_the_yaw_of_the_chair(yaw_deg: float, a
 
 def test_a_margin_counts_once_it_has_lasted_a_tenth_of_a_second() -> None:
     margin = np.full(100, 9.0)
-    margin[40 : 40 + MARGIN_TICKS - 1] = 2.0
+    margin[40:49] = 2.0
     assert lasting_minimum(margin) == 9.0
-    margin[40 : 40 + MARGIN_TICKS] = np.linspace(2.0, 3.0, MARGIN_TICKS)
+    margin[40:50] = np.linspace(2.0, 3.0, 10)
     assert lasting_minimum(margin) == 3.0
     assert lasting_minimum(np.array([5.0, 4.0])) == 5.0
 
