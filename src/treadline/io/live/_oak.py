@@ -13,7 +13,6 @@ from treadline.io.live.depth_camera import CameraImages
 
 SIZE_PX = (640, 400)
 """Width and height of the stereo images: half the resolution of the OV9282 sensors."""
-IMU_HZ = 100
 FIRST_S = 10.0
 """Longest wait for the first image [s]: the firmware is loaded into the camera at each start."""
 
@@ -96,7 +95,7 @@ class OakCamera:
         self._R_CI = rotation_or_none(X_CI[:3, :3])
         if self._R_CI is not None:
             sensor = pipeline.create(dai.node.IMU)
-            sensor.enableIMUSensor(dai.IMUSensor.ACCELEROMETER_RAW, IMU_HZ)
+            sensor.enableIMUSensor(dai.IMUSensor.ACCELEROMETER_RAW, 100)  # Hz
             sensor.setBatchReportThreshold(1)
             sensor.setMaxBatchReports(10)
             self._forces = sensor.out.createOutputQueue(maxSize=50, blocking=False)

@@ -15,18 +15,8 @@ from treadline.scenario.camera_file import CameraFile
 
 TIMEOUT_S = 2.0
 """Longest wait for an image [s]: 60 frames at 30 Hz; a camera that resets itself on USB takes less than a second."""
-WINDOW_S = 1.0
-"""Period over which the frame rate is measured [s]."""
-SETTLE_S = 2.0
-"""Time after the first frame before the rate is checked [s]: loading the compiled kernels takes a second."""
-COLLAPSED = 0.5
-"""Share of the nominal rate below which the rate has collapsed: automatic exposure in the dark halves it at most."""
 SAME_FOCAL = 0.02
 """Largest difference between the focal lengths of device and file: 2 % costs 0.2° of heading (docs/how-to/own-camera)."""
-AVERAGE_S = 1.0
-"""Time constant of the mean specific force [s]: two steps of a person who walks with the camera."""
-GRAVITY_OFF_M_S2 = 0.6
-"""Largest deviation of the mean specific force from gravity [m/s²]: cameras without IMU calibration measure 9.4 to 10.2."""
 
 
 class _FrameRate:
@@ -38,7 +28,7 @@ class _FrameRate:
     def add(self, t_s: float) -> None:
         """Add a stamp."""
         self._stamps.append(t_s)
-        while t_s - self._stamps[0] > WINDOW_S and len(self._stamps) > 3:
+        while t_s - self._stamps[0] > 1.0 and len(self._stamps) > 3:
             self._stamps.popleft()
 
     @property
@@ -58,7 +48,8 @@ class _GravityAverage:
 
     def step(self, t_s: float, force_C: Float[np.ndarray, " 3"]) -> None:
         """Add a sample to the exponential mean."""
-        weight = 1.0 if self._mean_C is None else 1.0 - np.exp(-max(t_s - self._t_s, 0.0) / AVERAGE_S)
+        time_constant_s = 1.0  # two steps of a person who walks with the camera
+        weight = 1.0 if self._mean_C is None else 1.0 - np.exp(-max(t_s - self._t_s, 0.0) / time_constant_s)
         before = force_C if self._mean_C is None else self._mean_C
         self._mean_C, self._t_s = before + weight * (force_C - before), t_s
 
@@ -68,8 +59,8 @@ class _GravityAverage:
         if self._mean_C is None:
             return None
         size = float(np.linalg.norm(self._mean_C))
-        standard_gravity_m_s2 = 9.80665
-        return -self._mean_C / size if abs(size - standard_gravity_m_s2) <= GRAVITY_OFF_M_S2 else None
+        # Standard gravity; cameras without IMU calibration measure 9.4 to 10.2 m/s².
+        return -self._mean_C / size if abs(size - 9.80665) <= 0.6 else None
 
 
 class LiveFrames:
@@ -162,9 +153,9 @@ class LiveFrames:
         """Warn once when the rate collapses, and again if it collapses after a recovery."""
         self.rate.add(t_s)
         rate_hz, nominal_hz = self.rate.rate_hz, self._camera.rate_hz
-        if rate_hz is None or since_start_s < SETTLE_S:
+        if rate_hz is None or since_start_s < 2.0:  # loading the compiled kernels takes a second
             return
-        if rate_hz >= COLLAPSED * nominal_hz:
+        if rate_hz >= 0.5 * nominal_hz:  # automatic exposure in the dark halves the rate at most
             self._collapsed = False
             return
         self._slowest_hz = min(rate_hz, self._slowest_hz or np.inf)
