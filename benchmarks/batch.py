@@ -21,9 +21,7 @@ from mujoco import rollout
 
 from treadline.core.angles import DEG
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.plant.mujoco import MujocoPlant, open_plant
-from treadline.plant.mujoco.mjcf_scene import model_xml
-from treadline.plant.mujoco.physics import Physics
+from treadline.plant.mujoco import MujocoPlant, Physics, model_xml, open_plant
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start, read_scenario
 from treadline.vehicle.staircase import build_staircase

@@ -22,7 +22,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG, rotation_of, rotation_y
 from treadline.core.signals import TICK_S, SeatCommand, TrackCommand
 from treadline.plant.mujoco import MujocoPlant, open_plant
-from treadline.plant.mujoco import step_kernels as kernels
+from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2, read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.vehicle.bodies import vehicle

@@ -23,7 +23,7 @@ from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig, Mo
 from treadline.estimation.aberration import AberrationRule
 from treadline.perception import StairDetector
 from treadline.plant.mujoco import open_plant
-from treadline.plant.sensors.imu_noise import IMUS, Imu
+from treadline.plant.sensors.imu import IMUS, Imu
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 

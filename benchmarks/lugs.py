@@ -12,8 +12,8 @@ from treadline.core.angles import DEG
 from treadline.core.ports import Truth
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import MujocoPlant, open_plant
-from treadline.plant.mujoco import lug_contact_kernels as lug_kernels
-from treadline.plant.mujoco import step_kernels as kernels
+from treadline.plant.mujoco import _step_kernels as kernels
+from treadline.plant.mujoco.contact import _rubber_lug_kernels as lug_kernels
 from treadline.run.episode import traverse
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Belts, Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start

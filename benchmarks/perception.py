@@ -38,7 +38,7 @@ from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
 from treadline.io.frames import read_frame
 from treadline.io.frames.sources import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
-from treadline.plant.sensors.imu_noise import IMUS, Imu
+from treadline.plant.sensors.imu import IMUS, Imu
 from treadline.scenario.camera_file import CameraFile, read_camera
 
 RECORDED = Path(__file__).parents[2] / "shared" / "data" / "vision"

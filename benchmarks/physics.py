@@ -9,8 +9,7 @@ import numpy as np
 
 from treadline.core.angles import DEG
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.plant.mujoco import MujocoPlant, open_plant
-from treadline.plant.mujoco.physics import Physics
+from treadline.plant.mujoco import MujocoPlant, Physics, open_plant
 from treadline.run.episode import traverse
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start, read_scenario

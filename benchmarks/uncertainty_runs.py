@@ -26,8 +26,7 @@ from treadline.experiments._sensitivity import MAIN_SOURCES
 from treadline.identification import IdentificationOptions, identify
 from treadline.mission.belt_controllers import ConstantSpeed
 from treadline.perception import StairDetector
-from treadline.plant.mujoco import MujocoPlant
-from treadline.plant.mujoco.physics import NOMINAL, Physics
+from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics
 from treadline.run.episode import traverse
 from treadline.run.excitation_run import PERIOD_S, excite
 from treadline.run.resolve import Opener, ready

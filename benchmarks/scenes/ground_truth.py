@@ -10,13 +10,15 @@ from jaxtyping import Bool, Float
 from scenes.clutter import OBSTACLES, RAIL_INSET_M, RAIL_M
 from scenes.flight import Direction, Pose, TiltedFlight
 from treadline.core.images import PinholeCamera
-from treadline.plant.faults.obstacles import SWEPT_HEIGHT_M
 from treadline.plant.sensors.camera import ExactView
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.plant.sensors.visibility import crossings
 from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.staircase import Staircase, Step
 
+SWEPT_HEIGHT_M = (0.06, 1.4)
+"""Height range of the swept volume above the lower line of the belts [m]: the belts climb lower objects, and the rider is lower
+than the upper limit."""
 GRAIN_M = 0.01
 """Spacing of the points of an object tested for the swept volume [m]."""
 LEAST_WALL = 0.01

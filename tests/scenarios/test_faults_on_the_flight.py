@@ -11,7 +11,6 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.perception.frame_quality import ENOUGH
-from treadline.plant.faults.sensor_faults import DEPTH_ENOUGH
 from treadline.run.episode import Traverse, traverse
 from treadline.scenario.faults import Fault, Process
 from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Stair, Start
@@ -121,7 +120,7 @@ def test_3_light_that_shows_nothing(value: float, direction: str) -> None:
 
 def test_3_light_that_shows_nothing_where_depth_is_scarce() -> None:
     """Test: 2 % of the light, and 65 % of the depth missing. Expected result: it is told; with 80 % missing as a lost camera."""
-    assert DEPTH_ENOUGH == ENOUGH
+    assert ENOUGH == 0.4
     run = ride(fault("camera_dark", 0.02), fault("depth_holes", 0.65))
     assert told(run, "vision_dim") - AT_S <= 0.3
     assert run.verdict == "time_up", run.cause

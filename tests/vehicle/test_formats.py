@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import rotation_x, rotation_y, rotation_z
 from treadline.plant.mujoco import open_plant
-from treadline.plant.mujoco.mjcf_scene import model_xml, scene_xml
+from treadline.plant.mujoco._mjcf_scene import model_xml, scene_xml
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair, Start
 from treadline.vehicle.bodies import vehicle

@@ -172,7 +172,7 @@ def model(
     elif to == "sdf":
         text = sdf_world(staircase, chair, loading, start=start)
     else:
-        from treadline.plant.mujoco.mjcf_scene import model_xml
+        from treadline.plant.mujoco import model_xml
 
         friction = staircase.friction[0]
         text = model_xml(None if chair_only else staircase, chair, loading, friction=friction, start=None if chair_only else start)

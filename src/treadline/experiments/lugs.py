@@ -10,7 +10,7 @@ from typing import Any, Literal
 from treadline.core.models import ControllerDesign
 from treadline.experiments.job_pool import RunJob
 from treadline.experiments.plan import FIG10_SLOPE, ReproducePlan, turn, without_images
-from treadline.plant.mujoco.physics import NOMINAL
+from treadline.plant.mujoco import NOMINAL
 from treadline.scenario.scenario import Belts, Scenario, read_scenario
 
 LUG: Literal["15/80"] = "15/80"

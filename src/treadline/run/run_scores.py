@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from treadline.core.angles import DEG, rms
 from treadline.core.ports import Truth
 from treadline.core.signals import TICK_S
-from treadline.plant.mujoco.coulomb_kernels import TOLERANCE_M_S2
+from treadline.plant.mujoco import TOLERANCE_M_S2
 from treadline.vehicle.comfort import Comfort, comfort, lasting
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 

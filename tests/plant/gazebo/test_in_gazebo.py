@@ -111,7 +111,7 @@ def test_a_port_that_is_taken_is_named() -> None:
 
 def test_a_plugin_for_another_gazebo_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     # The loader's word for a plugin that it cannot link against this Gazebo.
-    monkeypatch.setattr("treadline.plant.gazebo.gazebo_plant.PLUGIN", "lib/x86_64-linux-gnu/libnothing.so")
+    monkeypatch.setattr("treadline.plant.gazebo._gazebo_plant.PLUGIN", "lib/x86_64-linux-gnu/libnothing.so")
     plant = GazeboPlant(flight(), 0, read_chair("wheelchair"), find_environment())
     with pytest.raises(GazeboError, match=r"does not load the plugin: .*libnothing.so.*build it"):
         plant.start()

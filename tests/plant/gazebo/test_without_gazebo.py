@@ -19,10 +19,11 @@ from treadline.core.angles import rotation_of
 from treadline.core.errors import GazeboError, SettingsError
 from treadline.core.images import RgbdFrame
 from treadline.experiments.gazebo import compared
-from treadline.plant.gazebo import Environment, GazeboPlant, find_environment, server
-from treadline.plant.gazebo.world import world_sdf
+from treadline.plant.gazebo import Environment, GazeboPlant, find_environment
+from treadline.plant.gazebo import _gzserver as server
+from treadline.plant.gazebo._gazebo_plant import world_sdf
 from treadline.plant.mujoco import open_plant as open_mujoco
-from treadline.plant.sensors.instruments import ChairState
+from treadline.plant.sensors._instruments import ChairState
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Control, Realism, Scenario, Sensors, Start
 from treadline.vehicle.staircase import build_staircase

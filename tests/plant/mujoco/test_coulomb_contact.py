@@ -29,10 +29,9 @@ from oracles.plant_steps import stages_before_contact
 
 from treadline.core.angles import DEG
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.plant.mujoco import MujocoPlant
-from treadline.plant.mujoco import coulomb_kernels as contact_kernels
-from treadline.plant.mujoco import step_kernels as kernels
-from treadline.plant.mujoco.physics import NOMINAL
+from treadline.plant.mujoco import NOMINAL, MujocoPlant
+from treadline.plant.mujoco import _step_kernels as kernels
+from treadline.plant.mujoco.contact import _coulomb_kernels as contact_kernels
 from treadline.scenario.chair import GRAVITY_M_S2
 
 ISOTROPIC = (0.62, 0.62)

@@ -27,7 +27,7 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.plant.faults import FaultyPlant, faulty
-from treadline.plant.faults.damage import PHYSICAL
+from treadline.plant.faults._damage import PHYSICAL
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.scenario.faults import EXTENTS, Fault, FaultKind, Message, Process, is_killed, stamp_of
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Realism, Scenario, Sensors, Stair, Start

@@ -12,7 +12,7 @@ from treadline.core.ports import Reading, Truth
 from treadline.core.signals import FlipperCommand, FlipperReading, SeatCommand, TrackCommand
 from treadline.io.messages import messages_of
 from treadline.plant.mujoco import MujocoPlant, open_plant
-from treadline.plant.mujoco.mjcf_scene import scene_xml
+from treadline.plant.mujoco._mjcf_scene import scene_xml
 from treadline.run.episode import traverse
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Stair, Start

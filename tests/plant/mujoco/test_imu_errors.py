@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_of, rotation_y, rotation_z, wrap
 from treadline.core.signals import TICK_S, ImuSample
-from treadline.plant.sensors.imu_noise import IMUS, Imu
+from treadline.plant.sensors.imu import IMUS, Imu
 
 LEVEL = np.eye(3)
 STILL = np.zeros(3)

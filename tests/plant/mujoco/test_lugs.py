@@ -12,10 +12,10 @@ from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Truth
 from treadline.core.signals import TrackCommand
-from treadline.plant.gazebo.environment import Environment
-from treadline.plant.gazebo.gazebo_plant import GazeboPlant
+from treadline.plant.gazebo._gazebo_plant import GazeboPlant
+from treadline.plant.gazebo._gzserver import Environment
 from treadline.plant.mujoco import MujocoPlant, open_plant
-from treadline.plant.mujoco import lug_contact_kernels as lug_kernels
+from treadline.plant.mujoco.contact import _rubber_lug_kernels as lug_kernels
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import LUGS_MM, Belts, Chair, Control, Scenario, Stair, Start, read_scenario
 from treadline.vehicle.verdict import check

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
 from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
-from treadline.plant import motor_kernels as motors
+from treadline.plant import _motors_and_battery_kernels as motors
 from treadline.plant.mujoco import open_plant
 from treadline.plant.mujoco.mujoco_plant import MujocoPlant
 from treadline.scenario.chair import ChairDescription, read_chair
@@ -130,7 +130,7 @@ def test_a_motor_against_more_than_its_stall_force_stalls_and_turns_its_power_in
 
 def a_drive(**changes: float) -> Float[np.ndarray, " n"]:
     """Return the constants of the wheelchair's motors."""
-    from treadline.plant.actuators import Actuators
+    from treadline.plant._actuators import Actuators
 
     return Actuators(Scenario(chair=Chair(payload_kg=50.0)), with_motor(**changes)).motor
 

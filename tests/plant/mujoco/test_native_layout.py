@@ -10,9 +10,10 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SimulationDiverged
-from treadline.plant import actuator_kernels as drives
-from treadline.plant.mujoco import MujocoPlant, native, open_plant
-from treadline.plant.mujoco import step_kernels as kernels
+from treadline.plant import _actuator_kernels as drives
+from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco import _native as native
+from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.plant.mujoco.mujoco_plant import _view
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
 

@@ -9,7 +9,7 @@ import pytest
 from treadline.core.errors import SettingsError
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.faults import FaultyPlant
-from treadline.plant.gazebo.gazebo_plant import _refuse_what_gazebo_cannot
+from treadline.plant.gazebo._gazebo_plant import _refuse_what_gazebo_cannot
 from treadline.plant.mujoco import open_plant
 from treadline.plant.mujoco.mujoco_plant import MujocoPlant
 from treadline.run.resolve import mission_config

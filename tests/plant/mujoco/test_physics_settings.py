@@ -9,8 +9,7 @@ import pytest
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.plant.mujoco import MujocoPlant, open_plant
-from treadline.plant.mujoco.physics import NOMINAL, Physics
+from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics, open_plant
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
 
 SLOPE_DEG = 28.0

@@ -3,7 +3,7 @@
 Driving does not need this package; it is imported only if a Gazebo plant is requested.
 """
 
-from treadline.plant.gazebo.environment import Environment, find_environment
-from treadline.plant.gazebo.gazebo_plant import GazeboPlant, open_gazebo
+from treadline.plant.gazebo._gazebo_plant import GazeboPlant, open_gazebo
+from treadline.plant.gazebo._gzserver import Environment, find_environment
 
 __all__ = ["Environment", "GazeboPlant", "find_environment", "open_gazebo"]

@@ -19,20 +19,23 @@ from treadline.core.angles import DEG, quaternion_of, rotation_of
 from treadline.core.errors import SettingsError, SimulationDiverged
 from treadline.core.ports import Reading
 from treadline.core.signals import TICK_S
-from treadline.plant import actuator_kernels as drives
-from treadline.plant.actuators import FLIPPER_FRICTION_N_M_S_RAD, Actuators
-from treadline.plant.faults.damage import Damage
-from treadline.plant.faults.obstacles import OUT_OF_THE_WAY_M, Surroundings, with_box
-from treadline.plant.mujoco import step_kernels as kernels
-from treadline.plant.mujoco.friction_table import friction_table, roughened
-from treadline.plant.mujoco.lug_parameters import fit_lugs
-from treadline.plant.mujoco.mjcf_scene import scene_xml, seat_stiffness
-from treadline.plant.mujoco.native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
-from treadline.plant.mujoco.physics import NOMINAL, Physics
-from treadline.plant.sensors.camera import look, make_camera
+from treadline.plant import _actuator_kernels as drives
+from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD, Actuators
+from treadline.plant.faults._damage import OUT_OF_THE_WAY_M, Damage, Surroundings, with_box
+from treadline.plant.mujoco import _step_kernels as kernels
+from treadline.plant.mujoco._mjcf_scene import friction_table, roughened, scene_xml, seat_stiffness
+from treadline.plant.mujoco._native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
+from treadline.plant.mujoco.contact._parameters import NOMINAL, Physics, fit_lugs
+from treadline.plant.sensors._instruments import (
+    SUPPORT_TICKS,
+    ChairState,
+    InstrumentedPlant,
+    Instruments,
+    Streams,
+    look,
+    make_camera,
+)
 from treadline.plant.sensors.camera.solids import SceneBox
-from treadline.plant.sensors.instruments import SUPPORT_TICKS, ChairState, Instruments, Streams
-from treadline.plant.simulated_plant import InstrumentedPlant
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.bodies import vehicle
@@ -183,7 +186,7 @@ class MujocoPlant(InstrumentedPlant):
             # MuJoCo ignores the centre of mass of a body that was compiled with it at the origin.
             self._model.body_sameframe[self._seat_body] = mujoco.mjtSameFrame.mjSAMEFRAME_BODYROT
         self._payload_rest_m = self._model.body_ipos[self._seat_body].copy()
-        self._sway = sway_of(
+        self._sway = _sway_of(
             self._scenario.chair,
             self._model.body_mass[self._seat_body],
             self._model.body_ipos[self._seat_body],
@@ -369,7 +372,7 @@ def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:
     return np.frombuffer((ctypes.c_char * size).from_address(address), dtype=kind).reshape(rows, columns)
 
 
-def sway_of(chair: Chair, seat_kg: float, rest_m: Float[np.ndarray, " 3"], timestep_s: float) -> Float[np.ndarray, " k"]:
+def _sway_of(chair: Chair, seat_kg: float, rest_m: Float[np.ndarray, " 3"], timestep_s: float) -> Float[np.ndarray, " k"]:
     """Return the sway parameters of a passenger for the compiled loop, initially at rest; empty without sway.
 
     Args:

@@ -9,7 +9,7 @@ import numpy as np
 from treadline.core.angles import DEG, rotation_of
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import MujocoPlant, open_plant
-from treadline.plant.mujoco import step_kernels as kernels
+from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.vehicle.quasi_static import QuasiStaticRun, SteadyMotion, quasi_static_run, steady_motion

@@ -1,22 +1,18 @@
 """RGB-D camera of a simulated chair, without OpenGL: rendered frames with the errors of a depth sensor.
 
-Contract: ``make_camera(scenario, ...)`` and ``look`` for a plant; ``Camera`` renders a staircase or any list of ``solids``;
+Contract: ``Camera`` renders a staircase or any list of ``solids``;
 ``stair_frames`` and ``write_frames`` make folders of frames with ground truth.
 """
 
 from treadline.plant.sensors.camera.frame_folder import TrueFrame, stair_frames, write_frames
-from treadline.plant.sensors.camera.make_camera import CameraModel, look, make_camera
 from treadline.plant.sensors.camera.ray_camera import TEXTURES, Camera, ExactView, RenderedFrame
 
 __all__ = [
     "TEXTURES",
     "Camera",
-    "CameraModel",
     "ExactView",
     "RenderedFrame",
     "TrueFrame",
-    "look",
-    "make_camera",
     "stair_frames",
     "write_frames",
 ]

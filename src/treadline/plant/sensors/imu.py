@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG, levelling, quaternion_of, rotation_about, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import TICK_S, ImuSample
-from treadline.plant import actuator_kernels as kernels
+from treadline.plant.sensors import _imu_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2
 
 

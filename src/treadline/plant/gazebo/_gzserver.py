@@ -1,5 +1,7 @@
 """gzserver process and the plugin's socket: command in, state out, in lock-step.
 
+Gazebo 11 is in a Debian bullseye root folder (``ros/gazebo/environment.sh``), or in the system itself in a container.
+
 Each run uses a new process: a second run in the same process would differ in the last bits.
 """
 
@@ -13,6 +15,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +23,15 @@ from jaxtyping import Float
 
 from treadline.core.errors import GazeboError
 from treadline.core.processes import killed_with_starter
-from treadline.plant.gazebo.environment import BUILD, LIBRARIES, Environment
 
+VARIABLE = "TREADLINE_GAZEBO"
+"""Environment variable for another folder; ``/``: Gazebo is installed on this system."""
+PLUGIN = "opt/treadline/build/libtreadline_lockstep.so"
+"""Path of the lock-step plugin in the root folder."""
+LIBRARIES = "usr/lib/x86_64-linux-gnu/gazebo-11/plugins"
+"""Path of Gazebo's plugins in the root folder."""
+BUILD = "build it with ros/gazebo/environment.sh (root, once), or take the Dockerfile"
+"""Remedy in error messages."""
 PROTOCOL, MAJOR = 1, 11
 ORDERS, COLUMNS = 8, 22
 """Number of doubles in a command and in an answer, as in ``ros/gazebo/lockstep.cc``."""
@@ -33,6 +43,26 @@ ANSWER_S = 180.0
 """Timeout of an answer [s]."""
 TRIES = 3
 """Number of attempts to start: another process can take a free port before gzserver does."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Environment:
+    """Root folder with gzserver and the plugin."""
+
+    root: Path
+
+    @property
+    def is_here(self) -> bool:
+        """Whether Gazebo is installed on this system itself."""
+        return self.root == Path("/")
+
+    def inside(self, path: Path) -> str:
+        """Return the path of a file as seen by a program inside the root folder."""
+        return "/" + str(path.relative_to(self.root))
+
+    def command(self, *words: str) -> list[str]:
+        """Return the command line that runs a program inside the root folder."""
+        return list(words) if self.is_here else [shutil.which("chroot") or "chroot", str(self.root), *words]
 
 
 class GazeboServer:
@@ -184,6 +214,27 @@ class GazeboServer:
             return []
         text = self._log.read_text(encoding="utf-8", errors="replace")
         return [line.strip() for line in COLOURS.sub("", text).splitlines() if line.strip()]
+
+
+def find_environment() -> Environment:
+    """Return the installed environment.
+
+    Raises:
+        GazeboError: If Gazebo is not installed, or the root folder cannot be entered.
+    """
+    named = os.environ.get(VARIABLE)
+    cache = Path(named) if named else Path.home() / ".cache" / "treadline" / "gazebo"
+    root = cache if cache == Path("/") else cache / "root"
+    if not (root / "usr/bin/gzserver").exists():
+        raise GazeboError(f"no Gazebo 11 in {root}; {BUILD}")
+    if not (root / PLUGIN).exists():
+        raise GazeboError(f"{root / PLUGIN} is missing; {BUILD}")
+    if root != Path("/"):
+        if os.geteuid() != 0:
+            raise GazeboError(f"only root may enter {root} (chroot); run as root, or take the Dockerfile")
+        if shutil.which("chroot") is None:
+            raise GazeboError("there is no chroot on this system; take the Dockerfile")
+    return Environment(root=root)
 
 
 def free_port() -> int:

@@ -1,8 +1,8 @@
 """Access from compiled code to MuJoCo's C functions, contact list and constraint arrays.
 
 The plant modifies MuJoCo's step in two places, 500 times per second: it aligns the tangents of each contact with the belt, and
-corrects the contact forces (``contact_kernels.py``). Python is too slow for both, so compiled kernels call MuJoCo through these
-addresses. The memory layouts are measured with a small model on the installed MuJoCo version.
+corrects the contact forces (``contact/_coulomb_kernels.py``). Python is too slow for both, so compiled kernels call MuJoCo through
+these addresses. The memory layouts are measured with a small model on the installed MuJoCo version.
 """
 
 import ctypes

@@ -1,7 +1,8 @@
 """Sensor models of the chair: state at a tick in, readings and ground truth out; independent of the simulator."""
 
 import math
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,10 +10,23 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth
-from treadline.core.signals import TICK_S, FlipperReading, ImuSample, SeatReading, TrackReading
-from treadline.plant import actuator_kernels as kernels
-from treadline.plant.sensors.imu_noise import IMUS, Imu
-from treadline.plant.sensors.transport_delays import CameraLink, Encoder
+from treadline.core.signals import (
+    TICK_S,
+    FlipperCommand,
+    FlipperReading,
+    FrameQuality,
+    ImuSample,
+    SeatCommand,
+    SeatReading,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.plant._actuators import Actuators
+from treadline.plant.sensors import _pose_kernels as kernels
+from treadline.plant.sensors._transport_delays import CameraLink, Encoder
+from treadline.plant.sensors.camera import Camera
+from treadline.plant.sensors.imu import IMUS, Imu
+from treadline.plant.sensors.statistical_camera import StatisticalCamera
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.stair_solids import stair_surfaces
@@ -85,6 +99,8 @@ class Streams:
     """Generator of latency and loss of camera readings."""
 
 
+CameraModel = Camera | StatisticalCamera
+"""Rendered or statistical camera."""
 Look = Callable[[ChairState], Sequence[Reading]]
 """Camera model: readings from a chair state."""
 
@@ -239,3 +255,78 @@ def chair_numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, 
     numbers[kernels.CHASSIS : kernels.CHASSIS + 3] = chair.masses.chassis_com_m
     numbers[kernels.FLIPPER_KG] = 0.0 if chair.flipper is None else chair.flipper.mass_kg
     return numbers
+
+
+class InstrumentedPlant(ABC):
+    """Common part of the plants of both simulators: commands to the actuators, readings and ground truth from the states.
+
+    A simulator moves the bodies.
+    """
+
+    def __init__(self, drives: Actuators, instruments: Instruments) -> None:
+        self._drives = drives
+        self._instruments = instruments
+        self._readings: list[Reading] = []
+        self._truth: list[Truth] = []
+
+    def read(self) -> Sequence[Reading]:
+        """Return the samples that arrived since the last call, each kind in time order, camera readings with a delay."""
+        self._sense()
+        readings, self._readings = self._readings, []
+        return readings
+
+    def truth(self) -> Sequence[Truth]:
+        """Return the ground truth of each tick since the last call."""
+        self._sense()
+        truth, self._truth = self._truth, []
+        return truth
+
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
+        """Set the commands; they hold until the next call."""
+        self._drives.take(tracks, seat, flipper)
+
+    @abstractmethod
+    def _passed(self) -> Iterator[tuple[ChairState, float]]:
+        """Yield the states since the last call, each with the remaining fraction of the stair's friction."""
+
+    def _forget(self) -> None:
+        """Discard all unread samples at a restart."""
+        self._readings.clear()
+        self._truth.clear()
+
+    def _sense(self) -> None:
+        for state, grip in self._passed():
+            readings, truth = self._instruments.read(state, grip)
+            self._readings.extend(readings)
+            self._truth.append(truth)
+
+
+def make_camera(
+    scenario: Scenario,
+    staircase: Staircase,
+    chair: ChairDescription,
+    *,
+    statistical_rng: np.random.Generator,
+    render_rng: np.random.Generator,
+) -> CameraModel:
+    """Return the camera of a scenario: a rendering camera, or a statistical model of the detector output.
+
+    Args:
+        statistical_rng: Random numbers of the statistical camera.
+        render_rng: Random numbers of the rendering camera.
+    """
+    sensors, stair, vision = scenario.sensors, scenario.stair, scenario.control.vision
+    calibration = chair.camera_at(sensors.image_height_px, rear=scenario.drive.direction == "down")
+    if vision == "truth" or sensors.camera == "statistical":
+        return StatisticalCamera(staircase, calibration, statistical_rng, exact=vision == "truth")
+    return Camera(staircase, calibration, kind=sensors.camera, texture=stair.texture, light=stair.light, rng=render_rng)
+
+
+def look(camera: CameraModel, state: ChairState) -> Sequence[Reading]:
+    """Return the readings of the camera at the state of the chair."""
+    t_s, R_WB, p_WB = state.t_s, state.R_WB, state.p_WB
+    if isinstance(camera, StatisticalCamera):
+        arrived = FrameQuality(t_s=t_s, fingerprint=state.tick, brightness=0.5, contrast=0.2, valid_share=1.0)
+        return [arrived, *camera.look(t_s, R_WB, p_WB)]
+    calibration = camera.calibration
+    return [camera.frame(t_s, R_WB @ calibration.R_BC, p_WB + R_WB @ np.array(calibration.mount_m))]

@@ -1,6 +1,6 @@
-"""Inner loop of the plant, compiled: belts, seat actuator, MuJoCo's stages and rotated contact frames.
+"""Inner loop of the plant, compiled: belts, seat actuator, and MuJoCo's stages.
 
-MuJoCo's functions are linked by name; ``native.load_library`` must run before the first call. ``no_type_check`` prevents the shape
+MuJoCo's functions are linked by name; ``_native.load_library`` must run before the first call. ``no_type_check`` prevents the shape
 checker of the tests from wrapping compiled functions.
 """
 
@@ -9,7 +9,7 @@ from typing import no_type_check
 
 from numba import njit, types
 
-from treadline.plant.actuator_kernels import (
+from treadline.plant._actuator_kernels import (
     BRAKED,
     FLIPPER_LOST,
     FLIPPER_RATE,
@@ -21,14 +21,13 @@ from treadline.plant.actuator_kernels import (
     STALLED,
     STROKE,
     act,
-    rotation,
 )
-from treadline.plant.motor_kernels import CHARGE, limit_belts, limit_seat
-from treadline.plant.motor_kernels import POWER as ELECTRIC_POWER
-from treadline.plant.motor_kernels import TRACTION as CONTACT_FORCE
-from treadline.plant.mujoco.coulomb_kernels import normal_force, solve_contacts
-from treadline.plant.mujoco.lug_contact_kernels import follow_lugs
-from treadline.plant.mujoco.traction_kernels import add_traction
+from treadline.plant._motors_and_battery_kernels import CHARGE, limit_belts, limit_seat
+from treadline.plant._motors_and_battery_kernels import POWER as ELECTRIC_POWER
+from treadline.plant._motors_and_battery_kernels import TRACTION as CONTACT_FORCE
+from treadline.plant.mujoco.contact._coulomb_kernels import add_traction, normal_force, solve_contacts, turn_contacts, weaken
+from treadline.plant.mujoco.contact._rubber_lug_kernels import follow_lugs
+from treadline.plant.sensors._pose_kernels import rotation
 
 _STAGE = types.void(types.uintp, types.uintp)
 _kinematics = types.ExternalFunction("mj_fwdKinematics", _STAGE)
@@ -64,70 +63,11 @@ SEAT_QPOS = 7
 """Place of the seat among MuJoCo's positions, after the chassis' free joint."""
 LAST = -1
 """Place of the flipper among MuJoCo's positions, velocities and actuators: the last joint, with a seat before it or without."""
-# Columns of a geom's friction: along and across for its left half, the same for its right half, a point on the line between the
-# halves and the unit vector to its left, both in the horizontal plane of the world.
-MU_LEFT, MU_RIGHT, MIDDLE, LEFTWARD = 0, 2, 4, 6
-MU_COLUMNS = 8
 # Sway of the passenger: phase, angular frequency [rad/s], time step [s], moving mass [kg], amplitudes forward and left [m], and
 # rest position [m].
 SWAY_PHASE, SWAY_OMEGA, SWAY_STEP, SWAY_KG, SWAY_AMPLITUDE, SWAY_REST = 0, 1, 2, 3, 4, 6
 # Result codes of ``advance``.
 SOUND, WARNED, NOT_FINITE, CROWDED = 0, 1, 2, 3
-
-
-@njit(cache=True)
-@no_type_check
-def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu):
-    """Align the tangents of each belt contact with the belt: along y × n, and across; set the friction of the stair's geom.
-
-    ``real`` and ``whole`` are the contact list as doubles and as integers, one row per contact; ``mu`` has one row per geom, see
-    ``MU_LEFT``.
-    """
-    for i in range(count):
-        row = real[i]
-        first, second = whole[i, geom], whole[i, geom + 1]
-        if is_belt[first]:
-            sign, grip = 1.0, mu[second]
-        elif is_belt[second]:
-            sign, grip = -1.0, mu[first]
-        else:
-            continue
-        # The position of a contact is stored before its frame. The sign of ``aside`` selects the half of the geom.
-        aside = (row[frame - 3] - grip[MIDDLE]) * grip[LEFTWARD] + (row[frame - 2] - grip[MIDDLE + 1]) * grip[LEFTWARD + 1]
-        half = MU_LEFT if aside > 0.0 else MU_RIGHT
-        mu_along, mu_across = grip[half], grip[half + 1]
-        nx, ny, nz = row[frame], row[frame + 1], row[frame + 2]
-        ox, oy, oz = sign * nx, sign * ny, sign * nz
-        tx = chair_y[1] * oz - chair_y[2] * oy
-        ty = chair_y[2] * ox - chair_y[0] * oz
-        tz = chair_y[0] * oy - chair_y[1] * ox
-        length = math.sqrt(tx * tx + ty * ty + tz * tz)
-        if length < 0.1:  # side face of the belt: its tangent plane does not contain the direction of travel
-            row[friction] = mu_across
-            row[friction + 1] = mu_across
-            continue
-        tx, ty, tz = tx / length, ty / length, tz / length
-        sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-        a, b = row[surfacevel], row[surfacevel + 1]
-        vx = a * row[frame + 3] + b * row[frame + 6]
-        vy = a * row[frame + 4] + b * row[frame + 7]
-        vz = a * row[frame + 5] + b * row[frame + 8]
-        row[frame + 3], row[frame + 4], row[frame + 5] = tx, ty, tz
-        row[frame + 6], row[frame + 7], row[frame + 8] = sx, sy, sz
-        row[surfacevel] = vx * tx + vy * ty + vz * tz
-        row[surfacevel + 1] = vx * sx + vy * sy + vz * sz
-        row[friction] = mu_along
-        row[friction + 1] = mu_across
-
-
-@njit(cache=True)
-@no_type_check
-def weaken(count, real, whole, friction, geom, grip):
-    """Scale the friction of each contact by the remaining friction of its belt."""
-    for i in range(count):
-        share = grip[whole[i, geom]] * grip[whole[i, geom + 1]]
-        real[i, friction] *= share
-        real[i, friction + 1] *= share
 
 
 @njit(cache=True)
@@ -219,7 +159,7 @@ def advance(
         grip: Remaining fraction of the friction of each geom.
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], flipper rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
-        state: actuator state, rows as in ``devices.kernels``; changed in place.
+        state: actuator state, rows as in ``_actuator_kernels``; changed in place.
         belts_of: geom ids as (side, rear front nose flat approach).
         seat: lower and upper end of the stroke, spacing of ``angles``; empty without a seat.
         angles: seat angle over the stroke; empty without a seat.
@@ -234,7 +174,7 @@ def advance(
         substeps: number of MuJoCo steps per tick.
         accuracy: accuracy of the contact forces for ``solve_contacts``.
         belt_side: side of each geom: 0 left, 1 right, -1 no belt.
-        motor: limits of motors, brakes and battery, as in ``devices.motor_kernels``; empty without limits.
+        motor: limits of motors, brakes and battery, as in ``_motors_and_battery_kernels``; empty without limits.
         electric: state of motors and battery, likewise; changed in place.
         actuator: limits of the seat actuator, likewise; empty without limits.
         force_range: force ranges of MuJoCo's actuators; changed in place.

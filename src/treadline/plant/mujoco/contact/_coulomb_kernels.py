@@ -1,4 +1,6 @@
-"""Contact forces according to Coulomb's law, compiled: a fixed-point iteration around MuJoCo's convex contact solver.
+"""Contact forces of the belts according to Coulomb's law, compiled: friction along and across the belt, forces, traction.
+
+The forces come from a fixed-point iteration around MuJoCo's convex contact solver.
 
 MuJoCo's contact problem is convex: each contact satisfies ``y_n >= |mu * y_t|``, where ``y = J a - aref + R f`` is the residual
 acceleration of the contact (normal n, tangents t). A contact sliding at speed v has ``|y_t| = b v`` with ``b = 2/(dmax
@@ -30,6 +32,10 @@ RELAXATION_CUT, RELAXATION_MIN, SLOW_CONVERGENCE = 0.7, 0.3, 0.9
 applied."""
 EXCLUDED = -1
 """Constraint address of a contact without constraint rows."""
+# Columns of a geom's friction: along and across for its left half, the same for its right half, a point on the line between the
+# halves and the unit vector to its left, both in the horizontal plane of the world.
+MU_LEFT, MU_RIGHT, MIDDLE, LEFTWARD = 0, 2, 4, 6
+MU_COLUMNS = 8
 
 
 @intrinsic
@@ -137,3 +143,88 @@ def solve_contacts(model, data, count, real, whole, fields, pointers, accelerati
                 aref[row] = shift[i, 0] - shift[i, 1]
         warm_start[:] = acceleration
     return 0.0
+
+
+@njit(cache=True)
+@no_type_check
+def turn_contacts(count, real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu):
+    """Align the tangents of each belt contact with the belt: along y × n, and across; set the friction of the stair's geom.
+
+    ``real`` and ``whole`` are the contact list as doubles and as integers, one row per contact; ``mu`` has one row per geom, see
+    ``MU_LEFT``.
+    """
+    for i in range(count):
+        row = real[i]
+        first, second = whole[i, geom], whole[i, geom + 1]
+        if is_belt[first]:
+            sign, grip = 1.0, mu[second]
+        elif is_belt[second]:
+            sign, grip = -1.0, mu[first]
+        else:
+            continue
+        # The position of a contact is stored before its frame. The sign of ``aside`` selects the half of the geom.
+        aside = (row[frame - 3] - grip[MIDDLE]) * grip[LEFTWARD] + (row[frame - 2] - grip[MIDDLE + 1]) * grip[LEFTWARD + 1]
+        half = MU_LEFT if aside > 0.0 else MU_RIGHT
+        mu_along, mu_across = grip[half], grip[half + 1]
+        nx, ny, nz = row[frame], row[frame + 1], row[frame + 2]
+        ox, oy, oz = sign * nx, sign * ny, sign * nz
+        tx = chair_y[1] * oz - chair_y[2] * oy
+        ty = chair_y[2] * ox - chair_y[0] * oz
+        tz = chair_y[0] * oy - chair_y[1] * ox
+        length = math.sqrt(tx * tx + ty * ty + tz * tz)
+        if length < 0.1:  # side face of the belt: its tangent plane does not contain the direction of travel
+            row[friction] = mu_across
+            row[friction + 1] = mu_across
+            continue
+        tx, ty, tz = tx / length, ty / length, tz / length
+        sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+        a, b = row[surfacevel], row[surfacevel + 1]
+        vx = a * row[frame + 3] + b * row[frame + 6]
+        vy = a * row[frame + 4] + b * row[frame + 7]
+        vz = a * row[frame + 5] + b * row[frame + 8]
+        row[frame + 3], row[frame + 4], row[frame + 5] = tx, ty, tz
+        row[frame + 6], row[frame + 7], row[frame + 8] = sx, sy, sz
+        row[surfacevel] = vx * tx + vy * ty + vz * tz
+        row[surfacevel + 1] = vx * sx + vy * sy + vz * sz
+        row[friction] = mu_along
+        row[friction + 1] = mu_across
+
+
+@njit(cache=True)
+@no_type_check
+def weaken(count, real, whole, friction, geom, grip):
+    """Scale the friction of each contact by the remaining friction of its belt."""
+    for i in range(count):
+        share = grip[whole[i, geom]] * grip[whole[i, geom + 1]]
+        real[i, friction] *= share
+        real[i, friction + 1] *= share
+
+
+@njit(cache=True)
+@no_type_check
+def add_traction(count, real, whole, layout, belt_side, chair_y, force_pointer, traction):
+    """Add the forward force of the stair on each belt [N] to ``traction`` (left, right).
+
+    Call after the contact solve, with contact frames from ``turn_contacts``: the first tangent lies along the belt.
+
+    Args:
+        layout: offsets in a contact: frame, geoms, and first constraint row.
+        belt_side: of each geom: 0 left, 1 right, -1 no belt.
+        chair_y: axis of the pulleys in W.
+        force_pointer: word of ``mjData`` with the address of ``efc_force``.
+    """
+    frame, geom, rows = layout[0], layout[3], layout[4]
+    for i in range(count):
+        first, second = whole[i, geom], whole[i, geom + 1]
+        row = whole[i, rows]
+        side, sign = belt_side[first], 1.0
+        if side < 0:
+            side, sign = belt_side[second], -1.0
+        # Contacts on the side of a belt have no tangent along the direction of travel: only tangents set by ``turn_contacts`` are
+        # perpendicular to the chair's y axis.
+        tangent = real[i, frame + 3 : frame + 6]
+        along_y = tangent[0] * chair_y[0] + tangent[1] * chair_y[1] + tangent[2] * chair_y[2]
+        if side < 0 or row < 0 or abs(along_y) > 1e-6:
+            continue
+        # MuJoCo's force acts on the second geom, and the tangent y × n of a belt above the stair points backward.
+        traction[side] += sign * doubles(force_pointer, row + 2)[row + 1]

@@ -27,12 +27,11 @@ from typing import no_type_check
 from numba import njit
 
 from treadline.core.signals import TICK_S
-from treadline.plant.actuator_kernels import SEAT_ANGLE, STROKE, STROKE_RATE, table
+from treadline.plant._actuator_kernels import SEAT_ANGLE, STROKE, STROKE_RATE, table
 
 # Motor parameters; an empty array is a drive without limits.
 PEAK, NO_LOAD, CONTINUOUS, THERMAL_S, MOVING_KG, CARRIED_KG, BRAKE_HOLD = 0, 1, 2, 3, 4, 5, 6
 NOMINAL_V, FULL_V, EMPTY_V, RESISTANCE, CAPACITY_J = 7, 8, 9, 10, 11
-MOTOR = 12
 # State, by side: traction of the last two ticks, force of motor or brake, speed change of the last two ticks, heat (1: steady state
 # at the continuous force). Common: electric power, battery voltage, charge, energy drawn from the battery, work done on the belts.
 TRACTION, OLD_TRACTION, FORCE, CHANGE, OLD_CHANGE, HEAT = 0, 2, 4, 6, 8, 10
@@ -129,7 +128,7 @@ def limit_seat(actual, turning, state, seat, angles, actuator):
 
     Args:
         actual: seat angle; ``turning``: its rate.
-        state: actuator state, rows as in ``devices.kernels``.
+        state: actuator state, rows as in ``_actuator_kernels``.
         seat: lower and upper end of the stroke, spacing of ``angles``.
         angles: seat angle over the stroke.
         actuator: parameters as named above.

@@ -1,4 +1,7 @@
-"""Parameters of the belt lugs for the compiled loop: ``belts, tracks, model -> Lugs``."""
+"""Parameters of the contacts for the compiled loop: numerical settings, and lugs of the belts.
+
+``belts, tracks, model -> Lugs``.
+"""
 
 from dataclasses import dataclass
 
@@ -7,7 +10,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from treadline.core.errors import SettingsError
-from treadline.plant.mujoco import lug_contact_kernels as lug_kernels
+from treadline.core.signals import TICK_S
+from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
+from treadline.plant.mujoco.contact import _rubber_lug_kernels as lugs
 from treadline.scenario.chair import Tracks
 from treadline.scenario.scenario import Belts
 from treadline.vehicle.traction import oversized_lugs
@@ -16,12 +21,61 @@ DMAX = 0.99
 """Largest impedance of a contact, as in the scene's solimp."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Physics:
+    """Numerical settings of a plant, separate from the scenario, because results must not depend on them."""
+
+    timestep_s: float = 0.002
+    """MuJoCo time step [s]; a tick of 10 ms is an integer number of steps."""
+    contact_time_constant_s: float = 0.01
+    """Time constant of the critically damped contact spring [s] (MuJoCo's ``solref[0]``); the stiffness is proportional to its
+    inverse square."""
+    tolerance_m_s2: float = coulomb.TOLERANCE_M_S2
+    """Accepted residual of the contact correction [m/s²]."""
+    max_solves: int = coulomb.MAX_SOLVES
+    """Largest number of contact solves per step."""
+
+    def __post_init__(self) -> None:
+        """Reject settings without a stable integration.
+
+        Raises:
+            SettingsError: One line with the setting, its value, the bound and the reason.
+        """
+        steps = TICK_S / self.timestep_s if self.timestep_s > 0.0 else 0.0
+        if round(steps) < 1 or abs(steps - round(steps)) > 1e-9 * steps:
+            raise SettingsError(
+                f"timestep_s is {self.timestep_s:g} s; a tick of {TICK_S:g} s is a whole number of steps: "
+                "0.005, 0.0025, 0.002, 0.001 and so on"
+            )
+        bound = 2.0 * self.timestep_s
+        if not self.contact_time_constant_s >= bound * (1.0 - 1e-9):
+            raise SettingsError(
+                f"contact_time_constant_s is {self.contact_time_constant_s:g} s; a step of {self.timestep_s:g} s integrates at "
+                f"least 2 × timestep_s = {bound:g} s: a stiffer spring is unstable, and MuJoCo would soften it unasked"
+            )
+        if not self.tolerance_m_s2 > 0.0:
+            raise SettingsError(
+                f"tolerance_m_s2 is {self.tolerance_m_s2:g} m/s²; it must be above 0: an iteration reaches no residual of exactly 0"
+            )
+        if self.max_solves < 1:
+            raise SettingsError(f"max_solves is {self.max_solves}; a step needs at least 1 contact solve")
+
+    @property
+    def substeps(self) -> int:
+        """Number of MuJoCo steps per tick."""
+        return round(TICK_S / self.timestep_s)
+
+
+NOMINAL = Physics()
+"""Default numerical settings."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lugs:
     """Parameters and state of the lugs of both belts; the compiled loop keeps references to the arrays."""
 
     numbers: Float[np.ndarray, " n"]
-    """Lug parameters, entries as in ``lug_kernels``; empty for smooth belts."""
+    """Lug parameters, entries as in ``_rubber_lug_kernels``; empty for smooth belts."""
     start_m: Float[np.ndarray, " 2"]
     """Initial travel of each belt [m], drawn from the seed."""
     travel_m: Float[np.ndarray, " 2"]
@@ -43,7 +97,7 @@ def fit_lugs(
         SettingsError: If the lugs are too large for the chair's pulleys.
     """
     height, pitch, tip, flank = settings.measures_m
-    part_of = np.full(model.ngeom, lug_kernels.SMOOTH)
+    part_of = np.full(model.ngeom, lugs.SMOOTH)
     part_of[belts] = np.arange(belts.size).reshape(belts.shape)
     if settings.stiffness_s is not None:
         model.geom_solref[belts, 0] = settings.stiffness_s
@@ -57,7 +111,7 @@ def fit_lugs(
     numbers = np.zeros(11)
     numbers[:5] = height, pitch, tip, flank, 2.0 * DMAX * time_constant_s
     numbers[5:10] = tracks.flat_run_m, tracks.approach_m, tracks.pulley_radius_m, 0.5 * tracks.belt_width_m, tracks.gauge_m
-    numbers[lug_kernels.STEP_S] = model.opt.timestep
+    numbers[lugs.STEP_S] = model.opt.timestep
     return Lugs(numbers=numbers, start_m=draws.uniform(0.0, pitch, 2), travel_m=np.zeros(2), part_of=part_of)
 
 

@@ -1,25 +1,35 @@
-"""Obstacles in the chair's path and false edges in the camera's view: ``Damage -> solids``.
+"""Damage of the chair, obstacles in its path, and false edges in the camera's view: faults simulated by the physics.
 
-``direction`` is +1 for a chair driving forwards and -1 for a chair driving backwards, the viewing direction of its camera.
+``Faults, t -> Damage -> solids``; each value replaces the previous one, so that ended faults are repaired. ``direction`` is +1 for
+a chair driving forwards and -1 for a chair driving backwards, the viewing direction of its camera.
 """
 
 import math
-from dataclasses import replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import rotation_z
-from treadline.core.ports import Reading
+from treadline.core.angles import DEG, rotation_z
+from treadline.core.ports import Reading, TruthPlant
 from treadline.core.signals import FrameQuality, StairMap
-from treadline.plant.faults.damage import Damage
-from treadline.plant.sensors.camera import Camera, CameraModel
+from treadline.plant.sensors._instruments import CameraModel
+from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import SceneBox, Shadow, beam
 from treadline.scenario.chair import ChairDescription
+from treadline.scenario.faults import Conditions, Fault, FaultKind, payload_shift_m
 from treadline.vehicle.stair_solids import stair_surfaces
 from treadline.vehicle.staircase import Staircase
 
+PHYSICAL: tuple[FaultKind, ...] = (
+    "track_stalled", "track_slip", "low_friction", "seat_stuck", "power_cut", "obstacle", "false_edges", "flipper_lost",
+"flipper_stuck", "payload_forward", "payload_left", "payload_up" )  # fmt: skip
+"""Kinds of faults simulated by the physics."""
+LEFT, RIGHT = 0, 1
+UNCHANGED = Conditions()
 BOX_M = (0.25, 0.6, 0.5)
 """Depth, width and height of the obstacle [m]: a suitcase across both belts."""
 OUT_OF_THE_WAY_M = (0.0, 0.0, -10.0)
@@ -41,6 +51,65 @@ SHADOW_ASIDE_M, SHADOW_HALF_M = 0.06, 0.03
 """Offset and half width of the bar's shadow [m]."""
 BAR_LEAST_M, BAR_MOST_M = 0.6, 2.0
 """Range of the bar's distance along the optical axis [m]; at larger distances it is indistinct from the nosings."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Damage:
+    """Damage of the chair and obstacles in its path at one instant; the default is no damage."""
+
+    stalled: tuple[bool, bool] = (False, False)
+    """Whether the left and the right belt are blocked."""
+    grip: tuple[float, float] = (1.0, 1.0)
+    """Factor on the friction of each belt, along and across."""
+    power_cut: bool = False
+    seat_stuck: bool = False
+    flipper_lost: bool = False
+    flipper_stuck: bool = False
+    obstacle_m: float | None = None
+    """Initial distance from the leading end to a box in the path [m]."""
+    bar_rad: float | None = None
+    """Angle of a bar across the nosings in view [rad], at its initial position."""
+    payload_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Shift of the passenger's centre of mass in the seat [m]: forward, left, up."""
+
+
+@runtime_checkable
+class Breakable(TruthPlant, Protocol):
+    """Simulated chair with support for damage."""
+
+    def set_damage(self, damage: Damage) -> None:
+        """Replace the present damage of the chair."""
+
+
+def damage_of(faults: Iterable[Fault], t_s: float, conditions: Conditions = UNCHANGED) -> Damage:
+    """Return the damage by all faults active at ``t_s``; of several obstacles or bars the first is used.
+
+    Args:
+        conditions: Friction, multiplied with that of the faults, and shift of the payload, added to theirs.
+    """
+    on = [fault for fault in faults if fault.active(t_s)]
+    kinds = {fault.kind for fault in on}
+    stalled = {int(fault.size) for fault in on if fault.kind == "track_stalled"}
+    (x, y, z), (dx, dy, dz) = conditions.payload_m, payload_shift_m(on, t_s)
+    return Damage(
+        stalled=(LEFT in stalled, RIGHT in stalled),
+        grip=(conditions.friction[LEFT] * _grip(on, LEFT), conditions.friction[RIGHT] * _grip(on, RIGHT)),
+        power_cut="power_cut" in kinds,
+        seat_stuck="seat_stuck" in kinds,
+        flipper_lost="flipper_lost" in kinds,
+        flipper_stuck="flipper_stuck" in kinds,
+        obstacle_m=next((fault.size for fault in on if fault.kind == "obstacle"), None),
+        bar_rad=next((fault.size * DEG for fault in on if fault.kind == "false_edges"), None),
+        payload_m=(x + dx, y + dy, z + dz),
+    )
+
+
+def _grip(on: list[Fault], side: int) -> float:
+    share = 1.0
+    for fault in on:
+        if fault.kind == "low_friction" or (fault.kind == "track_slip" and (fault.size < 0.0) == (side == RIGHT)):
+            share *= abs(fault.size)
+    return share
 
 
 class Surroundings:

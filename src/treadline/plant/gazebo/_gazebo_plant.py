@@ -6,6 +6,7 @@ those of the MuJoCo plant.
 
 from collections.abc import Iterator
 from functools import partial
+from xml.etree.ElementTree import Element, tostring
 
 import numpy as np
 from jaxtyping import Float
@@ -13,18 +14,17 @@ from jaxtyping import Float
 from treadline.core.angles import DEG, rotation_of
 from treadline.core.errors import SettingsError, SimulationDiverged
 from treadline.core.signals import TICK_S
-from treadline.plant import actuator_kernels as kernels
-from treadline.plant.actuators import Actuators
-from treadline.plant.gazebo import server
-from treadline.plant.gazebo.environment import PLUGIN, Environment, find_environment
-from treadline.plant.gazebo.world import world_sdf
-from treadline.plant.sensors.camera import look, make_camera
-from treadline.plant.sensors.instruments import ChairState, Instruments, Streams
-from treadline.plant.simulated_plant import InstrumentedPlant
+from treadline.plant import _actuator_kernels as kernels
+from treadline.plant._actuators import Actuators
+from treadline.plant.gazebo import _gzserver as server
+from treadline.plant.gazebo._gzserver import PLUGIN, Environment, find_environment
+from treadline.plant.sensors._instruments import ChairState, InstrumentedPlant, Instruments, Streams, look, make_camera
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Belts, Scenario
+from treadline.vehicle.sdf import sdf_world
 from treadline.vehicle.staircase import Staircase, build_staircase
 from treadline.vehicle.start_pose import standing
+from treadline.vehicle.xml_elements import child, text
 
 STEPS = 10
 """Number of 1 ms steps per tick."""
@@ -32,6 +32,9 @@ SETTLE_TICKS = 100
 """Duration of settling before t = 0 on a stair of high friction [ticks], until the chair rests on its nosings."""
 SETTLE_FRICTION = (1.0, 1.0)
 """Friction coefficients of the stair during settling; ODE uses the smaller of the two bodies' coefficients."""
+SOLVER_TOLERANCE = 1e-3
+"""Tolerance of ODE's solver (``sor_lcp_tolerance``), which ends its iterations: left and right turns stay mirror images, in half
+the time (docs/gazebo.md)."""
 
 
 class GazeboPlant(InstrumentedPlant):
@@ -177,3 +180,40 @@ def open_gazebo(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | 
         GazeboError: If Gazebo is not installed.
     """
     return GazeboPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair, find_environment())
+
+
+def world_sdf(scenario: Scenario, staircase: Staircase, chair: ChairDescription, *, plugin: str, port: int) -> str:
+    """Return the world of a scenario at its start.
+
+    Args:
+        plugin: File of the lock-step plugin, in gzserver's file system.
+        port: Port of the plugin on the loopback interface.
+    """
+    start = standing(staircase, chair.tracks, scenario.start)
+    element = plugin_sdf(chair, plugin=plugin, port=port, seat_rad=start.seat_rad)
+    return sdf_world(staircase, chair, scenario.chair.leaning(), start=start, plugins=(element,), belts_on_bodies=True)
+
+
+def plugin_sdf(chair: ChairDescription, *, plugin: str, port: int, seat_rad: float) -> str:
+    """Return the ``<plugin>`` element of a chair."""
+    element = Element("plugin", name="treadline", filename=plugin)
+    child(element, "body", "chair")
+    for side in ("left", "right"):
+        # Both belts are parts of the same bodies; the plugin distinguishes them by the names of their shapes.
+        child(element, f"{side}_track", "chair")
+        if chair.flipper is not None:
+            child(element, f"{side}_flipper", "flipper")
+    child(element, "tracks_separation", text(chair.tracks.gauge_m))
+    # Table I: 3.07 rad/s at ±1 m/s is the speed difference of the belts divided by the gauge.
+    child(element, "steering_efficiency", "1")
+    child(element, "max_linear_speed", text(chair.drives.max_speed_m_s))
+    child(element, "solver_tolerance", text(SOLVER_TOLERANCE))
+    # Placeholder, set before the first step: the plugin can only modify existing elements.
+    child(element, "track_mu", "1")
+    child(element, "track_mu2", "1")
+    child(element, "seat_start", text(seat_rad))
+    if chair.flipper is not None:
+        child(element, "flipper_start", text(chair.tracks.approach_angle_deg * DEG))
+        child(element, "flipper_torque", text(chair.flipper.torque_n_m))
+    child(element, "port", str(port))
+    return tostring(element, encoding="unicode")

@@ -2,21 +2,25 @@
 
 Belts are boxes and cylinders with native surface motion (``surfacevel``; Pecka et al., IROS 2017, gave Gazebo the same):
 ``v + ω × (x - p)`` in the geom's frame, projected on each contact's tangent plane. Box ends hide in the pulleys, whose
-faces move. A step is a box and a capsule for its rounded nosing, which stands its radius in front of the riser.
+faces move. A step is a box and a capsule for its rounded nosing, which stands its radius in front of the riser. Each half of a step
+has its own friction; floor, walls and obstacles are uniform.
 """
 
+import math
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import quaternion_of
-from treadline.plant.actuators import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S, FLIPPER_STIFFNESS_N_M_RAD
-from treadline.plant.mujoco.physics import NOMINAL, Physics
+from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S, FLIPPER_STIFFNESS_N_M_RAD
+from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
+from treadline.plant.mujoco.contact._parameters import NOMINAL, Physics
 from treadline.scenario.chair import ChairDescription, Flipper, Point
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.bodies import HULL_FRICTION, Body, Hinge, Shape, Vehicle, vehicle
-from treadline.vehicle.stair_solids import Solid, stair_solids
+from treadline.vehicle.stair_solids import Box, Solid, stair_solids
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.start_pose import Standing
 
@@ -169,3 +173,33 @@ def _flipper_servo(flipper: Flipper) -> str:
 
 def _row(values: Point | Float[np.ndarray, " n"]) -> str:
     return " ".join(repr(float(value)) for value in values)
+
+
+def friction_table(model: mujoco.MjModel, staircase: Staircase) -> Float[np.ndarray, "g 8"]:
+    """Return the belt friction of each geom; geoms outside the stair have its design friction."""
+    table = np.zeros((model.ngeom, coulomb.MU_COLUMNS))
+    table[:, coulomb.MU_LEFT : coulomb.MIDDLE] = (*staircase.friction, *staircase.friction)
+    for number, solid in enumerate(stair_solids(staircase)):
+        row = _friction_row(solid.box, staircase)
+        box_name, bar_name = stair_names(number)
+        table[model.geom(box_name).id] = row
+        if solid.nosing is not None:
+            table[model.geom(bar_name).id] = row
+    return table
+
+
+def _friction_row(box: Box, staircase: Staircase) -> tuple[float, ...]:
+    x, y, _ = box.centre_W
+    leftward = (-math.sin(box.yaw_rad), math.cos(box.yaw_rad))
+    if box.index >= 0:
+        left, right = staircase.steps[box.index].friction
+    else:
+        left = right = staircase.floor_friction if box.kind == "floor" else staircase.friction
+    return (*left, *right, x, y, *leftward)
+
+
+def roughened(table: Float[np.ndarray, "g 8"], friction: float) -> Float[np.ndarray, "g 8"]:
+    """Return the table with one uniform friction coefficient."""
+    rough = table.copy()
+    rough[:, coulomb.MU_LEFT : coulomb.MIDDLE] = friction
+    return rough

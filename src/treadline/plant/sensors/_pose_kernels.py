@@ -1,0 +1,199 @@
+"""Ground truth from the pose of a chair, and rotations, compiled.
+
+``no_type_check`` prevents the shape checker of the tests from wrapping compiled functions.
+"""
+
+import math
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+from treadline.core.fma import dot, fused
+
+# Parameters of a chair for ``truth``: half of the flat run, length of the approach section, pulley radius, half gauge,
+# origin of the payload's frame with seat shift, mass of seat and payload, mass and centre of the chassis, mass of the flipper.
+HALF_RUN, APPROACH, RADIUS, HALF_GAUGE, HINGE, SEAT_KG, CHASSIS_KG, CHASSIS, FLIPPER_KG = 0, 1, 2, 3, 4, 7, 8, 9, 12
+CHAIR = 13
+
+
+@njit(cache=True)
+@no_type_check
+def truth(
+    R_SW, p_WS, R_WB, p_WB, rate, seat_angle, flipper_angle, reach, place, reaches, nosings_W, surfaces, chair, seated, loaded, near
+):
+    """Return the ground truth derived from a simulated chair's pose.
+
+    Heading, yaw, heading rate, pitch, roll, x and y on the stair, seat pitch, tip-over margin, x, y and z of the passenger in W.
+
+    Args:
+        rate: Angular velocity in B.
+        flipper_angle: Angle of the approach section, fixed or driven.
+        reach: Reach of the belt contacts of this tick; stored in row ``place`` of ``reaches``, or in all rows if ``place`` is
+            negative.
+        chair: parameters as named above.
+        seated: Centre of the payload from the hinge in the seat frame, without sway; ``loaded``: with sway.
+        near: Largest distances for support: between a nosing and the belts, and below a front tip.
+    """
+    heading, heading_rate, x, y = on_stair(R_SW, p_WS, R_WB, p_WB, rate)
+    forward_z, left_z, up_z = R_WB[2, 0], R_WB[2, 1], R_WB[2, 2]
+    c, s = math.cos(seat_angle), math.sin(seat_angle)
+
+    if place < 0:
+        reaches[:] = reach
+    else:
+        reaches[place] = reach
+    front, rear, left, right = support(reaches, nosings_W, p_WB, R_WB, chair[HALF_RUN], near[0])
+    out_x, out_z = math.cos(flipper_angle), math.sin(flipper_angle)
+    tip_x, tip_z = chair[HALF_RUN] + chair[APPROACH] * out_x, chair[RADIUS] + chair[APPROACH] * out_z
+    tip = tip_support(surfaces, tip_x, tip_z, chair[HALF_GAUGE], chair[RADIUS], p_WB, R_WB, near[1])
+
+    kg, com_x, com_y, com_z = chair[CHASSIS_KG], chair[CHASSIS], chair[CHASSIS + 1], chair[CHASSIS + 2]
+    if chair[FLIPPER_KG] > 0.0:
+        total = kg + chair[FLIPPER_KG]
+        half = 0.5 * chair[APPROACH]
+        com_x = (kg * com_x + chair[FLIPPER_KG] * (chair[HALF_RUN] + half * out_x)) / total
+        com_y = kg * com_y / total
+        com_z = (kg * com_z + chair[FLIPPER_KG] * (chair[RADIUS] + half * out_z)) / total
+        kg = total
+    payload, seat_kg = np.empty(3), chair[SEAT_KG]
+    _on_seat(chair, loaded, c, s, payload)
+    total = kg + seat_kg
+    com_x = (kg * com_x + seat_kg * payload[0]) / total
+    com_y = (kg * com_y + seat_kg * payload[1]) / total
+    com_z = (kg * com_z + seat_kg * payload[2]) / total
+    lengthwise, sidewise = math.atan2(forward_z, up_z), math.atan2(left_z, up_z)
+    margin = min(
+        math.atan2(max(front, tip) - com_x, com_z) + lengthwise,
+        math.atan2(rear + com_x, com_z) - lengthwise,
+        math.atan2(left - com_y, com_z) + sidewise,
+        math.atan2(right + com_y, com_z) - sidewise,
+    )
+
+    _on_seat(chair, seated, c, s, payload)
+    return (
+        heading,
+        math.atan2(R_WB[1, 0], R_WB[0, 0]),
+        heading_rate,
+        _arcsine(forward_z),
+        _arcsine(left_z),
+        x,
+        y,
+        _arcsine(forward_z * c - up_z * s),
+        margin,
+        p_WB[0] + dot(R_WB[0], payload),
+        p_WB[1] + dot(R_WB[1], payload),
+        p_WB[2] + dot(R_WB[2], payload),
+    )
+
+
+@njit(cache=True)
+@no_type_check
+def on_stair(R_SW, p_WS, R_WB, p_WB, rate):
+    """Return heading, heading rate about the normal of the nosing plane, and position of B along and across the stair."""
+    R_SB = product(R_SW, R_WB)
+    place = p_WB - p_WS
+    # The heading is about the chair's z axis: the normal of the nosing plane on the flight, the vertical on floor and landing.
+    heading = math.atan2(R_SB[1, 0], R_SB[1, 1])
+    return heading, dot(R_SB[2], rate), dot(R_SW[0], place), dot(R_SW[1], place)
+
+
+@njit(cache=True)
+@no_type_check
+def support(reaches, nosings_W, p_WB, R_WB, half_run, rocking):
+    """Return the reach of the chair's support from B: front, rear, left, right, each positive outward.
+
+    Args:
+        reaches: Reaches of recent belt contacts, one row each.
+        nosings_W: Nosings; those within ``rocking`` of the belts count as support, because the chair can rock onto them.
+        half_run: Half the length of the belts' flat run.
+    """
+    front, rear, left, right = reaches[0]
+    for reach in reaches:
+        front, rear, left, right = max(front, reach[0]), max(rear, reach[1]), max(left, reach[2]), max(right, reach[3])
+    for nosing_W in nosings_W:
+        place = nosing_W - p_WB
+        x, z = dot(place, R_WB[:, 0]), dot(place, R_WB[:, 2])
+        if abs(z) < rocking and abs(x) < half_run:
+            front, rear = max(front, x), max(rear, -x)
+    return front, rear, left, right
+
+
+@njit(cache=True)
+@no_type_check
+def tip_support(surfaces, tip_x, tip_z, half_gauge, radius, p_WB, R_WB, within):
+    """Return the distance of the front tip's support ahead of B, or minus infinity if neither tip is near the ground.
+
+    Args:
+        surfaces: Flat tops, one row each: centre x, y, cosine and sine of the yaw, half length, half width, height.
+        tip_x: Axis of the tip pulleys in B, and ``tip_z`` the same, vertical.
+        within: Largest gap between the lowest point of a tip and the ground below for a contact.
+    """
+    for side in (-1.0, 1.0):
+        tip = np.array((tip_x, side * half_gauge, tip_z))
+        x, y, z = p_WB[0] + dot(R_WB[0], tip), p_WB[1] + dot(R_WB[1], tip), p_WB[2] + dot(R_WB[2], tip)
+        ground = -math.inf
+        for row in surfaces:
+            dx, dy = x - row[0], y - row[1]
+            along, across = fused(row[2], dx, row[3] * dy), fused(row[2], dy, -(row[3] * dx))
+            # A tread above the tip's axis (open risers) gives no support.
+            if abs(along) <= row[4] and abs(across) <= row[5] and row[6] < z:
+                ground = max(ground, row[6])
+        if z - radius - ground <= within:
+            return tip_x - radius * R_WB[2, 0]  # the lowest point, below the axis in W
+    return -math.inf
+
+
+@njit(cache=True)
+@no_type_check
+def _on_seat(chair, centre, c, s, place):
+    """Fill ``place`` with a point of the seat in B: ``mechanics.stability.payload_place``, compiled."""
+    place[0] = chair[HINGE] + c * centre[0] + s * centre[2]
+    place[1] = chair[HINGE + 1] + centre[1]
+    place[2] = chair[HINGE + 2] - s * centre[0] + c * centre[2]
+
+
+@njit(cache=True)
+@no_type_check
+def _arcsine(value):
+    """Return the arcsine of a component of a unit vector, clamped against rounding."""
+    return math.asin(max(-1.0, min(1.0, value)))
+
+
+@njit(cache=True)
+@no_type_check
+def product(A, B):
+    """Return the product of two matrices."""
+    C = np.empty((A.shape[0], B.shape[1]))
+    for i in range(A.shape[0]):
+        for j in range(B.shape[1]):
+            C[i, j] = dot(A[i], B[:, j])
+    return C
+
+
+@njit(cache=True)
+@no_type_check
+def rotation(w, x, y, z, R):
+    """Write the rotation matrix of a unit quaternion: ``angles.rotation_of``, compiled."""
+    R[0, 0], R[0, 1], R[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+    R[1, 0], R[1, 1], R[1, 2] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
+    R[2, 0], R[2, 1], R[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+@njit(cache=True)
+@no_type_check
+def quaternion(R):
+    """Return the unit quaternion (w, x, y, z), w ≥ 0, of a rotation matrix: ``angles.quaternion_of``, compiled."""
+    a, b, c, d, e, f, g, h, i = R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2]
+    first, second, third, fourth = 1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i
+    largest = max(first, second, third, fourth)
+    if first == largest:
+        q = np.array((first, h - f, c - g, d - b))
+    elif second == largest:
+        q = np.array((h - f, second, b + d, c + g))
+    elif third == largest:
+        q = np.array((c - g, b + d, third, f + h))
+    else:
+        q = np.array((d - b, c + g, f + h, fourth))
+    q /= math.sqrt(dot(q, q))
+    return q if q[0] >= 0.0 else -q
