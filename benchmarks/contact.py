@@ -26,8 +26,7 @@ from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2, read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.vehicle.bodies import vehicle
-from treadline.vehicle.quasi_static import quasi_static_run, steady_motion
-from treadline.vehicle.stance import floor_stance
+from treadline.vehicle.quasi_static import floor_stance, quasi_static_run, steady_motion
 from treadline.vehicle.static_stability import centre_of_mass
 
 MISSING = "benchmarks/contact.py needs Drake, which is no dependency of treadline: pip install drake"

@@ -11,8 +11,7 @@ from treadline.core.paper import FRICTION
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.scenario.stair import RUN_DEFAULT_M
-from treadline.vehicle.quasi_static import SteadyMotion, steady_motion
-from treadline.vehicle.stance import Stance, stair_stance
+from treadline.vehicle.quasi_static import Stance, SteadyMotion, stair_stance, steady_motion
 
 SLOW_M_S = 0.1
 HEADINGS_DEG = (0.0, 5.0, 10.0, 15.0, 30.0)

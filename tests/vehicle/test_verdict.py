@@ -5,7 +5,7 @@ import re
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from treadline.core.angles import DEG
@@ -100,6 +100,7 @@ def test_a_start_at_too_large_a_heading_is_refused_with_the_heading_that_holds()
     shift=st.floats(*SEAT_SHIFT_M),
     slope_deg=st.floats(20.0, 30.0),
 )
+@settings(max_examples=40)  # each proposal is a search over twenty shifts
 def test_a_proposed_seat_shift_really_reaches_the_margin(
     payload: float, ahead: float, higher: float, shift: float, slope_deg: float
 ) -> None:

@@ -99,7 +99,7 @@ def _chassis(chair: ChairDescription) -> Body:
         origin_m=(0.0, 0.0, 0.0),
         mass_kg=masses.chassis_kg,
         com_m=masses.chassis_com_m,
-        inertia=box_inertia(masses.chassis_kg, masses.chassis_size_m),
+        inertia=_box_inertia(masses.chassis_kg, masses.chassis_size_m),
         shapes=(*(shape for side, y_m in sides(chair.tracks) for shape in _belt(chair, side, y_m)), hull),
     )
 
@@ -114,7 +114,7 @@ def _seat(chair: ChairDescription, loading: Chair) -> Body:
         origin_m=payload_origin(chair, loading),
         mass_kg=mass,
         com_m=com,
-        inertia=box_inertia(mass, chair.payload_size_m),
+        inertia=_box_inertia(mass, chair.payload_size_m),
         hinge=None if chair.seat is None else _seat_hinge(chair.seat),
         shapes=() if chair.seat is None and chair.payload is None else (box,),  # inside the hull, the payload has no surface
     )
@@ -210,7 +210,7 @@ def _pulley(tracks: Tracks, side: Side, name: str, centre_m: Point) -> Shape:
     return Shape(name=f"{side}_{name}", kind="cylinder", centre_m=centre_m, half_m=(r, 0.5 * tracks.belt_width_m, r), belt=side)
 
 
-def box_inertia(mass_kg: float, size_m: tuple[float, float, float]) -> Point:
+def _box_inertia(mass_kg: float, size_m: tuple[float, float, float]) -> Point:
     """Return the principal moments of inertia of a uniform box [kg·m²]."""
     a, b, c = (edge * edge for edge in size_m)
     return mass_kg * (b + c) / 12.0, mass_kg * (a + c) / 12.0, mass_kg * (a + b) / 12.0

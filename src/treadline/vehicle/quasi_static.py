@@ -23,7 +23,18 @@ from jaxtyping import Float
 from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.stance import Stance, nosing_stance
+from treadline.vehicle._stance import Stance, floor_stance, nosing_stance, stair_stance
+
+__all__ = [
+    "QuasiStaticRun",
+    "Stance",
+    "SteadyMotion",
+    "floor_stance",
+    "nosing_stance",
+    "quasi_static_run",
+    "stair_stance",
+    "steady_motion",
+]
 
 ROUNDING = np.geomspace(1e-1, 1e-8, 8)
 """Rounding of the kink at zero slip, relative to the faster belt's speed; a sticking contact creeps at about the last value."""

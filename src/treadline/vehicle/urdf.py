@@ -57,10 +57,10 @@ def drawn_urdf(chair: ChairDescription, loading: Chair, belts: Belts | None, mes
     """
     parts = (*chair_parts(chair, loading, belts), *resting_lugs(chair, belts))
     shown = [part for part in parts if part.body not in LINKAGE_BODIES]
-    return urdf(chair, loading, shown, mesh_url), {f"{part.name}.stl": stl(part) for part in shown}
+    return urdf(chair, loading, shown, mesh_url), {f"{part.name}.stl": _stl(part) for part in shown}
 
 
-def stl(part: MeshPart) -> bytes:
+def _stl(part: MeshPart) -> bytes:
     """Return a part as a binary STL file."""
     corners = part.vertices_m[part.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

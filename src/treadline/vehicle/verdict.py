@@ -66,13 +66,13 @@ class CheckReport(Printable):
             ("track length", f"{self.track_length_margin_m:+.3f} m over 2√(h²+w²), {self.nosings_in_contact} nosings in contact"),
             ("friction", f"{self.friction_available:.2f} available, {self.friction_needed_with_reserve:.2f} needed with reserve"),
             ("tip-over margins", margins),
-            ("seat", seat_text(self.seat_range_deg)),
+            ("seat", _seat_text(self.seat_range_deg)),
             *(("reason", reason) for reason in self.reasons),
         ]
         return self.verdict, rows
 
 
-def seat_text(range_deg: tuple[float, float] | None) -> str:
+def _seat_text(range_deg: tuple[float, float] | None) -> str:
     """Return the range of the seat in words."""
     return "no seat linkage" if range_deg is None else f"level from {range_deg[0]:.0f}° to {range_deg[1]:.0f}° of pitch"
 

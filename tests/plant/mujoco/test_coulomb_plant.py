@@ -13,8 +13,7 @@ from oracles.plant_steps import coulomb_run, set_belts, stages_before_contact
 from treadline.core.angles import DEG, rotation_of
 from treadline.scenario.chair import GRAVITY_M_S2, read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.quasi_static import QuasiStaticRun, steady_motion
-from treadline.vehicle.stance import floor_stance, nosing_stance
+from treadline.vehicle.quasi_static import QuasiStaticRun, floor_stance, nosing_stance, steady_motion
 
 ISOTROPIC = (0.62, 0.62)
 SETTLE_S = 0.5

@@ -30,6 +30,7 @@ from treadline.vehicle.appearance._mesh import (
     part,
 )
 from treadline.vehicle.bodies import sides
+from treadline.vehicle.track_length import pulley_centres
 
 SMOOTH_LUG_M = 1e-3 * LUGS_MM["8/60"][0]
 """Height of the lugs drawn on a belt without lugs in the scenario [m]: the lowest named profile."""
@@ -193,11 +194,10 @@ def resting_lugs(chair: ChairDescription, belts: Belts | None = None) -> tuple[M
 def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[MeshPart, ...]:
     """Return belts, pulleys and track frames of both sides, and the flipper."""
     tracks, height = chair.tracks, lug_profile(belts)[0]
-    r, half_run, out = tracks.pulley_radius_m, 0.5 * tracks.flat_run_m, tracks.approach_m
-    angle = math.radians(tracks.approach_angle_deg)
+    r, out = tracks.pulley_radius_m, tracks.approach_m
     surface = r - height
     wheel = surface - BELT_SHARE * r
-    rear, front, nose = (-half_run, r), (half_run, r), (half_run + out * math.cos(angle), r + out * math.sin(angle))
+    rear, front, nose = ((x, z) for x, z in pulley_centres(tracks).tolist())
     fixed = chair.flipper is None
     pulleys = [rear, front, nose] if fixed else [rear, front]
     loops = _hull(pulleys, surface), _hull(pulleys, wheel)

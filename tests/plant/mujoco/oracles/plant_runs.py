@@ -12,8 +12,7 @@ from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
-from treadline.vehicle.quasi_static import QuasiStaticRun, SteadyMotion, quasi_static_run, steady_motion
-from treadline.vehicle.stance import stair_stance
+from treadline.vehicle.quasi_static import QuasiStaticRun, SteadyMotion, quasi_static_run, stair_stance, steady_motion
 
 TABLE_I = (0.62, 0.5)
 RUN_M = 0.30
