@@ -19,7 +19,7 @@ from treadline.experiments import _closed_loop
 from treadline.experiments._fig08 import ExcitationRun, ExciteJob
 from treadline.experiments.job_pool import RunJob, run_jobs
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
-from treadline.experiments.reproduce import FIT_SEED, FRESH_SEED, Done, learn
+from treadline.experiments.reproduce import Done, excitations, learn
 from treadline.io.runs import provenance
 from treadline.plant.gazebo import find_environment
 from treadline.run.resolve import PlantName
@@ -103,17 +103,9 @@ def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers:
 
 
 def _excitations(plan: ReproducePlan, runs: Path, open_plant: PlantName) -> list[ExciteJob]:
-    return [
-        ExciteJob(
-            ground=CONTROLLER_GROUND,
-            samples=plan.samples,
-            seed=seed,
-            runs=runs,
-            scenario=without_images(excitation(CONTROLLER_GROUND)),
-            open_plant=open_plant,
-        )
-        for seed in (FIT_SEED, FRESH_SEED)
-    ]
+    jobs = excitations(replace(plan, quick=False, grounds=(CONTROLLER_GROUND,)), runs)
+    ground = without_images(excitation(CONTROLLER_GROUND))
+    return [replace(job, scenario=ground, image_every=0, open_plant=open_plant) for job in jobs]
 
 
 def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path, open_plant: PlantName) -> list[RunJob]:

@@ -43,7 +43,7 @@ a loaded machine. It orders jobs and enters no result."""
 def job_count(plan: ReproducePlan) -> int:
     """Return the number of parts that ``reproduce_paper`` reports as done."""
     placeholder = as_printed.paper_controller(0.2)
-    return len(_excitations(plan, Path())) + len(_steerless(plan, Path())) + len(_drives(plan, placeholder, Path())) + 1
+    return len(excitations(plan, Path())) + len(_steerless(plan, Path())) + len(_drives(plan, placeholder, Path())) + 1
 
 
 def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
@@ -57,7 +57,7 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
     figures.mkdir(parents=True, exist_ok=True)
 
     with JobPool(workers, done) as pool:
-        excited, steerless = pool.begin(_excitations(plan, runs)), pool.begin(_steerless(plan, out))
+        excited, steerless = pool.begin(excitations(plan, runs)), pool.begin(_steerless(plan, out))
         controller, fig08_by_ground = learn(plan, excited(), out)
         driven = pool.begin(_drives(plan, controller, runs))
         seat, stages, printed, steered, *opened = steerless()
@@ -95,7 +95,8 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
     return values
 
 
-def _excitations(plan: ReproducePlan, runs: Path) -> list[ExciteJob]:
+def excitations(plan: ReproducePlan, runs: Path) -> list[ExciteJob]:
+    """Return the recordings for the identification: one per ground to fit a model, and in a whole plan another to validate it."""
     return [
         ExciteJob(
             ground=ground,
