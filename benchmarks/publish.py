@@ -5,13 +5,32 @@ Reads ``results.json`` of the folder that ``make reproduce`` writes; writes ``do
 
 import argparse
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+from treadline.core.errors import TreadlineError
 from treadline.core.models import write_whole
-from treadline.report.comparison import published_of, with_table
+from treadline.report.comparison import published_of
 
 ROOT = Path(__file__).parents[1]
 EVIDENCE = ROOT / "docs" / "evidence" / "results.json"
+
+BEGIN, END = "<!-- results: written by benchmarks/publish.py -->", "<!-- end of results -->"
+"""Markers of the README's table."""
+
+
+def with_table(readme: str, values: Mapping[str, Any]) -> str:
+    """Return the README with its table replaced by that of a published file.
+
+    Raises:
+        ValueError: If it does not have both markers once, in order.
+    """
+    if readme.count(BEGIN) != 1 or readme.count(END) != 1 or readme.index(BEGIN) > readme.index(END):
+        raise ValueError(f"README.md: wanted the markers '{BEGIN}' and '{END}' once each, in this order")
+    lines = [f"| {row['figure']} | {row['paper']} | {row['ours']} | {row['conditions']} |" for row in values["figures"]]
+    table = "\n".join([BEGIN, "| figure | paper | here | conditions |", "| --- | --- | --- | --- |", *lines, END])
+    return readme[: readme.index(BEGIN)] + table + readme[readme.index(END) + len(END) :]
 
 
 def main() -> None:
@@ -19,7 +38,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Write the headline figures of a reproduction to README.md and docs/evidence.")
     parser.add_argument("folder", type=Path, help="folder that make reproduce wrote")
     options = parser.parse_args()
-    values = published_of(options.folder)
+    try:
+        values = published_of(options.folder)
+    except TreadlineError as error:
+        parser.error(str(error))
     readme = ROOT / "README.md"
     write_whole(EVIDENCE, json.dumps(values, indent=1, ensure_ascii=False) + "\n")
     write_whole(readme, with_table(readme.read_text(encoding="utf-8"), values))

@@ -104,6 +104,11 @@ def straight(slope: float, loop: str) -> Tables:
 
 @pytest.fixture
 def results() -> Tables:
+    """Return the values of a whole reproduction."""
+    return reproduced()
+
+
+def reproduced() -> Tables:
     response = {"left_m_s": [0.0, -0.1, -0.1], "right_m_s": [0.0, 0.1, 0.1]}
     slopes, starts = (25, 28, 30), (30, -30)
     return {
@@ -158,19 +163,18 @@ def results() -> Tables:
 
 @pytest.fixture
 def reproduce_folder(tmp_path: Path) -> MakeFolder:
-    """Return a function that writes results and the series of every run they name."""
+    return lambda results, name="reproduce": write_reproduction(tmp_path / name, results)
 
-    def make(results: Tables, name: str = "reproduce") -> Path:
-        folder = tmp_path / name
-        runs = [*results.get("fig09", []), *results.get("fig10", []), *([results["fig11"]] if results.get("fig11") else [])]
-        for row in runs:
-            if (run := str(row.get("run"))).replace("-", "").isalnum() and not (folder / "runs" / run).exists():
-                write_series(folder / "runs" / run, float(row.get("start_heading_deg", 5.0)))
-        folder.mkdir(exist_ok=True)
-        (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
-        return folder
 
-    return make
+def write_reproduction(folder: Path, results: Tables) -> Path:
+    """Write results and the series of every run they name."""
+    runs = [*results.get("fig09", []), *results.get("fig10", []), *([results["fig11"]] if results.get("fig11") else [])]
+    for row in runs:
+        if (run := str(row.get("run"))).replace("-", "").isalnum() and not (folder / "runs" / run).exists():
+            write_series(folder / "runs" / run, float(row.get("start_heading_deg", 5.0)))
+    folder.mkdir(exist_ok=True)
+    (folder / "results.json").write_text(json.dumps(results), encoding="utf-8")
+    return folder
 
 
 @pytest.fixture

@@ -1,5 +1,7 @@
 """The moving picture: the scene of the player, frame by frame."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,37 +9,17 @@ import pytest
 from climb_picture import SIZE_PX, render, write_climb_picture
 
 from treadline.core.errors import LogFormatError, SettingsError
-from treadline.core.ports import Truth
 from treadline.io.mcap_log import RunLog
 from treadline.playback import Recording
 
-from .conftest import CHROMIUM
-
-ROOT_TRUTH = Truth(
-    t_s=0.0,
-    heading_rad=0.0,
-    yaw_rad=0.0,
-    heading_rate_rad_s=0.0,
-    pitch_rad=0.0,
-    roll_rad=0.0,
-    pitch_rate_rad_s=0.0,
-    x_m=0.0,
-    y_m=0.0,
-    seat_pitch_rad=0.0,
-    left_m_s=0.0,
-    right_m_s=0.0,
-    stability_margin_rad=0.3,
-    friction_use=0.0,
-    passenger_x_m=0.0,
-    passenger_y_m=0.0,
-    passenger_z_m=0.0,
-)
+from .conftest import CHROMIUM, truths_of_a_climb
 
 
 def test_a_log_without_the_pose_is_refused_by_name(run_folder: Path, tmp_path: Path) -> None:
     """Test: a log from before the pose was kept. Expected: one sentence that says so, and what to do."""
+    without = dict.fromkeys(("chassis_x_m", "chassis_y_m", "chassis_z_m"), math.nan)
     with RunLog(run_folder / "log.mcap") as log:
-        log(ROOT_TRUTH)
+        log(replace(truths_of_a_climb(0.01)[0], **without))
     with pytest.raises(SettingsError, match="before logs kept the chair's pose"):
         write_climb_picture(run_folder, tmp_path / "climb.webp")
 

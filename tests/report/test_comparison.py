@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from publish import BEGIN, END, with_table
 
 from treadline.report._results import Moves, Results
-from treadline.report.comparison import BEGIN, END, FigureRow, comparisons, moves_text, published, with_table
+from treadline.report.comparison import FigureRow, comparisons, moves_text, published
 
 Tables = dict[str, Any]
 ROOT = Path(__file__).parents[2]

@@ -18,12 +18,13 @@ from drawings.pen import AMBER, INK, STONE, Pen, Point, pair, sheet, turned
 from treadline.core.angles import DEG
 from treadline.core.models import write_whole
 from treadline.core.paper import FIG11_SLOPE_DEG
-from treadline.report.outlines import ABOVE
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, svg_of
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.track_length import minimum_track_length, pulley_centres
 
+ABOVE = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+"""View from above with the chair's forward direction up."""
 RUN_M = 0.30
 SLOPE_RAD = FIG11_SLOPE_DEG * DEG
 

@@ -6,7 +6,7 @@ The summary of the report page, the README's table and ``docs/evidence/results.j
 
 import math
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,8 +18,6 @@ from treadline.core.errors import SettingsError
 from treadline.report._results import PAPER_FRICTION, BeltRun, Cell, Moves, Results, Straight, read_part
 from treadline.report.labels import suffix
 
-BEGIN, END = "<!-- results: written by benchmarks/publish.py -->", "<!-- end of results -->"
-"""Markers of the README's table."""
 REACHED, NO_TARGET, QUICK = "reached", "–", "quick run: not judged"
 TABLE_SLOPES = {float(slope) for slope, _ in paper.TABLE_II}
 RMS_TARGETS = {0.62: 2.3, 0.9: 2.0}
@@ -109,19 +107,6 @@ def published_of(folder: Path) -> dict[str, Any]:
     if results.quick:
         raise SettingsError(f"{folder}: a quick reproduction is not published: its runs are shortened")
     return published(results)
-
-
-def with_table(readme: str, values: Mapping[str, Any]) -> str:
-    """Return the README with its table replaced by that of a published file.
-
-    Raises:
-        ValueError: If it does not have both markers once, in order.
-    """
-    if readme.count(BEGIN) != 1 or readme.count(END) != 1 or readme.index(BEGIN) > readme.index(END):
-        raise ValueError(f"README.md: wanted the markers '{BEGIN}' and '{END}' once each, in this order")
-    lines = [f"| {row['figure']} | {row['paper']} | {row['ours']} | {row['conditions']} |" for row in values["figures"]]
-    table = "\n".join([BEGIN, "| figure | paper | here | conditions |", "| --- | --- | --- | --- |", *lines, END])
-    return readme[: readme.index(BEGIN)] + table + readme[readme.index(END) + len(END) :]
 
 
 def moves_text(moves: Moves) -> str:

@@ -17,8 +17,6 @@ Loop = Float[np.ndarray, "_ 2"]
 
 SIDE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """View of the chair's right side: rows are the directions right, up and towards the viewer in B."""
-ABOVE = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-"""View from above with the chair's forward direction up."""
 EDGE_ON = 1e-3
 """Cosine of the angle between normal and view below which a face is seen edge-on: coordinates have single precision."""
 

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import matplotlib as mpl
 import numpy as np
@@ -36,17 +35,10 @@ CLOSER = (HEADING, SEAT)
 Series = Mapping[str, Float[np.ndarray, " T"]]
 Quantity = tuple[str, str, tuple[tuple[str, str, str, str], ...]]
 """Title, unit, and the column, colour, line style and label of each curve."""
+Panel = tuple[str, Callable[[Axes], object], tuple[float, float] | None]
+"""Title of a panel, function that draws its curves, and limits of the vertical axis."""
 Bands = Sequence[tuple[float, float, str]]
 """Start [s], end [s] and name of each phase."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Panel:
-    """Panel of one quantity: its curves and the limits of the vertical axis."""
-
-    title: str
-    draw: Callable[[Axes], object]
-    limits: tuple[float, float] | None = None
 
 
 @mpl.rc_context(STYLE)
@@ -71,11 +63,11 @@ def single_run(
     axes = list(figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights).ravel())
     if bands:
         _name(axes[0], bands)
-    for panel, ax in zip(panels, axes[-len(panels) :], strict=True):
-        panel.draw(ax)
-        ax.set_title(panel.title, loc="left", fontsize=9)
-        if panel.limits is not None:
-            ax.set_ylim(*panel.limits)
+    for (title, draw, limits), ax in zip(panels, axes[-len(panels) :], strict=True):
+        draw(ax)
+        ax.set_title(title, loc="left", fontsize=9)
+        if limits is not None:
+            ax.set_ylim(*limits)
         if ax.get_legend_handles_labels()[0]:
             ax.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=3, fontsize=8, borderaxespad=0.0, borderpad=0.1)
         for k, (start, end, _) in enumerate(bands):
@@ -87,7 +79,7 @@ def single_run(
 
 def _panels(series: Series, moved: Recording | None, quantities: Sequence[Quantity | None]) -> list[Panel]:
     """Return the panels of quantities with data; None stands for the motion at 100 Hz."""
-    panels = []
+    panels: list[Panel] = []
     for quantity in quantities:
         if quantity is None:
             panels += [] if moved is None else _motion(moved)
@@ -95,12 +87,10 @@ def _panels(series: Series, moved: Recording | None, quantities: Sequence[Quanti
         title, unit, curves = quantity
         known = [curve for curve in curves if np.isfinite(series[curve[0]]).any()]
         if known:
-            panels.append(Panel(title=f"{title} [{unit}]", draw=_drawing(series, known)))
+            panels.append((f"{title} [{unit}]", _drawing(series, known), None))
             limits = _closer(series, [name for name, *_ in known]) if quantity in CLOSER else None
             if limits is not None:
-                panels.append(
-                    Panel(title=f"{title}, steady interval, enlarged [{unit}]", draw=_drawing(series, known), limits=limits)
-                )
+                panels.append((f"{title}, steady interval, enlarged [{unit}]", _drawing(series, known), limits))
     return panels
 
 
@@ -124,8 +114,8 @@ def _motion(moved: Recording) -> list[Panel]:
         return lambda ax: ax.plot(*decimated(t_s, values), color=colour, linewidth=0.9)
 
     return [
-        Panel(title="pitch rate, mean over 50 ms [°/s]", draw=drawn(moved.t_s[COMFORT_TICKS - 1 :], rate, BLUE)),
-        Panel(title="acceleration of the passenger, mean over 50 ms [m/s²]", draw=drawn(moved.t_s[first:], passenger[first:], RED)),
+        ("pitch rate, mean over 50 ms [°/s]", drawn(moved.t_s[COMFORT_TICKS - 1 :], rate, BLUE), None),
+        ("acceleration of the passenger, mean over 50 ms [m/s²]", drawn(moved.t_s[first:], passenger[first:], RED), None),
     ]
 
 
