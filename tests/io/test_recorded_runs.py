@@ -13,8 +13,7 @@ from treadline.identification.excitation_signal import ExcitationConfig
 from treadline.io.mcap_read import read_log
 from treadline.io.records import read_record
 from treadline.io.runs import read_series
-from treadline.run.excitation_run import INPUTS, OUTPUTS, Excited
-from treadline.run.recorded_run import recorded_excitation
+from treadline.run.excitation_run import INPUTS, OUTPUTS, Excited, recorded_excitation
 from treadline.scenario.scenario import read_scenario
 
 SCENARIO = read_scenario("paper-28")

@@ -38,8 +38,7 @@ def excite(
     from treadline.core.errors import SettingsError
     from treadline.core.signals import TICK_S, on_the_tick
     from treadline.identification.windows import fewest_samples
-    from treadline.run.excitation_run import INPUTS, OUTPUTS
-    from treadline.run.recorded_run import recorded_excitation
+    from treadline.run.excitation_run import INPUTS, OUTPUTS, recorded_excitation
     from treadline.scenario.scenario import read_scenario
 
     claim(out, force=force)

@@ -7,7 +7,6 @@ leaves a heading offset. See docs/decisions/0004-offset-free-heading.md.
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import LinAlgError, solve_discrete_are
 
 from treadline.control.lqr import spectral_radius
 from treadline.core.errors import NotDetectable
@@ -35,10 +34,12 @@ def kalman_gain(
     Raises:
         NotDetectable: If no gain makes ``A - LC`` stable.
     """
+    from scipy.linalg import solve_discrete_are  # here, because a climb, which loads this module, designs nothing
+
     # For an unobservable mode at the stability limit, rounding may give a useless solution of the equation, or none.
     try:
         P = solve_discrete_are(A.T, C.T, process, measurement)
-    except (LinAlgError, ValueError) as error:
+    except (np.linalg.LinAlgError, ValueError) as error:
         raise _not_detectable(A) from error
     L = A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + measurement)
     if not spectral_radius(A - L @ C) < 1.0:

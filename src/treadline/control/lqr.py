@@ -2,7 +2,6 @@
 
 import numpy as np
 from jaxtyping import Complex, Float
-from scipy.linalg import LinAlgError, solve_discrete_are
 
 from treadline.core.arrays import matrix
 from treadline.core.errors import NotDefinite, NotFinite, NotStabilisable, ShapeMismatch
@@ -40,6 +39,8 @@ def lqr_gain(
         NotDefinite: If Q is not positive semi-definite or R not positive definite.
         NotStabilisable: If no gain makes ``A - BK`` stable.
     """
+    from scipy.linalg import solve_discrete_are  # here, because a climb, which loads this module, designs nothing
+
     A, B, Q, R = matrix("A", A), matrix("B", B), matrix("Q", Q), matrix("R", R)
     n, m = A.shape[0], B.shape[1]
     for name, given, shape in (("A", A, (n, n)), ("B", B, (n, m)), ("Q", Q, (n, n)), ("R", R, (m, m))):
@@ -52,7 +53,7 @@ def lqr_gain(
     check_definite("R", R, strictly=True)
     try:
         P = solve_discrete_are(A, B, Q, R)
-    except (LinAlgError, ValueError) as error:
+    except (np.linalg.LinAlgError, ValueError) as error:
         raise NotStabilisable(
             f"the Riccati equation has no stabilising solution (spectral radius of A is {spectral_radius(A):.3f}); "
             "identify the model again with inputs that excite both tracks"

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import expm, logm
 
 from treadline.control._observer import kalman_gain, with_disturbance
 from treadline.control.lqr import closed_loop_poles, lqr_gain
@@ -99,6 +98,8 @@ def resampled(model: LinearModel, period_s: float) -> LinearModel:
     Raises:
         PeriodMismatch: If the model has no continuous counterpart (a real pole at or below zero).
     """
+    from scipy.linalg import expm, logm
+
     n, m = model.B.shape
     poles = np.linalg.eigvals(model.A)
     if np.any((np.abs(poles.imag) < 1e-12) & (poles.real <= 1e-9)):

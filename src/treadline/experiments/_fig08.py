@@ -15,8 +15,7 @@ from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.experiments.plan import Ground, excitation
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.validate import h_step_rmse, impulse_response
-from treadline.run.excitation_run import PERIOD_S
-from treadline.run.recorded_run import recorded_excitation
+from treadline.run.excitation_run import PERIOD_S, recorded_excitation
 from treadline.run.resolve import Opener, PlantName
 from treadline.scenario.scenario import Scenario
 

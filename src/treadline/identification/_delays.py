@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from treadline.core.errors import SettingsError
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification.okid import ObserverMarkov
+from treadline.identification.validate import chi2_tail
 
 SIGNIFICANCE = 1e-4
 """p-value below which an input's coefficients of one lag differ significantly from zero."""
@@ -31,7 +31,7 @@ def input_delays(observer: ObserverMarkov) -> list[int]:
         effects = [(lag, o.alpha[lag - 1, :, j], variance[first + (lag - 1) * r + j]) for lag in range(1, lags + 1)]
         if o.feedthrough:
             effects.insert(0, (0, o.D[:, j], variance[1 + j]))
-        significant = (lag for lag, a, s in effects if chi2.sf(float(a @ weight @ a) / max(s, 1e-300), a.size) < SIGNIFICANCE)
+        significant = (lag for lag, a, s in effects if chi2_tail(float(a @ weight @ a) / max(s, 1e-300), a.size) < SIGNIFICANCE)
         found.append(next(significant, 1))
     return found
 

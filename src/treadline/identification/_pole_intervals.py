@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from treadline.identification._affine import Affine
 from treadline.identification._factor import inverse
@@ -76,7 +76,7 @@ class ConfidenceIntervals:
         S = parts @ parts.transpose(0, 2, 1)
         mean, square = np.trace(S, axis1=1, axis2=2), np.einsum("iab,iba->i", S, S)
         freedom = np.where(square > 0.0, mean**2 / np.maximum(square, 1e-300), 1.0)
-        return np.sqrt(np.maximum(square, 0.0) / np.maximum(mean, 1e-300) * chi2.ppf(CONFIDENCE, freedom))
+        return np.sqrt(np.maximum(square, 0.0) / np.maximum(mean, 1e-300) * 2.0 * gammaincinv(0.5 * freedom, CONFIDENCE))
 
     def impulse(self, steps: int) -> Float[np.ndarray, "steps p m"]:
         """Return the standard deviation of the impulse response, in the record's units."""

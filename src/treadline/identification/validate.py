@@ -3,12 +3,13 @@
 After a missing input the state is estimated anew, as at a record's start (``InputOutputRecord.stretches``).
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
@@ -131,7 +132,7 @@ def whiteness_p(residuals: Float[np.ndarray, "T p"], lags: int = WHITENESS_LAGS)
     for lag in range(1, lags + 1):
         C = e[lag:].T @ e[:-lag] / count
         statistic += count * count / (count - lag) * float(np.trace(C.T @ C0 @ C @ C0))
-    return float(chi2.sf(statistic, p * p * lags))
+    return chi2_tail(statistic, p * p * lags)
 
 
 def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray, "T m"], lags: int = CROSS_LAGS) -> float:
@@ -153,7 +154,12 @@ def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray,
     weight_e, weight_phi = np.linalg.pinv(e.T @ e / count), np.linalg.pinv(phi.T @ phi / count, rcond=1e-9)
     rank = int(np.linalg.matrix_rank(weight_phi, tol=1e-12 * float(np.abs(weight_phi).max())))
     statistic = count * float(np.trace(weight_phi @ cross @ weight_e @ cross.T))
-    return float(chi2.sf(statistic, p * rank))
+    return chi2_tail(statistic, p * rank)
+
+
+def chi2_tail(statistic: float, freedom: int) -> float:
+    """Return the probability that a χ² variable exceeds a statistic; NaN without a degree of freedom."""
+    return float(chdtrc(freedom, max(statistic, 0.0))) if freedom else math.nan
 
 
 def _delayed(u: Float[np.ndarray, "T m"], lag: int) -> Float[np.ndarray, "T m"]:

@@ -3,7 +3,8 @@
 Paper: Section VI.B. The heading comes from the camera (Section III), the angular velocity from the IMU; 1000 samples.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -11,7 +12,10 @@ from treadline.core import paper
 from treadline.core.models import InputOutputRecord
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
 from treadline.identification.excitation_signal import Excitation, ExcitationConfig
-from treadline.run.episode import Traverse, run_episode
+from treadline.io.records import write_record
+from treadline.io.runs import RECORD
+from treadline.run.episode import Traverse, Watch, run_episode
+from treadline.run.recorded_run import write_run
 from treadline.run.resolve import Opener, PlantName, Setup, resolve
 from treadline.scenario.scenario import Scenario
 
@@ -73,6 +77,33 @@ def excite(scenario: Scenario, *, samples: int, period_s: float, seed: int, open
     """Return ``samples`` of random driving on a flight made long enough for them."""
     setup, driver = excitation_setup(scenario, samples, period_s, seed, open_plant)
     return driver.excited(run_episode(setup), samples)
+
+
+def recorded_excitation(
+    folder: Path,
+    scenario: Scenario,
+    *,
+    samples: int,
+    period_s: float,
+    seed: int,
+    image_every: int = 0,
+    watch: Watch | None = None,
+    open_plant: Opener | PlantName = "mujoco",
+) -> Excited:
+    """Excite a scenario and write its run folder, ``record.csv`` included.
+
+    Args:
+        samples: Number of input-output samples.
+        period_s: Time between samples [s].
+
+    Raises:
+        TreadlineError: Before anything is written, if the chair cannot be read.
+    """
+    setup, driver = excitation_setup(scenario, samples, period_s, seed, open_plant)
+    settings = {"excitation": asdict(excitation_of(scenario))}
+    excited = driver.excited(write_run(folder, setup, settings, image_every=image_every, watch=watch), samples)
+    write_record(folder / RECORD, excited.record, excited.first_t_s)
+    return excited
 
 
 def excitation_setup(

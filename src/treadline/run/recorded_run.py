@@ -12,15 +12,12 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.models import ControllerDesign
 from treadline.io.mcap_log import RunLog
-from treadline.io.records import write_record
-from treadline.io.runs import LOG, RECORD, begin_run, log_metadata, write_result, write_series
-from treadline.mission.loop import Tick
+from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
+from treadline.mission.loop import Blocks, Tick
 from treadline.run.episode import Traverse, Watch, run_episode
-from treadline.run.excitation_run import Excited, excitation_of, excitation_setup
-from treadline.run.resolve import Opener, PlantName, Setup
+from treadline.run.resolve import Setup
 from treadline.run.run_scores import Trace
 from treadline.run.scene_log import SceneLog, WatchedDetector
-from treadline.scenario.scenario import Scenario
 from treadline.vehicle.staircase import build_staircase
 
 SERIES = {
@@ -51,48 +48,44 @@ def recorded_run(
         TreadlineError: Before anything is written, if the setup cannot be run.
     """
     blocks = None if setup.is_full_traversal and setup.rejections else setup.build_blocks()
-    more: dict[str, dict[str, Any]] = {**setup.manifest()}
+    more: dict[str, Any] = {**setup.manifest()}
     if blocks is not None:
         more["guard"] = asdict(blocks.guard.config)  # plots draw the limits that applied
-    with _scene_log(folder, setup, image_every, more, setup.mission.controller) as scene:
+    return write_run(folder, setup, more, setup.mission.controller, blocks=blocks, image_every=image_every, watch=watch)
+
+
+def write_run(
+    folder: Path,
+    setup: Setup,
+    more: Mapping[str, Any],
+    controller: ControllerDesign | None = None,
+    *,
+    blocks: Blocks | None = None,
+    image_every: int = 0,
+    watch: Watch | None = None,
+) -> Traverse:
+    """Run a setup and write its run folder.
+
+    Args:
+        folder: Run folder: manifest.json, result.json, series.csv and log.mcap.
+        more: Further entries of the manifest.
+        controller: Controller to keep in the folder.
+        blocks: The blocks to run, if they have been built already.
+        image_every: Keep every n-th frame in the log; 0 keeps none.
+        watch: Receives each tick as it ends.
+    """
+    with _scene_log(folder, setup, image_every, more, controller) as scene:
         if blocks is not None and image_every:
             blocks = replace(blocks, detector=WatchedDetector(blocks.detector, scene))
         run = run_episode(setup, blocks=blocks, sink=scene, watch=_watching(scene, watch))
-    _write(folder, run)
+    write_series(folder, series(run.trace, run.estimate_rad))
+    write_result(folder, run.summary())
     return run
-
-
-def recorded_excitation(
-    folder: Path,
-    scenario: Scenario,
-    *,
-    samples: int,
-    period_s: float,
-    seed: int,
-    image_every: int = 0,
-    watch: Watch | None = None,
-    open_plant: Opener | PlantName = "mujoco",
-) -> Excited:
-    """Excite a scenario and write its run folder, ``record.csv`` included.
-
-    Args:
-        samples: Number of input-output samples.
-        period_s: Time between samples [s].
-
-    Raises:
-        TreadlineError: Before anything is written, if the chair cannot be read.
-    """
-    setup, driver = excitation_setup(scenario, samples, period_s, seed, open_plant)
-    with _scene_log(folder, setup, image_every, {"excitation": asdict(excitation_of(scenario))}) as scene:
-        excited = driver.excited(run_episode(setup, sink=scene, watch=_watching(scene, watch)), samples)
-    write_record(folder / RECORD, excited.record, excited.first_t_s)
-    _write(folder, excited.run)
-    return excited
 
 
 @contextmanager
 def _scene_log(
-    folder: Path, setup: Setup, image_every: int, more: Mapping[str, Any], controller: ControllerDesign | None = None
+    folder: Path, setup: Setup, image_every: int, more: Mapping[str, Any], controller: ControllerDesign | None
 ) -> Iterator[SceneLog]:
     """Begin a run folder and yield its log."""
     scenario, seed = setup.scenario, setup.seed
@@ -113,11 +106,6 @@ def _watching(scene: SceneLog, watch: Watch | None) -> Watch:
             watch(tick)
 
     return both
-
-
-def _write(folder: Path, run: Traverse) -> None:
-    write_series(folder, series(run.trace, run.estimate_rad))
-    write_result(folder, run.summary())
 
 
 def series(trace: Trace, estimate_rad: Float[np.ndarray, " T"]) -> dict[str, Float[np.ndarray, " T"]]:
