@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from treadline.core.errors import SettingsError
-from treadline.core.models import Reconstruct
 from treadline.core.settings import Settings, parse_toml, settings_of
 from treadline.scenario.faults import Fault
 from treadline.scenario.operator_actions import OperatorAct, act_problem
@@ -172,7 +171,7 @@ class Control(Settings):
     """Source of the heading: the robust detector, Algorithm 1 as printed, or simulator ground truth for the stair in view."""
     allocation: Literal["climb-safe", "paper"] = "climb-safe"
     """Distribution of a turn between the belts: without roll-back of the chair (climb-safe), or as printed (paper)."""
-    reconstruct: Reconstruct | None = None
+    reconstruct: Literal["observer", "static"] | None = None
     """Method of state reconstruction. Unset: as stored in the controller file (observer by default)."""
 
 

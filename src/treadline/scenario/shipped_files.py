@@ -5,9 +5,12 @@ A controller is shipped for each vehicle: one JSON file, made by ``examples/make
 
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from treadline.core.errors import SettingsError
-from treadline.core.models import ControllerDesign
+
+if TYPE_CHECKING:
+    from treadline.core.models import ControllerDesign
 
 DATA = Path(__file__).parents[1] / "data"
 CHAIRS, CONTROLLERS = DATA / "chairs", DATA / "controllers"
@@ -42,12 +45,14 @@ def _shipped() -> dict[str, Path]:
     return {found.stem: found for found in CHAIRS.glob("*.toml")}
 
 
-def shipped_controller(vehicle: str) -> ControllerDesign:
+def shipped_controller(vehicle: str) -> "ControllerDesign":
     """Return the controller that is shipped for a vehicle.
 
     Raises:
         SettingsError: If none is shipped.
     """
+    from treadline.core.models import ControllerDesign  # here, because scenarios name chairs and need no controller
+
     path = CONTROLLERS / f"{vehicle}.json"
     if not path.exists():
         raise SettingsError(f"no controller is shipped for '{vehicle}'; identify and tune one, then give --controller")

@@ -1,0 +1,115 @@
+"""Imports: no foreign private modules, no circles, and no more code loaded by a verb than its task needs."""
+
+import ast
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import treadline
+
+from .test_budgets import size_of
+
+ROOT = Path(treadline.__file__).parent
+FILES = {
+    ".".join(("treadline", *path.relative_to(ROOT).with_suffix("").parts)).removesuffix(".__init__"): path
+    for path in sorted(ROOT.rglob("*.py"))
+}
+
+
+def imports(module: str) -> Iterator[str]:
+    """Yield the modules of treadline that a module imports anywhere in its text, for types alone included."""
+    for node in ast.walk(ast.parse(FILES[module].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (item.name for item in node.names if item.name in FILES)
+        elif isinstance(node, ast.ImportFrom):
+            within = [f"{node.module}.{item.name}" for item in node.names]
+            yield from (name if name in FILES else str(node.module) for name in within if node.module in FILES or name in FILES)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and "." in node.value and node.value in FILES:
+            yield str(node.value)
+
+
+def is_private_to(package: str, module: str) -> bool:
+    """Return whether a module of another package has an underscore in its path."""
+    _, owner, *inner = [*module.split("."), ""]
+    return owner != package and any(part.startswith("_") and not part.startswith("__") for part in inner)
+
+
+@pytest.mark.parametrize("package", sorted({module.split(".")[1] for module in FILES if "." in module}))
+def test_a_package_imports_no_private_module_of_another(package: str) -> None:
+    foreign = [
+        f"{module} imports {name}"
+        for module in FILES
+        if f"{module}.".startswith(f"treadline.{package}.")
+        for name in imports(module)
+        if is_private_to(package, name)
+    ]
+    assert foreign == []
+
+
+def test_no_module_imports_itself_through_others() -> None:
+    try:
+        TopologicalSorter({module: set(imports(module)) - {module} for module in FILES}).prepare()
+    except CycleError as error:
+        pytest.fail(" imports ".join(error.args[1][::-1]))
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a depth image, its camera, a record and the model of the record."""
+    folder = tmp_path_factory.mktemp("inputs")
+    cv2.imwrite(str(folder / "depth.png"), np.full((120, 160), 1500, dtype=np.uint16))
+    camera = {"width": 160, "height": 120, "fx_px": 144.0, "fy_px": 144.0, "cx_px": 79.5, "cy_px": 59.5}
+    (folder / "camera.toml").write_text("\n".join(f"{key} = {value}" for key, value in camera.items()))
+    rng = np.random.default_rng(1)
+    u, y = rng.normal(size=(300, 2)), np.zeros((300, 2))
+    for k in range(299):
+        y[k + 1] = [0.9 * y[k, 0] + 0.1 * (u[k, 1] - u[k, 0]), 0.5 * y[k, 1] + 0.2 * (u[k, 1] - u[k, 0])]
+    table = np.column_stack([0.25 * np.arange(300), u, y + 1e-3 * rng.normal(size=y.shape)])
+    header = "t_s,left_m_s,right_m_s,heading_rad,yaw_rate_rad_s"
+    np.savetxt(folder / "record.csv", table, delimiter=",", header=header, comments="")
+    return folder
+
+
+IDENTIFICATION_PAGE = tuple(
+    f"report{name}" for name in ("", ".identification_page", "._model_figures", "._model_runs", "._html", ".labels", ".svg_figures")
+)
+"""Modules of the report that draw the page of an identification."""
+LABORATORY = {"plant", "mission", "experiments", "report", "view"}
+"""Packages that no analysis of one file needs."""
+SCRIPT = """
+import json, sys
+from treadline.cli import main
+code = main(sys.argv[1:])
+print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "treadline"]]))
+"""
+
+
+@pytest.mark.parametrize(
+    ("command", "most_lines", "allowed"),
+    [
+        ("see depth.png --camera camera.toml", 8500, ()),
+        ("identify record.csv --method okid-era --no-page --out model.json", 5800, ()),
+        ("identify record.csv --method okid-era --out paged.json", 6700, IDENTIFICATION_PAGE),
+        ("tune model.json --out controller.json", 3000, ()),
+        ("check paper-28", 3600, ()),
+    ],
+    ids=lambda value: str(value).split(" --")[0],
+)
+def test_a_verb_loads_what_its_task_needs(command: str, most_lines: int, allowed: tuple[str, ...], inputs: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", SCRIPT, *command.split()], cwd=inputs, capture_output=True, text=True, check=True)
+    code, names = json.loads(done.stdout.splitlines()[-1])
+    assert code in {0, 1}, done.stderr  # 1: no stair in the image
+    needless = [
+        name
+        for name in names
+        if name.count(".") and name.split(".")[1] in LABORATORY and name.removeprefix("treadline.") not in allowed
+    ]
+    assert needless == []
+    assert sum(size_of(FILES[name].read_text(encoding="utf-8")).code_lines for name in names if name in FILES) <= most_lines
