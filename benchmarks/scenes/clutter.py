@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from scenes.camera import Puddle
-from scenes.recipe import Clutter
 from treadline.plant.sensors.camera.solids import Rgb, SceneBox, Shadow, beam, part_of, placed_in, upright
 from treadline.vehicle.stair_solids import TREAD_THICKNESS_M
 from treadline.vehicle.staircase import Staircase, Step
@@ -33,7 +32,7 @@ CHAMFER_M = 0.004
 """Thickness of the plate at a worn edge [m]; all but its face lies inside the step."""
 
 
-def clutter_of(name: Clutter, staircase: Staircase, step: int, rng: np.random.Generator) -> list[SceneBox]:
+def clutter_of(name: str, staircase: Staircase, step: int, rng: np.random.Generator) -> list[SceneBox]:
     """Return the solids of one kind of clutter; none for shadows and water.
 
     Args:

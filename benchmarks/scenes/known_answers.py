@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from scenes.recipe import Scene, ViewRecipe
+from scenes.recipe import ViewRecipe
 from scenes.views import View, draw_view
 from treadline.core.angles import DEG
 from treadline.core.models import write_whole
@@ -40,9 +40,9 @@ KINECT1: dict[str, Any] = {"sensor": "kinect1", "height_px": 480, "edge_holes": 
 """Kinect 1 with holes at depth jumps, correlated noise and residual distortion, as in recorded frames."""
 D435: dict[str, Any] = {"sensor": "d435"}
 TOF: dict[str, Any] = {"sensor": "tof"}
-ROOMS: tuple[Scene, ...] = ("floor", "wall", "corridor", "shelf", "boxes", "ramp", "ladder", "stripes")
+ROOMS: tuple[str, ...] = ("floor", "wall", "corridor", "shelf", "boxes", "ramp", "ladder", "stripes")
 """Plain rooms, ramps and furniture."""
-REPEATED: tuple[Scene, ...] = ("blinds", "radiator", "cable_ladder", "corrugated", "relief", "chairs", "fence", "crates")
+REPEATED: tuple[str, ...] = ("blinds", "radiator", "cable_ladder", "corrugated", "relief", "chairs", "fence", "crates")
 """Scenes with repeated parallel edges that are not steps."""
 
 

@@ -1,72 +1,27 @@
 """Parameter ranges of random views, for ``draw_view``."""
 
 from dataclasses import dataclass, fields
-from typing import Literal, get_args
 
 import numpy as np
 
-Scene = Literal[
-    "up",
-    "top",
-    "foot",
-    "down",
-    "edge",
-    "bottom",
-    "floor",
-    "wall",
-    "corridor",
-    "corner",
-    "shelf",
-    "table",
-    "boxes",
-    "ramp",
-    "landing",
-    "steep",
-    "ladder",
-    "threshold",
-    "stripes",
-    "bench",
-    "pallets",
-    "carton_steps",
-    "pallet_steps",
-    "drawers",
-    "escalator",
-    "blinds",
-    "radiator",
-    "chairs",
-    "sofa",
-    "cable_ladder",
-    "crates",
-    "rubble",
-    "corrugated",
-    "relief",
-    "kerb",
-    "ramp_turn",
-    "street",
-    "terrace",
-    "podium",
-    "fence",
-]
-"""Scene. The first six show stairs: the chair is on the flight, near its top or on the floor before it, facing up; or on the
-flight, on the landing before its edge or near its foot, facing down. The others have no stair to climb."""
-STAIR_SCENES: tuple[Scene, ...] = get_args(Scene)[:6]
-"""Scenes with a stair."""
-ROOM_SCENES: tuple[Scene, ...] = get_args(Scene)[6:21]
+STAIR_SCENES = ("up", "top", "foot", "down", "edge", "bottom")
+"""Scenes with a stair: the chair is on the flight, near its top or on the floor before it, facing up; or on the flight, on the
+landing before its edge or near its foot, facing down."""
+ROOM_SCENES = (
+    "floor", "wall", "corridor", "corner", "shelf", "table", "boxes", "ramp", "landing", "steep", "ladder", "threshold", "stripes",
+    "bench", "pallets",
+)  # fmt: skip
 """Scenes without a stair: floors, walls, furniture, ramps, ladders and single steps."""
-FURTHER_SCENES: tuple[Scene, ...] = get_args(Scene)[21:]
-"""Further scenes without a stair: furniture, goods, building parts and street furniture with repeated edges."""
-STEPPED_SCENES: tuple[Scene, ...] = ("carton_steps", "pallet_steps", "drawers", "escalator")
-"""Scenes of ``FURTHER_SCENES`` that are stairs by shape; width and context distinguish them from a flight."""
-STAIRLESS_SCENES: tuple[Scene, ...] = ROOM_SCENES + FURTHER_SCENES
-"""All scenes without a stair to climb."""
-Clutter = Literal["rail_left", "rail_right", "legs", "mat", "bag", "strips", "shadow", "wet"]
-CLUTTER: tuple[Clutter, ...] = get_args(Clutter)
+STEPPED_SCENES = ("carton_steps", "pallet_steps", "drawers", "escalator")
+"""Scenes that are stairs by shape; width and context distinguish them from a flight."""
+STAIRLESS_SCENES = (
+    *ROOM_SCENES, *STEPPED_SCENES, "blinds", "radiator", "chairs", "sofa", "cable_ladder", "crates", "rubble", "corrugated",
+    "relief", "kerb", "ramp_turn", "street", "terrace", "podium", "fence",
+)  # fmt: skip
+"""All scenes without a stair to climb; the later ones have repeated edges: furniture, goods, building parts, street furniture."""
+CLUTTER = ("rail_left", "rail_right", "legs", "mat", "bag", "strips", "shadow", "wet")
 """Names of the kinds of clutter."""
-Sensor = Literal["kinect1", "kinect2", "tof", "d435", "d455", "ideal"]
-Treads = Literal["solid", "grating", "glass", "glass_strips"]
-"""Material of the treads. Panes of glass return nothing; their ground front edges do, and strips along the nosings."""
-Texture = Literal["wood", "concrete", "carpet", "terrazzo", "dark"]
-Walls = Literal["none", "left", "right", "both"]
+TEXTURES = ("wood", "concrete", "carpet", "terrazzo", "dark")
 Range = tuple[float, float]
 """Smallest and largest value of a uniform distribution."""
 PLACES_M: dict[str, Range] = {
@@ -92,7 +47,7 @@ ALONE: dict[str, tuple[str, ...]] = {
 class ViewRecipe:
     """Parameter ranges of a view. A range (a, a) fixes the value; of several words one is drawn."""
 
-    scenes: tuple[Scene, ...] = ("up",)
+    scenes: tuple[str, ...] = ("up",)
     slope_deg: Range = (25.0, 35.0)
     rise_m: Range = (0.14, 0.19)
     run_m: Range | None = None
@@ -102,7 +57,7 @@ class ViewRecipe:
     landing_m: Range = (1.2, 2.5)
     back_wall_deg: Range = (-20.0, 20.0)
     """Yaw of the wall behind the landing."""
-    walls: tuple[Walls, ...] = ("none", "left", "right", "both")
+    walls: tuple[str, ...] = ("none", "left", "right", "both")
     open_risers: bool = False
     rise_jitter_m: float = 0.0
     run_jitter_m: float = 0.0
@@ -119,7 +74,8 @@ class ViewRecipe:
     """Radius of the centre line of a quarter turn of winders ahead of the chair, to a random side; None: no winders."""
     edge_holes_m: float = 0.0
     """Width of the bands without depth along the edges of the treads, as on metal strips or in the shadow of a nosing."""
-    treads: Treads = "solid"
+    treads: str = "solid"
+    """Material: solid, grating, glass or glass_strips. Panes of glass return nothing; their ground front edges do, and strips."""
     runner: bool = False
     """Whether a carpet runner covers the middle of the flight."""
     heading_deg: Range = (-35.0, 35.0)
@@ -135,7 +91,7 @@ class ViewRecipe:
     """Speed of the chair along its own x axis during the readout."""
     turn_rate_deg_s: float = 0.0
     """Standard deviation of the rates of roll, pitch and yaw during the readout."""
-    sensor: Sensor = "kinect1"
+    sensor: str = "kinect1"
     sensor_known: bool = False
     """Whether the frame's calibration names the sensor."""
     sigma_px: float | None = None
@@ -163,11 +119,11 @@ class ViewRecipe:
     """Roll of the true mount minus roll of the calibrated mount."""
     gravity_error_deg: float = 0.5
     """Error of the measured gravity direction, towards a random side."""
-    textures: tuple[Texture, ...] = get_args(Texture)
+    textures: tuple[str, ...] = TEXTURES
     light: Range = (0.35, 1.6)
     blur_px: Range = (0.0, 0.0)
     """Length of the motion blur of the colour image."""
-    clutter: tuple[Clutter, ...] = ()
+    clutter: tuple[str, ...] = ()
     clutter_chance: float = 1.0
     """Probability of each kind of clutter."""
 

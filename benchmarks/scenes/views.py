@@ -21,7 +21,7 @@ from scenes.camera import SceneCamera, Sweep
 from scenes.clutter import cast_shadows
 from scenes.flight import DIRECTIONS, LEVEL, Pose, TiltedFlight, bend, draw_flight, draw_pose, rocked
 from scenes.ground_truth import StairTruth, stair_truth
-from scenes.recipe import STAIR_SCENES, Range, Scene, ViewRecipe, drawn
+from scenes.recipe import STAIR_SCENES, Range, ViewRecipe, drawn
 from scenes.rooms import room
 from scenes.setting import Setting, stair_setting
 from treadline.core.angles import DEG, rotation_z
@@ -49,7 +49,7 @@ ROOM_YAW_DEG: Range = (-12.0, 12.0)
 class View:
     """Frame with the inputs of a detector and the ground truth."""
 
-    scene: Scene
+    scene: str
     frame: RgbdFrame
     gravity_C: Float[np.ndarray, " 3"]
     """Gravity direction from IMU and calibrated mount, with errors."""
@@ -66,7 +66,7 @@ class View:
 class _Stage:
     """Constant part of a sequence of views."""
 
-    scene: Scene
+    scene: str
     chair: ChairDescription
     declared: PinholeCamera
     true: PinholeCamera

@@ -1,13 +1,9 @@
 """Shapes of steps and flights: bowed nosings, bands without depth, narrow open flights, curved flights and winders."""
 
-import math
-
 import numpy as np
 import pytest
 from jaxtyping import Float
 from scenes import View, ViewRecipe, draw_view
-
-from treadline.core.angles import DEG
 
 IDEAL: dict[str, object] = {"sensor": "ideal", "gravity_error_deg": 0.0, "heading_deg": (0.0, 0.0), "back_wall_deg": (0.0, 0.0)}
 
@@ -69,16 +65,6 @@ def test_a_narrow_flight_ends_with_a_drop_at_each_side() -> None:
     across = points_B(seen)[step][:, 1]
     assert across.max() == pytest.approx(truth.left_edge_m, abs=0.01)
     assert across.min() == pytest.approx(-truth.right_edge_m, abs=0.01)
-
-
-@pytest.mark.parametrize(("walls", "scene", "sides"), [("left", "up", ("wall", "open")), ("left", "down", ("open", "wall"))])
-def test_sides_are_seen_from_the_chair(walls: str, scene: str, sides: tuple[str, str]) -> None:
-    truth = view(4, walls=(walls,), scenes=(scene,), lateral_m=(0.1, 0.1)).stair
-    assert truth is not None
-    assert (truth.left_side, truth.right_side) == sides
-    wall_m = truth.left_wall_m if sides[0] == "wall" else truth.right_wall_m
-    edge_m = truth.left_edge_m if sides[0] == "wall" else truth.right_edge_m
-    assert wall_m is None or wall_m == pytest.approx(edge_m)
 
 
 @pytest.mark.parametrize("band_m", [0.015, 0.03])
@@ -146,10 +132,3 @@ def test_winders_turn_a_quarter_ahead_of_a_straight_part() -> None:
 def test_shapes_that_cannot_be_combined_are_refused_with_their_names() -> None:
     with pytest.raises(ValueError, match="bow_m with treads is not supported; give one of them"):
         ViewRecipe(bow_m=(0.05, 0.05), treads="glass")
-
-
-def test_bows_do_not_turn_the_heading() -> None:
-    seen = view(10, bow_m=(0.1, 0.1), heading_deg=(15.0, 15.0))
-    assert seen.stair is not None
-    assert seen.stair.heading_rad == pytest.approx(15.0 * DEG, abs=1e-9)
-    assert math.isclose(float(np.linalg.norm(seen.stair.edge_C)), 1.0)

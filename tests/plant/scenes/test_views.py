@@ -88,21 +88,6 @@ def test_nosings_in_view_stand_where_the_picture_shows_an_edge(scene: str) -> No
 
 
 @pytest.mark.parametrize("scene", STAIR_SCENES)
-def test_treads_in_view_are_the_heights_that_fill_the_picture(scene: str) -> None:
-    for seed in range(6):
-        seen = view(seed, scenes=(scene,), walls=("none",), **IDEAL)
-        truth = seen.stair
-        assert truth is not None
-        up = -seen.true_camera.R_BC @ seen.true_gravity_C
-        floor = np.array([*(kind == "floor" for kind in seen.kinds), True])[seen.exact.face // 6]
-        heights = points_B(seen)[~floor] @ up
-        # Against the nearest nosing: whole rises are treads, to a hair; risers cross a hair in few pixels.
-        steps = (heights - truth.nosings_B[0] @ up) / truth.rise_m
-        _, counts = np.unique(np.round(steps[np.abs(steps - np.round(steps)) < 1e-6]), return_counts=True)
-        assert truth.treads_in_view == np.count_nonzero(counts > 0.01 * floor.size)
-
-
-@pytest.mark.parametrize("scene", STAIR_SCENES)
 def test_nosings_are_a_step_apart(scene: str) -> None:
     seen = view(5, scenes=(scene,), heading_deg=(0.0, 0.0), **IDEAL)
     truth = seen.stair
@@ -160,22 +145,6 @@ def test_the_end_of_a_flight_is_in_view_near_its_top_only() -> None:
     assert not any(truth is not None and truth.end_in_view for truth in far)
 
 
-def test_facing_down_hides_the_risers() -> None:
-    for seed in range(4):
-        seen = view(seed, scenes=("down",), **IDEAL)
-        camera = seen.true_camera
-        points = points_B(seen)
-        across = np.cross(np.diff(points, axis=0)[:, :-1], np.diff(points, axis=1)[:-1])
-        normals = across / np.linalg.norm(across, axis=2, keepdims=True)
-        faces = seen.exact.face
-        same = (faces[:-1, :-1] == faces[1:, :-1]) & (faces[:-1, :-1] == faces[:-1, 1:]) & (faces[:-1, :-1] >= 0)
-        level = np.abs(normals @ (camera.R_BC @ seen.true_gravity_C)) > 0.9
-        forward = np.abs(normals @ np.cross(camera.R_BC @ seen.true_gravity_C, camera.R_BC @ seen.stair.edge_C)) > 0.9
-        # A wall before the floor's end may stand square; risers would fill a third of the image.
-        assert (level & same).mean() > 0.2
-        assert (forward & same).mean() < 0.15
-
-
 def test_gravity_has_the_requested_error() -> None:
     for seed in range(5):
         seen = view(seed, gravity_error_deg=0.5)
@@ -209,11 +178,10 @@ def test_a_plain_view_is_what_the_plants_camera_sees() -> None:
 
 @pytest.mark.parametrize("scene", STAIRLESS_SCENES)
 def test_a_place_without_a_stair_has_no_truth_of_one_but_depth(scene: str) -> None:
-    for seed in range(3):
-        seen = view(seed, scenes=(scene,))
-        assert seen.stair is None
-        assert np.isfinite(seen.frame.depth_m).mean() > 0.25
-        assert seen.frame.rgb.std() > 1.0
+    seen = view(0, scenes=(scene,))
+    assert seen.stair is None
+    assert np.isfinite(seen.frame.depth_m).mean() > 0.25
+    assert seen.frame.rgb.std() > 1.0
 
 
 def test_blur_softens_colour_along_its_way_and_leaves_depth() -> None:
@@ -241,20 +209,6 @@ def test_warp_is_smooth_and_of_the_requested_size() -> None:
     means = np.nanmean(blocks, axis=2)
     assert float(means.std()) == pytest.approx(0.2, rel=0.15)
     assert np.abs(np.diff(means, axis=1)).max() < 0.3
-
-
-def test_tilted_treads_leave_the_nosings_truth_where_the_picture_shows_it() -> None:
-    checked = 0
-    for seed in range(4):
-        seen = view(seed, tread_tilt_deg=2.0, heading_deg=(-12.0, 12.0), lateral_m=(-0.25, 0.25), **IDEAL)
-        truth = seen.stair
-        assert truth is not None
-        points = points_B(seen).reshape(-1, 3)
-        points = points[np.isfinite(points).all(axis=1)]
-        for nosing in truth.nosings_B[truth.nosing_in_view & (truth.nosings_B[:, 0] < 2.0)]:
-            assert np.linalg.norm(points - nosing, axis=1).min() < 0.012
-            checked += 1
-    assert checked >= 4
 
 
 def test_holes_cover_the_requested_fraction() -> None:
@@ -287,9 +241,3 @@ def test_a_drive_shows_one_flight_from_one_camera() -> None:
 def test_a_drive_needs_a_flight_under_the_chair(scene: str) -> None:
     with pytest.raises(SettingsError, match=scene):
         RecordedDrive(np.random.default_rng(0), ViewRecipe(scenes=(scene,)))
-
-
-@pytest.mark.parametrize("known", [False, True])
-def test_the_calibration_names_the_sensor_if_the_recipe_says_so(known: bool) -> None:
-    seen = view(1, sensor="d455", sensor_known=known)
-    assert seen.frame.camera.sensor == ("d455" if known else "auto")

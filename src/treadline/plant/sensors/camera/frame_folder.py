@@ -24,7 +24,7 @@ from treadline.vehicle.staircase import build_staircase
 DEPTH_UNIT_M = 0.001
 """Depth unit of the PNG files [m]; 0 is no return."""
 PLACE_M, LATERAL_M = (0.3, 3.0), (-0.25, 0.25)
-"""Ranges of mid-track beyond the first nosing that it has passed, and beside the middle of the flight [m]."""
+"""Ranges of mid-track: distance beyond the first nosing that it has passed, and to the left of the middle of the flight [m]."""
 
 
 class TrueFrame(NamedTuple):
