@@ -228,7 +228,7 @@ def see_live(
     from treadline.core.images import gravity_of
     from treadline.core.processes import Terminated, deferred
     from treadline.io.frames.results import HeadingTable, Summary
-    from treadline.io.live.depth_camera import camera_by_name
+    from treadline.io.live import camera_by_name
     from treadline.io.live.stream import LiveFrames
     from treadline.perception.frame_evaluation import FrameEvaluator, write_seen
     from treadline.scenario.camera_file import read_camera

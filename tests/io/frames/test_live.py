@@ -14,9 +14,9 @@ from treadline.cli import main
 from treadline.cli.see import StatusLine
 from treadline.core.errors import CameraError, ImageError, SettingsError
 from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame
-from treadline.io.live import depth_camera
+from treadline.io.live import camera_by_name
 from treadline.io.live._vendor import no_frame, not_opened
-from treadline.io.live.depth_camera import CameraImages, camera_by_name
+from treadline.io.live.depth_camera import CameraImages
 from treadline.io.live.stream import LiveFrames
 from treadline.scenario.camera_file import read_camera
 
@@ -194,7 +194,7 @@ def plugged_in(monkeypatch: pytest.MonkeyPatch, frame) -> Callable[..., FakeCame
 
     def plug(images: list[CameraImages], error: Exception | None = None) -> FakeCamera:
         camera = FakeCamera(bare(frame), images, error)
-        monkeypatch.setattr(depth_camera, "camera_by_name", lambda _name: camera)
+        monkeypatch.setattr("treadline.io.live.camera_by_name", lambda _name: camera)
         return camera
 
     return plug

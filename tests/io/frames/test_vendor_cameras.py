@@ -18,8 +18,8 @@ import pytest
 from treadline.cli import main
 from treadline.core.errors import CameraError
 from treadline.core.images import PinholeCamera
+from treadline.io.live import CAMERAS, camera_by_name
 from treadline.io.live._vendor import Undistortion, rotation_or_none
-from treadline.io.live.depth_camera import CAMERAS, camera_by_name
 from treadline.io.live.stream import LiveFrames
 
 COUNT = 3

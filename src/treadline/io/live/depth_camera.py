@@ -1,13 +1,11 @@
-"""Protocol of a live depth camera, and the table of the cameras that can be opened by name."""
+"""Protocol of a live depth camera."""
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-from treadline.core.errors import SettingsError
 from treadline.core.images import PinholeCamera
 
 
@@ -60,24 +58,3 @@ class DepthCamera(Protocol):
     def close(self) -> None:
         """Stop the streams; a camera that is not open stays as it is."""
         ...
-
-
-CAMERAS = {
-    "realsense": ("treadline.io.live._realsense", "RealSenseCamera"),
-    "orbbec": ("treadline.io.live._orbbec", "OrbbecCamera"),
-    "oak": ("treadline.io.live._oak", "OakCamera"),
-}
-"""Module and class of each camera."""
-
-
-def camera_by_name(name: str) -> DepthCamera:
-    """Return a closed camera.
-
-    Raises:
-        SettingsError: If the name is not in ``CAMERAS``.
-    """
-    if name not in CAMERAS:
-        raise SettingsError(f"--live is '{name}'; allowed: {', '.join(CAMERAS)}")
-    module, maker = CAMERAS[name]
-    camera: DepthCamera = getattr(import_module(module), maker)()
-    return camera
