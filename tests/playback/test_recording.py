@@ -13,7 +13,6 @@ from treadline.core.images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import HeadingEstimate, ImuSample, SeatCommand, TrackCommand
 from treadline.io.columns import read_contents
-from treadline.io.decode import OURS
 from treadline.io.mcap_read import read_log
 from treadline.io.runs import LOG
 from treadline.plant.mujoco import open_plant
@@ -235,12 +234,6 @@ def test_decimation_keeps_every_nth_sample() -> None:
     assert recording.decimated(4).t_s.tolist() == recording.t_s[::4].tolist()
     assert recording.decimated(4).p_WB.shape == (TICKS // 4, 3)
     assert recording.decimated(4).events == recording.events
-
-
-def test_every_topic_that_is_read_in_columns_is_one_of_ours() -> None:
-    from treadline.playback._read_run import IMU, NUMERIC, TRUTH
-
-    assert {*NUMERIC, IMU, TRUTH} <= set(OURS)
 
 
 def test_a_log_without_its_folder_is_the_run_of_its_folder(tmp_path: Path) -> None:

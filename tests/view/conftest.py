@@ -68,7 +68,7 @@ def a_run(*, more: tuple[Event, ...] = (), **columns: Any) -> Recording:
 
 def session_of(run: Recording, t_s: float = 0.0, *, live: bool = False, attended: bool = False) -> Session:
     """Return a session of a run with its cursor at a time."""
-    feed = Feed(order=Order(scenario=Scenario(), seed=0), recording=run, worker=FakeWorker() if live else None)
+    feed = Feed(order=Order(scenario=Scenario(), seed=0), recording=run, workers={"run": FakeWorker()} if live else {})
     return Session(feed=feed, title="run", cursor_s=t_s, playing=live, following=live, attended=attended)
 
 

@@ -214,14 +214,14 @@ def test_a_recorded_run_is_repeated_for_its_contact_forces(run: Feed) -> None:
     feed.start_repeat(make)
     assert "repeating the run" in session.contacts_note
     feed.drain()
-    assert feed.repeat is None
+    assert not feed.workers
     assert session.contacts_note == ""
     assert [found.t_s for found in feed.contacts] == [found.t_s for found in live.contacts]
     for found, expected in zip(feed.contacts, live.contacts, strict=True):
         np.testing.assert_array_equal(found.forces_W, expected.forces_W)
     assert repeated[0].seed == 5
     session.ask_contacts(asked=True)  # known already: no process starts
-    assert feed.repeat is None
+    assert not feed.workers
 
 
 class FinishedWorker(FakeWorker):

@@ -30,7 +30,7 @@ from treadline.view._panels import (
     transitions_html,
 )
 from treadline.view._plots import PLOTS, legend_html, plot_data
-from treadline.view._session import Session
+from treadline.view._session import Fork, Session
 
 from .conftest import END_S, LIMITS, a_run, session_of
 
@@ -107,7 +107,7 @@ def test_the_texts_name_hold_phase_and_least_margin_and_escape_what_a_log_says()
         assert said in state
     assert "hold" in events_html(session)
     assert "rearmed" not in events_html(session)
-    session.ghost = session.feed
+    session.ghost = Fork(feed=session.feed, from_s=2.0, name="none", began_at=0.0)
     assert timeline_html(session).count("position:absolute") == 6  # two phases, hold, re-arm, fork, cursor
     assert "end of the flight" in transitions_html(session)
     assert "HOLD" not in state_html(session_of(a_run(), 16.0, live=True))

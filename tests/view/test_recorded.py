@@ -45,7 +45,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def image_order(folder: Path) -> ImageOrder:
     chair = read_chair("wheelchair")
-    return ImageOrder(log=str(folder / LOG), camera=chair.camera_at(240), swept_half_m=chair.swept_half_m)
+    return ImageOrder(log=str(folder / LOG), camera=chair.camera_at(240), swept_half_m=chair.swept_half_m, latency_s=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def test_detected_planes_lie_on_the_stair(frames: list[ShownFrame], live: Feed) 
     """Test: corners of the detected treads at the true pose. Expected: at heights of treads, and above true treads in plan."""
     run, heights = live.recording, np.array([step.z_m for step in as_designed(SHORT.stair).steps])
     poses = [(rotation_of(run.quat_WB[k]), run.p_WB[k]) for k in (run.index_at(frame.t_s) for frame in frames)]
-    found = [frame.treads_B.reshape(-1, 3) @ R_WB.T + p_WB for frame, (R_WB, p_WB) in zip(frames, poses, strict=True)]
+    found = [frame.planes_B["treads"].reshape(-1, 3) @ R_WB.T + p_WB for frame, (R_WB, p_WB) in zip(frames, poses, strict=True)]
     corners = np.concatenate(found)
     assert len(corners) > 20
     off = np.abs(corners[:, 2:] - heights).min(axis=1)
@@ -104,7 +104,7 @@ def test_frames_replace_the_stair_maps_that_came_from_them(folder: Path, frames:
     feed = Feed.recorded(read_recording(folder), live.order)
     maps = len(feed.frames)
     for frame in frames:
-        feed.take_image("frame", frame)
+        feed.take("frame", frame, "images")
     assert len(feed.frames) >= maps
     assert all(frame.picture is not None for frame in feed.frames)
     assert (np.diff([frame.t_s for frame in feed.frames]) > 0.0).all()
@@ -180,11 +180,11 @@ def test_the_images_of_a_bag_are_shown_at_their_time(tmp_path: Path, name: str, 
     write_bag(path, compressed=compressed)
     session = open_recorded(str(path))
     feed = session.feed
-    assert feed.images is not None
-    order = ImageOrder(log=str(path), camera=SMALL, swept_half_m=0.4)
-    feed.end_images()
+    assert "images" in feed.workers
+    order = ImageOrder(log=str(path), camera=SMALL, swept_half_m=0.4, latency_s=0.0)
+    feed.close()
     for shown in pictures_of(order):
-        feed.take_image("frame", shown)
+        feed.take("frame", shown, "images")
     assert [frame.t_s for frame in feed.frames] == pytest.approx([0.0, 0.1, 0.2], abs=1e-5)
     assert [frame.is_judged for frame in feed.frames] == [False, True, False]
     assert [len(frame.nosings_B) for frame in feed.frames] == [0, 1, 0]

@@ -36,7 +36,7 @@ def test_pause_step_and_speed_act_on_an_attended_simulation(attended: Session) -
     attended.step(1)
     attended.play(playing=True)
     attended.set_speed(2.0)
-    assert attended.feed.worker.sent == [("speed", -1.0), ("step", 1), ("speed", 1.0), ("speed", 2.0)]
+    assert attended.feed.workers["run"].sent == [("speed", -1.0), ("step", 1), ("speed", 1.0), ("speed", 2.0)]
 
 
 def test_a_session_that_only_views_passes_no_command_on(attended: Session) -> None:
@@ -46,7 +46,7 @@ def test_a_session_that_only_views_passes_no_command_on(attended: Session) -> No
     attended.act(Fault(kind="imu_lost"))
     attended.set_manual(manual=True)
     attended.report(dead_man=True, ahead=1.0, turn=0.0)
-    assert attended.feed.worker.sent == []
+    assert attended.feed.workers["run"].sent == []
 
 
 @pytest.fixture
@@ -62,17 +62,17 @@ def test_a_silent_handset_counts_as_released(attended: Session, clock: list[floa
     attended.set_manual(manual=True)
     attended.report(dead_man=True, ahead=2.0, turn=-0.5)
     driving = Handset(manual=True, speed_m_s=0.10, turn_m_s=-0.04)
-    assert attended.feed.worker.sent[-1][1] == driving
+    assert attended.feed.workers["run"].sent[-1][1] == driving
     clock[0] += silence_s
     attended.advance(0.0)
-    assert attended.feed.worker.sent[-1][1] == (driving if dead_man else Handset(manual=True, dead_man=False))
+    assert attended.feed.workers["run"].sent[-1][1] == (driving if dead_man else Handset(manual=True, dead_man=False))
 
 
 def test_a_pressed_button_is_released_by_itself(attended: Session, clock: list[float]) -> None:
     attended.press("stop")
     clock[0] += 1.0
     attended.advance(0.0)
-    assert [command.stop for _, command in attended.feed.worker.sent] == [True, False]
+    assert [command.stop for _, command in attended.feed.workers["run"].sent] == [True, False]
 
 
 # ---- changes ----

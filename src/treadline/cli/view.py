@@ -81,13 +81,12 @@ def view(
 def _served(server: Any, session: Any, handlers: dict[str, Any], *, no_browser: bool, seconds: float | None) -> Answer:
     """Serve the page until Ctrl-C or the end of the given time."""
     from treadline.core.errors import SettingsError
-    from treadline.view.app import App, handset_handler, jump_handler
+    from treadline.view.app import App, page_handler
 
-    handlers["handset"] = handset_handler(session)
     ended = threading.Event()
     try:
         app = App(server, session)
-        handlers["jump"] = jump_handler(app)
+        handlers["page"] = page_handler(app, session)
         url = server.rules.url
         _say(f"view: {url}")
         _say(_exposure(server.rules.host, attended=session.attended))

@@ -160,7 +160,7 @@ def _play(
         if isinstance(signal, Event):
             sink(signal, now_s)
 
-    blocks = settings.blocks(WatchedDetector(detector, sink), shows_stair=recording.shows_stair)
+    blocks = settings.blocks(WatchedDetector(detector, sink.saw), shows_stair=recording.shows_stair)
     plant = ReplayPlant(recording.arrivals(aside), settings.R_BI)
     mission = Mission(plant, blocks, log)
     while not plant.over:

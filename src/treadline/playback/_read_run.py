@@ -24,25 +24,25 @@ from treadline.playback._recording import Limits, Recording
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, scenario_of
 
-MAPS = "/stair/map/detail"
-COLOUR = "/camera/color/image_raw"
-TRUTH = "/truth"
+MAPS, COLOUR, TRUTH, IMU = "/stair/map/detail", "/camera/color/image_raw", "/truth", "/imu"
 NUMERIC: dict[str, type] = {
+    TRUTH: Truth,
     "/stair/heading/detail": HeadingEstimate,
     "/tracks/cmd": TrackCommand,
     "/tracks/state": TrackReading,
     "/seat/state": SeatReading,
     "/flipper/state": FlipperReading,
     "/arm/state": FlipperReading,  # logs of release 0.1
+    IMU: ImuSample,
 }
-"""Topics of numbers besides ground truth and IMU, with the signal that each holds."""
+"""Topics of numbers, with the signal that each holds."""
 POSITIONS: dict[type, tuple[str, ...]] = {
+    Truth: TRUTH_NAMES,
     HeadingEstimate: ("heading_rad", "sigma_rad"),
     SeatReading: ("pitch",),
     FlipperReading: ("angle",),
 }
 """Names of the positions that become columns of ``COLUMNS``; belts have velocities."""
-IMU = "/imu"
 DEFAULT_CHAIR = "wheelchair"
 
 
@@ -139,9 +139,9 @@ def _scenario(path: Path, settings: dict[str, Any]) -> Scenario | None:
 
 def _take_log(path: Path, builder: RecordingBuilder) -> None:
     """Read the needed topics of a treadline log."""
-    contents = read_contents(path, [*NUMERIC, TRUTH], [EVENTS, MAPS], [COLOUR])
+    contents = read_contents(path, [topic for topic in NUMERIC if topic != IMU], [EVENTS, MAPS], [COLOUR])
     if TRUTH not in contents.columns:
-        contents = read_contents(path, [*NUMERIC, IMU], [EVENTS, MAPS], [COLOUR])
+        contents = read_contents(path, list(NUMERIC), [EVENTS, MAPS], [COLOUR])
     for topic, columns in contents.columns.items():
         kind, rows = _rows(path, topic, columns)
         builder.add(Signals(rows={kind: rows}))
@@ -154,26 +154,24 @@ def _take_log(path: Path, builder: RecordingBuilder) -> None:
 
 def _rows(path: Path, topic: str, columns: Columns) -> tuple[type, Float[np.ndarray, "n c"]]:
     """Return the numbers of a topic in the order of ``COLUMNS``."""
-    if topic == IMU:
-        # Orientation x, y, z, w; then a covariance of nine and the angular velocity.
-        values = columns.position
-        return ImuSample, np.column_stack([columns.t_s, values[:, [3, 0, 1, 2]], values[:, 14]])
-    if topic == TRUTH:
-        lacking = [name for name in TRUTH_NAMES if name not in columns.names and name not in ADDED_TRUTH]
-        if lacking:
-            raise LogFormatError(f"{path}: the ground truth lacks {lacking[0]}; is it of another version?")
-        unknown = np.full(len(columns.t_s), np.nan)
-        found = [columns.column(name) for name in TRUTH_NAMES]
-        return Truth, np.column_stack([columns.t_s, *(unknown if column is None else column for column in found)])
     kind = NUMERIC[topic]
+    if kind is ImuSample:
+        # Orientation x, y, z, w; then a covariance of nine and the angular velocity.
+        return kind, np.column_stack([columns.t_s, columns.position[:, [3, 0, 1, 2, 14]]])
     if kind in (TrackCommand, TrackReading):
         if columns.velocity.shape[1] < 2:
             raise LogFormatError(f"{path}: {topic} holds no belt speeds; is it of another version?")
         return kind, np.column_stack([columns.t_s, columns.velocity[:, :2]])
-    known = [column for column in map(columns.column, POSITIONS[kind]) if column is not None]
-    if len(known) < len(POSITIONS[kind]):
-        raise LogFormatError(f"{path}: {topic} lacks {' or '.join(POSITIONS[kind])}; is it of another version?")
-    return kind, np.column_stack([columns.t_s, *known])
+    found = {name: columns.column(name) for name in POSITIONS[kind]}
+    lacking = [name for name, column in found.items() if column is None and name not in ADDED_TRUTH]
+    if lacking:
+        raise LogFormatError(f"{path}: {topic} lacks {lacking[0]}; is it of another version?")
+    unknown = np.full(len(columns.t_s), np.nan)
+    return kind, np.column_stack([columns.t_s, *(unknown if column is None else column for column in found.values())])
+
+
+BAG_READERS = {name: (OURS | LOOKED)[name] for name in (*NUMERIC, EVENTS, MAPS)}
+"""Type and reader of each topic of a bag that a recording needs; a topic with another type means something else."""
 
 
 def bag_origin_ns(path: Path) -> int:
@@ -182,23 +180,19 @@ def bag_origin_ns(path: Path) -> int:
     Raises:
         LogFormatError: If the bag is damaged.
     """
-    for topic, logged_ns, data in packets(path, {*NUMERIC, TRUTH, IMU, EVENTS, MAPS}.__contains__, sealed=False):
-        if topic.kind == (OURS | LOOKED)[topic.name][0]:
+    for topic, logged_ns, data in packets(path, BAG_READERS.__contains__, sealed=False):
+        if topic.kind == BAG_READERS[topic.name][0]:
             return round(reader_of(topic, data, logged_ns).stamp()[0] * 1e9)
     return 0
 
 
 def _bag_signals(path: Path) -> Iterator[tuple[Any, float]]:
     """Yield the signals of a bag on a clock that starts with its first message, and the time at which each was logged."""
-    readers = {**OURS, MAPS: LOOKED[MAPS]}
-    wanted = {*NUMERIC, TRUTH, IMU, EVENTS, MAPS}
-    origin_ns: int | None = None
-    for topic, logged_ns, data in packets(path, wanted.__contains__, sealed=False):
-        kind, read = readers[topic.name]
+    origin_ns = bag_origin_ns(path)
+    for topic, logged_ns, data in packets(path, BAG_READERS.__contains__, sealed=False):
+        kind, read = BAG_READERS[topic.name]
         if topic.kind != kind:
-            continue  # a topic of the same name with another meaning
-        if origin_ns is None:
-            origin_ns = round(reader_of(topic, data, logged_ns).stamp()[0] * 1e9)
+            continue
         try:
             yield read(reader_of(topic, data, logged_ns, origin_ns)), 1e-9 * (logged_ns - origin_ns)
         except LogFormatError as error:

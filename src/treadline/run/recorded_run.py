@@ -76,7 +76,7 @@ def write_run(
     """
     with _scene_log(folder, setup, image_every, more, controller) as scene:
         if blocks is not None and image_every:
-            blocks = replace(blocks, detector=WatchedDetector(blocks.detector, scene))
+            blocks = replace(blocks, detector=WatchedDetector(blocks.detector, scene.saw))
         run = run_episode(setup, blocks=blocks, sink=scene, watch=_watching(scene, watch))
     write_series(folder, series(run.trace, run.estimate_rad))
     write_result(folder, run.summary())

@@ -7,7 +7,7 @@ root. Everything is a function of the signals: the same signals give the same by
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -215,20 +215,20 @@ class SceneLog:
 
 
 class WatchedDetector:
-    """Stair detector that hands each frame and its result to a scene log.
+    """Stair detector that hands each frame and its result to a log or a viewer.
 
     Args:
         detector: Detector in use.
-        scene: Log that draws the overlay.
+        saw: Receives frame and result.
     """
 
-    def __init__(self, detector: Detector, scene: SceneLog) -> None:
-        self._detector, self._scene = detector, scene
+    def __init__(self, detector: Detector, saw: Callable[[RgbdFrame, Detection], None]) -> None:
+        self._detector, self._saw = detector, saw
 
     def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Detection:
         """Return what the detector returns for a frame."""
         seen = self._detector.see(frame, gravity_C)
-        self._scene.saw(frame, seen)
+        self._saw(frame, seen)
         return seen
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from treadline.core.images import PinholeCamera
 from treadline.core.signals import TICK_S
-from treadline.playback import SILENT_S, NosingComparison, Recording, RecordingBuilder, Signals, staircase_of
+from treadline.playback import SILENT_S, NosingComparison, Recording, RecordingBuilder, staircase_of
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import Conditions, Fault, payload_shift_m
 from treadline.vehicle.staircase import Staircase
@@ -41,11 +41,9 @@ class Feed:
     """Contact forces of the ticks at which they were asked for."""
     script: Script = field(default_factory=list)
     error: str | None = None
-    worker: Worker | None = None
-    images: Worker | None = None
-    """Worker that runs the detector on the images of a log."""
-    repeat: Worker | None = None
-    """Worker that repeats the run from its seed and sends the contact forces."""
+    workers: dict[str, Worker] = field(default_factory=dict)
+    """Processes that extend the feed: ``run`` simulates, ``images`` runs the detector on the images of a log, and ``repeat``
+    simulates the run again for the contact forces."""
     illustrated: int = 0
     """Number of frames that came from the images of a log."""
 
@@ -71,7 +69,20 @@ class Feed:
 
     def start(self, make: Callable[[Order], Worker] = Worker) -> None:
         """Start the simulation."""
-        self.worker = make(self.order)
+        self.workers["run"] = make(self.order)
+
+    def start_repeat(self, make: Callable[[Order], Worker] = Worker) -> None:
+        """Repeat the run, which has ended, for its contact forces."""
+        self.contacts.clear()
+        script = tuple(self.script or self.order.script)
+        self.workers["repeat"] = make(replace(self.order, script=script, speed=FASTEST, pictures=False, contacts=True))
+
+    def close(self, *names: str) -> None:
+        """End the named workers, or all."""
+        for name in names or tuple(self.workers):
+            worker = self.workers.pop(name, None)
+            if worker is not None:
+                worker.close()
 
     # What is known of an instant
 
@@ -79,6 +90,11 @@ class Feed:
     def end_s(self) -> float:
         """Time of the last sample [s]."""
         return self.recording.duration_s
+
+    @property
+    def is_live(self) -> bool:
+        """Whether the simulation still runs."""
+        return "run" in self.workers
 
     @property
     def is_empty(self) -> bool:
@@ -133,73 +149,50 @@ class Feed:
 
     def drain(self) -> None:
         """Take what the workers have sent."""
-        for kind, value in [] if self.images is None else self.images.receive():
-            self.take_image(kind, value)
-        for kind, value in [] if self.repeat is None else self.repeat.receive():
-            self.take_repeated(kind, value)
-        if self.worker is None:
-            return
-        messages = self.worker.receive()
-        for kind, value in messages:
-            self.take(kind, value)
-        if self.worker is not None and not messages and not self.worker.is_alive:
-            self.error = self.error or "the simulation ended unexpectedly; treadline view --debug shows more"
-            self.close()
+        for name, worker in tuple(self.workers.items()):
+            messages = worker.receive()
+            for kind, value in messages:
+                self.take(kind, value, name)
+            if name == "run" and self.is_live and not messages and not worker.is_alive:
+                self.error = self.error or "the simulation ended unexpectedly; treadline view --debug shows more"
+                self.close()
 
-    def take(self, kind: str, value: Any) -> None:
-        """Take a message of the simulation."""
+    def take(self, kind: str, value: Any, worker: str = "run") -> None:
+        """Take a message of a worker; of a repetition, only the contact forces count."""
         match kind:
-            case "ticks":
-                signals, frames = value
-                self._grow(signals)
-                self.frames += frames
-                self._forget_pictures(len(frames))
-            case "limits" if self.builder is not None:
-                self.builder.limits = value
-            case "obstacle":
-                self.obstacles.append(value)
             case "contacts":
                 self.contacts += value
                 del self.contacts[:-CONTACTS_MAX]
-            case "script":
-                self.script.append(value)
-            case "end":
-                self.recording = replace(self.recording, verdict=value[0], cause=value[1])
-                self.close()
             case "error":
                 self.error = value
-                self.close()
+                self.close(worker)
+            case "end":
+                if worker == "run":
+                    self.recording = replace(self.recording, verdict=value[0], cause=value[1])
+                self.close(worker)
+            case "frame":
+                self._illustrate(value)
+            case "ticks" if self.builder is not None and worker == "run":
+                signals, frames = value
+                self.builder.add(signals)
+                self.recording = self.builder.build()
+                self.frames += frames
+                self._forget_pictures(len(frames))
+            case "limits" if self.builder is not None and worker == "run":
+                self.builder.limits = value
+            case "obstacle" if worker == "run":
+                self.obstacles.append(value)
+            case "script" if worker == "run":
+                self.script.append(value)
 
-    def _grow(self, signals: Signals) -> None:
-        if self.builder is not None:
-            self.builder.add(signals)
-            self.recording = self.builder.build()
-
-    def start_repeat(self, make: Callable[[Order], Worker] = Worker) -> None:
-        """Repeat the run, which has ended, for its contact forces."""
-        self.contacts.clear()
-        script = tuple(self.script or self.order.script)
-        self.repeat = make(replace(self.order, script=script, speed=FASTEST, pictures=False, contacts=True))
-
-    def take_repeated(self, kind: str, value: Any) -> None:
-        """Take a message of the repetition, of which only the contact forces count."""
-        if kind == "contacts":
-            self.take(kind, value)
-        elif kind in ("end", "error"):
-            self.error = value if kind == "error" else self.error
-            self.end_repeat()
-
-    def take_image(self, kind: str, value: Any) -> None:
-        """Replace the stair maps of a log by the frames that they came from."""
-        if kind != "frame":
-            self.error = value if kind == "error" else self.error
-            self.end_images()
-        elif value.is_judged:
-            maps = [frame for frame in self.frames[self.illustrated :] if frame.t_s > value.t_s + 0.5 * TICK_S]
-            self.frames[self.illustrated :] = [value, *maps]
+    def _illustrate(self, frame: ShownFrame) -> None:
+        """Replace the stair map of a log by the frame that it came from."""
+        if frame.is_judged:
+            maps = [other for other in self.frames[self.illustrated :] if other.t_s > frame.t_s + 0.5 * TICK_S]
+            self.frames[self.illustrated :] = [frame, *maps]
             self.illustrated += 1
         else:
-            self._add_picture(value)
+            self._add_picture(frame)
         self._forget_pictures(1)
 
     def _add_picture(self, frame: ShownFrame) -> None:
@@ -214,23 +207,3 @@ class Feed:
         old = max(len(self.frames) - PICTURES_MAX, 0)
         for number in range(max(old - count, 0), old):
             self.frames[number] = replace(self.frames[number], picture=None, depth_m=None)
-
-    def end_images(self) -> None:
-        """End the worker of the images; the frames so far stay."""
-        images, self.images = self.images, None
-        if images is not None:
-            images.close()
-
-    def end_repeat(self) -> None:
-        """End the repetition; the contact forces so far stay."""
-        repeat, self.repeat = self.repeat, None
-        if repeat is not None:
-            repeat.close()
-
-    def close(self) -> None:
-        """End the workers."""
-        self.end_images()
-        self.end_repeat()
-        worker, self.worker = self.worker, None
-        if worker is not None:
-            worker.close()

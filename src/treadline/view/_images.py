@@ -36,7 +36,7 @@ def send_frames(order: ImageOrder, put: Callable[[Any], None]) -> None:
     """Send all frames of a log, waiting for the viewer where it is slow."""
     for frame in frames_of(order) if has_arrivals(Path(order.log)) else pictures_of(order):
         put(("frame", frame))
-    put(("frames_end", None))
+    put(("end", None))
 
 
 def frames_of(order: ImageOrder) -> Iterator[ShownFrame]:
@@ -80,7 +80,7 @@ def shown(frame: RgbdFrame, detection: Detection, taken_s: float, *, with_pictur
     if stair is not None:
         more["nosings_B"] = stair.nosings_B
     if found is not None and found.parts is not None:
-        more |= {f"{name}_B": planes_of(getattr(found.parts, name), frame.camera) for name in ("treads", "risers")}
+        more["planes_B"] = {name: planes_of(getattr(found.parts, name), frame.camera) for name in ("treads", "risers")}
     if with_picture:
         drawn = frame.rgb if found is None else overlay(frame, found)[:-BAND_PX]
         more["picture"] = as_jpeg(drawn, PICTURE_PX)

@@ -11,18 +11,18 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.images import RgbdFrame
 from treadline.core.ports import Reading
 from treadline.core.signals import TICK_S, HeadingEstimate, MotionPlan, OperatorInput
-from treadline.mission.blocks import Detection, Detector
+from treadline.mission.blocks import Detection
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.plant.faults import FaultyPlant
 from treadline.plant.mujoco import open_plant
 from treadline.playback import Limits, SignalCollector
 from treadline.run.episode import Sink, Traverse, run_episode
 from treadline.run.resolve import Setup, resolve
+from treadline.run.scene_log import WatchedDetector
 from treadline.scenario.faults import Conditions, Fault
 from treadline.scenario.operator_actions import REPORT_S
 from treadline.scenario.scenario import Scenario
@@ -114,29 +114,8 @@ class AttendedPlanner:
         return replace(plan, speed_m_s=state.speed_m_s, turn_m_s=state.turn_m_s, min_inner_speed_ratio=None)
 
 
-class TappedDetector:
-    """Detector that passes each of its frames to ``note`` and returns the same detections.
-
-    Args:
-        detector: Detector of the mission.
-        note: Receives frame and detection.
-    """
-
-    def __init__(self, detector: Detector, note: Callable[[RgbdFrame, Detection], None]) -> None:
-        self._detector, self._note = detector, note
-
-    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Detection:
-        """Return the detection in one frame."""
-        detection = self._detector.see(frame, gravity_C)
-        self._note(frame, detection)
-        return detection
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._detector, name)
-
-
 class LiveRun:
-    """One run with a tap, commands and a pace.
+    """One run that is watched, commanded and paced.
 
     Args:
         order: The run.
@@ -182,7 +161,7 @@ class LiveRun:
             built = setup.build_blocks()
             self._waiting.append(("limits", Limits.of_guard(asdict(built.guard.config))))
             blocks = replace(
-                built, detector=TappedDetector(built.detector, self._note), planner=AttendedPlanner(built.planner, self._plant)
+                built, detector=WatchedDetector(built.detector, self._note), planner=AttendedPlanner(built.planner, self._plant)
             )
         return run_episode(
             setup,

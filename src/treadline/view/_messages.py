@@ -1,7 +1,7 @@
 """What the viewer and its workers send each other: orders and commands in, frames, obstacles and contact forces out."""
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 from typing import Any, Literal, TypeVar
@@ -76,7 +76,7 @@ class ImageOrder:
     """Camera with its mount on the chair, which images in a log do not have."""
     swept_half_m: float
     """Half width of the volume swept by the chair [m]."""
-    latency_s: float = 0.0
+    latency_s: float
     """Time from exposure to the mission [s]."""
 
 
@@ -97,10 +97,8 @@ class ShownFrame:
     """Perceived nosings in the chair frame of the exposure [m]."""
     is_judged: bool = True
     """Whether a detector has judged the frame; the images of a ROS bag are shown as they are."""
-    treads_B: Float[np.ndarray, "k 4 3"] = field(default_factory=lambda: np.empty((0, 4, 3)))
-    """Corners of the detected treads in the chair frame of the exposure [m]."""
-    risers_B: Float[np.ndarray, "m 4 3"] = field(default_factory=lambda: np.empty((0, 4, 3)))
-    """Corners of the detected risers in the chair frame of the exposure [m]."""
+    planes_B: Mapping[str, Float[np.ndarray, "k 4 3"]] = field(default_factory=dict)
+    """Corners of the detected ``treads`` and ``risers`` in the chair frame of the exposure [m]; empty without any."""
     picture: bytes | None = None
     """Image with overlay as JPEG; None if no image is kept."""
     depth_m: Float[np.ndarray, "h w"] | None = None

@@ -152,7 +152,7 @@ def timeline_html(session: Session) -> str:
     ]
     marks += [_strip(moment, end_s) for moment in session.moments.listed if moment.kind in ("fault", "perception")]
     if session.ghost is not None:
-        marks.append(_mark(session.ghost_from_s, end_s, "#56b4e9", f"{session.ghost_from_s:.2f} s: the fork begins"))
+        marks.append(_mark(session.ghost.from_s, end_s, "#56b4e9", f"{session.ghost.from_s:.2f} s: the fork begins"))
     cursor = _mark(t_s, end_s, "#000", f"{t_s:.2f} s", leads=False)
     inside = "".join([*bars, *marks, cursor])
     return f'<div style="position:relative;height:30px;margin:2px 14px 2px 0;border-radius:3px">{inside}</div>'
@@ -293,34 +293,31 @@ def camera_warning(session: Session) -> str | None:
 
 def outcome_html(session: Session) -> str:
     """Return how a fork went, next to the run."""
-    ghost, run = session.ghost, session.run
-    if ghost is None:
+    if session.ghost is None:
         return "" if session.can_repeat else f'<div style="font-size:12px">{NO_FORK}</div>'
-    fork, cursor_s = ghost.recording, session.cursor_s
+    ghost, run, end_s = session.ghost.feed, session.run, session.ghost.feed.end_s
+    outcome = ghost.recording.outcome
+    ended = "still runs" if run.outcome is None else "ended"
+    other = f"{ended} at {session.feed.end_s:.2f} s" + ("" if run.outcome is None else f": {escape(run.outcome)}")
     if ghost.error is not None:
         said = f'<span style="color:{BAD_TEXT}">{escape(ghost.error)}</span>'
     elif ghost.is_empty:
-        said = f"{PREPARING} ({time.perf_counter() - session.forked_at:.0f} s so far)"
-    elif fork.outcome is None:
-        said = f"simulated to {ghost.end_s:.1f} s of about {session.feed.end_s:.1f} s"
+        said = f"{PREPARING} ({time.perf_counter() - session.ghost.began_at:.0f} s so far)"
+    elif outcome is None:
+        said = f"simulated to {end_s:.1f} s of about {session.feed.end_s:.1f} s"
     else:
-        said = f"ended at {ghost.end_s:.2f} s: <b>{escape(fork.outcome)}</b>"
-        hold = next((event for event in reversed(fork.events) if event.name == "hold"), None)
-        if hold is not None and hold.cause not in fork.outcome:
+        said = f"ended at {end_s:.2f} s: <b>{escape(outcome)}</b>"
+        hold = next((event for event in reversed(ghost.recording.events) if event.name == "hold"), None)
+        if hold is not None and hold.cause not in outcome:
             said += f"<br>hold at {hold.t_s:.2f} s: {escape(hold.cause)}"
-        if session.ghost_moments.margin:
-            said += f"<br>{escape(session.ghost_moments.margin)}"
-        if cursor_s > ghost.end_s:
-            said += f"<br><b>the fork ended {cursor_s - ghost.end_s:.1f} s before the cursor</b>; its chair stays there"
-    ended = (
-        f"still runs at {session.feed.end_s:.2f} s"
-        if run.outcome is None
-        else f"ended at {session.feed.end_s:.2f} s: {escape(run.outcome)}"
-    )
-    if fork.outcome is not None and session.moments.margin:
-        ended += f"<br>{escape(session.moments.margin)}"
-    head = f"<b>fork at {session.ghost_from_s:.2f} s: {escape(session.ghost_name)}</b>"
-    return f'<div style="{STYLE}">{head}<br>{said}<br><b>run</b>: {ended}</div>'
+        said, other = (
+            f"{text}<br>{escape(moments.margin)}" if moments.margin else text
+            for text, moments in ((said, session.ghost.moments), (other, session.moments))
+        )
+        if session.cursor_s > end_s:
+            said += f"<br><b>the fork ended {session.cursor_s - end_s:.1f} s before the cursor</b>; its chair stays there"
+    head = f"<b>fork at {session.ghost.from_s:.2f} s: {escape(session.ghost.name)}</b>"
+    return f'<div style="{STYLE}">{head}<br>{said}<br><b>run</b>: {other}</div>'
 
 
 def _reasons(missed: Mapping[int, str]) -> str:

@@ -19,6 +19,7 @@ from treadline.vehicle.static_stability import centre_of_mass
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 from treadline.view._feed import Feed
 from treadline.view._messages import ShownFrame, latest
+from treadline.view._session import Fork
 
 Rgb = tuple[int, int, int]
 Points = Float[np.ndarray, "n 2 3"]
@@ -80,16 +81,10 @@ FLAT: dict[str, Any] = {"material": "toon3", "cast_shadow": False, "receive_shad
 before the first picture, and without shadows and physically based shading, which it draws slowly."""
 NARROW_CAMERA_M, NARROW_LOOK_AT_M = (-1.6, -6.0, 1.9), (0.4, 0.0, -0.5)
 """First view on a narrow screen: from farther away, and the chair in the upper half of the picture."""
-LABEL_M = 2.0
-"""Height of the ghost's label above the belts [m]: above the label of the margin, so that both can be read."""
-GHOST_OPACITY = 0.3
-"""Opacity of the other chair."""
 LIFT_M = 0.012
 """Lift of the lines above the edges [m], so that the treads do not hide them."""
 GREY = (80, 80, 80)
 """Colour of the camera."""
-FAR_LINE = np.full((1, 2, 3), -100.0)
-"""Line that is not shown yet [m]: below every stair."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -177,7 +172,9 @@ class SceneView:
             )
         return body
 
-    def _add_lines(self, name: str, colour: str, thickness: float, points: Points = FAR_LINE) -> Any:
+    def _add_lines(self, name: str, colour: str, thickness: float, points: Points | None = None) -> Any:
+        """Add lines; those that are not known yet lie below every stair."""
+        points = NOWHERE[None, :2] if points is None else points
         return self._scene.add_line_segments(f"/world/{name}", points, COLOURS[colour][0], thickness=thickness)
 
     def _add_nosings(self) -> None:
@@ -186,10 +183,10 @@ class SceneView:
         self._add_lines("nosings/true", "true", 0.008, true_W)
         self._perceived = self._add_lines("nosings/perceived", "perceived", 0.012)
         self._missed = self._add_lines("nosings/missed", "missed", 0.014)
-        self._planes = [
-            self._scene.add_mesh_simple(f"/world/planes/{name}", NOWHERE, QUADS, color=COLOURS[name][0], opacity=0.5, **FLAT)
+        self._planes = {
+            name: self._scene.add_mesh_simple(f"/world/planes/{name}", NOWHERE, QUADS, color=COLOURS[name][0], opacity=0.5, **FLAT)
             for name in ("treads", "risers")
-        ]
+        }
         self._frustum = self._scene.add_camera_frustum(
             "/world/chair/camera",
             fov=2.0 * math.atan2(0.5 * camera.height_px, camera.fy_px),
@@ -258,13 +255,12 @@ class SceneView:
         zero = np.zeros(len(half))
         return poses[:, :3, 3].astype(np.float32), np.stack([np.cos(half), zero, np.sin(half), zero], axis=1).astype(np.float32)
 
-    def show(self, t_s: float, shows: Mapping[str, bool], ghost: Feed | None = None, ghost_name: str = "") -> None:
+    def show(self, t_s: float, shows: Mapping[str, bool], fork: Fork | None = None) -> None:
         """Update the scene to an instant of the run; nothing changes if nothing is known of it yet.
 
         Args:
             shows: What is shown, by the names of ``SHOWN``.
-            ghost: Run whose chair is shown as a ghost at the same instant.
-            ghost_name: Change of that run, which labels its chair.
+            fork: Run whose chair is shown as a ghost at the same instant.
         """
         feed, run = self._feed, self._feed.recording
         if feed.is_empty:
@@ -273,19 +269,19 @@ class SceneView:
         R_WB, p_WB = rotation_of(run.quat_WB[k]), run.p_WB[k]
         shift_m = self._shift_at(run.t_s[k])
         self._move(self._chair, run, k)
-        self._show_ghost(ghost, t_s, ghost_name)
+        self._show_ghost(fork, t_s)
         self._world.position = (-float(p_WB[0]), 0.0, -float(p_WB[2])) if shows["follow"] else (0.0, 0.0, 0.0)
         self._show_heading(run, k, R_WB, p_WB)
         self._show_support(run, k, R_WB, p_WB, shift_m)
         self._show_frame(feed.fresh_frame_at(t_s))
         self._show_obstacle(t_s)
-        for node in self._planes:
+        for node in self._planes.values():
             node.visible = shows["planes"]
         for node in self._chair.passenger:
             node.visible, node.position = shows["passenger"], shift_m
         self._swept.visible = shows["swept"]
         show_arrows(self._forces, *self._belt_forces(run, k), NEWTON_PER_M, visible=shows["forces"])
-        for arrows, of in ((self._contacts, feed), (self._ghost_contacts, ghost)):
+        for arrows, of in ((self._contacts, feed), (self._ghost_contacts, None if fork is None else fork.feed)):
             found = None if of is None else of.contacts_at(t_s)
             points, forces = (np.empty((0, 3)),) * 2 if found is None else (found.points_W, found.forces_W)
             show_arrows(arrows, points, forces, CONTACT_N_PER_M, visible=shows["contacts"])
@@ -301,21 +297,21 @@ class SceneView:
             left_m, right_m = run.belt_travel_m[k].tolist()
             body.lugs.batched_positions, body.lugs.batched_wxyzs = self._lugs_at((left_m, right_m), flipper_rad)
 
-    def _show_ghost(self, ghost: Feed | None, t_s: float, name: str) -> None:
-        if ghost is None or ghost.is_empty:
+    def _show_ghost(self, fork: Fork | None, t_s: float) -> None:
+        if fork is None or fork.feed.is_empty:
             if self._ghost is not None:
                 self._ghost.root.visible = self._ghost_label.visible = False
             return
         if self._ghost is None:
-            self._ghost = self._add_chair("/world/ghost", COLOURS["fork"][0], GHOST_OPACITY)
+            self._ghost = self._add_chair("/world/ghost", COLOURS["fork"][0], opacity=0.3)
             self._ghost_label = self._scene.add_label("/world/ghost_label", "", anchor="bottom-center")
         self._ghost.root.visible = self._ghost_label.visible = True
-        run = ghost.recording
+        run, end_s = fork.feed.recording, fork.feed.end_s
         k = run.index_at(t_s)
         self._move(self._ghost, run, k)
-        self._ghost_label.position = run.p_WB[k] + np.array([0.0, 0.0, LABEL_M])
-        has_ended = t_s > ghost.end_s and run.verdict
-        self._ghost_label.text = f"fork: {name}" + (f", ended at {ghost.end_s:.1f} s" if has_ended else "")
+        # Above the label of the margin, so that both can be read.
+        self._ghost_label.position = run.p_WB[k] + np.array([0.0, 0.0, 2.0])
+        self._ghost_label.text = f"fork: {fork.name}" + (f", ended at {end_s:.1f} s" if t_s > end_s and run.verdict else "")
 
     def _show_heading(self, run: Recording, k: int, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> None:
         staircase, estimate_rad = self._feed.staircase, float(run.estimate_rad[k])
@@ -370,7 +366,7 @@ class SceneView:
         self._frame = frame
         if frame is None:
             self._perceived.visible = self._missed.visible = False
-            for node in self._planes:
+            for node in self._planes.values():
                 node.vertices = NOWHERE
             self._frustum.color, self._frustum.image = COLOURS["near"][0], None
             return
@@ -405,13 +401,13 @@ class SceneView:
     def _show_planes(self, frame: ShownFrame, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> None:
         """Show the treads and risers that were detected in a frame, at the pose of its exposure."""
         eye_B = np.array(self._feed.camera.mount_m)
-        for node, found_B in zip(self._planes, (frame.treads_B, frame.risers_B), strict=True):
-            corners = np.full((PLANES_MAX, 4, 3), -100.0)
-            near_B = found_B[:PLANES_MAX]
-            towards = eye_B - near_B.mean(axis=1, keepdims=True) if len(near_B) else near_B
-            near_B = near_B + PLANE_LIFT_M * towards / np.linalg.norm(towards, axis=2, keepdims=True)
-            corners[: len(near_B)] = p_WB + near_B @ R_WB.T
-            node.vertices = corners.reshape(-1, 3).astype(np.float32)
+        for name, node in self._planes.items():
+            corners = NOWHERE.reshape(-1, 4, 3).copy()
+            if name in frame.planes_B and len(near_B := frame.planes_B[name][:PLANES_MAX]):
+                towards = eye_B - near_B.mean(axis=1, keepdims=True)
+                near_B = near_B + PLANE_LIFT_M * towards / np.linalg.norm(towards, axis=2, keepdims=True)
+                corners[: len(near_B)] = p_WB + near_B @ R_WB.T
+            node.vertices = corners.reshape(-1, 3)
 
     def _show_obstacle(self, t_s: float) -> None:
         found = latest(self._feed.obstacles, t_s)

@@ -51,7 +51,7 @@ class RunMoments:
     def update(self, feed: Feed) -> bool:
         """Compute the moments if the run has grown; return whether they are new."""
         recording, notes = feed.recording, None
-        known, began_s = (recording, feed.worker is not None), time.perf_counter()
+        known, began_s = (recording, feed.is_live), time.perf_counter()
         if feed.is_empty or known == self._known or (known[1] and began_s < self._due_s):
             return False
         self._known = known
@@ -68,6 +68,20 @@ class RunMoments:
 
 
 @dataclass(slots=True, kw_only=True)
+class Fork:
+    """Repeated run with one change."""
+
+    feed: Feed
+    from_s: float
+    """Time of the change [s]."""
+    name: str
+    """Change, for people."""
+    began_at: float
+    """Clock at the start of the simulation [s]."""
+    moments: RunMoments = field(default_factory=RunMoments)
+
+
+@dataclass(slots=True, kw_only=True)
 class Session:
     """State of the viewer that all its clients share."""
 
@@ -78,18 +92,12 @@ class Session:
     can_repeat: bool = True
     """Whether the run can be repeated and forked: its scenario and seed are known."""
     moments: RunMoments = field(default_factory=RunMoments)
-    ghost_moments: RunMoments = field(default_factory=RunMoments)
     cursor_s: float = 0.0
     playing: bool = True
     speed: float = 1.0
     following: bool = True
     """Whether the cursor stays at the newest instant of a live run."""
-    ghost: Feed | None = None
-    ghost_from_s: float = 0.0
-    ghost_name: str = ""
-    """Change of the fork, for people."""
-    forked_at: float = 0.0
-    """Clock at the start of the fork [s]."""
+    ghost: Fork | None = None
     shows: dict[str, bool] = field(default_factory=dict)
     """What of the scene is shown, by name."""
     manual: bool = False
@@ -105,7 +113,7 @@ class Session:
     @property
     def is_live(self) -> bool:
         """Whether the simulation still runs."""
-        return self.feed.worker is not None
+        return self.feed.is_live
 
     def advance(self, passed_s: float) -> None:
         """Drain the workers and move the cursor.
@@ -115,7 +123,7 @@ class Session:
         """
         self.feed.drain()
         if self.ghost is not None:
-            self.ghost.drain()
+            self.ghost.feed.drain()
         self._watch_dead_man()
         end_s = self.feed.end_s
         if self.is_live and self.following:
@@ -174,19 +182,19 @@ class Session:
 
     def _command(self, kind: str, value: Any) -> None:
         """Send a command to the simulation of an attended run; without one it is ignored."""
-        if self.attended and self.feed.worker is not None:
-            self.feed.worker.send(kind, value)
+        if self.attended and self.is_live:
+            self.feed.workers["run"].send(kind, value)
 
     def ask_contacts(self, *, asked: bool) -> None:
         """Ask a running simulation for its contact forces from now on, or no longer; this does not affect the run.
 
         A run that has ended is repeated from its seed, once.
         """
-        if self.feed.worker is not None:
-            self.feed.worker.send("contacts", asked)
+        if self.is_live:
+            self.feed.workers["run"].send("contacts", asked)
         elif not asked:
-            self.feed.end_repeat()
-        elif self.can_repeat and self.feed.repeat is None and not self._has_all_contacts:
+            self.feed.close("repeat")
+        elif self.can_repeat and "repeat" not in self.feed.workers and not self._has_all_contacts:
             self.feed.start_repeat()
 
     @property
@@ -197,16 +205,14 @@ class Session:
     @property
     def contacts_note(self) -> str:
         """Sentence about where the contact forces come from; empty if nothing needs to be said."""
-        if self.is_live or (self.feed.contacts and self.feed.repeat is None):
+        known, repeats = self.feed.contacts, "repeat" in self.feed.workers
+        if self.is_live or (known and not repeats):
             return ""
-        if self.feed.repeat is not None:
-            known = self.feed.contacts
+        if repeats:
             return f"repeating the run: contact forces up to {known[-1].t_s if known else 0.0:.0f} s of {self.feed.end_s:.0f} s"
-        return (
-            "contact forces are computed by repeating the run"
-            if self.can_repeat
-            else "this run cannot be repeated: no contact forces"
-        )
+        if self.can_repeat:
+            return "contact forces are computed by repeating the run"
+        return "this run cannot be repeated: no contact forces"
 
     # Commands to the chair
 
@@ -268,14 +274,13 @@ class Session:
         if change is not None:
             before.append((tick, change.model_copy(update={"at_s": tick * TICK_S})))
         order = replace(self.feed.order, script=tuple(before), speed=FASTEST, attended=False, pictures=False, contacts=True)
-        self.ghost, self.ghost_from_s, self.ghost_name = Feed.live(order, self.run.chair), self.cursor_s, name
-        self.ghost_moments, self.forked_at = RunMoments(), time.perf_counter()
-        self.ghost.start()
+        self.ghost = Fork(feed=Feed.live(order, self.run.chair), from_s=self.cursor_s, name=name, began_at=time.perf_counter())
+        self.ghost.feed.start()
 
     def drop_ghost(self) -> None:
         """Remove the fork."""
         if self.ghost is not None:
-            self.ghost.close()
+            self.ghost.feed.close()
         self.ghost = None
 
     def close(self) -> None:

@@ -223,14 +223,14 @@ class App:
             before = now
             if feed.error is not None and feed.is_empty:
                 raise SettingsError(feed.error)
-            ghost = session.ghost
-            grown = len(feed.contacts), None if ghost is None else len(ghost.recording.t_s)
+            fork = session.ghost
+            grown = len(feed.contacts), None if fork is None else len(fork.feed.recording.t_s)
             key = (round(session.cursor_s, 3), tuple(session.shows.values()), grown)
             if key != shown:
                 shown = key
                 self.updates += 1
                 with self._viser.atomic():
-                    self._scene.show(session.cursor_s, session.shows, ghost, session.ghost_name)
+                    self._scene.show(session.cursor_s, session.shows, fork)
             if now >= due_text:
                 due_text = now + TEXT_S
                 self._show_text()
@@ -250,15 +250,15 @@ class App:
 
     def _show_progress(self) -> None:
         """Show how far the fork is."""
-        session, ghost = self._session, self._session.ghost
-        is_busy = ghost is not None and ghost.worker is not None
-        change(self._drop, "visible", ghost is not None)
+        session, fork = self._session, self._session.ghost
+        is_busy = fork is not None and fork.feed.is_live
+        change(self._drop, "visible", fork is not None)
         change(self._progress, "visible", is_busy)
-        if ghost is not None:
+        if fork is not None:
             change(self._drop, "label", "Cancel the fork" if is_busy else "Remove the fork")
-            change(self._progress, "value", round(100.0 * min(ghost.end_s / max(session.feed.end_s, 1.0), 1.0), 1))
-            if ghost.recording.verdict is not None:
-                session.ghost_moments.update(ghost)
+            change(self._progress, "value", round(100.0 * min(fork.feed.end_s / max(session.feed.end_s, 1.0), 1.0), 1))
+            if not is_busy:
+                fork.moments.update(fork.feed)
 
     def _show_slider(self) -> None:
         """Set slider and time box to the cursor; a client that edits them has precedence, and is corrected afterwards."""
@@ -276,7 +276,7 @@ class App:
 
     def _show_plots(self) -> None:
         session, run = self._session, self._session.run
-        fork = None if session.ghost is None else session.ghost.recording
+        fork = None if session.ghost is None else session.ghost.feed.recording
         key = round(session.cursor_s, 2), len(run.t_s), None if fork is None else len(fork.t_s)
         if key == self._plotted or session.feed.is_empty:
             return
@@ -302,27 +302,8 @@ def show_above_sheet(client: Any) -> None:
         client.camera.position, client.camera.look_at = NARROW_CAMERA_M, NARROW_LOOK_AT_M
 
 
-def jump_handler(app: App) -> Callable[[Any], Any]:
-    """Return the handler of the page's jumps to the times of its marks."""
-
-    async def serve(connection: Any) -> None:
-        from websockets.exceptions import ConnectionClosed
-
-        try:
-            async for message in connection:
-                t_s = float(json.loads(message)["t_s"])
-                if math.isfinite(t_s):
-                    app.jump(t_s)
-        except ConnectionClosed:
-            pass
-        except (ValueError, TypeError, KeyError):
-            await connection.close(1003, "not a time")
-
-    return serve
-
-
-def handset_handler(session: Session) -> Callable[[Any], Any]:
-    """Return the handler of the handset's connection: reports in, whether a person drives out."""
+def page_handler(app: App, session: Session) -> Callable[[Any], Any]:
+    """Return the handler of the page's own connection: jumps and reports of the handset in, whether a person drives out."""
 
     async def serve(connection: Any) -> None:
         import asyncio
@@ -338,14 +319,15 @@ def handset_handler(session: Session) -> Callable[[Any], Any]:
         reporting = asyncio.create_task(report())
         try:
             async for message in connection:
-                state = json.loads(message)
-                session.report(
-                    dead_man=state.get("dead_man") is True, ahead=float(state.get("ahead", 0)), turn=float(state.get("turn", 0))
-                )
+                said = json.loads(message)
+                if "t_s" in said and math.isfinite(t_s := float(said["t_s"])):
+                    app.jump(t_s)
+                elif "dead_man" in said:
+                    session.report(dead_man=said["dead_man"] is True, ahead=float(said["ahead"]), turn=float(said["turn"]))
         except ConnectionClosed:
             pass  # the page is gone; the dead-man switch is released by the silence
-        except (ValueError, TypeError, AttributeError):
-            await connection.close(1003, "not a report of the handset")
+        except (ValueError, TypeError, KeyError):
+            await connection.close(1003, "neither a time nor a report of the handset")
         finally:
             reporting.cancel()
 

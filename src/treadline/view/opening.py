@@ -35,7 +35,7 @@ def open_live(target: str, *, seed: int, controller: Any, detector: str | None, 
     order = Order(scenario=scenario, seed=seed, controller=controller, detector=detector, estimator=estimator, attended=attended)
     worker = Worker(order)
     feed = Feed.live(order, read_chair(scenario.chair.model))
-    feed.worker = worker
+    feed.workers["run"] = worker
     return Session(feed=feed, title=f"{target}, seed {seed}", attended=attended)
 
 
@@ -56,7 +56,7 @@ def open_recorded(target: str) -> Session:
     feed = Feed.recorded(recording, Order(scenario=scenario, seed=recording.seed, controller=_controller_of(path)))
     log = path / LOG if (path / LOG).is_file() else path
     if len(recording.frames_t_s) or not has_arrivals(log):
-        feed.images = Worker(
+        feed.workers["images"] = Worker(
             ImageOrder(
                 log=str(log),
                 camera=feed.camera,
