@@ -14,8 +14,6 @@ from markupsafe import Markup
 from treadline.core.printing import p_text
 
 TEMPLATES = Path(__file__).parent / "templates"
-LARGEST_RATIO = 100_000
-"""Ratio of singular values beyond which the smaller one is a rounding error of the data."""
 NOT_A_NUMBER, LARGEST = -32768, 32767
 """Codes of NaN and of the largest value in a packed array."""
 
@@ -50,8 +48,8 @@ def _inlined(svg: str, name: str) -> str:
 
 
 def ratio(value: float) -> str:
-    """Return a ratio of singular values; beyond ``LARGEST_RATIO`` the smaller one is a rounding error."""
-    return f"> {LARGEST_RATIO:g}" if value > LARGEST_RATIO else f"{value:.1f}"
+    """Return a ratio of singular values; beyond 100,000 the smaller one is a rounding error of the data."""
+    return "> 100000" if value > 1e5 else f"{value:.1f}"
 
 
 def _number(value: float | None, digits: int = 2, unit: str = "") -> str:

@@ -22,8 +22,6 @@ TAIL = 1e-4
 """Share of the energy of an impulse response after the end of the drawing: one per cent in amplitude."""
 ANSWERED = 0.05
 """Share of its peak below which an output is drawn as zero response."""
-DECADES = 4.0
-"""Largest range of a frequency axis [decades]."""
 
 
 def free_run(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
@@ -88,7 +86,7 @@ def answering(response: Float[np.ndarray, "steps m"]) -> int:
 
 def frequencies(model: LinearModel, samples: int, points: int = 160) -> Float[np.ndarray, " w"]:
     """Return frequencies [rad per sample] up to Nyquist, closer together at the resonances."""
-    lowest = max(2.0 * math.pi / max(samples, 20), math.pi * 10.0**-DECADES)
+    lowest = max(2.0 * math.pi / max(samples, 20), 1e-4 * math.pi)  # four decades fit an axis
     grid = np.geomspace(lowest, math.pi, points)
     poles = np.linalg.eigvals(model.A)
     rates = np.log(poles[np.abs(poles) > 0.5].astype(complex))

@@ -28,8 +28,6 @@ FLAGS = {"--json", "--quick", "--log-images", "--debug"}
 """Options that no value follows."""
 IMAGE_WITHIN_S = 0.5
 """Largest time between a phase's start and the camera image shown for it [s]."""
-EVENLY = 5
-"""Number of views of a run in a single phase, evenly spaced."""
 COLUMNS = (
     *("t_s", "heading_deg", "estimate_deg", "pitch_deg", "seat_pitch_deg", "stability_margin_deg"),
     *("left_m_s", "right_m_s", "x_m", "y_m", "friction_use"),
@@ -184,11 +182,11 @@ def _shot(images: list[dict[str, Any]], t_s: float) -> dict[str, Any] | None:
 
 
 def _stops(recording: Recording) -> list[tuple[float, str, str]]:
-    """Return time, name and cause of each frame: the phases and the end; evenly spaced without phases."""
+    """Return time, name and cause of each frame: the phases and the end; five, evenly spaced, without phases."""
     phases = [(span.start_s, span.name, span.cause) for span in recording.phases]
     end = (recording.duration_s, recording.verdict or "end", recording.cause or "")
     if len(phases) > 1:
         return phases if phases[-1][0] > recording.duration_s - IMAGE_WITHIN_S else [*phases, end]
-    step_s = recording.duration_s / (EVENLY - 1)
+    step_s = recording.duration_s / 4
     name = phases[0][1] if phases else "drive"
-    return [(k * step_s, name, "") for k in range(EVENLY - 1)] + [end]
+    return [(k * step_s, name, "") for k in range(4)] + [end]
