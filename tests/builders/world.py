@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y, rotation_z
+from treadline.core.images import StairAxes
 from treadline.core.signals import (
     FlipperReading,
     HeadingEstimate,
@@ -41,12 +42,17 @@ def imu(
     speeds_up_m_s2: float = 0.0,
 ) -> ImuSample:
     """Return the sample of a perfect IMU; pitch is positive with the front up, ``speeds_up_m_s2`` along the chair."""
-    R = rotation_z(yaw_rad) @ rotation_y(-pitch_rad) @ rotation_x(roll_rad)
+    R_WB = rotation_z(yaw_rad) @ rotation_y(-pitch_rad) @ rotation_x(roll_rad)
+    return imu_at(t_s, R_WB, rates_rad_s, speeds_up_m_s2)
+
+
+def imu_at(t_s: float, R_WB: np.ndarray, rates_rad_s: Sequence[float] = (0.0, 0.0, 0.0), speeds_up_m_s2: float = 0.0) -> ImuSample:
+    """Return the sample of a perfect IMU in an attitude."""
     return ImuSample(
         t_s=t_s,
-        orientation=quaternion_of(R),
+        orientation=quaternion_of(R_WB),
         angular_velocity_rad_s=np.array(rates_rad_s, dtype=float),
-        linear_acceleration_m_s2=R.T @ np.array([0.0, 0.0, G_M_S2]) + np.array([speeds_up_m_s2, 0.0, 0.0]),
+        linear_acceleration_m_s2=R_WB.T @ np.array([0.0, 0.0, G_M_S2]) + np.array([speeds_up_m_s2, 0.0, 0.0]),
     )
 
 
@@ -60,9 +66,14 @@ def heading(t_s: float, heading_deg: float = 0.0) -> HeadingMeasurement:
     return HeadingMeasurement(t_s=t_s, heading_rad=heading_deg * DEG, sigma_rad=0.004, edge_count=5)
 
 
-def estimate(t_s: float = 0.0, heading_rad: float = 0.0) -> HeadingEstimate:
+def estimate(t_s: float = 0.0, heading_rad: float = 0.0, rate_rad_s: float = 0.0) -> HeadingEstimate:
     """Return an estimate of the heading filter that rests on vision."""
-    return HeadingEstimate(t_s=t_s, heading_rad=heading_rad, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
+    return HeadingEstimate(t_s=t_s, heading_rad=heading_rad, heading_rate_rad_s=rate_rad_s, sigma_rad=0.01, source="vision")
+
+
+def flipper(t_s: float, angle_rad: float, torque_n_m: float = 0.0) -> FlipperReading:
+    """Return a reading of the flipper."""
+    return FlipperReading(t_s=t_s, angle_rad=angle_rad, torque_n_m=torque_n_m)
 
 
 def health(t_s: float, fault: Any = None, since_s: float | None = None, cause: str | None = None) -> HeadingHealth:
@@ -96,17 +107,45 @@ def stair(t_s: float, nosings_B: Sequence[Any], **changes: Any) -> StairMap:
     return StairMap(t_s=t_s, nosings_B=np.array(places, dtype=float).reshape(-1, 3), **{**values, **changes})
 
 
+def stair_axes(t_s: float, R_CS: np.ndarray, slope_rad: float, sigmas_rad: Sequence[float]) -> StairAxes:
+    """Return the axes of a stair in the camera's axes; standard deviations of edge, tread and nosing plane."""
+    return StairAxes(
+        t_s=t_s,
+        edge_C=-R_CS[:, 1],
+        down_C=R_CS @ np.array([-math.sin(slope_rad), 0.0, -math.cos(slope_rad)]),
+        normal_C=R_CS[:, 2],
+        edge_sigma_rad=sigmas_rad[0],
+        down_sigma_rad=sigmas_rad[1],
+        normal_sigma_rad=sigmas_rad[2],
+    )
+
+
 @dataclass(kw_only=True)
-class World:
+class Place:
+    """Pose of a chair at a flight; x and z of mid-track in W."""
+
+    heading_rad: float = 0.0
+    pitch_rad: float = 0.0
+    x_m: float = 0.0
+    z_m: float = 0.0
+    first_m: float = 0.0
+    """Place of the first nosing."""
+
+    def nosing_B(self, k: int) -> list[float]:
+        """Return where the chair's middle plane meets nosing k."""
+        c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        along = (self.first_m + k * RUN_M - self.x_m) / math.cos(self.heading_rad)
+        up = (k + 1) * RISE_M - self.z_m
+        return [along * c + up * s, 0.0, up * c - along * s]
+
+
+@dataclass(kw_only=True)
+class World(Place):
     """A chair without dynamics at a flight, its planner, and a camera; a subclass moves the chair and frames the view."""
 
     DIRECTION: ClassVar[Literal["up", "down"]]
 
     planner: Any
-    heading_rad: float = 0.0
-    x_m: float = 0.0
-    first_m: float = 0.0
-    """Place of the first nosing."""
     steps: int = 8
     knows: bool = True
     """Whether the filter has a heading."""
@@ -119,7 +158,7 @@ class World:
     """What the camera makes of a map."""
 
     def __post_init__(self) -> None:
-        self.t_s = self.z_m = self.pitch_rad = self.turned = self.belts_m_s = self.speeds_up_m_s2 = 0.0
+        self.t_s = self.turned = self.belts_m_s = self.speeds_up_m_s2 = 0.0
         self.maps = 0
         self.plans: list[MotionPlan] = []
 
@@ -157,7 +196,7 @@ class World:
     def senses(self) -> list[Any]:
         signals: list[Any] = [
             belts(self.t_s, self.belts_m_s, self.belts_m_s, brake_on=self.brake_on),
-            FlipperReading(t_s=self.t_s, angle_rad=self.flipper_rad, torque_n_m=self.tip_n_m),
+            flipper(self.t_s, self.flipper_rad, self.tip_n_m),
             imu(self.t_s, self.pitch_rad, rates_rad_s=(0.0, 0.0, self.turned), speeds_up_m_s2=self.speeds_up_m_s2),
         ]
         if round(self.t_s / TICK_S) % 10 == 0:
@@ -178,13 +217,6 @@ class World:
             left_seen_m=1.0,
             right_seen_m=1.0,
         )
-
-    def nosing_B(self, k: int) -> list[float]:
-        """Return where the chair's middle plane meets nosing k."""
-        c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
-        along = (self.first_m + k * RUN_M - self.x_m) / math.cos(self.heading_rad)
-        up = (k + 1) * RISE_M - self.z_m
-        return [along * c + up * s, 0.0, up * c - along * s]
 
     def turn(self, half_difference_m_s: float) -> None:
         """Turn the chair by the belts: a slip ratio that makes it turn at 1/1.6 of the belts' kinematic rate."""

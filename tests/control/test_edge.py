@@ -2,82 +2,50 @@
 
 import math
 
-import numpy as np
 import pytest
+from chassis import GEOMETRY, Chassis
 
-from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
-from treadline.control.flipper_geometry import FlipperGeometry
+from treadline.control.edge_sequence import Edge, EdgeConfig
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
-from treadline.core.signals import FlipperReading, ImuSample, TrackReading
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.loading import plumb
 
 CHAIR = read_chair("wheelchair")
 CONFIG = EdgeConfig(chair=CHAIR, payload_kg=50.0)
 SLOPE = 28.0 * DEG
-GEOMETRY = FlipperGeometry(pivot_m=0.475, radius_m=0.07, length_m=0.45)
 LIFTED_DEG = (SLOPE + CONFIG.steeper_rad) / DEG
 NEAR_M = 0.30
 """Distance of the nosing behind mid-track [m]: 5 cm before the tip is pressed down."""
 
 
-class Chassis:
-    """Chair that follows its commands exactly, without a simulated landing; its flipper follows the pitch with the tip down."""
+class Brink(Chassis):
+    """A chair on the landing before the edge behind it; a flipper whose tip carries follows the pitch."""
+
+    AHEAD = -1.0
 
     def __init__(self, behind_m: float = NEAR_M) -> None:
-        self.edge = Edge(CONFIG, behind_m, SLOPE)
-        self.behind_m, self.pitch_deg = behind_m, 0.0
-        self.angle_rad, self.speed_m_s, self.t_s = 40.0 * DEG, 0.0, 0.0
+        super().__init__(Edge(CONFIG, behind_m, SLOPE), behind_m, 0.0)
 
-    def run(self, duration_s: float, tip_n: float = 0.0, pitch_deg_s: float = 0.0) -> EdgeCommand:
-        """Continue under a constant tip load and return the last command."""
-        for _ in range(round(duration_s / 0.01)):
-            self.t_s += 0.01
-            self.pitch_deg += pitch_deg_s * 0.01
-            pitch = self.pitch_deg * DEG
-            lever = 0.45 * math.cos(self.angle_rad + pitch)
-            orientation = np.array([math.cos(0.5 * pitch), 0.0, -math.sin(0.5 * pitch), 0.0])
-            command = self.edge.step(
-                ImuSample(
-                    t_s=self.t_s,
-                    orientation=orientation,
-                    angular_velocity_rad_s=np.zeros(3),
-                    linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
-                ),
-                FlipperReading(t_s=self.t_s, angle_rad=self.angle_rad, torque_n_m=(0.5 * 3.0 * 9.81 - tip_n) * lever),
-                TrackReading(t_s=self.t_s, left_m_s=self.speed_m_s, right_m_s=self.speed_m_s, brake_on=False),
-            )
-            self.speed_m_s = command.speed_m_s
-            self.behind_m += self.speed_m_s * 0.01
-            self.angle_rad += command.flipper.rate_rad_s * 0.01
-            if tip_n > 0.0:
-                self.angle_rad = -(pitch + GEOMETRY.depression(pitch, 0.475 + self.behind_m))
-        return command
-
-    def until(self, stage: str, tip_n: float = 0.0, pitch_deg_s: float = 0.0) -> EdgeCommand:
-        """Continue until a stage begins."""
-        for _ in range(3000):
-            command = self.run(0.01, tip_n, pitch_deg_s)
-            if command.stage == stage:
-                return command
-        raise AssertionError(f"still in stage {command.stage!r} after 30 s")
+    def stopped(self, tip_n: float) -> float:
+        pitch = self.pitch_deg * DEG
+        return -(pitch + GEOMETRY.depression(pitch, 0.475 + self.nosing_m)) if tip_n > 0.0 else self.angle_rad
 
     def balanced_n(self, before_m: float) -> float:
         """Return the tip load for a distance of the plumb line before the nosing, along the belts."""
         pitch = self.pitch_deg * DEG
-        return CONFIG.weight_n * before_m * math.cos(pitch) / GEOMETRY.reach(pitch, 0.475 + self.behind_m)
+        return CONFIG.weight_n * before_m * math.cos(pitch) / GEOMETRY.reach(pitch, 0.475 + self.nosing_m)
 
-    def pressed(self) -> "Chassis":
+    def pressed(self) -> "Brink":
         """Bring the chair to the start of the lift."""
         self.until("press")
         self.until("lift", tip_n=130.0)
         return self
 
-    def lifted(self) -> "Chassis":
+    def lifted(self) -> "Brink":
         """Lift the chair completely, with its centre of mass at the assumed position."""
         self.pressed()
-        while self.run(0.01, self.balanced_n(plumb(CONFIG, self.pitch_deg * DEG) + self.behind_m), 8.0).stage == "lift":
+        while self.run(0.01, self.balanced_n(plumb(CONFIG, self.pitch_deg * DEG) + self.nosing_m), 8.0).stage == "lift":
             assert self.pitch_deg < 40.0
         return self
 
@@ -88,7 +56,7 @@ def test_a_chair_with_a_fixed_flipper_planner_is_rejected() -> None:
 
 
 def test_it_backs_to_the_edge_slows_down_and_lays_the_flipper() -> None:
-    chair = Chassis(1.2)
+    chair = Brink(1.2)
     assert chair.run(0.5).speed_m_s == -CONFIG.cruise_m_s
     assert chair.until("press").speed_m_s == 0.0
     assert chair.angle_rad == pytest.approx(2.0 * DEG, abs=0.5 * DEG)
@@ -106,23 +74,23 @@ def test_the_pressing_position_allows_for_15_cm_and_10_cm_of_error(slope_deg: fl
 
 
 def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> None:
-    chair = Chassis()
+    chair = Brink()
     chair.until("press")
-    waiting = chair.behind_m
+    waiting = chair.nosing_m
     command = chair.run(CONFIG.patience_s - 0.1)
     assert (command.stage, command.speed_m_s) == ("press", 0.0)
     assert chair.run(0.3).stage == "barred"
-    assert chair.behind_m == pytest.approx(waiting, abs=0.002)  # one tick at 0.1 m/s until the belts stop
+    assert chair.nosing_m == pytest.approx(waiting, abs=0.002)  # one tick at 0.1 m/s until the belts stop
 
 
 def test_a_light_chair_that_rises_early_is_led_from_its_pitch() -> None:
-    chair = Chassis()
+    chair = Brink()
     chair.until("press")
     assert chair.run(0.3, tip_n=20.0, pitch_deg_s=4.0).stage == "lift"
 
 
 def test_the_flipper_moves_down_faster_than_the_front_rises() -> None:
-    chair = Chassis().pressed()
+    chair = Brink().pressed()
     command = chair.run(1.0, tip_n=250.0, pitch_deg_s=7.0)
     # The flipper turns against a rising chassis: -(1 + d cos / L) per pitch, about 2.5 for d = 0.75 m.
     assert -30.0 * DEG <= command.flipper.rate_rad_s < -2.0 * 7.0 * DEG
@@ -130,23 +98,23 @@ def test_the_flipper_moves_down_faster_than_the_front_rises() -> None:
 
 @pytest.mark.parametrize(("before_m", "sign"), [(0.60, -1.0), (0.0, 1.0)])
 def test_the_belts_keep_the_centre_of_mass_before_the_edge(before_m: float, sign: float) -> None:
-    chair = Chassis().pressed()
+    chair = Brink().pressed()
     chair.run(0.5, tip_n=chair.balanced_n(0.60))  # back slightly, so that there is room ahead
     command = chair.run(0.5, tip_n=max(chair.balanced_n(before_m), 1.0))
     assert math.copysign(1.0, command.speed_m_s) == sign
 
 
 def test_it_never_drives_further_ahead_than_where_it_pressed() -> None:
-    chair = Chassis().pressed()
-    pressed = chair.behind_m
+    chair = Brink().pressed()
+    pressed = chair.nosing_m
     chair.run(5.0, tip_n=1.0)
-    assert chair.behind_m <= pressed + 0.005
+    assert chair.nosing_m <= pressed + 0.005
 
 
 def test_the_lift_ends_at_the_flippers_range() -> None:
-    chair = Chassis().pressed()
+    chair = Brink().pressed()
     chair.pitch_deg, far = 27.0, GEOMETRY.past(27.0 * DEG, -73.0 * DEG)
-    chair.behind_m = far - 0.475
+    chair.nosing_m = far - 0.475
     chair.run(1.0, tip_n=chair.balanced_n(0.05))
     assert chair.run(0.5, tip_n=chair.balanced_n(0.05)).flipper.rate_rad_s == pytest.approx(0.0, abs=2.5 * DEG)
 
@@ -154,7 +122,7 @@ def test_the_lift_ends_at_the_flippers_range() -> None:
 def test_belts_that_meet_the_next_nosing_end_the_lift() -> None:
     """Test: 1° below the slope the tip load corresponds to a centre of mass 25 cm further from the nosing. Expected result: lifted
     only to the slope of the flight, within 0.3 s; 4° below, the same load is that of a chair not yet backed far enough."""
-    chair = Chassis().pressed()
+    chair = Brink().pressed()
     while chair.pitch_deg < SLOPE / DEG - 4.0:
         chair.run(0.01, chair.balanced_n(0.05), 8.0)
     assert chair.run(0.2, chair.balanced_n(0.30)).stage == "lift"
@@ -173,31 +141,31 @@ def test_a_heavily_loaded_tip_yields_while_the_chair_settles() -> None:
     to the chair's own motion."""
     rates = []
     for tip_n in (60.0, 300.0):
-        chair = Chassis().lifted()
+        chair = Brink().lifted()
         rates.append(chair.run(0.3, tip_n=tip_n).flipper.rate_rad_s)
     assert rates[1] - rates[0] > 10.0 * DEG
 
 
 def test_lifted_it_backs_on_until_the_front_pulley_is_about_to_leave_the_landing() -> None:
-    chair = Chassis().lifted()
+    chair = Brink().lifted()
     assert chair.run(0.05, tip_n=40.0).speed_m_s == -CONFIG.settle_m_s
     chair.until("leave", tip_n=40.0)
-    assert GEOMETRY.pivot_m + chair.behind_m == pytest.approx(CONFIG.leave_m, abs=0.01)
+    assert GEOMETRY.pivot_m + chair.nosing_m == pytest.approx(CONFIG.leave_m, abs=0.01)
     # The centre of mass is past the nosing, including 10 cm of error.
-    assert plumb(CONFIG, SLOPE) + chair.behind_m < -0.2
+    assert plumb(CONFIG, SLOPE) + chair.nosing_m < -0.2
 
 
 def test_then_it_stows_the_flipper_and_ends_when_the_front_has_left_the_landing() -> None:
-    chair = Chassis().lifted()
+    chair = Brink().lifted()
     chair.until("leave", tip_n=40.0)
     chair.until("done")
-    assert GEOMETRY.pivot_m + chair.behind_m == pytest.approx(0.0, abs=0.01)
+    assert GEOMETRY.pivot_m + chair.nosing_m == pytest.approx(0.0, abs=0.01)
     # Stowed clear of the landing behind it: above the belts' line.
     assert chair.angle_rad > 0.0
 
 
 def test_the_front_pulley_does_not_leave_the_landing_before_the_flipper_is_up() -> None:
-    chair = Chassis().lifted()
+    chair = Brink().lifted()
     chair.until("leave", tip_n=40.0)
     assert chair.angle_rad < -25.0 * DEG
     assert chair.run(0.1).speed_m_s == 0.0
@@ -207,7 +175,7 @@ def test_the_front_pulley_does_not_leave_the_landing_before_the_flipper_is_up() 
 
 
 def test_a_chair_that_sinks_before_its_belts_lie_is_not_backed_on() -> None:
-    chair = Chassis().lifted()
+    chair = Brink().lifted()
     chair.pitch_deg = LIFTED_DEG - 5.0
     command = chair.run(0.5)
     assert command.stage == "lift"
@@ -215,7 +183,7 @@ def test_a_chair_that_sinks_before_its_belts_lie_is_not_backed_on() -> None:
 
 
 def test_a_flipper_without_progress_lowers_the_chair_and_reports_it() -> None:
-    chair = Chassis().pressed()
+    chair = Brink().pressed()
     chair.until("lower", tip_n=130.0)
     command = chair.run(0.1, tip_n=130.0)
     assert (command.stage, command.speed_m_s) == ("barred", 0.0)
@@ -224,11 +192,11 @@ def test_a_flipper_without_progress_lowers_the_chair_and_reports_it() -> None:
 
 
 def test_a_flipper_that_stops_half_way_lowers_the_front_again() -> None:
-    chair = Chassis().pressed()
+    chair = Brink().pressed()
     chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
     lowering = chair.until("lower", tip_n=200.0)
     assert lowering.speed_m_s >= 0.0
-    assert chair.edge.turn_back(), "what is being let down already goes on"
+    assert chair.sequence.turn_back(), "what is being let down already goes on"
     assert chair.run(0.5, tip_n=200.0, pitch_deg_s=-5.0).flipper.rate_rad_s > 5.0 * DEG
     chair.until("barred", tip_n=200.0, pitch_deg_s=-5.0)
 
@@ -236,28 +204,28 @@ def test_a_flipper_that_stops_half_way_lowers_the_front_again() -> None:
 def test_a_chair_that_turns_back_is_lowered_onto_the_landing() -> None:
     """Test: the request comes during the lift, just after, and with the centre of mass past the nosing. Expected result: lowered,
     then barred; in the third case too late, and the chair continues."""
-    chair = Chassis().pressed()
+    chair = Brink().pressed()
     chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
-    assert chair.edge.turn_back()
+    assert chair.sequence.turn_back()
     assert chair.run(0.01, tip_n=200.0).stage == "lower"
     chair.until("barred", tip_n=200.0, pitch_deg_s=-5.0)
-    assert chair.edge.turn_back()
+    assert chair.sequence.turn_back()
 
-    lifted = Chassis().lifted()
-    assert lifted.edge.turn_back()
+    lifted = Brink().lifted()
+    assert lifted.sequence.turn_back()
     assert lifted.run(0.01, tip_n=200.0).stage == "lower"
 
-    late = Chassis().lifted()
+    late = Brink().lifted()
     late.run(2.0, tip_n=40.0)
-    assert not late.edge.turn_back()
+    assert not late.sequence.turn_back()
     late.until("leave", tip_n=40.0)
 
 
 def test_a_chair_on_the_flight_does_not_fall_onto_a_raised_flipper() -> None:
     """Test: turning back, with the centre of mass further back than assumed: no tip load for 1.5 s, then a load. Expected result:
     the chair drives towards the landing with the tip following the ground, never rising; then it is lowered."""
-    chair = Chassis().lifted()
-    assert chair.edge.turn_back()
+    chair = Brink().lifted()
+    assert chair.sequence.turn_back()
     chair.run(0.3)  # delay of the tip load filter
     for _ in range(120):
         command = chair.run(0.01)
@@ -269,21 +237,21 @@ def test_a_chair_on_the_flight_does_not_fall_onto_a_raised_flipper() -> None:
 
 @pytest.mark.parametrize("stage", ["approach", "press"])
 def test_turning_back_before_the_lift_has_no_effect(stage: str) -> None:
-    chair = Chassis()
+    chair = Brink()
     chair.until(stage)
-    assert chair.edge.turn_back() == (stage == "press")
+    assert chair.sequence.turn_back() == (stage == "press")
     assert chair.run(0.01).stage == ("lower" if stage == "press" else "approach")
 
 
 def test_a_flipper_that_no_longer_folds_props_the_chair_up_and_ends_its_backing() -> None:
-    chair = Chassis().lifted()
+    chair = Brink().lifted()
     command = chair.until("barred", tip_n=300.0, pitch_deg_s=2.0)
     assert command.speed_m_s == 0.0
     assert chair.pitch_deg < LIFTED_DEG + 3.5
 
 
 def test_a_flipper_that_does_not_lower_is_given_up_where_it_stands() -> None:
-    chair = Chassis().pressed()
+    chair = Brink().pressed()
     chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
     chair.until("lower", tip_n=200.0)
     chair.run(2.0 * CONFIG.patience_s - 0.1, tip_n=200.0)
@@ -291,13 +259,8 @@ def test_a_flipper_that_does_not_lower_is_given_up_where_it_stands() -> None:
 
 
 def test_the_nosing_position_is_updated_until_contact() -> None:
-    chair = Chassis()
-    chair.edge.nosing_seen(0.20)
+    chair = Brink()
+    chair.sequence.nosing_seen(0.20)
     assert chair.run(0.01).stage == "press"
-    chair.edge.nosing_seen(5.0)
+    chair.sequence.nosing_seen(5.0)
     assert chair.run(0.1).stage == "press"
-
-
-def test_the_same_readings_give_the_same_commands() -> None:
-    first, again = (Chassis(0.4) for _ in range(2))
-    assert [first.run(0.05, tip_n=90.0) for _ in range(60)] == [again.run(0.05, tip_n=90.0) for _ in range(60)]

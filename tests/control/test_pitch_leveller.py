@@ -5,11 +5,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+import world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from treadline.control.seat import Leveller, LevellerConfig, PitchLeveller
-from treadline.core.angles import DEG, quaternion_of, rotation_y
+from treadline.core.angles import DEG
 from treadline.core.signals import ImuSample, SeatCommand, SeatReading
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.linkage import SeatLinkage
@@ -21,14 +22,8 @@ CONFIG = LevellerConfig(seat=SEAT)
 
 
 def imu(t_s: float, pitch_rad: float = 0.0, pitch_rate_rad_s: float = 0.0) -> ImuSample:
-    R = rotation_y(-pitch_rad)
-    return ImuSample(
-        t_s=t_s,
-        orientation=quaternion_of(R),
-        # The front rises with a negative rotation about y.
-        angular_velocity_rad_s=np.array([0.0, -pitch_rate_rad_s, 0.0]),
-        linear_acceleration_m_s2=R.T @ np.array([0.0, 0.0, 9.81]),
-    )
+    # The front rises with a negative rotation about y.
+    return world.imu(t_s, pitch_rad, rates_rad_s=(0.0, -pitch_rate_rad_s, 0.0))
 
 
 @dataclass
@@ -89,6 +84,13 @@ def test_a_noisy_gyro_on_a_resting_chair_moves_nothing() -> None:
     assert crossing.rates == [0.0] * len(crossing.rates)
 
 
+def test_below_the_quiet_rate_of_a_degree_per_second_the_loop_is_alone() -> None:
+    led, alone = PitchLeveller(CONFIG), Leveller(CONFIG)
+    for k in range(100):
+        reading = SeatReading(t_s=k * TICK_S, pitch_rad=0.02, stroke_m=0.05)
+        assert led.step(reading, imu(k * TICK_S, pitch_rate_rad_s=0.99 * DEG)) == alone.step(reading)
+
+
 @pytest.mark.parametrize(("hertz", "rate_deg_s"), [(3.0, 8.0), (3.3, 8.0), (3.7, 8.0), (2.5, 22.0), (2.2, 25.0), (1.9, 25.0)])
 def test_feed_forward_is_off_on_a_rocking_chair(hertz: float, rate_deg_s: float) -> None:
     """Test: a chair rocks, with larger amplitude at lower frequency. Expected result: only the loop acts; feed-forward acts when
@@ -146,13 +148,6 @@ def test_the_rate_keeps_its_limit_for_any_reading(pitch: float, stroke: float, r
         command = leveller.step(reading, imu(k * TICK_S, pitch_rate_rad_s=rate))
         assert isinstance(command, SeatCommand)
         assert abs(command.rate_m_s) <= SEAT.max_rate_m_s
-
-
-def test_below_the_quiet_rate_the_loop_is_alone() -> None:
-    led, alone = PitchLeveller(CONFIG), Leveller(CONFIG)
-    for k in range(100):
-        reading = SeatReading(t_s=k * TICK_S, pitch_rad=0.02, stroke_m=0.05)
-        assert led.step(reading, imu(k * TICK_S, pitch_rate_rad_s=0.99 * DEG)) == alone.step(reading)
 
 
 @pytest.mark.parametrize(("stroke", "sign"), [(SEAT.stroke_m[1], 1.0), (SEAT.stroke_m[0], -1.0)])

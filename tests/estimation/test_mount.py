@@ -6,10 +6,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from world import belts, imu_at, stair_axes
 
-from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.core.images import PinholeCamera, StairAxes
-from treadline.core.signals import ImuSample, TrackReading
+from treadline.core.signals import ImuSample
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate, calibrated
 
 FRAME_S = 0.1
@@ -69,19 +70,14 @@ class Drive:
                 R_SB = rotation_y(self.slope_rad * (1.0 - t_s / self.mounting_s)) @ R_SB
             R_WB = rotation_y(-self.slope_rad) @ R_SB
             tilt = rotation_x(self.tilt_rad[0] + wander[0]) @ rotation_y(self.tilt_rad[1] + wander[1])
-            yield ImuSample(
-                t_s=t_s,
-                orientation=quaternion_of(rotation_z(1.0) @ R_WB @ tilt),
-                angular_velocity_rad_s=0.3 * DEG * rng.normal(size=3),
-                linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
-            )
+            yield imu_at(t_s, rotation_z(1.0) @ R_WB @ tilt, 0.3 * DEG * rng.normal(size=3))
             R_CS = self.true.R_BC.T @ R_SB.T
             error = (
                 rotation_x(EDGE_RAD * rng.normal()) @ rotation_y(NORMAL_RAD * rng.normal()) @ rotation_z(EDGE_RAD * rng.normal())
             )
             if rng.random() < self.outliers:
                 error = error @ rotation_y(10.0 * DEG * rng.normal()) @ rotation_z(10.0 * DEG * rng.normal())
-            yield axes_of(t_s, R_CS @ error, slope_seen + DOWN_RAD * rng.normal())
+            yield stair_axes(t_s, R_CS @ error, slope_seen + DOWN_RAD * rng.normal(), (EDGE_RAD, DOWN_RAD, NORMAL_RAD))
 
     def learn(self) -> MountEstimate:
         """Process the drive and return the last estimate."""
@@ -94,18 +90,6 @@ class Drive:
     def errors_rad(self, estimate: MountEstimate) -> tuple[float, float]:
         """Return the errors of the estimated pitch and roll."""
         return estimate.pitch_rad - self.true.mount_pitch_rad, estimate.roll_rad - self.true.mount_roll_rad
-
-
-def axes_of(t_s: float, R_CS: np.ndarray, slope_rad: float) -> StairAxes:
-    return StairAxes(
-        t_s=t_s,
-        edge_C=-R_CS[:, 1],
-        down_C=R_CS @ np.array([-math.sin(slope_rad), 0.0, -math.cos(slope_rad)]),
-        normal_C=R_CS[:, 2],
-        edge_sigma_rad=EDGE_RAD,
-        down_sigma_rad=DOWN_RAD,
-        normal_sigma_rad=NORMAL_RAD,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -183,43 +167,20 @@ def test_thirty_seconds_give_a_larger_error_and_sigma_than_sixty() -> None:
 def test_a_standing_chair_does_not_improve_the_calibration() -> None:
     calibrator = MountCalibrator(MountConfig(camera=MEANT))
     for signal in Drive(5).signals():
-        calibrator.step(TrackReading(t_s=signal.t_s, left_m_s=0.0, right_m_s=0.0, brake_on=True))
+        calibrator.step(belts(signal.t_s, 0.0, 0.0, brake_on=True))
         assert calibrator.step(signal) is None
 
 
-def _not_a_number(axes: StairAxes) -> StairAxes:
-    return replace(axes, normal_C=np.array([np.nan, 0.0, 0.0]))
-
-
-def _a_floor(axes: StairAxes) -> StairAxes:
-    return replace(axes, normal_C=-axes.down_C)
-
-
-def _upside_down(axes: StairAxes) -> StairAxes:
-    return replace(axes, normal_C=-axes.normal_C, down_C=-axes.down_C)
-
-
-def _not_square(axes: StairAxes) -> StairAxes:
-    return replace(axes, edge_C=axes.normal_C)
-
-
-def _unsure(axes: StairAxes) -> StairAxes:
-    return replace(axes, edge_sigma_rad=10.0 * DEG)
-
-
-def _sigma_zero(axes: StairAxes) -> StairAxes:
-    return replace(axes, down_sigma_rad=0.0)
-
-
-def _stale(axes: StairAxes) -> StairAxes:
-    return replace(axes, t_s=axes.t_s - 30.0)
-
-
-def _no_time(axes: StairAxes) -> StairAxes:
-    return replace(axes, t_s=math.nan)
-
-
-FAULTS = (_not_a_number, _a_floor, _upside_down, _not_square, _unsure, _sigma_zero, _stale, _no_time)
+FAULTS: tuple[Callable[[StairAxes], StairAxes], ...] = (
+    lambda axes: replace(axes, normal_C=np.array([np.nan, 0.0, 0.0])),
+    lambda axes: replace(axes, normal_C=-axes.down_C),  # a floor
+    lambda axes: replace(axes, normal_C=-axes.normal_C, down_C=-axes.down_C),  # upside down
+    lambda axes: replace(axes, edge_C=axes.normal_C),  # not perpendicular
+    lambda axes: replace(axes, edge_sigma_rad=10.0 * DEG),
+    lambda axes: replace(axes, down_sigma_rad=0.0),
+    lambda axes: replace(axes, t_s=axes.t_s - 30.0),
+    lambda axes: replace(axes, t_s=math.nan),
+)
 
 
 @pytest.mark.parametrize("spoil", FAULTS)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from world import heading, imu
 
-from treadline.core.angles import DEG, quaternion_of, rotation_z, wrap
+from treadline.core.angles import DEG, wrap
 from treadline.core.signals import HeadingMeasurement, ImuSample
 from treadline.estimation import OffsetEstimator
 from treadline.estimation.offset import heading_offset
@@ -14,16 +15,11 @@ angle = st.floats(min_value=-np.pi, max_value=np.pi, exclude_max=True)
 
 
 def yawed(t_s: float, yaw_rad: float, rate_rad_s: float = 0.0) -> ImuSample:
-    return ImuSample(
-        t_s=t_s,
-        orientation=quaternion_of(rotation_z(yaw_rad)),
-        angular_velocity_rad_s=np.array([0.0, 0.0, rate_rad_s]),
-        linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
-    )
+    return imu(t_s, yaw_rad=yaw_rad, rates_rad_s=(0.0, 0.0, rate_rad_s))
 
 
 def seen(t_s: float, heading_rad: float) -> HeadingMeasurement:
-    return HeadingMeasurement(t_s=t_s, heading_rad=heading_rad, sigma_rad=0.3 * DEG, edge_count=6)
+    return heading(t_s, heading_rad / DEG)
 
 
 @settings(derandomize=True, deadline=None)

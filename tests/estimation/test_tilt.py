@@ -1,5 +1,7 @@
 """Attitude from gyro and accelerometer: gravity is found, kept through turns and jolts, and drift is bounded."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from jaxtyping import Float
@@ -51,10 +53,7 @@ def test_a_gyro_with_a_bias_is_held_level_by_gravity() -> None:
     rng = np.random.default_rng(1)
     for k in range(6000):
         felt = sample(0.01 * k, R_WB, bias)
-        noisy = felt.linear_acceleration_m_s2 + rng.normal(0.0, 0.2, 3)
-        orientation = tilt.step(
-            ImuSample(t_s=felt.t_s, orientation=np.zeros(4), angular_velocity_rad_s=bias, linear_acceleration_m_s2=noisy)
-        )
+        orientation = tilt.step(replace(felt, linear_acceleration_m_s2=felt.linear_acceleration_m_s2 + rng.normal(0.0, 0.2, 3)))
     # A bias of b leaves b·τ: 0.28 °/s over 2 s.
     assert off_level(orientation, R_WB) < 0.8
 
@@ -74,7 +73,7 @@ def test_after_a_pause_gravity_is_found_anew() -> None:
     assert off_level(tilt.step(sample(5.0, tilted, np.zeros(3))), tilted) < 1e-6
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_levelling_points_any_force_up(seed: int) -> None:
     force = np.random.default_rng(seed).normal(size=3)
     up = rotation_about(levelling(force)) @ force / np.linalg.norm(force)

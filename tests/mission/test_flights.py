@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from world import RISE_M, RUN_M, SLOPE_RAD, stair
 
 from treadline.core.signals import StairMap
 from treadline.mission.stair_tracker import GAP_KNOWN_AFTER, KNOWN_AFTER, NEXT_MAPS, NEXT_S, StairTracker
@@ -13,8 +14,7 @@ from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
 from treadline.vehicle.verdict import check
 
-RISE_M, RUN_M, BETWEEN_M = 0.16, 0.30, 2.5
-STEPS = 6
+BETWEEN_M, STEPS = 2.5, 6
 FLOOR_M, MAPPED_STEPS = 1.0, 4
 """Distance of the first nosing ahead of mid-track [m], and number of steps of the first flight, in the scripted maps."""
 
@@ -79,20 +79,9 @@ def test_missing_steps_of_every_flight_are_checked() -> None:
     assert apart.reasons == check(scenario("up", missing_steps=[STEPS - 2], flights=1), chair).reasons
 
 
-def map_of(t_s: float, places: Sequence[tuple[float, float]], *, ends: bool = False, up: bool = True) -> StairMap:
+def map_of(t_s: float, places: Sequence[tuple[float, float]], *, up: bool = True) -> StairMap:
     """Return a map for a chair that stands level at the foot of the first flight, or at the top of the second."""
-    return StairMap(
-        t_s=t_s,
-        direction="up" if up else "down",
-        nosings_B=np.array([(x, 0.0, z) for x, z in places]),
-        rise_m=RISE_M,
-        run_m=RUN_M,
-        slope_rad=float(np.arctan2(RISE_M, RUN_M)),
-        ends=ends,
-        left_wall_m=None,
-        right_wall_m=None,
-        obstacle_m=None,
-    )
+    return stair(t_s, [(x, 0.0, z) for x, z in places], direction="up" if up else "down")
 
 
 FIRST = [(FLOOR_M + k * RUN_M, (k + 1) * RISE_M) for k in range(MAPPED_STEPS)]
@@ -147,7 +136,7 @@ def test_a_flight_not_seen_for_a_while_is_looked_at_anew() -> None:
 
 def test_a_chair_that_wakes_up_on_a_flight_is_not_on_the_one_it_sees_across_the_landing() -> None:
     where = StairTracker()
-    where.pitch_rad = float(np.arctan2(RISE_M, RUN_M))
+    where.pitch_rad = SLOPE_RAD
     for k in range(KNOWN_AFTER):
         where.update(map_of(0.1 * k, [(2.5 + 0.3 * i, -1.1 + 0.1 * i) for i in range(3)]))
     assert where.map_count == 0

@@ -4,8 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from world import imu
 
-from treadline.core.angles import DEG, quaternion_of, rotation_y
+from treadline.core.angles import DEG, rotation_y
 from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.signals import HeadingMeasurement, ImuSample, StairMap
 from treadline.guard import GuardConfig
@@ -16,15 +17,6 @@ from treadline.ros.block_nodes import CameraNode
 from treadline.ros.inproc import InProcess
 
 CAMERA = PinholeCamera(width_px=8, height_px=6, fx_px=5.0, fy_px=5.0, cx_px=3.5, cy_px=2.5, mount_pitch_rad=30.0 * DEG)
-
-
-def pitched(t_s: float, pitch_rad: float) -> ImuSample:
-    return ImuSample(
-        t_s=t_s,
-        orientation=quaternion_of(rotation_y(-pitch_rad)),
-        angular_velocity_rad_s=np.zeros(3),
-        linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
-    )
 
 
 def frame(t_s: float) -> RgbdFrame:
@@ -68,7 +60,7 @@ def test_a_frame_that_comes_60_ms_late_is_seen_with_the_gravity_of_its_exposure(
     detector = Looking()
     take_imu, take_frame = wired(detector)
     for k in range(12):
-        take_imu(pitched(0.01 * k, k * DEG))
+        take_imu(imu(0.01 * k, k * DEG))
     take_frame(frame(0.05))
     (gravity_C,) = detector.gravity
     expected = CAMERA.R_BC.T @ rotation_y(-5.0 * DEG).T @ np.array([0.0, 0.0, -1.0])

@@ -3,6 +3,7 @@
 import itertools
 
 import pytest
+import world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,8 +15,8 @@ GAUGE_M, TICK_S = 0.65, 0.01
 CONFIG = LevelConfig(gauge_m=GAUGE_M)
 
 
-def estimate(heading_deg: float, t_s: float = 0.0) -> HeadingEstimate:
-    return HeadingEstimate(t_s=t_s, heading_rad=heading_deg * DEG, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
+def estimate(heading_deg: float) -> HeadingEstimate:
+    return world.estimate(0.0, heading_deg * DEG)
 
 
 def turned_by(half_m_s: float, skid: float) -> float:
@@ -88,10 +89,6 @@ def test_within_what_is_spared_nothing_is_steered_and_beyond_it_gently(heading: 
         firmly == pytest.approx(max(min(2.0 * half, CONFIG.keep_limit_m_s), -CONFIG.keep_limit_m_s))
         or abs(half) == CONFIG.keep_limit_m_s
     )
-
-
-def test_without_an_estimate_nothing_is_steered() -> None:
-    assert LevelSteering(CONFIG).keep(None, 0.05) == 0.0
 
 
 def search(steering: LevelSteering, skid: float = 1.4) -> tuple[list[float], list[float | None]]:

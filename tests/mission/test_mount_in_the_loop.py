@@ -3,12 +3,14 @@
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import pytest
 from scenes import RecordedDrive, ViewRecipe
+from world import belts, imu_at
 
-from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y
+from treadline.core.angles import DEG, rotation_x, rotation_y
 from treadline.core.images import RgbdFrame
 from treadline.core.signals import Event, HeadingMeasurement, ImuSample, StairMap, TrackReading
 from treadline.guard import GuardConfig
@@ -22,8 +24,8 @@ Take = Callable[[ImuSample | TrackReading | RgbdFrame], list[object]]
 FRAME_S = 0.5
 
 
-def by_the_block() -> Take:
-    block = CameraBlock(StairDetector())
+def by_the_block(detector: Any = None) -> Take:
+    block = CameraBlock(detector or StairDetector())
 
     def take(reading: ImuSample | TrackReading | RgbdFrame) -> list[object]:
         if isinstance(reading, RgbdFrame):
@@ -73,15 +75,8 @@ def driven(take: Take, seconds: float, imu: np.ndarray | None = None, **recipe: 
     for t_s, heading_rad in _wave(seconds):
         pose = road.pose(0.2 * t_s, heading_rad)
         turned = pose.R_WB if imu is None else pose.R_WB @ imu
-        take(TrackReading(t_s=t_s, left_m_s=0.2, right_m_s=0.2, brake_on=False))
-        take(
-            ImuSample(
-                t_s=t_s,
-                orientation=quaternion_of(turned),
-                angular_velocity_rad_s=np.zeros(3),
-                linear_acceleration_m_s2=9.81 * turned[2],
-            )
-        )
+        take(belts(t_s))
+        take(imu_at(t_s, turned))
         for seen in take(road.view(t_s, pose).frame):
             if isinstance(seen, HeadingMeasurement):
                 outcome.errors.append((t_s, seen.heading_rad - heading_rad, seen.sigma_rad))
@@ -130,18 +125,7 @@ def test_a_sound_mount_leaves_headings_as_the_detector_gives_them() -> None:
 
             return Result()
 
-    def bare() -> Take:
-        block = CameraBlock(Bare())
-
-        def take(reading: ImuSample | TrackReading | RgbdFrame) -> list[object]:
-            if isinstance(reading, RgbdFrame):
-                return list(block.step(reading, lambda _: True))
-            block.update(reading)
-            return []
-
-        return take
-
-    watched, plain = driven(by_the_block(), 16.0), driven(bare(), 16.0)
+    watched, plain = driven(by_the_block(), 16.0), driven(by_the_block(Bare()), 16.0)
     assert watched.events == []
     assert len(watched.errors) > 20
     assert watched.errors == plain.errors

@@ -9,15 +9,13 @@ from importlib import resources
 import numpy as np
 import pytest
 from jaxtyping import Float
+from world import RISE_M, RUN_M, belts, imu, stair
 
-from treadline.core.angles import quaternion_of, rotation_y
-from treadline.core.signals import ImuSample, StairMap, TrackReading
+from treadline.core.signals import StairMap
 from treadline.mission._nosing_filter import COMMON, CORRELATED_M, FAR_1_M, OWN_M, OWN_SHARE, SLIP_RATIO, NosingFilter
 from treadline.mission.stair_tracker import StairTracker
 
-RISE_M, RUN_M, STEPS = 0.16, 0.30, 10
-SLOPE_RAD = math.atan2(RISE_M, RUN_M)
-HALF_M, FRAME_M, FRAME_S = 0.475, 0.02, 0.1
+STEPS, HALF_M, FRAME_M, FRAME_S = 10, 0.475, 0.02, 0.1
 FOOT_M = -RUN_M
 """Place where the nosing line meets the floor; the first nosing is at x = 0."""
 VIEW_M = {"up": (0.5, 5.0), "down": (0.5, 3.0)}
@@ -76,18 +74,9 @@ class Drive:
         own = np.sqrt(OWN_M**2 + OWN_SHARE * (FAR_1_M * away[number, None] ** 2) ** 2) * self.rng.standard_normal((len(number), 2))
         x, z = (self.steps[number] - [self.x_m, self.z_m] + self.noise * (error + own)).T
         c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
-        return StairMap(
-            t_s=self.t_s,
-            direction="up" if self.up else "down",
-            nosings_B=np.column_stack([x * c + z * s, 0.0 * x, z * c - x * s]),
-            rise_m=RISE_M,
-            run_m=RUN_M,
-            slope_rad=SLOPE_RAD,
-            ends=bool(number[-1] == (STEPS - 1 if self.up else 0) and away[number[-1]] < 2.0),
-            left_wall_m=None,
-            right_wall_m=None,
-            obstacle_m=None,
-        )
+        ends = bool(number[-1] == (STEPS - 1 if self.up else 0) and away[number[-1]] < 2.0)
+        places = np.column_stack([x * c + z * s, 0.0 * x, z * c - x * s])
+        return stair(self.t_s, list(places), direction="up" if self.up else "down", ends=ends)
 
     def errors(self) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return error and declared standard deviation of the distance of each known nosing [m]."""
@@ -109,12 +98,8 @@ class Drive:
         self._report(math.copysign(moved, way_m) * (1.0 + self.slip * float(self.rng.standard_normal())) / FRAME_S)
 
     def _report(self, speed_m_s: float) -> None:
-        orientation = quaternion_of(rotation_y(-self.pitch_rad))
-        gravity = np.array([0.0, 0.0, 9.81])
-        self.tracker.update(
-            ImuSample(t_s=self.t_s, orientation=orientation, angular_velocity_rad_s=np.zeros(3), linear_acceleration_m_s2=gravity)
-        )
-        self.tracker.update(TrackReading(t_s=self.t_s, left_m_s=speed_m_s, right_m_s=speed_m_s, brake_on=False))
+        self.tracker.update(imu(self.t_s, self.pitch_rad))
+        self.tracker.update(belts(self.t_s, speed_m_s, speed_m_s))
 
     def _pose(self) -> tuple[float, float]:
         """Return height and pitch of a chair whose ends lie on the floor, on the nosing line or on the landing."""

@@ -3,11 +3,12 @@
 from dataclasses import replace
 
 import pytest
+from world import estimate
 
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
 from treadline.mission._proposals import Proposals
 
-KNOWN = HeadingEstimate(t_s=0.0, heading_rad=0.1, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
+KNOWN = estimate(0.0, 0.1)
 
 
 class Steering:
@@ -19,9 +20,9 @@ class Steering:
     def __init__(self) -> None:
         self.knew: list[HeadingEstimate | None] = []
 
-    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
-        self.knew.append(estimate)
-        if estimate is None:
+    def step(self, known: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
+        self.knew.append(known)
+        if known is None:
             return TrackCommand.stop(t_s)
         return TrackCommand(t_s=t_s, left_m_s=plan.speed_m_s - 0.02, right_m_s=plan.speed_m_s + 0.02)
 
@@ -90,8 +91,8 @@ def test_a_driver_that_repeats_itself_grows_old_whatever_falls() -> None:
     is, for the guard to detect a dead driver."""
 
     class Dead(Steering):
-        def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
-            return replace(super().step(estimate, t_s, plan), t_s=min(t_s, 0.25))
+        def step(self, known: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
+            return replace(super().step(known, t_s, plan), t_s=min(t_s, 0.25))
 
     proposals = Proposals(Dead())
     asked = [proposals.step(plan(t_s), KNOWN, held=False, due=True) for t_s in (0.25, 0.5)]

@@ -2,72 +2,49 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from world import RISE_M, RUN_M, SLOPE_RAD, belts, imu, stair
+from world import RISE_M, RUN_M, SLOPE_RAD, Place, belts, imu, stair
 
 from treadline.core.angles import DEG
-from treadline.core.signals import ImuSample, StairMap, TrackReading
-from treadline.mission.stair_tracker import KNOWN_AFTER, StairTracker
+from treadline.core.signals import StairMap
+from treadline.mission.stair_tracker import StairTracker
+
+KNOWN_AFTER = 2
+"""A nosing counts from its second sight on: a ghost is seen once (docs/decisions/0019)."""
 
 
-@dataclass
-class Chair:
-    """A chair without dynamics before a flight, and what its sensors would say; x and z of mid-track in W."""
+@dataclass(kw_only=True)
+class Chair(Place):
+    """A chair without dynamics before a flight, and the readings of its sensors."""
 
-    x_m: float = 0.0
-    z_m: float = 0.0
-    pitch_rad: float = 0.0
-    heading_rad: float = 0.0
     t_s: float = 0.0
     first_m: float = 1.5
-    """Where the first nosing stands."""
 
-    def imu(self) -> ImuSample:
-        return imu(self.t_s, self.pitch_rad, yaw_rad=self.heading_rad)
-
-    def tracks(self, speed_m_s: float) -> TrackReading:
-        return belts(self.t_s, speed_m_s, speed_m_s)
-
-    def nosing(self, k: int) -> np.ndarray:
-        """Return where the chair's middle plane meets nosing k, in B."""
-        along, up = (self.first_m + k * RUN_M - self.x_m) / math.cos(self.heading_rad), (k + 1) * RISE_M - self.z_m
-        c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
-        return np.array([along * c + up * s, 0.0, up * c - along * s])
-
-    def sees(
-        self, *steps: int, direction: Literal["up", "down"] = "up", ends: bool = False, error_m: float = 0.0, **walls: float
-    ) -> StairMap:
-        return stair(
-            self.t_s,
-            [self.nosing(k) + np.array([error_m, 0.0, 0.0]) for k in steps],
-            direction=direction,
-            ends=ends,
-            left_wall_m=walls.get("left"),
-            right_wall_m=walls.get("right"),
-        )
+    def sees(self, *steps: int, error_m: float = 0.0, **changes: Any) -> StairMap:
+        return stair(self.t_s, [np.add(self.nosing_B(k), [error_m, 0.0, 0.0]) for k in steps], **changes)
 
     def update(self, where: StairTracker, *steps: int, ends: bool = False, error_m: float = 0.0, up: bool = True) -> None:
         """Let the mission have the attitude, and a frame of these steps."""
         where.heading_rad = self.heading_rad
-        where.update(self.imu())
+        where.update(imu(self.t_s, self.pitch_rad, yaw_rad=self.heading_rad))
         if steps:
             where.update(self.sees(*steps, ends=ends, error_m=error_m, direction="up" if up else "down"))
 
     def drive(self, where: StairTracker, metres: float, speed_m_s: float = 0.2, slip: float = 0.0) -> None:
         """Move along the belts by what they do, less slip."""
-        dt_s = 0.01
-        where.update(self.tracks(math.copysign(speed_m_s, metres)))
+        dt_s, along_m_s = 0.01, math.copysign(speed_m_s, metres)
+        where.update(belts(self.t_s, along_m_s, along_m_s))
         for _ in range(round(abs(metres) / (speed_m_s * dt_s))):
             self.t_s += dt_s
-            moved = math.copysign(speed_m_s * dt_s, metres) * (1.0 - slip)
+            moved = along_m_s * dt_s * (1.0 - slip)
             self.x_m += moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad)
             self.z_m += moved * math.sin(self.pitch_rad)
-            where.update(self.tracks(math.copysign(speed_m_s, metres)))
+            where.update(belts(self.t_s, along_m_s, along_m_s))
 
 
 def seen(chair: Chair, *steps: int, times: int = KNOWN_AFTER, up: bool = True) -> StairTracker:
@@ -89,7 +66,7 @@ def test_a_nosing_is_where_the_map_says_and_known_at_the_second_sight() -> None:
     assert (where.rise_m, where.run_m, where.slope_rad) == pytest.approx((RISE_M, RUN_M, SLOPE_RAD))
 
 
-@settings(derandomize=True)
+@settings(derandomize=True, max_examples=30)
 @given(
     pitch=st.floats(-5.0, 9.0),
     heading=st.floats(-35.0, 35.0),
@@ -104,12 +81,12 @@ def test_a_nosing_stands_still_while_the_chair_pitches_and_turns(
     where = seen(chair, 2, 3, 4)
     chair.pitch_rad, chair.heading_rad = later_pitch * DEG, later_heading * DEG
     chair.update(where)
-    expected = [chair.nosing(k)[0] for k in (2, 3, 4)]
+    expected = [chair.nosing_B(k)[0] for k in (2, 3, 4)]
     np.testing.assert_allclose(where.ahead_m(), expected, atol=1e-9)
     assert where.first_ahead_m() == pytest.approx(chair.first_m + 2 * RUN_M - x_m)
 
 
-@settings(derandomize=True)
+@settings(derandomize=True, max_examples=30)
 @given(latency=st.integers(0, 40), pitch=st.floats(0.0, 9.0), heading=st.floats(-30.0, 30.0))
 def test_a_late_map_is_placed_by_the_pose_of_its_exposure(latency: int, pitch: float, heading: float) -> None:
     """Test: each map arrives up to 0.4 s late, at 0.2 m/s. Expected: nosings where they are, not up to 80 mm off."""
@@ -120,7 +97,7 @@ def test_a_late_map_is_placed_by_the_pose_of_its_exposure(latency: int, pitch: f
         exposed = chair.sees(0, 1)
         chair.drive(where, 0.002 * latency)
         where.update(exposed)
-    np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in (0, 1)], atol=1e-9)
+    np.testing.assert_allclose(where.ahead_m(), [chair.nosing_B(k)[0] for k in (0, 1)], atol=1e-9)
 
 
 def test_a_map_of_a_chair_that_has_pitched_since_is_placed_by_its_pitch_then() -> None:
@@ -133,10 +110,10 @@ def test_a_map_of_a_chair_that_has_pitched_since_is_placed_by_its_pitch_then() -
         chair.update(where)
         where.update(exposed)
     # A nosing 1.5 m ahead would be placed 5 cm too high by the pitch at its arrival.
-    np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in (0, 1)], atol=1e-9)
+    np.testing.assert_allclose(where.ahead_m(), [chair.nosing_B(k)[0] for k in (0, 1)], atol=1e-9)
 
 
-@settings(derandomize=True)
+@settings(derandomize=True, max_examples=30)
 @given(metres=st.floats(-1.0, 1.5), pitch=st.floats(0.0, 32.0), heading=st.floats(-30.0, 30.0))
 def test_a_nosing_stands_still_while_the_chair_drives(metres: float, pitch: float, heading: float) -> None:
     chair = Chair(heading_rad=heading * DEG)
@@ -144,11 +121,11 @@ def test_a_nosing_stands_still_while_the_chair_drives(metres: float, pitch: floa
     chair.pitch_rad = pitch * DEG
     chair.update(where)
     chair.drive(where, metres)
-    np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in (0, 1)], atol=1e-6)
+    np.testing.assert_allclose(where.ahead_m(), [chair.nosing_B(k)[0] for k in (0, 1)], atol=1e-6)
     assert where.travel_m == pytest.approx(metres, abs=2e-3)  # one step of the drive
 
 
-@settings(derandomize=True)
+@settings(derandomize=True, max_examples=30)
 @given(seed=st.integers(0, 10_000), slip=st.floats(0.0, 0.05))
 def test_maps_that_err_by_a_centimetre_correct_belts_that_slip(seed: int, slip: float) -> None:
     rng, chair = np.random.default_rng(seed), Chair(first_m=2.5)
@@ -210,7 +187,7 @@ def test_slip_is_corrected_for_the_nosings_out_of_view_too() -> None:
         chair.update(where, 2, 3)
     # A fifth of a metre driven was slip; the two nosings that no frame shows any more have moved with the others, but for
     # what a frame's half leaves of 4 mm a frame, and what of it went into the nosings in view.
-    np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in range(4)], atol=0.02)
+    np.testing.assert_allclose(where.ahead_m(), [chair.nosing_B(k)[0] for k in range(4)], atol=0.02)
 
 
 def test_what_flickers_stays_known_and_where_it_was() -> None:
@@ -220,7 +197,7 @@ def test_what_flickers_stays_known_and_where_it_was() -> None:
         chair.drive(where, 0.02)
         chair.update(where, *((0, 1, 2), (1,), (0, 2), (2, 3))[k % 4])
     assert len(where.ahead_m()) == 4
-    np.testing.assert_allclose(where.ahead_m(), [chair.nosing(k)[0] for k in range(4)], atol=2e-3)
+    np.testing.assert_allclose(where.ahead_m(), [chair.nosing_B(k)[0] for k in range(4)], atol=2e-3)
 
 
 @pytest.mark.parametrize("k", [-1, 3, 8])
@@ -270,7 +247,7 @@ def test_an_end_in_the_middle_of_the_flight_is_taken_back_by_frames_that_show_mo
     for _ in range(2):
         chair.update(where, 2, 3, ends=True)
     assert where.top_ends
-    assert where.top_ahead_m() == pytest.approx(chair.nosing(3)[0])
+    assert where.top_ahead_m() == pytest.approx(chair.nosing_B(3)[0])
 
 
 def test_a_flight_that_falls_behind_ends_at_its_lowest_nosing() -> None:
@@ -288,7 +265,7 @@ def test_a_flight_that_falls_behind_ends_at_its_lowest_nosing() -> None:
 
 def test_walls_are_those_of_the_last_frame() -> None:
     chair, where = Chair(), StairTracker()
-    where.update(chair.sees(0, 1, left=0.6, right=0.7))
+    where.update(chair.sees(0, 1, left_wall_m=0.6, right_wall_m=0.7))
     assert (where.left_wall_m, where.right_wall_m) == (0.6, 0.7)
     where.update(chair.sees(0, 1))
     assert (where.left_wall_m, where.right_wall_m) == (None, None)
@@ -311,17 +288,9 @@ def test_a_gap_or_a_leap_back_in_the_belts_stamps_moves_nothing_far() -> None:
     chair, where = Chair(), StairTracker()
     for t_s in (0.0, 5.0, 1.0):
         chair.t_s = t_s
-        where.update(chair.tracks(0.2))
+        where.update(belts(t_s, 0.2, 0.2))
     # A gap counts for a tenth of a second at most, a leap back for nothing.
     assert where.travel_m == pytest.approx(0.02)
-
-
-def test_each_flickering_place_is_one_nosing_not_many() -> None:
-    rng, chair = np.random.default_rng(5), Chair()
-    where = StairTracker()
-    for _ in range(200):
-        chair.update(where, 0, 1, 2, 3, error_m=0.02 * float(rng.normal()))
-    assert len(where.ahead_m()) == 4
 
 
 @pytest.mark.parametrize("known", [False, True])

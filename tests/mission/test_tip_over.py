@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from world import imu
 
 from treadline.core.angles import DEG
-from treadline.core.signals import TICK_S, ImuSample
+from treadline.core.signals import TICK_S
 from treadline.mission._tip_over import TipOverFeedforward
-
-LEVEL = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def eased(rates_deg_s: list[float], *, allowed: bool = True) -> list[float]:
@@ -20,8 +19,7 @@ def eased(rates_deg_s: list[float], *, allowed: bool = True) -> list[float]:
     falling, added = TipOverFeedforward(), []
     for tick, rate in enumerate(rates_deg_s):
         t_s = tick * TICK_S
-        gyro = np.array([0.0, rate * DEG, 0.0])
-        falling.update(ImuSample(t_s=t_s, orientation=LEVEL, angular_velocity_rad_s=gyro, linear_acceleration_m_s2=np.zeros(3)))
+        falling.update(imu(t_s, rates_rad_s=(0.0, rate * DEG, 0.0)))
         added.append(falling.step(t_s, allowed=allowed))
     return added
 

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from world import G_M_S2, TICK_S, belts, imu
 
-from treadline.core.angles import DEG, quaternion_of, rotation_y
-from treadline.core.signals import ImuSample, TrackReading
+from treadline.core.angles import DEG
 from treadline.mission._traction_test import TractionConfig, TractionTest
 
 CONFIG = TractionConfig()
@@ -89,7 +88,7 @@ def test_gravity_that_errs_in_the_attitude_alone_costs_two_hundredths(error_deg:
 
 
 @pytest.mark.parametrize("slope_deg", [20.0, 25.0, 28.0, 30.0])
-@pytest.mark.parametrize("steeper_deg", [-3.0, -1.0, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0])
+@pytest.mark.parametrize("steeper_deg", [-3.0, 0.0, 1.0, 2.0, 3.0])
 def test_however_the_chair_is_pitched_grip_passes_and_none_does_not(slope_deg: float, steeper_deg: float) -> None:
     """Test: pitched more or less than the stair; belts that grip, and a chair that stays where it is while they
     run, for its rear stands on the floor. Expected result: go; refused, also where gravity alone asks for more than is wanted."""
@@ -119,15 +118,7 @@ def test_the_pulse_asks_for_the_share_over_what_the_stair_needs() -> None:
     test, slope = TractionTest(CONFIG, 28.0 * DEG), 28.0 * DEG
     speeds = []
     for k in range(120):
-        at_rest = np.array([G_M_S2 * math.sin(slope), 0.0, G_M_S2 * math.cos(slope)])
-        test.update(
-            ImuSample(
-                t_s=k * TICK_S,
-                orientation=quaternion_of(rotation_y(-slope)),
-                angular_velocity_rad_s=np.zeros(3),
-                linear_acceleration_m_s2=at_rest,
-            )
-        )
+        test.update(imu(k * TICK_S, slope))
         speeds.append(test.speed_m_s)
     assert speeds[: round(CONFIG.rest_s / TICK_S) + 1] == [0.0] * (round(CONFIG.rest_s / TICK_S) + 1)
     asked = (speeds[100] - speeds[80]) / (20 * TICK_S)
@@ -143,21 +134,14 @@ def test_belts_that_do_not_move_are_no_grip() -> None:
         assert test.slip == 1.0
 
 
-def test_before_the_first_sample_nothing_is_asked_and_nothing_is_over() -> None:
-    test = TractionTest(CONFIG, 28.0 * DEG)
-    assert (test.speed_m_s, test.over, test.slip) == (0.0, False, 0.0)
-
-
 def test_a_test_that_was_stopped_begins_again_and_has_shown_nothing() -> None:
     """Test: the belts are braked in the middle of the pulse, for two seconds. Expected result: no verdict of it; then a whole test,
     from its rest on."""
     test = TractionTest(CONFIG, 28.0 * DEG)
-    force = rotation_y(-28.0 * DEG).T @ np.array([0.0, 0.0, G_M_S2])
-    attitude = quaternion_of(rotation_y(-28.0 * DEG))
     for tick in range(420):
         t_s, braked = tick * TICK_S, 80 <= tick < 280
-        test.update(TrackReading(t_s=t_s, left_m_s=0.0, right_m_s=0.0, brake_on=braked))
-        test.update(ImuSample(t_s=t_s, orientation=attitude, angular_velocity_rad_s=np.zeros(3), linear_acceleration_m_s2=force))
+        test.update(belts(t_s, 0.0, 0.0, brake_on=braked))
+        test.update(imu(t_s, 28.0 * DEG))
         assert not test.over or tick > 280 + round((CONFIG.rest_s + CONFIG.pulse_s) / TICK_S)
         if 80 <= tick < 279 + round(CONFIG.rest_s / TICK_S):
             assert test.speed_m_s == 0.0
