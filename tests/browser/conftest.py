@@ -1,5 +1,6 @@
 """A real browser and the page of ``treadline view``. ``make test-browser`` runs these tests; elsewhere they are skipped."""
 
+import json
 import os
 import queue
 import re
@@ -67,43 +68,29 @@ class Page:
         """Time under the cursor, as the page shows it."""
         return float(self.sees(r"([\d.]+) s of [\d.]+ s").group(1))
 
-    def click(self, label: str) -> None:
-        def button() -> Any:  # None until there is one
-            return self.driver.execute_script(
-                "return [...document.querySelectorAll('button, [role=tab]')].find(b => b.innerText.trim() === arguments[0])", label
-            )
+    def element(self, script: str, what: str) -> Any:
+        """Wait for the element that a script finds."""
+        return self.until(lambda: self.driver.execute_script(f"return {script}"), what)
 
-        self.until(button, f"the button {label!r}").click()
+    def click(self, label: str) -> None:
+        buttons = "[...document.querySelectorAll('button, [role=tab]')]"
+        self.element(f"{buttons}.find(b => b.innerText.trim() === {json.dumps(label)})", f"the button {label!r}").click()
+
+    def field(self, label: str) -> Any:
+        """Return the list or the check box with a label."""
+        labels = "[...document.querySelectorAll('label')]"
+        found = f"{labels}.filter(l => l.innerText.trim() === {json.dumps(label)}).map(l => document.getElementById(l.htmlFor))[0]"
+        return self.element(found, f"the field {label!r}")
 
     def choose(self, label: str, option: str) -> None:
         """Choose an option of the list with a label."""
-
-        def field() -> Any:  # None until there is one
-            return self.driver.execute_script(
-                "const label = [...document.querySelectorAll('label')].find(l => l.innerText.trim() === arguments[0]);"
-                "return label ? document.getElementById(label.htmlFor) : null",
-                label,
-            )
-
-        def item() -> Any:
-            return self.driver.execute_script(
-                "return [...document.querySelectorAll('[role=option]')].find(o => o.innerText.trim() === arguments[0])", option
-            )
-
-        self.until(field, f"the list {label!r}").click()
-        self.until(item, f"the option {option!r}").click()
+        self.field(label).click()
+        options = "[...document.querySelectorAll('[role=option]')]"
+        self.element(f"{options}.find(o => o.innerText.trim() === {json.dumps(option)})", f"the option {option!r}").click()
 
     def tick(self, label: str) -> None:
         """Change the check box with a label."""
-
-        def box() -> Any:  # None until there is one
-            return self.driver.execute_script(
-                "const label = [...document.querySelectorAll('label')].find(l => l.innerText.trim() === arguments[0]);"
-                "return label ? document.getElementById(label.htmlFor) : null",
-                label,
-            )
-
-        self.driver.execute_script("arguments[0].click()", self.until(box, f"the check box {label!r}"))
+        self.driver.execute_script("arguments[0].click()", self.field(label))
 
     def kill(self) -> None:
         """Kill the browser without a word; the page cannot say goodbye."""
@@ -114,8 +101,6 @@ class Page:
 
     def requests(self) -> set[str]:
         """Addresses that the page has asked for, its WebSockets included."""
-        import json
-
         asked = set()
         for entry in self.driver.get_log("performance"):
             message = json.loads(entry["message"])["message"]

@@ -142,15 +142,8 @@ def test_a_hold_states_measurement_limit_and_truth_and_what_led_to_it() -> None:
     assert [(moment.name, moment.t_s) for moment in hold.chain] == [("fault", 4.0), ("slip", 4.0), ("slow", 4.3)]
     assert "low friction" in hold.chain[0].cause
     assert "0.35" in hold.chain[0].cause
-
-
-def test_a_hold_without_notes_has_the_cause_of_the_log() -> None:
-    recording, _ = slipping_run()
-    unknown = replace(recording, scenario=None)
-    (hold,) = holds_of(unknown, LogNotes())
-    assert hold.cause == "rolled back 0.26 m as the guard measured it from the nosings"
-    stop = replace(recording, events=(Event(t_s=5.0, name="hold", cause="operator stop"),))
-    assert holds_of(stop, LogNotes())[0].cause == "operator stop"
+    (unknown,) = holds_of(replace(recording, scenario=None), LogNotes())
+    assert unknown.cause == "rolled back 0.26 m as the guard measured it from the nosings"
 
 
 def test_the_guard_holds_from_the_hold_to_the_re_arming() -> None:
@@ -335,7 +328,10 @@ def test_the_margins_are_those_of_the_simulator() -> None:
         plant.advance(0.1 * (k + 1))
         samples += list(plant.truth())
     plant.close()
-    recording = recorded(scenario, samples)
+    builder = RecordingBuilder(CHAIR, scenario)
+    for sample in samples:
+        builder(sample)
+    recording = builder.build()
     deviations = []
     for k in range(50, len(samples), 5):
         margins = margins_at(recording, k)
@@ -343,10 +339,3 @@ def test_the_margins_are_those_of_the_simulator() -> None:
         deviations.append(abs(margins.worst - recording.margin_rad[k]))
     assert np.quantile(deviations, 0.9) < 0.1 * DEG
     assert tipping_direction(recording, len(samples) - 1) == "backward"
-
-
-def recorded(scenario: Scenario, samples: list[Any]) -> Recording:
-    builder = RecordingBuilder(CHAIR, scenario)
-    for sample in samples:
-        builder(sample, sample.t_s)
-    return builder.build()

@@ -229,13 +229,6 @@ def test_the_slip_ratio_is_the_share_of_the_belts_travel_that_the_chair_does_not
     np.testing.assert_allclose(found[10:], slip, atol=1e-9)
 
 
-def test_decimation_keeps_every_nth_sample() -> None:
-    recording = built(signals_of_a_run())
-    assert recording.decimated(4).t_s.tolist() == recording.t_s[::4].tolist()
-    assert recording.decimated(4).p_WB.shape == (TICKS // 4, 3)
-    assert recording.decimated(4).events == recording.events
-
-
 def test_a_log_without_its_folder_is_the_run_of_its_folder(tmp_path: Path) -> None:
     """Test: the log of a run, copied elsewhere. Expected: scenario, seed, limits and signals as from the run folder."""
     scenario = Scenario(

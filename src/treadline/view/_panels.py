@@ -151,8 +151,9 @@ def timeline_html(session: Session) -> str:
         if event.name in ("hold", "rearmed")
     ]
     marks += [_strip(moment, end_s) for moment in session.moments.listed if moment.kind in ("fault", "perception")]
-    if session.ghost is not None:
-        marks.append(_mark(session.ghost.from_s, end_s, "#56b4e9", f"{session.ghost.from_s:.2f} s: the fork begins"))
+    fork = session.ghost  # a client may remove it at any time
+    if fork is not None:
+        marks.append(_mark(fork.from_s, end_s, "#56b4e9", f"{fork.from_s:.2f} s: the fork begins"))
     cursor = _mark(t_s, end_s, "#000", f"{t_s:.2f} s", leads=False)
     inside = "".join([*bars, *marks, cursor])
     return f'<div style="position:relative;height:30px;margin:2px 14px 2px 0;border-radius:3px">{inside}</div>'
@@ -293,16 +294,17 @@ def camera_warning(session: Session) -> str | None:
 
 def outcome_html(session: Session) -> str:
     """Return how a fork went, next to the run."""
-    if session.ghost is None:
+    fork = session.ghost  # a client may remove it at any time
+    if fork is None:
         return "" if session.can_repeat else f'<div style="font-size:12px">{NO_FORK}</div>'
-    ghost, run, end_s = session.ghost.feed, session.run, session.ghost.feed.end_s
+    ghost, run, end_s = fork.feed, session.run, fork.feed.end_s
     outcome = ghost.recording.outcome
     ended = "still runs" if run.outcome is None else "ended"
     other = f"{ended} at {session.feed.end_s:.2f} s" + ("" if run.outcome is None else f": {escape(run.outcome)}")
     if ghost.error is not None:
         said = f'<span style="color:{BAD_TEXT}">{escape(ghost.error)}</span>'
     elif ghost.is_empty:
-        said = f"{PREPARING} ({time.perf_counter() - session.ghost.began_at:.0f} s so far)"
+        said = f"{PREPARING} ({time.perf_counter() - fork.began_at:.0f} s so far)"
     elif outcome is None:
         said = f"simulated to {end_s:.1f} s of about {session.feed.end_s:.1f} s"
     else:
@@ -312,11 +314,11 @@ def outcome_html(session: Session) -> str:
             said += f"<br>hold at {hold.t_s:.2f} s: {escape(hold.cause)}"
         said, other = (
             f"{text}<br>{escape(moments.margin)}" if moments.margin else text
-            for text, moments in ((said, session.ghost.moments), (other, session.moments))
+            for text, moments in ((said, fork.moments), (other, session.moments))
         )
         if session.cursor_s > end_s:
             said += f"<br><b>the fork ended {session.cursor_s - end_s:.1f} s before the cursor</b>; its chair stays there"
-    head = f"<b>fork at {session.ghost.from_s:.2f} s: {escape(session.ghost.name)}</b>"
+    head = f"<b>fork at {fork.from_s:.2f} s: {escape(fork.name)}</b>"
     return f'<div style="{STYLE}">{head}<br>{said}<br><b>run</b>: {other}</div>'
 
 

@@ -276,7 +276,8 @@ class App:
 
     def _show_plots(self) -> None:
         session, run = self._session, self._session.run
-        fork = None if session.ghost is None else session.ghost.feed.recording
+        ghost = session.ghost
+        fork = None if ghost is None else ghost.feed.recording
         key = round(session.cursor_s, 2), len(run.t_s), None if fork is None else len(fork.t_s)
         if key == self._plotted or session.feed.is_empty:
             return
