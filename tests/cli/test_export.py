@@ -78,27 +78,13 @@ def test_layouts_are_written_without_a_source(run, tmp_path: Path) -> None:
     ("arguments", "word"),
     [
         (["--to", "c"], "needs a controller file"),
-        (["--to", "rrd"], "needs a run folder"),
         ([CONTROLLER, "--to", "layouts"], "takes no source"),
-        (["nowhere", "--to", "rrd"], "nowhere: no such file or folder"),
     ],
 )
 def test_export_names_a_source_that_is_missing_or_too_much(run, tmp_path: Path, arguments: list[str], word: str) -> None:
-    if "rrd" in arguments:
-        pytest.importorskip("rerun", reason="the extra rerun is not installed")
     out = tmp_path / "exported"
     outcome = run("export", *arguments, "--out", out)
     assert outcome.code == 2
     assert outcome.err.count("\n") == 1
     assert word in outcome.err
     assert not out.exists()
-
-
-def test_a_damaged_log_is_not_exported_and_leaves_nothing(run, tmp_path: Path) -> None:
-    pytest.importorskip("rerun", reason="the extra rerun is not installed")
-    log = tmp_path / "log.mcap"
-    log.write_bytes(b"\x89MCAP0\r\n and then nothing")
-    outcome = run("export", log, "--to", "rrd", "--out", tmp_path / "run.rrd")
-    assert outcome.code == 2
-    assert "log.mcap" in outcome.err
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.mcap"]

@@ -2,9 +2,6 @@
 
 import json
 import re
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import fromstring, parse
@@ -15,11 +12,10 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+import treadline
 from treadline.core.angles import attitude_of, rotation_of, rotation_y
-from treadline.core.errors import SettingsError
 from treadline.core.ports import Truth
 from treadline.core.signals import ImuSample, MotionPlan, TrackReading
-from treadline.experiments import rerun_export
 from treadline.io.mcap_log import KEPT, RunLog
 from treadline.io.mcap_read import read_log
 from treadline.run.recorded_run import recorded_run
@@ -28,7 +24,7 @@ from treadline.run.scene_log import SceneLog
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Stair, Start
 
-LAYOUTS = Path(rerun_export.__file__).parents[1] / "data" / "layouts"
+LAYOUTS = Path(treadline.__file__).parent / "data" / "layouts"
 SCENARIO = Scenario(
     stair=Stair.model_validate({"slope_deg": 25.0, "steps": 8}),
     start=Start(place="flight", step=4, heading_deg=8.0),
@@ -292,23 +288,3 @@ def test_every_topic_of_the_rviz_layout_is_in_the_log_with_the_type_of_its_displ
             assert (topic["Durability Policy"] == "Transient Local") == (topic["Value"] in KEPT)
     assert len(topics) == 6
     assert manager["Global Options"]["Fixed Frame"] == "world"
-
-
-def test_a_rerun_recording_holds_scene_plots_and_images_and_is_verified_by_rerun(run_folder: Path, tmp_path: Path) -> None:
-    pytest.importorskip("rerun", reason="the extra rerun is not installed")
-    out = tmp_path / "run.rrd"
-    assert rerun_export.write_rrd(run_folder, out) == 21  # 1 s at 20 Hz, both ends included
-    rerun = shutil.which("rerun", path=str(Path(sys.executable).parent))
-    if rerun is None:
-        pytest.skip("the command rerun is not installed")
-    chair = "/world/odom/base_link/chair"
-    assert subprocess.run([rerun, "rrd", "verify", out], check=False, capture_output=True).returncode == 0
-    printed = subprocess.run([rerun, "rrd", "stats", out], check=True, capture_output=True, text=True).stdout
-    for entity in ("/world/nosings", f"{chair}/seat", f"{chair}/seen", "/plots/heading/true", "/camera/overlay"):
-        assert f"\n{entity}: " in printed, entity
-
-
-def test_without_rerun_the_export_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(SettingsError, match=r"\[rerun\]"):
-        rerun_export.write_rrd(tmp_path, tmp_path / "run.rrd")

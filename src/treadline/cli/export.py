@@ -1,6 +1,6 @@
 """Files for other programs.
 
-``treadline export``: a controller as C99, as ROS parameters or as JSON; a run for Rerun; layouts for the viewers of logs.
+``treadline export``: a controller as C99, as ROS parameters or as JSON; layouts for the viewers of logs.
 ``treadline model``: chair and stair as MJCF, URDF or SDF.
 """
 
@@ -13,7 +13,7 @@ from treadline.core.errors import SettingsError
 
 LAYOUTS = Path(__file__).parents[1] / "data" / "layouts"
 """Folder of the shipped layouts."""
-TARGETS = ("c", "ros", "json", "rrd", "layouts")
+TARGETS = ("c", "ros", "json", "layouts")
 
 
 def export(
@@ -28,18 +28,17 @@ def export(
     speed: float = 0.2,
     force: Force = False,
 ) -> Answer:
-    """Write a controller as C99, as parameters of a ROS node or as JSON; a run for Rerun; or layouts for viewers of logs.
+    """Write a controller as C99, as parameters of a ROS node or as JSON; or layouts for viewers of logs.
 
-    JSON holds a log to test a copy with. rrd is a scene with plots and events: rerun RUN.rrd opens it. The layouts show a run's log
-    in Foxglove, PlotJuggler and RViz 2.
+    JSON holds a log to test a copy with. The layouts show a run's log in Foxglove, PlotJuggler and RViz 2.
 
     The C code allocates no memory, has no globals and needs no library. A self-test program that replays a log is included:
     cc -std=c99 heading_controller.c heading_selftest.c -o heading_selftest && ./heading_selftest
 
     Args:
-        source: Controller file that treadline tune wrote; for rrd, a run folder or its log.mcap; for layouts, nothing.
-        to: Format: c, ros, json, rrd or layouts.
-        out: Folder for the files; for rrd, the file.
+        source: Controller file that treadline tune wrote; for layouts, nothing.
+        to: Format: c, ros, json or layouts.
+        out: Folder for the files.
         chair: Chair whose belt speed limit applies. Default: the chair that the controller was tuned for.
         allocation: Allocation of a turn to the belts: climb-safe, or paper.
         reconstruct: State reconstruction: observer, or static for Eq. (11b). Default: as in the controller file.
@@ -49,10 +48,7 @@ def export(
     if to == "layouts":
         return _layouts(source, out, force=force)
     if source is None:
-        needed = "a run folder or its log.mcap" if to == "rrd" else "a controller file"
-        raise SettingsError(f"export --to {to} needs {needed}: treadline export SOURCE --to {to} --out {out}")
-    if to == "rrd":
-        return _rrd(source, out, force=force)
+        raise SettingsError(f"export --to {to} needs a controller file: treadline export SOURCE --to {to} --out {out}")
     from treadline.control import ControllerConfig
     from treadline.control.c_export import Target, exported
     from treadline.core.models import ControllerDesign, Reconstruct, write_whole
@@ -79,20 +75,6 @@ def export(
     return Answer(
         values={"path": str(out), "files": sorted(files), "vehicle": design.vehicle, "period_s": design.period_s},
         summary=[f"{', '.join(sorted(files))} written to {out}; call it every {design.period_s:g} s"],
-    )
-
-
-def _rrd(source: Path, out: Path, *, force: bool) -> Answer:
-    """Write a run as a Rerun recording."""
-    from treadline.core.models import written_whole
-    from treadline.experiments.rerun_export import write_rrd
-
-    claim(out, force=force, kind="file")
-    with written_whole(out) as part:
-        poses = write_rrd(source, part)
-    return Answer(
-        values={"path": str(out), "poses": poses, "bytes": out.stat().st_size},
-        summary=[f"{out}: {poses} poses, {out.stat().st_size / 1e6:.1f} MB; rerun {out} opens it"],
     )
 
 

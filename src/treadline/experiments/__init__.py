@@ -1,7 +1,7 @@
 """The paper's experiments, and recordings processed again.
 
 Contract: ``reproduce.reproduce_paper`` (in Gazebo, ``gazebo.reproduce_in_gazebo``) runs a ``plan.ReproducePlan``;
-``replay.replayed_run`` processes a recording again; ``mount_calibration.MountStudy`` estimates the camera's mount from a recording;
-``rerun_export.write_rrd`` exports a run. Figures have the paper's numbers: ``fig05``, ``_fig08``, ``_closed_loop`` (Fig. 9,
+``replay.replayed_run`` processes a recording again; ``mount_calibration.MountStudy`` estimates the camera's mount from a recording.
+Figures have the paper's numbers: ``fig05``, ``_fig08``, ``_closed_loop`` (Fig. 9,
 Fig. 10, Table II), ``fig11``, ``as_printed`` (the printed controller, Table I).
 """

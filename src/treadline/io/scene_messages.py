@@ -1,6 +1,6 @@
 """ROS messages that place and draw a scene: frames, odometry, joint angles, markers, robot description, compressed images.
 
-``transforms, meshes, lines -> topic, type, bytes``. No block reads them: they are for RViz, Foxglove, Rerun and PlotJuggler.
+``transforms, meshes, lines -> topic, type, bytes``. No block reads them: they are for RViz, Foxglove and PlotJuggler.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Scene of a run for its log: what RViz, Foxglove, Rerun and PlotJuggler need to show it, derived from the run's signals.
+"""Scene of a run for its log: what RViz, Foxglove and PlotJuggler need to show it, derived from the run's signals.
 
 ``signals, ground truth -> /tf, /tf_static, /odom, /joint_states, /robot_description, /chair, /stair/true, /stair/seen, /plan``, and
 with images ``/camera/overlay/compressed``. Frames: ``world`` (W) holds ``odom``, whose place is corrected by the ground truth, and
