@@ -68,7 +68,7 @@ def cases() -> list[Case]:
 def markov_table(case: Case, fits: dict[str, Fit], seeds: range) -> None:
     """Print the errors of all methods on one case."""
     experiments = [case.make(seed) for seed in seeds]
-    own = {name: (_errors_of_ours(arguments, case, experiments), "auto") for name, arguments in ours.known().items()}
+    own = {name: (_errors_of_ours(arguments, case, experiments), "auto") for name, arguments in ours.WAYS.items()}
     peers = {name: _errors_of_peer(fit, case, experiments) for name, fit in fits.items()}
     unknown, known = (
         rms([relative_bound(e, STEPS, start_known=k) for e in experiments]) if case.noise else 0.0 for k in (False, True)
@@ -127,7 +127,7 @@ def coverage_table(case: Case, seeds: range) -> None:
     """Print how often the 95 % interval of a pole holds the true one, and how sharp it is."""
     bound = rms([pole_bound(case.make(seed)) for seed in seeds[:SEEDS_OF_BOUND]])
     rows: list[Row] = []
-    for name, arguments in ours.known().items():
+    for name, arguments in ours.WAYS.items():
         found = [outcome for seed in seeds if (outcome := _poles(case.make(seed), case.order, arguments)) is not None]
         if not found:
             rows.append((name, 0, "–", "–", "–", "–", "–", "–"))

@@ -27,6 +27,7 @@ from treadline.scenario.chair import GRAVITY_M_S2, read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.quasi_static import floor_stance, quasi_static_run, steady_motion
+from treadline.vehicle.stair_solids import stair_solids
 from treadline.vehicle.static_stability import centre_of_mass
 
 MISSING = "benchmarks/contact.py needs Drake, which is no dependency of treadline: pip install drake"
@@ -287,7 +288,7 @@ class DrakeChair:
             self._plant.RegisterCollisionGeometry(world, RigidTransform(), HalfSpace(), "floor", self._surface)
             return
         front = self._reference._scenario.start.step
-        for solid, edge in itertools.product(solids(self._reference.staircase), range(4)):
+        for solid, edge in itertools.product(stair_solids(self._reference.staircase), range(4)):
             bar = solid.nosing
             if bar is None or not -BEHIND <= bar.index - front <= AHEAD:
                 continue

@@ -1,8 +1,8 @@
-"""Heading between frames: ``python benchmarks/fusion.py [--seeds N] [--seed S] [--frames N]``.
+"""Heading between frames: ``python benchmarks/fusion.py [--seeds N] [--seed S]``.
 
 Compares three methods that fuse a 100 Hz gyro with 10 Hz vision on the same synthetic drives: the paper's offset as printed, the
 offset with a gate of 5°, and the filter. Every call draws new seeds, which no tuning has used, and prints them, so a run can be
-repeated. ``--frames N`` adds the mount calibration from N minutes of the simulated chair with rendered frames.
+repeated. ``python benchmarks/perception.py --only drives`` measures fusion and mount calibration on rendered frames.
 """
 
 import argparse
@@ -17,15 +17,10 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, quaternion_of, rms, rotation_of, rotation_y, rotation_z, wrap
-from treadline.core.images import PinholeCamera, RgbdFrame
-from treadline.core.signals import TICK_S, HeadingEstimate, HeadingMeasurement, ImuSample, SeatCommand, TrackCommand, TrackReading
-from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig, MountEstimate, OffsetEstimator
+from treadline.core.signals import TICK_S, HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
+from treadline.estimation import HeadingFilter, OffsetEstimator
 from treadline.estimation.aberration import AberrationRule
-from treadline.perception import StairDetector
-from treadline.plant.mujoco import open_plant
 from treadline.plant.sensors.imu import IMUS, Imu
-from treadline.scenario.chair import read_chair
-from treadline.scenario.scenario import Scenario
 
 SLOPE_RAD = 28.0 * DEG
 VISION_SIGMA_RAD = 0.3 * DEG
@@ -207,82 +202,16 @@ def table(seeds: list[int]) -> None:
         print(f"| {condition.label} | {' | '.join(cells)} | {squares.mean():.2f} | {alarms} | {when} |", flush=True)
 
 
-def mount_table(seeds: list[int], seconds: float = 60.0) -> None:
-    """Print the accuracy of the calibration of a mount misaligned by up to 5°, from a minute of rendered frames."""
-    print("\n| seed | slope ° | rise jitter mm | mount off by ° | pitch error ± σ ° | roll error ± σ ° | yaw error ± σ ° |")
-    print("| --- |" + " --- |" * 6)
-    for seed in seeds:
-        rng = np.random.default_rng(seed)
-        slope, jitter = float(rng.choice([25.0, 28.0, 30.0])), float(rng.choice([0.0, 2.0]))
-        scenario = Scenario.model_validate(
-            {
-                "stair": {"slope_deg": slope, "steps": 60, "width_m": 1.6, "rise_jitter_m": 1e-3 * jitter},
-                "start": {"place": "flight", "step": 4, "heading_deg": float(rng.uniform(-10.0, 10.0))},
-                "sensors": {"camera": "kinect1", "gravity_error_deg": 0.5},
-            }
-        )
-        true = read_chair("wheelchair").camera_at(240)
-        off = rng.uniform(-5.0 * DEG, 5.0 * DEG, size=3)
-        believed = replace(
-            true,
-            mount_pitch_rad=true.mount_pitch_rad + off[0],
-            mount_roll_rad=true.mount_roll_rad + off[1],
-            mount_yaw_rad=true.mount_yaw_rad + off[2],
-        )
-        estimate = _learned(scenario, seed, believed, seconds)
-        if estimate is None:
-            print(f"| {seed} | {slope:.0f} | {jitter:.0f} | no estimate |")
-            continue
-        yaw = "not told"
-        if estimate.yaw_rad is not None and estimate.yaw_sigma_rad is not None:
-            yaw = f"{(estimate.yaw_rad - true.mount_yaw_rad) / DEG:+.2f} ± {estimate.yaw_sigma_rad / DEG:.2f}"
-        print(
-            f"| {seed} | {slope:.0f} | {jitter:.0f} | {', '.join(f'{angle / DEG:+.1f}' for angle in off)} "
-            f"| {(estimate.pitch_rad - true.mount_pitch_rad) / DEG:+.3f} ± {estimate.pitch_sigma_rad / DEG:.3f} "
-            f"| {(estimate.roll_rad - true.mount_roll_rad) / DEG:+.3f} ± {estimate.roll_sigma_rad / DEG:.3f} | {yaw} |",
-            flush=True,
-        )
-
-
-def _learned(scenario: Scenario, seed: int, believed: PinholeCamera, seconds: float) -> MountEstimate | None:
-    """Climb, swinging a few degrees to either side by the truth, and show every frame to a calibrator."""
-    calibrator, detector, estimate = MountCalibrator(MountConfig(camera=believed)), StairDetector(), None
-    plant = open_plant(scenario, seed)
-    plant.start()
-    heading = 0.0
-    for k in range(round(seconds / TICK_S)):
-        t_s = k * TICK_S
-        plant.advance(t_s)
-        for reading in plant.read():
-            match reading:
-                case ImuSample() | TrackReading():
-                    calibrator.step(reading)
-                case RgbdFrame():
-                    axes = detector.look(replace(reading, camera=believed)).axes
-                    estimate = estimate if axes is None else calibrator.step(axes)
-                case _:
-                    pass
-        truth = plant.truth()
-        heading = truth[-1].heading_rad if truth else heading
-        half = min(max(0.5 * (5.0 * DEG * math.sin(t_s / 5.0) - heading), -0.08), 0.08)
-        plant.write(TrackCommand(t_s=t_s, left_m_s=0.2 - half, right_m_s=0.2 + half), SeatCommand(t_s=t_s, rate_m_s=0.0))
-    return estimate
-
-
 def main() -> None:
     """Read the arguments and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--seed", type=int, default=None, help="the first; drawn when left out")
-    parser.add_argument("--frames", type=int, default=0, help="how many mounts to learn from rendered frames")
     arguments = parser.parse_args()
     first = secrets.randbelow(1_000_000) if arguments.seed is None else arguments.seed
     print(f"seeds {first} to {first + arguments.seeds - 1}\n")
     started = time.process_time()
-    if arguments.seeds > 0:
-        table(list(range(first, first + arguments.seeds)))
-    if arguments.frames > 0:
-        mount_table(list(range(first, first + arguments.frames)))
+    table(list(range(first, first + arguments.seeds)))
     print(f"\n{time.process_time() - started:.0f} s of CPU")
 
 

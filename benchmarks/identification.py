@@ -60,7 +60,7 @@ def real_part(fits: dict[str, peers.Fit], folder: Path, *, quick: bool) -> None:
             print(f"\n{data.name}: left out of a quick run")
         else:
             summary.append(_one_set(data, folder, fits))
-    own = list(ours.known())
+    own = list(ours.WAYS)
     table(
         "free run on the second half, fit % (no seeds: nothing is drawn)",
         ("set", *own, "best peer", "which", f"{own[-1]} less best peer: 95 % of records", "known before"),
@@ -72,11 +72,11 @@ def _one_set(data: DataSet, folder: Path, fits: dict[str, peers.Fit]) -> Row:
     scores = list(real.scores(data, folder, fits))
     rows = [(score.method, percent(score.percent), score.choice) for score in scores]
     table(f"{data.name}: fit % of a free run on the second half", ("method", "fit %", "choice"), rows)
-    told = list(ours.known())[-1:]  # the way that chooses most by itself is the one whose warnings count
+    told = list(ours.WAYS)[-1:]  # the way that chooses most by itself is the one whose warnings count
     for note in (note for score in scores if score.method in told for note in score.notes):
         print(f"  {told[0]} warns: {note}")
     best = max((score for score in scores if score.is_peer), key=lambda score: score.percent, default=None)
-    shown = [percent(score.percent) for score in scores if score.method in ours.known()]
+    shown = [percent(score.percent) for score in scores if score.method in ours.WAYS]
     known = "–" if data.known_percent is None else f"{data.known_percent:.1f}"
     if best is None or best.model is None:
         return (data.name, *shown, "–", "–", "–", known)

@@ -11,11 +11,8 @@ from numpy.typing import NDArray
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.plant.mujoco import MujocoPlant, open_plant
-from treadline.plant.mujoco import _step_kernels as kernels
-from treadline.plant.mujoco.contact import _rubber_lug_kernels as lug_kernels
+from treadline.plant.mujoco import NOMINAL, Physics, open_plant
 from treadline.run.episode import traverse
-from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Belts, Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
 
@@ -53,7 +50,7 @@ class Case:
     steps: int = 40
 
 
-def run(case: Case, belts: Belts, seed: int) -> list[Truth]:
+def run(case: Case, belts: Belts, seed: int, physics: Physics = NOMINAL) -> list[Truth]:
     """Return the truth of one run; both belt speeds zero brake the chair."""
     scenario = Scenario(
         stair=Stair(
@@ -64,7 +61,7 @@ def run(case: Case, belts: Belts, seed: int) -> list[Truth]:
         start=Start(place="flight", step=6, heading_deg=case.heading_deg),
         control=Control(vision="truth"),
     )
-    plant = open_plant(scenario, seed)
+    plant = open_plant(scenario, seed, physics=physics)
     plant.start()
     braked = case.left_m_s == case.right_m_s == 0.0
     order = TrackCommand.stop(0.0) if braked else TrackCommand(t_s=0.0, left_m_s=case.left_m_s, right_m_s=case.right_m_s)
@@ -146,35 +143,12 @@ def main() -> None:
 
 def _smaller_steps() -> None:
     """Print what steps of 2, 1 and 0.5 ms make of a climb with 15/80 from the same starts."""
-    print("15/80 straight up 28°, 5 s, by physics steps: largest load, pitch rate")
-    scenario = Scenario(
-        stair=Stair(rise_m=RUN_M * math.tan(28.0 * DEG), steps=40, width_m=10.0, walls="none"),
-        chair=Chair(belt_mismatch=0.0),
-        belts=BELTS["15/80"],
-        start=Start(place="flight", step=6),
-        control=Control(vision="truth"),
-    )
-    for seed, parts in product(SEEDS[:2], (1, 2, 4)):
-        plant = FinePlant(scenario, seed, read_chair("wheelchair"))
-        plant.start()
-        load, rate = plant.climb(0.2, 6.0, parts)
-        print(f"  seed {seed}, {2.0 / parts} ms: {load:.2f} × weight, {rate:.1f} °/s", flush=True)
-
-
-class FinePlant(MujocoPlant):
-    """A plant that can take smaller physics steps."""
-
-    def climb(self, speed_m_s: float, duration_s: float, parts: int) -> tuple[float, float]:
-        """Return load over weight and pitch rate [°/s], largest after the first second, belts at speed from the start."""
-        step_s = self._model.opt.timestep / parts
-        self._model.opt.timestep = self._lugs.numbers[lug_kernels.STEP_S] = step_s
-        self._state[:2] = speed_m_s
-        self._drives.command[:] = (speed_m_s, speed_m_s, 0.0, 0.0, 0.0)
-        log = np.empty((round(100.0 * duration_s) * parts, kernels.COLUMNS))
-        kernels.advance(len(log), self._friction, log, *self._memory)
-        log = log[100 * parts :]
-        load = float(log[:, kernels.FORCE_MAX].max()) / self._weight_n
-        return load, float(np.abs(log[:, kernels.QVEL + 4]).max()) / DEG
+    print("15/80 straight up 28°, 6 s, by physics steps: largest load, pitch rate")
+    for seed, step_s in product(SEEDS[:2], (0.002, 0.001, 0.0005)):
+        samples = run(Case(duration_s=6.0), BELTS["15/80"], seed, Physics(timestep_s=step_s))[SETTLED:]
+        load = max(sample.contact_force_share for sample in samples)
+        rate = max(abs(sample.pitch_rate_rad_s) for sample in samples) / DEG
+        print(f"  seed {seed}, {1e3 * step_s:g} ms: {load:.2f} × weight, {rate:.1f} °/s", flush=True)
 
 
 def _closed_loop(compared: dict[str, Belts]) -> None:

@@ -1,6 +1,7 @@
 """Mutation test of the guard: each line of the guard is changed in turn, and a test must fail.
 
-Run: ``python benchmarks/mutation.py`` (some minutes of CPU), ``--sample 40`` for a quick look, ``--only belts.py`` for one file.
+Run: ``python benchmarks/mutation.py`` (some minutes of CPU), ``--sample 40`` for a quick look, ``--only _belt_monitor.py`` for one
+file.
 Mutants: another comparison (``<`` for ``<=``, ``<`` for ``>=``), a number changed, and for or, not dropped or added, another
 operation, another value returned. A mutant that no test detects survives and is listed: it shows a weak test, or it is equivalent
 to the original. Text, docstrings and annotations are not mutated.
@@ -26,9 +27,9 @@ from types import ModuleType
 import pytest
 
 ROOT = Path(__file__).parents[1]
-GUARD = ROOT / "src" / "treadline" / "mission" / "guard"
+GUARD = ROOT / "src" / "treadline" / "guard"
 PACKAGE = "treadline.guard"
-TESTS = [*sorted((ROOT / "tests" / "mission").glob("test_guard*.py"))]
+TESTS = sorted((ROOT / "tests" / "guard").glob("test_guard*.py"))
 PATIENCE_S = 30
 """CPU time limit of a mutant's tests [s]; a mutant that exceeds it counts as detected (``hangs``)."""
 
@@ -244,7 +245,7 @@ def main() -> int:
     """Create the mutants, run the tests, and report the survivors."""
     parser = argparse.ArgumentParser(description="Mutation run over the guard.")
     parser.add_argument("--sample", type=int, default=0, help="mutants drawn at random, the same each time; 0 for all")
-    parser.add_argument("--only", default="", help="one file, such as belts.py")
+    parser.add_argument("--only", default="", help="one file, such as _belt_monitor.py")
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     files = [path for path in sorted(GUARD.glob("*.py")) if path.stem != "__init__" and asked.only in ("", path.name)]

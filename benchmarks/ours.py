@@ -1,14 +1,13 @@
-"""Treadline's identification methods that the installed version supports."""
+"""Treadline's identification methods in the form of the benchmark."""
 
-from functools import cache
 from typing import Any
 
 import numpy as np
-from systems import StateSpace, driven, equation_12
+from systems import StateSpace
 
 from treadline.core.errors import TreadlineError
 from treadline.core.models import InputOutputRecord
-from treadline.identification import IdentificationOptions, era, identify
+from treadline.identification import era
 from treadline.identification.gram import gram, units_of
 
 WAYS: dict[str, dict[str, Any]] = {
@@ -22,20 +21,6 @@ WAYS: dict[str, dict[str, Any]] = {
 
 FAILURES = (TreadlineError, np.linalg.LinAlgError)
 """What counts as a failed run; the second would be a fault of ours, and is counted, not hidden by a crash."""
-
-
-@cache
-def known() -> dict[str, dict[str, Any]]:
-    """Return the ways that this version knows."""
-    trial, found = driven(equation_12(), 400, 0.01, 0).record, {}
-    for name, asked in WAYS.items():
-        try:
-            identify(trial, IdentificationOptions(order=2, **asked))
-        except (TypeError, *FAILURES) as error:
-            print(f"treadline: {name} is not in this version ({error})")
-        else:
-            found[name] = asked
-    return found
 
 
 def state_space(model: Any) -> StateSpace:

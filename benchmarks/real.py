@@ -42,9 +42,9 @@ class Score:
 def scores(data: DataSet, folder: Path, fits: dict[str, Fit]) -> Iterator[Score]:
     """Yield a score per method, treadline's first."""
     first, second = halves(data, folder)
-    for name, arguments in ours.known().items():
+    for name, arguments in ours.WAYS.items():
         yield _ours(name, arguments, first, second)
-    for name, arguments in ours.known().items():
+    for name, arguments in ours.WAYS.items():
         if name in LIKE_PEERS:
             yield _like_a_peer(name, arguments, first, second)
     for name, fit in fits.items():

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import ours
-from peers import Fit, PeerError, python_control, slicot
+from peers import Fit, PeerError, python_packages, slicot
 from score import markov
 from systems import driven, equation_12, light_damping
 from tables import Row, table
@@ -45,7 +45,7 @@ def _identification(fits: dict[str, Fit], samples: int, lags: int, seed: int) ->
     record = driven(equation_12(), samples, 0.01, seed).record
     repeats = 50 if samples <= 1_000 else 7 if samples <= 100_000 else 3 if samples <= 1_000_000 else 1
     own: dict[str, Callable[[], object]] = {"Gram alone": partial(ours.gram_alone, record, lags)}
-    for name, arguments in ours.known().items():
+    for name, arguments in ours.WAYS.items():
         if samples <= LONG or name in QUICK_WAYS:
             own[f"identify, {name}"] = partial(
                 identify, record, IdentificationOptions(order=2, lags=lags, feedthrough=True, **arguments)
@@ -76,7 +76,7 @@ def _peer_work(fits: dict[str, Fit], record: InputOutputRecord, lags: int) -> di
         for rows in (lags, lags // 2):
             work[f"SLICOT combined, Cholesky, {rows} block rows"] = partial(slicot.fit, record, 2, rows, method="C", cholesky=True)
     if "python-control" in fits and len(record.u) <= CONTROL_MOST:
-        work[f"python-control, {2 * (lags // 2) + 1} parameters"] = partial(python_control.fit, record, 2, lags // 2)
+        work[f"python-control, {2 * (lags // 2) + 1} parameters"] = partial(python_packages.control_fit, record, 2, lags // 2)
     others = {name: fit for name, fit in fits.items() if name in {"SIPPY N4SID", "nfoursid"} and len(record.u) <= 1_000}
     return work | {f"{name}, {lags} block rows": partial(fit, record, 2, lags) for name, fit in others.items()}
 

@@ -65,35 +65,8 @@ GRAVITY_ERROR_RAD = 0.5 * DEG
 DOWN_W = np.array([0.0, 0.0, -1.0])
 CHAIR = read_chair("wheelchair")
 KINDS = ("up closed", "up open", "down closed", "down open")
-GRID = np.array(
-    [
-        -4.0,
-        -3.3,
-        -3.0,
-        -2.6,
-        -2.3,
-        -2.0,
-        -1.65,
-        -1.3,
-        -1.0,
-        -0.7,
-        -0.4,
-        -0.2,
-        0.0,
-        0.2,
-        0.4,
-        0.7,
-        1.0,
-        1.3,
-        1.65,
-        2.0,
-        2.3,
-        2.6,
-        3.0,
-        3.3,
-        4.0,
-    ]
-)
+HALF_GRID = (0.2, 0.4, 0.7, 1.0, 1.3, 1.65, 2.0, 2.3, 2.6, 3.0, 3.3, 4.0)
+GRID = np.array([*(-score for score in reversed(HALF_GRID)), 0.0, *HALF_GRID])
 """Standard normal scores of the stored quantiles."""
 SPARE = 1.15
 """Factor on the measured error quantiles: a hundred drives in each direction do not contain the worst case."""

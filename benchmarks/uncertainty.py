@@ -1,7 +1,8 @@
 """Uncertainty budget: the change of each figure with numerics, friction, masses, lags and lugs, one source at a time.
 
-Run: ``python benchmarks/uncertainty.py`` (24 minutes of one core, extrapolated from 9 of 30 variations; it can be resumed).
-``--publish`` writes ``docs/evidence/uncertainty.md`` and ``src/treadline/data/sensitivity.json``.
+Run: ``python benchmarks/uncertainty.py`` (24 minutes of one core, extrapolated from 9 of 30 variations; it can be resumed). It
+prints the page of evidence; ``--publish`` writes ``docs/evidence/uncertainty.md`` and ``src/treadline/data/sensitivity.json``.
+``--runs slide-32.4`` makes one run in all variations.
 """
 
 import argparse
@@ -12,20 +13,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from tables import table
 from uncertainty_figures import BudgetRow, RunOutcomes, budget
-from uncertainty_runs import (
-    LUG_GROUP,
-    QUICK,
-    QUICK_RUNS,
-    QUICK_VARIATIONS,
-    SEED_GROUP,
-    SOURCES,
-    VARIATIONS,
-    WHOLE,
-    BudgetJob,
-    runs_of,
-)
+from uncertainty_runs import ALL_RUNS, LUG_GROUP, SEED_GROUP, SOURCES, VARIATIONS, BudgetJob, runs_of
 
 from treadline.core.models import write_whole
 from treadline.experiments.job_pool import run_jobs
@@ -69,15 +58,14 @@ among them those of the dead zone, are in `src/treadline/data/sensitivity.json` 
 
 
 def main() -> None:
-    """Run the budget and print it."""
+    """Make the runs that are not stored, and print or publish the budget."""
     options = _options()
-    variations = QUICK_VARIATIONS if options.quick else VARIATIONS
-    folder = Path(options.out) / ("quick" if options.quick else "whole")
-    spans = QUICK if options.quick else WHOLE
+    folder = Path(options.out)
     jobs = [
-        BudgetJob(variation=item, run_name=name, spans=spans, folder=folder)
-        for item in variations
-        for name in (QUICK_RUNS if options.quick else runs_of(item))
+        BudgetJob(variation=item, run_name=name, folder=folder)
+        for item in VARIATIONS
+        for name in runs_of(item)
+        if options.runs is None or name in options.runs
     ]
     done: list[str] = []
 
@@ -85,47 +73,41 @@ def main() -> None:
         done.append(name)
         print(f"\r{len(done)} of {len(jobs)}: {name:50}", end="", file=sys.stderr, flush=True)
 
-    if options.stored:
-        jobs = [job for job in jobs if job.path.exists()]
-    found = run_jobs(jobs, workers=options.workers, done=on_done)
-    print(file=sys.stderr)
     outcomes: dict[str, dict[str, Any]] = {}
-    for result in found:
+    for result in run_jobs(jobs, workers=options.workers, done=on_done):
         outcomes.setdefault(result["variation"], {})[result["run"]] = result
+    print(file=sys.stderr)
     rows = budget(outcomes)
-    _print([row for row in rows if row.figure.is_headline])
-    for line in _lost(outcomes):
-        print(line)
     if options.publish:
         publish(rows, outcomes)
+    else:
+        print(markdown(rows, outcomes))
 
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Measure how far each source of uncertainty moves each headline figure.")
-    parser.add_argument("--quick", action="store_true", help="run four variations of four short runs, to see that all works")
+    parser.add_argument("--runs", nargs="+", metavar="RUN", choices=tuple(ALL_RUNS), help="make these runs only; default all")
     parser.add_argument("--workers", type=int, default=1, choices=(1, 2), help="number of processes; default 1")
-    parser.add_argument("--out", default="uncertainty", help="folder of the runs' outcomes; those that are there are kept")
-    parser.add_argument(
-        "--stored", action="store_true", help="run nothing: print what the folder has, with gaps where it has nothing"
-    )
+    parser.add_argument("--out", default="uncertainty/whole", help="folder of the runs' outcomes; those that are there are kept")
     parser.add_argument("--publish", action="store_true", help="write docs/evidence/uncertainty.md and sensitivity.json")
     options = parser.parse_args()
-    if options.quick and options.publish:
-        parser.error("--publish needs the whole budget: a quick one has four variations of shortened runs")
+    if options.runs and options.publish:
+        parser.error("--publish needs the whole budget; leave out --runs")
     return options
 
 
 def publish(rows: Sequence[BudgetRow], outcomes: Mapping[str, RunOutcomes]) -> None:
     """Write the evidence and the package's data."""
     EVIDENCE.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(EVIDENCE, markdown([row for row in rows if row.figure.is_headline], outcomes))
+    write_whole(EVIDENCE, markdown(rows, outcomes))
     data = {row.figure.key: row.as_json() for row in rows}
     write_whole(SENSITIVITY, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
     print(f"wrote {EVIDENCE.relative_to(ROOT)} and {SENSITIVITY.relative_to(ROOT)}")
 
 
 def markdown(rows: Sequence[BudgetRow], outcomes: Mapping[str, RunOutcomes]) -> str:
-    """Return the page of evidence."""
+    """Return the page of evidence, of the figures that it lists."""
+    rows = [row for row in rows if row.figure.is_headline]
     second = [name for name in SOURCES if name not in FIRST]
     parts = [
         "# Uncertainty budget of the headline figures",
@@ -183,14 +165,6 @@ def _lost(outcomes: Mapping[str, RunOutcomes]) -> list[str]:
         for name, result in runs.items()
         if result["verdict"] != "ok"
     ]
-
-
-def _print(rows: Sequence[BudgetRow]) -> None:
-    body = []
-    for row in rows:
-        cells = [_cell(row, name) + ("!" if name in row.exceeded else "") for name in SOURCES]
-        body.append([f"{row.figure.what} [{row.figure.unit}]", _number(row.nominal), _target(row), *cells, _number(row.rss)])
-    table("Largest move by source; ! beyond the margin to the target", ["figure", "nominal", "target", *SOURCES, "RSS"], body)
 
 
 def _target(row: BudgetRow) -> str:

@@ -149,10 +149,10 @@ VARIATIONS = (
 SOURCES = tuple(dict.fromkeys(item.group for item in VARIATIONS if item is not NOMINAL_VARIATION))
 SUMMED = tuple(group for group in SOURCES if group not in (SEED_GROUP, COARSE_GROUP, *PARTS_OF_FRICTION))
 """Independent sources, which enter the root sum of squares."""
-QUICK_VARIATIONS = tuple(item for item in VARIATIONS if item.name in ("nominal", "step 2.5 ms", "contact 0.02 s", "friction +20 %"))
-
 CHAIR = "wheelchair"
 START_DEG = 30
+TURN_S, MINUTE_S, SAMPLES = 80.0, 60.0, 400
+"""Duration of a turn, duration of a straight run and of a hold [s], and length of the identification record."""
 LUGS = Belts(lug="15/80")
 """Lugs whose rubber has the plant's contact time constant, so that a variation of the contact stiffness reaches it."""
 SLIDE_DEG = 32.4
@@ -176,19 +176,6 @@ SCORES = (
 )
 Outcome = tuple[str, dict[str, float | None]]
 """A verdict, ``ok`` where the run has its figures, and the figures."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Spans:
-    """Durations [s] and the number of samples of the runs."""
-
-    turn_s: float = 80.0
-    straight_s: float = 60.0
-    hold_s: float = 60.0
-    samples: int = 400
-
-
-WHOLE, QUICK = Spans(), Spans(turn_s=20.0, straight_s=10.0, hold_s=10.0, samples=120)
 
 
 def _opener(variation: Variation) -> Opener:
@@ -223,59 +210,56 @@ def _driven(
 
 
 def _scored(
-    make: Callable[[Spans], Scenario], wanted: tuple[str, ...] = ("time_up",), controller: ControllerDesign | None = None
-) -> Callable[[Variation, Spans], Outcome]:
+    nominal: Callable[[], Scenario], wanted: tuple[str, ...] = ("time_up",), controller: ControllerDesign | None = None
+) -> Callable[[Variation], Outcome]:
     """Return the run of a scenario, see ``_driven``."""
-    return lambda variation, spans: _driven(variation, make(spans), wanted, controller)
+    return lambda variation: _driven(variation, nominal(), wanted, controller)
 
 
-def _turn(slope_deg: int, friction: plan.Friction, allocation: str = "climb-safe") -> Callable[[Variation, Spans], Outcome]:
-    return _scored(lambda spans: plan.turn(slope_deg, START_DEG, spans.turn_s, friction=friction, allocation=allocation))
+def _turn(slope_deg: int, friction: plan.Friction, allocation: str = "climb-safe") -> Callable[[Variation], Outcome]:
+    return _scored(lambda: plan.turn(slope_deg, START_DEG, TURN_S, friction=friction, allocation=allocation))
 
 
-def _straight(loop: str) -> Callable[[Variation, Spans], Outcome]:
-    return _scored(lambda spans: plan.straight(plan.FIG10_SLOPE, loop, spans.straight_s))
+def _straight(loop: str) -> Callable[[Variation], Outcome]:
+    return _scored(lambda: plan.straight(plan.FIG10_SLOPE, loop, MINUTE_S))
 
 
-def _lugged_turn(slope_deg: int) -> Callable[[Variation, Spans], Outcome]:
-    return _scored(lambda _: lugs.lugged_turn(slope_deg, LUGS))
+def _lugged_turn(slope_deg: int) -> Callable[[Variation], Outcome]:
+    return _scored(lambda: lugs.lugged_turn(slope_deg, LUGS))
 
 
-def _seat(variation: Variation, spans: Spans) -> Outcome:
-    del spans
+def _seat(variation: Variation) -> Outcome:
     standing = fig11.at_rest(plan.turn(plan.FIG10_SLOPE, 0, fig11.DURATION_S))
     driver = ConstantSpeed(0.0, PERIOD_S)
     run = traverse(standing, seed=variation.seed, driver=driver, open_plant=_opener(variation))
     return ("ok", fig11.seat_figures(run.trace)) if run.verdict == "time_up" else (f"{run.verdict}: {run.cause}", {})
 
 
-def _dead_zone(variation: Variation, spans: Spans) -> Outcome:
-    del spans
+def _dead_zone(variation: Variation) -> Outcome:
     opener = _opener(variation)
     starts = itertools.product(dead_zone.HEADINGS_DEG, dead_zone.DIFFERENCES_M_S)
     rows = [dead_zone.row(heading, difference, variation.seed, opener) for heading, difference in starts]
     return "ok", {f"yaw_rate_{row['heading_deg']}_{row['difference_m_s']:g}": row["yaw_rate_deg_s"] for row in rows}
 
 
-def _seen(variation: Variation, spans: Spans) -> Outcome:
+def _seen(variation: Variation) -> Outcome:
     """Return the error of the robust heading on the frame of Fig. 5; None where the frame is rejected."""
-    del spans
     frame, gravity_C, true_heading_rad = fig05.first_frame(variation.seed, _opener(variation))
     heading_rad = StairDetector().look(frame, gravity_C).heading_rad
     return "ok", {"robust_error_deg": None if heading_rad is None else (heading_rad - true_heading_rad) / DEG}
 
 
-def _identified(variation: Variation, spans: Spans) -> Outcome:
+def _identified(variation: Variation) -> Outcome:
     nominal = plan.without_images(plan.excitation(plan.CONTROLLER_GROUND))
     scenario = variation.scenario(nominal)
     excited = excite(
         scenario,
-        samples=spans.samples,
+        samples=SAMPLES,
         period_s=PERIOD_S,
         seed=variation.seed,
         open_plant=variation.opener(scenario.chair.model),
     )
-    if len(excited.record) < spans.samples:
+    if len(excited.record) < SAMPLES:
         return f"{excited.run.verdict}: {excited.run.cause}", {}
     report = identify(excited.record, IdentificationOptions(method="okid-era")).report
     # The heading integrates: its pole lies near 1. The next one is the chair's and its drives'.
@@ -300,23 +284,22 @@ def _braked(variation: Variation, slope_deg: float) -> TruthPlant:
     return plant
 
 
-def _creep(variation: Variation, spans: Spans) -> Outcome:
+def _creep(variation: Variation) -> Outcome:
     plant = _braked(variation, float(plan.FIG10_SLOPE))
     try:
         plant.advance(1.0)  # the contacts take up the load
         first_m = last_m = plant.truth()[-1].x_m
-        for second in range(2, round(spans.hold_s) + 2):
+        for second in range(2, round(MINUTE_S) + 2):
             plant.advance(float(second))
             last_m = plant.truth()[-1].x_m
             if abs(last_m - first_m) > 0.5:  # m: the chair slides
                 return "slides", {}
     finally:
         plant.close()
-    return "ok", {"creep_mm_min": 1000.0 * abs(last_m - first_m) / (spans.hold_s / 60.0)}
+    return "ok", {"creep_mm_min": 1000.0 * abs(last_m - first_m) / (MINUTE_S / 60.0)}
 
 
-def _slide(variation: Variation, spans: Spans) -> Outcome:
-    del spans
+def _slide(variation: Variation) -> Outcome:
     plant = _braked(variation, SLIDE_DEG)
     try:
         plant.advance(SLIDE_S)
@@ -332,27 +315,27 @@ def _slide(variation: Variation, spans: Spans) -> Outcome:
 
 
 ARRIVED = ("arrived",)
-RUNS: dict[str, Callable[[Variation, Spans], Outcome]] = {
+RUNS: dict[str, Callable[[Variation], Outcome]] = {
     **{f"turn-{slope}": _turn(slope, plan.PAPER_FRICTION) for slope in plan.SLOPES_DEG},
     "turn-28-mu0.9-0.5": _turn(plan.FIG10_SLOPE, plan.GOOD_GRIP),
     "straight-28": _straight("closed"),
     "excite-20": _identified,
-    "up-28": _scored(lambda _: read_scenario("up-28"), ARRIVED),
-    "down-28": _scored(lambda _: read_scenario("down-28"), ARRIVED),
+    "up-28": _scored(lambda: read_scenario("up-28"), ARRIVED),
+    "down-28": _scored(lambda: read_scenario("down-28"), ARRIVED),
     "creep-28": _creep,
     "slide-32.4": _slide,
 }
 """Runs that are made in each variation."""
-LUG_RUNS: dict[str, Callable[[Variation, Spans], Outcome]] = {
+LUG_RUNS: dict[str, Callable[[Variation], Outcome]] = {
     **{f"turn-{slope}-lugs": _lugged_turn(slope) for slope in plan.SLOPES_DEG},
-    "up-28-lugs": _scored(lambda _: lugs.lugged_traversal(LUGS), ARRIVED),
+    "up-28-lugs": _scored(lambda: lugs.lugged_traversal(LUGS), ARRIVED),
 }
 """Runs with lugs, made in the variations of the main sources and of the lugs' phase."""
-SIDE_RUNS: dict[str, Callable[[Variation, Spans], Outcome]] = {
+SIDE_RUNS: dict[str, Callable[[Variation], Outcome]] = {
     "turn-28-rollback": _turn(plan.FIG10_SLOPE, plan.PAPER_FRICTION, "paper"),
     "straight-28-open": _straight("open"),
     "as-printed-28": _scored(  # counts however it ends
-        lambda spans: as_printed.as_printed_turn(spans.turn_s),
+        lambda: as_printed.as_printed_turn(TURN_S),
         ("time_up", "held", "fell"),
         as_printed.paper_controller(plan.TABLE_SPEED_M_S),
     ),
@@ -371,16 +354,12 @@ def runs_of(variation: Variation) -> tuple[str, ...]:
     return tuple(ALL_RUNS if variation is NOMINAL_VARIATION or variation.group in MAIN_SOURCES else RUNS)
 
 
-QUICK_RUNS = ("turn-28", "straight-28", "creep-28", "slide-32.4")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BudgetJob:
     """One run of one variation. Its outcome is kept in a file, so that an interrupted budget continues."""
 
     variation: Variation
     run_name: str
-    spans: Spans
     folder: Path
 
     @property
@@ -399,7 +378,7 @@ class BudgetJob:
         if self.path.exists():
             return dict(json.loads(self.path.read_text(encoding="utf-8")))
         try:
-            verdict, figures = ALL_RUNS[self.run_name](self.variation, self.spans)
+            verdict, figures = ALL_RUNS[self.run_name](self.variation)
         except (SimulationDiverged, RecordError) as error:
             verdict, figures = f"diverged: {error}", {}
         found = {"variation": self.variation.name, "run": self.run_name, "verdict": verdict, "figures": plain(figures)}

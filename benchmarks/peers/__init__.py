@@ -1,19 +1,17 @@
 """Other people's identification behind one signature: ``fit(record, order, block_rows) -> StateSpace``.
 
-Each module names its package, says why it is missing, and offers its methods. Peers take records as they are: whoever
-calls removes the means first where the data have any (``centred``).
+``python_packages`` and ``slicot`` name their packages, say why one is missing, and offer its methods. Peers take records as they
+are: whoever calls removes the means first where the data have any (``centred``).
 """
 
 from collections.abc import Callable
 from dataclasses import replace
-from importlib import import_module
 
 from systems import StateSpace
 
 from treadline.core.models import InputOutputRecord
 
 Fit = Callable[[InputOutputRecord, int, int], StateSpace]
-MODULES = ("slicot", "python_control", "modred_okid", "sippy", "nfoursid")
 
 
 class PeerError(Exception):
@@ -22,16 +20,18 @@ class PeerError(Exception):
 
 def installed() -> tuple[dict[str, Fit], list[str]]:
     """Return every method that can run here, and a line per package: what it is, or how to get it."""
+    from peers.python_packages import PACKAGES
+    from peers.slicot import SLICOT
+
     found: dict[str, Fit] = {}
     lines = []
-    for name in MODULES:
-        module = import_module(f"peers.{name}")
-        reason = module.missing()
+    for package in (SLICOT, *PACKAGES):
+        reason = package.missing()
         if reason is None:
-            found |= module.methods()
-            lines.append(f"{module.PACKAGE}: {module.version()}")
+            found |= package.methods
+            lines.append(f"{package.name}: {package.version()}")
         else:
-            lines.append(f"{module.PACKAGE}: not here ({reason}); {module.INSTALL}")
+            lines.append(f"{package.name}: not here ({reason}); {package.install}")
     return found, lines
 
 

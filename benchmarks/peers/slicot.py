@@ -4,6 +4,7 @@ Arrays are column-major; the workspace sizes are those of the routines' document
 """
 
 import ctypes
+from collections.abc import Mapping
 from functools import cache, partial
 from typing import Any
 
@@ -14,8 +15,6 @@ from systems import StateSpace, without_offsets
 from peers import Fit, PeerError
 from treadline.core.models import InputOutputRecord
 
-PACKAGE = "SLICOT"
-INSTALL = "apt-get install libslicot0 libopenblas0"
 ROWS_AT_ONCE = 20_000
 """Rows of the QR factorisation held at once; more samples are taken in turns."""
 WORK_MOST = 20_000_000
@@ -25,33 +24,6 @@ WORK_MOST = 20_000_000
 @cache
 def _library() -> ctypes.CDLL:
     return ctypes.CDLL("libslicot.so.0")
-
-
-def missing() -> str | None:
-    """Return why the library cannot be used."""
-    try:
-        _library()
-    except OSError as error:
-        return str(error)
-    return None
-
-
-def version() -> str:
-    """Return the BLAS that the library uses: it decides the speed."""
-    _library()
-    with open("/proc/self/maps") as maps:  # noqa: PTH123 (a device, not a file)
-        blas = sorted({line.split("/")[-1].strip() for line in maps if "/libblas" in line or "/libopenblas" in line})
-    return "libslicot0, " + ", ".join(blas)
-
-
-def methods() -> dict[str, Fit]:
-    """Return MOESP, N4SID and the combined method; +BD estimates B, D and x0 again from A and C (IB01CD)."""
-    found: dict[str, Fit] = {}
-    for name, code in (("MOESP", "M"), ("N4SID", "N"), ("combined", "C")):
-        found[f"SLICOT {name}"] = partial(fit, method=code)
-    found["SLICOT MOESP+BD"] = partial(fit, method="M", again=True)
-    found["SLICOT N4SID+BD"] = partial(fit, method="N", again=True)
-    return found
 
 
 def fit(
@@ -66,6 +38,38 @@ def fit(
     if again:
         B, D, _ = inputs_and_start(A, C, u, y)
     return without_offsets(A, B, C, D)
+
+
+class Slicot:
+    """The library by name, in the form of the Python packages; +BD estimates B, D and x0 again from A and C (IB01CD)."""
+
+    name = "SLICOT"
+    install = "apt-get install libslicot0 libopenblas0"
+    methods: Mapping[str, Fit] = {
+        "SLICOT MOESP": partial(fit, method="M"),
+        "SLICOT N4SID": partial(fit, method="N"),
+        "SLICOT combined": partial(fit, method="C"),
+        "SLICOT MOESP+BD": partial(fit, method="M", again=True),
+        "SLICOT N4SID+BD": partial(fit, method="N", again=True),
+    }
+
+    def missing(self) -> str | None:
+        """Return why the library cannot be used."""
+        try:
+            _library()
+        except OSError as error:
+            return str(error)
+        return None
+
+    def version(self) -> str:
+        """Return the BLAS that the library uses: it decides the speed."""
+        _library()
+        with open("/proc/self/maps") as maps:  # noqa: PTH123 (a device, not a file)
+            blas = sorted({line.split("/")[-1].strip() for line in maps if "/libblas" in line or "/libopenblas" in line})
+        return "libslicot0, " + ", ".join(blas)
+
+
+SLICOT = Slicot()
 
 
 def _triangular_factor(
