@@ -1,0 +1,36 @@
+"""Files that documents and docstrings name exist, so that a page cannot point to where a file once was."""
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+NAMED = re.compile(r"(?<![\w/.{}<-])((?:[a-z_0-9]+/)+[a-z_0-9]+\.(?:py|js|cc|sh))\b")
+"""Path with at least one folder, relative to the repository, to ``src/treadline`` or to a package."""
+EXAMPLES = {"path/to/file.py", "install/setup.sh"}
+"""Files of a reader's own."""
+
+
+def tracked() -> list[str]:
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode != 0:
+        pytest.skip("not a git checkout")
+    return [name for name in listed.stdout.split("\0") if name and (ROOT / name).is_file()]
+
+
+def test_files_that_documents_and_docstrings_name_exist() -> None:
+    files = tracked()
+    places = {"/".join(parts[start:]) for name in files for parts in [name.split("/")] for start in range(len(parts))}
+    readers = [name for name in files if name.endswith(".md") or (name.startswith("src/") and name.endswith(".py"))]
+    missing = [
+        f"{name}: {path}"
+        for name in readers
+        if name != "CHANGELOG.md"  # past versions had other files
+        for line in (ROOT / name).read_text(encoding="utf-8").splitlines()
+        if "in version 0." not in line
+        for path in NAMED.findall(line)
+        if path not in places | EXAMPLES
+    ]
+    assert not missing
