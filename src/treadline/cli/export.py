@@ -11,8 +11,6 @@ from treadline.cli._arguments import Force, choice, claim
 from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError
 
-LAYOUTS = Path(__file__).parents[1] / "data" / "layouts"
-"""Folder of the shipped layouts."""
 TARGETS = ("c", "ros", "json", "layouts")
 
 
@@ -81,11 +79,12 @@ def export(
 def _layouts(source: Path | None, out: Path, *, force: bool) -> Answer:
     """Write the layouts for the viewers of logs."""
     from treadline.core.models import write_whole
+    from treadline.scenario.shipped_files import DATA
 
     if source is not None:
         raise SettingsError(f"export --to layouts takes no source, and {source} is given; a layout shows any run's log")
     claim(out, force=force)
-    files = {path.name: path.read_text(encoding="utf-8") for path in sorted(LAYOUTS.iterdir())}
+    files = {path.name: path.read_text(encoding="utf-8") for path in sorted((DATA / "layouts").iterdir())}
     out.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():
         write_whole(out / name, text)

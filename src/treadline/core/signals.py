@@ -31,11 +31,6 @@ PERIOD_ROUNDING_S = 1e-9
 ROUNDING_S = 1e-6
 """Largest difference between two time stamps of the same tick after rounding [s]."""
 
-IMU_ARRAYS = ("orientation", "angular_velocity_rad_s", "linear_acceleration_m_s2")
-"""Names of the array fields of ``ImuSample``."""
-IMU_SHAPES = ((4,), (3,), (3,))
-"""Shapes of the array fields of ``ImuSample``: a quaternion and two vectors."""
-
 
 def on_the_tick(period_s: float) -> bool:
     """Return whether a period is an integer multiple of the tick."""
@@ -67,9 +62,9 @@ class ImuSample:
             shapes = self.orientation.shape, self.angular_velocity_rad_s.shape, self.linear_acceleration_m_s2.shape
         except AttributeError:
             shapes = None
-        if shapes != IMU_SHAPES:
-            for name, shape in zip(IMU_ARRAYS, IMU_SHAPES, strict=True):
-                object.__setattr__(self, name, shaped(name, getattr(self, name), shape, f"{shape[0]} numbers"))
+        if shapes != ((4,), (3,), (3,)):
+            for name, size in (("orientation", 4), ("angular_velocity_rad_s", 3), ("linear_acceleration_m_s2", 3)):
+                object.__setattr__(self, name, shaped(name, getattr(self, name), (size,), f"{size} numbers"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

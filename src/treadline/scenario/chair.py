@@ -14,7 +14,7 @@ from treadline.core.errors import SettingsError
 from treadline.core.images import PinholeCamera
 from treadline.core.settings import Settings, read_toml
 from treadline.core.signals import TICK_S
-from treadline.scenario.camera_file import CameraFile, read_camera
+from treadline.scenario.camera_file import CameraFile, Degrees, read_camera
 from treadline.scenario.shipped_files import chair_file
 
 GRAVITY_M_S2 = 9.81
@@ -54,7 +54,6 @@ Mass = Annotated[float, Field(gt=0.0, le=1000.0)]
 Speed = Annotated[float, Field(gt=0.0, le=10.0)]
 Lag = Annotated[float, Field(le=10.0), AfterValidator(_a_tick_or_more)]
 Torque = Annotated[float, Field(le=1e4), AfterValidator(_above_zero)]
-Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 Point = tuple[Place, Place, Place]
 Size = tuple[Length, Length, Length]
 

@@ -11,16 +11,16 @@ from treadline.core.errors import SettingsError
 from treadline.core.settings import Settings, parse_toml, settings_of
 from treadline.scenario.faults import Fault
 from treadline.scenario.operator_actions import OperatorAct, act_problem
-from treadline.scenario.shipped_files import CHAIRS, chair_file
-from treadline.scenario.stair import RISE_M, RUN_M, SLOPE_DEG, Stair, StepOverride
+from treadline.scenario.shipped_files import CHAIRS, DATA, chair_file
+from treadline.scenario.stair import Stair, StepOverride
 from treadline.scenario.step_rules import step_problem
 
 __all__ = [
-    "RISE_M", "RUN_M", "SEAT_SHIFT_M", "SHIPPED", "SLOPE_DEG", "Chair", "Control", "DriveSettings", "Scenario", "Sensors", "Stair",
+    "SEAT_SHIFT_M", "SHIPPED", "Chair", "Control", "DriveSettings", "Scenario", "Sensors", "Stair",
     "Start", "StepOverride", "is_sweep", "read_scenario", "scenario_of", "shipped_scenarios",
 ]  # fmt: skip
 
-SHIPPED = Path(__file__).parents[1] / "data" / "scenarios"
+SHIPPED = DATA / "scenarios"
 SEAT_SHIFT_M = (-0.3, 0.3)
 """Range of the seat position along the chair [m]."""
 

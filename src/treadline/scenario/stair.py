@@ -9,23 +9,12 @@ from treadline.core.settings import Settings
 
 RISE_M, RUN_M, SLOPE_DEG = (0.05, 0.30), (0.15, 0.60), (5.0, 45.0)
 """Bounds of a staircase's rise, run and slope."""
-RUN_DEFAULT_M = 0.30
 TURNING_FLIGHTS = 4
 """Largest number of flights with quarter landings: after four quarters a fifth would lie above the first."""
-STEP_RISE_M, STEP_RUN_M = (0.005, 0.35), (0.10, 1.5)
-"""Rise and run of a single step: from a lip to a mounting block, and from a narrow tread to a podium."""
-STEP_YAW_DEG, STEP_SLOPE_DEG = 30.0, 5.0
-"""Largest turn of a single nosing and largest slope of a tread."""
-WINDER_TURN_DEG = (10.0, 180.0)
-"""Turn of a flight by its winders; beyond 180° the flight above would lie over the flight below."""
 WINDER_DEG = 45.0
 """Largest turn by one winder: two winders to a quarter are the least in use."""
-NEWEL_M = (0.05, 0.5)
-"""Radius of a newel; walls of the two flights, 0.10 m thick, fit between them after half a turn."""
 LEAST_SIDE_DEPTH_M = 0.02
 """Least depth of a tread at its narrow side: nosings that meet leave no tread between them."""
-OVERHANG_M = 0.10
-"""Largest overhang: three times that of usual timber treads, 30 to 40 mm."""
 FrictionCoefficient = Annotated[float, Field(gt=0.0, le=2.0)]
 Friction = tuple[FrictionCoefficient, FrictionCoefficient]
 
@@ -39,7 +28,7 @@ class Stair(Settings):
 
     rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
     """Height of a step."""
-    run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = RUN_DEFAULT_M
+    run_m: Annotated[float, Field(ge=RUN_M[0], le=RUN_M[1])] = 0.30
     """Depth of a step, from nosing to nosing."""
     slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
     """Slope of the flight, in place of ``rise_m``."""
@@ -56,9 +45,11 @@ class Stair(Settings):
     """Index of the first winder, counted from the floor, from 0; unset: the winders lead up to the landing."""
     winder_to: Literal["left", "right"] = "left"
     """Way the winders turn the flight."""
-    winder_turn_deg: Annotated[float, Field(ge=WINDER_TURN_DEG[0], le=WINDER_TURN_DEG[1])] = 90.0
+    # Beyond 180° the flight above would lie over the flight below.
+    winder_turn_deg: Annotated[float, Field(ge=10.0, le=180.0)] = 90.0
     """Turn of the flight by all winders together."""
-    newel_m: Annotated[float, Field(ge=NEWEL_M[0], le=NEWEL_M[1])] = 0.1
+    # Walls of the two flights, 0.10 m thick, fit between them after half a turn.
+    newel_m: Annotated[float, Field(ge=0.05, le=0.5)] = 0.1
     """Radius of the newel around which the winders turn."""
     width_m: Annotated[float, Field(ge=0.8, le=60.0)] = 1.2
     landing_m: Annotated[float, Field(ge=0.0, le=20.0)] = 1.5
@@ -98,7 +89,7 @@ class Stair(Settings):
             return tables
         if "rise_m" in tables:
             raise ValueError("give rise_m or slope_deg, not both")
-        slope, run = tables["slope_deg"], tables.get("run_m", RUN_DEFAULT_M)
+        slope, run = tables["slope_deg"], tables.get("run_m", cls.model_fields["run_m"].default)
         if not (_within(SLOPE_DEG, slope) and _within(RUN_M, run)):
             return tables  # the fields' own checks say what is wrong with them
         rise = run * math.tan(math.radians(slope))
@@ -226,11 +217,12 @@ class StepOverride(Settings):
 
     index: int
     """Index of the step: 0 is the first above the floor, counted over all flights; -1 is the uppermost, the landing."""
-    rise_m: Annotated[float, Field(ge=STEP_RISE_M[0], le=STEP_RISE_M[1])] | None = None
+    # Bounds of rise and run: from a lip to a mounting block, and from a narrow tread to a podium.
+    rise_m: Annotated[float, Field(ge=0.005, le=0.35)] | None = None
     """Height of its nosing above the one before; all that is above moves along."""
-    run_m: Annotated[float, Field(ge=STEP_RUN_M[0], le=STEP_RUN_M[1])] | None = None
+    run_m: Annotated[float, Field(ge=0.10, le=1.5)] | None = None
     """Depth from its nosing to the next one."""
-    yaw_deg: Annotated[float, Field(ge=-STEP_YAW_DEG, le=STEP_YAW_DEG)] | None = None
+    yaw_deg: Annotated[float, Field(ge=-30.0, le=30.0)] | None = None
     """Turn of its nosing about the vertical, positive anticlockwise seen from above."""
     friction: Friction | None = None
     """Friction along the belt and across it, on the whole step."""
@@ -238,11 +230,12 @@ class StepOverride(Settings):
     """Friction on its left half, along and across."""
     friction_right: Friction | None = None
     """Friction on its right half, along and across."""
-    overhang_m: Annotated[float, Field(ge=0.0, le=OVERHANG_M)] | None = None
+    # At most three times the overhang of usual timber treads, 30 to 40 mm.
+    overhang_m: Annotated[float, Field(ge=0.0, le=0.10)] | None = None
     """Distance by which its tread stands out over its riser."""
     nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] | None = None
     """Radius of its rounded front edge; 30 mm is badly worn."""
-    tread_slope_deg: Annotated[float, Field(ge=-STEP_SLOPE_DEG, le=STEP_SLOPE_DEG)] | None = None
+    tread_slope_deg: Annotated[float, Field(ge=-5.0, le=5.0)] | None = None
     """Slope of its tread, positive where the back is higher than the nosing, so that water runs off the front."""
 
     @model_validator(mode="after")
