@@ -28,6 +28,15 @@ class Outcome:
 Run = Callable[..., Outcome]
 
 
+def assert_refused(outcome: Outcome, *words: str) -> None:
+    """Assert exit code 2 and one line on stderr, which holds the words."""
+    assert (outcome.code, outcome.out) == (2, ""), outcome
+    assert outcome.err.count("\n") == 1, outcome.err
+    assert outcome.err.startswith("treadline: ")
+    for word in words:
+        assert word in outcome.err, outcome.err
+
+
 @pytest.fixture
 def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
     monkeypatch.setattr(CompileTimer, "call_once_if_long", lambda *_: None)  # whether this machine has compiled before

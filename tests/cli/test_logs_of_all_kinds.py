@@ -9,6 +9,8 @@ from scipy.io import savemat
 
 from treadline.io.cdr import CdrWriter
 
+from .conftest import assert_refused
+
 ROWS = 300
 
 
@@ -89,11 +91,7 @@ def test_a_fault_of_each_kind_is_one_line(run, tmp_path: Path, name: str, fault:
         path.write_bytes(b"")
     columns_asked = names(path) if fault != "another column" else ["--inputs", "nowhere.x", "--outputs", "turn"]
     outcome = run("identify", path, *columns_asked, *(["--period", "-1"] if fault == "a bad period" else []), "--out", out)
-    assert outcome.code == 2
-    assert outcome.out == ""
-    assert outcome.err.startswith("treadline: ")
-    assert outcome.err.count("\n") == 1
-    assert word in outcome.err
+    assert_refused(outcome, word)
     assert word == "--period" or name in outcome.err
     assert not out.exists()
 

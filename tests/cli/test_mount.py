@@ -219,14 +219,3 @@ def test_a_log_that_cannot_tell_is_one_line(run, driven: Path, tmp_path: Path) -
     outcome = run("mount", driven, "--out", tmp_path)
     assert outcome.code == 2
     assert "is a folder" in outcome.err
-
-
-def test_a_calibration_at_hand_is_not_written_over_unasked(
-    run, driven: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "camera.toml").write_text("mine")
-    outcome = run("mount", driven)
-    assert outcome.code == 2
-    assert "camera.toml: the file exists" in outcome.err
-    assert (tmp_path / "camera.toml").read_text() == "mine"

@@ -12,7 +12,6 @@ import pytest
 
 from treadline.cli import main
 from treadline.cli._output import SimulatedTime
-from treadline.core.angles import rotation_of
 from treadline.core.images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import HeadingEstimate, ImuSample, SeatCommand, TrackCommand
@@ -22,6 +21,8 @@ from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import mcap_messages, read_log
 from treadline.io.runs import read_series
 from treadline.scenario.chair import read_chair
+
+from .conftest import assert_refused
 
 SCENARIO = """
 [stair]
@@ -175,13 +176,6 @@ def test_without_images_the_headings_recorded_are_fused_and_the_summary_says_so(
     assert result["largest_command_gap_m_s"] == 0.0
 
 
-def test_who_names_headings_gets_them_instead_of_images(run, climbed: Path, tmp_path: Path) -> None:
-    named = "headings=/stair/heading_measured/detail"
-    values = run("replay", climbed, "--topics", named, "--out", tmp_path / "again", "--json").values
-    assert values["sees"] == "recorded headings"
-    assert values["largest_command_gap_m_s"] == 0.0
-
-
 def test_a_turned_mount_turns_the_heading(run, climbed: Path, tmp_path: Path) -> None:
     outcome = run("replay", climbed / "log.mcap", "--set", "camera.mount_yaw_deg=2", "--out", tmp_path / "again", "--json")
     assert outcome.values["rms_difference_deg"] == pytest.approx(2.0, abs=0.1)
@@ -219,18 +213,6 @@ def test_anybodys_log_with_the_imu_in_the_camera_and_no_attitude(run, recording,
     then = np.array([signal.heading_rad for signal in signals_of(climbed, HeadingEstimate)])
     now = np.array([signal.heading_rad for signal in signals_of(tmp_path / "out", HeadingEstimate)])
     assert np.rad2deg(np.abs(now - then).max()) < 1.0
-
-
-def test_gravity_of_the_accelerometer_is_that_of_the_imu(climbed: Path) -> None:
-    from treadline.estimation.tilt import Tilt
-
-    tilt, apart = Tilt(), []
-    for sample in signals_of(climbed, ImuSample):
-        orientation = tilt.step(sample)
-        assert orientation is not None
-        found, given = (rotation_of(q).T @ [0.0, 0.0, 1.0] for q in (orientation, sample.orientation))
-        apart.append(np.linalg.norm(np.cross(found, given)))
-    assert np.rad2deg(np.median(apart)) < 1.0
 
 
 def test_a_log_without_an_imu_ends_held(run, recording, climbed: Path, tmp_path: Path) -> None:
@@ -350,7 +332,7 @@ def test_a_run_of_reproduce_is_replayed_with_the_controller_made_there(run, blin
     (paper / "runs" / "turn-28" / "manifest.json").write_text(json.dumps(manifest))
     (paper / "controller.json").write_text("{}")
     outcome = run("replay", paper / "runs" / "turn-28", "--out", tmp_path / "again")
-    assert_one_line(outcome, "controller.json")
+    assert_refused(outcome, "controller.json")
 
 
 CAMERA = "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\n"
@@ -373,14 +355,6 @@ def test_a_calibration_counts_instead_of_the_logs_and_a_key_before_it(run, climb
     told.unlink()
     again = run("replay", tmp_path / "file", "--out", tmp_path / "again", "--json").values
     assert again["largest_command_gap_m_s"] == 0.0
-
-
-def test_a_calibration_for_images_of_another_size_is_one_line(run, climbed: Path, tmp_path: Path) -> None:
-    told = tmp_path / "large.toml"
-    told.write_text("width = 640\nheight = 480\nfx_px = 575\nfy_px = 575\ncx_px = 319.5\ncy_px = 239.5\n")
-    outcome = run("replay", climbed, "--camera", told, "--out", tmp_path / "out")
-    assert outcome.code == 2
-    assert "sizes differ" in outcome.err.splitlines()[-1]
 
 
 def test_the_keys_are_listed(run, blind: Path) -> None:
@@ -423,16 +397,8 @@ def test_a_faulty_run_folder_is_one_line_and_leaves_nothing(run, blind: Path, tm
     shutil.copytree(blind, bad)
     spoil(bad)
     outcome = run("replay", bad, "--out", tmp_path / "out")
-    assert_one_line(outcome, word)
+    assert_refused(outcome, word)
     assert not (tmp_path / "out").exists()
-
-
-def assert_one_line(outcome: Any, word: str) -> None:
-    assert outcome.code == 2, outcome
-    assert outcome.out == ""
-    assert outcome.err.startswith("treadline: ")
-    assert outcome.err.count("\n") == 1, outcome.err
-    assert word in outcome.err
 
 
 @pytest.mark.parametrize(
@@ -455,5 +421,5 @@ def assert_one_line(outcome: Any, word: str) -> None:
 )
 def test_bad_arguments_are_one_line(run, blind: Path, tmp_path: Path, arguments: list[str], word: str) -> None:
     filled = [argument.format(run=blind, new=tmp_path / "new") for argument in arguments]
-    assert_one_line(run("replay", *filled), word)
+    assert_refused(run("replay", *filled), word)
     assert not (tmp_path / "new").exists()

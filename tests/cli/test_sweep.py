@@ -87,15 +87,6 @@ def test_a_folder_that_cannot_be_made_asks_for_another(run: Callable, spec: Path
     assert "give another --out" in done.err
 
 
-def test_a_bad_draw_is_one_line_with_file_key_value_and_range(run: Callable, spec: Path, tmp_path: Path) -> None:
-    spec.write_text(SPEC.replace("[0, 80]", "[0, 800]"))
-    done = run("sweep", spec, "--runs", 3, "--out", tmp_path / "out")
-    assert done.code == 2
-    assert done.err == (
-        f"treadline: {spec}: draw 1 (chair.payload_kg): chair.payload_kg: must be a number from 0 to 200 (got 800)\n"
-    )
-
-
 def test_a_cluster_that_does_not_answer_is_one_line(
     run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
