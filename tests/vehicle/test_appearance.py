@@ -112,7 +112,7 @@ def test_belts_are_inside_the_collision_geometry_in_width_and_outline(chair: Cha
     turns = np.linspace(0.0, 2.0 * math.pi, 400)
     normals = np.stack([np.cos(turns), np.sin(turns)])
     # Three pulleys reach this far in each direction.
-    reach = (pulley_centres(tracks) @ normals).max(axis=0) + tracks.pulley_radius_m
+    reach = (pulley_centres(chair) @ normals).max(axis=0) + tracks.pulley_radius_m
     poses = body_poses(chair, _loading(chair))
     belts = [part for part in chair_parts(chair, _loading(chair)) if "belt" in part.name]
     assert belts
@@ -158,7 +158,7 @@ def test_lug_tips_lie_on_the_pulleys_outline_of_a_flipper(flipper_deg: float) ->
 
 def test_a_fixed_belt_path_is_the_outline_of_the_three_pulleys() -> None:
     chair = read_chair("wheelchair-fixed")
-    centres = pulley_centres(chair.tracks)
+    centres = pulley_centres(chair)
     sides = np.linalg.norm(centres - np.roll(centres, -1, axis=0), axis=1)
     # The sides of the triangle of axes, and one turn around a pulley.
     assert BeltPath(chair).length_m == pytest.approx(float(sides.sum()) + 2.0 * math.pi * 0.07, abs=1e-12)

@@ -72,7 +72,9 @@ def test_the_masses_and_speeds_are_those_of_table_1() -> None:
 def test_the_nose_is_the_third_pulley() -> None:
     chair = read_chair("wheelchair")
     x, y, z = chair.nose_m
-    assert (x, z) == pytest.approx(tuple(pulley_centres(chair.tracks)[2].tolist()))
+    front_x, front_z = pulley_centres(chair)[1].tolist()
+    assert math.hypot(x - front_x, z - front_z) == pytest.approx(chair.tracks.approach_m)
+    assert math.degrees(math.atan2(z - front_z, x - front_x)) == pytest.approx(chair.tracks.approach_angle_deg)
     assert y == 0.0
 
 

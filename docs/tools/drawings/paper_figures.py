@@ -40,7 +40,7 @@ def chair() -> Figure:
     mark_linkage(pen, machine, 0.0, 0.0)
     draw_payload(pen, machine)
     draw_view_of_camera(pen, machine)
-    rear, front, nose = (tuple(centre) for centre in pulley_centres(tracks).tolist())
+    rear, front, nose = (tuple(centre) for centre in pulley_centres(machine).tolist())
     pen.dimension((rear[0], 0.0), (front[0], 0.0), f"flat run {tracks.flat_run_m:g} m", -0.1)
     pen.line([front, (front[0] + 0.40, front[1])], BLUE, 0.8, ":")
     pen.angle(front, 0.30, 0.0, tracks.approach_angle_deg, f"{tracks.approach_angle_deg:g}°")

@@ -1,14 +1,20 @@
-"""NPZ files, and the columns of named arrays in NPZ and MAT files.
+"""Files of named arrays: NPZ files, and MAT files of versions 4 to 7.
 
 A vector is a column by its name, a column of a matrix is ``name[0]``, ``name[1]`` (rows are samples), a struct field is
 ``struct.field``. Header sizes are checked against the archive directory; nothing is unpickled, object arrays are rejected.
+
+MAT version 5 (MATLAB's -v6 and -v7) is parsed here: scipy's compiled parser trusts type codes of a damaged file and crashes the
+process (decision 0028). A variable is never larger than its bytes in the file, and decompression has a size limit. Format:
+MathWorks, MAT-File Format, level 5. An element is a tag (type, bytes) and its data, padded to 8 bytes.
 """
 
+import io
 import re
 import zipfile
 import zlib
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from jaxtyping import Shaped
@@ -21,20 +27,24 @@ MAX_ARRAY_BYTES = 1024**3
 """Largest decompressed size of all requested arrays of a file together [bytes]."""
 
 _PLACE = re.compile(r"\[(\d{1,6})\]$")
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_COMPRESSED = 15
+"""Type of an element that holds another one, compressed."""
+_NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 
 
-def name_of(column: str) -> str:
+def _name_of(column: str) -> str:
     """Return the array name of a column."""
     return _PLACE.sub("", column)
 
 
-def table_of(
+def _table_of(
     file: Path, wanted: tuple[str, ...], there: Collection[str], array: Callable[[str], Shaped[np.ndarray, "..."]]
 ) -> Table:
     """Return the requested columns as one table; ``array`` reads one array by name."""
     clock = clock_of(list(there), wanted)
-    every = {name: array(name) for name in dict.fromkeys([*map(name_of, wanted), *([clock] if clock else [])])}
-    columns = {name: _column(file, name, every[name_of(name)]) for name in wanted}
+    every = {name: array(name) for name in dict.fromkeys([*map(_name_of, wanted), *([clock] if clock else [])])}
+    columns = {name: _column(file, name, every[_name_of(name)]) for name in wanted}
     ticks = None if clock is None else _ticks(file, clock, _column(file, clock, every[clock]))
     lengths = {name: len(values) for name, values in columns.items()} | ({} if ticks is None else {str(clock): len(ticks)})
     if len(set(lengths.values())) > 1:
@@ -54,20 +64,20 @@ def table_of(
     )
 
 
-def check_kind(file: Path, name: str, kind: np.dtype) -> None:
+def _check_kind(file: Path, name: str, kind: np.dtype) -> None:
     """Reject arrays of other types than real numbers."""
     if kind.kind not in "biuf":
         raise LogFormatError(f"{file}: '{name}' holds {kind}, not real numbers; save it as a plain array of numbers")
 
 
-def check_bytes(file: Path, size: int) -> None:
+def _check_bytes(file: Path, size: int) -> None:
     """Reject data larger than the memory limit."""
     if size > MAX_ARRAY_BYTES:
         raise LogFormatError(f"{file}: unpacks to {size} bytes; at most {MAX_ARRAY_BYTES} are read: save it as Parquet or CSV")
 
 
 def _column(file: Path, column: str, values: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, " n"]:
-    name, found = name_of(column), _PLACE.search(column)
+    name, found = _name_of(column), _PLACE.search(column)
     place = int(found[1]) if found else None
     if values.ndim <= 2 and values.size == max(values.shape, default=0) and place in {None, 0}:
         return values.reshape(-1)  # MATLAB stores a vector as a matrix with one row or one column
@@ -113,20 +123,159 @@ def read_npz(file: Path, wanted: tuple[str, ...]) -> Table:
         with zipfile.ZipFile(file) as archive:
             members = {item.filename.removesuffix(".npy"): item for item in archive.infolist() if item.filename.endswith(".npy")}
             for name in wanted:
-                if name_of(name) not in members:
+                if _name_of(name) not in members:
                     raise missing(file, name, members)
-            check_bytes(file, sum(members[name].file_size for name in {name_of(name) for name in wanted}))
-            return table_of(file, wanted, members, lambda name: _array(file, archive, members[name]))
+            _check_bytes(file, sum(members[name].file_size for name in {_name_of(name) for name in wanted}))
+            return _table_of(file, wanted, members, lambda name: _array(file, archive, members[name]))
     except _BROKEN as error:
         raise LogFormatError(f"{file}: not a valid NPZ file: {error}; is it truncated or modified?") from None
 
 
 def _array(file: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Shaped[np.ndarray, "..."]:
     name = member.filename.removesuffix(".npy")
-    check_bytes(file, member.file_size)
+    _check_bytes(file, member.file_size)
     with archive.open(member) as stream:
         header = npy.read_array_header_1_0 if npy.read_magic(stream) == (1, 0) else npy.read_array_header_2_0
         shape, in_columns, kind = header(stream)
-        check_kind(file, name, kind)
+        _check_kind(file, name, kind)
         data = stream.read()  # zipfile verifies the checksum, and stops at the size in the directory
     return np.frombuffer(data, kind).reshape(shape, order="F" if in_columns else "C")
+
+
+def read_mat(file: Path, wanted: tuple[str, ...]) -> Table:
+    """Return the requested columns of a MAT file.
+
+    Raises:
+        LogFormatError: If the file is damaged, too large, of version 7.3, or has non-numeric columns.
+    """
+    there = dict(_paths("", _load(file)))
+    for name in wanted:
+        if _name_of(name) not in there:
+            raise missing(file, name, there)
+
+    def array(path: str) -> Shaped[np.ndarray, "..."]:
+        value = there[path]
+        if not isinstance(value, np.ndarray):
+            raise LogFormatError(f"{file}: '{path}' is not a numeric array; save it as one")
+        _check_kind(file, path, value.dtype)
+        return value
+
+    return _table_of(file, wanted, there, array)
+
+
+def _load(file: Path) -> dict[str, Any]:
+    """Return the variables of a MAT file.
+
+    Raises:
+        LogFormatError: If the file is damaged, too large or of version 7.3.
+    """
+    _check_bytes(file, file.stat().st_size)
+    data = file.read_bytes()
+    if _HDF5 in (data[:8], data[512:520]):
+        raise LogFormatError(f"{file}: MAT version 7.3 (HDF5) is not read; in MATLAB: save('{file.name}', …, '-v7')")
+    try:
+        if data[124:128] in {b"\x00\x01IM", b"\x01\x00MI"}:
+            return _variables(data, MAX_ARRAY_BYTES)
+        from scipy.io import loadmat
+
+        # Version 4. A stream in memory limits every read to the file size, whatever length a damaged file declares.
+        found = loadmat(cast("Any", io.BytesIO(data)))
+    except Exception as error:  # noqa: BLE001 - damaged bytes can raise any exception in the parsers
+        cause = " ".join(str(error).split())[:200] or "it ends early"
+        raise LogFormatError(f"{file}: not a valid MAT file: {cause}; is it truncated or modified?") from None
+    return {name: value for name, value in found.items() if not name.startswith("__")}
+
+
+def _paths(prefix: str, values: dict[str, Any]) -> list[tuple[str, Any]]:
+    """Return all variables and struct fields with their paths."""
+    every: list[tuple[str, Any]] = []
+    for name, value in values.items():
+        every += _paths(f"{prefix}{name}.", value) if isinstance(value, dict) else [(prefix + name, value)]
+    return every
+
+
+def _variables(data: bytes, most_bytes: int) -> dict[str, Any]:
+    """Return the variables of a file by name.
+
+    Raises:
+        ValueError: If an element is damaged, or the decompressed size exceeds ``most_bytes``.
+    """
+    order = "<" if data[126:128] == b"IM" else ">"
+    found: dict[str, Any] = {}
+    for element in _elements(memoryview(data)[128:], order):
+        kind, body = element
+        if kind == _COMPRESSED:
+            plain = _inflated(body, most_bytes)
+            most_bytes -= len(plain)
+            kind, body = next(_elements(memoryview(plain), order))
+        if kind != 14:  # a matrix
+            raise ValueError(f"an element of type {kind} where a variable belongs")
+        name, value = _variable(body, order, 0)
+        found[name] = value
+    return found
+
+
+def _inflated(data: memoryview, most_bytes: int) -> bytes:
+    inflate = zlib.decompressobj()
+    plain = inflate.decompress(data, most_bytes + 1)
+    if len(plain) > most_bytes:
+        raise ValueError(f"it unpacks to more than the {most_bytes} bytes that are read")
+    if not inflate.eof:
+        raise ValueError("a compressed variable ends early")
+    return plain
+
+
+def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
+    """Yield type and data of consecutive elements."""
+    at = 0
+    while at < len(data):
+        if len(data) - at < 8:
+            raise ValueError("a tag ends early")
+        kind, size = np.frombuffer(data[at : at + 8], order + "u4").tolist()
+        small = kind >> 16
+        if small:  # data of up to four bytes are stored inside the tag
+            kind, size, at = kind & 0xFFFF, small, at + 4
+            padded = 4
+        else:
+            at += 8
+            padded = size if kind == _COMPRESSED else -(-size // 8) * 8
+        if size > len(data) - at or (small and size > 4):
+            raise ValueError("an element is longer than what holds it")
+        yield kind, data[at : at + size]
+        at += padded
+
+
+def _variable(data: memoryview, order: str, depth: int) -> tuple[str, Any]:
+    """Return name and value of a matrix element: array, dict (struct with one element), or None for others (text, cells)."""
+    if depth > 16:
+        raise ValueError("structs within structs, more than 16 deep")
+    if not data:
+        return "", np.empty((0, 0))
+    parts = _elements(data, order)
+    flags = int(_numbers(next(parts), order)[0])
+    shape = tuple(_numbers(next(parts), order).tolist())
+    name = bytes(next(parts)[1]).decode("latin-1")
+    if len(shape) < 2 or min(shape) < 0:
+        raise ValueError(f"'{name}' has the shape {shape}")
+    return name, _value(flags, shape, parts, order, depth)
+
+
+def _value(flags: int, shape: tuple[int, ...], parts: Iterator[tuple[int, memoryview]], order: str, depth: int) -> Any:
+    kind = flags & 0xFF
+    if 6 <= kind <= 15:  # double to unsigned 64-bit integers
+        values = _numbers(next(parts), order)
+        is_complex = flags & 0x800
+        return (values + 1j * _numbers(next(parts), order) if is_complex else values).reshape(shape, order="F")
+    if kind == 2 and shape == (1, 1):  # a struct
+        width = int(_numbers(next(parts), order)[0])
+        names = bytes(next(parts)[1])
+        fields = [names[at : at + width].split(b"\0")[0].decode("latin-1") for at in range(0, len(names), max(width, 1))]
+        return {field: _variable(next(parts)[1], order, depth + 1)[1] for field in fields}
+    return None
+
+
+def _numbers(element: tuple[int, memoryview], order: str) -> np.ndarray:
+    kind, data = element
+    if kind not in _NUMBERS:
+        raise ValueError(f"numbers of type {kind}")
+    return np.frombuffer(data, order + _NUMBERS[kind])

@@ -23,8 +23,7 @@ from jaxtyping import Bool, Float64
 
 from treadline.core.errors import LogFormatError, NotFinite, RecordError
 from treadline.io import mcap_read
-from treadline.io._sampling_grid import held, rows_of
-from treadline.io._tables import Table, listed
+from treadline.io._tables import Table, held, listed, rows_of
 from treadline.io.mcap_read import RecordedTopic
 from treadline.io.message_files import READERS, damage, decoder_of, parts_of
 

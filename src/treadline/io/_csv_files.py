@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Int, Shaped
 
 from treadline.core.errors import LogFormatError, ShapeMismatch
-from treadline.io._tables import NANOSECONDS, SECONDS, TIMESTAMPS, Table, check_count, clock_of, missing, seconds_of
+from treadline.io._tables import NANOSECONDS, SECONDS, TIMESTAMPS, Log, Table, check_count, clock_of, missing, seconds_of
 
 BLOCK_ROWS = 65_536
 """Number of lines per block: 5 MB with five columns."""
@@ -46,19 +46,12 @@ _Columns = Callable[[list[int], type], Shaped[np.ndarray, "n k"]]
 """Function from column indices and number type to an array of numbers."""
 
 
-class CsvLog:
+class CsvLog(Log):
     """Streaming reader of the requested columns of a file delimited by commas, semicolons or tabs."""
 
     def __init__(self, file: Path, wanted: tuple[str, ...]) -> None:
-        self._file = file
-        self._wanted = wanted
-        self._size = file.stat().st_size
-        self._done = 0
-
-    @property
-    def fraction(self) -> float:
-        """Fraction of the file read so far."""
-        return self._done / self._size if self._size else 1.0
+        super().__init__(file, wanted)
+        self._size = max(file.stat().st_size, 1)
 
     def __iter__(self) -> Iterator[Table]:
         rows = origin = self._done = 0

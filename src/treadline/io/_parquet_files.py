@@ -8,25 +8,14 @@ import numpy as np
 from jaxtyping import Float64, Shaped
 
 from treadline.core.errors import LogFormatError
-from treadline.io._tables import NANOSECONDS, Table, check_count, clock_of, missing, seconds_of
+from treadline.io._tables import NANOSECONDS, Log, Table, check_count, clock_of, missing, seconds_of
 
 BATCH_ROWS = 65_536
 """Rows per batch."""
 
 
-class ParquetLog:
+class ParquetLog(Log):
     """Streaming reader of the requested columns of a Parquet file."""
-
-    def __init__(self, file: Path, wanted: tuple[str, ...]) -> None:
-        self._file = file
-        self._wanted = wanted
-        self._done = 0
-        self._size = 1
-
-    @property
-    def fraction(self) -> float:
-        """Fraction of the rows read so far."""
-        return self._done / self._size
 
     def __iter__(self) -> Iterator[Table]:
         try:

@@ -17,8 +17,23 @@ import numpy as np
 
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.models import InputOutputRecord, write_whole
-from treadline.io._sampling_grid import MOST_ROWS, Times, period_of, places_of, resampled, spread, uneven, with_gaps
-from treadline.io._tables import Log, Table, check_gaps, check_period, check_values, gaps_in, no_clock
+from treadline.io._tables import (
+    MOST_ROWS,
+    Log,
+    Table,
+    Times,
+    check_gaps,
+    check_period,
+    check_values,
+    gaps_in,
+    no_clock,
+    period_of,
+    places_of,
+    resampled,
+    spread,
+    uneven,
+    with_gaps,
+)
 from treadline.io.runs import LOG, RECORD
 
 TIME = "t_s"
@@ -252,7 +267,7 @@ def _tables(file: Path, wanted: tuple[str, ...]) -> Iterable[Table]:
 
         return [read_npz(file, wanted)]
     if file.suffix.lower() == ".mat":
-        from treadline.io._mat_files import read_mat
+        from treadline.io._array_files import read_mat
 
         return [read_mat(file, wanted)]
     kinds = ", ".join((*DELIMITED, ".npz", ".mat", ".parquet", *BAGS))

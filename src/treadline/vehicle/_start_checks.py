@@ -6,7 +6,6 @@ appear up to 0.4 pulley radii too near.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +14,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG, rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle.bodies import Body, Vehicle, vehicle
+from treadline.vehicle.bodies import Vehicle, vehicle
 from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.start_pose import CLEARANCE_M, Standing, from_edge_m, rounded_off_m, standing
@@ -196,26 +195,19 @@ def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str |
 
 def placed_parts(chair: Vehicle, start: Standing, flipper_rad: float) -> tuple[PlacedPart, ...]:
     """Return the chair's shapes at its start pose."""
-    return tuple(_placed(chair, start, flipper_rad))
-
-
-def _placed(chair: Vehicle, start: Standing, flipper_rad: float) -> Iterator[PlacedPart]:
-    for body in chair.bodies:
-        R_BK = _joint(body, start, flipper_rad)
-        for shape in body.shapes:
-            centre_B = np.array(body.origin_m) + R_BK @ np.array(shape.centre_m)
-            yield PlacedPart(
-                name=shape.name,
-                centre_W=start.p_WB + start.R_WB @ centre_B,
-                half_m=np.array(shape.half_m),
-                R_WK=start.R_WB @ R_BK @ rotation_y(-shape.nose_up_rad),
-                is_round=shape.kind == "cylinder",
-            )
-
-
-def _joint(body: Body, start: Standing, flipper_rad: float) -> Float[np.ndarray, "3 3"]:
-    """Return the rotation of a body relative to the chassis."""
-    return {"seat": rotation_y(start.seat_rad), "flipper": rotation_y(-flipper_rad)}.get(body.name, np.eye(3))
+    turned = {"seat": rotation_y(start.seat_rad), "flipper": rotation_y(-flipper_rad)}
+    return tuple(
+        PlacedPart(
+            name=shape.name,
+            centre_W=start.p_WB + start.R_WB @ (np.array(body.origin_m) + R_BK @ np.array(shape.centre_m)),
+            half_m=np.array(shape.half_m),
+            R_WK=start.R_WB @ R_BK @ rotation_y(-shape.nose_up_rad),
+            is_round=shape.kind == "cylinder",
+        )
+        for body in chair.bodies
+        for R_BK in [turned.get(body.name, np.eye(3))]
+        for shape in body.shapes
+    )
 
 
 def deepest_overlap(parts: tuple[PlacedPart, ...], staircase: Staircase) -> Overlap | None:

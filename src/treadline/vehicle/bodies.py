@@ -14,6 +14,7 @@ from treadline.scenario.chair import ChairDescription, Flipper, Point, Seat, Tra
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
+from treadline.vehicle.track_length import pulley_centres
 
 FLAT_THICKNESS_M = 0.025
 """Half thickness of a belt's box [m], less than the pulleys' diameter."""
@@ -166,14 +167,10 @@ def _belt(chair: ChairDescription, side: Side, y_m: float) -> list[Shape]:
     # The lower face of the approach lies one radius below the line between the pulley centres.
     down = np.array([math.sin(angle), -math.cos(angle)]) * (tracks.pulley_radius_m - FLAT_THICKNESS_M)
     middle = np.array([0.5 * (half_run + nose_x), 0.5 * (tracks.pulley_radius_m + nose_z)]) + down
-    rear, front, nose = (
+    pulleys = [
         _pulley(tracks, side, name, (x, y_m, z))
-        for name, x, z in (
-            ("rear", -half_run, tracks.pulley_radius_m),
-            ("front", half_run, tracks.pulley_radius_m),
-            ("nose", nose_x, nose_z),
-        )
-    )
+        for name, (x, z) in zip(("rear", "front", "nose"), pulley_centres(chair).tolist(), strict=True)
+    ]
     flat = Shape(
         name=f"{side}_flat",
         kind="box",
@@ -189,7 +186,7 @@ def _belt(chair: ChairDescription, side: Side, y_m: float) -> list[Shape]:
         nose_up_rad=angle,
         belt=side,
     )
-    return [rear, front, nose, flat, approach] if chair.flipper is None else [rear, front, flat]
+    return [*pulleys, flat, approach] if chair.flipper is None else [*pulleys[:2], flat]
 
 
 def _section(tracks: Tracks, side: Side, y_m: float) -> list[Shape]:

@@ -96,7 +96,7 @@ def _model(
         if body.hinge is not None:
             _hinge(model, body, body.hinge)
         elif body.parent is not None:
-            _fixed(model, body)
+            _joint(model, body.name, body.parent)
     # Here the surfaces are brought to move: the plugin sets the contacts' motion on left_track, right_track and the flippers.
     for plugin in plugins:
         model.append(fromstring(plugin))  # noqa: S314 - the caller's own element
@@ -108,9 +108,7 @@ def _three_links(model: Element, body: Body, tracks: Tracks, word: str, friction
     _link(model, middle, friction)
     for belt in belts:
         _link(model, belt, friction)
-        joint = child(model, "joint", name=f"{belt.name}_joint", type="fixed")
-        child(joint, "parent", body.name)
-        child(joint, "child", belt.name)
+        _joint(model, belt.name, body.name)
 
 
 def divided(body: Body, tracks: Tracks, word: str) -> tuple[Body, Body, Body]:
@@ -190,16 +188,15 @@ def _surface(collision: Element, friction: tuple[float, float]) -> None:
     child(ode, "mu2", text(friction[1]))
 
 
-def _fixed(model: Element, body: Body) -> None:
-    joint = child(model, "joint", name=f"{body.name}_joint", type="fixed")
-    child(joint, "parent", body.parent)
-    child(joint, "child", body.name)
+def _joint(model: Element, name: str, parent: str | None, kind: str = "fixed") -> Element:
+    joint = child(model, "joint", name=f"{name}_joint", type=kind)
+    child(joint, "parent", parent)
+    child(joint, "child", name)
+    return joint
 
 
 def _hinge(model: Element, body: Body, hinge: Hinge) -> None:
-    joint = child(model, "joint", name=f"{body.name}_joint", type="revolute")
-    child(joint, "parent", body.parent)
-    child(joint, "child", body.name)
+    joint = _joint(model, body.name, body.parent, "revolute")
     axis = child(joint, "axis")
     child(axis, "xyz", text(*hinge.axis))
     limit = child(axis, "limit")

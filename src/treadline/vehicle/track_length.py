@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import MechanicsError
-from treadline.scenario.chair import ChairDescription, Tracks
+from treadline.scenario.chair import ChairDescription
 
 
 def minimum_track_length(rise_m: float, run_m: float) -> float:
@@ -32,12 +32,10 @@ def nosings_touched(length_m: float, pitch_m: float, phase_m: float) -> int:
     return math.floor((length_m - phase_m) / pitch_m) + 1 if phase_m <= length_m else 0
 
 
-def pulley_centres(tracks: Tracks) -> Float[np.ndarray, "3 2"]:
+def pulley_centres(chair: ChairDescription) -> Float[np.ndarray, "3 2"]:
     """Return the centres (x, z) in B of rear, front and nose pulley."""
-    half, radius = 0.5 * tracks.flat_run_m, tracks.pulley_radius_m
-    angle = math.radians(tracks.approach_angle_deg)
-    nose = (half + tracks.approach_m * math.cos(angle), radius + tracks.approach_m * math.sin(angle))
-    return np.array([(-half, radius), (half, radius), nose])
+    half, radius = 0.5 * chair.tracks.flat_run_m, chair.tracks.pulley_radius_m
+    return np.array([(-half, radius), (half, radius), chair.nose_m[::2]])
 
 
 def in_line_m(chair: ChairDescription) -> float:

@@ -14,9 +14,8 @@ from treadline.cli import main
 from treadline.cli.see import StatusLine
 from treadline.core.errors import CameraError, ImageError, SettingsError
 from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame
-from treadline.io.live import camera_by_name
+from treadline.io.live import CameraImages, camera_by_name
 from treadline.io.live._vendor import no_frame, not_opened
-from treadline.io.live.depth_camera import CameraImages
 from treadline.io.live.stream import LiveFrames
 from treadline.scenario.camera_file import read_camera
 

@@ -19,7 +19,7 @@ from treadline.cli import main
 from treadline.core.errors import CameraError
 from treadline.core.images import PinholeCamera
 from treadline.io.live import CAMERAS, camera_by_name
-from treadline.io.live._vendor import Undistortion, rotation_or_none
+from treadline.io.live._vendor import rotation_or_none, undistortion
 from treadline.io.live.stream import LiveFrames
 
 COUNT = 3
@@ -200,7 +200,7 @@ def test_a_distorted_image_becomes_a_pinhole_image(plug) -> None:
     # The nearest pixel is half a pixel off: 0.6 mm at this slope, and half a millimetre of rounding.
     np.testing.assert_allclose(found[0].frame.depth_m[inside], expected[inside], atol=2.5e-3)
     assert np.abs(1e-3 * z_mm[inside] - expected[inside]).max() > 5e-3
-    assert Undistortion(camera, np.zeros(8))(np.eye(480, 640, dtype=np.uint16)).sum() == 480
+    assert undistortion(camera, np.zeros(8))(np.eye(480, 640, dtype=np.uint16)).sum() == 480
 
 
 USED = {

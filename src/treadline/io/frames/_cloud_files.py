@@ -48,6 +48,8 @@ def read_cloud(path: Path) -> PointCloud:
         return _ply(data) if path.suffix.lower() == ".ply" else _pcd(data)
     except ImageError as error:
         raise ImageError(f"{path}: {error}") from None
+    except ImportError as error:
+        raise ImageError(f"{path}: PCD files need pypcd4, which does not load ({error}): pip install pypcd4") from None
     except Exception as error:  # noqa: BLE001 - damaged bytes can raise any exception in the parsers
         raise ImageError(f"{path}: damaged point cloud: {' '.join(str(error).split())[:200]}; export it again") from None
 

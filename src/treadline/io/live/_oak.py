@@ -4,12 +4,11 @@ from datetime import timedelta
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.errors import CameraError
 from treadline.core.images import PinholeCamera
-from treadline.io.live._vendor import RATE_HZ, metres, no_frame, not_opened, rotation_or_none, vendor_package
-from treadline.io.live.depth_camera import CameraImages
+from treadline.io.live import CameraImages
+from treadline.io.live._vendor import VendorCamera, metres, no_frame, not_opened, rotation_or_none, vendor_package
 
 SIZE_PX = (640, 400)
 """Width and height of the stereo images: half the resolution of the OV9282 sensors."""
@@ -17,17 +16,15 @@ FIRST_S = 10.0
 """Longest wait for the first image [s]: the firmware is loaded into the camera at each start."""
 
 
-class OakCamera:
+class OakCamera(VendorCamera):
     """Rectified stereo depth and accelerometer of the first OAK camera; no colour, which is another camera there."""
 
     name = "oak"
-    rate_hz = float(RATE_HZ)
 
     def __init__(self) -> None:
-        self._pipeline: Any = None
+        super().__init__()
         self._forces: Any = None
         self._first: Any = None
-        self._R_CI: Float[np.ndarray, "3 3"] | None = None
 
     def open(self, *, colour: bool) -> None:
         """Start stereo depth with subpixel disparity, and the accelerometer if it is calibrated to the cameras."""
@@ -74,14 +71,8 @@ class OakCamera:
         return CameraImages(
             t_s=image.getTimestampDevice().total_seconds(),
             depth_m=metres(np.asarray(image.getFrame()), 1e-3),
-            force_C=self._force(),
+            force_C=self._force(self._samples()),
         )
-
-    def close(self) -> None:
-        """Stop the pipeline."""
-        pipeline, self._pipeline = self._pipeline, None
-        if pipeline is not None:
-            pipeline.stop()
 
     def _add_imu(self, pipeline: Any) -> None:
         """Add the accelerometer; most OAK cameras have no IMU extrinsics (zeros), so that its axes are unknown."""
@@ -100,8 +91,7 @@ class OakCamera:
             sensor.setMaxBatchReports(10)
             self._forces = sensor.out.createOutputQueue(maxSize=50, blocking=False)
 
-    def _force(self) -> Float[np.ndarray, " 3"] | None:
-        if self._forces is None or self._R_CI is None:
-            return None
-        reports = [packet.acceleroMeter for data in self._forces.tryGetAll() for packet in data.packets]
-        return self._R_CI @ np.mean([[report.x, report.y, report.z] for report in reports], axis=0) if reports else None
+    def _samples(self) -> list[list[float]]:
+        """Return the accelerometer's samples since the last image."""
+        packets = [packet for data in self._forces.tryGetAll() for packet in data.packets] if self._forces is not None else []
+        return [[packet.acceleroMeter.x, packet.acceleroMeter.y, packet.acceleroMeter.z] for packet in packets]

@@ -1,6 +1,6 @@
 """Orbbec cameras (Gemini, Astra, Femto) through pyorbbecsdk, version 2."""
 
-import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -8,34 +8,31 @@ from jaxtyping import Float
 
 from treadline.core.errors import CameraError
 from treadline.core.images import PinholeCamera
+from treadline.io.live import CameraImages
 from treadline.io.live._vendor import (
     HEIGHT_PX,
     RATE_HZ,
     WIDTH_PX,
-    Undistortion,
+    VendorCamera,
     metres,
-    no_frame,
     not_opened,
     rotation_or_none,
+    undistortion,
     vendor_package,
 )
-from treadline.io.live.depth_camera import CameraImages
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 """Names of the distortion coefficients in OpenCV's order."""
 
 
-class OrbbecCamera:
+class OrbbecCamera(VendorCamera):
     """Depth, aligned colour and accelerometer of the first Orbbec camera."""
 
     name = "orbbec"
-    rate_hz = float(RATE_HZ)
 
     def __init__(self) -> None:
-        self._pipeline: Any = None
+        super().__init__()
         self._align: Any = None
-        self._undistort: Undistortion | None = None
-        self._R_CI: Float[np.ndarray, "3 3"] | None = None
 
     def open(self, *, colour: bool) -> None:
         """Start depth, colour if wanted and possible, and the accelerometer if the camera has one."""
@@ -69,22 +66,17 @@ class OrbbecCamera:
 
     def next_images(self, timeout_s: float) -> CameraImages:
         """Return the next depth image; frame sets that hold motion data only are skipped."""
-        until_s = time.monotonic() + timeout_s
-        forces, depth, frames = [], None, None
-        while depth is None:
-            left_ms = int(1e3 * (until_s - time.monotonic()))
-            if left_ms <= 0:
-                raise no_frame(self.name, timeout_s)
-            try:
-                frames = self._pipeline.wait_for_frames(left_ms)
-            except (self._ob.OBError, RuntimeError) as error:
-                raise no_frame(self.name, timeout_s, error) from None
+        forces: list[list[float]] = []
+        depth: Any = None
+        frames: Any = None
+        for frames in self._frame_sets(timeout_s, self._ob.OBError, RuntimeError):
             if frames is None:
                 continue
             if (motion := frames.get_accel_frame()) is not None:
                 forces.append([motion.get_x(), motion.get_y(), motion.get_z()])
                 self._R_CI = self._R_CI if self._R_CI is not None else self._rotation(motion)
-            depth = frames.get_depth_frame()
+            if (depth := frames.get_depth_frame()) is not None:
+                break
         counts = np.frombuffer(depth.get_data(), np.uint16).reshape(depth.get_height(), depth.get_width())
         color = self._colour(frames)
         return CameraImages(
@@ -92,14 +84,8 @@ class OrbbecCamera:
             depth_m=metres(counts if self._undistort is None else self._undistort(counts), 1e-3 * depth.get_depth_scale()),
             rgb=None if color is None else np.frombuffer(color.get_data(), np.uint8).reshape(*counts.shape, 3).copy(),
             rgb_t_s=None if color is None else 1e-6 * color.get_timestamp_us(),
-            force_C=self._R_CI @ np.mean(forces, axis=0) if forces and self._R_CI is not None else None,
+            force_C=self._force(forces),
         )
-
-    def close(self) -> None:
-        """Stop the streams."""
-        pipeline, self._pipeline = self._pipeline, None
-        if pipeline is not None:
-            pipeline.stop()
 
     def _profile(self, pipeline: Any, sensor: Any, pixels: Any) -> Any:
         """Return the preferred stream of a sensor, or its default if the camera does not have that."""
@@ -121,7 +107,7 @@ class OrbbecCamera:
         except (self._ob.OBError, RuntimeError):
             return None
 
-    def _undistortion(self) -> Undistortion | None:
+    def _undistortion(self) -> Callable[[np.ndarray], np.ndarray] | None:
         """Return the map of a lens with distortion (Femto); stereo depth is rectified and has none."""
         found = self._depth.get_distortion()
         coefficients = np.array([float(getattr(found, name)) for name in COEFFICIENTS])
@@ -129,7 +115,7 @@ class OrbbecCamera:
             return None
         if "KANNALA" in str(found.model):
             raise CameraError(f"{self.name}: its lens model {found.model} is not a pinhole; choose a narrow depth mode")
-        return Undistortion(self.intrinsics(), coefficients)
+        return undistortion(self.intrinsics(), coefficients)
 
     def _colour(self, frames: Any) -> Any | None:
         """Return the colour image in the depth camera's geometry; None if it is not in RGB of the depth image's size."""

@@ -1,26 +1,18 @@
 """Intel RealSense D400 series through pyrealsense2."""
 
-import time
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.images import PinholeCamera
-from treadline.io.live._vendor import HEIGHT_PX, RATE_HZ, WIDTH_PX, metres, no_frame, not_opened, vendor_package
-from treadline.io.live.depth_camera import CameraImages
+from treadline.io.live import CameraImages
+from treadline.io.live._vendor import HEIGHT_PX, RATE_HZ, WIDTH_PX, VendorCamera, metres, not_opened, vendor_package
 
 
-class RealSenseCamera:
+class RealSenseCamera(VendorCamera):
     """Depth, aligned colour and accelerometer of the first RealSense camera. Its depth images are rectified."""
 
     name = "realsense"
-    rate_hz = float(RATE_HZ)
-
-    def __init__(self) -> None:
-        self._pipeline: Any = None
-        self._align: Any = None
-        self._R_CI: Float[np.ndarray, "3 3"] | None = None
 
     def open(self, *, colour: bool) -> None:
         """Start depth, colour if wanted, and the accelerometer if the camera has one."""
@@ -48,22 +40,15 @@ class RealSenseCamera:
 
     def next_images(self, timeout_s: float) -> CameraImages:
         """Return the next depth image; frame sets that hold motion data only are skipped."""
-        until_s = time.monotonic() + timeout_s
-        forces = []
-        while True:
-            left_ms = int(1e3 * (until_s - time.monotonic()))
-            if left_ms <= 0:
-                raise no_frame(self.name, timeout_s)
-            try:
-                frames = self._pipeline.wait_for_frames(left_ms)
-            except RuntimeError as error:
-                raise no_frame(self.name, timeout_s, error) from None
+        forces: list[list[float]] = []
+        depth: Any = None
+        frames: Any = None
+        for frames in self._frame_sets(timeout_s, RuntimeError):
             motion = frames.first_or_default(self._rs.stream.accel) if self._R_CI is not None else None
             if motion:
                 sample = motion.as_motion_frame().get_motion_data()
                 forces.append([sample.x, sample.y, sample.z])
-            depth = frames.get_depth_frame()
-            if depth:
+            if depth := frames.get_depth_frame():
                 break
         color = self._align.process(frames).get_color_frame() if self._align is not None else None
         return CameraImages(
@@ -71,14 +56,8 @@ class RealSenseCamera:
             depth_m=metres(np.asanyarray(depth.get_data()), self._unit_m),
             rgb=np.array(color.get_data()) if color else None,
             rgb_t_s=1e-3 * color.get_timestamp() if color else None,
-            force_C=self._R_CI @ np.mean(forces, axis=0) if forces and self._R_CI is not None else None,
+            force_C=self._force(forces),
         )
-
-    def close(self) -> None:
-        """Stop the streams."""
-        pipeline, self._pipeline = self._pipeline, None
-        if pipeline is not None:
-            pipeline.stop()
 
     def _config(self, pipeline: Any, *, colour: bool) -> tuple[Any, bool]:
         """Return the streams to start, with the accelerometer if the device can resolve it."""

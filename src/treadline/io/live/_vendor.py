@@ -1,7 +1,8 @@
-"""Common parts of the vendors' adapters: packages, errors on one line, depth counts, calibrations."""
+"""Common parts of the vendors' adapters: packages, errors on one line, the wait for images, depth counts, calibrations."""
 
 import re
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr
 from importlib import import_module
 from io import StringIO
@@ -71,23 +72,49 @@ def rotation_or_none(R: Any) -> Float[np.ndarray, "3 3"] | None:
     return matrix if np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-2 and np.linalg.det(matrix) > 0.0 else None
 
 
-class Undistortion:
-    """Resampling of a distorted depth image to a pinhole image of the same camera matrix, by the nearest pixel."""
+def undistortion(camera: PinholeCamera, coefficients: Float[np.ndarray, " n"]) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the resampling of a distorted depth image to a pinhole image of the same camera matrix, by the nearest pixel.
 
-    def __init__(self, camera: PinholeCamera, coefficients: Float[np.ndarray, " n"]) -> None:
-        """Compute the map.
+    Depth is never averaged over an edge.
 
-        Args:
-            coefficients: Distortion in OpenCV's order: k1, k2, p1, p2, k3, k4, k5, k6.
-        """
-        import cv2
+    Args:
+        coefficients: Distortion in OpenCV's order: k1, k2, p1, p2, k3, k4, k5, k6.
+    """
+    import cv2
 
-        K = np.array([[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]])
-        size = camera.width_px, camera.height_px
-        self._maps = cv2.initUndistortRectifyMap(K, np.asarray(coefficients, float), np.eye(3), K, size, cv2.CV_32FC1)
-        self._remap: Callable[..., Any] = cv2.remap
-        self._nearest, self._outside = cv2.INTER_NEAREST, cv2.BORDER_CONSTANT
+    K = np.array([[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]])
+    size = camera.width_px, camera.height_px
+    maps = cv2.initUndistortRectifyMap(K, np.asarray(coefficients, float), np.eye(3), K, size, cv2.CV_32FC1)
+    return lambda counts: np.asarray(cv2.remap(counts, *maps, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=0))
 
-    def __call__(self, counts: np.ndarray) -> np.ndarray:
-        """Return the undistorted image; depth is never averaged over an edge."""
-        return np.asarray(self._remap(counts, *self._maps, self._nearest, borderMode=self._outside, borderValue=0))
+
+class VendorCamera:
+    """Base of the vendors' cameras: their open pipeline, and the rotation of their accelerometer."""
+
+    name: str
+    rate_hz = float(RATE_HZ)
+
+    def __init__(self) -> None:
+        self._pipeline: Any = None
+        self._R_CI: Float[np.ndarray, "3 3"] | None = None
+
+    def close(self) -> None:
+        """Stop the streams."""
+        pipeline, self._pipeline = self._pipeline, None
+        if pipeline is not None:
+            pipeline.stop()
+
+    def _frame_sets(self, timeout_s: float, *failures: type[Exception]) -> Iterator[Any]:
+        """Yield what the pipeline delivers until the time is over; ``failures`` are the vendor's exceptions."""
+        until_s = time.monotonic() + timeout_s
+        while (left_ms := int(1e3 * (until_s - time.monotonic()))) > 0:
+            try:
+                frames = self._pipeline.wait_for_frames(left_ms)
+            except failures as error:
+                raise no_frame(self.name, timeout_s, error) from None
+            yield frames
+        raise no_frame(self.name, timeout_s)
+
+    def _force(self, samples: Sequence[Sequence[float]]) -> Float[np.ndarray, " 3"] | None:
+        """Return the mean specific force in the camera frame; None without samples, or with unknown axes."""
+        return self._R_CI @ np.mean(samples, axis=0) if samples and self._R_CI is not None else None

@@ -197,9 +197,8 @@ def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[Me
     r, out = tracks.pulley_radius_m, tracks.approach_m
     surface = r - height
     wheel = surface - BELT_SHARE * r
-    rear, front, nose = ((x, z) for x, z in pulley_centres(tracks).tolist())
     fixed = chair.flipper is None
-    pulleys = [rear, front, nose] if fixed else [rear, front]
+    pulleys = [(x, z) for x, z in pulley_centres(chair).tolist()][: 3 if fixed else 2]
     loops = _hull(pulleys, surface), _hull(pulleys, wheel)
     strips = _tip(out, surface), _tip(out, wheel)
     parts = [part(f"belt_{side}", "chair", [band(*loops, *_across(tracks, y), closed=True)], "belt") for side, y in sides(tracks)]
@@ -207,17 +206,9 @@ def track_parts(chair: ChairDescription, belts: Belts | None = None) -> tuple[Me
     parts.append(part("axles", "chair", [_axle(tracks, at, wheel) for at in pulleys], "drive"))
     if fixed:
         return tuple(parts)
-    tip = (out, 0.0)
-    parts += [
-        part(
-            f"flipper_belt_{side}",
-            "flipper",
-            [band(*strips, *_across(tracks, y), closed=False)],
-            "belt",
-        )
-        for side, y in sides(tracks)
-    ]
-    parts += _running_gear(tracks, "flipper", [(0.0, 0.0), tip], wheel, levers=True)
+    for side, y in sides(tracks):
+        parts.append(part(f"flipper_belt_{side}", "flipper", [band(*strips, *_across(tracks, y), closed=False)], "belt"))
+    parts += _running_gear(tracks, "flipper", [(0.0, 0.0), (out, 0.0)], wheel, levers=True)
     return tuple(parts)
 
 
