@@ -17,7 +17,7 @@ from typing import Any
 
 from treadline.core import aliases
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 __all__ = [
     "IdentificationOptions",
     "__version__",
