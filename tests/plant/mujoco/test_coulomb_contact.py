@@ -29,7 +29,7 @@ from oracles.plant_steps import stages_before_contact
 
 from treadline.core.angles import DEG
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.plant.mujoco import NOMINAL, MujocoPlant
+from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.plant.mujoco.contact import _coulomb_kernels as contact_kernels
 from treadline.scenario.chair import GRAVITY_M_S2
@@ -179,20 +179,10 @@ def test_without_the_brake_belts_that_stand_still_creep_by_regularised_friction(
 def test_half_the_step_gives_the_same_turn(
     slope_deg: float, friction: tuple[float, float], belts: tuple[float, float], duration_s: float
 ) -> None:
-    whole, half = (yaw_deg_s(plant_on(slope_deg, friction), belts, duration_s, parts) for parts in (1, 2))
-    assert half == pytest.approx(whole, rel=0.05, abs=0.01)
-
-
-def yaw_deg_s(plant: MujocoPlant, belts: tuple[float, float], duration_s: float, parts: int) -> float:
-    """Return the yaw rate at belts that have their speeds from the start, with physics steps of 2 ms over ``parts``."""
-    plant._model.opt.timestep /= parts
-    plant._state[0:2] = belts
-    plant._drives.command[:] = (*belts, 0.0, 0.0, 0.0)
-    settle = 50 * parts
-    log = np.empty((settle + round(duration_s * 100.0) * parts, kernels.COLUMNS))
-    assert kernels.advance(len(log), plant._friction, log, *plant._memory) == kernels.SOUND
-    begin, end = (heading_and_place(plant, row)[0] for row in (log[settle - 1], log[-1]))
-    return (end - begin) / duration_s / DEG
+    whole, half = (
+        plant_run(plant_on(slope_deg, friction, physics=Physics(timestep_s=step_s)), belts, duration_s) for step_s in (0.002, 0.001)
+    )
+    assert half.yaw_deg_s == pytest.approx(whole.yaw_deg_s, rel=0.05, abs=0.01)
 
 
 @pytest.mark.parametrize(("slope_deg", "mismatch"), [(25.0, 0.02), (25.0, -0.02), (25.0, 0.05), (28.0, 0.05), (30.0, -0.02)])

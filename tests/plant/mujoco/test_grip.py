@@ -4,29 +4,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from oracles.plant_runs import held, plant_on
 
 from treadline.core.ports import Truth
-from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.plant.mujoco import open_plant
 from treadline.plant.mujoco.mujoco_plant import MujocoPlant
-from treadline.scenario.scenario import Scenario
 
 
-def plant(**tables: Any) -> MujocoPlant:
-    stair = {"slope_deg": 28.0, "steps": 12, "width_m": 2.0, "walls": "none"} | tables.pop("stair", {})
-    start = {"place": "flight", "step": 6} | tables.pop("start", {})
-    control = {"vision": "truth"}
-    made = open_plant(
-        Scenario.model_validate({"stair": stair, "start": start, "control": control, "chair": {"belt_mismatch": 0.0}, **tables}), 0
-    )
-    made.start()
-    return made
+def plant(*, stair: Any = None, start: Any = None, step: Any = (), chair: Any = None) -> MujocoPlant:
+    few = {"steps": 12, "width_m": 2.0} | (stair or {})
+    return plant_on(seed=0, stair=few, start=start, tables={"step": step}, **(chair or {}))
 
 
 def driven(made: MujocoPlant, seconds: float, left_m_s: float, right_m_s: float) -> list[Truth]:
-    made.write(TrackCommand(t_s=0.0, left_m_s=left_m_s, right_m_s=right_m_s), SeatCommand(t_s=0.0, rate_m_s=0.0))
-    made.advance(seconds)
-    return list(made.truth())
+    return held(made, left_m_s, right_m_s, seconds)
 
 
 def frictions(made: MujocoPlant) -> set[tuple[float, float, bool]]:

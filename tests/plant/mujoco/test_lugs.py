@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from oracles.plant_runs import STILL
+from oracles.plant_runs import STILL, TABLE_I, held, plant_on
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
@@ -14,35 +14,22 @@ from treadline.core.ports import Truth
 from treadline.core.signals import TrackCommand
 from treadline.plant.gazebo._gazebo_plant import GazeboPlant
 from treadline.plant.gazebo._gzserver import Environment
-from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco import MujocoPlant
 from treadline.plant.mujoco.contact import _rubber_lug_kernels as lug_kernels
 from treadline.scenario.chair import read_chair
-from treadline.scenario.scenario import LUGS_MM, Belts, Chair, Control, Scenario, Stair, Start, read_scenario
+from treadline.scenario.scenario import LUGS_MM, Belts, Scenario, read_scenario
 from treadline.vehicle.verdict import check
 
 NUMBERS = np.array([0.015, 0.08, 0.024, 0.014, 0.02, 0.95, 0.45, 0.07, 0.05, 0.65, 0.002])
 """15/80 on the wheelchair."""
 
 
-def chair_on(belts: Belts, slope_deg: float = 28.0, friction: tuple[float, float] = (0.62, 0.5), seed: int = 1) -> MujocoPlant:
-    plant = open_plant(
-        Scenario(
-            stair=Stair(rise_m=0.30 * math.tan(slope_deg * DEG), steps=30, friction=friction, width_m=10.0, walls="none"),
-            chair=Chair(belt_mismatch=0.0),
-            belts=belts,
-            start=Start(place="flight", step=6),
-            control=Control(vision="truth"),
-        ),
-        seed,
-    )
-    plant.start()
-    return plant
+def chair_on(belts: Belts, friction: tuple[float, float] = TABLE_I, seed: int = 1) -> MujocoPlant:
+    return plant_on(28.0, friction, seed=seed, tables={"belts": belts})
 
 
 def drive(plant: MujocoPlant, speed_m_s: float, until_s: float) -> list[Truth]:
-    plant.write(TrackCommand(t_s=0.0, left_m_s=speed_m_s, right_m_s=speed_m_s), STILL)
-    plant.advance(until_s)
-    return list(plant.truth())
+    return held(plant, speed_m_s, speed_m_s, until_s)
 
 
 def test_the_profile_is_periodic_continuous_and_as_deep_as_the_lugs_are_high() -> None:

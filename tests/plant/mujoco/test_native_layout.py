@@ -1,21 +1,18 @@
 """Measured memory layout of MuJoCo, and equality of the compiled loop with MuJoCo's own step."""
 
 import copy
-import math
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from oracles.plant_runs import plant_on
 
-from treadline.core.angles import DEG
 from treadline.core.errors import SimulationDiverged
 from treadline.plant import _actuator_kernels as drives
-from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.plant.mujoco import _native as native
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.plant.mujoco.mujoco_plant import _view
-from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
 
 BOXES = """
 <mujoco><option jacobian="dense"/><worldbody><geom type="plane" size="9 9 1"/>
@@ -117,22 +114,8 @@ def test_a_mujoco_without_its_library_is_named(monkeypatch: pytest.MonkeyPatch, 
         native.load_library()
 
 
-def plant(mismatch: float = 0.02) -> MujocoPlant:
-    made = open_plant(
-        Scenario(
-            stair=Stair(rise_m=0.30 * math.tan(28.0 * DEG), walls="none", width_m=4.0),
-            chair=Chair(belt_mismatch=mismatch),
-            start=Start(place="flight", step=6, heading_deg=10.0),
-            control=Control(vision="truth"),
-        ),
-        seed=0,
-    )
-    made.start()
-    return made
-
-
 def test_the_compiled_stages_are_those_of_mj_step_to_the_last_bit() -> None:
-    compiled = plant()
+    compiled = plant_on(heading_deg=10.0, seed=0, belt_mismatch=0.02)
     reference = copy.copy(compiled._data)
     compiled._is_belt[:] = False  # no contact is turned
     compiled._corrected[0] = False  # nor are its forces corrected: what is left is MuJoCo's own step
@@ -153,7 +136,7 @@ def test_the_compiled_stages_are_those_of_mj_step_to_the_last_bit() -> None:
 
 
 def test_turned_contacts_differ_from_mj_step() -> None:
-    compiled = plant()
+    compiled = plant_on(heading_deg=10.0, seed=0, belt_mismatch=0.02)
     reference = copy.copy(compiled._data)
     compiled._drives.command[:] = (0.3, 0.1, 0.0, 0.0, 0.0)
     compiled._run(20, np.empty((20, kernels.COLUMNS)), compiled._friction)
@@ -228,7 +211,7 @@ def test_a_belts_side_face_has_no_direction_of_travel_and_the_lower_friction() -
 
 
 def test_the_contact_list_has_room_for_a_chair_on_a_stair() -> None:
-    climbing = plant()
+    climbing = plant_on(heading_deg=10.0, seed=0, belt_mismatch=0.02)
     log = np.empty((200, kernels.COLUMNS))
     climbing._drives.command[:] = (0.2, 0.2, 0.0, 0.0, 0.0)
     climbing._run(200, log, climbing._friction)

@@ -1,30 +1,19 @@
 """Step size, contact stiffness and accuracy of a plant: each reaches the model, and what cannot be integrated is refused."""
 
-import math
-
 import mujoco
 import numpy as np
 import pytest
+from oracles.plant_runs import plant_on
 
-from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics, open_plant
-from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
+from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics
 
 SLOPE_DEG = 28.0
 
 
 def plant(physics: Physics) -> MujocoPlant:
-    scenario = Scenario(
-        stair=Stair(rise_m=0.30 * math.tan(SLOPE_DEG * DEG), walls="none", width_m=4.0),
-        chair=Chair(belt_mismatch=0.0),
-        start=Start(place="flight", step=6),
-        control=Control(vision="truth"),
-    )
-    made = open_plant(scenario, seed=0, physics=physics)
-    made.start()
-    return made
+    return plant_on(SLOPE_DEG, seed=0, physics=physics)
 
 
 def climbed_m(made: MujocoPlant, left_m_s: float, right_m_s: float, seconds: float) -> float:

@@ -7,6 +7,7 @@ from pathlib import Path
 import jaxtyping
 import numpy as np
 import pytest
+from oracles.plant_runs import plant_on
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError, SimulationDiverged
@@ -16,25 +17,15 @@ from treadline.core.signals import (
     TrackCommand,
 )
 from treadline.plant.mujoco import MujocoPlant, open_plant
-from treadline.scenario.scenario import Chair, Control, Scenario, Sensors, Stair, Start
 
 
-def started(seed: int = 3, *, sensors: Sensors | None = None, mismatch: float = 0.01) -> MujocoPlant:
+def started(imu: str = "mpu6050") -> MujocoPlant:
     """Return a plant at its start, on a flight of 28°."""
-    scenario = Scenario(
-        stair=Stair(rise_m=0.30 * math.tan(28.0 * DEG), walls="none", width_m=4.0),
-        chair=Chair(belt_mismatch=mismatch),
-        start=Start(place="flight", step=6, heading_deg=5.0),
-        control=Control(vision="truth"),
-        sensors=sensors or Sensors(),
-    )
-    plant = open_plant(scenario, seed)
-    plant.start()
-    return plant
+    return plant_on(heading_deg=5.0, seed=3, tables={"sensors": {"imu": imu}}, belt_mismatch=0.01)
 
 
 def test_an_ideal_imu_reports_ground_truth() -> None:
-    plant = started(sensors=Sensors(imu="ideal"))
+    plant = started("ideal")
     plant.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.01))
     plant.advance(2.0)
     samples = [reading for reading in plant.read() if isinstance(reading, ImuSample)]

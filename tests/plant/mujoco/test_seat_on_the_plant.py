@@ -1,33 +1,23 @@
 """The leveller on the simulated seat: sensor, loop, actuator, linkage and 50 kg, as in Fig. 11."""
 
-import math
-
 import numpy as np
 import pytest
 from jaxtyping import Float
+from oracles.plant_runs import plant_on
 
 from treadline.control.seat import Leveller, LevellerConfig
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
 from treadline.core.signals import SeatCommand, SeatReading, TrackCommand
-from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco import MujocoPlant
 from treadline.scenario.chair import read_chair
-from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.vehicle.linkage import SeatLinkage
 
 SEAT = read_chair("wheelchair").seat
 
 
 def on_the_flight(slope_deg: float, seat: str) -> MujocoPlant:
-    scenario = Scenario(
-        stair=Stair(rise_m=0.30 * math.tan(slope_deg * DEG), walls="none", width_m=4.0, steps=30),
-        chair=Chair(belt_mismatch=0.0),
-        start=Start.model_validate({"place": "flight", "step": 6, "seat": seat}),
-        control=Control(vision="truth"),
-    )
-    plant = open_plant(scenario, seed=0)
-    plant.start()
-    return plant
+    return plant_on(slope_deg, seed=0, start={"seat": seat})
 
 
 def levelled(plant: MujocoPlant, speed_m_s: float, duration_s: float) -> list[Truth]:

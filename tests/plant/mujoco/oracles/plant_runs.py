@@ -1,17 +1,18 @@
 """Runs of the shipped plant on a wide flight or floor, from its log, and the quasi-static run from the same pose."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from treadline.core.angles import DEG, rotation_of
+from treadline.core.ports import Truth
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics, open_plant
 from treadline.plant.mujoco import _step_kernels as kernels
-from treadline.scenario.chair import read_chair
-from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
+from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.quasi_static import QuasiStaticRun, SteadyMotion, quasi_static_run, stair_stance, steady_motion
 
 TABLE_I = (0.62, 0.5)
@@ -23,22 +24,48 @@ THEORY_STEP_S = 0.05
 
 
 def plant_on(
-    slope_deg: float, friction: tuple[float, float] = TABLE_I, heading_deg: float = 0.0, *, steps: int = 30, **chair: object
+    slope_deg: float = 28.0,
+    friction: tuple[float, float] = TABLE_I,
+    heading_deg: float = 0.0,
+    *,
+    seed: int = 1,
+    physics: Physics = NOMINAL,
+    description: ChairDescription | None = None,
+    steps: int = 30,
+    stair: Mapping[str, object] | None = None,
+    start: Mapping[str, object] | None = None,
+    tables: Mapping[str, object] | None = None,
+    **chair: object,
 ) -> MujocoPlant:
-    """Return a started plant on a wide flight, or in front of one where the slope is zero; ideal except for the given settings."""
+    """Return a started plant on a wide flight, or in front of one where the slope is zero; ideal except for the given settings.
+
+    ``description`` replaces the chair's file; ``stair``, ``start`` and keywords add to these tables of the scenario, ``tables`` has
+    further ones.
+    """
     rise = RUN_M * math.tan((slope_deg or 28.0) * DEG)
-    start = Start(place="flight", step=6, heading_deg=heading_deg) if slope_deg else Start(place="floor")
-    scenario = Scenario(
-        stair=Stair(rise_m=rise, steps=steps, friction=friction, width_m=10.0, walls="none"),
-        chair=Chair.model_validate({"belt_mismatch": 0.0} | chair),
-        start=start,
-        control=Control(vision="truth"),
+    flat: dict[str, object] = {"rise_m": rise, "steps": steps, "friction": friction, "width_m": 10.0, "walls": "none"}
+    place = {"place": "flight", "step": 6, "heading_deg": heading_deg} if slope_deg else {"place": "floor"}
+    scenario = Scenario.model_validate(
+        {
+            "stair": flat | dict(stair or {}),
+            "chair": {"belt_mismatch": 0.0} | chair,
+            "start": place | dict(start or {}),
+            "control": {"vision": "truth"},
+            **(tables or {}),
+        }
     )
-    plant = open_plant(scenario, seed=1)
+    plant = open_plant(scenario, seed, chair=description, physics=physics)
     plant.start()
     if not slope_deg:
         plant._data.qpos[0] -= 1.0  # a turn on the spot must not meet the first step
     return plant
+
+
+def held(plant: MujocoPlant, left_m_s: float, right_m_s: float, until_s: float, *, brake: bool = False) -> list[Truth]:
+    """Hold one command until a time and return the truth."""
+    plant.write(TrackCommand(t_s=0.0, left_m_s=left_m_s, right_m_s=right_m_s, brake=brake), STILL)
+    plant.advance(until_s)
+    return list(plant.truth())
 
 
 def heading_and_place(plant: MujocoPlant, pose: np.ndarray) -> tuple[float, float]:
