@@ -2,7 +2,6 @@
 
 import math
 import os
-import socket
 import subprocess
 import sys
 import textwrap
@@ -113,11 +112,6 @@ def test_a_server_that_dies_is_distinguished_from_an_answer(launched: Callable[.
     with pytest.raises(GazeboError, match=r"gzserver died \(exit code 1\): .*a joint broke; run it again"):
         gazebo.step(np.zeros(8))
     gazebo.close()
-
-
-def test_a_free_port_is_one_that_can_be_had() -> None:
-    with socket.create_server(("127.0.0.1", server.free_port())):
-        pass
 
 
 def test_without_an_environment_it_is_said_how_to_get_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

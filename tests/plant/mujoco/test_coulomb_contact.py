@@ -180,7 +180,8 @@ def test_half_the_step_gives_the_same_turn(
     slope_deg: float, friction: tuple[float, float], belts: tuple[float, float], duration_s: float
 ) -> None:
     whole, half = (
-        plant_run(plant_on(slope_deg, friction, physics=Physics(timestep_s=step_s)), belts, duration_s) for step_s in (0.002, 0.001)
+        plant_run(plant_on(slope_deg, friction, physics=Physics(timestep_s=step_s)), belts, duration_s, settle_s=0.5)
+        for step_s in (0.002, 0.001)
     )
     assert half.yaw_deg_s == pytest.approx(whole.yaw_deg_s, rel=0.05, abs=0.01)
 

@@ -102,10 +102,6 @@ def test_the_margin_follows_the_sway_and_comfort_does_not() -> None:
     assert np.ptp([sample.passenger_x_m for sample in truth]) < 0.005
 
 
-def test_a_passenger_who_sits_still_costs_and_changes_nothing() -> None:
-    assert plant()._sway.size == 0
-
-
 def test_check_and_mission_go_by_what_was_entered() -> None:
     heavy = {"payload_kg": 110.0, "payload_offset_m": (-0.2, 0.0, 0.0)}
     tables: dict[str, Any] = {"stair": {"slope_deg": 30.0}, "chair": heavy}
@@ -116,11 +112,6 @@ def test_check_and_mission_go_by_what_was_entered() -> None:
     assert mission_config(scenario, None).payload_kg == 60.0
     made = open_plant(scenario, 0)
     assert float(made._model.body_mass[made._seat_body]) == 110.5
-
-
-def test_unset_entries_are_the_truth() -> None:
-    scenario = Scenario.model_validate({"chair": {"payload_kg": 70.0}})
-    assert scenario.chair.entered.payload_kg == 70.0
 
 
 @pytest.mark.parametrize(
