@@ -11,8 +11,16 @@ from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle._stance import Stance, contact_loads, floor_stance, nosing_contacts, stair_stance
-from treadline.vehicle.quasi_static import SteadyMotion, quasi_static_run, steady_motion
+from treadline.vehicle.quasi_static import (
+    Stance,
+    SteadyMotion,
+    contact_loads,
+    floor_stance,
+    nosing_contacts,
+    quasi_static_run,
+    stair_stance,
+    steady_motion,
+)
 
 TABLE_I = (0.62, 0.5)
 RUN_M = 0.30

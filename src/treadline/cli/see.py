@@ -77,7 +77,7 @@ def see(
         out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and heading of
             the robust method (NAME-seen.png); of --live, the newest picture (live-seen.png).
     """
-    from treadline.io.frames.options import AXES
+    from treadline.io.frames.point_cloud import AXES
     from treadline.perception.paper.edges import ThresholdRule
 
     if out is not None:
@@ -118,8 +118,7 @@ def _source(
     colour: bool,
 ) -> "FrameSource":
     from treadline.core.images import gravity_of
-    from treadline.io.frames.options import FrameOptions
-    from treadline.io.frames.sources import open_frames
+    from treadline.io.frames.sources import FrameOptions, open_frames
     from treadline.scenario.camera_file import read_camera
 
     options = FrameOptions(

@@ -13,7 +13,7 @@ import numpy as np
 from treadline.scenario.chair import ChairDescription, Flipper, Point, Seat, Tracks
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
+from treadline.vehicle.loading import payload_com, payload_origin, seat_mass_kg
 from treadline.vehicle.track_length import pulley_centres
 
 FLAT_THICKNESS_M = 0.025

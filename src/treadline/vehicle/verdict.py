@@ -12,9 +12,8 @@ from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle._start_checks import start_problems
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.loading import Loading
+from treadline.vehicle.loading import Loading, static_margins
 from treadline.vehicle.staircase import as_designed
-from treadline.vehicle.static_stability import static_margins
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins
 from treadline.vehicle.track_length import minimum_track_length, nosings_touched, track_on_stair_m
 from treadline.vehicle.traction import friction_use, largest_heading_rad, oversized_lugs

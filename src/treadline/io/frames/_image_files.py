@@ -10,7 +10,7 @@ from jaxtyping import Float32, UInt8
 
 from treadline.core.errors import ImageError, SettingsError
 from treadline.core.images import RgbdFrame, black
-from treadline.io.frames.options import PLAUSIBLE_M
+from treadline.io.frames.point_cloud import PLAUSIBLE_M
 from treadline.scenario.camera_file import CameraFile
 
 PNG_START = b"\x89PNG\r\n\x1a\n"

@@ -7,15 +7,25 @@ pixel counts, and the focal length gives ``POINTS_PER_PIXEL`` points per pixel o
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int64, UInt8
 
 from treadline.core.errors import ImageError
 from treadline.core.images import PinholeCamera, RgbdFrame, black
-from treadline.io.frames.options import AXES, PLAUSIBLE_M, UNITS, Axes
 
+Axes = Literal["camera", "ros", "opengl"]
+AXES: dict[Axes, tuple[str, Float64[np.ndarray, "3 3"]]] = {
+    "camera": ("x right, y down, z forward", np.eye(3)),
+    "ros": ("x forward, y left, z up", np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])),
+    "opengl": ("x right, y up, z backward", np.diag([1.0, -1.0, -1.0])),
+}
+"""Axes of a cloud: meaning, and rotation into the camera frame."""
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+"""Units of length [m]."""
+PLAUSIBLE_M = (0.2, 30.0)
+"""Range of the median depth of an indoor frame [m]; outside it the unit is wrong."""
 IN_FRONT = 0.9
 """Least share of points in front of the camera: a depth camera has all of them in front; some clouds have outliers."""
 FEWEST_POINTS = 1000
