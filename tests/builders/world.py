@@ -14,6 +14,7 @@ from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y, ro
 from treadline.core.images import StairAxes
 from treadline.core.signals import (
     FlipperReading,
+    FrameQuality,
     HeadingEstimate,
     HeadingHealth,
     HeadingMeasurement,
@@ -105,6 +106,12 @@ def stair(t_s: float, nosings_B: Sequence[Any], **changes: Any) -> StairMap:
         "obstacle_m": None,
     }
     return StairMap(t_s=t_s, nosings_B=np.array(places, dtype=float).reshape(-1, 3), **{**values, **changes})
+
+
+def frame(t_s: float, **changes: Any) -> FrameQuality:
+    """Return the quality of a good frame, new with each time."""
+    values: dict[str, Any] = {"fingerprint": round(t_s * 1e4), "brightness": 0.4, "contrast": 0.1, "valid_share": 0.8}
+    return FrameQuality(t_s=t_s, **{**values, **changes})
 
 
 def stair_axes(t_s: float, R_CS: np.ndarray, slope_rad: float, sigmas_rad: Sequence[float]) -> StairAxes:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from world import PITCH_M, TICK_S, belts, estimate, heading, health, imu, stair
+from world import PITCH_M, TICK_S, belts, estimate, flipper, frame, heading, health, imu, stair
 
 from treadline.core.angles import DEG
 from treadline.core.images import PinholeCamera, RgbdFrame
@@ -36,11 +36,6 @@ def about(seconds: float) -> Any:
     return pytest.approx(seconds, abs=1.1 * TICK_S)
 
 
-def frame(t_s: float, **changes: Any) -> FrameQuality:
-    values: dict[str, Any] = {"fingerprint": round(t_s * 1e4), "brightness": 0.4, "contrast": 0.1, "valid_share": 0.8}
-    return FrameQuality(t_s=t_s, **{**values, **changes})
-
-
 def command(t_s: float, left: float = 0.2, right: float = 0.2) -> TrackCommand:
     return TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right)
 
@@ -56,6 +51,7 @@ class Drive:
         self.plan: MotionPlan | None = None
         """Published anew at each tick, as a planner does."""
         self.speeds = [0.0, 0.0]
+        self.travel_m = 0.0
         self.silent: set[str] = set()
         self.spoil: Callable[[Any], Any] = lambda reading: reading
         self.admitted: dict[str, bool] = {}
@@ -74,11 +70,12 @@ class Drive:
         lag = 0.0 if self.passed.brake else math.exp(-TICK_S / 0.15)
         for side, asked in enumerate((self.passed.left_m_s, self.passed.right_m_s)):
             self.speeds[side] = asked + (self.speeds[side] - asked) * lag
+        self.travel_m += 0.5 * sum(self.speeds) * TICK_S
         every: dict[str, Reading | FrameQuality] = {
             "imu": imu(t_s),
             "belts": belts(t_s, *self.speeds),
             "seat": SeatReading(t_s=t_s, pitch_rad=0.0, stroke_m=0.05),
-            "flipper": FlipperReading(t_s=t_s, angle_rad=0.7, torque_n_m=1.0),
+            "flipper": flipper(t_s, 0.7, 1.0),
         }
         if self.tick % FRAME_TICKS == 0:
             every["camera"] = frame(t_s)
@@ -136,11 +133,6 @@ def test_a_healthy_drive_passes_unchanged() -> None:
     assert drive.events() == []
     assert all(drive.admitted.values())
     assert set(drive.admitted) == {"ImuSample", "TrackReading", "SeatReading", "FlipperReading", "FrameQuality"}
-
-
-def test_the_guard_reports_the_limits_it_was_given() -> None:
-    config = replace(GuardConfig(), pitch_rate_rad_s=0.3)
-    assert Guard(config).config == config != Guard(GuardConfig()).config
 
 
 def test_a_mission_may_begin_at_any_time_on_its_clock() -> None:
@@ -216,7 +208,7 @@ def test_what_repeats_itself_under_a_moving_chair_is_frozen(kind: str) -> None:
 
     def look(drive: Drive) -> None:
         if drive.tick % FRAME_TICKS == 0:
-            admitted.append((drive.guard._belts.travel_m, drive.guard.admit(replace(measured, t_s=drive.t_s))))
+            admitted.append((drive.travel_m, drive.guard.admit(replace(measured, t_s=drive.t_s))))
 
     drive.run(1.0, look)
     assert all(good == (travel <= 0.05) for travel, good in admitted)
@@ -245,12 +237,7 @@ def test_nothing_is_measured_in_a_frame_of_no_use() -> None:
     ("changes", "usable"),
     [
         ({"brightness": 0.01}, True),
-        ({"brightness": 0.99}, True),
         ({"brightness": 0.01, "valid_share": 0.29}, False),
-        ({"brightness": 0.99, "valid_share": 0.29}, False),
-        ({"contrast": 0.007, "valid_share": 0.29}, False),
-        ({"brightness": 0.01, "valid_share": 0.31}, True),
-        ({"valid_share": 0.29}, True),
         ({"valid_share": 0.16}, True),
         ({"valid_share": 0.14}, False),
         ({"brightness": math.nan}, False),
@@ -278,14 +265,6 @@ def test_darkness_is_reported_once_and_so_is_light() -> None:
         ("vision_dim", "colours of mean 0.01, contrast 0.100"),
         ("vision_clear", "colours of mean 0.40, contrast 0.100"),
     ]
-
-
-def test_a_camera_without_depth_is_as_good_as_lost() -> None:
-    """Test: a tenth of the depth image is left. Expected result: as row 1, with the number."""
-    drive = Drive().run(1.91)
-    drive.spoil = lambda reading: replace(reading, valid_share=0.1) if isinstance(reading, FrameQuality) else reading
-    assert drive.until_held(4.0) == about(3.0)
-    assert drive.guard.holding == "no frame for 3.0 s: the last has 10% of its depth"
 
 
 @pytest.mark.parametrize(("valid_share", "frozen", "lost"), [(0.03, False, False), (0.01, False, True), (0.03, True, True)])
@@ -411,15 +390,6 @@ def test_an_estimate_that_is_not_finite_holds() -> None:
         assert drive.guard.holding == "heading estimate is not finite"
 
 
-@pytest.mark.parametrize(("age_s", "holds"), [(0.31, True), (-0.31, True), (0.29, False), (-0.29, False), (math.nan, True)])
-def test_an_estimate_of_another_time_holds(age_s: float, holds: bool) -> None:
-    """Test: an estimate that is old, or of the future. Expected result: HOLD beyond 0.3 s."""
-    drive = Drive().run(1.0)
-    drive.guard.step(1.0, estimate(1.0 - age_s))
-    assert (drive.guard.holding is not None) is holds
-    assert not holds or "old" in (drive.guard.holding or "")
-
-
 def test_frames_without_a_stair_hold_after_a_while_unless_none_is_expected() -> None:
     """Test: frames arrive, none shows a stair: on a landing as planned, then on the flight. Expected result: no HOLD for as long
     as the plan needs no stair; then after the time for that."""
@@ -524,25 +494,15 @@ def test_a_stamp_that_is_no_number_is_dropped(bad: float) -> None:
     assert all(math.isfinite(event.t_s) for event in drive.guard.take_events())
 
 
-@pytest.mark.parametrize(
-    ("leap_s", "cause"),
-    [
-        (-1.1, "clock of ImuSample leapt 1.09 s back"),
-        (1.1, "clock of ImuSample leapt 1.10 s ahead"),
-        (-0.9, None),
-        (0.9, None),
-        (0.1, None),
-    ],
-)
-def test_a_clock_that_leaps_holds(leap_s: float, cause: str | None) -> None:
-    """Test: the IMU's clock leaps at 3.0 s. Expected result: rejected beyond 0.1 s ahead, HOLD beyond 1 s, ahead or back."""
+@pytest.mark.parametrize(("leap_s", "cause"), [(-1.1, "leapt 1.09 s back"), (1.1, "leapt 1.10 s ahead")])
+def test_a_clock_that_leaps_holds(leap_s: float, cause: str) -> None:
+    """Test: the IMU's clock leaps at 3.0 s. Expected result: rejected, HOLD beyond 1 s, ahead or back."""
     drive = Drive().run(3.0)
     drive.guard.advance(drive.t_s)
-    admitted = drive.guard.admit(imu(drive.t_s + leap_s))
-    assert drive.guard.holding == cause
-    assert admitted is (leap_s == 0.1)
+    assert not drive.guard.admit(imu(drive.t_s + leap_s))
+    assert drive.guard.holding == f"clock of ImuSample {cause}"
     # Stamped by the mission's clock, not by the one that leapt.
-    assert [event.t_s for event in drive.guard.take_events() if event.name == "hold"] == [about(2.99)] * (cause is not None)
+    assert [event.t_s for event in drive.guard.take_events() if event.name == "hold"] == [about(2.99)]
 
 
 def test_a_clock_that_is_ahead_hides_no_silence() -> None:
@@ -661,21 +621,6 @@ def test_a_plan_of_the_future_that_asks_for_a_hold_holds() -> None:
     assert drive.guard.holding == "no way"
 
 
-@pytest.mark.parametrize("make", [imu, belts, frame, heading, lambda t_s: stair(t_s, [1.0, 1.34])])
-def test_a_reading_a_little_ahead_of_the_clock_is_rejected_counted_and_reported(make: Callable[[float], Any]) -> None:
-    """Test: each kind of reading stamped 0.11 s ahead, twice; then one in time. Expected result: two rejections, one event, no
-    HOLD; the one in time is accepted."""
-    drive = Drive().run(1.0)
-    drive.guard.advance(1.0)
-    kind = type(make(1.0)).__name__
-    assert not drive.guard.admit(make(1.11))
-    assert not drive.guard.admit(make(1.12))
-    assert drive.guard.rejected == {kind: 2}
-    assert drive.events() == [("rejected", f"{kind} stamped 0.11 s ahead of the clock")]
-    assert drive.guard.admit(make(1.0))
-    assert drive.guard.holding is None
-
-
 def test_a_command_of_the_future_is_rejected_and_the_driver_is_late() -> None:
     """Test: from 1.0 s on all commands are stamped 0.8 s ahead. Expected result: never passed, HOLD after three periods."""
     drive = Drive().run(1.01)
@@ -744,7 +689,6 @@ def test_the_mean_speed_is_limited_more_when_square_than_when_turning(heading_de
         ((1.2, 0.6), (0.85, 0.25)),  # mean 0.9 yields to 0.55, the difference of 0.6 stays
         ((-0.2, 1.6), (-0.8, 1.0)),  # half the difference is 0.9: so much is left for the mean
         ((-3.0, 4.0), (-1.0, 1.0)),
-        ((4.0, -3.0), (1.0, -1.0)),
         ((-0.9, -0.9), (-0.55, -0.55)),
     ],
 )
@@ -762,14 +706,12 @@ def test_common_speed_yields_and_steering_keeps(asked: tuple[float, float], expe
         ("approach", 0.1, 0.0, 0.145),
         ("back_off", -0.1, 0.0, 0.145),
         ("approach", 0.1, 20.0, 0.55),
-        ("land", 0.3, 0.0, 0.30),
         ("climb", 0.1, 0.0, 0.30),
         ("drive", 0.1, 20.0, 0.55),
         ("descend", -0.1, 0.0, 0.30),
         ("crest", 0.2, 0.0, 0.10),
         ("crest", 0.04, 0.0, 0.07),
         ("mount", 0.2, 20.0, 0.10),
-        ("mount", 0.2, 0.0, 0.10),
         ("traction", 0.2, 0.0, 0.27),
         ("edge", 0.2, 0.0, 0.10),
         ("leave", 0.2, 0.0, 0.10),
@@ -902,16 +844,6 @@ def test_a_belt_that_runs_away_is_held() -> None:
     assert drive.guard.holding == "left track runs away: 0.30 m/s where 0.20 is expected"
 
 
-def test_a_belt_that_runs_against_a_plan_that_stands_is_held() -> None:
-    """Test: at an end of the way, braked, a belt reports 0.1 m/s. Expected result: HOLD."""
-    drive = Drive().run(1.0)
-    drive.plan = MotionPlan(t_s=1.0, phase="arrived", speed_m_s=0.0)
-    drive.run(0.5)
-    drive.spoil = lambda reading: replace(reading, right_m_s=-0.1) if isinstance(reading, TrackReading) else reading
-    assert drive.until_held(0.3) == about(0.2)
-    assert drive.guard.holding == "right track runs away: -0.10 m/s where 0.00 is expected"
-
-
 class Flight:
     """Nosings that pass as the belts run, less what slips; a map at each frame."""
 
@@ -946,22 +878,6 @@ def test_slip_slows_and_then_holds(sign: float, plan_m_s: float | None) -> None:
     assert [name for name, _ in drive.events()] == ["slow", "hold"]
 
 
-def test_a_chair_that_slides_faster_than_its_belts_slips_too() -> None:
-    """Test: descending, the chair goes twice as far as its belts. Expected result: HOLD."""
-    drive, flight = Drive(asked=(-0.2, -0.2)), Flight(-1.0)
-    drive.run(2.0, flight)
-    flight.slip = -1.0
-    assert drive.until_held(1.6, flight) < 1.2
-
-
-def test_a_little_slip_is_the_stairs_own() -> None:
-    """Test: a tenth of the belts' travel is lost for 4 s. Expected result: no event."""
-    drive, flight = Drive(), Flight()
-    flight.slip = 0.1
-    drive.run(4.0, flight)
-    assert drive.events() == []
-
-
 @pytest.mark.parametrize("why", ["turning", "no estimate", "crest"])
 def test_slip_is_not_asked_where_nosings_do_not_pass_as_belts_run(why: str) -> None:
     """Test: half the travel is lost while the chair turns, before a heading is known, over the crest. Expected result: no event
@@ -980,28 +896,15 @@ def test_slip_is_not_asked_where_nosings_do_not_pass_as_belts_run(why: str) -> N
     assert drive.events() == []
 
 
-def test_a_chair_that_rolls_back_is_held_even_where_it_turns() -> None:
-    """Test: turning from 10°, the chair goes back half as fast as its belts go up. Expected result: HOLD before 0.3 m are lost."""
-    drive, flight = Drive(), Flight()
-    flight.slip = 1.5
-
-    def each(drive: Drive) -> None:
-        flight(drive)
-        drive.heading_deg = 10.0 - 2.0 * drive.t_s
-
-    drive.until_held(5.0, each)
-    assert -0.3 < flight.passed_m < -0.2
-    assert (drive.guard.holding or "").startswith("rolled back 0.2")
-
-
-def test_a_chair_that_rolls_back_is_held_though_its_nosings_come_and_go() -> None:
-    """Test: turning from 10°, the chair goes back half as fast as its belts go up; of each 0.8 s no map comes for 0.4 s.
+@pytest.mark.parametrize("unseen_ticks", [0, 30])
+def test_a_chair_that_rolls_back_is_held_even_where_it_turns_and_its_nosings_come_and_go(unseen_ticks: int) -> None:
+    """Test: turning from 10°, the chair goes back half as fast as its belts go up; maps always, or none for 0.3 s of each 0.8 s.
     Expected result: HOLD before 0.3 m are lost."""
     drive, flight = Drive(), Flight()
     flight.slip = 1.5
 
     def each(drive: Drive) -> None:
-        flight.silent = drive.tick % 80 >= 50
+        flight.silent = drive.tick % 80 >= 80 - unseen_ticks
         flight(drive)
         drive.heading_deg = 10.0 - 2.0 * drive.t_s
 
@@ -1033,12 +936,13 @@ def test_a_way_driven_back_on_purpose_is_not_rolled_back(why: str) -> None:
 def test_nosings_that_come_nearer_because_the_chair_turns_are_no_slip() -> None:
     """Test: the chair turns on the spot from 30° to square in 3 s, nosings at their true places. Expected result: no event."""
     drive = Drive(asked=(0.0, 0.0))
+    drive.heading_deg = 30.0
 
     def each(drive: Drive) -> None:
-        drive.heading_deg = max(30.0 - 10.0 * drive.t_s, 0.0)
         if drive.tick % FRAME_TICKS == 0:
-            across = math.cos(drive.guard._heading_rad if drive.tick else 30.0 * DEG)
+            across = math.cos((drive.heading_deg or 0.0) * DEG)
             drive.guard.on_message(stair(drive.t_s, [(1.0 + k * PITCH_M) / across for k in range(5)]))
+        drive.heading_deg = max(30.0 - 10.0 * drive.t_s, 0.0)
 
     drive.run(3.5, each)
     assert drive.events() == []
@@ -1072,46 +976,16 @@ def test_a_missing_step_slows_and_stops_the_chair_before_it() -> None:
 
     def look(drive: Drive) -> None:
         if drive.tick % FRAME_TICKS == 0:
-            drive.guard.on_message(stair(drive.t_s, nosings_with_a_gap(drive.guard._belts.travel_m)))
+            drive.guard.on_message(stair(drive.t_s, nosings_with_a_gap(drive.travel_m)))
 
     drive.run(0.40, look)
     assert drive.mean_m_s == pytest.approx(0.2)
     drive.run(0.1, look)
     assert drive.mean_m_s == pytest.approx(0.1)
     drive.until_held(12.0, look)
-    clear_m = 1.75 - drive.guard._belts.travel_m - GuardConfig().front_m
+    clear_m = 1.75 - drive.travel_m - GuardConfig().front_m
     assert 0.2 <= clear_m <= 0.25
     assert drive.events()[-1] == ("hold", "1.02 m from nosing to nosing 0.24 m ahead, too long for the track")
-
-
-def test_a_nosing_that_is_missed_now_and_then_is_no_gap() -> None:
-    """Test: two maps in a row miss a nosing, then three do not. Expected result: no event."""
-    drive = Drive()
-
-    def look(drive: Drive) -> None:
-        if drive.tick % FRAME_TICKS == 0:
-            places = nosings_with_a_gap(drive.guard._belts.travel_m)
-            if drive.tick // FRAME_TICKS % 5 > 1:
-                places = sorted([*places, 1.75 + PITCH_M - drive.guard._belts.travel_m])
-            drive.guard.on_message(stair(drive.t_s, places))
-
-    drive.run(2.0, look)
-    assert drive.events() == []
-
-
-def test_a_gap_does_not_stop_a_chair_that_backs_off() -> None:
-    """Test: a gap close ahead, the belts run backwards; then forwards. Expected result: slow, and HOLD only then."""
-    drive = Drive(asked=(-0.2, -0.2))
-
-    def look(drive: Drive) -> None:
-        if drive.tick % FRAME_TICKS == 0:
-            drive.guard.on_message(stair(drive.t_s, nosings_with_a_gap(drive.guard._belts.travel_m, 1.0)))
-
-    drive.run(1.0, look)
-    assert drive.guard.holding is None
-    assert drive.mean_m_s == pytest.approx(-0.1)
-    drive.asked = (0.2, 0.2)
-    drive.until_held(1.0, look)
 
 
 # Row 18
@@ -1121,28 +995,18 @@ def test_a_gap_does_not_stop_a_chair_that_backs_off() -> None:
     ("lies", "cause"),
     [
         ({"pitch_deg": 41.0}, "pitch 41°"),
-        ({"pitch_deg": 39.0}, None),
         ({"pitch_deg": -16.0}, "pitch -16°"),
-        ({"pitch_deg": -14.0}, None),
-        ({"roll_deg": 21.0}, "roll 21°"),
         ({"roll_deg": -21.0}, "roll -21°"),
-        ({"roll_deg": 19.0}, None),
         ({"rate_deg_s": 26.0, "pitch_deg": 20.0}, "pitch rate 26 °/s, pitch 20°"),
-        ({"rate_deg_s": -26.0}, "pitch rate -26 °/s, pitch 0°"),
-        ({"rate_deg_s": 24.0}, None),
-        ({"pitch_deg": 90.0}, "pitch 90°"),
     ],
 )
-def test_a_chair_that_tips_is_held_with_its_numbers(lies: dict[str, float], cause: str | None) -> None:
-    """Test: attitude or pitch rate beyond a limit, and just within. Expected result: HOLD after 50 ms, or none."""
+def test_a_chair_that_tips_is_held_with_its_numbers(lies: dict[str, float], cause: str) -> None:
+    """Test: attitude or pitch rate beyond a limit. Expected result: HOLD after 50 ms."""
     drive = Drive().run(1.0)
     pitch, roll, rate = (lies.get(name, 0.0) * DEG for name in ("pitch_deg", "roll_deg", "rate_deg_s"))
     lie = {"roll_rad": roll, "rates_rad_s": (0.0, -rate, 0.0)}
     drive.spoil = lambda reading: imu(reading.t_s, pitch, **lie) if isinstance(reading, ImuSample) else reading
-    if cause is None:
-        drive.run(1.0)
-    else:
-        assert drive.until_held(0.2) == about(0.05)
+    assert drive.until_held(0.2) == about(0.05)
     assert drive.guard.holding == cause
 
 
@@ -1179,24 +1043,11 @@ def test_a_seat_that_stays_off_level_is_held_and_left_alone() -> None:
     assert drive.guard.pass_seat(fine) == fine
 
 
-@pytest.mark.parametrize(
-    ("phase", "limit"),
-    [
-        ("search", 0.02),
-        ("align", 0.02),
-        ("approach", 0.02),
-        ("drive", 0.02),
-        ("climb", 0.02),
-        ("descend", 0.02),
-        ("crest", 0.06),
-        ("edge", 0.06),
-        ("mount", 0.06),
-    ],
-)
-def test_on_the_flight_the_seat_does_not_follow_each_rocking(phase: Any, limit: float) -> None:
+@pytest.mark.parametrize("phase", ["search", "align", "approach", "drive", "climb", "descend", "crest", "edge", "mount"])
+def test_on_the_flight_the_seat_does_not_follow_each_rocking(phase: Any) -> None:
     """Test: a leveller that asks for all that its actuator has. Expected result: on the flight and on the level the seat moves
     slowly, for one that is thrown to and fro drives the rocking; where the chair pitches it has all."""
-    guard = Guard(GuardConfig())
+    guard, limit = Guard(GuardConfig()), 0.06 if phase in ("crest", "edge", "mount") else 0.02
     guard.on_message(MotionPlan(t_s=0.0, phase=phase, speed_m_s=0.1))
     for sign in (1.0, -1.0):
         assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.06 * sign)).rate_m_s == limit * sign
@@ -1424,13 +1275,13 @@ def test_an_obstacle_is_held_off(direction: str, sign: float, lead_m: float) -> 
 
     def look(drive: Drive) -> None:
         if drive.tick % FRAME_TICKS == 0:
-            there = 3.0 - sign * drive.guard._belts.travel_m
+            there = 3.0 - sign * drive.travel_m
             places = [sign * (1.0 + k * PITCH_M) for k in range(3)]
             drive.guard.on_message(stair(drive.t_s, places, direction=direction, obstacle_m=there))
 
     drive.plan = MotionPlan(t_s=0.0, phase="approach", speed_m_s=sign * 0.3)
     drive.until_held(15.0, look)
-    clear_m = 3.0 - sign * drive.guard._belts.travel_m - lead_m
+    clear_m = 3.0 - sign * drive.travel_m - lead_m
     assert 0.34 + 0.06 <= clear_m <= 0.34 + 0.15
     assert (drive.guard.holding or "").startswith("obstacle 0.4")
 
@@ -1488,8 +1339,11 @@ def test_a_map_that_is_no_number_is_dropped(bad: dict[str, Any]) -> None:
     """Test: one field of a map is not finite. Expected result: not admitted, without effect."""
     guard = Guard(GuardConfig())
     assert not guard.admit(replace(stair(0.0, [1.0]), **bad))
-    guard.on_message(replace(stair(0.1, [1.0]), **bad))
-    assert guard._map_s == -math.inf
+    for t_s in (0.1, 0.2):
+        guard.on_message(replace(stair(t_s, [1.0], obstacle_m=0.5), **bad))
+    guard.propose(command(0.2))
+    guard.step(0.2, estimate(0.2))
+    assert guard.holding is None
 
 
 # Commands
@@ -1542,8 +1396,8 @@ def test_a_held_flipper_stands() -> None:
         belts(0.0, 0.0, math.inf),
         SeatReading(t_s=0.0, pitch_rad=math.nan, stroke_m=0.0),
         SeatReading(t_s=0.0, pitch_rad=0.0, stroke_m=math.nan),
-        FlipperReading(t_s=0.0, angle_rad=math.nan, torque_n_m=0.0),
-        FlipperReading(t_s=0.0, angle_rad=0.0, torque_n_m=math.inf),
+        flipper(0.0, math.nan),
+        flipper(0.0, 0.0, math.inf),
         replace(heading(0.0), heading_rad=math.nan),
         replace(heading(0.0), sigma_rad=0.0),
         replace(heading(0.0), sigma_rad=math.nan),

@@ -3,13 +3,13 @@
 import math
 
 import pytest
+from world import TICK_S, belts
 
-from treadline.core.signals import MotionPlan, OperatorInput, TrackCommand, TrackReading
+from treadline.core.signals import MotionPlan, OperatorInput, TrackCommand
 from treadline.guard import Guard, GuardConfig
 from treadline.guard._half_cosine_stop import RAMP_S, RAMPED, STANDING_M_S, URGENT, CauseKind, RampedStop
 from treadline.guard.stop_latch import Latch
 
-TICK_S = 0.01
 LAG_S = 0.15
 
 
@@ -33,26 +33,26 @@ def test_an_urgent_cause_brakes_within_its_tick_and_no_other_does(kind: CauseKin
     assert command.brake is (kind in URGENT)
 
 
-@pytest.mark.parametrize("belts", [(0.2, 0.2), (0.15, 0.25), (-0.1, -0.2)])
-def test_belts_with_their_lag_follow_the_half_cosine_until_it_is_nearly_over(belts: tuple[float, float]) -> None:
+@pytest.mark.parametrize("from_m_s", [(0.2, 0.2), (0.15, 0.25), (-0.1, -0.2)])
+def test_belts_with_their_lag_follow_the_half_cosine_until_it_is_nearly_over(from_m_s: tuple[float, float]) -> None:
     """Test: belts with a first-order lag of 0.15 s. Expected result: the half-cosine to 0.23 of the speed (past 0.11 s the lead
     would ask for reverse, is zero, and a lag alone is slower), never reverse, never faster, no more than the half-cosine's own
     acceleration, and 30 mm of travel at 0.2 m/s to within a fifth."""
-    ramp, speeds, travel = RampedStop(LAG_S), list(belts), [0.0, 0.0]
+    ramp, speeds, travel = RampedStop(LAG_S), list(from_m_s), [0.0, 0.0]
     for k in range(round(RAMP_S / TICK_S)):
-        command = ramp.step(k * TICK_S, belts)
+        command = ramp.step(k * TICK_S, from_m_s)
         assert not command.brake
         ideal = 0.5 * (1.0 + math.cos(math.pi * (k + 1) * TICK_S / RAMP_S))
         for side, asked in enumerate((command.left_m_s, command.right_m_s)):
             before = speeds[side]
             speeds[side] = asked + (before - asked) * math.exp(-TICK_S / LAG_S)
             travel[side] += TICK_S * speeds[side]
-            assert 0.0 <= speeds[side] / belts[side] <= before / belts[side]
-            assert abs(speeds[side] / belts[side] - ideal) < 0.23
+            assert 0.0 <= speeds[side] / from_m_s[side] <= before / from_m_s[side]
+            assert abs(speeds[side] / from_m_s[side] - ideal) < 0.23
             # A tick's command is held for the whole tick: a tenth more than the continuous peak at most.
-            assert abs(speeds[side] - before) / TICK_S <= 1.1 * abs(belts[side]) * math.pi / (2.0 * RAMP_S)
-    assert ramp.step(RAMP_S, belts) == TrackCommand.stop(RAMP_S)
-    assert [abs(way) for way in travel] == [pytest.approx(0.5 * abs(speed) * RAMP_S, rel=0.2) for speed in belts]
+            assert abs(speeds[side] - before) / TICK_S <= 1.1 * abs(from_m_s[side]) * math.pi / (2.0 * RAMP_S)
+    assert ramp.step(RAMP_S, from_m_s) == TrackCommand.stop(RAMP_S)
+    assert [abs(way) for way in travel] == [pytest.approx(0.5 * abs(speed) * RAMP_S, rel=0.2) for speed in from_m_s]
 
 
 def test_a_chair_that_stands_is_braked_at_once() -> None:
@@ -90,7 +90,7 @@ def running() -> Guard:
     """Return a guard whose belts have run at 0.2 m/s for a second."""
     guard = Guard(GuardConfig(needs_heading=False))
     for k in range(101):
-        guard.admit(TrackReading(t_s=k * TICK_S, left_m_s=0.2, right_m_s=0.2, brake_on=False))
+        guard.admit(belts(k * TICK_S))
         guard.propose(TrackCommand(t_s=k * TICK_S, left_m_s=0.2, right_m_s=0.2))
         guard.step(k * TICK_S, None)
     return guard

@@ -7,13 +7,15 @@ import pytest
 from world import RISE_M, RUN_M, SLOPE_RAD, stair
 
 from treadline.core.signals import StairMap
-from treadline.mission.stair_tracker import GAP_KNOWN_AFTER, KNOWN_AFTER, NEXT_MAPS, NEXT_S, StairTracker
+from treadline.mission.stair_tracker import StairTracker
 from treadline.run.episode import Traverse, traverse
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
 from treadline.vehicle.verdict import check
 
+# Maps that a nosing, a gap and the next flight need, and the pause after which that is looked at anew (docs/decisions/0019).
+KNOWN_AFTER, GAP_KNOWN_AFTER, NEXT_MAPS, NEXT_S = 2, 6, 5, 1.0
 BETWEEN_M, STEPS = 2.5, 6
 FLOOR_M, MAPPED_STEPS = 1.0, 4
 """Distance of the first nosing ahead of mid-track [m], and number of steps of the first flight, in the scripted maps."""

@@ -4,41 +4,29 @@ The camera is the one without images. Each run waits for its flipper, drives on 
 seconds before something fails, and is watched for three after it holds.
 """
 
-from functools import cache
-
+import faulty_runs
 import numpy as np
 import pytest
+from faulty_runs import TICK_S
 
 from treadline.core.angles import DEG
 from treadline.perception.frame_quality import ENOUGH
-from treadline.run.episode import Traverse, traverse
+from treadline.run.episode import Traverse
 from treadline.scenario.faults import Fault, Process
-from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Stair, Start
-from treadline.scenario.shipped_files import shipped_controller
 
-TICK_S = 0.01
 WAITS_S = 3.1
 """Until the flipper of a chair that wakes up on a flight is laid."""
-AT_S, AFTER_S = WAITS_S + 4.0, 3.0
-BOTH_WAYS = pytest.mark.parametrize("direction", ["up"])
-"""Backing down passes the same tests; a run costs some seconds where shapes are checked."""
+AT_S = WAITS_S + 4.0
 
 
-def fault(kind: str, value: float = 0.0, *, at_s: float = AT_S, for_s: float = 3.0) -> Fault:
-    return Fault.model_validate({"kind": kind, "value": value, "at_s": at_s, "for_s": for_s})
+def fault(kind: str, value: float = 0.0, *, for_s: float = 3.0) -> Fault:
+    return faulty_runs.fault(kind, value, at_s=AT_S, for_s=for_s)
 
 
-@cache
-def ride(*faults: Fault, direction: str = "up", after_s: float = AFTER_S, until_s: float = WAITS_S + 12.0) -> Traverse:
+def ride(*faults: Fault, direction: str = "up", after_s: float = 3.0) -> Traverse:
     """Drive on a flight of 28° until something holds the chair, or for twelve seconds of its way."""
-    scenario = Scenario(
-        stair=Stair(),
-        start=Start(place="flight", step=5 if direction == "up" else 15),
-        drive=DriveSettings.model_validate({"direction": direction, "duration_s": until_s}),
-        sensors=Sensors(camera="statistical"),
-        fault=faults,
-    )
-    return traverse(scenario, controller=shipped_controller(scenario.chair.model), seed=0, after_hold_s=after_s)
+    step = 5 if direction == "up" else 15
+    return faulty_runs.ride(*faults, place="flight", direction=direction, step=step, until_s=WAITS_S + 12.0, after_s=after_s)
 
 
 def told(run: Traverse, name: str) -> float:
@@ -62,17 +50,13 @@ def worst_heading_deg(run: Traverse) -> float:
     return float(np.abs(run.trace["heading_rad"]).max()) / DEG
 
 
-def stands_still(run: Traverse, *, within_s: float, of_s: float = AT_S) -> None:
-    """Check rule H: an event with its cause, still within half a second of the hold, and then no sliding, turning or tipping."""
-    assert run.verdict == "held", f"{run.verdict}: {run.cause}"
+def stands_still(run: Traverse, *, within_s: float) -> None:
+    """Check rule H: still within half a second of the hold, which comes in time, and upright by the chair's usual margin."""
+    faulty_runs.stands_still(run, margin_deg=7.0, since_s=AT_S)
     held_s = told(run, "hold")
-    assert held_s <= of_s + within_s + 1e-6, run.cause
+    assert held_s <= AT_S + within_s + 1e-6, run.cause
     rest = slice(round((held_s + 0.5) / TICK_S), None)
-    x, heading = run.trace["x_m"][rest], run.trace["heading_rad"][rest]
-    assert len(x) > 200
-    assert float(np.ptp(x)) <= 0.020
-    assert float(np.ptp(heading)) <= 2.0 * DEG
-    assert float(run.trace["stability_margin_rad"][rest].min()) >= 7.0 * DEG
+    assert len(run.trace["x_m"][rest]) > 200
     assert not run.trace["left_m_s"][rest].any()
     assert not run.trace["right_m_s"][rest].any()
 
@@ -86,14 +70,13 @@ def test_without_a_fault_nothing_holds() -> None:
         assert worst_heading_deg(run) < 1.0
 
 
-@BOTH_WAYS
 @pytest.mark.parametrize("kind", ["camera_lost", "camera_frozen"])
-def test_1_2_a_camera_that_is_lost_or_frozen(kind: str, direction: str) -> None:
+def test_1_2_a_camera_that_is_lost_or_frozen(kind: str) -> None:
     """Test: no frame, or the last one again and again, for ten seconds.
 
     Expected result: found within 0.4 s; at most 0.10 m/s on the gyro, heading within 6°; HOLD within 0.5 s of 3 s or 0.5 m.
     """
-    run = ride(fault(kind, for_s=10.0), direction=direction)
+    run = ride(fault(kind, for_s=10.0))
     slow_s = told(run, "slow")
     assert slow_s - AT_S <= 0.4
     # The belts need three lags of 0.15 s to slow down.
@@ -109,11 +92,9 @@ def test_1_a_camera_that_comes_back() -> None:
     assert speed_m_s(run, AT_S + 4.0, AT_S + 8.0) > 0.18
 
 
-@BOTH_WAYS
-@pytest.mark.parametrize("value", [0.02], ids=["dark"])
-def test_3_light_that_shows_nothing(value: float, direction: str) -> None:
+def test_3_light_that_shows_nothing() -> None:
     """Test: 2 % of the light. Expected result: depth is enough, nobody asks for colours; heading within 3°."""
-    run = ride(fault("camera_dark", value), direction=direction)
+    run = ride(fault("camera_dark", 0.02))
     assert run.verdict == "time_up", run.cause
     assert worst_heading_deg(run) <= 3.0
 
@@ -132,55 +113,49 @@ def test_3_light_that_blinds_depth_as_well() -> None:
     stands_still(ride(fault("camera_dark", -0.02, for_s=10.0)), within_s=3.5)
 
 
-@BOTH_WAYS
-def test_4_holes_in_the_depth_image(direction: str) -> None:
+def test_4_holes_in_the_depth_image() -> None:
     """Test: 40 % of the depth is missing. Expected result: heading within 2°."""
-    run = ride(fault("depth_holes", for_s=6.0), direction=direction)
+    run = ride(fault("depth_holes", for_s=6.0))
     assert run.verdict == "time_up", run.cause
     assert worst_heading_deg(run) <= 2.0
 
 
-@BOTH_WAYS
 @pytest.mark.parametrize("kind", ["imu_nan", "imu_stuck"])
-def test_6_8_an_imu_that_says_nothing_new(kind: str, direction: str) -> None:
+def test_6_8_an_imu_that_says_nothing_new(kind: str) -> None:
     """Test: NaN, no samples, or the same sample, for ten seconds.
 
     Expected result: found within 0.3 s, slow on vision alone for a second at most, then HOLD; the estimate stays finite.
     """
-    run = ride(fault(kind, for_s=10.0), direction=direction)
+    run = ride(fault(kind, for_s=10.0))
     assert told(run, "slow") - AT_S <= 0.3
     assert np.isfinite(run.estimate_rad[round(1.0 / TICK_S) :]).all()
     stands_still(run, within_s=1.3)
     assert worst_heading_deg(run) <= 6.0
 
 
-@BOTH_WAYS
 @pytest.mark.parametrize("value", [1.0, 20.0])
-def test_7_a_gyro_that_drifts_or_jumps(value: float, direction: str) -> None:
+def test_7_a_gyro_that_drifts_or_jumps(value: float) -> None:
     """Test: a bias of 1 °/s, a jump of 20°. Expected result: heading within 7°, and known for what it is or HOLD."""
-    run = ride(fault("imu_bias", value, for_s=6.0), direction=direction)
+    run = ride(fault("imu_bias", value, for_s=6.0))
     assert min(event.t_s for event in run.events if event.name in ("re-referenced", "hold")) - AT_S <= 1.0
     if run.verdict == "held":
         stands_still(run, within_s=1.0)
     assert worst_heading_deg(run) <= 7.0
 
 
-@BOTH_WAYS
-def test_9_camera_and_imu_lost_together(direction: str) -> None:
+def test_9_camera_and_imu_lost_together() -> None:
     """Test: nothing tells the heading any more. Expected result: HOLD within 0.5 s."""
-    stands_still(ride(fault("camera_lost"), fault("imu_lost"), direction=direction), within_s=0.5)
+    stands_still(ride(fault("camera_lost"), fault("imu_lost")), within_s=0.5)
 
 
-@BOTH_WAYS
-def test_13_drives_that_report_nothing(direction: str) -> None:
+def test_13_drives_that_report_nothing() -> None:
     """Test: no reading of belts, seat and flipper arrives, though all of them work. Expected result: HOLD within 0.6 s."""
-    stands_still(ride(fault("readings_lost"), direction=direction), within_s=0.6)
+    stands_still(ride(fault("readings_lost")), within_s=0.6)
 
 
-@pytest.mark.parametrize("value", [0.5])
-def test_10_a_clock_that_leaps_back(value: float) -> None:
+def test_10_a_clock_that_leaps_back() -> None:
     """Test: stamps leap back by 0.5 s and come twice. Expected result: no exception; driven on, or held at once."""
-    run = ride(fault("clock_back", value))
+    run = ride(fault("clock_back", 0.5))
     if run.verdict == "held":
         stands_still(run, within_s=0.5)
     else:
@@ -188,65 +163,56 @@ def test_10_a_clock_that_leaps_back(value: float) -> None:
     assert worst_heading_deg(run) <= 1.0
 
 
-@BOTH_WAYS
-@pytest.mark.parametrize("value", [0.5])
-def test_11_a_mission_that_is_late(value: float, direction: str) -> None:
+def test_11_a_mission_that_is_late() -> None:
     """Test: orders half a second late. Expected result: still within 0.8 s, by the actuators' own watchdog."""
-    run = ride(fault("late_tick", value), direction=direction)
+    run = ride(fault("late_tick", 0.5))
     assert run.verdict == "held", run.cause
-    assert speed_m_s(run, AT_S + 0.8, AT_S + AFTER_S) == 0.0
+    assert speed_m_s(run, AT_S + 0.8, AT_S + 3.0) == 0.0
 
 
-@BOTH_WAYS
-@pytest.mark.parametrize("side", [0.0], ids=["left"])
-def test_13_a_belt_that_stalls(side: float, direction: str) -> None:
+def test_13_a_belt_that_stalls() -> None:
     """Test: one belt stands. Expected result: the other stands within 0.3 s, heading within 8°."""
-    run = ride(fault("track_stalled", side, for_s=10.0), direction=direction)
+    run = ride(fault("track_stalled", 0.0, for_s=10.0))
     assert worst_heading_deg(run) <= 8.0
     stands_still(run, within_s=0.3)
 
 
-@BOTH_WAYS
 @pytest.mark.parametrize(
     ("kind", "value", "found_s"), [("operator_stop", 0.0, 0.01), ("operator_stop", 1.0, 0.01), ("link_lost", 0.0, 0.3)]
 )
-def test_21_the_person_stops_lets_go_or_is_not_heard(kind: str, value: float, found_s: float, direction: str) -> None:
+def test_21_the_person_stops_lets_go_or_is_not_heard(kind: str, value: float, found_s: float) -> None:
     """Test: stop pressed, dead-man released, handset silent. Expected result: HOLD at once; still within 0.5 s and 0.10 m."""
-    run = ride(fault(kind, value), direction=direction)
+    run = ride(fault(kind, value))
     stands_still(run, within_s=found_s)
     held_s = told(run, "hold")
-    assert speed_m_s(run, held_s + 0.5, held_s + AFTER_S) == 0.0
+    assert speed_m_s(run, held_s + 0.5, held_s + 3.0) == 0.0
     assert abs(at(run, "x_m", held_s + 0.5) - at(run, "x_m", held_s)) <= 0.10
     # The fault ends after three seconds: nobody re-armed, nothing moves.
     assert run.trace["t_s"][-1] > held_s + 2.9
 
 
-@BOTH_WAYS
-def test_22_a_dead_mission(direction: str) -> None:
+def test_22_a_dead_mission() -> None:
     """Test: no order reaches the chair. Expected result: the actuators' watchdog stops it within 0.8 s, and it stays."""
-    run = ride(fault("process_killed", Process.MISSION), direction=direction)
+    run = ride(fault("process_killed", Process.MISSION))
     assert speed_m_s(run, AT_S + 0.8, AT_S + 3.0) == 0.0
     assert run.verdict == "held", run.cause
 
 
-@BOTH_WAYS
-def test_22_a_dead_perception(direction: str) -> None:
+def test_22_a_dead_perception() -> None:
     """Test: no heading and no map any more. Expected result: as a lost camera."""
-    stands_still(ride(fault("process_killed", Process.PERCEPTION, for_s=10.0), direction=direction), within_s=3.5)
+    stands_still(ride(fault("process_killed", Process.PERCEPTION, for_s=10.0)), within_s=3.5)
 
 
-@BOTH_WAYS
-def test_24_a_power_cut(direction: str) -> None:
+def test_24_a_power_cut() -> None:
     """Test: no power for three seconds, then power again. Expected result: rule H for ten seconds, whatever was ordered."""
     run = ride(fault("power_cut"), direction=direction, after_s=10.0)
     stands_still(run, within_s=0.5)
     assert speed_m_s(run, AT_S + 0.1, run.trace["t_s"][-1]) == 0.0
 
 
-@BOTH_WAYS
-def test_25_something_in_the_way(direction: str) -> None:
+def test_25_something_in_the_way() -> None:
     """Test: a box stands 1.2 m before the end that leads. Expected result: HOLD at least 0.3 m before it."""
-    run = ride(fault("obstacle", 1.2, for_s=30.0), direction=direction)
+    run = ride(fault("obstacle", 1.2, for_s=30.0))
     stands_still(run, within_s=8.0)
     assert run.cause is not None
     assert "obstacle" in run.cause

@@ -5,23 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from scenes import RecordedDrive, ViewRecipe
+from world import CHAIR, belts, estimate, flipper, imu_at
 
-from treadline.core.angles import DEG, quaternion_of
-from treadline.core.signals import (
-    FlipperReading,
-    HeadingEstimate,
-    HeadingMeasurement,
-    ImuSample,
-    MotionPlan,
-    StairMap,
-    TrackReading,
-)
+from treadline.core.angles import DEG
+from treadline.core.signals import HeadingMeasurement, MotionPlan, StairMap
 from treadline.mission.ascent import Ascent, AscentConfig
 from treadline.mission.blocks import CameraBlock
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.scenario.chair import read_chair
 
-CHAIR = read_chair("wheelchair")
 FROM_M, TICK_S, TICKS_PER_FRAME, LIMIT_S = 1.3, 0.05, 4, 10.0
 NARROW_M, LEAST_FRAMES = 0.45, 4
 
@@ -57,7 +48,7 @@ def approach(seed: int, *, half_m: float = CHAIR.swept_half_m, hidden: tuple[str
     road = RecordedDrive(rng, ViewRecipe(**{**fixed, **recipe}))
     camera = CameraBlock(StairDetector(DetectorConfig(swept_half_m=half_m)), CHAIR.swept_half_m)
     planner = Ascent(AscentConfig(chair=CHAIR, payload_kg=50.0))
-    plan, estimate, phases = MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0), None, ["search"]
+    plan, known, phases = MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0), None, ["search"]
     along_m = speed_m_s = 0.0
     flipper_rad = CHAIR.tracks.approach_angle_deg * DEG
     maps = 0
@@ -67,25 +58,18 @@ def approach(seed: int, *, half_m: float = CHAIR.swept_half_m, hidden: tuple[str
         along_m += TICK_S * speed_m_s
         flipper_rad += 0.0 if plan.flipper is None else TICK_S * plan.flipper.rate_rad_s
         pose = road.pose(along_m, 0.0)
-        imu = ImuSample(
-            t_s=t_s,
-            orientation=quaternion_of(pose.R_WB),
-            angular_velocity_rad_s=np.zeros(3),
-            linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
-        )
-        tracks = TrackReading(t_s=t_s, left_m_s=speed_m_s, right_m_s=speed_m_s, brake_on=False)
-        for reading in (tracks, imu):
+        for reading in (belts(t_s, speed_m_s, speed_m_s), imu_at(t_s, pose.R_WB)):
             camera.update(reading)
             planner.update(reading)
-        planner.update(FlipperReading(t_s=t_s, angle_rad=flipper_rad, torque_n_m=0.0))
+        planner.update(flipper(t_s, flipper_rad))
         if k % TICKS_PER_FRAME == 0:
             for seen in camera.step(road.view(t_s, pose).frame, lambda _: True):
                 if isinstance(seen, HeadingMeasurement):
-                    estimate = HeadingEstimate(t_s=t_s, heading_rad=0.0, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision")
+                    known = estimate(t_s)
                 if isinstance(seen, StairMap):
                     maps += 1
                     planner.update(replace(seen, **{f"{side}_{name}": None for side in hidden for name in ("edge_m", "side")}))
-        plan = planner.step(t_s, estimate)
+        plan = planner.step(t_s, known)
         phases += [plan.phase] if plan.phase != phases[-1] else []
         if plan.hold is not None or plan.phase in ("mount", "refused"):
             break
