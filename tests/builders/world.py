@@ -191,6 +191,20 @@ class World(Place):
         assert not until, f"still in {plan.phase}: {plan.cause}"
         return plan
 
+    def until_held(self, limit_s: float = 60.0) -> str:
+        """Tick until the plan asks for a hold, and return its cause."""
+        end_s = self.t_s + limit_s
+        while (cause := self.tick().hold) is None:
+            assert self.t_s < end_s, f"not held, {self.plans[-1].phase}: {self.plans[-1].cause}"
+        return cause
+
+    def flipper_rate(self, angle_rad: float, torque_n_m: float = 0.0) -> float:
+        """Return the rate that the planner asks of a flipper, now and square to the stair."""
+        self.planner.update(flipper(self.t_s, angle_rad, torque_n_m))
+        asked = self.planner.step(self.t_s, estimate(self.t_s)).flipper
+        assert asked is not None
+        return float(asked.rate_rad_s)
+
     def tick(self) -> MotionPlan:
         self.move(self.plans[-1] if self.plans else MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0))
         for signal in self.senses():

@@ -205,7 +205,7 @@ def test_22_a_dead_perception() -> None:
 
 def test_24_a_power_cut() -> None:
     """Test: no power for three seconds, then power again. Expected result: rule H for ten seconds, whatever was ordered."""
-    run = ride(fault("power_cut"), direction=direction, after_s=10.0)
+    run = ride(fault("power_cut"), after_s=10.0)
     stands_still(run, within_s=0.5)
     assert speed_m_s(run, AT_S + 0.1, run.trace["t_s"][-1]) == 0.0
 
