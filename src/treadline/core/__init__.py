@@ -1,1 +1,4 @@
-"""Words that every room speaks: signals, models, ports, errors, settings, angles. Imports nothing of treadline above itself."""
+"""Words of all packages: signals, images, models, ports, errors, settings and angles; imports no other package of treadline.
+
+Contract: each module by its name, such as ``core.signals`` and ``core.models``.
+"""

@@ -169,8 +169,8 @@ class Traversal:
             return None
         free_m, needs_m = self._free_m(), self._half_width_m
         wall, other = ("left", "right") if free_m == self._where.left_wall_m else ("right", "left")
-        helps = f"set the chair {needs_m + ASIDE_M - free_m:.2f} m further to the {other}"
-        return f"the {wall} wall is {free_m:.2f} m from the chair's middle, which needs {needs_m:.2f} m: {helps}"
+        remedy = f"set the chair {needs_m + ASIDE_M - free_m:.2f} m further to the {other}"
+        return f"the {wall} wall is {free_m:.2f} m from the chair's middle, which needs {needs_m:.2f} m: {remedy}"
 
     def _open_side(self, *, enters: bool) -> str | None:
         """Return the side on which the flight does not bear the chair, or was not seen to, with the remedy; None if both do.
@@ -184,8 +184,8 @@ class Traversal:
             seen_m, open_m = self._where.side_m(side)
             needs = f"the chair's middle, which needs {self._needs_m:.2f} m"
             if open_m is not None and open_m < self._needs_m:
-                helps = f"set the chair {self._needs_m - open_m:.2f} m further to the {other}, or take another way"
-                return f"the flight's {side} side is open {open_m:.2f} m from {needs}: {helps}"
+                remedy = f"set the chair {self._needs_m - open_m:.2f} m further to the {other}, or take another way"
+                return f"the flight's {side} side is open {open_m:.2f} m from {needs}: {remedy}"
             if enters and open_m is None and seen_m is not None and seen_m < self._needs_m:
                 shown = f"was in view up to {max(seen_m, 0.0):.2f} m from" if math.isfinite(seen_m) else "was not in view from"
                 return f"the flight's {side} side {shown} {needs}: start further away, or take another way"

@@ -272,10 +272,10 @@ class Ascent(Traversal):
             case "slow":
                 if self._phase == "crest":
                     self._begin(t_s, "climb", command.cause)
-                turn, easing = self._steering(t_s, estimate, climbs=True, blind=True), self._pitch_feedforward(t_s, estimate)
+                turn, feedforward = self._steering(t_s, estimate, climbs=True, blind=True), self._pitch_feedforward(t_s, estimate)
                 flipper = self._lie(t_s, estimate)
                 return self._plan(
-                    t_s, command.speed_m_s, turn_m_s=turn, pitch_feedforward_m_s=easing, flipper=flipper, needs_stair=False
+                    t_s, command.speed_m_s, turn_m_s=turn, pitch_feedforward_m_s=feedforward, flipper=flipper, needs_stair=False
                 )
             case "land" | "done":
                 phase: Phase = "land"

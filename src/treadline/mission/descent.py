@@ -241,8 +241,8 @@ class Descent(Traversal):
         flipper = self._lift(t_s) if last_step_m < config.lift_from_m else self._lie(t_s, estimate)
         if self._phase == "leave":
             return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), flipper=flipper, needs_stair=False)
-        turn, easing = self._steering(t_s, estimate, blind=slow), self._pitch_feedforward(t_s, estimate)
-        return self._plan(t_s, speed, turn_m_s=turn, pitch_feedforward_m_s=easing, flipper=flipper, needs_stair=not slow)
+        turn, feedforward = self._steering(t_s, estimate, blind=slow), self._pitch_feedforward(t_s, estimate)
+        return self._plan(t_s, speed, turn_m_s=turn, pitch_feedforward_m_s=feedforward, flipper=flipper, needs_stair=not slow)
 
     def _lift(self, t_s: float) -> FlipperCommand | None:
         """Return the command that lifts the flipper: slowly while the chair may lean on it."""

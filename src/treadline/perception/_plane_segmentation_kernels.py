@@ -140,7 +140,7 @@ def block_residuals(cells, full):
 def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_residual):
     """Return the blocks of 2×2 cells on one plane, and blocks of 1×2 cells where no larger one fits.
 
-    A distant step is one cell high. PlanarBlocks overlap, which minimises the loss at edges; a pixel can count four times.
+    A distant step is one cell high. Blocks overlap, so that less is lost at edges; a pixel can count four times.
 
     Args:
         full: Least fraction of a block's pixels with depth, times the pixels of a cell.

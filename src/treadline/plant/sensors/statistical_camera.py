@@ -95,7 +95,7 @@ def _sides(seen: Visibility) -> dict[str, Any]:
 
 LATENTS = ("accept", "heading", "sigma", "slope", "pitch", "along", "height", "ends", "left", "right", "where")
 """Names of the latent normal variables of a frame."""
-OF_NOSINGS = ("told", "along", "height")
+NOSING_ERRORS = ("told", "along", "height")
 """Names of the latent normal variables of each nosing."""
 
 
@@ -129,7 +129,7 @@ class _Errors:
         self._tables = fitted["tables"]
         self._grid = np.array(fitted["normal_grid"])
         shared = [fitted["shared"][name] for name in LATENTS]
-        shared += [fitted["shared"][f"nosing {name}"] for name in OF_NOSINGS for _ in range(steps)]
+        shared += [fitted["shared"][f"nosing {name}"] for name in NOSING_ERRORS for _ in range(steps)]
         self._common = np.array([fitted["common"][name] for name in ("along", "height")])[:, None]
         numbers = np.array(shared)
         self._wander = _Wander(numbers[:, :2], numbers[:, 2], rng)
@@ -148,10 +148,10 @@ class _Errors:
         accept = table["accept"]["score"][seen.acceptance_row]
         if latent["accept"] > np.interp(second, table["accept"]["margins_px"], accept) or seen.run_m > LONGEST_RUN_M:
             return ()
-        of_nosings = normal[len(LATENTS) :].reshape(len(OF_NOSINGS), -1)[:, seen.numbers]
-        which = self._which(table["told"], seen, of_nosings[0])
+        nosing_errors = normal[len(LATENTS) :].reshape(len(NOSING_ERRORS), -1)[:, seen.numbers]
+        which = self._which(table["told"], seen, nosing_errors[0])
         cell = cell_of(len(which))
-        nosings = self._nosings(table, seen, which, of_nosings[1:, which], np.array([latent["along"], latent["height"]]))
+        nosings = self._nosings(table, seen, which, nosing_errors[1:, which], np.array([latent["along"], latent["height"]]))
         slope = math.atan2(seen.rise_m, seen.run_m) + self._value(table["slope"][cell], latent["slope"])
         pitch = math.hypot(seen.rise_m, seen.run_m) + self._value(table["pitch"][cell], latent["pitch"])
         sigma = self._value(table["heading"][cell]["sigma"], latent["sigma"])
