@@ -1,15 +1,22 @@
 """Access to the page: token, Host and Origin, for HTTP and for the WebSocket."""
 
+import collections
 import http.client
+import json
+import queue
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 from websockets.datastructures import Headers
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from treadline.core.errors import SettingsError
+from treadline.view._messages import Handset
 from treadline.view.server import AccessRules
+
+from .conftest import a_run, session_of
 
 viser = pytest.importorskip("viser")
 RULES = AccessRules(token="secret", host="127.0.0.1", port=8350)  # noqa: S106 - of these tests alone
@@ -105,3 +112,26 @@ def test_a_port_in_use_is_one_line_with_a_remedy(server: object) -> None:
 
     with pytest.raises(SettingsError, match=f"--port {server.rules.port}: cannot listen .* give another --port"):
         GuardedServer("127.0.0.1", server.rules.port)
+
+
+def test_the_pages_connection_carries_jumps_and_reports_of_the_handset() -> None:
+    """Test: a jump, a report of a person who drives, and nonsense. Expected: cursor and handset follow; nonsense ends it."""
+    from treadline.view.app import page_handler
+    from treadline.view.server import GuardedServer
+
+    session, jumps = session_of(a_run(), live=True, attended=True), queue.Queue()
+    session.set_manual(manual=True)
+    guarded = GuardedServer("127.0.0.1", 0, {"page": page_handler(SimpleNamespace(jump=jumps.put), session)})
+    address = f"127.0.0.1:{guarded.rules.port}"
+    with connect(f"ws://{address}/{guarded.rules.token}/page", origin=f"http://{address}") as page:
+        assert json.loads(page.recv(timeout=5)) == {"manual": True}
+        page.send(json.dumps({"dead_man": True, "ahead": 0.5, "turn": 0}))
+        page.send(json.dumps({"t_s": 2.5}))
+        assert jumps.get(timeout=5) == 2.5
+        assert session.handset == Handset(manual=True, dead_man=True, speed_m_s=0.05)
+        page.send(json.dumps({"t_s": "soon"}))
+        with pytest.raises(ConnectionClosed) as closed:
+            collections.deque(iter(page.recv, None), maxlen=0)
+    assert closed.value.rcvd is not None
+    assert closed.value.rcvd.code == 1003
+    guarded.close()
