@@ -47,7 +47,7 @@ def fill(log: Any, *, seconds: float = 0.5, leave: tuple[str, ...] = ()) -> Any:
 
 def played(log: SensorLog) -> tuple[list[Any], list[Event]]:
     events: list[Event] = []
-    return list(log.signals(events.append)), events
+    return [signal for _, signal in log.arrivals(events.append)], events
 
 
 def of(kind: type, signals: list[Any]) -> list[Any]:
@@ -414,7 +414,7 @@ def test_a_log_cut_anywhere_or_changed_is_refused_or_read(recording, tmp_path: P
 def test_only_a_second_of_a_long_log_is_held(recording, tmp_path: Path) -> None:
     sensors = SensorLog(fill(recording(), seconds=5.0).write(tmp_path / "log.mcap"))
     held = 0
-    for _ in sensors.signals(lambda _: None):
+    for _ in sensors.arrivals(lambda _: None):
         held = max(held, len(sensors._ready))
     # 100 samples and 10 frames a second.
     assert held <= 112

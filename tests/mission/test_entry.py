@@ -11,7 +11,7 @@ from treadline.run.resolve import ready, with_seat_shifted
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.track_length import minimum_track_length
+from treadline.vehicle.tracks import minimum_track_length
 
 CHAIR = read_chair("wheelchair")
 

@@ -18,7 +18,7 @@ from treadline.identification.era import hankel
 from treadline.identification.validate import impulse_response, simulate
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.track_length import minimum_track_length, nosings_touched
+from treadline.vehicle.tracks import minimum_track_length, nosings_touched
 
 Markov = Float[np.ndarray, "n p m"]
 

@@ -23,7 +23,7 @@ from treadline.vehicle.appearance import (
 )
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.staircase import as_designed
-from treadline.vehicle.track_length import pulley_centres
+from treadline.vehicle.tracks import pulley_centres
 
 SHIPPED = sorted(path.stem for path in (Path(treadline.__file__).parent / "data" / "chairs").glob("*.toml"))
 ROUNDING_M = 1e-6

@@ -10,7 +10,7 @@ import pytest
 from treadline.core.errors import SettingsError
 from treadline.scenario.chair import read_chair
 from treadline.scenario.shipped_files import CHAIRS
-from treadline.vehicle.track_length import pulley_centres
+from treadline.vehicle.tracks import pulley_centres
 
 
 def changed_file(tmp_path: Path, old: str, new: str) -> str:

@@ -11,7 +11,7 @@ from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.loading import static_margins
 from treadline.vehicle.tip_over_margin import worst_support
-from treadline.vehicle.track_length import track_on_stair_m
+from treadline.vehicle.tracks import track_on_stair_m
 from treadline.vehicle.verdict import check
 
 FLIPPERS, FIXED = read_chair("wheelchair"), read_chair("wheelchair-fixed")

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.core.errors import MechanicsError
-from treadline.vehicle.track_length import minimum_track_length, nosings_touched
+from treadline.vehicle.tracks import minimum_track_length, nosings_touched
 
 
 @given(rise=st.floats(0.05, 0.3), run=st.floats(0.15, 0.6))

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
-from treadline.vehicle.traction import friction_use, largest_heading_rad
+from treadline.vehicle.tracks import friction_use, largest_heading_rad
 
 TABLE_I = (0.62, 0.5)
 coefficients = st.floats(0.05, 2.0)

@@ -21,7 +21,7 @@ from treadline.core.paper import FIG11_SLOPE_DEG
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, svg_of
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.track_length import minimum_track_length, pulley_centres
+from treadline.vehicle.tracks import minimum_track_length, pulley_centres
 
 ABOVE = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """View from above with the chair's forward direction up."""

@@ -41,7 +41,7 @@ PLACES = {
     "mechanics.quasi_static": "vehicle.quasi_static",
     "mechanics.stability": "vehicle.loading",
     "mechanics.staircase": "vehicle.staircase",
-    "mechanics.tracks": "vehicle.track_length",
+    "mechanics.tracks": "vehicle.tracks",
     "mechanics.verdict": "vehicle.verdict",
     "mission.config": "mission.mission_config",
     "mission.guard": "guard",

@@ -84,20 +84,11 @@ class SensorLog:
         """Whether the log holds nosing positions: in images, or in stair maps of a camera without images."""
         return self.topics.depth is not None or "/stair/map/detail" in self.found
 
-    def signals(self, aside: Callable[[Any], None]) -> Iterator[Reading]:
-        """Yield the sensor readings in the order in which they are due, from ``t_s = 0``.
-
-        Args:
-            aside: Takes all other signals, up to a second early: commands, estimates, and events about dropped messages.
-        """
-        for _, signal in self.arrivals(aside):
-            yield signal
-
     def arrivals(self, aside: Callable[[Any], None]) -> Iterator[tuple[float, Reading]]:
         """Yield each sensor reading with the mission time at which it is due [s], in time order.
 
         Args:
-            aside: As of ``signals``.
+            aside: Takes all other signals, up to a second early: commands, estimates, and events about dropped messages.
         """
         self._aside = aside
         self._last: dict[str, tuple[float, int]] = {}

@@ -152,18 +152,16 @@ def roles(where: Path, found: Mapping[str, TopicSummary], named: Mapping[str, st
             raise LogFormatError(f"{where}: neither depth images nor headings{compressed_hint(found)} (there are: {listed(found)})")
         return Topics(imu=gyro, accel=accel, headings=headings)
     color = named.get("color") or color_topic(found, depth)
-    if color is not None and found[color].size != found[depth].size:
-        sizes = " and ".join(f"{name} {found[name].size[0]}×{found[name].size[1]}" for name in (color, depth))
-        raise LogFormatError(f"{where}: sizes differ: {sizes}; name a depth topic that is registered to colour: --topics depth=…")
+    if color is not None:
+        _check_size(where, found, color, depth, "name a depth topic that is registered to colour: --topics depth=…")
     info = named.get("info") or info_topic(found, depth, color)
     if info is None and not calibrated:
         raise LogFormatError(
             f"{where}: no intrinsics: no CameraInfo next to {depth}; name one (--topics info=…) or --set camera.fx_px, fy_px, "
             "cx_px and cy_px"
         )
-    if info is not None and found[info].size != found[depth].size:
-        sizes = " and ".join(f"{name} {found[name].size[0]}×{found[name].size[1]}" for name in (info, depth))
-        raise LogFormatError(f"{where}: sizes differ: {sizes}; name the calibration of that image: --topics info=…")
+    if info is not None:
+        _check_size(where, found, info, depth, "name the calibration of that image: --topics info=…")
     return Topics(depth=depth, color=color, info=info, imu=gyro, accel=accel)
 
 
@@ -181,6 +179,12 @@ def parse_topics(text: str | None) -> dict[str, str]:
             raise SettingsError(f"--topics: '{part}' is not one of {', '.join(allowed)} with a topic, as depth=/camera/depth/image")
         named[role.strip()] = name.strip()
     return named
+
+
+def _check_size(where: Path, found: Mapping[str, TopicSummary], name: str, depth: str, remedy: str) -> None:
+    if found[name].size != found[depth].size:
+        sizes = " and ".join(f"{topic} {found[topic].size[0]}×{found[topic].size[1]}" for topic in (name, depth))
+        raise LogFormatError(f"{where}: sizes differ: {sizes}; {remedy}")
 
 
 def _check_named(where: Path, found: Mapping[str, TopicSummary], role: str, name: str) -> None:

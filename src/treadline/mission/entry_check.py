@@ -12,7 +12,7 @@ from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading, centre_of_mass_level
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, tipping_margins, worst_support
-from treadline.vehicle.track_length import minimum_track_length, track_on_stair_m
+from treadline.vehicle.tracks import minimum_track_length, track_on_stair_m
 
 MEASURED_RAD = 1.0 * DEG
 """Reserve for the error of the measured slope [rad]: three standard deviations."""

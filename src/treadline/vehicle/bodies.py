@@ -14,7 +14,7 @@ from treadline.scenario.chair import ChairDescription, Flipper, Point, Seat, Tra
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import payload_com, payload_origin, seat_mass_kg
-from treadline.vehicle.track_length import pulley_centres
+from treadline.vehicle.tracks import pulley_centres
 
 FLAT_THICKNESS_M = 0.025
 """Half thickness of a belt's box [m], less than the pulleys' diameter."""
@@ -161,7 +161,7 @@ def sides(tracks: Tracks) -> tuple[tuple[Side, float], tuple[Side, float]]:
 def _belt(chair: ChairDescription, side: Side, y_m: float) -> list[Shape]:
     """Return the parts of a belt fixed to the chassis."""
     tracks = chair.tracks
-    half_run, half_width = 0.5 * tracks.flat_run_m, 0.5 * tracks.belt_width_m
+    half_run = 0.5 * tracks.flat_run_m
     nose_x, _, nose_z = chair.nose_m
     angle = math.radians(tracks.approach_angle_deg)
     # The lower face of the approach lies one radius below the line between the pulley centres.
@@ -171,35 +171,23 @@ def _belt(chair: ChairDescription, side: Side, y_m: float) -> list[Shape]:
         _pulley(tracks, side, name, (x, y_m, z))
         for name, (x, z) in zip(("rear", "front", "nose"), pulley_centres(chair).tolist(), strict=True)
     ]
-    flat = Shape(
-        name=f"{side}_flat",
-        kind="box",
-        centre_m=(0.0, y_m, FLAT_THICKNESS_M),
-        half_m=(half_run, half_width, FLAT_THICKNESS_M),
-        belt=side,
-    )
-    approach = Shape(
-        name=f"{side}_approach",
-        kind="box",
-        centre_m=(float(middle[0]), y_m, float(middle[1])),
-        half_m=(0.5 * tracks.approach_m, half_width, FLAT_THICKNESS_M),
-        nose_up_rad=angle,
-        belt=side,
-    )
+    flat = _run(tracks, f"{side}_flat", side, (0.0, y_m, FLAT_THICKNESS_M), tracks.flat_run_m)
+    centre = (float(middle[0]), y_m, float(middle[1]))
+    approach = _run(tracks, f"{side}_approach", side, centre, tracks.approach_m, angle)
     return [*pulleys, flat, approach] if chair.flipper is None else [*pulleys[:2], flat]
 
 
 def _section(tracks: Tracks, side: Side, y_m: float) -> list[Shape]:
     """Return the parts of a belt on the flipper."""
-    length, half_width = tracks.approach_m, 0.5 * tracks.belt_width_m
-    approach = Shape(
-        name=f"{side}_approach",
-        kind="box",
-        centre_m=(0.5 * length, y_m, FLAT_THICKNESS_M - tracks.pulley_radius_m),
-        half_m=(0.5 * length, half_width, FLAT_THICKNESS_M),
-        belt=side,
-    )
-    return [_pulley(tracks, side, "nose", (length, y_m, 0.0)), approach]
+    length = tracks.approach_m
+    centre = (0.5 * length, y_m, FLAT_THICKNESS_M - tracks.pulley_radius_m)
+    return [_pulley(tracks, side, "nose", (length, y_m, 0.0)), _run(tracks, f"{side}_approach", side, centre, length)]
+
+
+def _run(tracks: Tracks, name: str, side: Side, centre_m: Point, length_m: float, nose_up_rad: float = 0.0) -> Shape:
+    """Return the box of a straight part of a belt."""
+    half_m = (0.5 * length_m, 0.5 * tracks.belt_width_m, FLAT_THICKNESS_M)
+    return Shape(name=name, kind="box", centre_m=centre_m, half_m=half_m, nose_up_rad=nose_up_rad, belt=side)
 
 
 def _pulley(tracks: Tracks, side: Side, name: str, centre_m: Point) -> Shape:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.scenario.chair import ChairDescription, Point
-from treadline.vehicle.track_length import in_line_m
+from treadline.vehicle.tracks import in_line_m
 
 MARGIN_LIMIT_RAD = 7.0 * DEG
 """Least accepted tip-over margin [rad]: the value of ISO 7176-24; conformity with the standard is not claimed."""

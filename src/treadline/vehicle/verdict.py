@@ -15,8 +15,14 @@ from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading, static_margins
 from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins
-from treadline.vehicle.track_length import minimum_track_length, nosings_touched, track_on_stair_m
-from treadline.vehicle.traction import friction_use, largest_heading_rad, oversized_lugs
+from treadline.vehicle.tracks import (
+    friction_use,
+    largest_heading_rad,
+    minimum_track_length,
+    nosings_touched,
+    oversized_lugs,
+    track_on_stair_m,
+)
 
 TRACTION_RESERVE = 1.05
 """Required ratio of friction to tan β, a reserve for jolts at the nosings."""

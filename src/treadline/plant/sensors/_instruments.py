@@ -33,7 +33,7 @@ from treadline.vehicle.loading import payload_com, payload_origin, seat_mass_kg
 from treadline.vehicle.stair_solids import stair_surfaces
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M
-from treadline.vehicle.traction import friction_use
+from treadline.vehicle.tracks import friction_use
 
 CAMERA_TICKS = 10
 """Ticks per camera frame."""

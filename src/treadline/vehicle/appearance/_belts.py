@@ -8,7 +8,7 @@ side, and bends around a small idler on the concave side, drawn as a corner.
 
 import math
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -30,7 +30,7 @@ from treadline.vehicle.appearance._mesh import (
     part,
 )
 from treadline.vehicle.bodies import sides
-from treadline.vehicle.track_length import pulley_centres
+from treadline.vehicle.tracks import pulley_centres
 
 SMOOTH_LUG_M = 1e-3 * LUGS_MM["8/60"][0]
 """Height of the lugs drawn on a belt without lugs in the scenario [m]: the lowest named profile."""
@@ -64,7 +64,7 @@ class BeltPath:
         for length, curvature, corner in pieces:
             heading += corner
             starts.append((sigma, x, z, heading, curvature))
-            x, z, heading = _advanced(x, z, heading, curvature, length)
+            x, z, heading = map(float, _advanced(x, z, heading, curvature, length))
             sigma += length
         self._starts = np.array(starts)
         self.length_m = sigma
@@ -78,12 +78,8 @@ class BeltPath:
         """
         wrapped = np.mod(sigma_m, self.length_m)
         s0, x0, z0, heading, curvature = self._starts[np.searchsorted(self._starts[:, 0], wrapped, side="right") - 1].T
-        along = wrapped - s0
-        turned = heading + curvature * along
-        # The chord of an arc has the mean direction, and its length by sin(x)/x.
-        chord = along * np.sinc(0.5 * curvature * along / math.pi)
-        middle = 0.5 * (heading + turned)
-        return np.column_stack([x0 + chord * np.cos(middle), z0 + chord * np.sin(middle)]), turned
+        x, z, turned = _advanced(x0, z0, heading, curvature, wrapped - s0)
+        return np.column_stack([x, z]), turned
 
 
 def _around_three(run: float, out: float, r: float, angle: float) -> list[tuple[float, float, float]]:
@@ -111,11 +107,13 @@ def _along_flipper(run: float, out: float, r: float, angle: float) -> list[tuple
     return [half, half_turn, (run, 0.0, 0.0), wrap, (out, 0.0, 0.0), half_turn, *beneath]
 
 
-def _advanced(x: float, z: float, heading: float, curvature: float, length: float) -> tuple[float, float, float]:
+def _advanced(x: Any, z: Any, heading: Any, curvature: Any, length: Any) -> tuple[Any, Any, Any]:
+    """Return places and directions after a length of line or arc; numbers, or arrays of one length."""
     turned = heading + curvature * length
-    chord = length * float(np.sinc(0.5 * curvature * length / math.pi))
+    # The chord of an arc has the mean direction, and its length by sin(x)/x.
+    chord = length * np.sinc(0.5 * curvature * length / math.pi)
     middle = 0.5 * (heading + turned)
-    return x + chord * math.cos(middle), z + chord * math.sin(middle), turned
+    return x + chord * np.cos(middle), z + chord * np.sin(middle), turned
 
 
 def lug_profile(belts: Belts | None) -> tuple[float, float, float, float]:

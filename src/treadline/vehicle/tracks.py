@@ -1,0 +1,94 @@
+"""Tracks: pulleys, length on the nosings, minimum track length; traction on the nosing plane, and lugs that the pulleys bend.
+
+Paper: Section II.A, Fig. 3(b). "Wheelchair tracks must be in contact with at least two stair edges": L > 2√(h² + w²).
+
+Traction: Section II.A, Table I (μ = 0.62 along, μ₂ = 0.5 across). Gravity pulls down the slope with tan β per unit of normal force;
+at a heading ψ the components are cos ψ along the belts and sin ψ across. The chair holds inside the friction ellipse (cos ψ tan β /
+μ)² + (sin ψ tan β / μ₂)² < 1.
+"""
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.errors import MechanicsError
+from treadline.scenario.chair import ChairDescription, Tracks
+from treadline.scenario.scenario import Belts
+
+
+def minimum_track_length(rise_m: float, run_m: float) -> float:
+    """Return 2√(h² + w²) [m], the lower bound of the track length L on the stair.
+
+    Paper: Section II.A, the inequality L > 2√(h² + w²). A track of one nosing pitch touches at least one nosing, a track of two
+    pitches at least two at every phase.
+    """
+    return 2.0 * math.hypot(rise_m, run_m)
+
+
+def nosings_touched(length_m: float, pitch_m: float, phase_m: float) -> int:
+    """Return the number of nosings under a straight track.
+
+    Args:
+        phase_m: Distance from the track's rear end to the first nosing ahead.
+    """
+    if not 0.0 <= phase_m <= pitch_m:
+        raise MechanicsError(f"a phase of {phase_m} m lies outside one pitch of {pitch_m} m")
+    return math.floor((length_m - phase_m) / pitch_m) + 1 if phase_m <= length_m else 0
+
+
+def pulley_centres(chair: ChairDescription) -> Float[np.ndarray, "3 2"]:
+    """Return the centres (x, z) in B of rear, front and nose pulley."""
+    half, radius = 0.5 * chair.tracks.flat_run_m, chair.tracks.pulley_radius_m
+    return np.array([(-half, radius), (half, radius), chair.nose_m[::2]])
+
+
+def in_line_m(chair: ChairDescription) -> float:
+    """Return the length of the approach section that lies in the plane of the flat run [m].
+
+    A flipper always reaches that angle (its range includes 0°); a fixed section does only if it is built at 0°.
+    """
+    tracks = chair.tracks
+    return tracks.approach_m if chair.flipper is not None or tracks.approach_angle_deg == 0.0 else 0.0
+
+
+def track_on_stair_m(chair: ChairDescription) -> float:
+    """Return the length of the track in the nosing plane [m]: the flat run, and the section in line with it."""
+    return chair.tracks.flat_run_m + in_line_m(chair)
+
+
+def friction_use(slope_rad: float, heading_rad: float, friction: tuple[float, float]) -> float:
+    """Return the used fraction of the friction ellipse at a heading; the chair slides at 1."""
+    along, across = friction
+    pull = math.tan(slope_rad)
+    return math.hypot(math.cos(heading_rad) * pull / along, math.sin(heading_rad) * pull / across)
+
+
+def largest_heading_rad(slope_rad: float, friction: tuple[float, float]) -> float:
+    """Return the largest heading at which friction holds the chair on a slope [rad]; π/2 without a limit.
+
+    Raises:
+        MechanicsError: If the chair slides even at zero heading.
+    """
+    if friction_use(slope_rad, 0.0, friction) >= 1.0:
+        raise MechanicsError(
+            f"friction {friction[0]:.2f} cannot hold a slope that needs {math.tan(slope_rad):.2f}; roughen the nosings"
+        )
+    pull = math.tan(slope_rad)
+    lengthwise, sidewise = (pull / friction[0]) ** 2, (pull / friction[1]) ** 2
+    if sidewise <= 1.0:
+        return 0.5 * math.pi
+    # lengthwise cos² + sidewise sin² = 1, solved for sin².
+    return math.asin(math.sqrt((1.0 - lengthwise) / (sidewise - lengthwise)))
+
+
+def oversized_lugs(belts: Belts, tracks: Tracks) -> str | None:
+    """Return why the lugs are too large for the chair's pulleys, or None."""
+    # The belt solid of 0.05 m shrinks by the lug height.
+    height, most = belts.measures_m[0], min(0.5 * tracks.pulley_radius_m, 0.04)
+    if height <= most:
+        return None
+    return (
+        f"belts.height_m is {height:.3f}, the pulleys' radius {tracks.pulley_radius_m:.3f} m; lugs up to {most:.3f} m fit, "
+        "half that radius and 0.04 m at most: a belt bends at the lugs' feet"
+    )
