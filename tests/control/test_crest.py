@@ -93,8 +93,8 @@ def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> Non
     assert chair.nosing_m == waiting
 
 
-@pytest.mark.parametrize("slope_deg", [20.0, 25.0, 30.0])
-@pytest.mark.parametrize("payload_kg", [0.0, 12.0, 50.0, 110.0])
+@pytest.mark.parametrize("slope_deg", [20.0, 30.0])
+@pytest.mark.parametrize("payload_kg", [0.0, 12.0, 110.0])
 def test_a_tip_that_stands_on_the_nosing_itself_is_lifted_and_tries_again_further_on(payload_kg: float, slope_deg: float) -> None:
     """Test: belts have slipped, and the flipper, hardly lowered, lifts the chair by a degree. Expected result: the flipper is
     raised, the chair moves on by 13 cm, and the flipper reaches again; the map's nosing position is ignored; after at least two

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from treadline.core.angles import DEG
 from treadline.core.errors import NotDetectable, NotStabilisable, PeriodMismatch, ShapeMismatch
 from treadline.core.models import ControllerDesign, LinearModel
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
+from treadline.experiments.as_printed import paper_controller
 
 PERIOD_S = 0.25
 YAW_GAIN = 0.8
@@ -81,20 +81,6 @@ def run(driver: HeadingController, chair: Chair, seconds: float) -> Float[np.nda
         headings.append(chair.state[0] / DEG)
         chair.drive(driver.step(chair.estimate(t_s), t_s))
     return np.array(headings)
-
-
-def literal(reconstruct: Literal["observer", "static"] = "static") -> ControllerDesign:
-    """Return the paper's controller as printed: Eq. (11b), (12), (14) at 1 s."""
-    model = LinearModel(
-        A=paper.A.copy(),
-        B=paper.B.copy(),
-        C=paper.C.copy(),
-        D=paper.D.copy(),
-        dt_s=1.0,
-        input_offset=np.full(2, 0.2),
-        output_offset=np.zeros(2),
-    )
-    return ControllerDesign(model=model, K=paper.K.copy(), observer_gain=np.zeros((2, 2)), period_s=1.0, reconstruct=reconstruct)
 
 
 @pytest.mark.parametrize("start_deg", [30.0, -30.0, 10.0])
@@ -279,7 +265,7 @@ def test_a_mismatch_that_no_output_shows_is_not_learned() -> None:
 
 
 def test_the_papers_own_controller_can_be_built_and_drives_static() -> None:
-    design = literal()
+    design = paper_controller(0.2)
     driver = HeadingController(design, ControllerConfig(allocation="paper", period_s=1.0))
     # Eq. (11) at +2° at rest, by hand: u = 0.2 - K (C - DK)^-1 y.
     y = np.array([2.0 * DEG, 0.0])

@@ -108,14 +108,14 @@ def test_a_controller_that_follows_the_plan_gets_every_phase_of_a_traversal() ->
     assert blocks.driver.config is config
     assert is_full_traversal(config)
     assert isinstance(blocks.planner, Ascent)
-    assert blocks.guard._config.watches_slip
-    assert blocks.guard._config.driver_timeout_s == pytest.approx(0.3)  # three of its periods
+    assert blocks.guard.config.watches_slip
+    assert blocks.guard.config.driver_timeout_s == pytest.approx(0.3)  # three of its periods
 
 
 def test_a_controller_that_does_not_follow_the_plan_drives_the_flight_alone() -> None:
     blocks = build_blocks(configured(controller=OnOneFlight))
     assert isinstance(blocks.planner, Cruise)
-    assert not blocks.guard._config.watches_slip
+    assert not blocks.guard.config.watches_slip
 
 
 def test_a_detector_without_a_stair_map_drives_the_flight_alone() -> None:

@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import pytest
 
-from treadline.core.models import ControllerDesign, LinearModel
+from treadline.core.errors import SettingsError
 from treadline.core.ports import Plant, Reading, TruthPlant
 from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
-from treadline.experiments.as_printed import paper_model
 from treadline.experiments.plan import turn
 from treadline.mission.loop import Mission
 from treadline.mission.mission_blocks import build_blocks
@@ -16,22 +14,7 @@ from treadline.mission.mission_config import MissionConfig
 from treadline.plant.mujoco import open_plant
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario
-
-
-def controller() -> ControllerDesign:
-    """Heading as an integrator of the belts' difference, a quarter second at a time."""
-    from treadline.control import tune
-
-    model = LinearModel(
-        A=np.array([[1.0, 0.2], [0.0, 0.2]]),
-        B=np.array([[-0.05, 0.05], [-1.0, 1.0]]),
-        C=np.eye(2),
-        D=np.zeros((2, 2)),
-        dt_s=0.25,
-        input_offset=np.full(2, 0.2),
-        output_offset=np.zeros(2),
-    )
-    return tune(model)
+from treadline.scenario.shipped_files import shipped_controller
 
 
 class Recording:
@@ -78,7 +61,7 @@ def drive(plant: Plant, config: MissionConfig, ticks: int) -> None:
 
 def test_the_same_samples_without_any_truth_give_the_same_commands_bit_for_bit() -> None:
     scenario = turn(28, 20, 4.0)
-    config = mission_config(scenario, controller())
+    config = mission_config(scenario, shipped_controller("wheelchair"))
     recording = Recording(open_plant(scenario, seed=7))
     drive(recording, config, 300)
     replay = Replay(recording.batches)
@@ -97,12 +80,12 @@ def test_a_plant_whose_truth_explodes_is_driven_all_the_same(monkeypatch: pytest
 
     monkeypatch.setattr(plant, "truth", explode)
     recording = Recording(plant)
-    drive(recording, mission_config(scenario, controller()), 100)
+    drive(recording, mission_config(scenario, shipped_controller("wheelchair")), 100)
     assert max(tracks.right_m_s for tracks, *_ in recording.written) > 0.05
 
 
 def test_the_mission_configuration_does_not_depend_on_slope_friction_heading_or_where_the_payload_sits() -> None:
-    design = controller()
+    design = shipped_controller("wheelchair")
     configured = mission_config(turn(25, 30, 80.0), design)
     other = turn(30, -12, 80.0)
     hidden = other.model_dump()
@@ -119,17 +102,11 @@ def test_a_plant_port_offers_no_truth() -> None:
 
 
 def test_a_closed_loop_without_a_controller_is_refused() -> None:
-    from treadline.core.errors import SettingsError
-
     with pytest.raises(SettingsError, match="needs a controller"):
         build_blocks(mission_config(turn(28, 0, 1.0), None))
 
 
 def test_a_controller_of_another_vehicle_is_refused() -> None:
-    from treadline.core.errors import SettingsError
-
-    design = ControllerDesign(
-        model=paper_model(), K=np.zeros((2, 2)), observer_gain=np.zeros((2, 2)), period_s=1.0, vehicle="rescue"
-    )
+    design = shipped_controller("rescue")
     with pytest.raises(SettingsError, match="rescue"):
         build_blocks(mission_config(turn(28, 0, 1.0), design))

@@ -8,7 +8,7 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth, TruthPlant
-from treadline.core.signals import Event, FlipperCommand, MotionPlan, OperatorInput, SeatCommand, TrackCommand
+from treadline.core.signals import Event, MotionPlan, OperatorInput
 from treadline.mission.loop import Mission, Signal
 from treadline.mission.mission_blocks import build_blocks
 from treadline.plant.mujoco import open_plant
@@ -31,9 +31,7 @@ class Attended:
         self._plant = plant
         self.stop = self.rearm = False
         self._t_s = self._spoke_s = 0.0
-
-    def start(self) -> None:
-        self._plant.start()
+        self.start, self.write, self.truth, self.close = plant.start, plant.write, plant.truth, plant.close
 
     def advance(self, t_s: float) -> None:
         self._t_s = t_s
@@ -45,15 +43,6 @@ class Attended:
             self._spoke_s = self._t_s
             said.append(OperatorInput(t_s=self._t_s, stop=self.stop, rearm=self.rearm))
         return [*self._plant.read(), *said]
-
-    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
-        self._plant.write(tracks, seat, flipper)
-
-    def truth(self) -> list[Truth]:
-        return list(self._plant.truth())
-
-    def close(self) -> None:
-        self._plant.close()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
