@@ -16,6 +16,7 @@ from systems import Experiment, driven, equation_12, in_closed_loop, light_dampi
 from tables import Row, table
 
 from treadline.core import paper
+from treadline.core.angles import rms
 from treadline.identification import IdentificationOptions, identify
 
 STEPS = 20
@@ -116,11 +117,6 @@ def _error(fit: Fit, order: int, rows: int, experiment: Experiment) -> float:
         return relative_error(fit(experiment.record, order, rows), experiment.system, STEPS)
     except (PeerError, np.linalg.LinAlgError, ValueError):  # peers raise what their libraries raise
         return np.inf
-
-
-def rms(values: list[float] | Float[np.ndarray, "..."]) -> float:
-    """Return the root mean square."""
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def coverage_table(case: Case, seeds: range) -> None:

@@ -3,6 +3,9 @@
 Run: ``python benchmarks/crest.py`` (about two minutes of CPU). tests/experiments/test_crest.py checks a part of these figures.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 from crossing import CrestCase, cross
 
 SLOPES_DEG = (25.0, 28.0, 30.0)
@@ -24,69 +27,73 @@ def table(title: str, cases: dict[str, CrestCase]) -> None:
         )
 
 
+def errors(make: Callable[..., CrestCase]) -> dict[str, CrestCase]:
+    """Return the cases with an error of the assumed nosing or centre of mass."""
+    return {
+        "nosing -15 cm": make(nosing_error_m=-0.15),
+        "nosing +10 cm": make(nosing_error_m=0.10),
+        "centre of mass -10 cm": make(com_error_m=-0.10),
+        "centre of mass +10 cm": make(com_error_m=0.10),
+    }
+
+
+def limited(make: Callable[..., CrestCase], heavy_deg: float, lost_at_deg: float, duration_s: float) -> dict[str, CrestCase]:
+    """Return the cases with a lost motor, without a flipper and with a weak one."""
+    lost = {"motor_lost_at_deg": lost_at_deg, "duration_s": duration_s}
+    return {
+        f"motor lost half-way, 110 kg, {heavy_deg:.0f}°": make(slope_deg=heavy_deg, payload_kg=110.0, **lost),
+        "the same without its brake": make(lost_damping_n_m_s_rad=0.0, **lost),
+        "no flipper": make(chair="wheelchair-fixed", duration_s=16.0),
+        "40 N·m": make(torque_n_m=40.0, duration_s=duration_s),
+    }
+
+
 for slope in SLOPES_DEG:
-    heavy, half = min(slope, HEAVY_MAX_DEG), 0.5 * slope
+    heavy, up = min(slope, HEAVY_MAX_DEG), partial(CrestCase, slope_deg=slope)
     table(
         f"Up over the crest, {slope:.0f}°",
         {
-            "nominal, 50 kg": CrestCase(slope_deg=slope),
-            "empty": CrestCase(slope_deg=slope, payload_kg=0.0),
-            f"110 kg at {heavy:.0f}°": CrestCase(slope_deg=heavy, payload_kg=110.0),
-            "nosing -15 cm": CrestCase(slope_deg=slope, nosing_error_m=-0.15),
-            "nosing +10 cm": CrestCase(slope_deg=slope, nosing_error_m=0.10),
-            "centre of mass -10 cm": CrestCase(slope_deg=slope, com_error_m=-0.10),
-            "centre of mass +10 cm": CrestCase(slope_deg=slope, com_error_m=0.10),
-            "heading 10°": CrestCase(slope_deg=slope, heading_deg=10.0),
-            "friction 1.0": CrestCase(slope_deg=slope, friction=GRIPS),
-            "friction 1.0, empty": CrestCase(slope_deg=slope, friction=GRIPS, payload_kg=0.0),
-            f"motor lost half-way, 110 kg, {heavy:.0f}°": CrestCase(slope_deg=heavy, payload_kg=110.0, motor_lost_at_deg=half),
-            "the same without its brake": CrestCase(slope_deg=slope, motor_lost_at_deg=half, lost_damping_n_m_s_rad=0.0),
-            "no flipper": CrestCase(slope_deg=slope, chair="wheelchair-fixed", duration_s=16.0),
-            "range to -45°, centre of mass -10 cm": CrestCase(slope_deg=slope, range_deg=(-45.0, 60.0), com_error_m=-0.10),
-            "40 N·m": CrestCase(slope_deg=slope, torque_n_m=40.0),
+            "nominal, 50 kg": up(),
+            "empty": up(payload_kg=0.0),
+            f"110 kg at {heavy:.0f}°": up(slope_deg=heavy, payload_kg=110.0),
+            **errors(up),
+            "heading 10°": up(heading_deg=10.0),
+            "friction 1.0": up(friction=GRIPS),
+            "friction 1.0, empty": up(friction=GRIPS, payload_kg=0.0),
+            **limited(up, heavy, 0.5 * slope, 40.0),
+            "range to -45°, centre of mass -10 cm": up(range_deg=(-45.0, 60.0), com_error_m=-0.10),
         },
     )
 
 for slope in (20.0, *SLOPES_DEG):
-    heavy, half = min(slope, HEAVY_MAX_DEG), 0.5 * slope
+    heavy, down = min(slope, HEAVY_MAX_DEG), partial(CrestCase, direction="down", slope_deg=slope)
     table(
         f"Rearwards down over the edge, {slope:.0f}°",
         {
-            "nominal, 50 kg": CrestCase(direction="down", slope_deg=slope),
-            "empty": CrestCase(direction="down", slope_deg=slope, payload_kg=0.0),
-            "80 kg": CrestCase(direction="down", slope_deg=slope, payload_kg=80.0),
-            f"110 kg at {heavy:.0f}°": CrestCase(direction="down", slope_deg=heavy, payload_kg=110.0),
-            "nosing -15 cm": CrestCase(direction="down", slope_deg=slope, nosing_error_m=-0.15),
-            "nosing +10 cm": CrestCase(direction="down", slope_deg=slope, nosing_error_m=0.10),
-            "centre of mass -10 cm": CrestCase(direction="down", slope_deg=slope, com_error_m=-0.10),
-            "centre of mass +10 cm": CrestCase(direction="down", slope_deg=slope, com_error_m=0.10),
-            "-15 cm, centre of mass +10 cm": CrestCase(direction="down", slope_deg=slope, nosing_error_m=-0.15, com_error_m=0.1),
-            "slope -2°": CrestCase(direction="down", slope_deg=slope, slope_error_deg=-2.0),
-            "slope +2°": CrestCase(direction="down", slope_deg=slope, slope_error_deg=2.0),
-            "heading 5°": CrestCase(direction="down", slope_deg=slope, heading_deg=5.0),
-            f"motor lost half-way, 110 kg, {heavy:.0f}°": CrestCase(
-                direction="down", slope_deg=heavy, payload_kg=110.0, motor_lost_at_deg=half, duration_s=20.0
-            ),
-            "the same without its brake": CrestCase(
-                direction="down", slope_deg=slope, motor_lost_at_deg=half, lost_damping_n_m_s_rad=0.0, duration_s=20.0
-            ),
-            "no flipper": CrestCase(direction="down", slope_deg=slope, chair="wheelchair-fixed", duration_s=16.0),
-            "range to -45°": CrestCase(direction="down", slope_deg=slope, range_deg=(-45.0, 60.0)),
-            "range to -45°, belts that do not wait": CrestCase(
-                direction="down", slope_deg=slope, range_deg=(-45.0, 60.0), keep_m=-1.0
-            ),
-            "40 N·m": CrestCase(direction="down", slope_deg=slope, torque_n_m=40.0, duration_s=20.0),
-            "40 N·m, belts that do not wait": CrestCase(direction="down", slope_deg=slope, torque_n_m=40.0, keep_m=-1.0),
+            "nominal, 50 kg": down(),
+            "empty": down(payload_kg=0.0),
+            "80 kg": down(payload_kg=80.0),
+            f"110 kg at {heavy:.0f}°": down(slope_deg=heavy, payload_kg=110.0),
+            **errors(down),
+            "-15 cm, centre of mass +10 cm": down(nosing_error_m=-0.15, com_error_m=0.1),
+            "slope -2°": down(slope_error_deg=-2.0),
+            "slope +2°": down(slope_error_deg=2.0),
+            "heading 5°": down(heading_deg=5.0),
+            **limited(down, heavy, 0.5 * slope, 20.0),
+            "range to -45°": down(range_deg=(-45.0, 60.0)),
+            "range to -45°, belts that do not wait": down(range_deg=(-45.0, 60.0), keep_m=-1.0),
+            "40 N·m, belts that do not wait": down(torque_n_m=40.0, keep_m=-1.0),
         },
     )
 
 for slope in SLOPES_DEG:
+    foot = partial(CrestCase, at="foot", slope_deg=slope)
     table(
         f"At the foot, {slope:.0f}°: no flipper at work",
         {
-            "mount at 0.1 m/s": CrestCase(at="foot", slope_deg=slope),
-            "mount at 0.2 m/s": CrestCase(at="foot", slope_deg=slope, speed_m_s=0.2),
-            "leave rearwards at 0.1 m/s": CrestCase(direction="down", at="foot", slope_deg=slope),
-            "leave rearwards at 0.2 m/s": CrestCase(direction="down", at="foot", slope_deg=slope, speed_m_s=0.2),
+            "mount at 0.1 m/s": foot(),
+            "mount at 0.2 m/s": foot(speed_m_s=0.2),
+            "leave rearwards at 0.1 m/s": foot(direction="down"),
+            "leave rearwards at 0.2 m/s": foot(direction="down", speed_m_s=0.2),
         },
     )

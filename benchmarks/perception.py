@@ -186,13 +186,7 @@ def looks(case: Case, seeds: range) -> Iterator[Look]:
         started = time.process_time()
         sight = detector.look(view.frame, view.gravity_C if case.knows_down else None)
         spent_ms = (time.process_time() - started) * 1e3
-        yield Look(view=view, sight=sight, spent_ms=spent_ms, stages_ms=stages_of(detector))
-
-
-def stages_of(detector: StairDetector) -> dict[str, float]:
-    """Return the time per stage of the last detection [ms], if the detector reports stage times."""
-    timings = getattr(detector, "timings", None)
-    return {str(name): float(value) for name, value in timings.items()} if isinstance(timings, dict) else {}
+        yield Look(view=view, sight=sight, spent_ms=spent_ms, stages_ms=dict(detector.timings))
 
 
 HEADING_COLUMNS = (
@@ -259,7 +253,7 @@ def geometry_row(case: Case, seeds: range) -> str:
     pairs = [
         (seen_map, look.view.stair)
         for look in seen
-        if look.view.stair is not None and (seen_map := getattr(look.sight, "stair_map", None)) is not None
+        if look.view.stair is not None and (seen_map := look.sight.stair_map) is not None
     ]
     if not pairs:
         return f"| {case.label} | {len(seen)} | 0 |" + " |" * 10
@@ -297,7 +291,7 @@ AXES_COLUMNS = "| | frames | edge RMSE, NEES | down RMSE, NEES | normal RMSE, NE
 def axes_row(case: Case, seeds: range) -> str:
     """Return errors of the stair's axes in the camera's frame: what the mount is calibrated by."""
     errors: dict[str, list[tuple[float, float]]] = {"edge": [], "down": [], "normal": []}
-    seen = [look for look in looks(case, seeds) if getattr(look.sight, "axes", None) is not None]
+    seen = [look for look in looks(case, seeds) if look.sight.axes is not None]
     for look in seen:
         found, truth = look.sight.axes, look.view.stair
         assert found is not None  # noqa: S101 - for the type checker
@@ -379,11 +373,11 @@ def sides_row(case: Case, seeds: range) -> str:
     for seen, truth in found:
         both = []
         for side in ("left", "right"):
-            edge_m = getattr(seen, f"{side}_edge_m", None)
+            edge_m = getattr(seen, f"{side}_edge_m")
             if edge_m is not None:
                 both.append(edge_m)
                 errors.append(edge_m - getattr(truth, f"{side}_edge_m"))
-                right.append(getattr(seen, f"{side}_side", None) == getattr(truth, f"{side}_side"))
+                right.append(getattr(seen, f"{side}_side") == getattr(truth, f"{side}_side"))
         widths += [(sum(both), truth.width_m)] if len(both) == 2 else []
     width = f"{rms([told - true for told, true in widths]) * 1e3:.0f} mm ({len(widths)})" if widths else ""
     return (

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from perception_cases import LIFELIKE
 from scenes import SceneCamera, ViewRecipe
 from scenes.flight import TiltedFlight, draw_flight
 from scipy.stats import ks_2samp, norm, rankdata
@@ -41,15 +42,7 @@ from treadline.plant.sensors.visibility import Geometry, Visibility, VisibleSide
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.staircase import Staircase
 
-AS_BUILT: dict[str, Any] = {
-    "grain_px": 1.2,
-    "warp_px": 0.03,
-    "tread_tilt_deg": 0.3,
-    "nosing_yaw_jitter_deg": 0.15,
-    "rise_jitter_m": 0.003,
-    "run_jitter_m": 0.003,
-    "rock_deg": 0.5,
-}
+AS_BUILT: dict[str, Any] = {name: value for name, value in LIFELIKE.items() if name != "worn_m"}
 """Imperfections of real frames: uneven steps, spatially correlated noise, residual distortion."""
 SLOPE_DEG, RISE_M = (20.0, 32.0), (0.12, 0.18)
 LENGTH_SPARE_M = 0.01

@@ -25,13 +25,13 @@ from treadline.estimation.camera_mount import STANDING_M_S, MountConfig
 FRAME_BLOCK_S = 0.5
 """Block length of a comparison between treads and gravity [s]: depth noise of frames is independent, rocking moves both. With 0.25,
 0.5, 1 and 2 s a mount rolled by 3 to 5° is reported after 1, 2, 4 and 8 s, each time to ±0.9 to 1.1°, and headings end with
-the same errors (``benchmarks/mount_in_the_loop.py``)."""
+the same errors (rendered climbs with a wrong mount, as in ``tests/mission/test_mount_in_the_loop.py``)."""
 LEVEL_RAD = 1.5 * DEG
 """Largest IMU tilt of a chair on the floor [rad]: drainage slope of 2 % (1.1°), and three sigma of the IMU's tilt (1.05°), added as
 squares."""
 TREADS_SIGMA_RAD = 0.25 * DEG
 """Largest sigma of the treads' direction [rad]: half the sigma of gravity in the detector, so that treads have three quarters of
-the weight in the direction. With 0.18 and 0.35° the events and headings of ``benchmarks/mount_in_the_loop.py`` are the same."""
+the weight in the direction. With 0.18 and 0.35° events and headings of these climbs are the same."""
 
 
 def mount_angles(
