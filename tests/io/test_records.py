@@ -79,16 +79,6 @@ def test_an_angle_that_was_unwrapped_may_pass_pi_if_its_name_says_so(tmp_path: P
     assert record.y[3, 0] == 20.0
 
 
-def test_what_is_no_text_file_is_refused_by_name(tmp_path: Path) -> None:
-    latin = tmp_path / "latin.csv"
-    latin.write_bytes(HEADER.encode() + b"\n\xff,0,0,0\n")
-    folder = tmp_path / "run"
-    folder.mkdir()
-    for path, words in ((latin, "not UTF-8"), (tmp_path / "none.csv", "no such file"), (folder, "without record.csv")):
-        with pytest.raises(LogFormatError, match=words):
-            read_record(path, INPUTS, OUTPUTS)
-
-
 def test_allowed_gaps_stay_as_rows_of_nan_up_to_a_fifth(tmp_path: Path) -> None:
     def gaps(count: int) -> Path:
         rows = [f"{0.25 * k},0.2,0.2," if k < count else ROWS[k] for k in range(10)]
@@ -153,13 +143,6 @@ def test_a_period_that_is_no_time_is_refused(tmp_path: Path, period_s: float) ->
     path = written(tmp_path / "record.csv", [HEADER, *ROWS])
     with pytest.raises(PeriodMismatch, match="--period"):
         read_record(path, INPUTS, OUTPUTS, period_s=period_s)
-
-
-def test_without_a_clock_the_period_must_be_given(tmp_path: Path) -> None:
-    path = written(tmp_path / "a.csv", ["left_m_s,heading_rad", "0.1,0.0", "0.2,0.1"])
-    with pytest.raises(PeriodMismatch, match="--period"):
-        read_record(path, ("left_m_s",), OUTPUTS)
-    assert read_record(path, ("left_m_s",), OUTPUTS, period_s=0.5).dt_s == 0.5
 
 
 def test_a_binary_file_is_never_more_than_a_typed_error(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """PLY and PCD files: all layouts give the same points; damaged files are one line."""
 
 import struct
+import sys
 import tracemalloc
 from pathlib import Path
 
@@ -144,3 +145,12 @@ def test_damaged_headers_are_named(tmp_path: Path, cloud, colours, name: str, ol
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ImageError, match="no such file"):
         read_cloud(tmp_path / "a.ply")
+
+
+def test_a_missing_reader_of_pcd_files_is_named_with_its_remedy(
+    tmp_path: Path, cloud, colours, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a.pcd").write_bytes(pcd(cloud, colours, "binary"))
+    monkeypatch.setitem(sys.modules, "pypcd4.pypcd4", None)
+    with pytest.raises(ImageError, match="pip install pypcd4"):
+        read_cloud(tmp_path / "a.pcd")

@@ -18,7 +18,7 @@ import pytest
 from treadline.cli import main
 from treadline.core.errors import CameraError
 from treadline.core.images import PinholeCamera
-from treadline.io.live import CAMERAS, camera_by_name
+from treadline.io.live import camera_by_name
 from treadline.io.live._vendor import rotation_or_none, undistortion
 from treadline.io.live.stream import LiveFrames
 
@@ -255,7 +255,3 @@ def test_what_a_vendor_writes_to_stdout_goes_to_stderr(plug, capfd, monkeypatch:
     said = capfd.readouterr()
     assert json.loads(said.out)["camera"] == "realsense"
     assert "load extensions" in said.err
-
-
-def test_every_camera_of_the_table_has_a_test() -> None:
-    assert set(CAMERAS) == set(PACKAGES)
