@@ -26,9 +26,9 @@ from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2, read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.vehicle.bodies import vehicle
-from treadline.vehicle.loading import centre_of_mass
 from treadline.vehicle.quasi_static import floor_stance, quasi_static_run, steady_motion
 from treadline.vehicle.stair_solids import stair_solids
+from treadline.vehicle.static_stability import centre_of_mass
 
 MISSING = "benchmarks/contact.py needs Drake, which is no dependency of treadline: pip install drake"
 MU = 0.62

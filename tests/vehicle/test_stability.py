@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.scenario.chair import ChairDescription, Tracks, read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.loading import centre_of_mass, seat_mass_kg, static_margins
+from treadline.vehicle.static_stability import centre_of_mass, seat_mass_kg, static_margins
 from treadline.vehicle.tip_over_margin import Margins, Support, tipping_margins, worst_support
 
 CHAIR = read_chair("wheelchair-fixed")

@@ -39,7 +39,7 @@ PLACES = {
     "mechanics": "vehicle",
     "mechanics.chair": "scenario.chair",
     "mechanics.quasi_static": "vehicle.quasi_static",
-    "mechanics.stability": "vehicle.loading",
+    "mechanics.stability": "vehicle.static_stability",
     "mechanics.staircase": "vehicle.staircase",
     "mechanics.tracks": "vehicle.tracks",
     "mechanics.verdict": "vehicle.verdict",

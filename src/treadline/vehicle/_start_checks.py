@@ -15,10 +15,10 @@ from treadline.core.angles import DEG, rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.bodies import Vehicle, vehicle
-from treadline.vehicle.loading import centre_of_mass
 from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.start_pose import CLEARANCE_M, Standing, from_edge_m, rounded_off_m, standing
+from treadline.vehicle.static_stability import centre_of_mass
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
 SUNK_M = 0.01

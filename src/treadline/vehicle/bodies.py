@@ -11,9 +11,9 @@ from typing import Literal
 import numpy as np
 
 from treadline.scenario.chair import ChairDescription, Flipper, Point, Seat, Tracks
-from treadline.scenario.scenario import Chair
+from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.loading import payload_com, payload_origin, seat_mass_kg
+from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
 from treadline.vehicle.tracks import pulley_centres
 
 FLAT_THICKNESS_M = 0.025
@@ -204,3 +204,15 @@ def _box_inertia(mass_kg: float, size_m: tuple[float, float, float]) -> Point:
 def _half(size_m: tuple[float, float, float]) -> Point:
     a, b, c = size_m
     return 0.5 * a, 0.5 * b, 0.5 * c
+
+
+def oversized_lugs(belts: Belts, tracks: Tracks) -> str | None:
+    """Return why the lugs are too large for the chair's pulleys, or None."""
+    # The belt solid of 0.05 m shrinks by the lug height.
+    height, most = belts.measures_m[0], min(0.5 * tracks.pulley_radius_m, 0.04)
+    if height <= most:
+        return None
+    return (
+        f"belts.height_m is {height:.3f}, the pulleys' radius {tracks.pulley_radius_m:.3f} m; lugs up to {most:.3f} m fit, "
+        "half that radius and 0.04 m at most: a belt bends at the lugs' feet"
+    )

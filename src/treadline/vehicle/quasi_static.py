@@ -26,7 +26,7 @@ from jaxtyping import Bool, Float
 from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.loading import centre_of_mass
+from treadline.vehicle.static_stability import centre_of_mass
 
 ROUNDING = np.geomspace(1e-1, 1e-8, 8)
 """Rounding of the kink at zero slip, relative to the faster belt's speed; a sticking contact creeps at about the last value."""

@@ -1,4 +1,4 @@
-"""Tracks: pulleys, length on the nosings, minimum track length; traction on the nosing plane, and lugs that the pulleys bend.
+"""Tracks: pulleys, length on the nosings, minimum track length; traction on the nosing plane.
 
 Paper: Section II.A, Fig. 3(b). "Wheelchair tracks must be in contact with at least two stair edges": L > 2√(h² + w²).
 
@@ -13,8 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import MechanicsError
-from treadline.scenario.chair import ChairDescription, Tracks
-from treadline.scenario.scenario import Belts
+from treadline.scenario.chair import ChairDescription
 
 
 def minimum_track_length(rise_m: float, run_m: float) -> float:
@@ -80,15 +79,3 @@ def largest_heading_rad(slope_rad: float, friction: tuple[float, float]) -> floa
         return 0.5 * math.pi
     # lengthwise cos² + sidewise sin² = 1, solved for sin².
     return math.asin(math.sqrt((1.0 - lengthwise) / (sidewise - lengthwise)))
-
-
-def oversized_lugs(belts: Belts, tracks: Tracks) -> str | None:
-    """Return why the lugs are too large for the chair's pulleys, or None."""
-    # The belt solid of 0.05 m shrinks by the lug height.
-    height, most = belts.measures_m[0], min(0.5 * tracks.pulley_radius_m, 0.04)
-    if height <= most:
-        return None
-    return (
-        f"belts.height_m is {height:.3f}, the pulleys' radius {tracks.pulley_radius_m:.3f} m; lugs up to {most:.3f} m fit, "
-        "half that radius and 0.04 m at most: a belt bends at the lugs' feet"
-    )

@@ -11,16 +11,17 @@ from treadline.core.printing import Printable
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle._start_checks import start_problems
+from treadline.vehicle.bodies import oversized_lugs
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.loading import Loading, static_margins
+from treadline.vehicle.loading import Loading
 from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.static_stability import static_margins
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins
 from treadline.vehicle.tracks import (
     friction_use,
     largest_heading_rad,
     minimum_track_length,
     nosings_touched,
-    oversized_lugs,
     track_on_stair_m,
 )
 

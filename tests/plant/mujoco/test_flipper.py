@@ -17,8 +17,8 @@ from treadline.run.episode import traverse
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Stair, Start
 from treadline.scenario.shipped_files import CHAIRS
-from treadline.vehicle.loading import centre_of_mass
 from treadline.vehicle.staircase import build_staircase
+from treadline.vehicle.static_stability import centre_of_mass
 
 ARMED = read_chair("wheelchair")
 NOISE_N_M = 2.0

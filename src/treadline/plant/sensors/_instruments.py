@@ -29,9 +29,9 @@ from treadline.plant.sensors.imu import IMUS, Imu
 from treadline.plant.sensors.statistical_camera import StatisticalCamera
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Scenario
-from treadline.vehicle.loading import payload_com, payload_origin, seat_mass_kg
 from treadline.vehicle.stair_solids import stair_surfaces
 from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M
 from treadline.vehicle.tracks import friction_use
 

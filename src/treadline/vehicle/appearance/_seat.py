@@ -16,7 +16,7 @@ from treadline.scenario.chair import ChairDescription, Seat, Size
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance._mesh import Mesh, MeshPart, box, capsule, cylinder, extrusion, merged, part, rounded_box, tube
 from treadline.vehicle.linkage import SeatLinkage
-from treadline.vehicle.loading import payload_com, payload_origin
+from treadline.vehicle.static_stability import payload_com, payload_origin
 
 ROD_M = 0.012
 """Radius of the rods of seat and linkage [m] (drawn only)."""

@@ -15,7 +15,7 @@ from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
 from treadline.plant.mujoco.contact import _rubber_lug_kernels as lugs
 from treadline.scenario.chair import Tracks
 from treadline.scenario.scenario import Belts
-from treadline.vehicle.tracks import oversized_lugs
+from treadline.vehicle.bodies import oversized_lugs
 
 DMAX = 0.99
 """Largest impedance of a contact, as in the scene's solimp."""
