@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from treadline.campaign import cluster
-from treadline.campaign._sampled_run import Episode, EpisodeRunner, Row
 from treadline.campaign.cluster import LOCAL, Cluster
+from treadline.campaign.pool import Episode, EpisodeRunner, Row
 from treadline.campaign.spec import read_spec
 from treadline.campaign.sweep import SweepPlan
 from treadline.core.errors import SettingsError

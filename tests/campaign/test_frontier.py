@@ -7,8 +7,8 @@ import pytest
 
 from treadline.campaign._frontier import frontier_of, separation
 from treadline.campaign._results import flat
-from treadline.campaign._sampled_run import VIEW, Row
 from treadline.campaign.campaign_page import thumbnail, view_of
+from treadline.campaign.pool import VIEW, Row
 from treadline.playback import Recording
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario

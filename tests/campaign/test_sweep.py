@@ -15,9 +15,8 @@ from typing import Any
 import flown
 import pytest
 
-from treadline.campaign._sampled_run import EpisodeRunner, Row
 from treadline.campaign.journal import NAME, Journal
-from treadline.campaign.pool import Pool, Runners
+from treadline.campaign.pool import EpisodeRunner, Pool, Row, Runners
 from treadline.campaign.spec import read_spec
 from treadline.campaign.sweep import SweepPlan, replay_command, run_sweep
 from treadline.core.errors import LogFormatError, SettingsError, TreadlineError

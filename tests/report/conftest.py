@@ -51,57 +51,6 @@ def write_series(folder: Path, start_deg: float) -> None:
     (folder / "series.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def cell(slope: float, start: float, rms: float, **changes: object) -> Tables:
-    return {
-        "slope_deg": slope,
-        "start_heading_deg": start,
-        "paper_label": "anticlockwise" if start > 0 else "clockwise",
-        "paper_deg": 2.0,
-        "rms_heading_deg": rms,
-        "sd": 0.05,
-        "rms_yaw_deg": 1.1 * rms,
-        "settle_s": 3.0,
-        "steady_rms_heading_deg": 0.05,
-        "worst_steady_rms_heading_deg": 0.1,
-        "roll_back_m": 0.01,
-        "lateral_m": 0.3,
-        "min_stability_margin_deg": 9.0,
-        "max_friction_use": 0.9,
-        "verdicts": ["time_up"],
-        "conditions": "80 s, seeds 0, 1, 2, 3, 4",
-    } | changes
-
-
-def identified(slope: float) -> Tables:
-    return {
-        "slope_deg": slope,
-        "singular_values": [1.2, 0.7, 0.02, 0.001],
-        "rank": 2,
-        "sigma2_over_sigma3": 35.0,
-        "yaw_rate_vaf_percent": 90.0,
-        "heading_5s_rmse_deg": 0.5,
-        "poles": [[0.998, 0.0], [0.3, 0.2]],
-        "whiteness_p": 0.4,
-        "conditions": "1000 samples at 0.25 s, seed 0; validated on another recording",
-    }
-
-
-def straight(slope: float, loop: str) -> Tables:
-    opened = loop == "open"
-    return {
-        "slope_deg": slope,
-        "loop": loop,
-        "duration_s": 300.0,
-        "rms_heading_deg": 2.0 if opened else 0.04,
-        "final_heading_deg": 7.25 if opened else 0.01,
-        "max_abs_heading_deg": 7.5 if opened else 0.1,
-        "lateral_m": 0.8 if opened else 0.003,
-        "verdict": "time_up",
-        "seed": 0,
-        "run": f"straight-{slope:g}-{loop}",
-    }
-
-
 @pytest.fixture
 def results() -> Tables:
     """Return the values of a whole reproduction."""
@@ -109,56 +58,9 @@ def results() -> Tables:
 
 
 def reproduced() -> Tables:
-    response = {"left_m_s": [0.0, -0.1, -0.1], "right_m_s": [0.0, 0.1, 0.1]}
-    slopes, starts = (25, 28, 30), (30, -30)
-    return {
-        "quick": False,
-        "table1": [{"parameter": "Mass of the system [kg]", "paper": "23.4", "ours": "23.4"}],
-        "fig05": {
-            "heading_deg": 107.9,
-            "robust_heading_deg": 10.0,
-            "robust_sigma_deg": 0.05,
-            "true_heading_deg": 10.0,
-            "edges": 5,
-            "reason": None,
-            "conditions": "28° stair",
-        },
-        "fig08": identified(28)
-        | {
-            "impulse": {"t_s": [0.0, 0.25, 0.5], "heading_rad": response, "yaw_rate_rad_s": response},
-            "slopes": [identified(slope) for slope in slopes],
-        },
-        "fig09": [straight(slope, loop) for slope in (25, 28) for loop in ("closed", "open")],
-        "fig10": [
-            {"slope_deg": 28, "start_heading_deg": start, "seed": 0, "run": f"turn-28-{'plus' if start > 0 else 'minus'}30-seed0"}
-            for start in starts
-        ],
-        "table2": [cell(slope, start, 2.2) for start in starts for slope in slopes],
-        "table2_roll_back_allowed": [cell(slope, start, 1.8, roll_back_m=0.9) for start in starts for slope in slopes],
-        "literal": {
-            "max_gap_to_print": 3.2e-4,
-            "asked_m_s": [0.57, -2.68],
-            "max_speed_m_s": 1.0,
-            "runs": [
-                {
-                    "verdict": "fell",
-                    "cause": "tilted",
-                    "duration_s": 23.0,
-                    "rms_heading_deg": 12.0,
-                    "final_heading_deg": -8.0,
-                    "roll_back_m": 2.0,
-                }
-            ],
-        },
-        "fig11": {"settle_s": 2.0, "steady_error_deg": 0.003, "run": "seat-28", "conditions": "28° stair, seed 0"},
-        "controller": {"K": [[0.05, -0.02], [-0.05, 0.02]], "period_s": 0.25},
-        "speed": {"physics_real_time_factor": 60.0, "loop_cpu_s_per_s": 0.08},
-        "gravity_error_deg": 0.5,
-        "wall_s": 250.0,
-        "versions": {"python": "3.11", "treadline": "0.1.0"},
-        "git_commit": None,
-        "command": "treadline reproduce",
-    }
+    """Return the values of a small reproduction: every figure is a round number."""
+    values: Tables = json.loads(Path(__file__).with_name("reproduction.json").read_text(encoding="utf-8"))
+    return values
 
 
 @pytest.fixture

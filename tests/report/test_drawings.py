@@ -23,18 +23,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
-def test_a_drawing_is_a_small_picture_that_needs_nothing_else(folder: Path, name: str) -> None:
+def test_a_drawing_is_a_small_picture_that_needs_nothing_else_and_the_same_twice(folder: Path, name: str) -> None:
     path = folder / f"{name}.svg"
     text = path.read_text(encoding="utf-8")
     assert path.stat().st_size < LARGEST_BYTES
     assert ET.fromstring(text).tag == "{http://www.w3.org/2000/svg}svg"  # noqa: S314 - our own file
     assert "<script" not in text
     assert "<image" not in text
-
-
-@pytest.mark.parametrize("name", DRAWINGS)
-def test_a_drawing_is_the_same_twice(name: str) -> None:
-    assert svg_of(DRAWINGS[name]()) == svg_of(DRAWINGS[name]())
+    assert svg_of(DRAWINGS[name]()) in text
 
 
 def test_docs_hold_every_drawing_and_no_other() -> None:

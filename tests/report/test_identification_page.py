@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.core import paper
 from treadline.core.errors import TreadlineError
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import IdentificationOptions, identify, validate
+from treadline.experiments.as_printed import paper_model
+from treadline.identification import CandidateScore, IdentificationOptions, IdentificationReport, identify, validate
 from treadline.identification.era import hankel_svd
 from treadline.identification.stabilisation import StabilisationDiagram, stabilisation_of_svd
 from treadline.report import _model_figures as figures
@@ -29,14 +29,9 @@ SECTIONS = {"identified", "order", "impulse", "frequency", "fit", "residuals", "
 SIZE_MOST = 1_500_000
 
 
-LATER = {
-    "crosscorrelation_p": {"left": 0.3, "right": 0.0001},
-    "excitation_order": 12,
-    "delays": [0, 2],
-    "noise_level": 0.02,
-    "candidates": [{"method": f"m{k}", "held_out_error": 0.1 * k, "kept": k == 0} for k in range(50)],
-}
-"""Entries that a report may have."""
+def candidates(count: int, chosen: int, **changes: Any) -> list[CandidateScore]:
+    values = {"method": "okid-era", "lags": 4, "step": "subspace", "constants": True} | changes
+    return [CandidateScore(**values, order=k, error=0.2 + 0.001 * abs(k - 7), chosen=k == chosen) for k in range(count)]
 
 
 class FakeIntervals:
@@ -57,7 +52,7 @@ class Found:
     """What identification hands over."""
 
     model: LinearModel
-    report: dict[str, Any]
+    report: IdentificationReport
     intervals: FakeIntervals | None = None
 
 
@@ -118,24 +113,33 @@ def model_with(A: Float[np.ndarray, "n n"], inputs: Sequence[str], outputs: Sequ
 
 def found_with(model: LinearModel, **changes: Any) -> Found:
     poles = np.linalg.eigvals(model.A)
-    report = {
-        "order": model.order,
-        "poles": [(float(pole.real), float(pole.imag)) for pole in poles],
-        "pole_ci95": [0.01] * len(poles),
-        "fit_percent": dict.fromkeys(model.output_names, 91.234),
-        "one_step_vaf_percent": dict.fromkeys(model.output_names, 99.5),
-        "lags": 4,
-        "method": "okid-era",
-        "feedthrough": True,
-        "singular_values": [3.0, 1.0, 0.01, 0.005, 1e-17],
-        "gap": 100.0,
-        "whiteness_p": 0.4,
-        "samples": 400,
-        "dropped": 0,
-        "warnings": [],
-        "seconds": 0.01,
-    }
-    return Found(model=model, report=report | changes, intervals=FakeIntervals(*model.D.shape))
+    report = IdentificationReport(
+        order=model.order,
+        lags=4,
+        method="best",
+        subspace="okid-era",
+        constants=True,
+        step="subspace",
+        feedthrough=True,
+        mirrored=False,
+        delays=[0] * model.B.shape[1],
+        singular_values=[3.0, 1.0, 0.01, 0.005, 1e-17],
+        gap=100.0,
+        noise_level=None,
+        poles=[(float(pole.real), float(pole.imag)) for pole in poles],
+        pole_ci95=[0.01] * len(poles),
+        fit_percent=dict.fromkeys(model.output_names, 91.234),
+        one_step_vaf_percent=dict.fromkeys(model.output_names, 99.5),
+        whiteness_p=0.4,
+        crosscorrelation_p=None,
+        excitation_order=12,
+        samples=400,
+        dropped=0,
+        candidates=[],
+        warnings=[],
+        seconds=0.01,
+    )
+    return Found(model=model, report=replace(report, **changes), intervals=FakeIntervals(*model.D.shape))
 
 
 def record_of(model: LinearModel, samples: int = 400, seed: int = 0) -> InputOutputRecord:
@@ -146,7 +150,7 @@ def record_of(model: LinearModel, samples: int = 400, seed: int = 0) -> InputOut
     return InputOutputRecord(u=u, y=y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape), dt_s=model.dt_s)
 
 
-def page_of(tmp_path: Path, found: Found, judged: list[InputOutputRecord] | None = None, **more: Any) -> str:
+def page_of(tmp_path: Path, found: Any, judged: list[InputOutputRecord] | None = None, **more: Any) -> str:
     records = more.pop("fitted", None) or [record_of(found.model)]
     path = tmp_path / "page.html"
     title = more.pop("title", "a chair")
@@ -201,7 +205,7 @@ def test_the_page_is_whole_asks_for_nothing_and_has_a_figure_in_each_section(tmp
 
 def test_hostile_names_titles_and_warnings_are_text(tmp_path: Path) -> None:
     model = model_with(A_CALM, (HOSTILE, "right\n\x00\x07" + "x" * 300), ("$\\frac{$", "見出し_rad"))
-    found = found_with(model, **LATER | {"warnings": [HOSTILE], "method": HOSTILE, "candidates": [{HOSTILE: HOSTILE}]})
+    found = found_with(model, warnings=[HOSTILE], method=HOSTILE, candidates=candidates(1, 0, method=HOSTILE, step=HOSTILE))
     page = page_of(tmp_path, found, title=HOSTILE)
     outline = outline_of(page)
     assert outline.tags.isdisjoint({"script", "img", "b"})
@@ -212,7 +216,7 @@ def test_hostile_names_titles_and_warnings_are_text(tmp_path: Path) -> None:
 
 def test_warnings_stand_before_the_first_section(tmp_path: Path, small: Found, small_page: str) -> None:
     said = "no clear gap in the singular values (largest ratio 1.3 at order 1); give --order, or more data"
-    page = page_of(tmp_path, replace(small, report=small.report | {"warnings": [said]}))
+    page = page_of(tmp_path, found_with(small.model, warnings=[said]))
     assert 0 < page.index(said) < page.index('<h2 id="identified"')
     assert 'class="note' not in small_page
 
@@ -224,7 +228,7 @@ def test_fit_says_what_it_was_measured_on(tmp_path: Path, small: Found, small_pa
 
 
 def test_what_is_not_known_is_said_to_be_unknown(tmp_path: Path, small: Found) -> None:
-    bare = replace(small, report=small.report | {"pole_ci95": None, "singular_values": []}, intervals=None)
+    bare = replace(found_with(small.model, pole_ci95=None, singular_values=[], whiteness_p=None), intervals=None)
     page = page_of(tmp_path, bare)
     assert "No singular values in the report" in page
     assert "No stabilisation diagram was made" in page
@@ -232,27 +236,17 @@ def test_what_is_not_known_is_said_to_be_unknown(tmp_path: Path, small: Found) -
     assert "no discs are" in page
 
 
-def test_values_of_a_later_report_are_shown(tmp_path: Path, small: Found) -> None:
-    text = outline_of(page_of(tmp_path, found_with(small.model, **LATER))).text
-    assert "order the inputs excite12" in text.replace("\n", "")
-    assert "delays [samples]0, 2" in text.replace("\n", "")
-    assert "left: 0.3; right: 0.0001" in text
-    assert "held out error" in text
-    assert "50 structures tried" in text
-    assert "10 more are not listed" in text
-    assert "dashed line" in text
-
-
 def test_the_chosen_structure_is_marked_also_where_it_is_not_the_lowest_or_the_first(tmp_path: Path, small: Found) -> None:
-    tried = [{"method": f"m{k}", "error": 0.2 + 0.001 * abs(k - 7), "chosen": k == 45} for k in range(50)]
-    page = page_of(tmp_path, found_with(small.model, **LATER | {"candidates": tried}))
+    found = found_with(small.model, candidates=candidates(50, 45), noise_level=0.02, delays=[2], mirrored=True)
+    page = page_of(tmp_path, found)
     (row,) = re.findall(r'<tr class="chosen">(.*?)</tr>', page)
-    assert re.findall("<td>(.*?)</td>", row) == ["m45", "0.238", "chosen"]
+    assert re.findall("<td>(.*?)</td>", row) == ["okid-era", "4", "45", "subspace", "yes", "0.238", "chosen"]
     text = " ".join(outline_of(page).text.split())
     assert "50 structures tried" in text
     assert "9 more are not listed" in text
     assert "Error: residual of free runs on data held out" in text
-    assert "the smaller order wins" in text
+    assert "delays [samples]2" in text
+    assert "dashed line" in text
 
 
 def test_an_output_that_answers_for_a_second_is_not_drawn_for_a_minute() -> None:
@@ -269,8 +263,8 @@ def test_an_output_that_answers_for_a_second_is_not_drawn_for_a_minute() -> None
 
 def test_p_values_carry_their_verdict(tmp_path: Path, small: Found, small_page: str) -> None:
     assert "not rejected at 5 %" in small_page
-    page = page_of(tmp_path, replace(small, report=small.report | {"whiteness_p": 0.0}))
-    assert "p &lt; 0.001" in page
+    page = page_of(tmp_path, found_with(small.model, whiteness_p=0.0, crosscorrelation_p=0.0001))
+    assert page.count("p &lt; 0.001") == 2
     assert "not rejected" not in page
 
 
@@ -338,27 +332,9 @@ def test_a_page_that_cannot_be_written_is_refused(tmp_path: Path, small: Found) 
 
 
 def test_what_identify_returns_fits_the_page(tmp_path: Path) -> None:
-    rng = np.random.default_rng(0)
-    true = LinearModel(
-        A=paper.A.copy(),
-        B=paper.B.copy(),
-        C=paper.C.copy(),
-        D=paper.D.copy(),
-        dt_s=1.0,
-        input_offset=np.zeros(2),
-        output_offset=np.zeros(2),
-    )
-    u = rng.standard_normal((1000, 2))
-    y = validate.simulate(true, u, np.zeros(2))
-    y += 0.01 * y.std(axis=0) * rng.standard_normal(y.shape)
-    whole = InputOutputRecord(u=u, y=y, dt_s=1.0, input_names=TWO[0], output_names=TWO[1])
-    fitted, kept = validate.part(whole, 0, 700), validate.part(whole, 700, 1000)
-    path = tmp_path / "page.html"
-    found = identify(fitted, IdentificationOptions(validation=kept))
-    write_identification_page(
-        path, found.model, found.report.as_json(), [fitted], [kept], title="Eq. (12)", intervals=found.intervals
-    )
-    text = outline_of(path.read_text(encoding="utf-8")).text
+    whole = replace(record_of(paper_model(), 1000), input_names=TWO[0], output_names=TWO[1])
+    found = identify(validate.part(whole, 0, 700), IdentificationOptions(validation=validate.part(whole, 700, 1000)))
+    text = outline_of(page_of(tmp_path, found, list(found.judged), fitted=found.fitted)).text
     assert "heading_rad" in text
     assert "on data that were not fitted, 300 samples" in text
 

@@ -219,27 +219,6 @@ def test_the_state_line_says_hold_with_its_cause_and_what_led_to_it(browser: Bro
     assert browser.run(fits)
 
 
-def test_a_vertical_swipe_over_a_plot_leaves_the_time_and_a_horizontal_one_moves_it(browser: Browser, page: Path) -> None:
-    browser.open(page, width_px=390)
-    swipe = """
-      seek(2.0);
-      const canvas = document.querySelector('.panel canvas'), box = canvas.getBoundingClientRect();
-      canvas.setPointerCapture = () => {};
-      const finger = { pointerType: 'touch', pointerId: 7 };
-      const send = (name, x, y) => canvas.dispatchEvent(new PointerEvent(name, { ...finger, clientX: x, clientY: y }));
-      const [x, y] = [box.left + 0.75 * box.width, box.top + 40];
-      send('pointerdown', x, y);
-      for (let k = 1; k <= 10; k++) send('pointermove', x + %s * k, y + %s * k);
-      %s
-      return player.t;
-    """
-    assert browser.run(swipe % (1, 12, "send('pointercancel', x, y);")) == 2.0
-    assert browser.run(swipe % (-8, 1, "send('pointerup', x - 80, y);")) > 2.0
-    assert browser.run("return getComputedStyle(document.querySelector('.panel canvas')).touchAction") == "pan-y"
-    # The list of events does not trap a swipe: it scrolls with the page.
-    assert browser.run("const box = document.getElementById('eventbox'); return box.scrollHeight <= box.clientHeight + 1")
-
-
 def test_space_plays_after_a_button_was_clicked(browser: Browser, page: Path) -> None:
     browser.open(page)
     webdriver = pytest.importorskip("selenium.webdriver")

@@ -13,7 +13,7 @@ from treadline.core.printing import p_text
 from treadline.report import write_report
 from treadline.report._html import ratio
 
-from .conftest import cell, reproduced, write_log, write_reproduction
+from .conftest import reproduced, write_log, write_reproduction
 
 Tables = dict[str, Any]
 MakeFolder = Callable[..., Path]
@@ -65,20 +65,6 @@ def test_every_reference_inside_a_figure_finds_its_one_definition(page: str) -> 
     used = {a or b for a, b in re.findall(r'url\(#([^)]+)\)|href="#([^"]+)"', page)}
     assert used
     assert used <= set(ids)
-
-
-def test_the_captions_say_what_is_shown(page: str) -> None:
-    text = " ".join(page.split())
-    assert "the first 20 s of the paper's 60 s; ours was computed up to 0.50 s" in text
-    assert "28°, seed 0. The band is ±2°." in text
-    assert "-2.68 m/s" in text
-
-
-def test_pages_follow_the_colour_scheme_of_the_reader(page: str) -> None:
-    assert "prefers-color-scheme: dark" in page
-    style = page[page.index("<style>") : page.index("</style>")]
-    rules = style[style.index("body {") :]
-    assert not re.search(r"(?:color|background): ?#", rules), "a fixed colour would not change in dark mode"
 
 
 def test_the_same_folder_gives_the_same_bytes(results: Tables, reproduce_folder: MakeFolder, page: str) -> None:
@@ -163,7 +149,7 @@ def test_a_link_out_of_the_folder_is_refused(results: Tables, reproduce_folder: 
         (("fig09", 0, "rms_heading_deg"), "much", "fig09.0.rms_heading_deg"),
         (("fig09", 0, "rms_heading_deg"), float("nan"), "fig09.0.rms_heading_deg"),
         (("fig09", 0, "loop"), "ajar", "fig09.0.loop"),
-        (("table2", 2), cell(28, 30, 2.2) | {"verdicts": "fell"}, "table2.2.verdicts"),
+        (("table2", 2, "verdicts"), "fell", "table2.2.verdicts"),
         (("table2", 1), {"slope_deg": 28}, "table2.1.start_heading_deg: Field required"),
         (("fig08", "poles"), [[1.0]], "fig08.poles.0"),
         (("fig08", "impulse", "t_s"), [0.0], "fig08.impulse"),

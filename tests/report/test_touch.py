@@ -73,13 +73,16 @@ def test_a_horizontal_drag_moves_the_time_with_the_finger(phone: Browser) -> Non
 
 def test_a_vertical_swipe_scrolls_the_page(phone: Browser) -> None:
     x, y = _middle(phone, CANVAS)
-    before = phone.run("return window.scrollY")
+    before, t_s = phone.run("return window.scrollY"), phone.run("return player.t")
     _touch(phone, "touchStart", x, y)
     for k in range(1, 16):
         _touch(phone, "touchMove", x, y - 10 * k)
         time.sleep(0.02)
     _touch(phone, "touchEnd")
     _until(phone, f"return Math.abs(window.scrollY - {before}) > 50")
+    assert phone.run("return player.t") == t_s
+    # The list of events does not trap a swipe: it scrolls with the page.
+    assert phone.run("const box = document.getElementById('eventbox'); return box.scrollHeight <= box.clientHeight + 1")
 
 
 def test_buttons_zoom_in_and_show_the_whole_run_again(phone: Browser) -> None:

@@ -216,13 +216,6 @@ def test_a_held_chair_that_is_watched_on_and_tips_has_fallen(monkeypatch: pytest
     assert (trip.run(after_hold_s=1.5).verdict, trip.run().verdict) == ("fell", "held")
 
 
-def test_the_same_seed_drives_the_same_run() -> None:
-    one, other = (Trip(heading_deg=10.0, duration_s=4.0).run(seed=5) for _ in range(2))
-    for name in one.trace.columns:
-        np.testing.assert_array_equal(one.trace[name], other.trace[name])
-    assert one.events == other.events
-
-
 @dataclass
 class Straight:
     """An experiment's own driver."""

@@ -43,14 +43,25 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return _recorded(tmp_path_factory.mktemp("scene") / "run")
 
 
-@pytest.fixture(scope="module")
-def messages(run_folder: Path) -> dict[str, list[Any]]:
+def _messages(log: Path) -> dict[str, list[Any]]:
+    """Return the messages of a log by topic."""
     found: dict[str, list[Any]] = {}
-    with (run_folder / "log.mcap").open("rb") as file:
+    with log.open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
         for _, channel, _, message in reader.iter_decoded_messages():
             found.setdefault(channel.topic, []).append(message)
     return found
+
+
+@pytest.fixture(scope="module")
+def messages(run_folder: Path) -> dict[str, list[Any]]:
+    return _messages(run_folder / "log.mcap")
+
+
+@pytest.fixture(scope="module")
+def truth(run_folder: Path) -> dict[float, Truth]:
+    """Return the ground truth by time, to the microsecond."""
+    return {round(item.t_s, 6): item for item in read_log(run_folder / "log.mcap") if isinstance(item, Truth)}
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +83,9 @@ def _seconds(stamp: Any) -> float:
     return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
-def test_the_frames_place_the_chair_where_the_ground_truth_has_it(run_folder: Path, messages: dict[str, list[Any]]) -> None:
-    truth = {round(item.t_s, 6): item for item in read_log(run_folder / "log.mcap") if isinstance(item, Truth)}
+def test_the_frames_place_the_chair_where_the_ground_truth_has_it(
+    truth: dict[float, Truth], messages: dict[str, list[Any]]
+) -> None:
     assert len(messages["/tf"]) == 21  # 1 s at 20 Hz, both ends included
     for message in messages["/tf"]:
         at = {item.child_frame_id: item for item in message.transforms}
@@ -118,9 +130,8 @@ def test_joint_states_name_the_moving_joints_and_keep_their_limits(messages: dic
     np.testing.assert_allclose(turned[:3, :3], rotation_y(angles["seat_joint"]), atol=1e-9)
 
 
-def test_detected_nosings_lie_on_the_nosings_of_the_stair(run_folder: Path, messages: dict[str, list[Any]]) -> None:
+def test_detected_nosings_lie_on_the_nosings_of_the_stair(truth: dict[float, Truth], messages: dict[str, list[Any]]) -> None:
     """Test: lines in B moved by the true pose. Expected result: each end near a nosing's line; detection is centimetres at 2 m."""
-    truth = {round(item.t_s, 6): item for item in read_log(run_folder / "log.mcap") if isinstance(item, Truth)}
     corners = np.array([(p.x, p.y, p.z) for m in messages["/stair/true"][0].markers if m.ns == "nosings" for p in m.points])
     assert messages["/stair/seen"]
     for message in messages["/stair/seen"]:
@@ -159,9 +170,7 @@ def test_plans_are_kept_at_ten_hertz_and_where_the_phase_is_new(messages: dict[s
         scene = SceneLog(log, chair, Chair())
         for k, phase in enumerate(["climb"] * 5 + ["crest"] * 5):
             scene.plan(MotionPlan(t_s=0.01 * k, phase=phase, speed_m_s=0.2))
-    with (tmp_path / "log.mcap").open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        names = [m.status[0].name for _, c, _, m in reader.iter_decoded_messages() if c.topic == "/plan"]
+    names = [message.status[0].name for message in _messages(tmp_path / "log.mcap")["/plan"]]
     assert names == ["climb", "crest"]
 
 
@@ -178,9 +187,7 @@ def test_a_recording_without_ground_truth_has_the_odometry_as_its_root(tmp_path:
             )
             scene(level, t_s)
             scene(TrackReading(t_s=t_s, left_m_s=0.5, right_m_s=0.5, brake_on=False), t_s)
-    with (tmp_path / "log.mcap").open("rb") as file:
-        reader = make_reader(file, decoder_factories=[DecoderFactory()])
-        moved = [m.transforms[0] for _, c, _, m in reader.iter_decoded_messages() if c.topic == "/tf"]
+    moved = [message.transforms[0] for message in _messages(tmp_path / "log.mcap")["/tf"]]
     assert [item.header.frame_id for item in moved] == ["odom"] * 2  # after 50 and 100 ms
     assert moved[-1].transform.translation.x == pytest.approx(0.05)  # 0.5 m/s for 0.1 s
 

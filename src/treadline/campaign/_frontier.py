@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.campaign._sampled_run import Row
+from treadline.campaign.pool import Row
 
 ARRIVED = ("arrived", "end_of_flight")
 """Verdicts of runs that did what was asked."""

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from treadline.campaign._sampled_run import TIMES, VIEW, Row
+from treadline.campaign.pool import TIMES, VIEW, Row
 from treadline.core.models import write_whole, written_whole
 
 CONFIDENCE = 0.95

@@ -13,7 +13,7 @@ import numpy as np
 
 from treadline.campaign._frontier import ARRIVED, Frontier, frontier_of
 from treadline.campaign._results import has_rms
-from treadline.campaign._sampled_run import VIEW, Row
+from treadline.campaign.pool import VIEW, Row
 from treadline.core.models import write_whole
 from treadline.playback import Recording
 from treadline.report.labels import score_name, score_unit, suffix

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
-from treadline.campaign._sampled_run import Row
+from treadline.campaign.pool import Row
 from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
 
 NAME = "journal.jsonl"

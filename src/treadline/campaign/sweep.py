@@ -19,12 +19,11 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.campaign._results import CONFIDENCE, FAILED, flat, harm, has_rms, summarise, write_tables
-from treadline.campaign._sampled_run import Episode, Row
 from treadline.campaign._scenario_paths import LISTS
 from treadline.campaign._sobol_sampling import Sampling, budget, generation_size, points, run_seed, search
 from treadline.campaign.campaign_page import thumbnail, write_page
 from treadline.campaign.journal import Journal
-from treadline.campaign.pool import Runners
+from treadline.campaign.pool import Episode, Row, Runners
 from treadline.campaign.spec import SHAPE, Spec, scenario_toml
 from treadline.core.errors import SettingsError
 from treadline.core.models import read_json, write_whole

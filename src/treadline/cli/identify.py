@@ -279,7 +279,7 @@ def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:
         write_identification_page(
             path,
             found.model,
-            found.report.as_json(),
+            found.report,
             found.fitted,
             found.judged,
             title=_titled(logs),

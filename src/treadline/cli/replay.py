@@ -75,12 +75,12 @@ def replay(
 
 
 def _keys(log: Path | None) -> Answer:
-    from treadline.experiments.replay import key_table
-    from treadline.experiments.replay_source import CHAIR, source_of
+    from treadline.experiments.replay import key_table, source_of
     from treadline.mission.mission_config import MissionConfig
     from treadline.scenario.chair import read_chair
+    from treadline.scenario.scenario import Chair
 
-    table = key_table(MissionConfig(chair=read_chair(CHAIR)) if log is None else source_of(log).base)
+    table = key_table(MissionConfig(chair=read_chair(Chair().model)) if log is None else source_of(log).base)
     return Answer(
         values={
             "keys": {key: default for key, (default, _) in table.items()},

@@ -135,14 +135,21 @@ def _source(
 
 def _mount_of_run(source: Path) -> "PinholeCamera | None":
     """Return the camera of the chair that made a run folder; None for other inputs."""
+    from treadline.core.models import read_json
+    from treadline.core.settings import settings_of
     from treadline.io.runs import LOG, MANIFEST
+    from treadline.scenario.chair import read_chair
+    from treadline.scenario.scenario import Scenario
 
-    folder = source.parent if source.name == LOG else source
-    if not (folder / MANIFEST).is_file():
+    where = (source.parent if source.name == LOG else source) / MANIFEST
+    if not where.is_file():
         return None
-    from treadline.experiments.replay_source import source_of
-
-    return source_of(folder).base.chair.camera_at()
+    settings = read_json(where).get("settings")
+    if not isinstance(settings, dict):
+        return None
+    if "replay" in settings:  # of a log without a manifest, the chair is the default
+        settings = settings.get("scenario") or {}
+    return read_chair(settings_of(settings, Scenario, where=f"{where}: settings").chair.model).camera_at()
 
 
 def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, out: Path | None) -> Answer:

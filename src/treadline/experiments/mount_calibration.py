@@ -24,7 +24,7 @@ from treadline.core.settings import settings_of
 from treadline.core.signals import TICK_S, ImuSample, TrackReading
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate
 from treadline.estimation.camera_mount import PAIRED_S, STANDING_M_S
-from treadline.experiments.replay_source import kind_of, source_of
+from treadline.experiments.replay import kind_of, source_of
 from treadline.io.sensor_log import SensorLog
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.perception import StairDetector

@@ -3,11 +3,13 @@
 The mission is the one that drives the chair; its plant is the recording. Ground truth in the log is read here and nowhere else.
 """
 
+import re
+import shlex
 import time
 from array import array
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,23 +19,35 @@ from jaxtyping import Float
 from treadline.core.compile_cache import compiling
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.images import RgbdFrame
+from treadline.core.models import read_json
+from treadline.core.settings import settings_of
 from treadline.core.signals import TICK_S, Event
 from treadline.experiments._replay_scores import ReplayScores
 from treadline.experiments._replay_settings import ReplaySettings, camera_items, key_table, resolved
-from treadline.experiments.replay_source import Source, kind_of, source_of
 from treadline.io.mcap_log import RunLog
-from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
+from treadline.io.runs import (
+    FORMER_RUN_CONTROLLER,
+    LOG,
+    MANIFEST,
+    RUN_CONTROLLER,
+    begin_run,
+    log_metadata,
+    write_result,
+    write_series,
+)
 from treadline.io.sensor_log import SensorLog
 from treadline.mission.blocks import Detector
 from treadline.mission.loop import Mission, Signal
 from treadline.mission.mission_blocks import detector_of
+from treadline.mission.mission_config import MissionConfig
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.perception import StairDetector
-from treadline.run.resolve import SHIPPED, resolved_blocks
+from treadline.run.resolve import SHIPPED, mission_config, resolved_blocks
 from treadline.run.scene_log import SceneLog, WatchedDetector
-from treadline.scenario.scenario import Chair
+from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Chair, Scenario
 
-__all__ = ["Replayed", "camera_items", "key_table", "replayed_run"]
+__all__ = ["Replayed", "camera_items", "key_table", "kind_of", "replayed_run", "source_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,6 +63,24 @@ class Replayed:
     def summary(self) -> dict[str, Any]:
         """Return the replay as JSON values, under the contract's keys."""
         return {"verdict": self.verdict, "sees": self.sees, **self.values}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """Log to replay, with the settings of the run that wrote it."""
+
+    log: Path
+    base: MissionConfig
+    sealed: bool = False
+    """Whether the log belongs to a run folder and has checksums throughout."""
+    seed: int = 0
+    scenario: dict[str, Any] | None = None
+    changed: tuple[str, ...] = ()
+    """Keys that were changed, if the recorded run was itself a replay."""
+    controller: str | None = None
+    """Controller file of the recorded run; None if unknown."""
+    plugins: dict[str, str] = field(default_factory=dict)
+    """Plug-ins of the recorded run by kind. They are listed, never loaded, because a log may come from an untrusted source."""
 
 
 def replayed_run(
@@ -208,3 +240,78 @@ class _Watched:
     def ms(self, percent: float) -> float | None:
         """Return a percentile of the time per frame [ms]."""
         return 1e3 * float(np.percentile(np.array(self._spent_s), percent)) if self._spent_s else None
+
+
+# ---- the log, and the manifest of the run that wrote it ----
+
+
+def source_of(log: Path) -> Source:
+    """Return a log with the settings in the manifest of its run folder.
+
+    Raises:
+        SettingsError: If the manifest cannot be used.
+        LogFormatError: If a run folder holds no log.
+    """
+    folder = log.parent if log.name == LOG and log.is_file() else log
+    base = MissionConfig(chair=read_chair(Chair().model))  # of a log without a manifest
+    if not (folder / MANIFEST).is_file():
+        return Source(log=log, base=base)
+    if not (folder / LOG).is_file():
+        raise LogFormatError(f"{folder}: no {LOG} in this run folder; only runs that kept their log can be replayed")
+    where = folder / MANIFEST
+    manifest = read_json(where)
+    settings, seed, command = manifest.get("settings"), manifest.get("seed"), manifest.get("command")
+    if not isinstance(settings, dict) or type(seed) is not int:
+        raise SettingsError(f"{where}: no 'settings' and 'seed'; replay its {LOG} from a folder without {MANIFEST}")
+    scenario: dict[str, Any] | None = settings
+    changed: tuple[str, ...] = ()
+    if "replay" in settings:
+        scenario, changed = settings.get("scenario"), tuple(str(item) for item in settings.get("set") or ())
+    named = manifest.get("plugins")
+    plugins = {str(kind): str(name) for kind, name in named.items()} if isinstance(named, dict) else {}
+    kept = next((folder / name for name in (RUN_CONTROLLER, FORMER_RUN_CONTROLLER) if (folder / name).is_file()), None)
+    if kept is not None:  # the file that the key named may have changed since
+        changed = tuple(item for item in changed if item.partition("=")[0].strip() != "controller")
+    if scenario is not None:
+        base = mission_config(settings_of(scenario, Scenario, where=f"{where}: settings"), None)
+    return Source(
+        log=folder / LOG,
+        base=base,
+        sealed=True,
+        seed=seed,
+        scenario=scenario,
+        changed=changed,
+        controller=str(kept)
+        if kept is not None
+        else None
+        if "replay" in settings or "controller" in plugins
+        else _controller(where, str(command)),
+        plugins=plugins,
+    )
+
+
+def kind_of(reason: str) -> str:
+    """Return a rejection reason without its numbers, so that equal reasons count as one; a number in brackets is an equation's."""
+    return re.sub(r"(?<!\()[+-]?\d+(\.\d+)?", "#", reason)
+
+
+def _controller(where: Path, command: str) -> str | None:
+    """Return the controller file named by the command of a run whose folder does not hold the controller."""
+    words = _words(command)
+    if words[1:2] == ["reproduce"]:
+        made = where.resolve().parent.parent.parent / "controller.json"  # next to runs/, which holds the run folder
+        return str(made) if made.is_file() else None
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        option, sign, value = word.partition("=")
+        if option == "--controller":
+            name = value if sign else following
+            places = [Path(name), where.parent / name, where.parent.parent / name]
+            return str(next((place for place in places if place.is_file()), places[0]))
+    return None
+
+
+def _words(command: str) -> list[str]:
+    try:
+        return shlex.split(command)
+    except ValueError:  # not valid shell syntax, so not written by this package
+        return command.split()

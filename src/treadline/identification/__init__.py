@@ -1,7 +1,7 @@
 """System identification: a linear state-space model from recorded belt speeds and motion."""
 
 from treadline.identification._identified import Identified
-from treadline.identification._quality_report import IdentificationReport
+from treadline.identification._quality_report import CandidateScore, IdentificationReport
 from treadline.identification._single_steps import okid, pbsid
 from treadline.identification._stream import identify_chunks
 from treadline.identification.era import era
@@ -14,6 +14,7 @@ from treadline.identification.reduction import balanced_truncation
 __all__ = [
     "METHODS",
     "SOLVERS",
+    "CandidateScore",
     "Gram",
     "IdentificationOptions",
     "IdentificationReport",

@@ -4,7 +4,7 @@ It takes a model, its report and the records as values: whoever identified hands
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -13,7 +13,7 @@ from jaxtyping import Complex, Float
 from matplotlib.figure import Figure
 
 from treadline.core.models import InputOutputRecord, LinearModel, write_whole
-from treadline.core.printing import p_text
+from treadline.identification import IdentificationReport
 from treadline.identification.stabilisation import StabilisationDiagram
 from treadline.identification.validate import head
 from treadline.report import _model_figures as figures
@@ -32,8 +32,6 @@ LAGS = 25
 """Number of lags in the residual tests."""
 CANDIDATES_MOST = 40
 """Largest number of candidate structures listed."""
-CHOSEN = "chosen"
-"""Remark of the candidate structure that the model has."""
 
 
 @runtime_checkable
@@ -50,7 +48,7 @@ class IntervalsLike(Protocol):
 def write_identification_page(
     path: Path,
     model: LinearModel,
-    report: Mapping[str, Any],
+    report: IdentificationReport,
     records: Sequence[InputOutputRecord],
     judged: Sequence[InputOutputRecord],
     *,
@@ -61,7 +59,7 @@ def write_identification_page(
     """Write one HTML file that shows an identification and needs nothing else.
 
     Args:
-        report: The report of the identification as JSON values.
+        report: The report of the identification.
         records: The records that were fitted.
         judged: The records on which the model was judged; the longest is drawn.
         intervals: How sure the model's responses are.
@@ -79,7 +77,7 @@ class _Page:
     def __init__(
         self,
         model: LinearModel,
-        report: Mapping[str, Any],
+        report: IdentificationReport,
         records: Sequence[InputOutputRecord],
         judged: Sequence[InputOutputRecord],
         intervals: IntervalsLike | None,
@@ -128,18 +126,17 @@ class _Page:
         self.values["judged_samples"] = sum(len(record) for record in self.judged)
         self.values["given_samples"] = sum(len(record) for record in self.records)
         self.values["given_records"] = len(self.records)
-        fit, ahead = self.said.get("fit_percent", {}), self.said.get("one_step_vaf_percent", {})
+        fit, ahead = self.said.fit_percent, self.said.one_step_vaf_percent
         self.values["fits"] = [(item, _number(fit.get(item.name)), _number(ahead.get(item.name))) for item in self.outputs]
         self.values["extra"] = {
-            label: _words(self.said[key])
-            for key, label in (("delays", "delays [samples]"), ("excitation_order", "order the inputs excite"))
-            if self.said.get(key) is not None
+            "delays [samples]": ", ".join(map(str, self.said.delays)),
+            "order the inputs excite": self.said.excitation_order,
         }
-        if self.said.get("mirrored"):
+        if self.said.mirrored:
             self.values["extra"]["the inputs act by"] = "their difference alone"
-        self.values["gap"] = _number(self.said.get("gap"))
-        self.values["candidates"], self.values["candidates_left"] = _table(self.said.get("candidates"))
-        self.values["marked"] = any(chosen for chosen, _ in (self.values["candidates"] or ((), ()))[1])
+        self.values["gap"] = _number(self.said.gap)
+        tried = self.said.candidates
+        self.values["candidates"] = [item for k, item in enumerate(tried) if k < CANDIDATES_MOST or item.chosen]
         degrees, radians = ([c.name for c in (*self.inputs, *self.outputs) if mark in (c.unit or "")] for mark in ("°", "rad"))
         if degrees and radians:
             self.notes.append(
@@ -157,11 +154,9 @@ class _Page:
             )
 
     def _order(self) -> None:
-        values = np.asarray(self.said.get("singular_values", []), dtype=float)
+        values = np.asarray(self.said.singular_values, dtype=float)
         if values.size and values[0] > 0.0:
-            noise = self.said.get("noise_level")
-            self.drawn["hankel"] = figures.singular_values(values, self.model.order, noise)
-            self.values["noise_known"] = bool(noise)
+            self.drawn["hankel"] = figures.singular_values(values, self.model.order, self.said.noise_level)
         if self.stabilisation is not None and self.stabilisation.order.size:
             self.drawn["stabilisation"] = figures.stabilisation(self.stabilisation, self.model.order, 0.5 / self.model.dt_s)
 
@@ -216,30 +211,23 @@ class _Page:
         self.drawn["residuals"] = figures.residuals(own, own_band, across, band, self.drawn_in, self.drawn_out)
         self.values["lags_tested"] = lags
         self.values["tests"] = [
-            (label, _p_value(self.said.get(key)), _smallest(self.said.get(key)))
-            for label, key in (
-                ("residuals are white", "whiteness_p"),
-                ("residuals are independent of the inputs", "crosscorrelation_p"),
+            (label, p)
+            for label, p in (
+                ("residuals are white", self.said.whiteness_p),
+                ("residuals are independent of the inputs", self.said.crosscorrelation_p),
             )
-            if self.said.get(key) is not None
+            if p is not None
         ]
 
     def _poles(self) -> None:
-        values = np.array([complex(*pair) for pair in self.said.get("poles", [])])
-        if not values.size:
-            values = np.linalg.eigvals(self.model.A).astype(complex)
-        spread = self.said.get("pole_ci95")
-        if spread is not None and len(spread) != len(values):
-            spread = None
-        self.drawn["poles"] = figures.poles(
-            values, None if spread is None else [math.nan if r is None else float(r) for r in spread]
-        )
+        values, spread = np.array([complex(*pair) for pair in self.said.poles], dtype=complex), self.said.pole_ci95
+        self.drawn["poles"] = figures.poles(values, spread)
         self.values["poles"] = _pole_rows(values, spread, self.model.dt_s)
         self.values["discs"] = spread is not None
-        self.values["discs_left"] = sum(r is not None and not r < figures.DISC_MOST for r in spread or [])
+        self.values["discs_left"] = sum(not radius < figures.DISC_MOST for radius in spread or [])
 
 
-def _pole_rows(values: Complex[np.ndarray, " n"], spread: Sequence[float | None] | None, dt_s: float) -> list[dict[str, str]]:
+def _pole_rows(values: Complex[np.ndarray, " n"], spread: Sequence[float] | None, dt_s: float) -> list[dict[str, str]]:
     known = [None] * len(values) if spread is None else list(spread)
     # The slowest first; of a pair the upper one speaks for both.
     chosen = [k for k in np.argsort(-np.abs(values), kind="stable").tolist() if values[k].imag >= -1e-12]
@@ -275,45 +263,7 @@ def _pole_row(pole: complex, radius: float | None, dt_s: float) -> dict[str, str
     }
 
 
-def _number(value: Any) -> str:
-    if not isinstance(value, int | float):
-        return "–"
-    return f"{value:.2e}" if abs(value) >= 1e5 else f"{round(value, 2) + 0.0:.2f}"
-
-
-def _words(value: Any) -> str:
-    """Return any JSON value as a few words."""
+def _number(value: float | None) -> str:
     if value is None:
         return "–"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.3g}"
-    if isinstance(value, Mapping):
-        return "; ".join(f"{key}: {_words(item)}" for key, item in value.items())
-    if isinstance(value, list | tuple):
-        return ", ".join(_words(item) for item in value)
-    return str(value)
-
-
-def _p_value(value: Any) -> str:
-    return p_text(value) if isinstance(value, int | float) else f"p = {_words(value)}"
-
-
-def _smallest(value: Any) -> float | None:
-    """Return the smallest number in a JSON value."""
-    if isinstance(value, int | float):
-        return float(value)
-    inner = list(value.values()) if isinstance(value, Mapping) else list(value) if isinstance(value, list | tuple) else []
-    found = [number for number in map(_smallest, inner) if number is not None]
-    return min(found, default=None)
-
-
-def _table(candidates: Any) -> tuple[tuple[list[str], list[tuple[bool, list[str]]]] | None, int]:
-    """Return heads and rows of a list of tried structures, and how many are left out; the chosen one is listed in any case."""
-    if not isinstance(candidates, list | tuple) or not all(isinstance(item, Mapping) for item in candidates) or not candidates:
-        return None, 0
-    heads = [head for head in dict.fromkeys(str(key) for item in candidates for key in item) if head != CHOSEN]
-    listed = [item for k, item in enumerate(candidates) if k < CANDIDATES_MOST or item.get(CHOSEN) is True]
-    rows = [(item.get(CHOSEN) is True, [_words(item.get(head)) for head in heads]) for item in listed]
-    return ([head.replace("_", " ") for head in heads], rows), len(candidates) - len(listed)
+    return f"{value:.2e}" if abs(value) >= 1e5 else f"{round(value, 2) + 0.0:.2f}"
