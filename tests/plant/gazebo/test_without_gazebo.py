@@ -7,6 +7,7 @@ import sys
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 from xml.etree.ElementTree import fromstring
 
 import numpy as np
@@ -210,3 +211,17 @@ def test_frames_are_those_that_the_other_simulator_would_draw_of_a_chair_there(t
     (theirs,) = [reading for reading in other.read() if isinstance(reading, RgbdFrame)]
     np.testing.assert_array_equal(ours.depth_m, theirs.depth_m)
     np.testing.assert_array_equal(ours.rgb, theirs.rgb)
+
+
+@pytest.mark.parametrize(
+    ("tables", "remedy"),
+    [
+        ({"chair": {"sway_m": (0.1, 0.0)}}, "use --plant mujoco"),
+        ({"step": [{"index": 1, "friction": (0.3, 0.3)}]}, "use --plant mujoco"),
+        ({"stair": {"floor_friction": (0.3, 0.3)}}, "use --plant mujoco"),
+        ({"belts": {"lug": "15/80"}}, r"smooth belts of its own stiffness; leave out \[belts\]"),
+    ],
+)
+def test_what_gazebo_would_ignore_is_refused(tables: dict[str, Any], remedy: str, tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match=remedy):
+        GazeboPlant(Scenario.model_validate(tables), 0, read_chair("wheelchair"), Environment(root=tmp_path))

@@ -58,16 +58,16 @@ def fault(kind: str, value: float = 0.0, *, at_s: float = AT_S, for_s: float = F
     return Fault.model_validate({"kind": kind, "value": value, "at_s": at_s, "for_s": for_s})
 
 
-def climbing(t_s: float) -> tuple[TrackCommand, SeatCommand, FlipperCommand | None]:
-    return TrackCommand(t_s=t_s, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=t_s, rate_m_s=0.0), None
+def at(speed_m_s: float) -> Orders:
+    """Return the orders to run both belts at a speed."""
+    return lambda t_s: (TrackCommand(t_s=t_s, left_m_s=speed_m_s, right_m_s=speed_m_s), SeatCommand(t_s=t_s, rate_m_s=0.0), None)
+
+
+climbing, backing = at(0.2), at(-0.1)
 
 
 def standing(t_s: float) -> tuple[TrackCommand, SeatCommand, FlipperCommand | None]:
     return TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.0), None
-
-
-def backing(t_s: float) -> tuple[TrackCommand, SeatCommand, FlipperCommand | None]:
-    return TrackCommand(t_s=t_s, left_m_s=-0.1, right_m_s=-0.1), SeatCommand(t_s=t_s, rate_m_s=0.0), None
 
 
 def opened(asked: Scenario, seed: int = 3) -> tuple[MujocoPlant, TruthPlant]:

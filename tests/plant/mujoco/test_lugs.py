@@ -12,8 +12,6 @@ from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Truth
 from treadline.core.signals import TrackCommand
-from treadline.plant.gazebo._gazebo_plant import GazeboPlant
-from treadline.plant.gazebo._gzserver import Environment
 from treadline.plant.mujoco import MujocoPlant
 from treadline.plant.mujoco.contact import _rubber_lug_kernels as lug_kernels
 from treadline.scenario.chair import read_chair
@@ -160,8 +158,3 @@ def test_lugs_larger_than_the_pulley_are_refused() -> None:
 def test_check_refuses_them_too() -> None:
     refused = Scenario(belts=Belts(height_m=0.036))
     assert any("lugs up to 0.035 m fit" in reason for reason in check(refused, read_chair("wheelchair")).reasons)
-
-
-def test_gazebo_has_no_lugs() -> None:
-    with pytest.raises(SettingsError, match=r"smooth belts of its own stiffness; leave out \[belts\]"):
-        GazeboPlant(Scenario(belts=Belts(lug="15/80")), 0, read_chair("wheelchair"), Environment(root=Path("/")))

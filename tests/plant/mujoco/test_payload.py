@@ -9,7 +9,6 @@ import pytest
 from treadline.core.errors import SettingsError
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.faults import FaultyPlant
-from treadline.plant.gazebo._gazebo_plant import _refuse_what_gazebo_cannot
 from treadline.plant.mujoco import open_plant
 from treadline.plant.mujoco.mujoco_plant import MujocoPlant
 from treadline.run.resolve import mission_config
@@ -127,20 +126,6 @@ def test_what_a_passenger_cannot_do_is_refused_in_one_line(chair: dict[str, Any]
     with pytest.raises(SettingsError) as caught:
         scenario_of({"chair": chair}, tmp_path / "s.toml", where="s.toml")
     assert said in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    "tables",
-    [
-        {"chair": {"sway_m": (0.1, 0.0)}},
-        {"step": [{"index": 1, "friction": (0.3, 0.3)}]},
-        {"stair": {"floor_friction": (0.3, 0.3)}},
-    ],
-)
-def test_gazebo_refuses_what_it_would_ignore(tables: dict[str, Any]) -> None:
-    with pytest.raises(SettingsError, match="use --plant mujoco"):
-        _refuse_what_gazebo_cannot(Scenario.model_validate(tables))
-    _refuse_what_gazebo_cannot(Scenario())
 
 
 def shifted(kinds: dict[str, float], **chair: Any) -> tuple[FaultyPlant, MujocoPlant]:
