@@ -14,9 +14,9 @@ from treadline.control.crest_sequence import CrestCommand, CrestConfig
 from treadline.control.flipper_geometry import OVER_BELTS_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, FlipperReading, ImuSample, MotionPlan, StairMap, TrackReading
-from treadline.mission import ascent
+from treadline.mission import ascent_states as ascent
 from treadline.mission._tip_over import TipOverFeedforward
-from treadline.mission.ascent import Ascent, AscentConfig
+from treadline.mission.ascent_states import Ascent, AscentConfig
 
 # Flipper and tip-over feed-forward on the flight: docs/decisions/0019.
 FLIPPER_RAD_S, RIDES_RAD_S, RIDES_RAD, LAID_RAD, LATE_S = 15.0 * DEG, 20.0 * DEG, -0.75 * DEG, 1.0 * DEG, 0.8

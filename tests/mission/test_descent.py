@@ -14,8 +14,8 @@ from treadline.control.edge_sequence import EdgeCommand, EdgeConfig
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.signals import FlipperCommand, FlipperReading, ImuSample, MotionPlan, StairMap, TrackReading
-from treadline.mission import descent
-from treadline.mission.descent import Descent, DescentConfig
+from treadline.mission import descent_states as descent
+from treadline.mission.descent_states import Descent, DescentConfig
 from treadline.mission.mission_blocks import planner_of
 from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair

@@ -10,7 +10,7 @@ import pytest
 from treadline.core.errors import SettingsError
 from treadline.core.signals import TrackCommand
 from treadline.estimation import HeadingFilter
-from treadline.mission.ascent import Ascent
+from treadline.mission.ascent_states import Ascent
 from treadline.mission.mission_blocks import build_blocks
 from treadline.mission.mission_config import MissionConfig, Plugins, is_full_traversal
 from treadline.mission.planner import Cruise

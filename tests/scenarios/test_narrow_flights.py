@@ -9,7 +9,7 @@ from world import CHAIR, belts, estimate, flipper, imu_at
 
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingMeasurement, MotionPlan, StairMap
-from treadline.mission.ascent import Ascent, AscentConfig
+from treadline.mission.ascent_states import Ascent, AscentConfig
 from treadline.mission.blocks import CameraBlock
 from treadline.perception import DetectorConfig, StairDetector
 

@@ -75,10 +75,10 @@ def test_the_page_loads_with_the_token_and_forbids_other_sources(server: object)
     answer = get(server, f"/{server.rules.token}/")
     page = answer.read()
     assert answer.status == 200
-    assert b'src="page.js"' in page
+    assert b'src="keyboard_and_gamepad.js"' in page
     assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
     assert answer.headers["Referrer-Policy"] == "no-referrer"
-    assert get(server, f"/{server.rules.token}/page.js").status == 200
+    assert get(server, f"/{server.rules.token}/keyboard_and_gamepad.js").status == 200
     assert b'href="narrow.css"' in page
     assert get(server, f"/{server.rules.token}/narrow.css").headers["Content-Type"].startswith("text/css")
     assert get(server, f"/{server.rules.token}/../../etc/passwd").status == 404

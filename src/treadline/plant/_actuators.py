@@ -8,7 +8,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError, SettingsError, SimulationDiverged
 from treadline.core.signals import TICK_S, FlipperCommand, SeatCommand, TrackCommand
-from treadline.plant import _actuator_kernels as kernels
+from treadline.plant import _actuator_lag_and_slew_kernels as kernels
 from treadline.plant import _motors_and_battery_kernels as motor_kernels
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Flipper
 from treadline.scenario.scenario import Scenario

@@ -27,7 +27,7 @@ from typing import no_type_check
 from numba import njit
 
 from treadline.core.signals import TICK_S
-from treadline.plant._actuator_kernels import SEAT_ANGLE, STROKE, STROKE_RATE, table
+from treadline.plant._actuator_lag_and_slew_kernels import SEAT_ANGLE, STROKE, STROKE_RATE, table
 
 # Motor parameters; an empty array is a drive without limits.
 PEAK, NO_LOAD, CONTINUOUS, THERMAL_S, MOVING_KG, CARRIED_KG, BRAKE_HOLD = 0, 1, 2, 3, 4, 5, 6

@@ -23,7 +23,7 @@ from websockets.http11 import Request, Response
 
 from treadline.core.errors import SettingsError
 
-FILES = ("page.js", "narrow.css", "page.css")
+FILES = ("keyboard_and_gamepad.js", "narrow.css", "page.css")
 """Files that the page loads in addition to viser's."""
 TOKEN_BYTES = 18
 """Length of the token: 144 random bits, 24 letters in the address."""

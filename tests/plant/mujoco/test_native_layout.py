@@ -9,7 +9,7 @@ import pytest
 from oracles.plant_runs import plant_on
 
 from treadline.core.errors import SimulationDiverged
-from treadline.plant import _actuator_kernels as drives
+from treadline.plant import _actuator_lag_and_slew_kernels as drives
 from treadline.plant.mujoco import _native as native
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.plant.mujoco.mujoco_plant import _view

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG, rotation_of
 from treadline.core.errors import SettingsError, SimulationDiverged
 from treadline.core.signals import TICK_S
-from treadline.plant import _actuator_kernels as kernels
+from treadline.plant import _actuator_lag_and_slew_kernels as kernels
 from treadline.plant._actuators import Actuators
 from treadline.plant.gazebo import _gzserver as server
 from treadline.plant.gazebo._gzserver import PLUGIN, Environment, find_environment

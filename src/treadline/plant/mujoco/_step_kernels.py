@@ -9,7 +9,7 @@ from typing import no_type_check
 
 from numba import njit, types
 
-from treadline.plant._actuator_kernels import (
+from treadline.plant._actuator_lag_and_slew_kernels import (
     BRAKED,
     FLIPPER_LOST,
     FLIPPER_RATE,

@@ -19,7 +19,7 @@ from treadline.core.angles import DEG, quaternion_of, rotation_of
 from treadline.core.errors import SettingsError, SimulationDiverged
 from treadline.core.ports import Reading
 from treadline.core.signals import TICK_S
-from treadline.plant import _actuator_kernels as drives
+from treadline.plant import _actuator_lag_and_slew_kernels as drives
 from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD, Actuators
 from treadline.plant.faults._damage import OUT_OF_THE_WAY_M, Damage, Surroundings, with_box
 from treadline.plant.mujoco import _step_kernels as kernels
