@@ -162,6 +162,14 @@ def place(page: Any) -> float:
     return float(page.sees(r"belts travelled ([-\d.]+) m").group(1))
 
 
+def place_at_rest(page: Any, within_m: float = 0.011) -> float:
+    """Assert that nothing moves for a second, and return where the chair was."""
+    start_m, then_s = place(page), page.t_s
+    page.until(lambda: page.t_s > then_s + 1.0, "a second in which nothing may move")
+    assert place(page) == pytest.approx(start_m, abs=within_m)
+    return start_m
+
+
 def drives_from(page: Any, start_m: float) -> bool:
     """Return whether the chair has driven 0.1 m, and re-arm it: a page that is drawn slowly reports late, and the guard holds."""
     if "HOLD since" in page.text():
@@ -178,17 +186,12 @@ def test_the_chair_follows_the_keys_while_the_dead_man_switch_is_held(driving: A
         return ActionChains(driving.driver)
 
     keys().key_down("w").perform()
-    start_m = place(driving)
-    then_s = driving.t_s
-    driving.until(lambda: driving.t_s > then_s + 1.0, "a second in which nothing may move")
-    assert place(driving) == pytest.approx(start_m, abs=0.011)
+    start_m = place_at_rest(driving)
     keys().key_down(Keys.SHIFT).perform()
     driving.until(lambda: drives_from(driving, start_m), "a chair that drives")
     keys().key_up(Keys.SHIFT).perform()
     driving.sees("HOLD since .*\n?.*operator stop")
-    stopped_m, then_s = place(driving), driving.t_s
-    driving.until(lambda: driving.t_s > then_s + 1.0, "a second in which nothing may move")
-    assert place(driving) == pytest.approx(stopped_m, abs=0.03)  # the page shows the hold 0.1 s before the belts rest
+    place_at_rest(driving, within_m=0.03)  # the page shows the hold 0.1 s before the belts rest
     keys().key_up("w").perform()
 
 
@@ -196,9 +199,7 @@ def test_the_chair_follows_a_gamepad_while_its_shoulder_button_is_held(driving: 
     """Test: stick forward without and with the right shoulder button. Expected: motion with the button only."""
     driving.driver.execute_script(GAMEPAD)
     driving.driver.execute_script(PUSHED, False)
-    start_m, then_s = place(driving), driving.t_s
-    driving.until(lambda: driving.t_s > then_s + 1.0, "a second in which nothing may move")
-    assert place(driving) == pytest.approx(start_m, abs=0.011)
+    start_m = place_at_rest(driving)
     driving.driver.execute_script(PUSHED, True)
     driving.until(lambda: drives_from(driving, start_m), "a chair that drives")
     driving.driver.execute_script(PUSHED, False)

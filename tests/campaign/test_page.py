@@ -70,10 +70,5 @@ def test_a_score_is_shown_with_display_name_and_unit(tmp_path: Path) -> None:
     assert [("–</td>" in cells[key]) for key in ("min_stability_margin_deg", "rms_heading_deg")] == [True, False]
 
 
-def test_a_varying_slope_is_the_horizontal_axis(tmp_path: Path) -> None:
-    page = page_of(tmp_path, {"chair.payload_kg": 0.0}, {"chair.payload_kg": 80.0, "stair.slope_deg": 30.0})
-    assert "<h2>Margin by stair.slope_deg</h2>" in page
-
-
 def test_without_a_varying_number_there_is_no_chart(tmp_path: Path) -> None:
     assert "<svg" not in page_of(tmp_path, {"stair.open_risers": True}, {"stair.open_risers": False})

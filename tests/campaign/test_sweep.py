@@ -146,39 +146,32 @@ def test_an_incomplete_last_line_is_run_again_and_a_damaged_line_is_rejected(sma
         sweep(plan, out, workers=1, resume=True)
 
 
+def plain(**changes: Any) -> bytes:
+    """Return a journal without checksums, with one row; None leaves a key out."""
+    row = {key: value for key, value in (ROW | changes).items() if value is not None}
+    return (json.dumps({"seed": 1}) + "\n" + json.dumps(row) + "\n").encode()
+
+
 @pytest.mark.parametrize(
-    ("damage", "message"),
+    ("damaged", "message"),
     [
-        (lambda line: line.replace(b'"arrived"', b'"held"'), "the checksum does not match"),
-        (lambda line: line.replace(b'"crc32": "', b'"crc32": "0'), "the checksum does not match"),
-        (lambda _: b"[1, 2]\n", "the line has no checksum"),
+        (lambda header, line: header + line.replace(b'"arrived"', b'"held"'), "the checksum does not match"),
+        (lambda header, line: header + line.replace(b'"crc32": "', b'"crc32": "0'), "the checksum does not match"),
+        (lambda header, _: header + b"[1, 2]\n", "the line has no checksum"),
+        (lambda *_: plain(index="0"), "index is '0'"),
+        *((lambda *_, key=key: plain(**{key: None}), rf"the run has no '{key}'; .*--out$") for key in ROW),
     ],
 )
-def test_a_journal_line_with_a_wrong_checksum_is_rejected(tmp_path: Path, damage: Callable[[bytes], bytes], message: str) -> None:
+def test_a_damaged_journal_line_is_rejected(tmp_path: Path, damaged: Callable[[bytes, bytes], bytes], message: str) -> None:
     with Journal(tmp_path, {"seed": 1}, resume=False) as journal:
         journal.add(ROW)
-    header, line = (tmp_path / NAME).read_bytes().splitlines(keepends=True)
-    (tmp_path / NAME).write_bytes(header + damage(line))
-    with pytest.raises(LogFormatError, match=rf"journal.jsonl:2: {message}"):
-        Journal(tmp_path, {"seed": 1}, resume=True)
-
-
-@pytest.mark.parametrize("missing", ["index", "seed", "verdict", "cause"])
-def test_a_journal_line_without_a_required_key_is_rejected_in_one_line(tmp_path: Path, missing: str) -> None:
-    line = {key: value for key, value in ROW.items() if key != missing}
-    (tmp_path / NAME).write_text(json.dumps({"seed": 1}) + "\n" + json.dumps(line) + "\n")
-    with pytest.raises(LogFormatError, match=rf"journal.jsonl:2: the run has no '{missing}'; .*--out$"):
-        Journal(tmp_path, {"seed": 1}, resume=True)
-
-
-def test_a_journal_line_with_an_index_that_is_no_integer_is_rejected(tmp_path: Path) -> None:
-    (tmp_path / NAME).write_text(json.dumps({"seed": 1}) + "\n" + json.dumps(ROW | {"index": "0"}) + "\n")
-    with pytest.raises(LogFormatError, match=r"journal\.jsonl:2: index is '0'"):
+    (tmp_path / NAME).write_bytes(damaged(*(tmp_path / NAME).read_bytes().splitlines(keepends=True)))
+    with pytest.raises(LogFormatError, match=rf"journal\.jsonl:2: {message}"):
         Journal(tmp_path, {"seed": 1}, resume=True)
 
 
 def test_a_journal_without_checksums_can_be_resumed(tmp_path: Path) -> None:
-    (tmp_path / NAME).write_text(json.dumps({"seed": 1}) + "\n" + json.dumps(ROW) + "\n")
+    (tmp_path / NAME).write_bytes(plain())
     with Journal(tmp_path, {"seed": 1}, resume=True) as journal:
         journal.add(ROW | {"index": 1})
     with Journal(tmp_path, {"seed": 1}, resume=True) as journal:

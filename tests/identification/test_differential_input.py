@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from systems import fit, system
 
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import IdentificationOptions, identify
 from treadline.identification.validate import impulse_response, simulate
 
 NAMES = ("left_m_s", "right_m_s")
@@ -16,17 +16,7 @@ NAMES = ("left_m_s", "right_m_s")
 def vehicle(right_over_left: float = 1.0) -> LinearModel:
     """Return a vehicle that turns with a lag, one belt stronger than the other."""
     gain = np.array([[-1.0, right_over_left]])
-    return LinearModel(
-        A=np.array([[0.7]]),
-        B=gain,
-        C=np.array([[0.5]]),
-        D=0.2 * gain,
-        dt_s=0.15,
-        input_offset=np.zeros(2),
-        output_offset=np.zeros(1),
-        input_names=NAMES,
-        output_names=("yaw_rate_rad_s",),
-    )
+    return system([[0.7]], gain, [[0.5]], 0.2 * gain, dt_s=0.15, input_names=NAMES, output_names=("yaw_rate_rad_s",))
 
 
 def driven(plant: LinearModel, seed: int, samples: int = 200, noise: float = 0.2) -> InputOutputRecord:
@@ -48,7 +38,7 @@ def test_a_symmetric_vehicle_is_fitted_by_the_difference_of_its_belt_speeds() ->
     plant, by_difference, by_both = vehicle(), [], []
     for seed in range(24):
         record = driven(plant, seed)
-        found = identify(record, IdentificationOptions(order=1))
+        found = fit(record, order=1)
         assert found.report.mirrored
         np.testing.assert_allclose(found.model.B[:, 0], -found.model.B[:, 1])
         np.testing.assert_allclose(found.model.D[:, 0], -found.model.D[:, 1])
@@ -57,9 +47,7 @@ def test_a_symmetric_vehicle_is_fitted_by_the_difference_of_its_belt_speeds() ->
         assert len(found.report.delays) == 2
         assert found.gram.units.input_count == 2
         by_difference.append(error_of(found.model, plant))
-        by_both.append(
-            error_of(identify(replace(record, input_names=("a_m_s", "b_m_s")), IdentificationOptions(order=1)).model, plant)
-        )
+        by_both.append(error_of(fit(replace(record, input_names=("a_m_s", "b_m_s")), order=1).model, plant))
     # The large common speed does not disturb the turn: 0.65 to 0.78 times, over dozens of drives.
     assert np.mean(by_difference) < 0.9 * np.mean(by_both)
 
@@ -67,7 +55,7 @@ def test_a_symmetric_vehicle_is_fitted_by_the_difference_of_its_belt_speeds() ->
 @pytest.mark.parametrize(("stronger", "samples"), [(1.1, 800), (0.7, 200)])
 def test_a_stronger_belt_contradicts_the_symmetry(stronger: float, samples: int) -> None:
     for seed in range(6):
-        found = identify(driven(vehicle(stronger), seed, samples=samples), IdentificationOptions(order=1))
+        found = fit(driven(vehicle(stronger), seed, samples=samples), order=1)
         assert not found.report.mirrored
         assert found.model.B[0, 1] / -found.model.B[0, 0] == pytest.approx(stronger, rel=0.15)
 
@@ -75,14 +63,14 @@ def test_a_stronger_belt_contradicts_the_symmetry(stronger: float, samples: int)
 def test_the_mirror_image_of_a_drive_gives_the_same_model() -> None:
     record = driven(vehicle(), 3)
     image = replace(record, u=record.u[:, ::-1].copy(), y=-record.y)
-    models = [identify(one, IdentificationOptions(order=1)).model for one in (record, image)]
+    models = [fit(one, order=1).model for one in (record, image)]
     np.testing.assert_allclose(*(impulse_response(model, 20) for model in models), atol=1e-9)
 
 
 def test_belts_may_come_in_either_order() -> None:
     record = driven(vehicle(), 4)
     swapped = replace(record, u=record.u[:, ::-1].copy(), input_names=NAMES[::-1])
-    here, there = (identify(one, IdentificationOptions(order=1)).model for one in (record, swapped))
+    here, there = (fit(one, order=1).model for one in (record, swapped))
     assert there.input_names == NAMES[::-1]
     np.testing.assert_allclose(impulse_response(here, 20), impulse_response(there, 20)[:, :, ::-1], atol=1e-9)
 
@@ -99,12 +87,12 @@ def test_belts_may_come_in_either_order() -> None:
 )
 def test_channel_names_identify_belts_and_turns(inputs: tuple[str, str], output: str, expected: bool) -> None:
     record = replace(driven(vehicle(), 5), input_names=inputs, output_names=(output,))
-    assert identify(record, IdentificationOptions(order=1)).report.mirrored is expected
+    assert fit(record, order=1).report.mirrored is expected
 
 
 @pytest.mark.parametrize("method", ["okid-era", "era-dc", "pbsid"])
 def test_a_named_method_fits_both_belts(method: str) -> None:
-    found = identify(driven(vehicle(), 6), IdentificationOptions(order=1, method=method))
+    found = fit(driven(vehicle(), 6), order=1, method=method)
     assert not found.report.mirrored
     assert found.model.B[0, 0] != -found.model.B[0, 1]
 
@@ -112,7 +100,7 @@ def test_a_named_method_fits_both_belts(method: str) -> None:
 def test_the_operating_point_lies_between_the_belts_own_means() -> None:
     plant = replace(vehicle(), output_names=("yaw",), input_offset=np.array([0.0, 0.08]), output_offset=np.array([0.3]))
     record = replace(driven(plant, 7, samples=600, noise=0.02), input_names=("left", "right"))
-    model = identify(record, IdentificationOptions(order=1)).model
+    model = fit(record, order=1).model
     # No drive separates offsets of belts and output; with the right belt faster by 0.08 the output is 0.3.
     np.testing.assert_allclose(model.input_offset.mean(), record.u.mean(axis=0).mean(), atol=1e-9)
     still = np.linalg.solve(np.eye(1) - model.A, model.B @ (np.array([0.0, 0.08]) - model.input_offset))
@@ -123,7 +111,7 @@ def test_the_operating_point_lies_between_the_belts_own_means() -> None:
 def test_intervals_of_both_belts_are_those_of_their_difference() -> None:
     within, plant = [], vehicle()
     for seed in range(60):
-        found = identify(driven(plant, 100 + seed, samples=400), IdentificationOptions(order=1))
+        found = fit(driven(plant, 100 + seed, samples=400), order=1)
         intervals = found.intervals
         assert intervals is not None
         spread = intervals.impulse(6)
@@ -138,7 +126,7 @@ def test_dead_time_is_removed_before_the_belts_are_combined() -> None:
     record = driven(vehicle(), 8, samples=400)
     late = replace(record, u=record.u[:-2], y=record.y[:-2])
     late = replace(late, y=np.vstack([np.zeros((2, 1)), late.y[:-2]]))
-    found = identify(late, IdentificationOptions(order=1, delays=[2, 2]))
+    found = fit(late, order=1, delays=[2, 2])
     assert found.report.mirrored
     np.testing.assert_allclose(impulse_response(found.model, 22)[2:], impulse_response(vehicle(), 20), atol=0.1)
 
@@ -148,8 +136,8 @@ def test_samples_before_the_dead_time_do_not_affect_the_input_structure() -> Non
     structure and intervals as for the data shifted by hand."""
     record = driven(vehicle(), 10, samples=300)
     u, y = np.vstack([record.u, np.zeros((2, 2))]), np.vstack([np.ones((2, 1)), record.y])
-    told = identify(replace(record, u=u, y=y), IdentificationOptions(order=1, delays=[2, 2]))
-    by_hand = identify(record, IdentificationOptions(order=1))
+    told = fit(replace(record, u=u, y=y), order=1, delays=[2, 2])
+    by_hand = fit(record, order=1)
     assert told.report.mirrored
     np.testing.assert_allclose(impulse_response(told.model, 22)[2:], impulse_response(by_hand.model, 20), atol=1e-9)
     assert told.intervals is not None
@@ -161,13 +149,13 @@ def test_samples_before_the_dead_time_do_not_affect_the_input_structure() -> Non
 def test_the_gram_matrix_of_a_record_with_gaps_has_the_fitted_windows(method: str) -> None:
     record = driven(vehicle(), 11, samples=3000)
     record.y[::20] = np.nan
-    found = identify(record, IdentificationOptions(method=method))
+    found = fit(record, method=method)
     assert found.gram.count == found.report.samples
-    again = identify(record, IdentificationOptions(method=method, prior=found.gram))
+    again = fit(record, method=method, prior=found.gram)
     assert again.report.samples == 2 * found.report.samples
 
 
 def test_belts_with_equal_speeds_are_rejected() -> None:
     record = driven(vehicle(), 9)
     with pytest.raises(PoorExcitation, match="move together"):
-        identify(replace(record, u=np.repeat(record.u[:, :1], 2, axis=1)), IdentificationOptions(order=1))
+        fit(replace(record, u=np.repeat(record.u[:, :1], 2, axis=1)), order=1)

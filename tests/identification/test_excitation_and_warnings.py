@@ -2,21 +2,20 @@
 
 import json
 import re
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from jaxtyping import Float
+from systems import Draw, fit, system, white_record
 
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import IdentificationOptions, gram, identify
+from treadline.identification import gram
 from treadline.identification._checks import excitation_order
 from treadline.identification.gram import units_of
 from treadline.identification.validate import crosscorrelation_p, simulate, whiteness_p
 
-Draw = Callable[..., InputOutputRecord]
 LAGS = 12
 
 
@@ -43,10 +42,7 @@ def test_sinusoids_excite_two_orders_each(count: int) -> None:
 def test_the_least_exciting_input_limits_the_order_of_excitation() -> None:
     t = np.arange(2000.0)
     assert excited(np.column_stack([np.random.default_rng(0).standard_normal(2000), np.sin(t)])) == 2
-
-
-def test_a_ramp_excites_one_order() -> None:
-    assert excited(np.arange(600.0)[:, None]) == 1
+    assert excited(t[:600, None]) == 1  # a ramp
 
 
 def test_a_single_step_excites_less_than_a_few_samples() -> None:
@@ -61,11 +57,11 @@ def test_an_order_above_the_excited_one_is_rejected_with_both_numbers() -> None:
     rng = np.random.default_rng(1)
     y = np.array([[0.0, 0.0], *(u[:-1] @ np.array([[1.0, 0.5], [0.2, 1.0]]))]) + 0.01 * rng.standard_normal((600, 2))
     with pytest.raises(PoorExcitation, match=r"the inputs excite order 2 persistently, not 4; .*ask for order 2 or less"):
-        identify(InputOutputRecord(u=u, y=y, dt_s=1.0), IdentificationOptions(order=4, method="pbsid"))
+        fit(InputOutputRecord(u=u, y=y, dt_s=1.0), order=4, method="pbsid")
 
 
 def test_the_report_counts_the_excited_order(draw: Draw) -> None:
-    found = identify(draw(0, noise=0.05), IdentificationOptions(order=2, method="okid-era"))
+    found = fit(draw(0, noise=0.05), order=2, method="okid-era")
     assert found.report.excitation_order == found.gram.lags + 1
 
 
@@ -100,9 +96,7 @@ def test_gaps_do_not_make_white_residuals_coloured() -> None:
 def test_the_right_model_passes_both_tests_on_data_it_has_not_seen(draw: Draw) -> None:
     # Fitted to nine times as much data, because the model's own error would shift the p-values by a twentieth.
     records = [draw(seed, noise=0.1, samples=4000) for seed in range(40)]
-    reports = [
-        identify(record, IdentificationOptions(order=2, method="okid-era", lags=8, validation=0.1)).report for record in records
-    ]
+    reports = [fit(record, order=2, method="okid-era", lags=8, validation=0.1).report for record in records]
     for values in ([report.whiteness_p for report in reports], [report.crosscorrelation_p for report in reports]):
         # Uniform: mean 0.5 ± 0.05, and 0.4 of 40 below 1 %.
         assert 0.3 < np.mean(values) < 0.65
@@ -110,18 +104,14 @@ def test_the_right_model_passes_both_tests_on_data_it_has_not_seen(draw: Draw) -
 
 
 def test_a_wrong_model_is_reported_with_both_p_values(draw: Draw) -> None:
-    wrong = identify(draw(0, noise=0.1), IdentificationOptions(order=1, method="okid-era")).report
+    wrong = fit(draw(0, noise=0.1), order=1, method="okid-era").report
     assert max(wrong.crosscorrelation_p, wrong.whiteness_p) < 1e-6
     assert any("not white (p < 0.001)" in warning for warning in wrong.warnings)
     assert any("still depend on the inputs (p < 0.001)" in warning for warning in wrong.warnings)
 
 
 def test_an_unstable_model_is_reported_with_its_radius() -> None:
-    rng = np.random.default_rng(2)
-    u, y = rng.standard_normal((300, 1)), np.zeros((300, 1))
-    for k in range(1, 300):
-        y[k] = 1.02 * y[k - 1] + u[k - 1]
-    report = identify(InputOutputRecord(u=u, y=y, dt_s=1.0)).report
+    report = fit(white_record(system([[1.02]], [[1.0]], [[1.0]]), 2, 300)).report
     assert any("the model is unstable (spectral radius 1.0200)" in warning for warning in report.warnings)
 
 
@@ -130,7 +120,7 @@ def test_a_validation_part_with_little_motion_is_reported_with_its_ratio(draw: D
     u = rng.standard_normal((1000, 2)) * np.where(np.arange(1000) < 700, 1.0, 0.1)[:, None]
     y = simulate(eq_12, u, np.zeros(2))
     record = replace(draw(0), u=u, y=y + 0.005 * rng.standard_normal(y.shape))
-    warnings = identify(record, IdentificationOptions(order=2, method="okid-era", validation=0.3)).report.warnings
+    warnings = fit(record, order=2, method="okid-era", validation=0.3).report.warnings
     assert any("'heading' moves 0.1" in warning and "in the validation part" in warning for warning in warnings)
 
 
@@ -140,17 +130,14 @@ def test_nearly_collinear_inputs_are_reported_with_their_independent_variance(dr
     u = np.hstack([common, common]) + 0.2 * rng.standard_normal((800, 2))
     y = simulate(eq_12, u, np.zeros(2))
     record = replace(draw(0), u=u, y=y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape))
-    warnings = identify(record, IdentificationOptions(order=2, method="okid-era")).report.warnings
+    warnings = fit(record, order=2, method="okid-era").report.warnings
     # Variances 1 + 0.04, covariance 1: the difference has a variance of 0.04/1.04, within a tenth.
-    said = [warning for warning in warnings if "move nearly together" in warning]
-    assert len(said) == 1
-    assert "'left_m_s'" in said[0]
-    assert "'right_m_s'" in said[0]
-    assert re.search("has [345] % of one input's variance", said[0])
+    (said,) = [warning for warning in warnings if "move nearly together" in warning]
+    assert re.search("has [345] % of one input's variance", said)
 
 
 def test_a_good_record_gives_no_warning(draw: Draw) -> None:
-    assert identify(draw(5, noise=0.05), IdentificationOptions(order=2, validation=0.3)).report.warnings == []
+    assert fit(draw(5, noise=0.05), order=2, validation=0.3).report.warnings == []
 
 
 @pytest.mark.parametrize(
@@ -167,7 +154,7 @@ def test_a_good_record_gives_no_warning(draw: Draw) -> None:
 def test_a_report_is_json_without_nan_or_infinity(
     draw: Draw, samples: int, noise: float, options: dict[str, str | float | list[int]]
 ) -> None:
-    report = identify(draw(6, noise=noise, samples=samples), IdentificationOptions(**options)).report
+    report = fit(draw(6, noise=noise, samples=samples), **options).report
     again = json.loads(json.dumps(report.as_json(), allow_nan=False))
     assert again["order"] == report.order
     assert again["fit_percent"] == report.fit_percent

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from jaxtyping import Float
+from systems import noise_record
 
 from treadline.core.errors import LogFormatError, ShapeMismatch, TreadlineError
 from treadline.core.models import InputOutputRecord
@@ -50,8 +51,7 @@ def whole_windows(record: InputOutputRecord, lags: int, units: Units) -> Float[n
 
 
 def random_record(seed: int, samples: int = 400) -> InputOutputRecord:
-    rng = np.random.default_rng(seed)
-    return InputOutputRecord(u=rng.standard_normal((samples, 2)), y=rng.standard_normal((samples, 1)), dt_s=0.1)
+    return noise_record(seed, samples, outputs=1, dt_s=0.1)
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
@@ -166,21 +166,6 @@ def test_sums_of_other_lags_units_or_periods_do_not_add_up() -> None:
             data + other
 
 
-@pytest.mark.parametrize("order", ["C", "F"])
-@pytest.mark.parametrize("solver", ["gram", "qr"])
-def test_read_only_data_of_any_layout_are_accepted_unchanged(order: str, solver: str) -> None:
-    record = random_record(8)
-    u, y = np.require(record.u, requirements=[order]), np.require(record.y, requirements=[order])
-    u, y = u.copy(order), y.copy(order)
-    for array in (u, y):
-        array.setflags(write=False)
-    units = units_of([InputOutputRecord(u=u, y=y, dt_s=0.1)])
-    found = gram(InputOutputRecord(u=u, y=y, dt_s=0.1), 4, units, solver=solver)
-    np.testing.assert_allclose(found.sums, gram(record, 4, units).sums, atol=ROUNDING)
-    np.testing.assert_array_equal(u, record.u)
-    np.testing.assert_array_equal(y, record.y)
-
-
 def test_units_are_mean_and_deviation_without_the_gaps() -> None:
     first, second = random_record(9), random_record(10, 100)
     first.u[3, 0] = first.y[:50, 0] = np.nan
@@ -213,18 +198,17 @@ def test_saved_sums_come_back_bit_by_bit(tmp_path: Path) -> None:
     data = gram(record, 5, some_units(record)).forgotten(0.9)
     data.save(tmp_path / "new" / "sums.npz")
     again = Gram.load(tmp_path / "new" / "sums.npz")
-    np.testing.assert_array_equal(again.sums, data.sums)
-    np.testing.assert_array_equal(again.units.shift, data.units.shift)
-    np.testing.assert_array_equal(again.units.scale, data.units.scale)
+    for found, held in ((again.sums, data.sums), (again.units.shift, data.units.shift), (again.units.scale, data.units.scale)):
+        np.testing.assert_array_equal(found, held)
     assert (again.lags, again.dt_s, again.count, again.dropped) == (data.lags, data.dt_s, data.count, data.dropped)
     assert again.units.input_count == 2
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["sums.npz"]
 
 
-@pytest.mark.parametrize("missing", ["lags", "dt_s", "sums", "count", "dropped", "shift", "scale", "input_count"])
-def test_a_file_that_lacks_a_part_is_rejected(tmp_path: Path, missing: str) -> None:
-    with pytest.raises(LogFormatError, match=f"not a saved Gram matrix: .*{missing}"):
-        Gram.load(saved(tmp_path, **{missing: None}))
+def test_a_file_that_lacks_a_part_is_rejected(tmp_path: Path) -> None:
+    for missing in ("lags", "dt_s", "sums", "count", "dropped", "shift", "scale", "input_count"):
+        with pytest.raises(LogFormatError, match=f"not a saved Gram matrix: .*{missing}"):
+            Gram.load(saved(tmp_path, **{missing: None}))
 
 
 @pytest.mark.parametrize(
@@ -247,10 +231,6 @@ def test_a_file_that_lacks_a_part_is_rejected(tmp_path: Path, missing: str) -> N
         ("dt_s", 0.0),
         ("dt_s", np.nan),
         ("input_count", 9),
-    ],
-    ids=[
-        *("lags", "negative lags", "list", "size", "nan", "code", "text", "complex", "one-sided", "no scale", "zero scale"),
-        *("shift", "no count", "negative count", "no period", "nan period", "inputs"),
     ],
 )
 def test_a_part_that_does_not_fit_the_others_is_rejected(tmp_path: Path, part: str, value: object) -> None:

@@ -1,35 +1,29 @@
 """Identification continues from the Gram matrix of earlier data, with or without forgetting."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from systems import Draw, fit, system
 
 from treadline.core.errors import SettingsError
-from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import Gram, IdentificationOptions, gram, identify
-from treadline.identification.validate import impulse_response, simulate
+from treadline.core.models import InputOutputRecord
+from treadline.identification import gram
+from treadline.identification.validate import impulse_response, part, simulate
 
-Draw = Callable[..., InputOutputRecord]
 METHODS = ("okid-era", "era-dc", "pbsid")
-
-
-def cut(record: InputOutputRecord, start: int, stop: int) -> InputOutputRecord:
-    return replace(record, u=record.u[start:stop], y=record.y[start:stop])
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_updating_a_gram_matrix_equals_both_experiments_at_once(draw: Draw, method: str) -> None:
     first, second = draw(0, noise=0.05, samples=500), draw(1, noise=0.05, samples=400)
-    prior = identify(first, IdentificationOptions(order=2, method=method)).gram
-    gone_on = identify(second, IdentificationOptions(order=2, method=method, prior=prior))
+    prior = fit(first, order=2, method=method).gram
+    gone_on = fit(second, order=2, method=method, prior=prior)
     # All data in the units of the first experiment; common units would change the last digits.
     both = gram(first, prior.lags, prior.units) + gram(second, prior.lags, prior.units)
     np.testing.assert_array_equal(gone_on.gram.sums, both.sums)
     assert gone_on.gram.count == 900 - 2 * prior.lags
-    at_once = identify([first, second], IdentificationOptions(order=2, method=method, lags=gone_on.report.lags))
+    at_once = fit([first, second], order=2, method=method, lags=gone_on.report.lags)
     # Other units and, with fewer lags, a few more windows at the start: a hundredth of the noise's effect.
     expected = impulse_response(at_once.model, 20)
     assert np.linalg.norm(impulse_response(gone_on.model, 20) - expected) < 1e-3 * np.linalg.norm(expected)
@@ -37,69 +31,49 @@ def test_updating_a_gram_matrix_equals_both_experiments_at_once(draw: Draw, meth
 
 def test_a_record_cut_in_two_lacks_the_windows_across_the_seam(draw: Draw) -> None:
     record = draw(2, noise=0.05)
-    whole = identify(record, IdentificationOptions(order=2, lags=6, method="okid-era"))
-    prior = gram(cut(record, 0, 500), 6, whole.gram.units)
-    gone_on = identify(cut(record, 500, 1000), IdentificationOptions(order=2, method="okid-era", prior=prior))
+    whole = fit(record, order=2, lags=6, method="okid-era")
+    prior = gram(part(record, 0, 500), 6, whole.gram.units)
+    gone_on = fit(part(record, 500, 1000), order=2, method="okid-era", prior=prior)
     # Six windows begin in the first half and end in the second; neither part contains them.
     assert whole.gram.count - gone_on.gram.count == 6
-    seam = gram(cut(record, 494, 506), 6, whole.gram.units)
+    seam = gram(part(record, 494, 506), 6, whole.gram.units)
     np.testing.assert_allclose(gone_on.gram.sums + seam.sums, whole.gram.sums, atol=1e-9)
 
 
-def test_a_saved_gram_matrix_can_be_updated(draw: Draw, tmp_path: Path) -> None:
-    prior = identify(draw(0, noise=0.05, samples=500), IdentificationOptions(order=2, method="pbsid")).gram
-    prior.save(tmp_path / "sums.npz")
-    models = [
-        identify(draw(1, noise=0.05), IdentificationOptions(order=2, prior=item)).model
-        for item in (prior, Gram.load(tmp_path / "sums.npz"))
-    ]
-    np.testing.assert_array_equal(models[0].A, models[1].A)
-    np.testing.assert_array_equal(models[0].B, models[1].B)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_gaps_in_later_data_do_not_cost_the_earlier_ones(draw: Draw, method: str) -> None:
-    prior = identify(draw(0, noise=0.05, samples=500), IdentificationOptions(order=2, method=method)).gram
+def test_gaps_in_later_data_do_not_cost_the_earlier_ones(draw: Draw) -> None:
+    prior = fit(draw(0, noise=0.05, samples=500), order=2, method="pbsid").gram
     later = draw(1, noise=0.05, samples=400)
     later.y[100, 0] = np.nan
-    found = identify(later, IdentificationOptions(order=2, method=method, prior=prior)).gram
+    found = fit(later, order=2, method="pbsid", prior=prior).gram
     assert found.count == prior.count + 400 - prior.lags - (prior.lags + 1)
     assert found.dropped == prior.dropped + prior.lags + 1
 
 
 def test_forgetting_reduces_the_weight_with_every_new_sample(draw: Draw) -> None:
-    prior = identify(draw(0, noise=0.05, samples=500), IdentificationOptions(order=2, method="okid-era")).gram
+    prior = fit(draw(0, noise=0.05, samples=500), order=2, method="okid-era").gram
     later = draw(1, noise=0.05, samples=100)
-    found = identify(later, IdentificationOptions(order=2, method="okid-era", prior=prior, forgetting=0.99)).gram
+    found = fit(later, order=2, method="okid-era", prior=prior, forgetting=0.99).gram
     expected = 0.99**100 * prior.sums + gram(later, prior.lags, prior.units).sums
     np.testing.assert_allclose(found.sums, expected, rtol=1e-12)
     assert found.count == pytest.approx(0.99**100 * prior.count + 100 - prior.lags)
 
 
-def changed(eq_12: LinearModel, seed: int, pole: float, samples: int) -> InputOutputRecord:
+def changed(seed: int, pole: float, samples: int) -> InputOutputRecord:
     """Return a record of a first-order lag with the given pole."""
     rng = np.random.default_rng(seed)
-    plant = LinearModel(
-        A=np.array([[pole]]),
-        B=np.array([[1.0, 0.5]]),
-        C=np.array([[1.0]]),
-        D=np.zeros((1, 2)),
-        dt_s=eq_12.dt_s,
-        input_offset=np.zeros(2),
-        output_offset=np.zeros(1),
-    )
+    plant = system([[pole]], [[1.0, 0.5]], [[1.0]])
     u = rng.standard_normal((samples, 2))
-    return InputOutputRecord(u=u, y=simulate(plant, u, np.zeros(1)) + 0.01 * rng.standard_normal((samples, 1)), dt_s=eq_12.dt_s)
+    return InputOutputRecord(u=u, y=simulate(plant, u, np.zeros(1)) + 0.01 * rng.standard_normal((samples, 1)), dt_s=1.0)
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_forgetting_follows_a_changing_plant(eq_12: LinearModel, method: str) -> None:
-    prior = identify(changed(eq_12, 0, 0.5, 1000), IdentificationOptions(order=1, method=method)).gram
+def test_forgetting_follows_a_changing_plant(method: str) -> None:
+    prior = fit(changed(0, 0.5, 1000), order=1, method=method).gram
     forgetful, faithful = prior, prior
     for seed in range(1, 7):
-        record = changed(eq_12, seed, 0.8, 100)
-        following = identify(record, IdentificationOptions(order=1, method=method, prior=forgetful, forgetting=0.98))
-        holding = identify(record, IdentificationOptions(order=1, method=method, prior=faithful))
+        record = changed(seed, 0.8, 100)
+        following = fit(record, order=1, method=method, prior=forgetful, forgetting=0.98)
+        holding = fit(record, order=1, method=method, prior=faithful)
         forgetful, faithful = following.gram, holding.gram
     # 0.98^600 = 5e-6 of the old weight remains; without forgetting a thousand samples at 0.5 outweigh six hundred at 0.8.
     assert float(following.model.A[0, 0]) == pytest.approx(0.8, abs=0.01)
@@ -117,20 +91,15 @@ def test_forgetting_follows_a_changing_plant(eq_12: LinearModel, method: str) ->
     ],
 )
 def test_an_option_that_does_not_go_with_a_prior_is_rejected(draw: Draw, options: dict[str, str | float], message: str) -> None:
-    prior = identify(draw(0, samples=300, noise=0.05), IdentificationOptions(order=2, method="pbsid")).gram
+    prior = fit(draw(0, samples=300, noise=0.05), order=2, method="pbsid").gram
     with pytest.raises(SettingsError, match=message):
-        identify(draw(1, samples=300, noise=0.05), IdentificationOptions(prior=prior, **options))
+        fit(draw(1, samples=300, noise=0.05), prior=prior, **options)
 
 
 def test_a_prior_of_other_channels_or_period_is_rejected(draw: Draw) -> None:
     record = draw(0, samples=300, noise=0.05)
-    prior = identify(record, IdentificationOptions(order=2, method="pbsid")).gram
+    prior = fit(record, order=2, method="pbsid").gram
     with pytest.raises(SettingsError, match="the prior has 2 inputs of 4 channels, the record 2 of 3"):
-        identify(replace(record, y=record.y[:, :1]), IdentificationOptions(prior=prior))
+        fit(replace(record, y=record.y[:, :1]), prior=prior)
     with pytest.raises(SettingsError, match=r"the prior's period is 1 s, the record's 0\.5 s"):
-        identify(replace(record, dt_s=0.5), IdentificationOptions(prior=prior))
-
-
-def test_forgetting_without_a_prior_is_rejected(draw: Draw) -> None:
-    with pytest.raises(SettingsError, match="forgetting has no effect without earlier data"):
-        identify(draw(0, samples=300), IdentificationOptions(forgetting=0.99))
+        fit(replace(record, dt_s=0.5), prior=prior)

@@ -4,22 +4,23 @@ Runs are independent: with n expected hits at 95 % the share scatters by √(0.9
 gain at several frequencies, are correlated, so their share scatters somewhat more.
 """
 
-from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 from jaxtyping import Complex, Float
+from scipy.linalg import block_diag
+from systems import Draw, fit, oscillation, system
 
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import IdentificationOptions, identify
 from treadline.identification._affine import Affine, to_model
 from treadline.identification._pole_intervals import ConfidenceIntervals, of_refined
 from treadline.identification._refine import experiments_of, refined
 from treadline.identification.gram import units_of
 from treadline.identification.validate import impulse_response, simulate
 
-Draw = Callable[..., InputOutputRecord]
 FREE = np.zeros((2, 3), dtype=bool)
+Pair = tuple[float, float]
 OMEGA = np.array([0.05, 0.3, 1.0, 2.5])
 """Frequencies [rad per sample] for the comparison of the gain."""
 STEPS = 6
@@ -29,17 +30,8 @@ STEPS = 6
 def spring() -> LinearModel:
     """Complex pair at 0.9 e^(±0.5i) and a real pole at 0.6."""
     rng = np.random.default_rng(3)
-    A = np.zeros((3, 3))
-    A[:2, :2], A[2, 2] = 0.9 * np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]]), 0.6
-    return LinearModel(
-        A=A,
-        B=rng.standard_normal((3, 2)),
-        C=rng.standard_normal((2, 3)),
-        D=rng.standard_normal((2, 2)),
-        dt_s=1.0,
-        input_offset=np.zeros(2),
-        output_offset=np.zeros(2),
-    )
+    B, C, D = (rng.standard_normal(shape) for shape in ((3, 2), (2, 3), (2, 2)))
+    return system(block_diag(oscillation(0.9, 0.5), 0.6), B, C, D)
 
 
 def record_of(true: LinearModel, seed: int, samples: int, noise: float, memory: float = 0.0) -> InputOutputRecord:
@@ -75,15 +67,13 @@ def poles_held(found: ConfidenceIntervals, true: LinearModel) -> list[bool]:
 
 
 def gains_held(found: ConfidenceIntervals, true: LinearModel) -> list[bool]:
-    magnitude = np.abs(found.response(OMEGA))
-    held: list[bool] = (np.abs(magnitude - np.abs(gain(true))) <= 1.96 * found.frequency(OMEGA)).ravel().tolist()
-    return held
+    off = np.abs(found.response(OMEGA)) - np.abs(gain(true))
+    return list((np.abs(off) <= 1.96 * found.frequency(OMEGA)).ravel())
 
 
 def markov_held(found: ConfidenceIntervals, true: LinearModel) -> list[bool]:
     response = impulse_response(to_model(found.system, found.units, 1.0, ("a", "b", "c", "d")), STEPS)
-    held: list[bool] = (np.abs(response - impulse_response(true, STEPS)) <= 1.96 * found.impulse(STEPS)).ravel().tolist()
-    return held
+    return list((np.abs(response - impulse_response(true, STEPS)) <= 1.96 * found.impulse(STEPS)).ravel())
 
 
 @pytest.mark.parametrize(
@@ -118,7 +108,7 @@ def test_the_disc_about_a_complex_pole_covers_it_95_times_in_100(spring: LinearM
 def test_intervals_of_the_selected_model_cover_the_truth_under_coloured_noise(eq_12: LinearModel, memory: float) -> None:
     poles, gains = [], []
     for seed in range(40):
-        found = identify(record_of(eq_12, seed, 1000, 0.1, memory), IdentificationOptions(order=2)).intervals
+        found = fit(record_of(eq_12, seed, 1000, 0.1, memory), order=2).intervals
         if found is not None:  # candidates with refitted B and D only have no intervals
             poles += poles_held(found, eq_12)
             gains += gains_held(found, eq_12)
@@ -128,65 +118,56 @@ def test_intervals_of_the_selected_model_cover_the_truth_under_coloured_noise(eq
     assert np.mean(gains) >= 0.89
 
 
-@pytest.mark.parametrize("method", ["okid-era", "pbsid"])
-def test_intervals_of_a_subspace_model_cover_the_true_gain_95_times_in_100(eq_12: LinearModel, method: str) -> None:
-    found = [
-        identify(record_of(eq_12, seed, 300, 0.1), IdentificationOptions(order=2, lags=4, method=method)).intervals
-        for seed in range(100)
-    ]
+def test_intervals_of_a_subspace_model_cover_the_true_gain_95_times_in_100(eq_12: LinearModel) -> None:
+    found = [fit(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method="pbsid").intervals for seed in range(100)]
     gains = [hit for item in found if item is not None for hit in gains_held(item, eq_12)]
     # A hundred runs of sixteen correlated gains: about 2 %.
     assert len(gains) == 1600
     assert 0.92 <= np.mean(gains) <= 0.98
 
 
-@pytest.mark.parametrize("method", ["okid-era", "era-dc", "pbsid"])
-def test_intervals_of_a_subspace_model_cover_the_true_poles_95_times_in_100(eq_12: LinearModel, method: str) -> None:
-    reports = [
-        identify(record_of(eq_12, seed, 300, 0.1), IdentificationOptions(order=2, lags=4, method=method)).intervals
-        for seed in range(100)
-    ]
-    poles = [hit for item in reports if item is not None for hit in poles_held(item, eq_12)]
-    # 95 % minus one and a half of the 1.5 % of 200 hits.
-    assert len(poles) == 200
-    assert np.mean(poles) >= 0.93
-
-
-@pytest.mark.parametrize(("lags", "memory"), [(None, 0.0), (20, 0.0), (20, 0.8)], ids=["few", "many", "coloured"])
-def test_okid_era_intervals_cover_the_true_poles_for_any_lags(eq_12: LinearModel, lags: int | None, memory: float) -> None:
-    found = [
-        identify(record_of(eq_12, seed, 1000, 0.05, memory), IdentificationOptions(order=2, lags=lags, method="okid-era")).intervals
-        for seed in range(120)
-    ]
-    poles = [hit for item in found if item is not None for hit in poles_held(item, eq_12)]
-    # 240 hits scatter by 1.4 %. With β counted twice in the innovation response, 99.8 % were contained under coloured noise.
-    assert len(poles) == 240
-    assert 0.92 <= np.mean(poles) <= 0.98
-
-
-@pytest.mark.parametrize("method", ["okid-era", "era-dc"])
-def test_lags_by_aicc_leave_little_bias_under_coloured_noise(eq_12: LinearModel, method: str) -> None:
-    found = [
-        identify(record_of(eq_12, seed, 1000, 0.2, 0.8), IdentificationOptions(order=2, method=method)).intervals
-        for seed in range(120)
-    ]
-    poles = [hit for item in found if item is not None for hit in poles_held(item, eq_12)]
-    # 240 hits scatter by 1.4 %: 92 and 90 to 95 were counted. With the two or three lags of the BIC the coverage was 84.
-    assert len(poles) == 240
-    assert np.mean(poles) >= 0.88
+@pytest.mark.parametrize(
+    ("plant", "method", "lags", "record", "runs", "share"),
+    [
+        # 95 % minus one and a half of the 1.5 % of 200 hits.
+        ("eq_12", "okid-era", 4, (300, 0.1), 100, (0.93, 1.0)),
+        ("eq_12", "era-dc", 4, (300, 0.1), 100, (0.93, 1.0)),
+        ("eq_12", "pbsid", 4, (300, 0.1), 100, (0.93, 1.0)),
+        # 240 hits scatter by 1.4 %. With β counted twice in the innovation response, 99.8 % were contained under coloured noise.
+        ("eq_12", "okid-era", None, (1000, 0.05), 120, (0.92, 0.98)),
+        ("eq_12", "okid-era", 20, (1000, 0.05, 0.8), 120, (0.92, 0.98)),
+        # Lags by AICc: 92 and 90 to 95 were counted. With the two or three lags of the BIC the coverage was 84.
+        ("eq_12", "okid-era", None, (1000, 0.2, 0.8), 120, (0.88, 1.0)),
+        ("eq_12", "era-dc", None, (1000, 0.2, 0.8), 120, (0.88, 1.0)),
+        # 180 hits, of which each pair's two are one: 2 %.
+        ("spring", "era-dc", None, (500, 0.05), 60, (0.91, 1.0)),
+    ],
+)
+def test_intervals_of_a_subspace_model_cover_the_true_poles_95_times_in_100(
+    request: pytest.FixtureRequest,
+    plant: str,
+    method: str,
+    lags: int | None,
+    record: tuple[Any, ...],
+    runs: int,
+    share: tuple[float, float],
+) -> None:
+    """Test: records of a plant (samples, share of noise, and memory of the noise). Expected result: poles within their discs."""
+    true: LinearModel = request.getfixturevalue(plant)
+    found = [fit(record_of(true, seed, *record), order=true.order, lags=lags, method=method).intervals for seed in range(runs)]
+    poles = [hit for item in found if item is not None for hit in poles_held(item, true)]
+    assert len(poles) == runs * true.order
+    assert share[0] <= np.mean(poles) <= share[1]
 
 
 def test_residuals_without_power_at_a_mode_do_not_widen_its_interval() -> None:
     """Two modes of 0.5 % damping under 1 % white noise: the width matches the error."""
-    A = np.zeros((4, 4))
-    for at, w in ((0, 0.7), (2, 1.9)):
-        A[at : at + 2, at : at + 2] = np.exp(-0.005 * w) * np.array([[np.cos(w), np.sin(w)], [-np.sin(w), np.cos(w)]])
+    A = block_diag(*(oscillation(np.exp(-0.005 * w), w) for w in (0.7, 1.9)))
     rng = np.random.default_rng(5)
-    B, C, D = rng.standard_normal((4, 2)), rng.standard_normal((2, 4)), rng.standard_normal((2, 2))
-    true = LinearModel(A=A, B=B, C=C, D=D, dt_s=1.0, input_offset=np.zeros(2), output_offset=np.zeros(2))
+    true = system(A, *(rng.standard_normal(shape) for shape in ((4, 2), (2, 4), (2, 2))))
     errors, radii = [], []
     for seed in range(12):
-        found = identify(record_of(true, seed, 2000, 0.01), IdentificationOptions(order=4, method="okid-era")).intervals
+        found = fit(record_of(true, seed, 2000, 0.01), order=4, method="okid-era").intervals
         assert found is not None
         poles = np.linalg.eigvals(found.system.A)
         errors += np.abs(poles[:, None] - np.linalg.eigvals(A)).min(axis=1).tolist()
@@ -198,24 +179,17 @@ def test_residuals_without_power_at_a_mode_do_not_widen_its_interval() -> None:
 
 
 def test_the_report_contains_the_intervals_of_the_model(draw: Draw) -> None:
-    found = identify(draw(0, noise=0.1, samples=400), IdentificationOptions(order=2))
+    found = fit(draw(0, noise=0.1, samples=400), order=2)
     assert found.intervals is not None
     assert found.report.pole_ci95 == pytest.approx(found.intervals.pole_radii().tolist())
     np.testing.assert_allclose(found.intervals.response(OMEGA), gain(found.model), rtol=1e-9)
-
-
-def test_four_times_the_data_halve_the_intervals(eq_12: LinearModel) -> None:
-    short, long = (refined_near(eq_12, record_of(eq_12, 5, samples, 0.1)) for samples in (1000, 4000))
-    # Poles at different places in the short record, by a hundredth, have a different uncertainty by a tenth.
-    np.testing.assert_allclose(long.pole_radii(), short.pole_radii() / 2.0, rtol=0.2)
-    np.testing.assert_allclose(long.impulse(STEPS), short.impulse(STEPS) / 2.0, rtol=0.2)
 
 
 def test_intervals_follow_the_units_of_the_record(draw: Draw) -> None:
     record = draw(6, noise=0.1, samples=400)
     into, out = np.array([1e3, 1e-2]), np.array([1e-4, 1e2])
     other = InputOutputRecord(u=record.u * into, y=record.y * out, dt_s=1.0)
-    plain, scaled = (identify(item, IdentificationOptions(order=2, method="okid-era")).intervals for item in (record, other))
+    plain, scaled = (fit(item, order=2, method="okid-era").intervals for item in (record, other))
     assert plain is not None
     assert scaled is not None
     np.testing.assert_allclose(scaled.pole_radii(), plain.pole_radii(), rtol=1e-6)
@@ -224,9 +198,7 @@ def test_intervals_follow_the_units_of_the_record(draw: Draw) -> None:
 
 
 def test_the_interval_of_the_impulse_response_matches_the_scatter_over_many_records(eq_12: LinearModel) -> None:
-    models = [
-        identify(record_of(eq_12, seed, 300, 0.1), IdentificationOptions(order=2, lags=4, method="okid-era")) for seed in range(100)
-    ]
+    models = [fit(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method="okid-era") for seed in range(100)]
     spread = np.std([impulse_response(item.model, STEPS) for item in models], axis=0)
     told: Float[np.ndarray, "k p m"] = np.mean([item.intervals.impulse(STEPS) for item in models if item.intervals], axis=0)
     # A standard deviation of 100 runs is known to 7 %: three of those. Beyond the lags, parameters follow from products of noisy
@@ -236,28 +208,7 @@ def test_the_interval_of_the_impulse_response_matches_the_scatter_over_many_reco
 
 
 def test_an_exact_model_has_vanishing_intervals(draw: Draw) -> None:
-    found = identify(draw(7), IdentificationOptions(order=2))
+    found = fit(draw(7), order=2)
     assert found.intervals is not None
     # Without noise only rounding remains.
     assert found.intervals.pole_radii().max() < 1e-6
-
-
-def test_the_printed_eq_9c_has_no_intervals() -> None:
-    u = np.concatenate([[1.0], 0.1 * np.random.default_rng(0).standard_normal(40)])[:, None]
-    y = np.zeros_like(u)
-    for k in range(1, len(u)):
-        y[k] = 0.5 * y[k - 1] + u[k - 1]
-    found = identify(InputOutputRecord(u=u, y=y, dt_s=1.0), IdentificationOptions(method="deconvolution", order=1))
-    assert found.intervals is None
-    assert found.report.pole_ci95 is None
-
-
-def test_intervals_of_correlations_cover_the_poles_of_three_states(spring: LinearModel) -> None:
-    found = [
-        identify(record_of(spring, seed, 500, 0.05), IdentificationOptions(order=3, method="era-dc")).intervals
-        for seed in range(60)
-    ]
-    poles = [hit for item in found if item is not None for hit in poles_held(item, spring)]
-    # 180 hits, of which each pair's two are one: 2 %.
-    assert len(poles) == 180
-    assert np.mean(poles) >= 0.91

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from systems import fit
 
 from treadline.core.models import InputOutputRecord
-from treadline.identification import IdentificationOptions, identify
 from treadline.identification._affine import Affine
 from treadline.identification._recursion_kernels import tangents
 from treadline.identification._refine import Experiment, directions, jacobian
@@ -40,5 +40,5 @@ def test_a_record_holds_one_layout_and_the_model_does_not_depend_on_the_given_on
     assert record.u.flags.writeable
     assert record.u.dtype == np.float64
     # The values are equal in single precision, so the models are equal to the last bit.
-    plain = identify(InputOutputRecord(u=u, y=y, dt_s=1.0), IdentificationOptions(order=2, method="okid-era")).model
-    np.testing.assert_array_equal(identify(record, IdentificationOptions(order=2, method="okid-era")).model.A, plain.A)
+    plain = fit(InputOutputRecord(u=u, y=y, dt_s=1.0), order=2, method="okid-era").model
+    np.testing.assert_array_equal(fit(record, order=2, method="okid-era").model.A, plain.A)

@@ -1,22 +1,10 @@
 """Each method is exact without noise, insensitive to offsets, and correct for a plant stabilised by feedback."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
+from systems import Draw, fit, markov_error, system
 
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import IdentificationOptions, identify
-from treadline.identification.validate import impulse_response
-
-Draw = Callable[..., InputOutputRecord]
-STEPS = 20
-
-
-def markov_error(model: LinearModel, true: LinearModel) -> float:
-    """Return ‖Y - Ŷ‖/‖Y‖ over the Markov parameters."""
-    expected = impulse_response(true, STEPS)
-    return float(np.linalg.norm(impulse_response(model, STEPS) - expected) / np.linalg.norm(expected))
 
 
 def offset(record: InputOutputRecord, deviations: float) -> InputOutputRecord:
@@ -28,9 +16,7 @@ def offset(record: InputOutputRecord, deviations: float) -> InputOutputRecord:
 @pytest.mark.parametrize("method", ["okid-era", "era-dc", "pbsid"])
 @pytest.mark.parametrize(("solver", "bound"), [("gram", 1e-12), ("qr", 1e-14)])
 def test_a_method_is_exact_without_noise(draw: Draw, eq_12: LinearModel, method: str, solver: str, bound: float) -> None:
-    errors = [
-        markov_error(identify(draw(seed), IdentificationOptions(method=method, solver=solver)).model, eq_12) for seed in range(7)
-    ]
+    errors = [markov_error(fit(draw(seed), method=method, solver=solver).model, eq_12) for seed in range(7)]
     # Medians of 1.4e-15 to 2e-15 were measured with either solver; the bounds are the design targets.
     assert np.median(errors) < bound
 
@@ -40,10 +26,7 @@ def test_offsets_of_a_thousand_deviations_cost_the_three_digits_that_the_samples
     draw: Draw, eq_12: LinearModel, solver: str
 ) -> None:
     errors = [
-        markov_error(
-            identify(offset(draw(seed), 1e3), IdentificationOptions(order=2, method="okid-era", solver=solver)).model, eq_12
-        )
-        for seed in range(5)
+        markov_error(fit(offset(draw(seed), 1e3), order=2, method="okid-era", solver=solver).model, eq_12) for seed in range(5)
     ]
     # A sample of 1000 is accurate to 1e-13; the average of a thousand of them to 6e-15.
     assert np.median(errors) < 5e-14
@@ -51,36 +34,23 @@ def test_offsets_of_a_thousand_deviations_cost_the_three_digits_that_the_samples
 
 def test_large_offsets_do_not_affect_noisy_data(draw: Draw) -> None:
     record = draw(0, noise=0.01)
-    near, far = (identify(item, IdentificationOptions(order=2, method="okid-era")).model for item in (record, offset(record, 1e3)))
+    near, far = (fit(item, order=2, method="okid-era").model for item in (record, offset(record, 1e3)))
     # Rounding of 1e-13, far below the noise of 1 %.
     assert markov_error(far, near) < 1e-11
 
 
 def test_the_lags_of_an_observer_of_noisy_outputs_grow_with_the_data(draw: Draw) -> None:
     few, many = (
-        [
-            identify(draw(seed, samples=n, noise=0.1), IdentificationOptions(order=2, method="okid-era")).report.lags
-            for seed in range(5)
-        ]
-        for n in (200, 5000)
+        [fit(draw(seed, samples=n, noise=0.1), order=2, method="okid-era").report.lags for seed in range(5)] for n in (200, 5000)
     )
     assert np.median(few) < np.median(many)
-
-
-@pytest.mark.parametrize("samples", [1000, 1200])
-def test_correlations_of_exact_data_give_the_system_that_era_gives(draw: Draw, samples: int) -> None:
-    record = draw(1, samples=samples)
-    by_correlations, plain = (
-        identify(record, IdentificationOptions(order=2, method=method)).model for method in ("era-dc", "okid-era")
-    )
-    np.testing.assert_allclose(impulse_response(by_correlations, STEPS), impulse_response(plain, STEPS), atol=1e-13)
 
 
 def held_by_feedback(seed: int, samples: int = 1000) -> tuple[InputOutputRecord, LinearModel]:
     """Return a record of an integrator and a pole at 1.02 under feedback, outputs with 1 % noise, and the plant."""
     rng = np.random.default_rng(seed)
-    A, B, C = np.diag([1.0, 1.02]), np.array([[1.0, 0.3], [0.2, 1.0]]), np.array([[1.0, 0.5], [-0.3, 1.0]])
-    plant = LinearModel(A=A, B=B, C=C, D=np.zeros((2, 2)), dt_s=1.0, input_offset=np.zeros(2), output_offset=np.zeros(2))
+    plant = system(np.diag([1.0, 1.02]), [[1.0, 0.3], [0.2, 1.0]], [[1.0, 0.5], [-0.3, 1.0]])
+    A, B, C = plant.A, plant.B, plant.C
     # u = r - G y with B G C = 0.4: poles at 0.6 and 0.62.
     G = 0.4 * np.linalg.inv(C @ B)
     r, v = rng.standard_normal((2, samples, 2))
@@ -103,13 +73,7 @@ def test_a_plant_stabilised_by_feedback_is_identified(method: str) -> None:
     errors = []
     for seed in range(10):
         record, plant = held_by_feedback(seed)
-        errors.append(markov_error(identify(record, IdentificationOptions(order=2, method=method)).model, plant))
+        errors.append(markov_error(fit(record, order=2, method=method).model, plant))
     # Other packages reach 4e-3; PBSID's median was 1.5e-3.
     assert np.median(errors) < 3e-3
     assert max(errors) < 1e-2
-
-
-def test_a_plant_stabilised_by_feedback_has_the_open_loop_poles() -> None:
-    record, _ = held_by_feedback(3)
-    poles = sorted(real for real, _ in identify(record, IdentificationOptions(method="pbsid")).report.poles)
-    assert poles == pytest.approx([1.0, 1.02], abs=3e-3)

@@ -1,19 +1,19 @@
 """Stabilised models keep their stable poles; reduced models satisfy the error bound."""
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from jaxtyping import Complex, Float
+from systems import Draw, fit, oscillation, system, white_record
 
 from treadline.core.errors import ModelError
-from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import IdentificationOptions, balanced_truncation, identify
+from treadline.core.models import LinearModel
+from treadline.identification import balanced_truncation
 from treadline.identification._affine import Affine
 from treadline.identification.reduction import stabilised
 from treadline.identification.validate import impulse_response
 
-Draw = Callable[..., InputOutputRecord]
 GRID = np.concatenate([[0.0], np.geomspace(1e-3, np.pi, 300)])
 """Frequencies [rad per sample]."""
 
@@ -22,15 +22,8 @@ def random_model(seed: int, order: int, *, radius: float = 0.95) -> LinearModel:
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((order, order))
     A *= radius / np.abs(np.linalg.eigvals(A)).max()
-    return LinearModel(
-        A=A,
-        B=rng.standard_normal((order, 2)),
-        C=rng.standard_normal((3, order)),
-        D=rng.standard_normal((3, 2)),
-        dt_s=0.1,
-        input_offset=np.array([1.0, 2.0]),
-        output_offset=np.array([3.0, 4.0, 5.0]),
-    )
+    B, C, D = (rng.standard_normal(shape) for shape in ((order, 2), (3, order), (3, 2)))
+    return system(A, B, C, D, dt_s=0.1, input_offset=np.array([1.0, 2.0]), output_offset=np.array([3.0, 4.0, 5.0]))
 
 
 def response(model: LinearModel) -> Complex[np.ndarray, "w p m"]:
@@ -64,8 +57,7 @@ def test_a_pole_outside_is_mirrored_and_one_on_the_circle_moved_inside() -> None
 
 
 def test_a_complex_pair_outside_stays_a_pair_at_its_frequency() -> None:
-    turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
-    found = stabilised(affine(1.25 * turn)).A
+    found = stabilised(affine(oscillation(1.25, 0.7))).A
     np.testing.assert_allclose(sorted_poles(found), 0.8 * np.exp([-0.7j, 0.7j]), atol=1e-12)
 
 
@@ -82,14 +74,8 @@ def test_a_double_integrator_made_stable_still_integrates_twice() -> None:
 
 
 def test_identification_with_stable_gives_a_stable_model_of_a_growing_plant() -> None:
-    rng = np.random.default_rng(1)
-    u, y = rng.standard_normal((200, 1)), np.zeros((200, 1))
-    for k in range(1, 200):
-        y[k] = 1.01 * y[k - 1] + u[k - 1]
-    noisy = InputOutputRecord(u=u, y=y + 0.01 * y.std() * rng.standard_normal(y.shape), dt_s=1.0)
-    plain, stable = (
-        identify(noisy, IdentificationOptions(order=1, method="okid-era", stable=stable)).model for stable in (False, True)
-    )
+    noisy = white_record(system([[1.01]], [[1.0]], [[1.0]]), 1, 200, noise=0.01)
+    plain, stable = (fit(noisy, order=1, method="okid-era", stable=stable).model for stable in (False, True))
     assert float(plain.A[0, 0]) == pytest.approx(1.01, abs=1e-3)
     assert float(stable.A[0, 0]) == pytest.approx(1.0 / 1.01, abs=1e-3)
     assert stable.observer_gain is not None
@@ -122,7 +108,7 @@ def test_uncontrollable_and_unobservable_states_are_truncated_without_loss() -> 
     A = np.zeros((4, 4))
     A[:2, :2], A[2, 2], A[3, 3], A[0, 3] = small.A, 0.9, 0.8, 0.7
     B, C = np.vstack([small.B, np.ones((1, 2)), np.zeros((1, 2))]), np.hstack([small.C, np.zeros((3, 1)), np.ones((3, 1))])
-    model = LinearModel(A=A, B=B, C=C, D=small.D, dt_s=0.1, input_offset=small.input_offset, output_offset=small.output_offset)
+    model = system(A, B, C, small.D)
     cut = balanced_truncation(model, 2)
     # The third state is unobservable, the fourth uncontrollable.
     np.testing.assert_allclose(impulse_response(cut.model, 30), impulse_response(small, 30), atol=1e-7)
@@ -132,7 +118,7 @@ def test_uncontrollable_and_unobservable_states_are_truncated_without_loss() -> 
 
 
 def test_a_smaller_model_keeps_its_operating_point_and_its_names(draw: Draw) -> None:
-    model = identify(draw(0, noise=0.05), IdentificationOptions(order=2, method="okid-era")).model
+    model = fit(draw(0, noise=0.05), order=2, method="okid-era").model
     cut = balanced_truncation(model, 1).model
     np.testing.assert_array_equal(cut.input_offset, model.input_offset)
     np.testing.assert_array_equal(cut.output_offset, model.output_offset)
@@ -143,16 +129,7 @@ def test_a_smaller_model_keeps_its_operating_point_and_its_names(draw: Draw) -> 
 
 @pytest.mark.parametrize("radius", [1.0, 1.2])
 def test_an_unstable_model_is_not_cut(radius: float) -> None:
-    model = random_model(9, 3)
-    unstable = LinearModel(
-        A=np.diag([radius, 0.5, 0.2]),
-        B=model.B,
-        C=model.C,
-        D=model.D,
-        dt_s=0.1,
-        input_offset=model.input_offset,
-        output_offset=model.output_offset,
-    )
+    unstable = replace(random_model(9, 3), A=np.diag([radius, 0.5, 0.2]))
     with pytest.raises(ModelError, match=rf"needs a stable model, this one's spectral radius is {radius:.4f}"):
         balanced_truncation(unstable, 2)
 

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from jaxtyping import Float
+from scipy.linalg import block_diag
+from systems import STEPS, fit, markov_error, oscillation, system
 
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import IdentificationOptions, identify
 from treadline.identification._affine import Affine
 from treadline.identification._modal import modes_of
 from treadline.identification._recursion_kernels import free_run
@@ -27,8 +28,6 @@ from treadline.identification._refine import (
 from treadline.identification.gram import Units
 from treadline.identification.validate import impulse_response, simulate
 
-STEPS = 20
-"""Number of Markov parameters in the error."""
 FREE = np.zeros((2, 3), dtype=bool)
 """Mask without fixed entries of D: two outputs, two inputs and a constant."""
 OF_ONE = Units(shift=np.zeros(4), scale=np.ones(4), input_count=2)
@@ -37,19 +36,17 @@ OF_ONE = Units(shift=np.zeros(4), scale=np.ones(4), input_count=2)
 def spring(seed: int = 0) -> Affine:
     """Return a system with a complex pair, 0.9 e^(±0.5i), a real pole 0.6, and offsets."""
     rng = np.random.default_rng(seed)
-    turn = 0.9 * np.array([[np.cos(0.5), np.sin(0.5)], [-np.sin(0.5), np.cos(0.5)]])
-    A = np.zeros((3, 3))
-    A[:2, :2], A[2, 2] = turn, 0.6
+    A = block_diag(oscillation(0.9, 0.5), 0.6)
     T = np.eye(3) + 0.3 * rng.standard_normal((3, 3))
     B, C, D = rng.standard_normal((3, 3)), rng.standard_normal((2, 3)), rng.standard_normal((2, 3))
     return Affine(A=T @ A @ np.linalg.inv(T), B=T @ B, C=C @ np.linalg.inv(T), D=D)
 
 
-def run_of(system: Affine, seed: int, *, samples: int = 300, noise: float = 0.0, gaps: bool = False) -> Experiment:
-    """Return a run of a system from a random initial state."""
+def run_of(model: Affine, seed: int, *, samples: int = 300, noise: float = 0.0, gaps: bool = False) -> Experiment:
+    """Return a run of a model from a random initial state."""
     rng = np.random.default_rng(seed)
     u = np.column_stack([rng.standard_normal((samples, 2)), np.ones(samples)])
-    y = free_run(system.A, system.B, system.C, system.D, rng.standard_normal(system.order), u)
+    y = free_run(model.A, model.B, model.C, model.D, rng.standard_normal(model.order), u)
     y += noise * rng.standard_normal(y.shape)
     there = np.ones(samples, dtype=bool)
     if gaps:
@@ -58,54 +55,58 @@ def run_of(system: Affine, seed: int, *, samples: int = 300, noise: float = 0.0,
     return Experiment(u=u, y=y, there=there)
 
 
-def nearby(system: Affine, seed: int, size: float) -> Affine:
-    """Return a slightly perturbed system."""
+def nearby(model: Affine, seed: int, size: float) -> Affine:
+    """Return a slightly perturbed model."""
     rng = np.random.default_rng(seed)
-    A, B, C, D = (item + size * rng.standard_normal(item.shape) for item in (system.A, system.B, system.C, system.D))
+    A, B, C, D = (item + size * rng.standard_normal(item.shape) for item in (model.A, model.B, model.C, model.D))
     return Affine(A=A, B=B, C=C, D=D)
 
 
 def by_recursion(
-    system: Affine, runs: Sequence[Experiment], ways: Directions
+    model: Affine, runs: Sequence[Experiment], ways: Directions
 ) -> tuple[Float[np.ndarray, "d d"], Float[np.ndarray, " d"]]:
-    pairs = [jacobian(system, run, ways) for run in runs]
+    pairs = [jacobian(model, run, ways) for run in runs]
     return sum(J.T @ J for J, _ in pairs), sum(J.T @ e for J, e in pairs)
 
 
 @pytest.mark.parametrize("gaps", [False, True], ids=["whole", "gaps"])
 def test_modes_give_the_normal_equations_that_the_recursion_gives(gaps: bool) -> None:
     true = spring()
-    system = nearby(true, 1, 0.02)
+    model = nearby(true, 1, 0.02)
     runs = [run_of(true, seed, samples=samples, noise=0.1, gaps=gaps) for seed, samples in ((2, 300), (3, 150))]
-    ways = directions(system, FREE)
-    assert modes_of(system) is not None
-    H, g = normal_equations(system, runs, ways)
-    expected_H, expected_g = by_recursion(system, runs, ways)
+    ways = directions(model, FREE)
+    assert modes_of(model) is not None
+    H, g = normal_equations(model, runs, ways)
+    expected_H, expected_g = by_recursion(model, runs, ways)
     # The condition number of the modes is about ten: two digits of sixteen, and some for the sums.
     np.testing.assert_allclose(H, expected_H, atol=1e-10 * np.abs(expected_H).max())
     np.testing.assert_allclose(g, expected_g, atol=1e-10 * np.abs(expected_g).max())
 
 
-def test_the_gradient_is_that_of_finite_differences() -> None:
-    true = spring()
-    system, runs = nearby(true, 4, 0.02), [run_of(true, 5, noise=0.2, gaps=True)]
-    ways = directions(system, FREE)
-    _, g = normal_equations(system, runs, ways)
-    h, d = 1e-5, len(g)
-    slopes = [(cost(ways.moved(system, h * e), runs) - cost(ways.moved(system, -h * e), runs)) / (2 * h) for e in np.eye(d)]
-    # The cost is the sum of squared residuals: its gradient is -2 J'e. The central difference errs by h² times
-    # the third derivative.
+def assert_gradient_of_finite_differences(start: Affine, runs: Sequence[Experiment], h: float) -> None:
+    """Assert that the gradient of the cost, a sum of squared residuals, is -2 J'e.
+
+    The central difference errs by h² times the third derivative.
+    """
+    ways = directions(start, FREE)
+    _, g = normal_equations(start, runs, ways)
+    slopes = [(cost(ways.moved(start, h * e), runs) - cost(ways.moved(start, -h * e), runs)) / (2 * h) for e in np.eye(len(g))]
     np.testing.assert_allclose(slopes, -2.0 * g, atol=1e-6 * np.abs(g).max())
 
 
+def test_the_gradient_is_that_of_finite_differences() -> None:
+    true = spring()
+    assert_gradient_of_finite_differences(nearby(true, 4, 0.02), [run_of(true, 5, noise=0.2, gaps=True)], 1e-5)
+
+
 def test_the_curvature_at_an_exact_fit_is_that_of_finite_differences() -> None:
-    system = spring()
-    runs = [run_of(system, 6)]
-    ways = directions(system, FREE)
-    H, _ = normal_equations(system, runs, ways)
+    model = spring()
+    runs = [run_of(model, 6)]
+    ways = directions(model, FREE)
+    H, _ = normal_equations(model, runs, ways)
     h = 1e-6
     moves = np.array(
-        [(residual(ways.moved(system, h * e), runs[0]) - residual(ways.moved(system, -h * e), runs[0])) for e in np.eye(len(H))]
+        [(residual(ways.moved(model, h * e), runs[0]) - residual(ways.moved(model, -h * e), runs[0])) for e in np.eye(len(H))]
     )
     flat = moves.reshape(len(H), -1) / (2 * h)
     # Rounding of 1e-15 over steps of 1e-6.
@@ -113,23 +114,23 @@ def test_the_curvature_at_an_exact_fit_is_that_of_finite_differences() -> None:
 
 
 def test_every_direction_changes_the_behaviour() -> None:
-    system = spring()
-    ways = directions(system, FREE)
+    model = spring()
+    ways = directions(model, FREE)
     # n (m + p) + m p and the outputs' offsets: 3·4 + 4 + 2. Each direction changes the behaviour.
     assert ways.A.shape[2] == 18
-    values = np.linalg.eigvalsh(normal_equations(system, [run_of(system, 7)], ways)[0])
+    values = np.linalg.eigvalsh(normal_equations(model, [run_of(model, 7)], ways)[0])
     assert values[0] > 1e-6 * values[-1]
 
 
 def test_entries_of_D_that_are_zero_by_choice_stay_zero() -> None:
     fixed = FREE.copy()
     fixed[:, :2] = True
-    system = spring()
-    D = system.D * ~fixed
-    start = replace(system, D=D, A=0.98 * system.A)
-    found = refined(start, [run_of(replace(system, D=D), 8, noise=0.1)], fixed=fixed)
+    model = spring()
+    D = model.D * ~fixed
+    start = replace(model, D=D, A=0.98 * model.A)
+    found = refined(start, [run_of(replace(model, D=D), 8, noise=0.1)], fixed=fixed)
     np.testing.assert_array_equal(found.D[:, :2], 0.0)
-    assert cost(found, [run_of(replace(system, D=D), 8, noise=0.1)]) < 1.1 * 0.01 * 600
+    assert cost(found, [run_of(replace(model, D=D), 8, noise=0.1)]) < 1.1 * 0.01 * 600
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -171,12 +172,8 @@ def double_integrator(growth: float) -> Affine:
 def test_a_double_integrator_has_no_modes_and_its_gradient_comes_from_the_recursion() -> None:
     true = double_integrator(1.0)
     assert modes_of(true) is None
-    system, runs = replace(true, B=1.05 * true.B, C=1.02 * true.C), [run_of(true, 40, samples=60, noise=0.01)]
-    ways = directions(system, FREE)
-    _, g = normal_equations(system, runs, ways)
-    h = 1e-6
-    slopes = [(cost(ways.moved(system, h * e), runs) - cost(ways.moved(system, -h * e), runs)) / (2 * h) for e in np.eye(len(g))]
-    np.testing.assert_allclose(slopes, -2.0 * g, atol=1e-6 * np.abs(g).max())
+    start = replace(true, B=1.05 * true.B, C=1.02 * true.C)
+    assert_gradient_of_finite_differences(start, [run_of(true, 40, samples=60, noise=0.01)], 1e-6)
 
 
 def test_a_double_pole_is_refined() -> None:
@@ -197,7 +194,7 @@ def test_missing_inputs_and_outputs_do_not_contribute_to_the_residual() -> None:
     assert [len(run.y) for run in predictors_of([item], 1)] == [2, 3]
 
 
-def cramer_rao(true: Affine, run: Experiment, noise: Float[np.ndarray, " p"], steps: int) -> float:
+def cramer_rao(true: Affine, run: Experiment, noise: Float[np.ndarray, " p"]) -> float:
     """Return the Cramér–Rao bound on the relative RMS error of the Markov parameters; x₀ and offsets unknown."""
     ways = directions(true, FREE)
     J, _ = jacobian(true, run, ways)
@@ -206,17 +203,12 @@ def cramer_rao(true: Affine, run: Experiment, noise: Float[np.ndarray, " p"], st
     values, V = np.linalg.eigh(covariance)
     spread = ways.along(V * np.sqrt(np.maximum(values, 0.0)))
     h = 1e-4
-    base = markov(true, steps)
-    moved = [markov(spread.moved(true, h * e), steps) - markov(spread.moved(true, -h * e), steps) for e in np.eye(len(values))]
-    return float(np.linalg.norm(moved) / (2 * h) / np.linalg.norm(base))
+    moved = [markov(spread.moved(true, h * e)) - markov(spread.moved(true, -h * e)) for e in np.eye(len(values))]
+    return float(np.linalg.norm(moved) / (2 * h) / np.linalg.norm(markov(true)))
 
 
-def markov(system: Affine, steps: int) -> Float[np.ndarray, "steps 2 2"]:
-    Y, reach = [system.D[:, :2]], system.B[:, :2]
-    for _ in range(steps - 1):
-        Y.append(system.C @ reach)
-        reach = system.A @ reach
-    return np.array(Y)
+def markov(plant: Affine) -> Float[np.ndarray, "steps 2 2"]:
+    return impulse_response(system(plant.A, plant.B[:, :2], plant.C, plant.D[:, :2]), STEPS)
 
 
 def affine(model: LinearModel) -> Affine:
@@ -232,18 +224,13 @@ def simulated(true: LinearModel, seed: int, samples: int, noise: float) -> tuple
     size = noise * y.std(axis=0)
     y = y + size * rng.standard_normal(y.shape)
     run = Experiment(u=np.column_stack([u, np.ones(samples)]), y=y, there=np.ones(samples, dtype=bool))
-    return InputOutputRecord(u=u, y=y, dt_s=1.0), cramer_rao(affine(true), run, size, STEPS)
-
-
-def relative_error(model: LinearModel, true: LinearModel) -> float:
-    expected = impulse_response(true, STEPS)
-    return float(np.linalg.norm(impulse_response(model, STEPS) - expected) / np.linalg.norm(expected))
+    return InputOutputRecord(u=u, y=y, dt_s=1.0), cramer_rao(affine(true), run, size)
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.1])
 def test_the_selected_model_reaches_the_cramer_rao_bound(eq_12: LinearModel, noise: float) -> None:
     records, bounds = zip(*(simulated(eq_12, seed, 1000, noise) for seed in range(16)), strict=True)
-    errors = [relative_error(identify(record, IdentificationOptions(order=2)).model, eq_12) for record in records]
+    errors = [markov_error(fit(record, order=2).model, eq_12) for record in records]
     # Over 40 seeds the ratio is 1.03; each error scatters by a quarter, the RMS of 16 by 6 %.
     assert np.sqrt(np.mean(np.square(errors))) < 1.1 * np.sqrt(np.mean(np.square(bounds)))
 
@@ -252,22 +239,10 @@ def test_ten_lightly_damped_states_reach_the_cramer_rao_bound() -> None:
     ratios = []
     for seed in range(2):
         rng = np.random.default_rng(seed)
-        A = np.zeros((10, 10))
-        for k, (omega, zeta) in enumerate(zip((0.35, 0.8, 1.3, 1.9, 2.5), (0.004, 0.005, 0.006, 0.007, 0.008), strict=True)):
-            turn = omega * np.sqrt(1.0 - zeta**2)
-            A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = np.exp(-zeta * omega) * np.array(
-                [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
-            )
-        true = LinearModel(
-            A=A,
-            B=rng.standard_normal((10, 2)),
-            C=rng.standard_normal((2, 10)),
-            D=np.zeros((2, 2)),
-            dt_s=1.0,
-            input_offset=np.zeros(2),
-            output_offset=np.zeros(2),
-        )
+        modes = zip((0.35, 0.8, 1.3, 1.9, 2.5), (0.004, 0.005, 0.006, 0.007, 0.008), strict=True)
+        A = block_diag(*(oscillation(np.exp(-zeta * omega), omega * np.sqrt(1.0 - zeta**2)) for omega, zeta in modes))
+        true = system(A, rng.standard_normal((10, 2)), rng.standard_normal((2, 10)))
         record, bound = simulated(true, seed, 1000, 0.01)
-        ratios.append(relative_error(identify(record, IdentificationOptions(order=10)).model, true) / bound)
+        ratios.append(markov_error(fit(record, order=10).model, true) / bound)
     # 1.03 and 1.01 were measured. Other packages reach 1.2; a single error scatters by a tenth.
     assert np.sqrt(np.mean(np.square(ratios))) < 1.1

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import pytest
 from jaxtyping import Float
+from scipy.linalg import block_diag
+from systems import oscillation, system
 
 from treadline.core.models import LinearModel
 from treadline.identification.era import hankel_svd, realise
@@ -25,22 +27,9 @@ DAMPINGS = (0.02, 0.01, 0.015)
 def modal() -> LinearModel:
     """Three lightly damped modes, two inputs, two outputs."""
     rng = np.random.default_rng(3)
-    A = np.zeros((6, 6))
-    for k, (frequency, damping) in enumerate(zip(FREQUENCIES_HZ, DAMPINGS, strict=True)):
-        omega = 2.0 * math.pi * frequency * DT_S
-        real, turn = math.exp(-damping * omega), omega * math.sqrt(1.0 - damping**2)
-        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = real * np.array(
-            [[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]]
-        )
-    return LinearModel(
-        A=A,
-        B=rng.standard_normal((6, 2)),
-        C=rng.standard_normal((2, 6)),
-        D=np.zeros((2, 2)),
-        dt_s=DT_S,
-        input_offset=np.zeros(2),
-        output_offset=np.zeros(2),
-    )
+    pairs = zip(2.0 * math.pi * DT_S * np.array(FREQUENCIES_HZ), DAMPINGS, strict=True)
+    A = block_diag(*(oscillation(math.exp(-zeta * omega), omega * math.sqrt(1.0 - zeta**2)) for omega, zeta in pairs))
+    return system(A, rng.standard_normal((6, 2)), rng.standard_normal((2, 6)), dt_s=DT_S)
 
 
 @pytest.fixture(scope="module")
@@ -98,13 +87,10 @@ def test_leading_blocks_are_the_models_that_era_realises(modal: LinearModel) -> 
     np.testing.assert_array_equal(at_once.damping_stable, one_by_one.damping_stable)
 
 
-def test_the_lowest_order_has_nothing_below_it_to_be_stable_against(noisy: StabilisationDiagram) -> None:
-    first = noisy.order == noisy.order.min()
-    assert not noisy.frequency_stable[first].any()
-
-
 def test_a_pole_stable_in_damping_is_stable_in_frequency(noisy: StabilisationDiagram) -> None:
     assert not (noisy.damping_stable & ~noisy.frequency_stable).any()
+    # The lowest order has nothing below it to be stable against.
+    assert not noisy.frequency_stable[noisy.order == noisy.order.min()].any()
 
 
 def test_modes_of_special_poles() -> None:
@@ -114,7 +100,3 @@ def test_modes_of_special_poles() -> None:
     assert frequency[1] == 0.0
     assert len(frequency) == 5
     assert frequency[0] == pytest.approx(math.log(2.0) / math.pi)
-
-
-def test_no_orders_give_an_empty_diagram() -> None:
-    assert stabilisation(np.eye, range(0), 1.0).order.size == 0

@@ -1,22 +1,29 @@
 """A stream of chunks gives the same model as one record, from the first chunk in which every channel moves."""
 
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from systems import Draw, fit
 
 from treadline.core.errors import NotFinite, PeriodMismatch, PoorExcitation, RecordError
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification import IdentificationOptions, identify, identify_chunks
+from treadline.identification import IdentificationOptions, Identified, identify_chunks
 from treadline.identification import _stream as stream
 from treadline.identification.validate import impulse_response, part
-
-Draw = Callable[..., InputOutputRecord]
 
 
 def in_chunks(record: InputOutputRecord, rows: int) -> list[InputOutputRecord]:
     return [part(record, start, min(start + rows, len(record))) for start in range(0, len(record), rows)]
+
+
+def fit_chunks(*experiments: list[InputOutputRecord], **options: Any) -> Identified:
+    return identify_chunks(*experiments, options=IdentificationOptions(**({"order": 2} | options)))
+
+
+def assert_eq_12(found: Identified, eq_12: LinearModel) -> None:
+    np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
 
 
 def after_standing(record: InputOutputRecord, samples: int) -> InputOutputRecord:
@@ -27,30 +34,30 @@ def after_standing(record: InputOutputRecord, samples: int) -> InputOutputRecord
 
 @pytest.mark.parametrize("rows", [50, 200])
 def test_a_stream_that_begins_at_rest_is_identified(draw: Draw, eq_12: LinearModel, rows: int) -> None:
-    found = identify_chunks(in_chunks(after_standing(draw(0), 400), rows), options=IdentificationOptions(order=2))
-    np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
+    found = fit_chunks(in_chunks(after_standing(draw(0), 400), rows))
+    assert_eq_12(found, eq_12)
     assert not any("left out" in warning for warning in found.report.warnings)
 
 
 def test_a_long_initial_rest_is_truncated_and_reported(draw: Draw, eq_12: LinearModel, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stream, "KEPT", 300)
-    found = identify_chunks(in_chunks(after_standing(draw(0), 1000), 100), options=IdentificationOptions(order=2))
-    np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
+    found = fit_chunks(in_chunks(after_standing(draw(0), 1000), 100))
+    assert_eq_12(found, eq_12)
     assert any("the first 700 samples, with a constant channel" in warning for warning in found.report.warnings)
 
 
 def test_short_chunks_are_combined(draw: Draw, eq_12: LinearModel) -> None:
-    found = identify_chunks(in_chunks(draw(0), 5), options=IdentificationOptions(order=2))
-    np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
+    found = fit_chunks(in_chunks(draw(0), 5))
+    assert_eq_12(found, eq_12)
 
 
 def test_a_stream_that_never_moves_is_rejected(draw: Draw) -> None:
     record = draw(0)
     still = InputOutputRecord(u=np.zeros_like(record.u), y=record.y, dt_s=1.0, input_names=("left", "right"))
     with pytest.raises(PoorExcitation, match="input 'left' is constant"):
-        identify_chunks(in_chunks(still, 100), options=IdentificationOptions(order=2))
+        fit_chunks(in_chunks(still, 100))
     with pytest.raises(PoorExcitation, match="there is no chunk"):
-        identify_chunks([], options=IdentificationOptions(order=2))
+        fit_chunks([])
 
 
 @pytest.mark.parametrize("spoil", ["period", "channels", "infinite"])
@@ -68,7 +75,7 @@ def test_a_later_chunk_of_another_kind_is_rejected(draw: Draw, spoil: str) -> No
         y[5, 0] = np.inf
         chunks[2] = InputOutputRecord(u=odd.u, y=y, dt_s=odd.dt_s)
     with pytest.raises((RecordError, PeriodMismatch)):
-        identify_chunks(chunks, options=IdentificationOptions(order=2))
+        fit_chunks(chunks)
 
 
 def with_gaps(record: InputOutputRecord, rows: slice | np.ndarray) -> InputOutputRecord:
@@ -79,10 +86,8 @@ def with_gaps(record: InputOutputRecord, rows: slice | np.ndarray) -> InputOutpu
 
 def test_several_experiments_are_summed_as_if_read_whole(draw: Draw) -> None:
     records = [draw(seed) for seed in (0, 1, 2)]
-    whole = identify(records, IdentificationOptions(order=2, lags=6, method="okid-era"))
-    streamed = identify_chunks(
-        *(in_chunks(record, 70) for record in records), options=IdentificationOptions(order=2, lags=6, method="okid-era")
-    )
+    whole = fit(records, order=2, lags=6, method="okid-era")
+    streamed = fit_chunks(*(in_chunks(record, 70) for record in records), lags=6, method="okid-era")
     # The same windows, none across a border, in other units: equal to rounding.
     np.testing.assert_allclose(impulse_response(streamed.model, 20), impulse_response(whole.model, 20), atol=1e-9)
     assert streamed.gram.count == whole.gram.count == sum(len(record) - 6 for record in records)
@@ -91,16 +96,16 @@ def test_several_experiments_are_summed_as_if_read_whole(draw: Draw) -> None:
 def test_a_first_experiment_at_rest_is_accepted(draw: Draw, eq_12: LinearModel) -> None:
     record = draw(0)
     still = replace(record, u=np.zeros_like(record.u), y=np.zeros_like(record.y))
-    found = identify_chunks(in_chunks(still, 100), in_chunks(record, 100), options=IdentificationOptions(order=2))
-    np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
+    found = fit_chunks(in_chunks(still, 100), in_chunks(record, 100))
+    assert_eq_12(found, eq_12)
     assert not any("left out" in warning for warning in found.report.warnings)
 
 
 def test_short_experiments_are_combined(draw: Draw) -> None:
     record = draw(0, noise=0.1)
     pieces = in_chunks(record, 30)
-    streamed = identify_chunks(*([piece] for piece in pieces), options=IdentificationOptions(method="okid-era", order=2))
-    whole = identify(pieces, IdentificationOptions(method="okid-era", order=2))
+    streamed = fit_chunks(*([piece] for piece in pieces), method="okid-era")
+    whole = fit(pieces, method="okid-era", order=2)
     np.testing.assert_allclose(impulse_response(streamed.model, 20), impulse_response(whole.model, 20), atol=1e-8)
 
 
@@ -108,14 +113,14 @@ def test_short_experiments_are_combined(draw: Draw) -> None:
 def test_chunks_of_unequal_length_give_the_same_order(draw: Draw, rows: list[int]) -> None:
     """Test: noise that hides the second mode in few windows. Expected result: the same order for all divisions into chunks."""
     records = [draw(seed, samples=count, noise=0.3) for seed, count in enumerate(rows)]
-    by_chunks = identify_chunks(*([record] for record in records), options=IdentificationOptions(method="okid-era", lags=8))
-    assert by_chunks.report.order == identify(records, IdentificationOptions(method="okid-era", lags=8)).report.order
+    by_chunks = fit_chunks(*([record] for record in records), order=None, method="okid-era", lags=8)
+    assert by_chunks.report.order == fit(records, method="okid-era", lags=8).report.order
 
 
 def test_data_before_a_long_pause_are_used_for_validation_if_no_data_follow(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stream, "KEPT", 100)
     record = draw(0)
-    found = identify_chunks(in_chunks(with_gaps(record, slice(850, 1000)), 60), options=IdentificationOptions(order=2))
+    found = fit_chunks(in_chunks(with_gaps(record, slice(850, 1000)), 60))
     assert sum(len(part_) for part_ in found.judged) == 100
     np.testing.assert_array_equal(found.judged[-1].y[-1], record.y[849])
     assert all(value > 99.0 for value in found.report.fit_percent.values())
@@ -126,15 +131,13 @@ def test_a_stream_with_too_many_gaps_is_rejected(draw: Draw, share: float) -> No
     rows = np.arange(1000)
     spoilt = with_gaps(draw(0), rows[rows % 2 == 0] if share < 1.0 else rows)
     with pytest.raises(NotFinite, match=f"{100 * share:.0f} % of the rows hold a NaN"):
-        identify_chunks(in_chunks(spoilt, 100), options=IdentificationOptions(order=2))
+        fit_chunks(in_chunks(spoilt, 100))
 
 
 def test_figures_are_on_the_last_samples_of_several_experiments(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stream, "KEPT", 250)
     records = [draw(0), draw(1)]
-    found = identify_chunks(
-        in_chunks(records[0], 90), in_chunks(part(records[1], 0, 100), 90), options=IdentificationOptions(order=2)
-    )
+    found = fit_chunks(in_chunks(records[0], 90), in_chunks(part(records[1], 0, 100), 90))
     assert [len(record) for record in found.judged] == [150, 100]
     np.testing.assert_array_equal(found.judged[0].y, records[0].y[-150:])
     np.testing.assert_array_equal(found.judged[1].u, records[1].u[:100])
@@ -144,8 +147,8 @@ def test_a_chunk_of_gaps_is_accepted_in_a_mostly_complete_stream(draw: Draw, eq_
     """Test: a logger pauses for two chunks of twenty, then for six. Expected result: a model; an error with the share."""
     record = draw(0)
     tenth, third = (slice(100, 100 + len(record) * part_ // 20) for part_ in (2, 6))
-    found = identify_chunks(in_chunks(with_gaps(record, tenth), len(record) // 20), options=IdentificationOptions(order=2))
-    np.testing.assert_allclose(impulse_response(found.model, 20), impulse_response(eq_12, 20), atol=1e-9)
+    found = fit_chunks(in_chunks(with_gaps(record, tenth), len(record) // 20))
+    assert_eq_12(found, eq_12)
     assert found.report.dropped >= len(record) // 10
     with pytest.raises(NotFinite, match="30 % of the rows hold a NaN"):
-        identify_chunks(in_chunks(with_gaps(record, third), len(record) // 20), options=IdentificationOptions(order=2))
+        fit_chunks(in_chunks(with_gaps(record, third), len(record) // 20))

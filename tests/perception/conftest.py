@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from jaxtyping import Float
+from surfaces import frame_of
 
 from treadline.core.angles import rotation_z
 from treadline.core.images import RgbdFrame
-from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import build_staircase
@@ -22,12 +22,9 @@ def view_from_the_flight(
     rng = np.random.default_rng(seed)
     staircase = build_staircase(stair, rng)
     calibration = read_chair("wheelchair").camera_at(height_px)
-    camera = Camera(staircase, calibration, kind=kind, texture=stair.texture, light=stair.light, rng=rng)
     R_WB = staircase.R_WS @ rotation_z(heading_rad)
     p_WB = staircase.p_WS + staircase.R_WS @ np.array([rng.uniform(0.3, 3.0), rng.uniform(-0.2, 0.2), 0.0])
-    R_WC = R_WB @ calibration.R_BC
-    frame = camera.frame(0.0, R_WC, p_WB + R_WB @ np.array(calibration.mount_m))
-    return frame, R_WC.T @ np.array([0.0, 0.0, -1.0])
+    return frame_of(staircase, calibration, R_WB, p_WB, rng, kind=kind, texture=stair.texture, light=stair.light)
 
 
 @pytest.fixture

@@ -5,33 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from jaxtyping import Float
+from surfaces import CAMERA, line_between, surface
 
 from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._gravity_direction import down_of_treads
-from treadline.perception._plane_segmentation_kernels import BEYOND
 from treadline.perception._step_parts import NosingObservation
-from treadline.perception.plane_segmentation import Ends, Line, Surface
-from treadline.scenario.chair import read_chair
+from treadline.perception.plane_segmentation import Line, Surface
 
-CAMERA = read_chair("wheelchair").camera_at(240)
 DOWN = np.array([0.0, 1.0, 0.0])
 TRUE_EDGE = rotation_y(20.0 * DEG) @ np.array([1.0, 0.0, 0.0])
 START = np.array([1.0, 0.0, 0.0])
 AHEAD = (5.0 * DEG, 70.0 * DEG)
-NO_ENDS = Ends(columns=np.arange(0), rows=np.zeros(0), follows=np.full(0, BEYOND))
-
-
-def surface(normal: Float[np.ndarray, " 3"], sigma_rad: float = 0.02 * DEG, distance_m: float = 2.0) -> Surface:
-    """Return a plane so far away, its normal known so well."""
-    return Surface(
-        normal=normal / distance_m,
-        covariance=(sigma_rad / distance_m) ** 2 * np.eye(3),
-        centre=normal * distance_m,
-        blocks=np.arange(9),
-        upper=NO_ENDS,
-        lower=NO_ENDS,
-    )
 
 
 def riser(turned_rad: float = 0.0, distance_m: float = 2.0) -> NosingObservation:
@@ -39,12 +24,8 @@ def riser(turned_rad: float = 0.0, distance_m: float = 2.0) -> NosingObservation
     return NosingObservation(step=0, ahead_m=distance_m, point=plane.centre, sides_m=(-0.5, 0.5), riser=plane, lines=())
 
 
-def tread() -> Surface:
-    return surface(DOWN)
-
-
 def fit(risers: list[NosingObservation]) -> EdgeFit:
-    return fit_edges(risers, [tread(), tread()], DOWN, 0.5 * DEG, START, CAMERA)
+    return fit_edges(risers, [surface(DOWN), surface(DOWN)], DOWN, 0.5 * DEG, START, CAMERA)
 
 
 def sigma_of(found: EdgeFit) -> float:
@@ -111,17 +92,8 @@ def line(yaw_rad: float = 0.0, height_m: float = 0.5) -> Line:
     """Return the end of a tread at a distance of 1 m, seen from above and turned about the vertical."""
     along = rotation_y(20.0 * DEG + yaw_rad) @ np.array([1.0, 0.0, 0.0])
     middle = rotation_y(20.0 * DEG) @ np.array([0.0, height_m, 1.0])
-    normal = np.cross(along, middle)
-    return Line(
-        normal=normal / np.linalg.norm(normal),
-        covariance=(0.02 * DEG) ** 2 * np.eye(3),
-        middle=middle,
-        ends_px=np.zeros(4),
-        ends_m=np.array([middle - 0.5 * along, middle + 0.5 * along]),
-        count=200,
-        kind="corner",
-        end="lower",
-    )
+    ends_m = np.array([middle - 0.5 * along, middle + 0.5 * along])
+    return line_between(ends_m, np.cross(along, middle), kind="corner", end="lower")
 
 
 def test_edges_that_turn_with_distance_are_those_of_a_curved_flight() -> None:

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 from jaxtyping import Float
+from surfaces import LEG_HALF_M, frame_of
 
 from treadline.core.angles import DEG, rotation_y, rotation_z
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.images import RgbdFrame
 from treadline.perception.flat_ground import obstacle_on_flat_ground
-from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import SceneBox, solids_of
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
@@ -18,7 +18,6 @@ from treadline.vehicle.staircase import Staircase, build_staircase
 
 CHAIR = read_chair("wheelchair")
 BOX_HALF_M = np.array([0.125, 0.3, 0.25])
-LEG_HALF_M = np.array([0.06, 0.06, 0.4])
 SEES_M = 0.05
 """Accuracy of a box's distance: the bin of the cluster plus the noise of its depth [m]."""
 
@@ -33,11 +32,7 @@ def seen(
     yaw_rad: float = 0.0,
 ) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
     """Return a frame from a chair that stands at a pose, and down in C."""
-    calibration: PinholeCamera = CHAIR.camera_at(240, rear=rear)
-    R_WB = rotation_z(yaw_rad) @ rotation_y(-pitch_rad)
-    R_WC = R_WB @ calibration.R_BC
-    camera = Camera(scene, calibration, rng=np.random.default_rng(seed))
-    return camera.frame(0.0, R_WC, p_WB + R_WB @ np.array(calibration.mount_m)), R_WC.T @ np.array([0.0, 0.0, -1.0])
+    return frame_of(scene, CHAIR.camera_at(240, rear=rear), rotation_z(yaw_rad) @ rotation_y(-pitch_rad), p_WB, seed)
 
 
 def flight() -> Staircase:

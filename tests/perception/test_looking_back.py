@@ -7,19 +7,18 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 from scenes import View, ViewRecipe, draw_view
+from surfaces import frame_of
 
 from treadline.core.angles import DEG, rms, rotation_z
 from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.perception import StairDetection, StairDetector
 from treadline.perception.overlay import overlay
-from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import Staircase, build_staircase
 
 DETECTOR = StairDetector()
 REAR = read_chair("wheelchair").camera_at(240, rear=True)
-DOWN_W = np.array([0.0, 0.0, -1.0])
 AROUND = np.array([-1.0, -1.0, 1.0])
 """Half a turn about the chair's z."""
 
@@ -72,13 +71,12 @@ def backing(
     rng = np.random.default_rng(seed)
     staircase = build_staircase(Stair(slope_deg=28.0, steps=14, walls="right"), rng)
     R_WB, p_WB = _pose(staircase, heading_rad, behind_m, level=level)
-    R_WC = R_WB @ REAR.R_BC
-    frame = Camera(staircase, REAR, rng=rng).frame(0.0, R_WC, p_WB + R_WB @ np.array(REAR.mount_m))
+    frame, down = frame_of(staircase, REAR, R_WB, p_WB, rng)
     places = np.array([[step.x_m, 0.0, step.z_m] for step in staircase.steps]) - p_WB
     nosings, along = places @ R_WB, R_WB.T @ np.array([0.0, 1.0, 0.0])
     nosings = nosings - (nosings[:, 1] / along[1])[:, None] * along
     behind = nosings[nosings[:, 0] < 0.0]
-    return frame, R_WC.T @ DOWN_W, behind[np.argsort(-behind[:, 0])]
+    return frame, down, behind[np.argsort(-behind[:, 0])]
 
 
 def _pose(staircase: Staircase, heading_rad: float, behind_m: float, *, level: bool) -> tuple[np.ndarray, np.ndarray]:

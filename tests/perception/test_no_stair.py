@@ -6,21 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from jaxtyping import Float, Float32
+from surfaces import CAMERA, frame_of
 
 from treadline.core.angles import DEG, rotation_x, rotation_y
-from treadline.core.errors import ImageError
 from treadline.core.images import RgbdFrame
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
-from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import solids_of, upright
-from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import build_staircase
 
 ROBUST = StairDetector(DetectorConfig(method="robust"))
 PAPER = StairDetector(DetectorConfig(method="paper"))
-CAMERA = read_chair("wheelchair").camera_at(240)
 STAIR = Stair(slope_deg=28.0)
 DISPARITY_PX_M = 575.0 * 0.075
 
@@ -69,7 +66,7 @@ def test_a_floor_yields_no_heading(pitch_deg: float, knows_down: bool) -> None:
 
 
 @pytest.mark.parametrize("knows_down", [True, False])
-@pytest.mark.parametrize("yaw_deg", [-20.0, -12.0, -5.0, 0.0, 3.0, 8.0, 15.0, 20.0])
+@pytest.mark.parametrize("yaw_deg", [-20.0, -5.0, 0.0, 8.0])
 def test_a_wall_at_the_landing_yields_no_heading(yaw_deg: float, knows_down: bool) -> None:
     for seed, distance_m in enumerate((0.8, 1.3, 2.0, 3.0)):
         for pitch_deg in (12.0, 40.0):
@@ -100,14 +97,6 @@ def test_no_depth_at_all_yields_no_heading() -> None:
         empty = replace(frame, depth_m=np.full_like(frame.depth_m, value))
         assert_refused(ROBUST.look(empty, down))
         assert_refused(ROBUST.look(empty, None))
-
-
-@pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (np.nan, 0.0, 1.0), (np.inf, 0.0, 0.0)])
-def test_gravity_that_is_no_direction_yields_no_heading(view, gravity: tuple[float, float, float]) -> None:
-    frame, _ = view(3, 0.1, STAIR)
-    sight = ROBUST.look(frame, np.array(gravity))
-    assert_refused(sight)
-    assert "gravity" in (sight.reason or "")
 
 
 def test_a_camera_that_looks_along_gravity_yields_no_heading(view) -> None:
@@ -150,25 +139,18 @@ def test_no_output_is_ever_not_a_number(view, detector: StairDetector) -> None:
             assert sight.sigma_rad is None or sight.sigma_rad > 0.0
 
 
-def test_a_refusal_is_no_measurement(view) -> None:
-    frame, down = view(7, 0.1, STAIR)
-    assert ROBUST.step(replace(frame, depth_m=np.full_like(frame.depth_m, np.nan)), down) is None
-    seen = ROBUST.step(frame, down)
-    assert seen is not None
-    assert seen.t_s == frame.t_s
-    assert seen.heading_rad == ROBUST.look(frame, down).heading_rad
-
-
 def test_a_mission_sees_heading_and_map_at_once_and_makes_the_map_only_when_asked(view) -> None:
     frame, down = view(7, 0.1, STAIR)
     seen = ROBUST.see(frame, down)
     assert seen.measurement == ROBUST.step(frame, down)
+    assert (seen.measurement.t_s, seen.measurement.heading_rad) == (frame.t_s, ROBUST.look(frame, down).heading_rad)
     assert "map" not in ROBUST.timings
     assert ROBUST.see(frame, down).stair_map is not None
     assert "map" in ROBUST.timings
     assert seen.stair_map is seen.stair_map is not None
-    empty = ROBUST.see(replace(frame, depth_m=np.full_like(frame.depth_m, np.nan)), down)
-    assert empty.measurement is empty.stair_map is None
+    blind = replace(frame, depth_m=np.full_like(frame.depth_m, np.nan))
+    empty = ROBUST.see(blind, down)
+    assert empty.measurement is empty.stair_map is ROBUST.step(blind, down) is None
     other_size = ROBUST.see(replace(frame, rgb=frame.rgb[::2, ::2], depth_m=frame.depth_m[::2, ::2]), down)
     assert other_size.measurement is other_size.stair_map is None
 
@@ -180,28 +162,13 @@ def test_the_same_frame_gets_the_same_answer(view) -> None:
     assert ROBUST.look(frame, down).heading_rad == first.heading_rad
 
 
-@pytest.mark.parametrize("method", ["robust", "paper"])
-def test_a_depth_image_of_another_size_than_its_calibration_is_an_error(view, method: str) -> None:
-    frame, down = view(10, 0.1, STAIR)
-    detector = ROBUST if method == "robust" else PAPER
-    for height, width in ((480, 640), (120, 160), (240, 319)):
-        depth, rgb = np.full((height, width), 1.5, dtype=np.float32), np.zeros((height, width, 3), dtype=np.uint8)
-        other = RgbdFrame(t_s=0.0, rgb=rgb, depth_m=depth, camera=frame.camera)
-        with pytest.raises(ImageError, match="320×240"):
-            detector.look(other, down)
-
-
 @pytest.mark.parametrize("turn_deg", [8.0, 12.0, 20.0])
 def test_winders_yield_no_heading(turn_deg: float) -> None:
-    chair = read_chair("wheelchair").camera_at(240)
+    steps = build_staircase(Stair(slope_deg=30.0, steps=8, walls="none"), np.random.default_rng(0))
     for first_deg in (-20.0, -8.0, 0.0):
-        steps = build_staircase(Stair(slope_deg=30.0, steps=8, walls="none"), np.random.default_rng(0))
         turned = tuple(replace(step, yaw_rad=(first_deg + turn_deg * step.index) * DEG) for step in steps.steps)
-        camera = Camera(replace(steps, steps=turned), chair, rng=np.random.default_rng(11))
-        R_WC = chair.R_BC
-        frame = camera.frame(0.0, R_WC, np.array([-1.0, 0.0, 0.0]) + np.array(chair.mount_m))
-        sight = ROBUST.look(frame, R_WC.T @ np.array([0.0, 0.0, -1.0]))
-        assert not sight.accepted
+        frame, down = frame_of(replace(steps, steps=turned), CAMERA, np.eye(3), np.array([-1.0, 0.0, 0.0]), 11)
+        assert not ROBUST.look(frame, down).accepted
 
 
 @pytest.mark.parametrize(("place_m", "alike"), [(1.2, False), (1.3, False), (1.6, True), (1.7, True), (1.8, True), (1.9, True)])
@@ -211,13 +178,10 @@ def test_a_flight_is_unconfirmed_where_its_image_is_that_of_a_doorstep_before_a_
     half = 0.5 * stair.width_m
     doorstep = [solid for solid in solids_of(stair_boxes(stair)) if solid.kind == "floor" or solid.index == 0]
     door = upright("wall", (second.x_m, -half, 0.0), (second.x_m + 0.1, half, 2.2))
-    p_WC = np.array([first.x_m - place_m, 0.0, 0.0]) + np.array(CAMERA.mount_m)
-    of_flight, of_doorstep = (
-        Camera(scene, CAMERA, rng=np.random.default_rng(2)).frame(0.0, CAMERA.R_BC, p_WC) for scene in (stair, (*doorstep, door))
-    )
+    p_WB = np.array([first.x_m - place_m, 0.0, 0.0])
+    (of_flight, down), (of_doorstep, _) = (frame_of(scene, CAMERA, np.eye(3), p_WB, 2) for scene in (stair, (*doorstep, door)))
     # Alike to the last bit, noise and all: no rule can take the one and refuse the other. Nearer, the second tread shows.
     assert np.array_equal(of_flight.depth_m, of_doorstep.depth_m, equal_nan=True) == alike
-    down = CAMERA.R_BC.T @ np.array([0.0, 0.0, -1.0])
     assert ROBUST.look(of_flight, down).accepted != alike
     assert not ROBUST.look(of_doorstep, down).accepted
     assert StairDetector().see(of_doorstep, down).measurement is None

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
+from surfaces import CAMERA, ends_at, surface
 
-from treadline.perception._plane_segmentation_kernels import BEYOND
-from treadline.perception.plane_segmentation import Ends, Line, Surface
-from treadline.scenario.chair import read_chair
+from treadline.perception.plane_segmentation import Line
 
-CAMERA = read_chair("wheelchair").camera_at(240)
-NO_ENDS = Ends(columns=np.arange(0), rows=np.zeros(0), follows=np.full(0, BEYOND))
 FIRST, LAST, SLOPE = 150, 280, 0.05
 
 
@@ -19,11 +16,8 @@ def line_of(*beside: tuple[int, int, float]) -> Line:
     above = np.concatenate([np.full(last + 1 - first, rows) for first, last, rows in parts])
     order = np.argsort(columns)
     rows = np.round(180.0 + SLOPE * (columns - CAMERA.cx_px) - above)
-    ends = Ends(columns=columns[order], rows=rows[order], follows=np.full(len(columns), BEYOND))
-    normal = np.array([0.0, 1.0, 0.0]) / 0.5
-    plane = Surface(
-        normal=normal, covariance=1e-8 * np.eye(3), centre=np.array([0.0, 0.5, 1.0]), blocks=np.arange(9), upper=NO_ENDS, lower=ends
-    )
+    centre = np.array([0.0, 0.5, 1.0])
+    plane = surface(np.array([0.0, 1.0, 0.0]), 0.5, 5e-5, centre=centre, lower=ends_at(columns[order], rows[order]))
     found = plane.line("lower", CAMERA)
     assert found is not None
     return found

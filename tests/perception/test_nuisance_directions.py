@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 from scenes import ViewRecipe, draw_view
+from surfaces import CAMERA, ends_at, line_between, surface
 
 from treadline.core.angles import DEG, rotation_x, rotation_y
 from treadline.perception._nuisance import (
@@ -18,26 +19,14 @@ from treadline.perception._nuisance import (
     turns_of_line,
     turns_of_surface,
 )
-from treadline.perception._plane_segmentation_kernels import BEYOND
-from treadline.perception.plane_segmentation import End, Ends, Line, Surface, surface_blocks
-from treadline.scenario.chair import read_chair
+from treadline.perception.plane_segmentation import End, surface_blocks
 
-CAMERA = read_chair("wheelchair").camera_at(240)
 RISER = rotation_y(25.0 * DEG) @ rotation_x(-28.0 * DEG) @ np.array([0.0, 0.0, 1.0])
 """Unit normal of a riser in C, of a camera that looks down."""
 
 
 def rays(columns: Float[np.ndarray, " k"], rows: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k 3"]:
     return np.column_stack([(columns - CAMERA.cx_px) / CAMERA.fx_px, (rows - CAMERA.cy_px) / CAMERA.fy_px, np.ones(columns.size)])
-
-
-def surface(distance_m: float) -> Surface:
-    columns = np.arange(40, 280)
-    ends = [Ends(columns=columns, rows=np.full(columns.size, row), follows=np.full(columns.size, BEYOND)) for row in (90.0, 150.0)]
-    normal = RISER / distance_m
-    return Surface(
-        normal=normal, covariance=np.eye(3), centre=RISER * distance_m, blocks=np.arange(9), upper=ends[0], lower=ends[1]
-    )
 
 
 def motion_of(part: int) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
@@ -50,7 +39,9 @@ def motion_of(part: int) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3
 
 @pytest.mark.parametrize("part", range(4))
 def test_a_plane_in_rows_of_different_times_is_rotated_as_predicted(part: int) -> None:
-    seen = surface(1.4)
+    columns = np.arange(40, 280)
+    upper, lower = (ends_at(columns, np.full(columns.size, row)) for row in (90.0, 150.0))
+    seen = surface(RISER, 1.4, upper=upper, lower=lower)
     rate, velocity = motion_of(part)
     u, v = (grid.ravel() for grid in np.meshgrid(np.arange(40.0, 280.0, 8.0), np.array([90.0, 120.0, 150.0])))
     at = rays(u, v)
@@ -69,16 +60,7 @@ def test_a_line_at_the_end_of_a_grown_surface_is_rotated_as_predicted(end: End) 
     points = np.array([[0.0, 0.4, 1.6] - 0.5 * along, [0.0, 0.4, 1.6] + 0.5 * along])
     normal = np.cross(points[1], points[0])
     normal /= np.linalg.norm(normal) * math.copysign(1.0, normal[1]) * -1.0
-    line = Line(
-        normal=normal,
-        covariance=np.eye(3),
-        middle=points.mean(axis=0),
-        ends_m=points,
-        ends_px=np.zeros(4),
-        kind="edge",
-        count=200,
-        end=end,
-    )
+    line = line_between(points, normal, kind="edge", end=end)
     shifted = points / points[:, 2:] + np.array([0.0, (1.0 if end == "lower" else -1.0) * 3.0 / CAMERA.fy_px, 0.0])
     moved = np.cross(shifted[1], shifted[0])
     moved /= np.linalg.norm(moved) * math.copysign(1.0, moved[1]) * -1.0

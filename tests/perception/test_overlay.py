@@ -1,12 +1,10 @@
 """Image of the detection result."""
 
 import numpy as np
-import pytest
 from scenes.recipe import ViewRecipe
 from scenes.views import View, draw_view
 
 from treadline.perception import StairDetector
-from treadline.perception import overlay as drawn
 from treadline.perception.overlay import BAND_PX, WIDTH_PX, ends_of, overlay
 from treadline.perception.plane_segmentation import Surface
 
@@ -54,15 +52,3 @@ def test_a_refused_frame_says_why() -> None:
     _, picture = seen("floor")
     assert picture[-BAND_PX:].max() > 150
     assert not (picture[:-BAND_PX, -200:] == (255, 235, 60)).all(axis=2).any()  # no needle
-
-
-def test_the_dials_labels_stand_clear_of_its_arc_and_inside_its_box(monkeypatch: pytest.MonkeyPatch) -> None:
-    labels: list[tuple[str, tuple[int, int]]] = []
-    monkeypatch.setattr(drawn, "_write", lambda _, text, place, *__, **___: labels.append((text, place)))
-    canvas = np.full((300, 400, 3), 100, dtype=np.uint8)
-    drawn._dial(canvas, (200, 250), 0.0, 0.0)
-    assert [text.rstrip("°") for text, _ in labels] == ["-60", "-30", "0", "+30", "+60"]
-    for text, (u, v) in labels:
-        # Ten pixels high and eight a letter, as the picture shows; the box is as dark everywhere but for the dial.
-        behind = canvas[v - 10 : v + 1, u : u + 8 * len(text)]
-        assert (behind == 35).all(), text

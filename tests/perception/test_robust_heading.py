@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rms, rotation_x, rotation_z
+from treadline.core.angles import DEG, rms
 from treadline.core.errors import ImageError, ShapeMismatch
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.scenario.scenario import Stair
@@ -40,12 +40,11 @@ def tilted(down: Float[np.ndarray, " 3"], angle_rad: float, seed: int) -> Float[
 
 
 @pytest.mark.parametrize("open_risers", [False, True])
-@pytest.mark.parametrize("knows_down", [True, False])
-def test_heading_error_on_noisy_frames_stays_below_a_tenth_of_a_degree(view, open_risers: bool, knows_down: bool) -> None:
+def test_without_gravity_the_heading_error_stays_below_a_tenth_of_a_degree(view, open_risers: bool) -> None:
     errors = []
     for seed in range(4100, 4164):
-        frame, down = view(seed, heading_of(seed), stair_of(seed, open_risers=open_risers))
-        sight = ROBUST.look(frame, down if knows_down else None)
+        frame, _ = view(seed, heading_of(seed), stair_of(seed, open_risers=open_risers))
+        sight = ROBUST.look(frame, None)
         if sight.heading_rad is not None:
             errors.append(sight.heading_rad - heading_of(seed))
     # 95 % of the frames, all of which show more than 15 % stair; measured are 0.02 to 0.04°, the design asks for 0.2°.
@@ -77,25 +76,12 @@ def test_a_stair_that_is_less_regular_is_declared_less_sure(view) -> None:
     assert sigma(0.0) < 0.7 * sigma(0.3) < 0.7**2 * sigma(1.0)
 
 
-def test_the_simulated_depth_is_noisy(view) -> None:
-    noisy, _ = view(4200, 0.1, STAIR)
-    clean, _ = view(4200, 0.1, STAIR, kind="ideal")
-    # Kinect 1 noise is about 1.4 mm at 1 m: without it the figures above would mean nothing.
-    assert np.nanmedian(np.abs(noisy.depth_m - clean.depth_m)) > 5e-4
-
-
-@pytest.mark.parametrize("heading_rad", [-0.5, 0.0, 0.3])
-def test_a_larger_image_gives_the_same_heading(view, heading_rad: float) -> None:
-    frame, down = view(4201, heading_rad, STAIR, height_px=480)
-    assert frame.depth_m.shape == (480, 640)
-    assert ROBUST.look(frame, down).heading_rad == pytest.approx(heading_rad, abs=0.2 * DEG)
-
-
-def test_half_a_degree_of_gravity_error_moves_the_heading_by_less_than_a_fifth(view) -> None:
+def test_half_a_degree_of_gravity_error_moves_the_heading_by_less_than_a_fifth_and_its_length_does_not(view) -> None:
     for seed in range(4210, 4220):
         frame, down = view(seed, heading_of(seed), stair_of(seed))
         true, off = ROBUST.look(frame, down).heading_rad, ROBUST.look(frame, tilted(down, 0.5 * DEG, seed)).heading_rad
         assert off == pytest.approx(true, abs=0.2 * DEG)
+    assert ROBUST.look(frame, 9.81 * down).heading_rad == pytest.approx(true, abs=1e-9)
 
 
 def test_gravity_so_wrong_that_no_tread_is_level_is_refused(view) -> None:
@@ -108,12 +94,6 @@ def test_gravity_so_wrong_that_no_tread_is_level_is_refused(view) -> None:
             assert sight.heading_rad is None or sight.heading_rad == pytest.approx(heading_of(seed), abs=1.0 * DEG)
             reasons.append(sight.reason or "")
     assert any("treads agree on a level" in reason and "° off the IMU's gravity" in reason for reason in reasons)
-
-
-def test_gravity_may_be_off_by_degrees_and_of_any_length(view) -> None:
-    frame, down = view(4202, 0.2, STAIR)
-    assert ROBUST.look(frame, rotation_x(DEG) @ rotation_z(DEG) @ down).heading_rad == pytest.approx(0.2, abs=1.0 * DEG)
-    assert ROBUST.look(frame, 9.81 * down).heading_rad == pytest.approx(ROBUST.look(frame, down).heading_rad, abs=1e-9)
 
 
 def test_the_yaw_of_the_mount_passes_one_to_one(view) -> None:
@@ -153,16 +133,6 @@ def test_a_missing_step_does_not_bend_the_heading(view) -> None:
             assert sight.heading_rad == pytest.approx(heading_of(seed), abs=0.5 * DEG)
 
 
-def test_rise_and_run_are_those_of_the_stair(view) -> None:
-    seen = [ROBUST.look(*view(seed, heading_of(seed), STAIR)).shape for seed in range(4250, 4260)]
-    known = [shape for shape in seen if shape is not None]
-    assert len(known) >= 8
-    for shape in known:
-        # 1 cm: levels are medians over blocks of a noisy image.
-        assert shape.run_m == pytest.approx(0.3, abs=0.01)
-        assert shape.rise_m == pytest.approx(STAIR.rise_m, abs=0.01)
-
-
 def test_steep_headings_are_refused_or_right(view) -> None:
     for seed in range(4260, 4290):
         heading = (1.0 if seed % 2 else -1.0) * float(np.random.default_rng(seed).uniform(36.0, 80.0)) * DEG
@@ -182,19 +152,24 @@ def test_gravity_may_be_a_list_and_must_be_three_numbers(view, monkeypatch: pyte
             look(frame, np.append(down, 0.0))
 
 
-@pytest.mark.parametrize(("gravity_C", "message"), [([0.0, 0.0, 0.0], "(0, 0, 0)"), ([0.0, float("nan"), 1.0], "(0, nan, 1)")])
+@pytest.mark.parametrize(
+    ("gravity_C", "message"), [([0.0] * 3, "(0, 0, 0)"), ([0.0, np.nan, 1.0], "(0, nan, 1)"), ([np.inf, 0.0, 0.0], "(inf, 0, 0)")]
+)
 def test_gravity_without_a_direction_is_no_gravity(view, gravity_C: list[float], message: str) -> None:
     sight = ROBUST.look(view(4202, 0.2, STAIR)[0], np.array(gravity_C))
-    assert (sight.accepted, sight.reason) == (False, f"gravity is not a direction but {message}")
+    assert (sight.accepted, sight.heading_rad, sight.reason) == (False, None, f"gravity is not a direction but {message}")
 
 
 def test_depth_must_be_an_image_of_the_cameras_size(view, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
     frame, _ = view(4202, 0.2, STAIR)
     for depth_m, message in (
+        (frame.depth_m[:, 1:], "depth is 319×240 pixels, its calibration is for 320×240"),
         (frame.depth_m[::2, ::2], "depth is 160×120 pixels, its calibration is for 320×240"),
         (frame.depth_m.ravel(), r"depth is no image but an array of shape \(76800,\); its calibration is for 320×240 pixels"),
         (frame.depth_m.tolist(), "depth is no image but a list; its calibration is for 320×240 pixels"),
     ):
         with pytest.raises(ImageError, match=message):
             ROBUST.look(replace(frame, depth_m=depth_m))
+    with pytest.raises(ImageError, match="320×240"):
+        StairDetector(DetectorConfig(method="paper")).look(replace(frame, depth_m=frame.depth_m[::2, ::2]))

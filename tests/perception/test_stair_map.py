@@ -4,20 +4,17 @@ import math
 
 import numpy as np
 import pytest
+from surfaces import LEG_HALF_M, frame_of
 
 from treadline.core.angles import rotation_y
 from treadline.perception import _pixel_to_point_kernels as point_kernels
 from treadline.perception import _stair_map as stair_map
 from treadline.perception.detector import DetectorConfig, StairDetector
-from treadline.perception.flat_ground import SWEPT_HALF_M
-from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import SceneBox, solids_of
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import build_staircase
-
-LEG_HALF_M = np.array([0.06, 0.06, 0.4])
 
 
 @pytest.mark.parametrize("model", ["wheelchair", "rescue"])
@@ -29,13 +26,9 @@ def test_a_leg_on_a_step_is_in_the_way_of_a_chair_that_is_wide_enough(model: str
     slope, here, there = staircase.slope_rad, staircase.steps[3], staircase.steps[7]
     centre = np.array([there.x_m + 0.15, chair.swept_half_m + aside_m + LEG_HALF_M[1], there.z_m + LEG_HALF_M[2]])
     leg = SceneBox(kind="bag", centre_W=centre, half_m=LEG_HALF_M, R_WK=np.eye(3), colour=(150.0, 40.0, 38.0), texture="dark")
-    calibration, R_WB = chair.camera_at(240), rotation_y(-slope)
-    R_WC = R_WB @ calibration.R_BC
-    camera = Camera([*solids_of(stair_boxes(staircase)), leg], calibration, rng=np.random.default_rng(2))
-    frame = camera.frame(0.0, R_WC, np.array([here.x_m, 0.0, here.z_m]) + R_WB @ np.array(calibration.mount_m))
-    stair_map = (
-        StairDetector(DetectorConfig(swept_half_m=chair.swept_half_m)).see(frame, R_WC.T @ np.array([0.0, 0.0, -1.0])).stair_map
-    )
+    scene, p_WB = [*solids_of(stair_boxes(staircase)), leg], np.array([here.x_m, 0.0, here.z_m])
+    frame, down_C = frame_of(scene, chair.camera_at(240), rotation_y(-slope), p_WB, 2)
+    stair_map = StairDetector(DetectorConfig(swept_half_m=chair.swept_half_m)).see(frame, down_C).stair_map
     assert stair_map is not None
     if not met:
         assert stair_map.obstacle_m is None
@@ -57,7 +50,3 @@ def test_what_is_no_higher_than_an_edge_spreads_is_nothing(depth_m: float, heigh
         depth, 1, (focal, focal, 10.0, 120.0), axes, -0.5, -0.5, stair_map.CLEAR_M, stair_map.BLUR_RAD, 1.5, 0.0, 0.0, 9.0
     )
     assert bool(len(found)) is met
-
-
-def test_without_a_chair_the_swept_width_is_that_of_the_wheelchair() -> None:
-    assert read_chair("wheelchair").swept_half_m == SWEPT_HALF_M

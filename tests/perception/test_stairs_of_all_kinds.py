@@ -5,29 +5,21 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from scenes.recipe import ROOM_SCENES, ViewRecipe
-from scenes.views import StairTruth, View, draw_view
+from scenes.views import StairTruth, draw_view
+from sights import sights
 
 from treadline.core.angles import DEG, rms
-from treadline.perception import StairDetection, StairDetector
+from treadline.core.signals import StairMap
+from treadline.perception import StairDetector
 
 DETECTOR = StairDetector()
-LEAST_SHARE = 0.15
-"""Least image fraction of the stair for a frame to count."""
-
-
-def views(recipe: ViewRecipe, seeds: range) -> Iterator[tuple[View, StairTruth]]:
-    for seed in seeds:
-        view = draw_view(np.random.default_rng(seed), recipe)
-        if view.stair is not None and view.stair.share > LEAST_SHARE:
-            yield view, view.stair
 
 
 def errors_and_strains(recipe: ViewRecipe, seeds: range) -> tuple[np.ndarray, np.ndarray, int]:
     """Return heading errors, the same over their declared deviation, and how many frames there were."""
     errors, strains, count = [], [], 0
-    for view, truth in views(recipe, seeds):
+    for _, truth, sight in sights(recipe, seeds):
         count += 1
-        sight = DETECTOR.look(view.frame, view.gravity_C)
         if sight.heading_rad is not None and sight.sigma_rad is not None:
             errors.append(sight.heading_rad - truth.heading_rad)
             strains.append(errors[-1] / sight.sigma_rad)
@@ -43,6 +35,7 @@ KINDS = {
     "mat and bag": ViewRecipe(scenes=("up",), clutter=("mat", "bag")),
     "wet": ViewRecipe(scenes=("up",), clutter=("wet",)),
     "kinect2": ViewRecipe(scenes=("up",), sensor="kinect2"),
+    "d435": ViewRecipe(scenes=("up",), sensor="d435", sigma_px=0.12, height_px=480),
     "large": ViewRecipe(scenes=("up",), height_px=480),
     "top": ViewRecipe(scenes=("top",)),
     "down": ViewRecipe(scenes=("down",)),
@@ -136,7 +129,7 @@ def test_a_bench_before_a_planter_has_no_step_below() -> None:
 @pytest.mark.parametrize("knows_down", [True, False])
 @pytest.mark.parametrize("scene", ROOM_SCENES)
 def test_a_scene_without_a_stair_yields_no_heading(scene: str, knows_down: bool) -> None:
-    for seed in range(33_000, 33_015):
+    for seed in range(33_000, 33_008):
         view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=(scene,)))
         sight = DETECTOR.look(view.frame, view.gravity_C if knows_down else None)
         assert not sight.accepted, f"{scene}, seed {seed}"
@@ -146,44 +139,32 @@ def test_a_scene_without_a_stair_yields_no_heading(scene: str, knows_down: bool)
 @pytest.mark.parametrize("pitch_deg", [0.0, 15.0, 65.0])
 @pytest.mark.parametrize("scene", ["shelf", "steep", "ladder", "boxes", "wall"])
 def test_furniture_seen_from_any_angle_yields_no_heading(scene: str, pitch_deg: float) -> None:
-    for seed in range(34_000, 34_012):
+    for seed in range(34_000, 34_006):
         view = draw_view(np.random.default_rng(seed), ViewRecipe(scenes=(scene,), pitch_deg=(pitch_deg, pitch_deg)))
         assert not DETECTOR.look(view.frame, None).accepted, f"seed {seed}"
 
 
 @pytest.mark.parametrize(("scene", "least"), [("foot", 0.8), ("bottom", 0.7)])
-def test_most_frames_from_the_floor_and_near_the_foot_are_enough(scene: str, least: float) -> None:
-    # Of the rest, the image shows one nosing: a doorstep before a wall looks the same. Walls begin level with the first riser.
-    errors, _, count = errors_and_strains(ViewRecipe(scenes=(scene,)), range(34_500, 34_560))
-    assert len(errors) >= least * count >= 30
-    assert np.abs(errors).max() < 1.0 * DEG
-
-
-@pytest.mark.parametrize("scene", ["foot", "bottom"])
-def test_two_treads_in_view_are_enough(scene: str) -> None:
-    shown = [
-        DETECTOR.look(view.frame, view.gravity_C).accepted
-        for view, truth in views(ViewRecipe(scenes=(scene,)), range(34_700, 34_800))
-        if truth.treads_in_view >= 2
-    ]
+def test_two_treads_in_view_are_enough(scene: str, least: float) -> None:
+    seen = [*sights(ViewRecipe(scenes=(scene,)), range(34_700, 34_800))]
+    shown = [sight.accepted for _, truth, sight in seen if truth.treads_in_view >= 2]
     # 254 of 264 near the foot and all of 209 before it, of other seeds; of 80, 92 % are two deviations below that.
     assert np.mean(shown) >= 0.92
     assert len(shown) >= 60
+    # Of the rest, the image shows one nosing: a doorstep before a wall looks the same. Walls begin level with the first riser.
+    errors = [sight.heading_rad - truth.heading_rad for _, truth, sight in seen if sight.heading_rad is not None]
+    assert len(errors) >= least * len(seen)
+    assert np.abs(errors).max() < 1.0 * DEG
 
 
-def maps(recipe: ViewRecipe, seeds: range) -> Iterator[tuple[StairDetection, StairTruth]]:
-    for view, truth in views(recipe, seeds):
-        sight = DETECTOR.look(view.frame, view.gravity_C)
-        if sight.stair_map is not None:
-            yield sight, truth
+def maps(recipe: ViewRecipe, seeds: range) -> Iterator[tuple[StairMap, StairTruth]]:
+    return ((sight.stair_map, truth) for _, truth, sight in sights(recipe, seeds) if sight.stair_map is not None)
 
 
 @pytest.mark.parametrize("kind", ["up", "open", "down", "edge", "top"])
 def test_the_map_measures_the_stair(kind: str) -> None:
     slopes, rises, runs, nearest = [], [], [], []
-    for sight, truth in maps(KINDS[kind], range(35_000, 35_024)):
-        seen = sight.stair_map
-        assert seen is not None
+    for seen, truth in maps(KINDS[kind], range(35_000, 35_024)):
         assert seen.direction == truth.direction
         slopes.append(seen.slope_rad - truth.slope_rad)
         rises.append(seen.rise_m - truth.rise_m)
@@ -200,39 +181,27 @@ def test_the_map_measures_the_stair(kind: str) -> None:
 
 
 def test_the_end_of_a_flight_is_seen_and_never_imagined() -> None:
-    seen = [
-        (sight.stair_map.ends, truth.end_in_view) for sight, truth in maps(KINDS["top"], range(36_000, 36_030)) if sight.stair_map
-    ]
+    seen = [(told.ends, truth.end_in_view) for told, truth in maps(KINDS["top"], range(36_000, 36_030))]
     assert sum(reported for reported, there in seen if there) >= 0.8 * sum(there for _, there in seen) > 0
-    within = [
-        sight.stair_map.ends
-        for sight, truth in maps(KINDS["up"], range(36_100, 36_130))
-        if not truth.end_in_view and sight.stair_map
-    ]
+    within = [told.ends for told, truth in maps(KINDS["up"], range(36_100, 36_130)) if not truth.end_in_view]
     assert len(within) >= 10
     assert not any(within)
 
 
 def test_walls_are_as_far_as_they_are() -> None:
     off = []
-    for sight, truth in maps(ViewRecipe(walls=("both",)), range(37_000, 37_020)):
-        assert sight.stair_map is not None
-        pairs = ((sight.stair_map.left_wall_m, truth.left_wall_m), (sight.stair_map.right_wall_m, truth.right_wall_m))
+    for told, truth in maps(ViewRecipe(walls=("both",)), range(37_000, 37_020)):
+        pairs = ((told.left_wall_m, truth.left_wall_m), (told.right_wall_m, truth.right_wall_m))
         off += [seen - there for seen, there in pairs if seen is not None and there is not None]
     assert len(off) >= 20
     assert np.abs(off).max() < 0.02
 
 
 def test_obstacles_are_found_and_a_free_flight_is_free() -> None:
-    for sight, _ in maps(ViewRecipe(), range(38_000, 38_030)):
-        assert sight.stair_map is not None
-        assert sight.stair_map.obstacle_m is None
-    reported = [
-        (sight.stair_map.obstacle_m, truth.obstacle_m)
-        for sight, truth in maps(ViewRecipe(clutter=("legs",)), range(38_100, 38_130))
-        if sight.stair_map is not None and truth.obstacle_m is not None
-    ]
-    found = np.array([seen - there for seen, there in reported if seen is not None and there is not None])
+    assert {told.obstacle_m for told, _ in maps(ViewRecipe(), range(38_000, 38_030))} == {None}
+    looked = maps(ViewRecipe(clutter=("legs",)), range(38_100, 38_130))
+    reported = [(told.obstacle_m, truth.obstacle_m) for told, truth in looked if truth.obstacle_m is not None]
+    found = np.array([seen - there for seen, there in reported if seen is not None])
     assert len(found) >= 0.9 * len(reported) >= 8
     assert np.median(np.abs(found)) < 0.03
 
@@ -240,8 +209,8 @@ def test_obstacles_are_found_and_a_free_flight_is_free() -> None:
 def test_the_axes_are_correct_for_an_uncalibrated_mount() -> None:
     recipe = ViewRecipe(mount_pitch_error_deg=(-3.0, 3.0), mount_roll_error_deg=(-3.0, 3.0), gravity_error_deg=0.3)
     off_edge, off_normal = [], []
-    for view, truth in views(recipe, range(39_000, 39_024)):
-        axes = DETECTOR.look(view.frame, view.gravity_C).axes
+    for view, truth, sight in sights(recipe, range(39_000, 39_024)):
+        axes = sight.axes
         if axes is None:
             continue
         off_edge.append(np.arccos(min(1.0, float(axes.edge_C @ truth.edge_C))))

@@ -1,12 +1,14 @@
 """What a node cannot work with is told in one line, with what to do."""
 
 import json
+import re
 import sys
 from pathlib import Path
 from threading import Event as Flag
 from typing import Any
 
 import pytest
+from wires import Air
 
 from treadline.cli import doctor, main
 from treadline.core.errors import TreadlineError
@@ -17,37 +19,12 @@ from treadline.mission.replay_plant import ReplayPlant
 from treadline.ros import channels as on
 from treadline.ros import node_process as process
 from treadline.ros import ros1
-from treadline.ros._codec import encoded
 from treadline.ros._node_signals import Clock
 from treadline.ros.block_nodes import SeatNode
 from treadline.ros.node_process import NodeRunner, run_plant
 from treadline.ros.plant_node import PlantNode
-from treadline.ros.wire import Inbox, WireTransport
+from treadline.ros.wire import Inbox
 from treadline.scenario.chair import read_chair
-
-
-class Air(WireTransport):
-    """A wire on which a test speaks."""
-
-    def __init__(self, kinds: dict[str, str] | None = None) -> None:
-        super().__init__()
-        self.kinds = kinds or {}
-
-    def say(self, channel: str, signal: Any) -> None:
-        for topic, _, data in encoded(channel, signal, ros1=False):
-            self.inbox.put(topic, data)
-
-    def _advertise(self, topic: str, kind: str, channel: on.Channel) -> None:
-        pass
-
-    def _send(self, topic: str, data: bytes) -> None:
-        pass
-
-    def _receive(self, topic: str, kind: str, depth: int) -> None:
-        pass
-
-    def _kinds(self, topic: str) -> list[str]:
-        return [self.kinds[topic]] if topic in self.kinds else []
 
 
 def seat() -> SeatNode:
@@ -63,21 +40,21 @@ def line(capsys: Any, *words: str) -> str:
     return lines[0]
 
 
-def test_no_ros(capsys: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setitem(sys.modules, "rospy", None)
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("node guard --transport ros1", "--transport ros1 needs rospy, which is not installed: apt-get install ros-core"),
+        ("nodes --transport zenoh", "--transport zenoh needs zenoh, which is not installed: pip install '.[ros]' in "),
+        ("node guard --transport inproc", ".*treadline nodes runs all in one process"),
+    ],
+)
+def test_a_transport_that_cannot_be_used(
+    capsys: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, words: str, said: str
+) -> None:
+    for module in ("rospy", "zenoh"):
+        monkeypatch.setitem(sys.modules, module, None)
     monkeypatch.setattr(ros1, "DEBIAN", tmp_path / "none")
-    told = line(capsys, "node", "guard", "--transport", "ros1")
-    assert told.startswith("treadline: --transport ros1 needs rospy, which is not installed: apt-get install ros-core")
-
-
-def test_no_zenoh(capsys: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "zenoh", None)
-    told = line(capsys, "nodes", "--transport", "zenoh")
-    assert told == "treadline: --transport zenoh needs zenoh, which is not installed: pip install '.[ros]' in treadline's folder"
-
-
-def test_one_node_alone(capsys: Any) -> None:
-    assert "treadline nodes runs all in one process" in line(capsys, "node", "guard", "--transport", "inproc")
+    assert re.match(f"treadline: {said.replace('[', '.')}", line(capsys, *words.split()))
 
 
 def test_an_unknown_node(capsys: Any) -> None:
@@ -87,22 +64,18 @@ def test_an_unknown_node(capsys: Any) -> None:
     assert told == "treadline: no node is called 'gard'; there are: guard, camera, heading, seat, driver, plant, recorder"
 
 
-def test_a_topic_that_nobody_publishes() -> None:
-    runner = NodeRunner(seat(), Air(), patience_s=0.1)
-    with pytest.raises(TreadlineError, match=r"^seat: nothing on /seat/state after 0 s: nobody publishes /seat/state$"):
-        runner.run(Flag())
-
-
-def test_a_topic_of_another_type() -> None:
-    runner = NodeRunner(seat(), Air({"/seat/state": "sensor_msgs/msg/Imu"}), patience_s=0.1)
-    with pytest.raises(TreadlineError, match=r"published as sensor_msgs/msg/Imu; sensor_msgs/msg/JointState is read$"):
-        runner.run(Flag())
-
-
-def test_no_clock() -> None:
-    air = Air({"/seat/state": on.JOINTS})
-    runner = NodeRunner(seat(), air, patience_s=0.1)
-    with pytest.raises(TreadlineError, match=r"^seat: no /clock after 0 s: start a simulated plant .* or give --clock wall"):
+@pytest.mark.parametrize(
+    ("kinds", "said"),
+    [
+        ({}, "seat: nothing on /seat/state after 0 s: nobody publishes /seat/state$"),
+        ({"/seat/state": "sensor_msgs/msg/Imu"}, ".*published as sensor_msgs/msg/Imu; sensor_msgs/msg/JointState is read$"),
+        ({"/seat/state": on.JOINTS}, "seat: no /clock after 0 s: start a simulated plant .* or give --clock wall"),
+    ],
+    ids=["nobody publishes", "another type", "no clock"],
+)
+def test_a_topic_that_does_not_come(kinds: dict[str, str], said: str) -> None:
+    runner = NodeRunner(seat(), Air(kinds), patience_s=0.1)
+    with pytest.raises(TreadlineError, match=f"^{said}"):
         runner.run(Flag())
 
 

@@ -5,26 +5,12 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from wires import Air
 
 from treadline.core.signals import SeatReading
 from treadline.ros import channels as on
-from treadline.ros._codec import encoded
 from treadline.ros._node_signals import Clock
 from treadline.ros.node_process import NodeRunner
-from treadline.ros.wire import WireTransport
-
-
-class Silent(WireTransport):
-    """A wire on which nobody speaks."""
-
-    def _advertise(self, *_: Any) -> None:
-        pass
-
-    def _send(self, *_: Any) -> None:
-        pass
-
-    def _receive(self, *_: Any) -> None:
-        pass
 
 
 class Ticking:
@@ -54,7 +40,7 @@ def test_a_wall_clock_that_steps_mutes_no_node(monkeypatch: pytest.MonkeyPatch, 
     wall = SimpleNamespace(now_s=1000.0)
     monkeypatch.setattr("treadline.ros.node_process.time", SimpleNamespace(time=lambda: wall.now_s, monotonic=time.monotonic))
     node = Ticking()
-    runner = NodeRunner(node, Silent(), clock="wall")  # type: ignore[arg-type]
+    runner = NodeRunner(node, Air(), clock="wall")  # type: ignore[arg-type]
     for _ in range(100):
         wall.now_s += 0.01
         runner._turn()
@@ -70,17 +56,15 @@ def test_a_wall_clock_that_steps_mutes_no_node(monkeypatch: pytest.MonkeyPatch, 
 def test_a_node_that_was_kept_from_running_compares_stamps_with_the_newest_clock() -> None:
     """Test: a node stands for a second, and the messages of that second wait, the clock's last. Expected result: a sample 1 s newer
     than the last tick finds the node's clock at the newest time received, before that tick."""
-    wire = Silent()
+    wire = Air()
     node = Listening()
     NodeRunner(node, wire, clock="sim")  # type: ignore[arg-type]
-    for topic, _, data in encoded(on.CLOCK, Clock(t_s=5.0), ros1=False):
-        wire.inbox.put(topic, data)
+    wire.say(on.CLOCK, Clock(t_s=5.0))
     wire.deliver(0.0)
     assert node.ticks == [5.0]
     sample = SeatReading(t_s=6.0, pitch_rad=0.0, stroke_m=0.0)
     for channel, signal in ((on.SEAT, sample), (on.CLOCK, Clock(t_s=6.0))):
-        for topic, _, data in encoded(channel, signal, ros1=False):
-            wire.inbox.put(topic, data)
+        wire.say(channel, signal)
     wire.deliver(0.0)
     assert node.taken_at == [(6.0, 6.0)]
     assert node.ticks == [5.0, 6.0]

@@ -31,6 +31,11 @@ def turning() -> tuple[LockStep, object]:
     return LockStep(plant, blocks, guard_config(config, blocks.driver.period_s)), plant
 
 
+def run_until(graph: LockStep, t_s: float) -> None:
+    while graph.tick() < t_s:
+        pass
+
+
 def kill(graph: LockStep, name: str) -> None:
     node = next(node for node in graph.nodes if node.name == name)
     graph.nodes.remove(node)
@@ -42,28 +47,23 @@ def test_the_guard_holds_for_a_node_that_is_gone(name: str) -> None:
     graph, _ = turning()
     states: list[GuardState] = []
     graph.transport.subscribe(on.GUARD, states.append)
-    while graph.tick() < KILLED_S:
-        pass
+    run_until(graph, KILLED_S)
     assert all(state.holding is None for state in states)
     kill(graph, name)
-    while graph.tick() < KILLED_S + WITHIN_S:
-        pass
+    run_until(graph, KILLED_S + WITHIN_S)
     assert states[-1].holding is not None
     assert states[-1].t_s - KILLED_S <= WITHIN_S
 
 
 def test_without_a_guard_the_plant_brakes_by_itself() -> None:
     graph, plant = turning()
-    while graph.tick() < KILLED_S:
-        pass
+    run_until(graph, KILLED_S)
     kill(graph, "guard")
     plant.truth()
-    while graph.tick() < KILLED_S + WITHIN_S:
-        pass
+    run_until(graph, KILLED_S + WITHIN_S)
     truths: list[object] = []
     graph.transport.subscribe(on.TRUTH, truths.append)
-    while graph.tick() < KILLED_S + WITHIN_S + 0.2:
-        pass
+    run_until(graph, KILLED_S + WITHIN_S + 0.2)
     assert [truth.left_m_s for truth in truths] == [0.0] * len(truths)
     assert truths
 
@@ -94,13 +94,11 @@ def test_a_guard_that_is_started_anew_lets_nothing_go_that_a_person_has_stopped(
     """Test: a person stops the chair; the guard dies, and another takes its place. Expected result: the brake stays on until the
     button to re-arm is pressed, and a button that is stuck is not; then the chair drives on."""
     graph, _ = turning()
-    while graph.tick() < KILLED_S:
-        pass
+    run_until(graph, KILLED_S)
     speak(graph, stop=True)
     place = next(index for index, node in enumerate(graph.nodes) if node.name == "guard")
     kill(graph, "guard")
-    while graph.tick() < KILLED_S + LOST_S + 0.2:
-        pass
+    run_until(graph, KILLED_S + LOST_S + 0.2)
     anew = GuardNode(GuardConfig())
     anew.listen(graph.transport)
     graph.nodes.insert(place, anew)
@@ -109,8 +107,7 @@ def test_a_guard_that_is_started_anew_lets_nothing_go_that_a_person_has_stopped(
     states: list[GuardState] = []
     graph.transport.subscribe(on.GUARD, states.append)
     began_s = graph.tick()
-    while graph.tick() < began_s + 2.0:
-        pass
+    run_until(graph, began_s + 2.0)
     assert {truth.left_m_s for truth in truths} == {0.0}
     assert (states[-1].holding or "").startswith("the brake is on without a command")
     speak(graph, rearm=True)

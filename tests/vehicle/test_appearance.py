@@ -74,27 +74,18 @@ def _assert_closed_and_outward(part: MeshPart) -> None:
 
 
 @every_chair
-def test_each_part_is_watertight_with_outward_faces(chair: ChairDescription) -> None:
-    for part in (*chair_parts(chair, _loading(chair)), lug_part(chair)):
+def test_each_part_is_watertight_with_outward_faces_and_all_are_few_enough(chair: ChairDescription) -> None:
+    parts, lug = chair_parts(chair, _loading(chair)), lug_part(chair)
+    assert len({part.name for part in parts}) == len(parts)
+    assert {part.body for part in parts} <= set(body_poses(chair, _loading(chair)))
+    lugs = sum(len(lug_poses(chair, side, 0.0)) for side in ("left", "right"))
+    # They are embedded in pages and sent over a network.
+    assert sum(len(part.faces) for part in parts) + lugs * len(lug.faces) <= 12_000
+    for part in (*parts, lug):
         assert part.vertices_m.dtype == np.float32
         assert part.faces.dtype == np.int32
         assert np.isfinite(part.vertices_m).all()
         _assert_closed_and_outward(part)
-
-
-@every_chair
-def test_names_are_unique_and_each_body_has_a_pose(chair: ChairDescription) -> None:
-    loading = _loading(chair)
-    parts = chair_parts(chair, loading)
-    assert len({part.name for part in parts}) == len(parts)
-    assert {part.body for part in parts} <= set(body_poses(chair, loading))
-
-
-@every_chair
-def test_a_chair_with_its_lugs_keeps_the_triangle_budget(chair: ChairDescription) -> None:
-    lugs = sum(len(lug_poses(chair, side, 0.0)) for side in ("left", "right"))
-    triangles = sum(len(part.faces) for part in chair_parts(chair, _loading(chair))) + lugs * len(lug_part(chair).faces)
-    assert triangles <= 12_000  # embedded in pages and sent over a network
 
 
 @every_chair

@@ -4,25 +4,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from chairs import changed_chair
 
 from treadline.core.errors import SettingsError
-from treadline.scenario.chair import read_chair
-from treadline.scenario.shipped_files import CHAIRS
+from treadline.scenario.chair import ChairDescription, read_chair
 
 CAMERA = "width = 1280\nheight = 720\nfx_px = 640.0\nfy_px = 641.0\ncx_px = 630.0\ncy_px = 350.0\nmount_pitch_deg = 3.0\n"
 
 
-def chair(folder: Path, addition: str) -> Path:
-    text = (CHAIRS / "wheelchair.toml").read_text(encoding="utf-8")
-    assert text.count("\n[camera]\n") == 1
-    path = folder / "mine.toml"
-    path.write_text(text.replace("\n[camera]\n", f"\n[camera]\n{addition}\n"), encoding="utf-8")
-    return path
+def chair(folder: Path, addition: str) -> ChairDescription:
+    return read_chair(changed_chair(folder, "\n[camera]\n", f"\n[camera]\n{addition}\n"))
 
 
 def test_a_camera_file_gives_the_intrinsics_and_the_chair_the_mount(tmp_path: Path) -> None:
     (tmp_path / "wide.toml").write_text(CAMERA)
-    mine, shipped = read_chair(str(chair(tmp_path, 'file = "wide.toml"'))), read_chair("wheelchair")
+    mine, shipped = chair(tmp_path, 'file = "wide.toml"'), read_chair("wheelchair")
     camera = mine.camera_at(720)
     assert (camera.width_px, camera.height_px) == (1280, 720)
     assert (camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px) == pytest.approx((640.0, 641.0, 630.0, 350.0))
@@ -33,7 +29,7 @@ def test_a_camera_file_gives_the_intrinsics_and_the_chair_the_mount(tmp_path: Pa
 @pytest.mark.parametrize("height_px", [240, 480])
 def test_a_scaled_image_shows_the_same_directions(tmp_path: Path, height_px: int) -> None:
     (tmp_path / "wide.toml").write_text(CAMERA)
-    mine = read_chair(str(chair(tmp_path, 'file = "wide.toml"')))
+    mine = chair(tmp_path, 'file = "wide.toml"')
     whole, small = mine.camera_at(720), mine.camera_at(height_px)
     # The image's corners, half a pixel beyond the outermost centres, lie in the same directions; its width is rounded to a pixel.
     for camera in (whole, small):
@@ -44,7 +40,7 @@ def test_a_scaled_image_shows_the_same_directions(tmp_path: Path, height_px: int
 
 def test_intrinsics_may_stand_in_the_chairs_own_file(tmp_path: Path) -> None:
     inline = "calibration = { width = 640, height = 480, fx_px = 500.0, fy_px = 500.0, cx_px = 319.5, cy_px = 239.5 }"
-    assert read_chair(str(chair(tmp_path, inline))).camera_at(480).fx_px == 500.0
+    assert chair(tmp_path, inline).camera_at(480).fx_px == 500.0
 
 
 def test_without_a_file_the_camera_is_a_kinect_1() -> None:
@@ -67,6 +63,6 @@ def test_a_camera_file_that_cannot_be_used_is_one_line(tmp_path: Path, addition:
     (tmp_path / "wide.toml").write_text(CAMERA)
     (tmp_path / "broken.toml").write_text("width = 1280\n")
     with pytest.raises(SettingsError) as refused:
-        read_chair(str(chair(tmp_path, addition)))
+        chair(tmp_path, addition)
     assert said in str(refused.value)
     assert "\n" not in str(refused.value)

@@ -2,32 +2,18 @@
 
 import math
 import re
-import shutil
 from pathlib import Path
 
 import pytest
+from chairs import changed_chair
 
 from treadline.core.errors import SettingsError
 from treadline.scenario.chair import read_chair
-from treadline.scenario.shipped_files import CHAIRS
 from treadline.vehicle.tracks import pulley_centres
 
 
-def changed_file(tmp_path: Path, old: str, new: str) -> str:
-    text = (CHAIRS / "wheelchair.toml").read_text(encoding="utf-8")
-    assert text.count(old) == 1
-    path = tmp_path / "own.toml"
-    path.write_text(text.replace(old, new), encoding="utf-8")
-    return str(path)
-
-
-def test_a_chair_may_be_a_file_of_ones_own(tmp_path: Path) -> None:
-    own = shutil.copy(CHAIRS / "wheelchair.toml", tmp_path / "own.toml")
-    assert read_chair(str(own)) == read_chair("wheelchair")
-
-
-def test_the_key_of_the_previous_release_is_still_read(tmp_path: Path) -> None:
-    assert read_chair(changed_file(tmp_path, "\nlever_arm_m = ", "\narm_m = ")) == read_chair("wheelchair")
+def test_a_chair_may_be_a_file_of_ones_own_with_a_key_of_the_previous_release(tmp_path: Path) -> None:
+    assert read_chair(changed_chair(tmp_path, "\nlever_arm_m = ", "\narm_m = ")) == read_chair("wheelchair")
 
 
 @pytest.mark.parametrize(
@@ -55,7 +41,7 @@ def test_the_key_of_the_previous_release_is_still_read(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
-    path = changed_file(tmp_path, old, new)
+    path = changed_chair(tmp_path, old, new)
     with pytest.raises(SettingsError) as refused:
         read_chair(path)
     assert re.fullmatch(rf"{re.escape(str(path))}:\d+: {re.escape(message)}.*", str(refused.value))
@@ -76,11 +62,3 @@ def test_the_nose_is_the_third_pulley() -> None:
     assert math.hypot(x - front_x, z - front_z) == pytest.approx(chair.tracks.approach_m)
     assert math.degrees(math.atan2(z - front_z, x - front_x)) == pytest.approx(chair.tracks.approach_angle_deg)
     assert y == 0.0
-
-
-@pytest.mark.parametrize("height_px", [240, 480])
-def test_both_cameras_see_the_same_field(height_px: int) -> None:
-    camera = read_chair("wheelchair").camera_at(height_px)
-    # 640 columns at a focal length of 575 px.
-    assert 2.0 * math.atan(0.5 * camera.width_px / camera.fx_px) == pytest.approx(2.0 * math.atan(320.0 / 575.0))
-    assert (camera.cx_px, camera.cy_px) == ((camera.width_px - 1) / 2, (camera.height_px - 1) / 2)

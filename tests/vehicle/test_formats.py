@@ -4,6 +4,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 from xml.etree.ElementTree import Element, fromstring
 
 import mujoco
@@ -12,15 +13,14 @@ import pytest
 from jaxtyping import Float
 
 from treadline.core.angles import rotation_x, rotation_y, rotation_z
-from treadline.plant.mujoco import open_plant
-from treadline.plant.mujoco._mjcf_scene import model_xml, scene_xml
+from treadline.plant.mujoco._mjcf_scene import model_xml
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair, Start
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.sdf import divided, sdf_model, sdf_world
-from treadline.vehicle.stair_solids import stair_boxes
+from treadline.vehicle.stair_solids import stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed, build_staircase
-from treadline.vehicle.start_pose import Standing, standing
+from treadline.vehicle.start_pose import standing
 from treadline.vehicle.static_stability import centre_of_mass
 from treadline.vehicle.urdf import urdf
 from treadline.vehicle.xml_elements import roll_pitch_yaw
@@ -57,41 +57,55 @@ def summed(parts: list[tuple[float, Array, Array]]) -> tuple[float, Array, Array
     return mass, com, inertia
 
 
-def box_around(R: Float[np.ndarray, "3 3"], half: Array) -> Array:
-    return np.abs(R) @ half
+def extent(kind: str, centre: Array, R: Float[np.ndarray, "3 3"], sizes: Array) -> Extent:
+    """Return the box around a box (half sizes) or a cylinder about z (radius, half length)."""
+    if kind == "box":
+        return Extent(centre, np.abs(R) @ sizes)
+    axis = R[:, 2]
+    return Extent(centre, sizes[1] * np.abs(axis) + sizes[0] * np.sqrt(np.maximum(0.0, 1.0 - axis**2)))
 
 
-def cylinder_around(axis: Array, radius: float, half_length: float) -> Array:
-    return half_length * np.abs(axis) + radius * np.sqrt(np.maximum(0.0, 1.0 - axis**2))
+def extent_in_xml(shape: Element, centre: Array, R: Float[np.ndarray, "3 3"]) -> Extent:
+    """Return the box around a shape of a URDF or an SDF, whose sizes are attributes or elements."""
+    read = {key: shape.get(key) or shape.findtext(key) or "" for key in ("size", "radius", "length")}
+    if shape.tag == "box":
+        return extent("box", centre, R, 0.5 * words(read["size"]))
+    return extent("cylinder", centre, R, np.array([float(read["radius"]), 0.5 * float(read["length"])]))
+
+
+def words(text: str) -> Array:
+    return np.array([float(word) for word in text.split()])
 
 
 def numbers(element: Element | None, default: str) -> Array:
-    return np.array([float(word) for word in (default if element is None else element.text or default).split()])
+    return words(default if element is None else element.text or default)
 
 
 def turned(rpy: Array) -> Float[np.ndarray, "3 3"]:
     return rotation_z(float(rpy[2])) @ rotation_y(float(rpy[1])) @ rotation_x(float(rpy[0]))
 
 
-def read_mjcf(chair: ChairDescription) -> ReadBack:
-    model = mujoco.MjModel.from_xml_string(model_xml(None, chair, LOADING, friction=0.62))
+def loaded(xml: str) -> tuple[Any, Any]:
+    """Return MuJoCo's model and data of a file, at its initial pose."""
+    model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
+    return model, data
+
+
+def mjcf_extent(model: Any, data: Any, geom: int) -> Extent:
+    kind = "box" if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX else "cylinder"
+    return extent(kind, data.geom_xpos[geom].copy(), data.geom_xmat[geom].reshape(3, 3), model.geom_size[geom])
+
+
+def read_mjcf(chair: ChairDescription) -> ReadBack:
+    model, data = loaded(model_xml(None, chair, LOADING, friction=0.62))
+    axes = data.ximat.reshape(-1, 3, 3)
     parts = [
-        (
-            float(model.body_mass[i]),
-            data.xipos[i].copy(),
-            data.ximat[i].reshape(3, 3) @ np.diag(model.body_inertia[i]) @ data.ximat[i].reshape(3, 3).T,
-        )
+        (float(model.body_mass[i]), data.xipos[i].copy(), axes[i] @ np.diag(model.body_inertia[i]) @ axes[i].T)
         for i in range(1, model.nbody)
     ]
-    extents = {}
-    for i in range(model.ngeom):
-        R, size = data.geom_xmat[i].reshape(3, 3), model.geom_size[i]
-        is_box = model.geom_type[i] == mujoco.mjtGeom.mjGEOM_BOX
-        half = box_around(R, size) if is_box else cylinder_around(R[:, 2], size[0], size[1])
-        if model.geom_contype[i]:
-            extents[model.geom(i).name] = Extent(data.geom_xpos[i].copy(), half)
+    extents = {model.geom(i).name: mjcf_extent(model, data, i) for i in range(model.ngeom) if model.geom_contype[i]}
     return ReadBack(*summed(parts), extents)
 
 
@@ -100,37 +114,25 @@ def read_urdf(chair: ChairDescription) -> ReadBack:
     frames = {"base_link": (np.zeros(3), np.eye(3))}
     for joint in robot.findall("joint"):  # parents stand before their children
         p, R = frames[joint.find("parent").get("link")]
-        origin = joint.find("origin")
-        xyz, rpy = (np.array([float(word) for word in origin.get(key).split()]) for key in ("xyz", "rpy"))
+        xyz, rpy = (words(joint.find("origin").get(key)) for key in ("xyz", "rpy"))
         frames[joint.find("child").get("link")] = (p + R @ xyz, R @ turned(rpy))
     parts, extents = [], {}
     for link in robot.findall("link"):
         p, R = frames[link.get("name")]
         inertial = link.find("inertial")
         if inertial is not None:
-            com = np.array([float(word) for word in inertial.find("origin").get("xyz").split()])
+            com = words(inertial.find("origin").get("xyz"))
             moments = np.diag([float(inertial.find("inertia").get(key)) for key in ("ixx", "iyy", "izz")])
             parts.append((float(inertial.find("mass").get("value")), p + R @ com, R @ moments @ R.T))
         for collision in link.findall("collision"):
-            origin = collision.find("origin")
-            xyz, rpy = (np.array([float(word) for word in origin.get(key).split()]) for key in ("xyz", "rpy"))
-            shape, R_shape = collision.find("geometry")[0], R @ turned(rpy)
-            if shape.tag == "box":
-                half = box_around(R_shape, 0.5 * np.array([float(word) for word in shape.get("size").split()]))
-            else:
-                half = cylinder_around(R_shape[:, 2], float(shape.get("radius")), 0.5 * float(shape.get("length")))
-            extents[collision.get("name")] = Extent(p + R @ xyz, half)
+            xyz, rpy = (words(collision.find("origin").get(key)) for key in ("xyz", "rpy"))
+            extents[collision.get("name")] = extent_in_xml(collision.find("geometry")[0], p + R @ xyz, R @ turned(rpy))
     return ReadBack(*summed(parts), extents)
 
 
 def sdf_extent(collision: Element, p: Array, R: Array) -> Extent:
     pose = numbers(collision.find("pose"), "0 0 0 0 0 0")
-    shape, R_shape = collision.find("geometry")[0], R @ turned(pose[3:])
-    if shape.tag == "box":
-        half = box_around(R_shape, 0.5 * numbers(shape.find("size"), ""))
-    else:
-        half = cylinder_around(R_shape[:, 2], float(shape.find("radius").text), 0.5 * float(shape.find("length").text))
-    return Extent(p + R @ pose[:3], half)
+    return extent_in_xml(collision.find("geometry")[0], p + R @ pose[:3], R @ turned(pose[3:]))
 
 
 def read_sdf(chair: ChairDescription) -> ReadBack:
@@ -162,26 +164,9 @@ def test_masses_inertias_and_geometry_are_equal(name: str, other: str) -> None:
     np.testing.assert_allclose(theirs.inertia_B, ours.inertia_B, atol=1e-10)
     assert set(theirs.extents) == set(ours.extents)
     assert len(ours.extents) == 12  # five shapes of two belts, hull and payload
-    for shape, extent in ours.extents.items():
-        np.testing.assert_allclose(theirs.extents[shape].centre, extent.centre, atol=1e-12, err_msg=shape)
-        np.testing.assert_allclose(theirs.extents[shape].half, extent.half, atol=1e-7, err_msg=shape)  # 1 - cos² near an axis
-
-
-def test_a_sloping_winding_overhanging_stair_is_the_same_in_mjcf_and_sdf() -> None:
-    steps = ({"index": 1, "tread_slope_deg": 3.0, "yaw_deg": 5.0}, {"index": 2, "overhang_m": 0.03})
-    scenario = Scenario.model_validate({"stair": {"steps": 4, "flights": 2, "turn": "left"}, "step": steps})
-    staircase, chair = as_designed(scenario.stair, scenario.step), read_chair("wheelchair")
-    model = mujoco.MjModel.from_xml_string(scene_xml(staircase, chair, LOADING))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    link = fromstring(sdf_world(staircase, chair, LOADING)).find("world/model[@name='stair']/link")
-    boxes = [element for element in link.findall("collision") if element.find("geometry/box") is not None]
-    assert len(boxes) == len(stair_boxes(staircase))
-    for number, element in enumerate(boxes):
-        geom = model.geom(f"stair_{number}").id
-        pose = numbers(element.find("pose"), "")
-        np.testing.assert_allclose(pose[:3], data.geom_xpos[geom], atol=1e-12)
-        np.testing.assert_allclose(turned(pose[3:]), data.geom_xmat[geom].reshape(3, 3), atol=1e-12)
+    for shape, one in ours.extents.items():
+        np.testing.assert_allclose(theirs.extents[shape].centre, one.centre, atol=1e-12, err_msg=shape)
+        np.testing.assert_allclose(theirs.extents[shape].half, one.half, atol=1e-7, err_msg=shape)  # 1 - cos² near an axis
 
 
 @pytest.mark.parametrize("name", CHAIRS)
@@ -216,9 +201,7 @@ def test_an_independent_parser_reads_the_same_mass_from_the_urdf(name: str) -> N
     chair = read_chair(name)
     # As it stands: MuJoCo would take the chassis for a part of the world, and guess a mass for each pulley.
     ending = '<mujoco><compiler fusestatic="false" inertiafromgeom="false"/></mujoco></robot>'
-    model = mujoco.MjModel.from_xml_string(urdf(chair, LOADING).replace("</robot>", ending))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    model, data = loaded(urdf(chair, LOADING).replace("</robot>", ending))
     ours = read_mjcf(chair)
     assert float(model.body_mass.sum()) == pytest.approx(ours.mass_kg, rel=1e-9)
     com = (model.body_mass[:, None] * data.xipos).sum(axis=0) / model.body_mass.sum()
@@ -231,7 +214,7 @@ def test_urdf_has_the_cameras_frames_where_perception_has_them() -> None:
     R = np.eye(3)
     for name in ("rear_camera_link", "rear_camera_optical_frame"):
         joint = next(joint for joint in robot.findall("joint") if joint.find("child").get("link") == name)
-        R = R @ turned(np.array([float(word) for word in joint.find("origin").get("rpy").split()]))
+        R = R @ turned(words(joint.find("origin").get("rpy")))
     np.testing.assert_allclose(R, chair.camera_at(240, rear=True).R_BC, atol=1e-12)
 
 
@@ -265,50 +248,33 @@ def test_a_divided_mass_is_one_that_can_be(name: str) -> None:
             assert low + middle >= high * (1.0 - 1e-9)
 
 
-@pytest.fixture(scope="module")
-def stair() -> Staircase:
-    jitter = Stair(steps=5, rise_jitter_m=0.002, nosing_yaw_jitter_deg=2.0, walls="both")
-    return build_staircase(jitter, np.random.default_rng(3))
+JITTER = Stair(steps=5, rise_jitter_m=0.002, nosing_yaw_jitter_deg=2.0, walls="both")
+ODD = Scenario.model_validate(
+    {
+        "stair": {"steps": 4, "flights": 2, "turn": "left"},
+        "step": ({"index": 1, "tread_slope_deg": 3.0, "yaw_deg": 5.0}, {"index": 2, "overhang_m": 0.03}),
+    }
+)
 
 
-def test_the_stair_is_the_same_in_mjcf_and_sdf(stair: Staircase) -> None:
-    chair = read_chair("rescue")
-    here = standing(stair, chair.tracks, Start(place="flight", step=3, heading_deg=20.0))
-    model = mujoco.MjModel.from_xml_string(model_xml(stair, chair, LOADING, friction=0.62, start=here))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    world = fromstring(sdf_world(stair, chair, LOADING, start=here)).find("world")
-    link = next(found for found in world.findall("model") if found.get("name") == "stair").find("link")
-    theirs = [sdf_extent(collision, np.zeros(3), np.eye(3)) for collision in link.findall("collision")]
-    ours = [i for i in range(model.ngeom) if model.geom_bodyid[i] == 0]
-    assert len(theirs) == len(ours) == 3 + 2 * 5  # floor, two walls, five steps and their nosings
-    for i, extent in zip(ours, theirs, strict=True):
-        R, size = data.geom_xmat[i].reshape(3, 3), model.geom_size[i]
-        is_box = model.geom_type[i] == mujoco.mjtGeom.mjGEOM_BOX
-        half = box_around(R, size) if is_box else cylinder_around(R[:, 2], size[0], size[1])
-        np.testing.assert_allclose(extent.centre, data.geom_xpos[i], atol=1e-9)
-        np.testing.assert_allclose(extent.half, half, atol=1e-7)
-
-
-def test_the_chair_stands_at_the_same_place_in_both_and_touches_nothing_yet(stair: Staircase) -> None:
+@pytest.mark.parametrize(
+    "stair", [build_staircase(JITTER, np.random.default_rng(3)), as_designed(ODD.stair, ODD.step)], ids=["jitter", "odd steps"]
+)
+def test_stair_and_chair_stand_at_the_same_place_in_mjcf_and_sdf(stair: Staircase) -> None:
     chair = read_chair("rescue")
     here = standing(stair, chair.tracks, Start(place="flight", step=3, heading_deg=20.0, lateral_m=0.1))
-    model = mujoco.MjModel.from_xml_string(model_xml(stair, chair, LOADING, friction=0.62, start=here))
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    model, data = loaded(model_xml(stair, chair, LOADING, friction=0.62, start=here))
     world = fromstring(sdf_world(stair, chair, LOADING, start=here)).find("world")
-    pose = numbers(next(found for found in world.findall("model") if found.get("name") == "rescue").find("pose"), "")
+    link = world.find("model[@name='stair']/link")
+    theirs = [sdf_extent(collision, np.zeros(3), np.eye(3)) for collision in link.findall("collision")]
+    ours = [i for i in range(model.ngeom) if model.geom_bodyid[i] == 0]
+    assert len(theirs) == len(ours) == len(stair_boxes(stair)) + sum(solid.nosing is not None for solid in stair_solids(stair))
+    for i, found in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(found.centre, data.geom_xpos[i], atol=1e-9)
+        np.testing.assert_allclose(found.half, mjcf_extent(model, data, i).half, atol=1e-7)
+    pose = numbers(world.find("model[@name='rescue']/pose"), "")
     np.testing.assert_allclose(pose[:3], data.body("chair").xpos, atol=1e-12)
     np.testing.assert_allclose(turned(pose[3:]), data.body("chair").xmat.reshape(3, 3), atol=1e-9)
-
-
-@pytest.mark.parametrize("start", [Start(place="floor", heading_deg=10.0), Start(place="flight", step=3), Start(place="landing")])
-def test_a_chair_is_put_down_where_the_plant_puts_it(start: Start) -> None:
-    scenario = Scenario(stair=Stair(steps=6)).model_copy(update={"start": start})
-    plant = open_plant(scenario, seed=0)
-    plant._pose()
-    here: Standing = standing(plant.staircase, read_chair("wheelchair").tracks, start)
-    np.testing.assert_allclose(here.p_WB, plant._data.qpos[:3], atol=1e-12)
 
 
 def test_angles_turn_back_into_the_rotation_they_came_from() -> None:

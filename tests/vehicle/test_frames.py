@@ -57,8 +57,9 @@ def test_heading_comes_back_from_the_nosings_direction_in_the_chair(heading: flo
     assert math.atan2(-e_B @ X, -e_B @ Y) == pytest.approx(heading * DEG, abs=1e-12)
 
 
-def test_a_positive_heading_points_the_nose_to_the_left() -> None:
+def test_a_positive_heading_points_the_nose_to_the_left_and_a_negative_turn_about_y_lifts_it() -> None:
     assert (rotation_z(10.0 * DEG) @ X) @ Y > 0.0
+    assert (rotation_y(-10.0 * DEG) @ X) @ Z > 0.0
 
 
 @pytest.mark.parametrize(("pitch_deg", "seen_deg"), [(0.0, 30.0), (25.0, 27.6), (40.0, 23.9)])
@@ -73,10 +74,6 @@ def test_the_shipped_camera_looks_40_degrees_down() -> None:
     np.testing.assert_allclose(R_BC @ Z, [math.cos(40 * DEG), 0.0, -math.sin(40 * DEG)], atol=1e-12)
     np.testing.assert_allclose(R_BC @ X, -Y, atol=1e-12)  # right in the image is the chair's right
     assert (R_BC @ Y) @ Z < 0.0  # down in the image is down
-
-
-def test_nose_up_is_a_negative_turn_about_y() -> None:
-    assert (rotation_y(-10.0 * DEG) @ X) @ Z > 0.0
 
 
 def test_the_page_shows_its_drawing_and_its_numbers() -> None:

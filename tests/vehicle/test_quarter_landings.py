@@ -90,15 +90,6 @@ def test_a_chair_on_a_landing_is_on_the_flight_to_which_it_is_turned() -> None:
     assert staircase.flight_at(np.array([-1.0, 0.0, 0.0]), rotation_z(math.radians(80))) == 0
 
 
-def test_straight_flights_have_one_frame() -> None:
-    staircase = as_designed(Stair.model_validate(KEYS))
-    for k in range(3):
-        R_WF, p_WF = staircase.flight_frame(k)
-        np.testing.assert_array_equal(R_WF, np.eye(3))
-        np.testing.assert_array_equal(p_WF, np.zeros(3))
-        assert staircase.stair_frame(k)[2] == 0.0
-
-
 @pytest.mark.parametrize(
     ("keys", "said"),
     [

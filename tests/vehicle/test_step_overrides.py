@@ -35,12 +35,6 @@ def test_a_first_and_a_last_riser_move_all_that_is_above_them() -> None:
     assert [step.x_m for step in odd.steps] == [step.x_m for step in plain.steps]
 
 
-def test_one_high_step_is_its_riser_and_the_next() -> None:
-    plain, odd = build(), build({"index": 4, "rise_m": 0.17}, {"index": 5, "rise_m": 0.15})
-    moved = [after.z_m - before.z_m for before, after in zip(plain.steps, odd.steps, strict=True)]
-    np.testing.assert_allclose(moved, [0, 0, 0, 0, 0.01, 0, 0, 0], atol=1e-12)
-
-
 def test_a_run_moves_all_that_follows_and_the_landing_between_flights_stays_as_deep() -> None:
     plain, odd = build(flights=2), build({"index": 2, "run_m": 0.35}, flights=2)
     moved = [after.x_m - before.x_m for before, after in zip(plain.steps, odd.steps, strict=True)]
