@@ -94,7 +94,7 @@ print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "
 @pytest.mark.parametrize(
     ("command", "most_lines", "allowed"),
     [
-        ("see depth.png --camera camera.toml", 8500, ()),
+        ("see depth.png --camera camera.toml", 8700, ()),
         ("identify record.csv --method okid-era --no-page --out model.json", 5800, ()),
         ("identify record.csv --method okid-era --out paged.json", 6700, IDENTIFICATION_PAGE),
         ("tune model.json --out controller.json", 3000, ()),

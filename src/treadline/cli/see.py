@@ -118,7 +118,8 @@ def _source(
     colour: bool,
 ) -> "FrameSource":
     from treadline.core.images import gravity_of
-    from treadline.io.frames.sources import FrameOptions, open_frames
+    from treadline.io.frames.point_cloud import FrameOptions
+    from treadline.io.frames.sources import open_frames
     from treadline.scenario.camera_file import read_camera
 
     options = FrameOptions(

@@ -44,6 +44,11 @@ class Ending:
         return ("fell", f"slid {roll_back_m:.2f} m down the flight by {truth.t_s:.2f} s") if roll_back_m > FALLEN_SLIDE_M else None
 
     def verdict(self, truth: Truth, plan: MotionPlan, holding: str | None) -> tuple[str, str | None] | None:
+        """Return the verdict and its cause, or None while the run goes on.
+
+        Args:
+            holding: Cause of the guard's hold, if it holds.
+        """
         fallen = self.fall(truth)
         if fallen is not None:
             return fallen

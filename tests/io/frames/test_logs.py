@@ -15,7 +15,7 @@ from treadline.core.errors import ImageError, LogFormatError, SettingsError
 from treadline.core.images import NamedFrame, RgbdFrame
 from treadline.io.frames import read_frames
 from treadline.io.frames._recorded_frames import FramesOfLog
-from treadline.io.frames.sources import FrameOptions
+from treadline.io.frames.point_cloud import FrameOptions
 from treadline.perception.frame_evaluation import see_frames
 
 RATE_HZ = 30.0

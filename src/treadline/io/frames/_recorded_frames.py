@@ -15,8 +15,7 @@ from treadline.core.images import NamedFrame, RgbdFrame, black
 from treadline.io._tables import listed
 from treadline.io.decode import Picture, calibration, picture
 from treadline.io.frames._cloud_files import POINT_CLOUD, cloud_of, point_cloud
-from treadline.io.frames.point_cloud import UNITS, cloud_image
-from treadline.io.frames.sources import FrameOptions
+from treadline.io.frames.point_cloud import UNITS, FrameOptions, cloud_image
 from treadline.io.log_frames import PAIR_S, depth_metres, rgb_pixels
 from treadline.io.mcap_read import BROKEN, RecordedTopic
 from treadline.io.runs import LOG

@@ -1,4 +1,4 @@
-"""Point clouds as depth images.
+"""Point clouds as depth images, and the options of frames whose files do not say all.
 
 An organised cloud (one point per pixel, row by row) is a depth image already; its intrinsics follow from the points, because
 ``u = fx·x/z + cx`` and ``v = fy·y/z + cy``. So are the points of a depth image whose holes were left out, if x/z and y/z lie on a
@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int64, UInt8
+from jaxtyping import Float, Float32, Float64, Int64, UInt8
 
 from treadline.core.errors import ImageError
 from treadline.core.images import PinholeCamera, RgbdFrame, black
+from treadline.scenario.camera_file import CameraFile
 
 Axes = Literal["camera", "ros", "opengl"]
 AXES: dict[Axes, tuple[str, Float64[np.ndarray, "3 3"]]] = {
@@ -50,6 +51,26 @@ WIDEST_TAN = 3.73
 """Largest x/z and y/z of the virtual camera: a field of view of 150°, the limit of ``camera_file``."""
 LARGEST_PX = 1280
 """Largest width and height of the virtual camera [px]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameOptions:
+    """Properties of frames that their files do not hold."""
+
+    camera: CameraFile | None = None
+    """Calibration; a folder has its own camera.toml, a cloud and a log need none."""
+    gravity_C: Float[np.ndarray, " 3"] | None = None
+    """Unit vector that points down in the camera frame."""
+    unit: str | None = None
+    """Unit of depth counts or cloud coordinates: m, cm or mm."""
+    axes: Axes = "camera"
+    """Axes of point clouds."""
+    topic: str | None = None
+    """Topic of the depth images or point clouds of a log."""
+    mount: PinholeCamera | None = None
+    """Camera whose mount the camera of a log has, if no calibration is given."""
+    colour: bool = True
+    """Whether the colour images of a log are wanted; depth alone is read faster."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,18 +1,15 @@
 """Frames of a file, a folder or a recording, by what the path is."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float
-
 from treadline.core.errors import ImageError, SettingsError
-from treadline.core.images import FrameSource, NamedFrame, PinholeCamera, SeveralFrames, gravity_of, gravity_table
+from treadline.core.images import FrameSource, NamedFrame, SeveralFrames, gravity_of, gravity_table
 from treadline.io.frames._cloud_files import ENDINGS, read_cloud
 from treadline.io.frames._image_files import is_photo, nominal_camera, read_frame
-from treadline.io.frames.point_cloud import UNITS, Axes, cloud_image
+from treadline.io.frames.point_cloud import UNITS, Axes, FrameOptions, cloud_image
 from treadline.io.records import BAGS
 from treadline.scenario.camera_file import CameraFile, read_camera
 
@@ -20,26 +17,6 @@ COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
 """File name endings of colour images."""
 DEPTH_ENDING = "_depth.png"
 """File name ending of depth images."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FrameOptions:
-    """Properties of frames that their files do not hold."""
-
-    camera: CameraFile | None = None
-    """Calibration; a folder has its own camera.toml, a cloud and a log need none."""
-    gravity_C: Float[np.ndarray, " 3"] | None = None
-    """Unit vector that points down in the camera frame."""
-    unit: str | None = None
-    """Unit of depth counts or cloud coordinates: m, cm or mm."""
-    axes: Axes = "camera"
-    """Axes of point clouds."""
-    topic: str | None = None
-    """Topic of the depth images or point clouds of a log."""
-    mount: PinholeCamera | None = None
-    """Camera whose mount the camera of a log has, if no calibration is given."""
-    colour: bool = True
-    """Whether the colour images of a log are wanted; depth alone is read faster."""
 
 
 def read_frames(
