@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from treadline.core.errors import CameraError
 from treadline.core.images import PinholeCamera
-from treadline.io.live import CameraImages
+from treadline.io.live._depth_camera import CameraImages
 from treadline.io.live._vendor import (
     HEIGHT_PX,
     RATE_HZ,

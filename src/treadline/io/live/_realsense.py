@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from treadline.core.images import PinholeCamera
-from treadline.io.live import CameraImages
+from treadline.io.live._depth_camera import CameraImages
 from treadline.io.live._vendor import HEIGHT_PX, RATE_HZ, WIDTH_PX, VendorCamera, metres, not_opened, vendor_package
 
 
