@@ -29,7 +29,7 @@ from treadline.core.angles import DEG
 from treadline.core.processes import default_workers
 from treadline.core.signals import TICK_S
 from treadline.experiments.job_pool import run_jobs
-from treadline.guard.phase_groups import TIPPING
+from treadline.guard import TIPPING
 from treadline.mission.loop import Tick
 from treadline.plant.mujoco import open_plant
 from treadline.plant.mujoco.mujoco_plant import MujocoPlant

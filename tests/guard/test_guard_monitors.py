@@ -10,16 +10,15 @@ from world import belts, estimate, frame, health, stair
 
 from treadline.core.signals import MotionPlan, TrackCommand
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
+from treadline.guard._admission import FrameMonitor
 from treadline.guard._attitude_limits import SeatMonitor, TiltMonitor
 from treadline.guard._belt_monitor import BeltMonitor
-from treadline.guard._frame_monitor import FrameMonitor
 from treadline.guard._gyro_only_turn import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, GyroOnlyTurn, heading_fault
 from treadline.guard._half_cosine_stop import CauseKind
 from treadline.guard._obstacle_monitor import AheadMonitor, GapMonitor, ObstacleMonitor
-from treadline.guard._sensor_timeouts import SensorTimeouts, estimate_fault
+from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor, Timestamps, estimate_fault
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import limited, mean_limit
-from treadline.guard._timestamps import SilenceMonitor, Timestamps
 from treadline.guard.stop_latch import Button, Latch
 from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig

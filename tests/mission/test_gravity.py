@@ -10,8 +10,7 @@ from treadline.core.angles import DEG, rotation_y
 from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.signals import HeadingMeasurement, ImuSample, StairMap
 from treadline.guard import GuardConfig
-from treadline.mission.blocks import CameraBlock
-from treadline.mission.frame_gravity import GravityAtExposure
+from treadline.mission.blocks import CameraBlock, GravityAtExposure
 from treadline.ros import channels as on
 from treadline.ros.block_nodes import CameraNode
 from treadline.ros.inproc import InProcess

@@ -25,9 +25,9 @@ from treadline.core.signals import (
 )
 from treadline.guard import Guard, GuardConfig
 from treadline.mission.belt_controllers import ConstantSpeed, Driver
+from treadline.mission.blocks import Rate
 from treadline.mission.loop import Blocks, Mission, Signal
 from treadline.mission.planner import Cruise, Planner, PlannerInput
-from treadline.mission.rates import Rate
 
 
 class RecordedPlant:

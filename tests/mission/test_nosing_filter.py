@@ -210,7 +210,7 @@ def test_the_covariance_stays_symmetric_and_positive() -> None:
 
 def test_the_noise_model_is_that_of_the_statistical_camera_and_of_the_detector() -> None:
     """Test: constants next to the fit and the detector that they stand for. Expected: equal up to the digits of the docstrings."""
-    from treadline.mission import _flight_shape as flight_shape
+    from treadline.mission import _nosing_filter as flight_shape
     from treadline.mission import _nosing_filter as nosing_filter
     from treadline.perception.lattice_kernels import RISE_IRREGULAR_M, RUN_IRREGULAR_M
     from treadline.perception.robust_method import GRAVITY_SIGMA

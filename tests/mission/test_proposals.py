@@ -6,7 +6,7 @@ import pytest
 from world import estimate
 
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
-from treadline.mission._proposals import Proposals
+from treadline.mission.belt_controllers import Proposals
 
 KNOWN = estimate(0.0, 0.1)
 

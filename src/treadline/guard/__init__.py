@@ -6,7 +6,7 @@ guard computes with plain numbers, is independent of planner and driver, and mak
 """
 
 from treadline.guard._admission import ReadingAdmission
-from treadline.guard._guard_config import GuardConfig
+from treadline.guard._guard_config import TIPPING, GuardConfig
 from treadline.guard.guard import Guard
 
-__all__ = ["Guard", "GuardConfig", "ReadingAdmission"]
+__all__ = ["TIPPING", "Guard", "GuardConfig", "ReadingAdmission"]

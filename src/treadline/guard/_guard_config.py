@@ -1,4 +1,4 @@
-"""The guard's limits, each with its reason."""
+"""The guard's limits, each with its reason, and the groups of the traversal's phases that its rules name."""
 
 from dataclasses import dataclass
 
@@ -148,3 +148,17 @@ class GuardConfig:
     """Whether slip is monitored; False for runs that skid by design: excitation, and the paper's allocation."""
     watches_motion: bool = True
     """Whether motion is compared with the commands; False for recordings, in which commands have no effect."""
+
+
+FLIGHT = ("drive", "climb", "descend")
+"""Phases on the flight; the cruise limit holds instead of the planned speed, because steering adds to the mean."""
+TIPPING = ("crest", "edge")
+"""Phases on one nosing and the flipper's tip; without a measured pitch the chair must stop at once."""
+OVER = (*TIPPING, "land", "leave")
+"""Phases from the end of the flight to flat ground, with no stair in view."""
+PITCHING = ("mount", *TIPPING, "leave")
+"""Phases in which the chair pitches; the mean belt speed stays low even during a turn."""
+STEADY = ("search", "align", "approach", *FLIGHT)
+"""Phases with constant pitch; a seat near horizontal moves slowly."""
+ENDS = ("arrived", "refused")
+"""Final phases."""

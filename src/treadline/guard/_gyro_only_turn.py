@@ -9,9 +9,8 @@ from collections.abc import Sequence
 
 from treadline.core.angles import DEG, tilt_of
 from treadline.core.signals import HeadingEstimate, MotionPlan
-from treadline.guard._belt_travel import GAP_S
-from treadline.guard._guard_config import GuardConfig
-from treadline.guard.phase_groups import FLIGHT, OVER
+from treadline.guard._belt_monitor import GAP_S
+from treadline.guard._guard_config import FLIGHT, OVER, GuardConfig
 
 GAUGE_M = 0.65
 """Gauge of the wheelchair, for which the three ratios below hold [m]; they are inversely proportional to the gauge."""

@@ -5,8 +5,7 @@ import math
 from collections.abc import Sequence
 
 from treadline.core.signals import MotionPlan, StairMap
-from treadline.guard._guard_config import GuardConfig
-from treadline.guard.phase_groups import FLIGHT, OVER
+from treadline.guard._guard_config import FLIGHT, OVER, GuardConfig
 
 OBSTACLE_MAPS, GAP_MAPS = 2, 5
 """Number of consecutive maps that must show an obstacle, and net number of maps that must show a gap: a nosing that a detector

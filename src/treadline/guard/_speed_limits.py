@@ -4,8 +4,7 @@ import math
 from dataclasses import replace
 
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
-from treadline.guard._guard_config import GuardConfig
-from treadline.guard.phase_groups import ENDS, FLIGHT, PITCHING
+from treadline.guard._guard_config import ENDS, FLIGHT, PITCHING, GuardConfig
 
 
 def stands(plan: MotionPlan) -> bool:

@@ -33,15 +33,13 @@ from treadline.core.signals import (
 from treadline.guard._admission import ReadingAdmission, is_finite_map
 from treadline.guard._attitude_limits import SeatMonitor, TiltMonitor
 from treadline.guard._belt_monitor import BeltMonitor
-from treadline.guard._guard_config import GuardConfig
+from treadline.guard._guard_config import ENDS, FLIGHT, STEADY, GuardConfig
 from treadline.guard._gyro_only_turn import GyroOnlyTurn, heading_fault
 from treadline.guard._half_cosine_stop import CauseKind
 from treadline.guard._obstacle_monitor import AheadMonitor
-from treadline.guard._sensor_timeouts import SensorTimeouts, estimate_fault
+from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor, estimate_fault
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import finite, limited, mean_limit, stands
-from treadline.guard._timestamps import SilenceMonitor
-from treadline.guard.phase_groups import ENDS, FLIGHT, STEADY
 from treadline.guard.stop_latch import Button, Latch
 
 

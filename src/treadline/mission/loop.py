@@ -38,9 +38,8 @@ from treadline.core.signals import (
 )
 from treadline.guard import Guard
 from treadline.mission.belt_controllers import Driver
-from treadline.mission.blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
+from treadline.mission.blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller, seat_now
 from treadline.mission.planner import Planner
-from treadline.mission.rates import seat_now
 from treadline.perception.flat_ground import SWEPT_HALF_M
 
 Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | FlipperCommand | MotionPlan | Event

@@ -13,8 +13,7 @@ from typing import Literal
 import numpy as np
 
 from treadline.core.signals import RECENT_DEPTH, ImuSample, Recent, StairMap, TrackReading
-from treadline.mission._flight_shape import FlightShape
-from treadline.mission._nosing_filter import GATE, PITCHED_RAD, NosingDetection, NosingFilter
+from treadline.mission._nosing_filter import GATE, PITCHED_RAD, FlightShape, NosingDetection, NosingFilter
 
 SAME = 0.5
 """Distance, as a ratio of the pitch, within which a detection belongs to the nearest nosing or to none: half-way to the next."""

@@ -1,4 +1,13 @@
-"""Camera block: ``ImuSample, TrackReading, RgbdFrame -> FrameQuality, HeadingMeasurement, StairMap, Event``."""
+"""The blocks of Fig. 2 as handlers of one signal: signals in, signals out.
+
+The in-process loop (``mission.loop``) wires the blocks by calls, the nodes (``treadline.ros``) wire the same blocks by channels.
+
+* Camera block: ``ImuSample, TrackReading, RgbdFrame -> FrameQuality, HeadingMeasurement, StairMap, Event``.
+* Driver block: ``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan, TrackCommand``.
+* Seat block: ``ImuSample, SeatReading -> SeatCommand``.
+
+Rates of the blocks: 100 Hz base, 4 Hz control (Table I).
+"""
 
 import math
 from collections.abc import Callable, Iterator
@@ -8,16 +17,93 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import wrap
+from treadline.core.angles import rotation_of, wrap
 from treadline.core.errors import ImageError
 from treadline.core.images import PinholeCamera, RgbdFrame, StairAxes
-from treadline.core.signals import Event, FrameQuality, HeadingMeasurement, ImuSample, StairMap, TrackReading
+from treadline.core.signals import (
+    ROUNDING_S,
+    TICK_S,
+    Event,
+    FrameQuality,
+    HeadingEstimate,
+    HeadingMeasurement,
+    ImuSample,
+    MotionPlan,
+    Recent,
+    SeatCommand,
+    SeatReading,
+    StairMap,
+    TrackCommand,
+    TrackReading,
+    on_the_tick,
+)
 from treadline.estimation import MountMonitor
-from treadline.mission.frame_gravity import GravityAtExposure, gravity_in
+from treadline.mission.belt_controllers import Driver, Proposals
+from treadline.mission.planner import Planner, PlannerInput
 from treadline.perception import StairDetector
 from treadline.perception.detector import FrameResult
 from treadline.perception.flat_ground import SWEPT_HALF_M
 from treadline.perception.frame_quality import quality_of
+
+DOWN_W = np.array([0.0, 0.0, -1.0])
+
+
+class GravityAtExposure:
+    """Attitude history of the chair. A frame arrives late, and a chair that rocks has turned since its exposure."""
+
+    def __init__(self) -> None:
+        self._attitudes: Recent[ImuSample] = Recent()
+
+    def update(self, sample: ImuSample) -> None:
+        """Remember an attitude."""
+        self._attitudes.add(sample.t_s, sample)
+
+    def exposed(self, t_s: float) -> ImuSample | None:
+        """Return the IMU sample at the exposure of a frame; None before the first attitude."""
+        return self._attitudes.at(t_s)
+
+    def gravity_C(self, frame: RgbdFrame) -> Float[np.ndarray, " 3"] | None:
+        """Return the unit vector of gravity in the camera's axes when the frame was exposed; None before the first attitude."""
+        exposed = self.exposed(frame.t_s)
+        return None if exposed is None else gravity_in(exposed, frame.camera)
+
+
+def gravity_in(exposed: ImuSample, camera: PinholeCamera) -> Float[np.ndarray, " 3"]:
+    """Return the unit vector of gravity in the axes of a camera on the chair."""
+    return np.asarray(camera.R_BC.T @ (rotation_of(exposed.orientation).T @ DOWN_W))
+
+
+SEAT_S = 0.1
+"""Validity of a seat command: it answers one reading, and readings come a hundred times a second."""
+
+
+class Rate:
+    """Period of a slower block, in whole ticks.
+
+    Args:
+        period_s: The period [s].
+
+    Raises:
+        ValueError: If the period is not a multiple of the tick.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        if not on_the_tick(period_s):
+            raise ValueError(f"a period of {period_s} s is no multiple of the tick, {TICK_S} s")
+        self._every = round(period_s / TICK_S)
+        self._slot = -1
+
+    def due(self, t_s: float) -> bool:
+        """Return whether a period has begun since the last call; a lost tick delays the block, and loses no period."""
+        slot = round(t_s / TICK_S) // self._every
+        begun, self._slot = slot != self._slot, slot
+        return begun
+
+
+def seat_now(command: SeatCommand, t_s: float) -> SeatCommand:
+    """Return the seat command in force: a rate that answers an old reading would carry the seat past level."""
+    return command if t_s - command.t_s <= SEAT_S + ROUNDING_S else SeatCommand(t_s=t_s, rate_m_s=0.0)
+
 
 LOOK_AGAIN_S = 1.0
 """Interval between two looks without gravity at frames without a stair [s]: at 8 ms a look, 1 % of a core."""
@@ -147,3 +233,57 @@ def _with_correction(measurement: HeadingMeasurement, before: HeadingMeasurement
     if before is None:
         return measurement
     return replace(measurement, correction_rad=wrap(measurement.heading_rad - before.heading_rad))
+
+
+class DriverBlock:
+    """Planner at each tick, belt controller at its own period."""
+
+    def __init__(self, planner: Planner, driver: Driver) -> None:
+        self._planner = planner
+        self._proposals = Proposals(driver)
+        self._rate = Rate(driver.period_s)
+        self.is_due = False
+        """Whether a control period began at the last call of ``propose``."""
+
+    def update(self, signal: PlannerInput) -> None:
+        """Update the planner with a reading or a stair map."""
+        self._planner.update(signal)
+
+    def plan(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
+        """Return the plan of a tick."""
+        return self._planner.step(t_s, estimate)
+
+    def propose(self, plan: MotionPlan, estimate: HeadingEstimate | None, *, held: bool) -> TrackCommand | None:
+        """Return the proposed belt speeds of a tick; None leaves the last proposal in force.
+
+        Args:
+            plan: The plan of this tick.
+            estimate: The newest heading.
+            held: Whether the guard holds the chair.
+        """
+        self.is_due = self._rate.due(plan.t_s)
+        return self._proposals.step(plan, estimate, held=held, due=self.is_due)
+
+
+@runtime_checkable
+class SeatLeveller(Protocol):
+    """Control loop of the seat."""
+
+    def step(self, reading: SeatReading, imu: ImuSample | None) -> SeatCommand:
+        """Return the rate of the seat actuator."""
+
+
+class SeatBlock:
+    """Levels the seat by its own reading and the last sample of the chassis' IMU."""
+
+    def __init__(self, leveller: SeatLeveller) -> None:
+        self._leveller = leveller
+        self._imu: ImuSample | None = None
+
+    def update(self, sample: ImuSample) -> None:
+        """Remember an IMU sample."""
+        self._imu = sample
+
+    def step(self, reading: SeatReading) -> SeatCommand:
+        """Return the command that answers a reading."""
+        return self._leveller.step(reading, self._imu)
