@@ -12,8 +12,7 @@ import numpy as np
 
 from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
 from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
-from treadline.control.seat import Leveller, LevellerConfig
-from treadline.control.seat.feed_forward import PitchFeedForward
+from treadline.control.seat_leveller import Leveller, LevellerConfig, PitchFeedForward
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth
 from treadline.core.signals import TICK_S, FlipperReading, ImuSample, SeatReading, TrackCommand, TrackReading

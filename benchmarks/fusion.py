@@ -19,7 +19,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG, quaternion_of, rms, rotation_of, rotation_y, rotation_z, wrap
 from treadline.core.signals import TICK_S, HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 from treadline.estimation import HeadingFilter, OffsetEstimator
-from treadline.estimation.aberration import AberrationRule
+from treadline.estimation.offset import AberrationRule
 from treadline.plant.sensors.imu import IMUS, Imu
 
 SLOPE_RAD = 28.0 * DEG

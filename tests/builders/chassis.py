@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 from world import belts, flipper, imu
 
-from treadline.control.flipper_geometry import FlipperGeometry
+from treadline.control.flipper import FlipperGeometry
 from treadline.core.angles import DEG
 
 GEOMETRY = FlipperGeometry(pivot_m=0.475, radius_m=0.07, length_m=0.45)

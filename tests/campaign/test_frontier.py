@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from treadline.campaign._frontier import frontier_of, separation
-from treadline.campaign._results import flat
+from treadline.campaign._results import flat, frontier_of, separation
 from treadline.campaign.campaign_page import thumbnail, view_of
 from treadline.campaign.pool import VIEW, Row
 from treadline.playback import Recording

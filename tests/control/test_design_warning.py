@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from treadline.control import tune
-from treadline.control.design_warning import design_warning, heading_response
+from treadline.control.tune import design_warning, heading_response
 from treadline.core.models import LinearModel
 from treadline.experiments.as_printed import paper_model
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.control.seat import Leveller, LevellerConfig
+from treadline.control.seat_leveller import Leveller, LevellerConfig
 from treadline.core.angles import DEG
 from treadline.core.signals import SeatCommand, SeatReading
 from treadline.scenario.chair import Seat, read_chair

@@ -9,7 +9,7 @@ import world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.control.seat import Leveller, LevellerConfig, PitchLeveller
+from treadline.control.seat_leveller import Leveller, LevellerConfig, PitchLeveller
 from treadline.core.angles import DEG
 from treadline.core.signals import ImuSample, SeatCommand, SeatReading
 from treadline.scenario.chair import read_chair

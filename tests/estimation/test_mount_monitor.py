@@ -12,8 +12,7 @@ from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
 from treadline.core.images import PinholeCamera, StairAxes
 from treadline.core.signals import Event
 from treadline.estimation import MountMonitor
-from treadline.estimation._mount_monitor import mount_angles
-from treadline.estimation.block_means import BlockMeans
+from treadline.estimation._mount_monitor import BlockMeans, mount_angles
 
 NOMINAL = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5, mount_pitch_rad=40.0 * DEG)
 SLOPE_RAD = 28.0 * DEG

@@ -5,7 +5,7 @@ import pytest
 from systems import fit, system
 
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification._delays import with_delays, without_delays
+from treadline.identification._input_structure import with_delays, without_delays
 from treadline.identification.validate import impulse_response, simulate
 
 

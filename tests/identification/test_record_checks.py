@@ -22,7 +22,7 @@ from treadline.core.errors import (
     TreadlineError,
 )
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification.windows import fewest_samples, max_supported_lags
+from treadline.identification.options import fewest_samples, max_supported_lags
 
 Spoil = Callable[[InputOutputRecord], InputOutputRecord]
 

@@ -10,8 +10,7 @@ from scipy.linalg import block_diag
 from systems import STEPS, fit, markov_error, oscillation, system
 
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification._affine import Affine
-from treadline.identification._modal import modes_of
+from treadline.identification._affine import Affine, modes_of
 from treadline.identification._recursion_kernels import free_run
 from treadline.identification._refine import (
     Directions,

@@ -11,7 +11,7 @@ import pytest
 from world import CHAIR, G_M_S2, PITCH_M, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World, belts, estimate, imu, steeper
 
 from treadline.control.crest_sequence import CrestCommand, CrestConfig
-from treadline.control.flipper_geometry import OVER_BELTS_RAD
+from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, FlipperReading, ImuSample, MotionPlan, StairMap, TrackReading
 from treadline.mission import ascent_states as ascent

@@ -7,7 +7,7 @@ import pytest
 from drawings.paper_figures import ABOVE
 
 from treadline.core.angles import rotation_x, rotation_z
-from treadline.report.outlines import SIDE, Loop, silhouettes
+from treadline.report.side_view import SIDE, Loop, silhouettes
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance import Mesh, band, body_poses, box, chair_parts, merged, part

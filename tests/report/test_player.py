@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from treadline.core.signals import Event
 from treadline.playback import Recording, findings_of
 from treadline.report._html import packed, packed_indices
-from treadline.report._player_scene import creases, scene_of
-from treadline.report._plot_data import MOST_SAMPLES, uniform
+from treadline.report._player_data import MOST_SAMPLES, creases, scene_of, uniform
 from treadline.report.answers import moments_of
 from treadline.report.player_page import player_data, player_page, write_player
 from treadline.scenario.chair import read_chair

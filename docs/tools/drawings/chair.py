@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from drawings.pen import AMBER, WHITE, Pen, Point, pair, turned
 from treadline.core.angles import DEG
-from treadline.report.outlines import SIDE, Silhouette, silhouettes
+from treadline.report.side_view import SIDE, Silhouette, silhouettes
 from treadline.report.svg_figures import GREEN, ORANGE
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair

@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from treadline.campaign._frontier import ARRIVED, Frontier, frontier_of
-from treadline.campaign._results import has_rms
+from treadline.campaign._results import ARRIVED, Frontier, frontier_of, has_rms
 from treadline.campaign.pool import VIEW, Row
 from treadline.core.models import write_whole
 from treadline.playback import Recording

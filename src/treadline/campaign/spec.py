@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from treadline.campaign._draws import Draw, check_draw
-from treadline.campaign._scenario_paths import LABEL, LISTS, Tables, get_value, set_value
+from treadline.campaign._draws import LABEL, LISTS, Draw, Tables, check_draw, get_value, set_value
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.printing import plain

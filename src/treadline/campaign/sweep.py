@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from treadline.campaign._draws import LISTS
 from treadline.campaign._results import CONFIDENCE, FAILED, flat, harm, has_rms, summarise, write_tables
-from treadline.campaign._scenario_paths import LISTS
 from treadline.campaign._sobol_sampling import Sampling, budget, generation_size, points, run_seed, search
 from treadline.campaign.campaign_page import thumbnail, write_page
 from treadline.campaign.journal import Journal

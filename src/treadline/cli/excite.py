@@ -37,7 +37,7 @@ def excite(
     from treadline.core.angles import DEG
     from treadline.core.errors import SettingsError
     from treadline.core.signals import TICK_S, on_the_tick
-    from treadline.identification.windows import fewest_samples
+    from treadline.identification.options import fewest_samples
     from treadline.run.excitation_run import INPUTS, OUTPUTS, recorded_excitation
     from treadline.scenario.scenario import read_scenario
 

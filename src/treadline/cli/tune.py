@@ -36,7 +36,7 @@ def tune(
         out: Controller file to write. Default: controller.json.
     """
     from treadline.control import closed_loop_poles
-    from treadline.control.design_warning import design_warning
+    from treadline.control.tune import design_warning
     from treadline.core.models import Reconstruct
     from treadline.scenario.chair import read_chair
 

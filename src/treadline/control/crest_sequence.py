@@ -12,8 +12,16 @@ and by the pitch when the flipper lifts the chair.
 from dataclasses import dataclass
 from typing import Literal
 
-from treadline.control._sequencer import PitchCommand, SequenceConfig, Sequencer
-from treadline.control.flipper_geometry import LIFTED_RAD, OVER_BELTS_RAD, PRESS_SHARE, SMALL_RAD, UNLOADED_N
+from treadline.control.flipper import (
+    LIFTED_RAD,
+    OVER_BELTS_RAD,
+    PRESS_SHARE,
+    SMALL_RAD,
+    UNLOADED_N,
+    PitchCommand,
+    SequenceConfig,
+    Sequencer,
+)
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperReading
 from treadline.vehicle.loading import plumb

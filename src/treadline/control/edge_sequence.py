@@ -14,8 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from treadline.control._sequencer import PitchCommand, SequenceConfig, Sequencer
-from treadline.control.flipper_geometry import LIFTED_RAD, OVER_BELTS_RAD, UNLOADED_N, flipper_of
+from treadline.control.flipper import LIFTED_RAD, OVER_BELTS_RAD, UNLOADED_N, PitchCommand, SequenceConfig, Sequencer, flipper_of
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperReading
 from treadline.vehicle.loading import plumb

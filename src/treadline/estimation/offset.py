@@ -1,17 +1,32 @@
-"""Heading by the paper's fusion: an offset between the vision heading and the IMU's yaw.
+"""Heading by the paper's fusion: an offset between the vision heading and the IMU's yaw, and a rule against outliers.
 
 Paper: Section III.B, Eq. (5). The IMU's yaw is about gravity, the heading about the nosing plane's normal: on a 28° stair a
 heading of 30° is a yaw of 33.2°. This mode is implemented as printed; ``HeadingFilter`` is the default estimator.
+
+The paper gives no rule for what it calls "an aberration in θ", a jump larger than the chair can make; the rule here compares the
+turn between frames by vision with the turn by the IMU.
 """
 
 import math
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 
 from treadline.core.angles import DEG, rotation_of, wrap
 from treadline.core.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
-from treadline.estimation.aberration import AberrationRule
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AberrationRule:
+    """Threshold on the difference between a measured heading and the gyro's prediction."""
+
+    jump_rad: float = 5.0 * DEG
+
+    def is_aberration(self, seen_rad: float, expected_rad: float) -> bool:
+        """Whether a measured heading deviates from the expected heading by more than the threshold."""
+        return abs(wrap(seen_rad - expected_rad)) > self.jump_rad
+
 
 OFFSET_SIGMA_RAD = 0.5 * DEG
 """Declared standard deviation [rad]; the method provides none."""

@@ -23,7 +23,7 @@ from treadline.core.models import ControllerDesign, Reconstruct
 from treadline.core.setting_docs import meanings
 from treadline.core.settings import Settings, settings_of
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
-from treadline.estimation.aberration import AberrationRule
+from treadline.estimation.offset import AberrationRule
 from treadline.guard import Guard
 from treadline.mission.loop import Blocks
 from treadline.mission.mission_blocks import build_blocks, guard_config, heading_driver

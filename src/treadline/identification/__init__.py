@@ -1,8 +1,7 @@
 """System identification: a linear state-space model from recorded belt speeds and motion."""
 
-from treadline.identification._identified import Identified
-from treadline.identification._quality_report import CandidateScore, IdentificationReport
-from treadline.identification._single_steps import okid, pbsid
+from treadline.identification._from_gram import okid, pbsid
+from treadline.identification._identified import CandidateScore, IdentificationReport, Identified
 from treadline.identification._stream import identify_chunks
 from treadline.identification.era import era
 from treadline.identification.gram import Gram, gram

@@ -17,8 +17,8 @@ from scipy.linalg import solve_discrete_are
 
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord
-from treadline.identification._affine import Affine
-from treadline.identification._modal import linear_sums, modes_of
+from treadline.identification._affine import Affine, linear_sums, modes_of
+from treadline.identification._model_order import bic_order
 from treadline.identification._pbsid import StateMap, pbsid, state_map
 from treadline.identification._realisation import block_rows, markov_svd, realised
 from treadline.identification._refine import (
@@ -33,7 +33,6 @@ from treadline.identification._refine import (
     predictors_of,
     refined,
 )
-from treadline.identification._structure import bic_order
 from treadline.identification.era import HankelSvd
 from treadline.identification.gram import Gram, Units, gram_of
 from treadline.identification.okid import ObserverMarkov, scaled_observer

@@ -1,14 +1,21 @@
-"""Model order from the gap in the singular values.
+"""Model order, lags and feedthrough, by singular values and information criteria.
 
-The order is at the largest ratio of neighbouring singular values, among values above the noise floor: the median of the
-lower half, and 1.5 times the noise level estimated from half of the data. The choice is unclear for a ratio below
-``CLEAR_GAP``, or if half of the data and all data disagree on the largest singular value.
+Lags and feedthrough minimise the BIC; lags of an observer that is itself the model minimise the AICc. The order is at the largest
+ratio of neighbouring singular values, among values above the noise floor: the median of the lower half, and 1.5 times the noise
+level estimated from half of the data. The choice is unclear for a ratio below ``CLEAR_GAP``, or if half of the data and all data
+disagree on the largest singular value.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+
+from treadline.identification._pbsid import StateMap, innovations
+from treadline.identification.era import HankelSvd, hankel, largest
+from treadline.identification.gram import Gram
+from treadline.identification.okid import ObserverMarkov, residuals_by_lags, system_markov
 
 CLEAR_GAP = 4.0
 """Smallest ratio of neighbouring singular values that counts as a gap; white noise stays below 2."""
@@ -60,3 +67,127 @@ def choose_order(singular_values: Float[np.ndarray, " k"], *, noise: float = 0.0
     best = int(np.argmax(np.where(above, ratios, 0.0)))
     clear = bool(ratios[best] >= CLEAR_GAP and stands_out(s, noise))
     return OrderChoice(order=best + 1, gap=float(ratios[best]), clear=clear)
+
+
+ORDER_MOST = 16
+"""Largest order tried."""
+EXACT = 1e-12
+"""Residual variance relative to the outputs' variance below which data count as noise-free."""
+
+
+def choose_structure(whole: Gram, lags: int | None, feedthrough: bool | None, *, is_model: bool = False) -> tuple[int, bool]:
+    """Return lags and feedthrough at the smallest BIC.
+
+    Args:
+        whole: Gram matrix of all data.
+        lags: Given lags; chosen when None.
+        feedthrough: Given feedthrough; chosen when None.
+        is_model: Whether the model is a realisation of the observer; truncated lags are then bias, and the AICc decides.
+    """
+    if lags is not None and feedthrough is not None:
+        return lags, feedthrough
+    choices, values = _bic(whole, lags, feedthrough)
+    used, has_d = choices[int(np.argmin(values))]
+    return (_aicc_lags(whole, feedthrough=has_d) if is_model and lags is None else used), has_d
+
+
+def min_bic(whole: Gram, lags: int | None, feedthrough: bool | None) -> float:
+    """Return the smallest BIC over lags and feedthrough; comparable between different inputs for the same outputs."""
+    return float(_bic(whole, lags, feedthrough)[1].min())
+
+
+def _bic(whole: Gram, lags: int | None, feedthrough: bool | None) -> tuple[list[tuple[int, bool]], Float[np.ndarray, " k"]]:
+    """Return all open combinations of lags and feedthrough with their BIC."""
+    tried = range(1, whole.lags + 1) if lags is None else range(lags, lags + 1)
+    kinds = (False, True) if feedthrough is None else (feedthrough,)
+    residual_ss = residuals_by_lags(whole, tried, kinds)
+    choices = [(p, has_d) for has_d in kinds for p in tried]
+    return choices, _deviances(whole, np.concatenate(residual_ss)) + _coefficients(whole, choices) * np.log(whole.count)
+
+
+def _aicc_lags(whole: Gram, *, feedthrough: bool) -> int:
+    """Return the lags at the smallest AICc (Akaike's criterion for short data: Hurvich and Tsai, 1989).
+
+    The observer of measured outputs has infinitely many lags. The BIC, which assumes a finite true number, stops at a bias as
+    large as the standard deviation; the AIC increases the lags with the data (Shibata, 1980).
+    """
+    choices = [(lags, feedthrough) for lags in range(1, whole.lags + 1)]
+    residual_ss = residuals_by_lags(whole, range(1, whole.lags + 1), (feedthrough,))[0]
+    count, p = _coefficients(whole, choices), residual_ss.shape[1]
+    spare = np.maximum(whole.count - count / p - p - 1.0, 1.0)
+    return int(np.argmin(_deviances(whole, residual_ss) + 2.0 * count * whole.count / spare)) + 1
+
+
+def _deviances(whole: Gram, squares: Float[np.ndarray, "k p p"]) -> Float[np.ndarray, " k"]:
+    values = np.linalg.eigvalsh(0.5 * (squares + squares.transpose(0, 2, 1)) / whole.count)
+    # Residuals below rounding count as equal.
+    return np.asarray(whole.count * np.log(np.maximum(values, 1e-20 * squares.shape[1])).sum(axis=1))
+
+
+def _coefficients(whole: Gram, choices: Sequence[tuple[int, bool]]) -> Float[np.ndarray, " k"]:
+    m, r = whole.units.input_count, len(whole.units.scale)
+    return np.array([float((1 + m * has_d + lags * r) * (r - m)) for lags, has_d in choices])
+
+
+def bic_order(data: Gram, states: StateMap, lags: int, *, feedthrough: bool) -> int:
+    """Return the order of PBSID's state map with the smallest BIC.
+
+    A gap identifies an order that stands out; singular values of measured data mostly decay without a gap.
+    """
+    m, p = data.units.input_count, len(data.units.scale) - data.units.input_count
+    most = min(ORDER_MOST, len(states.s))
+    residual_ss = innovations(data, states, most, lags, feedthrough=feedthrough)
+    floor = 1e-20 * p  # residuals below rounding count as equal
+    values = np.maximum(np.linalg.eigvalsh(0.5 * (residual_ss + residual_ss.transpose(0, 2, 1))), floor)
+    # Number of parameters of A, B, C and K in canonical form: 2p + m per state; the rest does not depend on the order.
+    costs = data.count * np.log(values).sum(axis=1) + np.arange(1, most + 1) * (2 * p + m) * np.log(data.count)
+    return int(np.argmin(costs)) + 1
+
+
+def structural_order(observer: ObserverMarkov) -> int | None:
+    """Return the largest order that p lags allow for the Hankel matrix; None for an exact observer, whose rank is genuine.
+
+    Args:
+        observer: OKID observer in standard deviations.
+    """
+    exact = np.trace(observer.residual_covariance) < EXACT * len(observer.D)
+    return None if exact else observer.beta.shape[0] * observer.beta.shape[1]
+
+
+def noise_level(part: ObserverMarkov, whole: ObserverMarkov, svd: HankelSvd) -> float:
+    """Return the largest singular value of noise alone, estimated from the difference between half and all of the data.
+
+    For noise of variance v per sample, n of N samples leave v/n, all samples v/N, and their difference v/n - v/N.
+
+    Args:
+        part: Observer of half of the data, in standard deviations.
+        whole: Observer of all data.
+        svd: Hankel matrix of all data.
+    """
+    # The difference of two Hankel matrices is the Hankel matrix of the difference.
+    difference = system_markov(part, len(svd.markov)) - svd.markov
+    return float(np.sqrt(part.count / max(whole.count - part.count, 1.0))) * largest(hankel(difference, svd.rows, svd.columns, 0))
+
+
+def gap_of(choice: OrderChoice, svd: HankelSvd) -> float:
+    """Return the gap σ_n / σ_{n+1} of a choice, computed here for a given order."""
+    return gap_at(svd.s, choice.order) if choice.gap is None else choice.gap
+
+
+def settle_order(svd: HankelSvd, order: int | None, structural: int | None, noise: float, warnings: list[str]) -> OrderChoice:
+    """Return the given order, or the order at the gap of the singular values; an unclear gap adds a warning."""
+    if order is not None:
+        return OrderChoice(order=order, gap=None, clear=True)
+    # An observer of p lags has at most p states per output; the drop beyond that rank is an artefact.
+    choice = choose_order(svd.s[:structural], noise=noise)
+    if not stands_out(svd.s, noise):
+        warnings.append(
+            f"no clear gap in the singular values (the largest is {svd.s[0] / noise:.1f} times the noise level); "
+            "give more data, or inputs that vary more"
+        )
+    elif not choice.clear:
+        warnings.append(
+            f"no clear gap in the singular values (largest ratio {choice.gap:.1f} at order {choice.order}); "
+            "give --order, or more data"
+        )
+    return choice

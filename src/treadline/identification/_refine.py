@@ -16,8 +16,7 @@ from scipy.linalg import lapack
 
 from treadline.core.arrays import store_contiguous
 from treadline.core.models import InputOutputRecord
-from treadline.identification._affine import Affine
-from treadline.identification._modal import WELL_SEEN, Modes, derivative_sums, modes_of
+from treadline.identification._affine import WELL_SEEN, Affine, Modes, derivative_sums, modes_of
 from treadline.identification._recursion_kernels import (
     gauge_directions,
     observability,

@@ -14,9 +14,8 @@ from treadline.identification._from_gram import from_gram, provenance_of
 from treadline.identification._identified import Identified
 from treadline.identification._threads import one_thread
 from treadline.identification.gram import Gram, GramBuilder, Units
-from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
+from treadline.identification.options import DEFAULT_OPTIONS, LAGS_MOST, IdentificationOptions, max_supported_lags
 from treadline.identification.validate import joined_in_time, most_recent
-from treadline.identification.windows import LAGS_MOST, max_supported_lags
 
 METHODS = ("pbsid", "okid-era", "era-dc")
 """Methods that need only the Gram matrix; refinements need all samples."""

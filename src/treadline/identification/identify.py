@@ -17,13 +17,17 @@ from treadline.identification._checks import (
     check_independent,
     check_records,
 )
-from treadline.identification._delays import input_delays, with_delays, without_delays
-from treadline.identification._differential_input import DifferentialInput, find_differential_input
 from treadline.identification._fitting import with_inputs_again
 from treadline.identification._from_gram import from_gram, gram_with_half, provenance_of
-from treadline.identification._identified import FittedSystem, Identified
-from treadline.identification._quality_report import whole_samples
-from treadline.identification._structure import choose_structure
+from treadline.identification._identified import FittedSystem, Identified, whole_samples
+from treadline.identification._input_structure import (
+    DifferentialInput,
+    find_differential_input,
+    input_delays,
+    with_delays,
+    without_delays,
+)
+from treadline.identification._model_order import choose_structure
 from treadline.identification._threads import one_thread
 from treadline.identification.gram import Gram, Units
 from treadline.identification.okid import observer_markov

@@ -6,7 +6,7 @@
 
 import math
 
-from treadline.control.flipper_geometry import FLIPPER_PER_S, OVER_BELTS_RAD
+from treadline.control.flipper import FLIPPER_PER_S, OVER_BELTS_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, FlipperReading
 from treadline.mission._tip_over import FALL_RATE_RAD_S

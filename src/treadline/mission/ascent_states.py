@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 from treadline.control.belt_allocation import inner_speed_ratio
 from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
-from treadline.control.flipper_geometry import OVER_BELTS_RAD
+from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
 from treadline.mission._traction_test import TractionConfig, TractionTest

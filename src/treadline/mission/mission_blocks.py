@@ -3,7 +3,7 @@
 from typing import Any
 
 from treadline.control import ControllerConfig, HeadingController
-from treadline.control.seat import LevellerConfig, PitchLeveller
+from treadline.control.seat_leveller import LevellerConfig, PitchLeveller
 from treadline.core import paper
 from treadline.core.errors import SettingsError
 from treadline.estimation import HeadingFilter, OffsetEstimator

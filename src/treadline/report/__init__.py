@@ -1,8 +1,8 @@
 """Figures, tables and pages, drawn from run folders alone.
 
 Contract: ``write_report`` here; ``player_page.write_player`` for one recording; ``identification_page``, which loads no other
-page; ``run_figure.single_run``; ``side_view.SideViews``; ``comparison`` for the published figures; ``labels`` and ``answers`` for
-the words that campaign and live view share with the pages; ``svg_figures`` and ``outlines`` for the drawings of the documents.
+page; ``run_figure.single_run``; ``side_view.SideViews`` and its silhouettes; ``comparison`` for the published figures; ``labels``
+and ``answers`` for the words that campaign and live view share with the pages; ``svg_figures`` for the drawings of the documents.
 """
 
 from pathlib import Path

@@ -2,28 +2,211 @@
 
 The template engine escapes text; figures are inline SVG drawn by this package; a content security policy forbids requests and
 scripts. The page links to the pages of the reproduction's runs, which play them.
+
+The figures are drawn from the rows of ``results.json`` and the time series of the runs. Angles are in degrees.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+import matplotlib as mpl
+import numpy as np
+from jaxtyping import Float
 from markupsafe import Markup
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from treadline.core import paper
 from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
 from treadline.io.runs import LOG
 from treadline.playback import Recording, read_recording
-from treadline.report import _reproduction_figures as figures
 from treadline.report._html import in_base64
-from treadline.report._results import Results, Straight, Turn, read_part
+from treadline.report._results import PAPER_FRICTION, Cell, Impulse, ModelFigures, Results, Steered, Straight, Turn, read_part
 from treadline.report._run_page import checked_series, write_page, write_run_page
 from treadline.report.comparison import comparisons
 from treadline.report.player_page import write_player
 from treadline.report.side_view import SideViews
-from treadline.report.svg_figures import panels_of, svg_of
+from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, panels_of, plain_log_labels, svg_of
+
+BY_SLOPE = {20: ORANGE, 25: BLUE, 28: GREEN, 30: RED}
+BY_HEADING = ("#000000", GREY, BLUE, GREEN, RED)
+Series = Mapping[str, Float[np.ndarray, " T"]]
+IMPULSE_SHOWN_S = 20.0
+"""Span of Fig. 8 that is drawn, of 60 s: both responses have ended by then."""
+TURN_SHOWN_S = 12.0
+"""Span of a turn from ±30° in which belts, place and margins change."""
+
+
+def _figure(height_in: float, rows: int, x: str, y: Sequence[str], width_in: float = 8.0) -> tuple[Figure, list[Axes]]:
+    """Return a figure of panels with a common label of the horizontal axes and one of each vertical axis."""
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    axes = list(figure.subplots(rows, len(y) // rows, squeeze=False).ravel())
+    for ax, label in zip(axes, y, strict=True):
+        ax.set_xlabel(x)
+        ax.set_ylabel(label)
+    return figure, axes
+
+
+def _colour(slope_deg: float) -> str:
+    return BY_SLOPE.get(int(slope_deg), GREY) if slope_deg.is_integer() else GREY
+
+
+@mpl.rc_context(STYLE)
+def impulse(ours: Impulse) -> Figure:
+    """Return Fig. 8: impulse responses of our model over those of Eq. (12)."""
+    labels = ("heading θ [rad]", "angular velocity ω [rad/s]")
+    figure, axes = _figure(4.6, 2, "time after the impulse [s]", (labels[0], labels[0], labels[1], labels[1]))
+    steps = round(IMPULSE_SHOWN_S / paper.SAMPLING_TIME_S) + 1
+    printed, t_printed = _printed_impulse(steps), np.arange(steps) * paper.SAMPLING_TIME_S
+    for row, response in enumerate((ours.heading_rad, ours.yaw_rate_rad_s)):
+        for column, (values, belt) in enumerate(((response.left_m_s, "left"), (response.right_m_s, "right"))):
+            ax = axes[2 * row + column]
+            ax.step(np.asarray(ours.t_s), values, where="post", color=BLUE, label="ours")
+            ax.step(t_printed, printed[:, row, column], where="post", color=ORANGE, label="Eq. (12)")
+            ax.set_xlim(0.0, IMPULSE_SHOWN_S)
+            ax.set_title(f"impulse on u{column + 1} ({belt} track, 1 m/s)")
+    axes[0].legend()
+    return figure
+
+
+def _printed_impulse(steps: int) -> Float[np.ndarray, "steps p m"]:
+    response = np.empty((steps, 2, 2))
+    response[0] = paper.D
+    reach = paper.B
+    for k in range(1, steps):
+        response[k] = paper.C @ reach
+        reach = paper.A @ reach
+    return response
+
+
+@mpl.rc_context(STYLE)
+def singular_values(slopes: Sequence[ModelFigures]) -> Figure:
+    """Return the singular values of the Hankel matrix, one line per slope."""
+    figure, (ax,) = _figure(2.8, 1, "index", ("σ / σ₁",), width_in=5.2)
+    for item in slopes:
+        values = np.asarray(item.singular_values)
+        values = values[values > 1e-6 * values[0]]
+        style = "o-" if item.friction == PAPER_FRICTION else "s--"
+        label = f"{item.slope_deg:g}°, {item.friction[0]:g}/{item.friction[1]:g}"
+        ax.semilogy(np.arange(1, len(values) + 1), values / values[0], style, color=_colour(item.slope_deg), label=label)
+    plain_log_labels(ax.yaxis)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.axvline(2.5, color=GREY, linestyle=":")
+    ax.text(2.55, 0.5, "rank 2", color=GREY)
+    ax.legend(title="slope, friction", fontsize=7)
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def dead_zone(rows: Sequence[Steered]) -> Figure:
+    """Return yaw rate over belt difference, one colour per heading: simulated (marks) and quasi-static Coulomb friction (lines)."""
+    figure, (ax,) = _figure(3.2, 1, "belt difference [m/s]", ("yaw rate towards straight [°/s]",), width_in=5.6)
+    headings = sorted({row.heading_deg for row in rows})
+    for heading, colour in zip(headings, BY_HEADING, strict=False):
+        line = [row for row in rows if row.heading_deg == heading]
+        apart = [row.difference_m_s for row in line]
+        ax.plot(apart, [abs(row.theory_deg_s) for row in line], color=colour, linewidth=1.2)
+        ax.plot(apart, [abs(row.yaw_rate_deg_s) for row in line], "o", color=colour, label=f"{heading:g}°")
+    ax.set_yscale("symlog", linthresh=0.1)
+    plain_log_labels(ax.yaxis)
+    ax.legend(title="heading", fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def straight(runs: Sequence[tuple[Straight, Series]]) -> Figure:
+    """Return Fig. 9: heading and lateral place over time, open against closed loop."""
+    figure, axes = _figure(3.2, 1, "time [s]", ("heading [°]", "lateral drift [m]"))
+    for row, series in runs:
+        style, label = "-" if row.loop == "closed" else "--", f"{row.slope_deg:g}° {row.loop}"
+        for ax, values in zip(axes, (series["heading_deg"], series["y_m"] - series["y_m"][0]), strict=True):
+            ax.plot(series["t_s"], values, style, color=_colour(row.slope_deg), label=label, linewidth=1.2)
+    axes[0].legend(ncols=2, fontsize=7)
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def turns(runs: Sequence[tuple[Turn, Series]]) -> Figure:
+    """Return Fig. 10: heading from two starts, belt speeds and distance up the flight."""
+    labels = ("heading [°]", "heading [°]", "belt speed [m/s]", "distance up the flight [m]")
+    figure, axes = _figure(5.0, 2, "time [s]", labels)
+    for ax in axes[len(runs) : 2]:
+        ax.set_visible(False)
+    for (row, series), ax in zip(runs, axes[:2], strict=False):
+        ax.plot(series["t_s"], series["heading_deg"], color=BLUE, label="heading (truth)")
+        ax.plot(series["t_s"], series["estimate_deg"], ":", color=ORANGE, label="heading (estimate)")
+        ax.set_title(f"start at {row.start_heading_deg:+.0f}°")
+        ax.axhspan(-2.0, 2.0, color=GREY, alpha=0.15)
+        ax.legend()
+    for (row, series), colour in zip(runs, (BLUE, RED), strict=False):
+        early, start = series["t_s"] <= TURN_SHOWN_S, f"{row.start_heading_deg:+.0f}°"
+        t = series["t_s"][early]
+        axes[2].step(t, series["left_m_s"][early], where="post", color=colour, label=f"{start} left")
+        axes[2].step(t, series["right_m_s"][early], "--", where="post", color=colour, label=f"{start} right")
+        axes[3].plot(t, series["x_m"][early] - series["x_m"][0], color=colour, label=start)
+    axes[2].legend(ncols=2, fontsize=7)
+    axes[3].legend()
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def table_two(rows: Sequence[Cell], allowed: Sequence[Cell]) -> Figure:
+    """Return Table II as bars on Table I's friction: the paper's, ours, and ours with roll-back allowed."""
+    rows = [cell for cell in rows if cell.friction == PAPER_FRICTION]
+    figure, axes = _figure(3.0, 1, "slope, start heading", ("RMS heading [°]", "largest roll-back [m]"))
+    place = np.arange(len(rows))
+    by_start = {(cell.slope_deg, cell.start_heading_deg): cell for cell in allowed}
+    sliding = [by_start.get((cell.slope_deg, cell.start_heading_deg)) for cell in rows]
+    axes[0].bar(place - 0.27, [_or_gap(cell.paper_deg) for cell in rows], 0.25, color=GREY, label="paper")
+    groups: tuple[tuple[str, Sequence[Cell | None], str], ...] = (
+        ("climb-safe", rows, BLUE),
+        ("roll-back allowed", sliding, ORANGE),
+    )
+    for k, (name, cells, colour) in enumerate(groups):
+        height = [_or_gap(cell.rms_heading_deg if cell else None) for cell in cells]
+        spread = [(cell.sd or 0.0) if cell else 0.0 for cell in cells]
+        back = [_or_gap(cell.roll_back_m if cell else None) for cell in cells]
+        axes[0].bar(place + 0.27 * k, height, 0.25, yerr=spread, color=colour, label=f"ours, {name}")
+        axes[1].bar(place + 0.3 * (k - 0.5), back, 0.28, color=colour, label=f"ours, {name}")
+    for ax in axes:
+        ax.set_xticks(place, [f"{cell.slope_deg:g}°\n{cell.start_heading_deg:+g}°" for cell in rows])
+        ax.margins(y=0.4)
+        ax.legend(fontsize=7, loc="upper left")
+    return figure
+
+
+def _or_gap(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+@mpl.rc_context(STYLE)
+def seat(series: Series) -> Figure:
+    """Return Fig. 11: the seat's pitch from the flight's slope to level."""
+    figure, axes = _figure(2.8, 1, "time [s]", ("pitch [°]", "seat pitch, first 5 s [°]"))
+    axes[0].plot(series["t_s"], series["seat_pitch_deg"], color=BLUE, label="seat")
+    axes[0].plot(series["t_s"], series["pitch_deg"], "--", color=GREY, label="chassis")
+    axes[0].legend()
+    early = series["t_s"] <= 5.0
+    axes[1].plot(series["t_s"][early], series["seat_pitch_deg"][early], color=BLUE)
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def margins(runs: Sequence[tuple[Turn, Series]]) -> Figure:
+    """Return friction used over friction available, and the tip-over margin, which the paper does not show."""
+    figure, axes = _figure(2.8, 1, "time [s]", ("friction used / available", "tip-over margin [°]"))
+    for (row, series), colour in zip(runs, (BLUE, RED), strict=False):
+        early = series["t_s"] <= TURN_SHOWN_S
+        label = f"start {row.start_heading_deg:+.0f}°"
+        axes[0].plot(series["t_s"][early], series["friction_use"][early], color=colour, label=label)
+        axes[1].plot(series["t_s"][early], series["stability_margin_deg"][early], color=colour, label=label)
+    axes[0].axhline(1.0, color=GREY, linestyle=":")
+    axes[0].legend()
+    return figure
+
 
 PNG = b"\x89PNG\r\n\x1a\n"
 STAGES = (
@@ -66,28 +249,28 @@ def write_reproduction_page(folder: Path) -> Path:
         others=others,
         cards=cards,
         stages=stages,
-        shown_s=figures.IMPULSE_SHOWN_S,
+        shown_s=IMPULSE_SHOWN_S,
         versions=json.dumps(results.versions),
     )
 
 
 def _drawn(results: Results, runs: Path) -> dict[str, Figure]:
     """Return the figures of the parts that were measured, by name."""
-    straight, turned = _with_series(runs, results.fig09), _with_series(runs, results.fig10[:2])
+    driven, turned = _with_series(runs, results.fig09), _with_series(runs, results.fig10[:2])
     drawn: dict[str, Figure] = {}
     if results.fig08 is not None:
-        drawn["fig08"] = figures.impulse(results.fig08.impulse)
-        drawn["singular-values"] = figures.singular_values(results.fig08.slopes)
+        drawn["fig08"] = impulse(results.fig08.impulse)
+        drawn["singular-values"] = singular_values(results.fig08.slopes)
     if results.dead_zone:
-        drawn["dead-zone"] = figures.dead_zone(results.dead_zone)
-    if straight:
-        drawn["fig09"] = figures.straight(straight)
+        drawn["dead-zone"] = dead_zone(results.dead_zone)
+    if driven:
+        drawn["fig09"] = straight(driven)
     if turned:
-        drawn["fig10"], drawn["margins"] = figures.turns(turned), figures.margins(turned)
+        drawn["fig10"], drawn["margins"] = turns(turned), margins(turned)
     if results.table2:
-        drawn["table2"] = figures.table_two(results.table2, results.table2_roll_back_allowed)
+        drawn["table2"] = table_two(results.table2, results.table2_roll_back_allowed)
     if results.fig11 is not None:
-        drawn["fig11"] = figures.seat(checked_series(_inside(runs, results.fig11.run)))
+        drawn["fig11"] = seat(checked_series(_inside(runs, results.fig11.run)))
     return drawn
 
 
@@ -139,7 +322,7 @@ def _card(name: str, recording: Recording, number: int) -> list[dict[str, Any]]:
     return [{"name": name, "svg": Markup(drawn), "verdict": verdict, "duration_s": duration_s}]  # noqa: S704 - drawn by this package
 
 
-def _with_series(runs: Path, rows: Sequence[R]) -> list[tuple[R, figures.Series]]:
+def _with_series(runs: Path, rows: Sequence[R]) -> list[tuple[R, Series]]:
     return [(row, checked_series(_inside(runs, row.run))) for row in rows]
 
 

@@ -29,8 +29,7 @@ from treadline.playback import (
     read_frames,
 )
 from treadline.report._html import TEMPLATES, in_base64, json_in_page, packed, page_of
-from treadline.report._player_scene import scene_of
-from treadline.report._plot_data import plots_of, uniform
+from treadline.report._player_data import plots_of, scene_of, uniform
 from treadline.report.answers import moments_of
 from treadline.report.labels import PHASES, TERMS
 from treadline.vehicle.stair_solids import stair_boxes

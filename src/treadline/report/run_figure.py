@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from treadline.core.angles import DEG
 from treadline.playback import Recording
-from treadline.report._plot_data import passenger_m_s2
+from treadline.report._player_data import passenger_m_s2
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, decimated
 from treadline.vehicle.comfort import COMFORT_TICKS, lasting
 

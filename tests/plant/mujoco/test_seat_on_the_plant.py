@@ -5,7 +5,7 @@ import pytest
 from jaxtyping import Float
 from oracles.plant_runs import plant_on
 
-from treadline.control.seat import Leveller, LevellerConfig
+from treadline.control.seat_leveller import Leveller, LevellerConfig
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
 from treadline.core.signals import SeatCommand, SeatReading, TrackCommand
