@@ -14,16 +14,19 @@ import numpy as np
 
 from treadline.core.angles import DEG, wrap
 from treadline.core.signals import HeadingEstimate, HeadingFault, HeadingHealth, HeadingMeasurement, ImuSample, TrackReading
-from treadline.estimation._gyro_drift import Drift, DriftRule, GlrDriftDetector
-from treadline.estimation._multiple_model import GyroModel, MultipleModelKalmanFilter
-from treadline.estimation._reacquire import ReacquisitionRule, RejectedTrack
-from treadline.estimation._sensor_faults import (
+from treadline.estimation._fault_detection import (
     ActiveFaults,
+    Drift,
+    DriftRule,
+    GlrDriftDetector,
     IndependentShare,
+    ReacquisitionRule,
+    RejectedTrack,
     StuckGyroDetector,
     StuckRule,
     TurnHistory,
 )
+from treadline.estimation._multiple_model import GyroModel, MultipleModelKalmanFilter
 
 FULL_SCALE_RAD_S = 250.0 * DEG
 """Gyro full-scale range [rad/s] (MPU-6050): belts at ±1 m/s turn the chair at 176 °/s; larger readings are invalid."""

@@ -2,6 +2,6 @@
 
 Contract: ``reproduce.reproduce_paper`` (in Gazebo, ``gazebo.reproduce_in_gazebo``) runs a ``plan.ReproducePlan``;
 ``replay.replayed_run`` processes a recording again; ``mount_calibration.MountStudy`` estimates the camera's mount from a recording.
-Figures have the paper's numbers: ``fig05``, ``_fig08``, ``_closed_loop`` (Fig. 9,
-Fig. 10, Table II), ``fig11``, ``as_printed`` (the printed controller, Table I).
+Figures have the paper's numbers: ``fig05``, ``_fig08_to_fig10`` (and Table II), ``fig11``, ``as_printed`` (the printed controller,
+Table I).
 """

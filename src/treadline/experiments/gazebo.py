@@ -15,8 +15,8 @@ import numpy as np
 
 from treadline.core.models import ControllerDesign, write_whole
 from treadline.core.printing import plain
-from treadline.experiments import _closed_loop
-from treadline.experiments._fig08 import ExcitationRun, ExciteJob
+from treadline.experiments import _fig08_to_fig10
+from treadline.experiments._fig08_to_fig10 import ExcitationRun, ExciteJob
 from treadline.experiments.job_pool import RunJob, run_jobs
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
 from treadline.experiments.reproduce import Done, excitations, learn
@@ -93,9 +93,9 @@ def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers:
     turns = [result for result in results if result["kind"] == "turn"]
     values: dict[str, Any] = {
         "fig08": fig08_by_ground[CONTROLLER_GROUND],
-        "fig09": _closed_loop.fig09([result for result in results if result["kind"] == "straight"]),
-        "fig10": _closed_loop.fig10(turns),
-        "table2": _closed_loop.table2(turns),
+        "fig09": _fig08_to_fig10.fig09([result for result in results if result["kind"] == "straight"]),
+        "fig10": _fig08_to_fig10.fig10(turns),
+        "table2": _fig08_to_fig10.table2(turns),
         "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
     }
     write_whole(out / "results.json", json.dumps(plain(values), indent=1, allow_nan=False) + "\n")
@@ -110,9 +110,9 @@ def _excitations(plan: ReproducePlan, runs: Path, open_plant: PlantName) -> list
 
 def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path, open_plant: PlantName) -> list[RunJob]:
     jobs = [
-        *_closed_loop.straight_jobs(plan, controller, runs),
-        *_closed_loop.straight_jobs(plan, None, runs),
-        *_closed_loop.turn_jobs(plan, controller, runs),
+        *_fig08_to_fig10.straight_jobs(plan, controller, runs),
+        *_fig08_to_fig10.straight_jobs(plan, None, runs),
+        *_fig08_to_fig10.turn_jobs(plan, controller, runs),
     ]
     return [replace(job, scenario=without_images(job.scenario), image_every=0, open_plant=open_plant) for job in jobs]
 

@@ -15,8 +15,8 @@ from treadline.control.tune import tune
 from treadline.core.models import ControllerDesign, write_whole
 from treadline.core.printing import plain
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.experiments import _closed_loop, _fig08, as_printed, dead_zone, fig05, fig11, lugs
-from treadline.experiments._fig08 import ExcitationRun, ExciteJob
+from treadline.experiments import _fig08_to_fig10, as_printed, dead_zone, fig05, fig11, lugs
+from treadline.experiments._fig08_to_fig10 import ExcitationRun, ExciteJob
 from treadline.experiments._sensitivity import read_sensitivity, with_sensitivity
 from treadline.experiments.job_pool import Call, Job, JobPool, RunJob
 from treadline.experiments.plan import (
@@ -76,10 +76,10 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
             "fig05": stages,
             "fig08": fig08_by_ground[CONTROLLER_GROUND] | {"slopes": list(fig08_by_ground.values())},
             "dead_zone": steered,
-            "fig09": _closed_loop.fig09([*closed, *opened]),
-            "fig10": _closed_loop.fig10(safe),
-            "table2": _closed_loop.table2(safe),
-            "table2_roll_back_allowed": _closed_loop.table2(sliding),
+            "fig09": _fig08_to_fig10.fig09([*closed, *opened]),
+            "fig10": _fig08_to_fig10.fig10(safe),
+            "table2": _fig08_to_fig10.table2(safe),
+            "table2_roll_back_allowed": _fig08_to_fig10.table2(sliding),
             "lugs": lugs.rows(lugged),
             "literal": as_printed.facts() | {"runs": [printed]},
             "fig11": seat,
@@ -121,7 +121,7 @@ def learn(plan: ReproducePlan, recordings: list[ExcitationRun], out: Path) -> tu
         if recording.seed != FIT_SEED:
             continue
         ground = recording.ground
-        model, figures[ground] = _fig08.evaluate(recording, fresh.get(ground))
+        model, figures[ground] = _fig08_to_fig10.evaluate(recording, fresh.get(ground))
         model.save(out / f"model-{ground.name}.json")
         if ground == CONTROLLER_GROUND:
             controller = tune(model)
@@ -139,16 +139,16 @@ def _steerless(plan: ReproducePlan, out: Path) -> list[Job[Any]]:
         Call("stages", fig05.see_stages, (out / "figures", seed)),
         as_printed.job(plan, runs),
         Call("dead-zone", dead_zone.rows, (seed,)),
-        *_closed_loop.straight_jobs(plan, None, runs),
+        *_fig08_to_fig10.straight_jobs(plan, None, runs),
     ]
 
 
 def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
     """Return all runs with the identified controller, the longest first: the workers then end together."""
     drives = [
-        *_closed_loop.straight_jobs(plan, controller, runs),
-        *_closed_loop.turn_jobs(plan, controller, runs),
-        *_closed_loop.turn_jobs(replace(plan, seeds=plan.seeds[:1], frictions=(PAPER_FRICTION,)), controller, runs, "paper"),
+        *_fig08_to_fig10.straight_jobs(plan, controller, runs),
+        *_fig08_to_fig10.turn_jobs(plan, controller, runs),
+        *_fig08_to_fig10.turn_jobs(replace(plan, seeds=plan.seeds[:1], frictions=(PAPER_FRICTION,)), controller, runs, "paper"),
         *lugs.jobs(plan, controller, runs),
     ]
     return sorted(drives, key=_cost, reverse=True)

@@ -19,8 +19,7 @@ from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import Affine, linear_sums, modes_of
 from treadline.identification._model_order import bic_order
-from treadline.identification._pbsid import StateMap, pbsid, state_map
-from treadline.identification._realisation import block_rows, markov_svd, realised
+from treadline.identification._realisation import StateMap, block_rows, markov_svd, pbsid, realised, state_map
 from treadline.identification._refine import (
     BRIEF,
     THOROUGH,

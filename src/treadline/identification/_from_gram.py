@@ -27,9 +27,8 @@ from treadline.identification._model_order import (
     structural_order,
 )
 from treadline.identification._model_selection import CvScore, select_model
-from treadline.identification._pbsid import pbsid as realised_by_pbsid
-from treadline.identification._pbsid import state_map
-from treadline.identification._realisation import realised
+from treadline.identification._realisation import pbsid as realised_by_pbsid
+from treadline.identification._realisation import realised, state_map
 from treadline.identification._threads import one_thread
 from treadline.identification.deconvolution import observer_of
 from treadline.identification.era import HankelSvd

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from treadline.identification._pbsid import StateMap, innovations
+from treadline.identification._realisation import StateMap, innovations
 from treadline.identification.era import HankelSvd, hankel, largest
 from treadline.identification.gram import Gram
 from treadline.identification.okid import ObserverMarkov, residuals_by_lags, system_markov
