@@ -9,7 +9,7 @@ import pytest
 
 from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, SettingsError
 from treadline.core.models import InputOutputRecord
-from treadline.io import _csv_files, _parquet_files
+from treadline.io import _csv_and_parquet_files as files
 from treadline.io.records import ChunkReader, read_chunks, read_record
 
 KINDS = ("csv", "spreadsheet", "parquet")
@@ -18,7 +18,7 @@ KINDS = ("csv", "spreadsheet", "parquet")
 @pytest.fixture
 def tiny_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Read CSV in blocks of five lines."""
-    monkeypatch.setattr(_csv_files, "BLOCK_ROWS", 5)
+    monkeypatch.setattr(files, "BLOCK_ROWS", 5)
 
 
 def chunks_of(log, **options: object) -> ChunkReader:
@@ -143,8 +143,7 @@ def test_a_stream_holds_a_chunk_and_not_the_file(
     written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
     long = replace(record, u=np.tile(record.u, (400, 1)), y=np.tile(record.y, (400, 1)))
-    monkeypatch.setattr(_csv_files, "BLOCK_ROWS", 200)
-    monkeypatch.setattr(_parquet_files, "BATCH_ROWS", 200)
+    monkeypatch.setattr(files, "BLOCK_ROWS", 200)
     reader = chunks_of(written(kind, long), rows=200)
     tracemalloc.start()
     try:
@@ -157,7 +156,7 @@ def test_a_stream_holds_a_chunk_and_not_the_file(
 
 
 def test_a_file_without_lines_is_not_held_in_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_csv_files, "MAX_LINE", 8000)
+    monkeypatch.setattr(files, "MAX_LINE", 8000)
     (tmp_path / "log.csv").write_bytes(b"1" * 100_000)
     with pytest.raises(LogFormatError, match="longer than 8000 characters"):
         list(read_chunks(tmp_path / "log.csv", ("u",), ("y",)))

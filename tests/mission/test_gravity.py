@@ -10,10 +10,10 @@ from treadline.core.angles import DEG, rotation_y
 from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.signals import HeadingMeasurement, ImuSample, StairMap
 from treadline.guard import GuardConfig
-from treadline.mission.blocks import CameraBlock, GravityAtExposure
+from treadline.mission._blocks import CameraBlock, GravityAtExposure
 from treadline.ros import channels as on
 from treadline.ros.block_nodes import CameraNode
-from treadline.ros.inproc import InProcess
+from treadline.ros.lockstep import InProcess
 
 CAMERA = PinholeCamera(width_px=8, height_px=6, fx_px=5.0, fy_px=5.0, cx_px=3.5, cy_px=2.5, mount_pitch_rad=30.0 * DEG)
 

@@ -24,8 +24,8 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.guard import Guard, GuardConfig
+from treadline.mission._blocks import Rate
 from treadline.mission.belt_controllers import ConstantSpeed, Driver
-from treadline.mission.blocks import Rate
 from treadline.mission.loop import Blocks, Mission, Signal
 from treadline.mission.planner import Cruise, Planner, PlannerInput
 

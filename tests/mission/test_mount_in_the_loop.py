@@ -14,11 +14,11 @@ from treadline.core.angles import DEG, rotation_x, rotation_y
 from treadline.core.images import RgbdFrame
 from treadline.core.signals import Event, HeadingMeasurement, ImuSample, StairMap, TrackReading
 from treadline.guard import GuardConfig
-from treadline.mission.blocks import CameraBlock
+from treadline.mission._blocks import CameraBlock
 from treadline.perception import StairDetector
 from treadline.ros import channels as on
 from treadline.ros.block_nodes import CameraNode
-from treadline.ros.inproc import InProcess
+from treadline.ros.lockstep import InProcess
 
 Take = Callable[[ImuSample | TrackReading | RgbdFrame], list[object]]
 FRAME_S = 0.5

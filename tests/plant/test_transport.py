@@ -5,7 +5,7 @@ import pytest
 
 from treadline.core.signals import TICK_S, FrameQuality
 from treadline.plant.mujoco import open_plant
-from treadline.plant.sensors._transport_delays import CameraLink, Encoder
+from treadline.plant.sensors._instruments import CameraLink, Encoder
 from treadline.scenario.scenario import Control, Realism, Scenario, Start
 
 

@@ -17,7 +17,7 @@ from treadline.io.mcap_read import read_log
 from treadline.io.runs import LOG
 from treadline.plant.mujoco import open_plant
 from treadline.playback import Recording, RecordingBuilder, SignalCollector, read_frames, read_recording
-from treadline.ros.bag_writer import open_bag
+from treadline.ros.recorder import open_bag
 from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import resolve
 from treadline.scenario.chair import read_chair

@@ -14,7 +14,7 @@ RENDERED = """
 from treadline.core.compile_cache import compiling
 from treadline.ros import channels as on
 from treadline.ros.assembly import node_of
-from treadline.ros.inproc import InProcess
+from treadline.ros.lockstep import InProcess
 from treadline.run.resolve import resolve
 from treadline.core.images import RgbdFrame
 from treadline.core.signals import ImuSample

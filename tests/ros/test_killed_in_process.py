@@ -12,8 +12,7 @@ from treadline.plant.mujoco import open_plant
 from treadline.ros import channels as on
 from treadline.ros._node_signals import GuardState, VelocityCommand
 from treadline.ros.block_nodes import GuardNode
-from treadline.ros.inproc import InProcess
-from treadline.ros.lockstep import LockStep
+from treadline.ros.lockstep import InProcess, LockStep
 from treadline.ros.plant_node import LOST_S, PlantNode
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario

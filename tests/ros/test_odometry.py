@@ -14,7 +14,7 @@ from treadline.ros import channels as on
 from treadline.ros._codec import encoded
 from treadline.ros._node_signals import Mounts
 from treadline.ros.assembly import mount_of, node_of
-from treadline.ros.inproc import InProcess
+from treadline.ros.lockstep import InProcess
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.linkage import SeatLinkage
 

@@ -9,7 +9,7 @@ from treadline.core.signals import HeadingEstimate, TrackCommand
 from treadline.io.records import read_record
 from treadline.io.runs import RECORD
 from treadline.ros import channels as on
-from treadline.ros.inproc import InProcess
+from treadline.ros.lockstep import InProcess
 from treadline.ros.recorder import INPUTS, OUTPUTS, RecorderNode
 
 

@@ -9,8 +9,8 @@ from world import CHAIR, belts, estimate, flipper, imu_at
 
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingMeasurement, MotionPlan, StairMap
+from treadline.mission import CameraBlock
 from treadline.mission.ascent_states import Ascent, AscentConfig
-from treadline.mission.blocks import CameraBlock
 from treadline.perception import DetectorConfig, StairDetector
 
 FROM_M, TICK_S, TICKS_PER_FRAME, LIMIT_S = 1.3, 0.05, 4, 10.0

@@ -22,8 +22,7 @@ from treadline.vehicle.stair_solids import stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed, build_staircase
 from treadline.vehicle.start_pose import standing
 from treadline.vehicle.static_stability import centre_of_mass
-from treadline.vehicle.urdf import urdf
-from treadline.vehicle.xml_elements import roll_pitch_yaw
+from treadline.vehicle.urdf import roll_pitch_yaw, urdf
 
 CHAIRS = ("wheelchair", "wheelchair-fixed", "rescue")
 LOADING = Chair(payload_kg=4.0, payload_offset_m=(0.01, 0.02, 0.03), seat_shift_m=0.05)

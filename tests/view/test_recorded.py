@@ -19,7 +19,7 @@ from treadline.io.runs import LOG
 from treadline.io.scene_messages import compressed_message
 from treadline.perception.overlay import as_jpeg
 from treadline.playback import Recording, read_recording
-from treadline.ros.bag_writer import open_bag
+from treadline.ros.recorder import open_bag
 from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import resolve
 from treadline.scenario.chair import read_chair

@@ -175,7 +175,7 @@ def _listened(wire: "WireTransport", out: Path, duration_s: float | None, *, ima
 def _copied(log: Path, out: Path, *, force: bool) -> Answer:
     """Convert a log, signal by signal in order of time."""
     from treadline.io.sensor_log import SensorLog
-    from treadline.ros.bag_writer import open_bag
+    from treadline.ros.recorder import open_bag
 
     source = log / "log.mcap" if (log / "log.mcap").is_file() else log
     recording = SensorLog(source)

@@ -36,7 +36,7 @@ from treadline.io.runs import (
     write_series,
 )
 from treadline.io.sensor_log import SensorLog
-from treadline.mission.blocks import Detector
+from treadline.mission import Detector
 from treadline.mission.loop import Mission, Signal
 from treadline.mission.mission_blocks import detector_of
 from treadline.mission.mission_config import MissionConfig

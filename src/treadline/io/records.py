@@ -247,11 +247,11 @@ def _open_log(file: Path, wanted: tuple[str, ...]) -> Log | None:
     """Return a streaming reader for a delimited or Parquet file; None for other formats."""
     suffix = file.suffix.lower()
     if suffix in DELIMITED:
-        from treadline.io._csv_files import CsvLog
+        from treadline.io._csv_and_parquet_files import CsvLog
 
         return CsvLog(file, wanted)
     if suffix == ".parquet":
-        from treadline.io._parquet_files import ParquetLog
+        from treadline.io._csv_and_parquet_files import ParquetLog
 
         return ParquetLog(file, wanted)
     return None

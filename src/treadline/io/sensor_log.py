@@ -24,9 +24,8 @@ from treadline.core.ports import Reading
 from treadline.core.signals import Event, HeadingMeasurement, ImuSample
 from treadline.io.cdr import seconds_of
 from treadline.io.decode import EVENTS, HEADINGS, LOOKED, OURS, CdrReader, calibration, imu, picture
-from treadline.io.log_frames import Calibrate, Frames, as_logged
 from treadline.io.mcap_read import BROKEN, has_arrivals
-from treadline.io.topics import Topics, packets, reader_of, roles, survey
+from treadline.io.topics import Calibrate, Frames, Topics, as_logged, packets, reader_of, roles, survey
 
 BELTS = "/tracks/state"
 HORIZON_S = 1.0

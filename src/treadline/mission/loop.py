@@ -37,8 +37,8 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.guard import Guard
+from treadline.mission._blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller, seat_now
 from treadline.mission.belt_controllers import Driver
-from treadline.mission.blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller, seat_now
 from treadline.mission.planner import Planner
 from treadline.perception.flat_ground import SWEPT_HALF_M
 

@@ -8,9 +8,9 @@ from treadline.core import paper
 from treadline.core.errors import SettingsError
 from treadline.estimation import HeadingFilter, OffsetEstimator
 from treadline.guard import Guard, GuardConfig
+from treadline.mission._blocks import Detector
 from treadline.mission.ascent_states import Ascent, AscentConfig
 from treadline.mission.belt_controllers import ConstantSpeed, Driver
-from treadline.mission.blocks import Detector
 from treadline.mission.descent_states import Descent, DescentConfig
 from treadline.mission.loop import Blocks, Estimator
 from treadline.mission.mission_config import MissionConfig, is_full_traversal

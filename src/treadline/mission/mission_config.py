@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
 from treadline.core.models import ControllerDesign, Reconstruct
+from treadline.mission._blocks import Detector
 from treadline.mission.belt_controllers import Driver
-from treadline.mission.blocks import Detector
 from treadline.mission.loop import Estimator
 from treadline.scenario.chair import ChairDescription
 

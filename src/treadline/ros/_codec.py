@@ -25,11 +25,10 @@ from treadline.io.decode import (
     picture,
     status,
 )
-from treadline.io.log_frames import PAIR_S, Frames
 from treadline.io.messages import Message, Writer, joints, messages_of
 from treadline.io.messages import status as status_message
 from treadline.io.scene_messages import BASE, FramePose, frames_message, odometry_message
-from treadline.io.topics import Topics
+from treadline.io.topics import PAIR_S, Frames, Topics
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
 from treadline.ros._node_signals import Beat, Clock, GuardState, JointAngles, Mounts, VelocityCommand

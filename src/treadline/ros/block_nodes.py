@@ -25,8 +25,8 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
+from treadline.mission import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
 from treadline.mission.belt_controllers import Driver
-from treadline.mission.blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
 from treadline.mission.loop import Estimator
 from treadline.mission.odometry import DeadReckoning
 from treadline.mission.planner import Planner

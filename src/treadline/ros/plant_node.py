@@ -21,7 +21,7 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.guard.stop_latch import Button
-from treadline.mission.blocks import seat_now
+from treadline.mission import seat_now
 from treadline.ros import channels as on
 
 COMMAND_TIMEOUT_S = 0.3

@@ -40,7 +40,7 @@ from treadline.io.scene_messages import (
     odometry_message,
     text_message,
 )
-from treadline.mission.blocks import Detection, Detector
+from treadline.mission import Detection, Detector
 from treadline.mission.loop import Signal
 from treadline.mission.odometry import DeadReckoning, Odometry
 from treadline.perception.detector import FrameResult

@@ -12,8 +12,7 @@ from treadline.core.settings import Settings, parse_toml, settings_of
 from treadline.scenario.faults import Fault
 from treadline.scenario.operator_actions import OperatorAct, act_problem
 from treadline.scenario.shipped_files import CHAIRS, DATA, chair_file
-from treadline.scenario.stair import Stair, StepOverride
-from treadline.scenario.step_rules import step_problem
+from treadline.scenario.stair import Stair, StepOverride, step_problem
 
 __all__ = [
     "SEAT_SHIFT_M", "SHIPPED", "Chair", "Control", "DriveSettings", "Scenario", "Sensors", "Stair",

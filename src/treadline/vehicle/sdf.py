@@ -18,7 +18,7 @@ from treadline.vehicle.bodies import HULL_FRICTION, Body, Hinge, Shape, Vehicle,
 from treadline.vehicle.stair_solids import NosingGeometry, Solid, stair_solids
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.start_pose import Standing
-from treadline.vehicle.xml_elements import child, document, roll_pitch_yaw, text
+from treadline.vehicle.urdf import child, document, roll_pitch_yaw, text
 
 VERSION = "1.6"
 LIGHT = """<light name="sun" type="directional"><pose>0 0 10 0 0 0</pose><diffuse>0.8 0.8 0.8 1</diffuse>

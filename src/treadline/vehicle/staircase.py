@@ -15,8 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_y, rotation_z, wrap
-from treadline.scenario.stair import Friction, Stair, StepOverride
-from treadline.scenario.step_rules import place_of
+from treadline.scenario.stair import Friction, Stair, StepOverride, place_of
 
 SIGN_OF_TURN = {"none": 0, "left": 1, "right": -1}
 """Sign of a turn, positive to the left."""

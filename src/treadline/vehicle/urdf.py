@@ -1,21 +1,48 @@
 """Export of the chair as URDF: links, joints and camera frames, for robot_state_publisher, RViz and other URDF readers.
 
 ``ChairDescription, Chair -> URDF, STL files``: one binary STL file per drawn part. The root ``base_link`` is the frame B. A link
-without mass is part of its parent.
+without mass is part of its parent. Numbers, elements and rotations are written as in SDF (``sdf``).
 """
 
 import math
 from collections.abc import Sequence
-from xml.etree.ElementTree import Element
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
+from jaxtyping import Float
 
 from treadline.core.images import CAMERA_AXES_IN_CHAIR
-from treadline.scenario.chair import CameraMount, ChairDescription
+from treadline.scenario.chair import CameraMount, ChairDescription, Point
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import LINKAGE_BODIES, MeshPart, chair_parts, resting_lugs
 from treadline.vehicle.bodies import Body, Hinge, Shape, vehicle
-from treadline.vehicle.xml_elements import child, document, roll_pitch_yaw, text
+
+
+def text(*values: float) -> str:
+    """Return numbers separated by blanks, with all digits."""
+    return " ".join(repr(float(value) + 0.0) for value in values)
+
+
+def child(parent: Element, tag: str, content: str | None = None, **attributes: str) -> Element:
+    """Append an element and return it."""
+    element = SubElement(parent, tag, attributes)
+    element.text = content
+    return element
+
+
+def document(root: Element) -> str:
+    """Return a complete file."""
+    indent(root)
+    return '<?xml version="1.0"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+def roll_pitch_yaw(R: Float[np.ndarray, "3 3"]) -> Point:
+    """Return the angles about fixed x, y, z, in that order, of a rotation matrix."""
+    pitch = math.asin(max(-1.0, min(1.0, -float(R[2, 0]))))
+    if abs(float(R[2, 0])) > 1.0 - 1e-12:
+        return 0.0, pitch, math.atan2(-float(R[0, 1]), float(R[1, 1]))
+    return math.atan2(float(R[2, 1]), float(R[2, 2])), pitch, math.atan2(float(R[1, 0]), float(R[0, 0]))
+
 
 COLOURS = {"left": "0.15 0.15 0.15 1", "right": "0.15 0.15 0.15 1", None: "0.4 0.5 0.6 0.4"}
 

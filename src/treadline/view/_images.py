@@ -20,7 +20,7 @@ from treadline.core.signals import ImuSample
 from treadline.io.decode import CdrReader, compressed_picture, picture
 from treadline.io.mcap_read import BROKEN, has_arrivals, read_log
 from treadline.io.topics import COLOUR_ENCODINGS, COMPRESSED, IMAGE, TopicSummary, kind_of, packets, reader_of, survey
-from treadline.mission.blocks import Detection, GravityAtExposure
+from treadline.mission import Detection, GravityAtExposure
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.detection import StairDetection
 from treadline.perception.overlay import BAND_PX, as_jpeg, overlay

@@ -15,7 +15,7 @@ import numpy as np
 from treadline.core.images import RgbdFrame
 from treadline.core.ports import Reading
 from treadline.core.signals import TICK_S, HeadingEstimate, MotionPlan, OperatorInput
-from treadline.mission.blocks import Detection
+from treadline.mission import Detection
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.plant.faults import FaultyPlant
 from treadline.plant.mujoco import open_plant

@@ -15,7 +15,7 @@ from treadline.cli.see import StatusLine
 from treadline.core.errors import CameraError, ImageError, SettingsError
 from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame
 from treadline.io.live import CameraImages, camera_by_name
-from treadline.io.live._vendor import no_frame, not_opened
+from treadline.io.live._depth_camera import no_frame, not_opened
 from treadline.io.live.stream import LiveFrames
 from treadline.scenario.camera_file import read_camera
 

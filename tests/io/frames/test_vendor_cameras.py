@@ -19,7 +19,7 @@ from treadline.cli import main
 from treadline.core.errors import CameraError
 from treadline.core.images import PinholeCamera
 from treadline.io.live import camera_by_name
-from treadline.io.live._vendor import rotation_or_none, undistortion
+from treadline.io.live._depth_camera import rotation_or_none, undistortion
 from treadline.io.live.stream import LiveFrames
 
 COUNT = 3

@@ -16,18 +16,20 @@ from treadline.io._tables import listed
 from treadline.io.decode import Picture, calibration, picture
 from treadline.io.frames._cloud_files import POINT_CLOUD, cloud_of, point_cloud
 from treadline.io.frames.point_cloud import UNITS, FrameOptions, cloud_image
-from treadline.io.log_frames import PAIR_S, depth_metres, rgb_pixels
 from treadline.io.mcap_read import BROKEN, RecordedTopic
 from treadline.io.runs import LOG
 from treadline.io.topics import (
     IMAGE,
+    PAIR_S,
     TopicSummary,
     color_topic,
     compressed_hint,
+    depth_metres,
     depth_topics,
     info_topic,
     packets,
     reader_of,
+    rgb_pixels,
     survey,
 )
 

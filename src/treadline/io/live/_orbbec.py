@@ -8,11 +8,11 @@ from jaxtyping import Float
 
 from treadline.core.errors import CameraError
 from treadline.core.images import PinholeCamera
-from treadline.io.live._depth_camera import CameraImages
-from treadline.io.live._vendor import (
+from treadline.io.live._depth_camera import (
     HEIGHT_PX,
     RATE_HZ,
     WIDTH_PX,
+    CameraImages,
     VendorCamera,
     metres,
     not_opened,

@@ -5,8 +5,16 @@ from typing import Any
 import numpy as np
 
 from treadline.core.images import PinholeCamera
-from treadline.io.live._depth_camera import CameraImages
-from treadline.io.live._vendor import HEIGHT_PX, RATE_HZ, WIDTH_PX, VendorCamera, metres, not_opened, vendor_package
+from treadline.io.live._depth_camera import (
+    HEIGHT_PX,
+    RATE_HZ,
+    WIDTH_PX,
+    CameraImages,
+    VendorCamera,
+    metres,
+    not_opened,
+    vendor_package,
+)
 
 
 class RealSenseCamera(VendorCamera):

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from treadline.core.errors import CameraError, ImageError
 from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame, black
 from treadline.io.live import CameraImages, DepthCamera
-from treadline.io.log_frames import PAIR_S
+from treadline.io.topics import PAIR_S
 from treadline.scenario.camera_file import CameraFile
 
 TIMEOUT_S = 2.0

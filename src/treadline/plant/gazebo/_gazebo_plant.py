@@ -24,7 +24,7 @@ from treadline.scenario.scenario import Belts, Scenario
 from treadline.vehicle.sdf import sdf_world
 from treadline.vehicle.staircase import Staircase, build_staircase
 from treadline.vehicle.start_pose import standing
-from treadline.vehicle.xml_elements import child, text
+from treadline.vehicle.urdf import child, text
 
 STEPS = 10
 """Number of 1 ms steps per tick."""

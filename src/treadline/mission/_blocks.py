@@ -45,8 +45,6 @@ from treadline.perception.detector import FrameResult
 from treadline.perception.flat_ground import SWEPT_HALF_M
 from treadline.perception.frame_quality import quality_of
 
-DOWN_W = np.array([0.0, 0.0, -1.0])
-
 
 class GravityAtExposure:
     """Attitude history of the chair. A frame arrives late, and a chair that rocks has turned since its exposure."""
@@ -70,7 +68,7 @@ class GravityAtExposure:
 
 def gravity_in(exposed: ImuSample, camera: PinholeCamera) -> Float[np.ndarray, " 3"]:
     """Return the unit vector of gravity in the axes of a camera on the chair."""
-    return np.asarray(camera.R_BC.T @ (rotation_of(exposed.orientation).T @ DOWN_W))
+    return np.asarray(camera.R_BC.T @ (rotation_of(exposed.orientation).T @ np.array([0.0, 0.0, -1.0])))
 
 
 SEAT_S = 0.1
