@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import treadline
-from treadline.core.aliases import PLACES
+from treadline.core.aliases import FURTHER, PLACES
 
 SOURCE = Path(treadline.__file__).parent
 
@@ -17,7 +17,19 @@ def test_a_former_name_is_the_module_at_its_present_place(name: str) -> None:
     sys.modules.pop(f"treadline.{name}", None)
     with pytest.warns(DeprecationWarning, match=rf"treadline\.{PLACES[name]} since version 0\.3"):
         former = importlib.import_module(f"treadline.{name}")
-    assert former is importlib.import_module(f"treadline.{PLACES[name]}")
+    present = importlib.import_module(f"treadline.{PLACES[name]}")
+    assert former is present or name in FURTHER
+    assert [public for public in vars(present) if not public.startswith("_") and not hasattr(former, public)] == []
+
+
+@pytest.mark.filterwarnings("ignore:treadline:DeprecationWarning")
+@pytest.mark.parametrize("name", sorted(FURTHER))
+def test_a_module_that_was_split_has_the_names_of_both_parts(name: str) -> None:
+    sys.modules.pop(f"treadline.{name}", None)
+    former = importlib.import_module(f"treadline.{name}")
+    for place in (PLACES[name], FURTHER[name]):
+        present = importlib.import_module(f"treadline.{place}")
+        assert [public for public in vars(present) if not public.startswith("_") and not hasattr(former, public)] == []
 
 
 def test_a_module_keeps_its_own_name() -> None:

@@ -18,6 +18,7 @@ PLACES = {
     "controller_files": "scenario.shipped_files",
     "errors": "core.errors",
     "models": "core.models",
+    "paper": "core.paper",
     "ports": "core.ports",
     "settings": "core.settings",
     "setting_docs": "core.setting_docs",
@@ -60,6 +61,8 @@ PLACES = {
     "sim.plant": "plant.mujoco.mujoco_plant",
 }
 """Present place of each former module name, both within ``treadline``."""
+FURTHER = {"mission.config": "mission.mission_blocks", "signals": "core.images"}
+"""Further place of a module that was split: what the present place lacks is found there."""
 
 
 class FormerNames(MetaPathFinder, Loader):
@@ -77,10 +80,15 @@ class FormerNames(MetaPathFinder, Loader):
         return ModuleSpec(fullname, self, is_package=any(other.startswith(f"{name}.") for other in PLACES))
 
     def create_module(self, spec: ModuleSpec) -> ModuleType:
-        """Return the module at its present place, after a warning that names the place."""
-        place = f"treadline.{PLACES[spec.name.partition('.')[2]]}"
+        """Return the module at its present place, after a warning that names the place; a split module is both parts in one."""
+        name = spec.name.partition(".")[2]
+        place = f"treadline.{PLACES[name]}"
         warnings.warn(f"{spec.name} is {place} since version 0.3; the old name leaves with 0.4", DeprecationWarning, stacklevel=2)
         module = import_module(place)
+        if name in FURTHER:
+            both = ModuleType(spec.name)
+            vars(both).update(vars(import_module(f"treadline.{FURTHER[name]}")) | vars(module))
+            module = both
         self._own = module.__spec__
         return module
 
