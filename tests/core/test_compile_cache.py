@@ -52,6 +52,8 @@ def test_a_process_has_one_timer() -> None:
     assert compiling() is compiling()
 
 
+@pytest.mark.slow
+@pytest.mark.skipif("TREADLINE_SLOW" not in os.environ, reason="make slow runs this: it compiles a climb anew")
 def test_a_first_climb_reports_compiling_and_excludes_it_from_the_real_time_factor(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     (tmp_path / "short.toml").write_text(SCENARIO)
