@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackCommand
 from treadline.ros import channels as on
 from treadline.ros.wire import WireTransport

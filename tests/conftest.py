@@ -27,7 +27,7 @@ WITH_SHAPES = [
 if os.environ.get("TREADLINE_SHAPES"):
     install_import_hook(WITH_SHAPES, "beartype.beartype")
 
-from treadline.core.images import PinholeCamera  # noqa: E402 - after the import hook
+from treadline.core.camera_images import PinholeCamera  # noqa: E402 - after the import hook
 
 hypothesis.settings.register_profile("busy machine", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
 hypothesis.settings.load_profile("busy machine")

@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.plant.sensors.camera import Camera, RenderedFrame
 from treadline.plant.sensors.camera.depth_sensor import (
     JUMP_PX,

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from scenes.clutter import OBSTACLES, RAIL_INSET_M, RAIL_M
 from scenes.flight import Direction, Pose, TiltedFlight
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.plant.sensors.camera import ExactView
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.plant.sensors.visibility import crossings

@@ -25,8 +25,8 @@ from scenes.recipe import STAIR_SCENES, Range, ViewRecipe, drawn
 from scenes.rooms import room
 from scenes.setting import Setting, stair_setting
 from treadline.core.angles import DEG, rotation_z
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import SettingsError
-from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.plant.sensors.camera import ExactView
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import ChairDescription, read_chair

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike
 
-    from treadline.core.images import PinholeCamera
+    from treadline.core.camera_images import PinholeCamera
     from treadline.core.models import ControllerDesign, LinearModel, Reconstruct
     from treadline.identification import IdentificationOptions, Identified
     from treadline.perception import StairDetection
@@ -187,7 +187,7 @@ def detect_stair(
     """
     import numpy as np
 
-    from treadline.core.images import PinholeCamera, RgbdFrame, black
+    from treadline.core.camera_images import PinholeCamera, RgbdFrame, black
     from treadline.perception import StairDetector
     from treadline.scenario.camera_file import read_camera
 

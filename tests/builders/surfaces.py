@@ -5,11 +5,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.images import PinholeCamera, RgbdFrame
-from treadline.perception._plane_segmentation_kernels import BEYOND
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception.plane_segmentation import Ends, Line, Surface
 from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
+
+# Literals, so that a changed value in the code is noticed here.
+BEYOND = 1
 
 CAMERA = read_chair("wheelchair").camera_at(240)
 DOWN_W = np.array([0.0, 0.0, -1.0])

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y, rotation_z
-from treadline.core.images import StairAxes
+from treadline.core.camera_images import StairAxes
 from treadline.core.signals import (
     FlipperReading,
     FrameQuality,

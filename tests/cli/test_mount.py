@@ -11,7 +11,7 @@ import pytest
 from scenes import RecordedDrive, ViewRecipe
 
 from treadline.core.angles import DEG, quaternion_of
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.signals import HeadingMeasurement, ImuSample, TrackReading
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log

@@ -12,7 +12,7 @@ import pytest
 
 from treadline.cli import main
 from treadline.cli._output import SimulatedTime
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import HeadingEstimate, ImuSample, SeatCommand, TrackCommand
 from treadline.io.cdr import seconds_of

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from treadline.cli import main
 from treadline.core.angles import DEG, rotation_z
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.io.frames import read_frame
 from treadline.plant.sensors.camera import Camera
 from treadline.scenario.camera_file import read_camera

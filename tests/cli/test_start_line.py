@@ -9,7 +9,10 @@ from pathlib import Path
 import pytest
 
 from treadline.cli import VERBS, main
-from treadline.cli._output import AFTER_S, start_line
+from treadline.cli._output import start_line
+
+# Literals, so that a changed value in the code is noticed here.
+AFTER_S = 1.5
 
 
 def test_a_long_command_is_announced_once(capsys: pytest.CaptureFixture[str]) -> None:

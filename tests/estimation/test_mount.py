@@ -9,7 +9,7 @@ import pytest
 from world import belts, imu_at, stair_axes
 
 from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
-from treadline.core.images import PinholeCamera, StairAxes
+from treadline.core.camera_images import PinholeCamera, StairAxes
 from treadline.core.signals import ImuSample
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate, calibrated
 

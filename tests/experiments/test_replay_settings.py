@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from treadline.core.angles import DEG
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
-from treadline.core.images import PinholeCamera
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.experiments._replay_settings import key_table, resolved
 from treadline.mission.mission_blocks import guard_config

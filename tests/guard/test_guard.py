@@ -10,7 +10,7 @@ import pytest
 from world import PITCH_M, TICK_S, belts, estimate, flipper, frame, heading, health, imu, stair
 
 from treadline.core.angles import DEG
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Reading
 from treadline.core.signals import (
     FlipperCommand,

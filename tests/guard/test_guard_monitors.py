@@ -13,7 +13,7 @@ from treadline.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.guard._admission import FrameMonitor
 from treadline.guard._attitude_limits import SeatMonitor, TiltMonitor
 from treadline.guard._belt_monitor import BeltMonitor
-from treadline.guard._gyro_only_turn import FLIGHT_RAD_M, LEVEL_RAD_M, OVER_RAD_M, GyroOnlyTurn, heading_fault
+from treadline.guard._gyro_only_turn import FLIGHT_RAD_M, GyroOnlyTurn, heading_fault
 from treadline.guard._half_cosine_stop import CauseKind
 from treadline.guard._obstacle_monitor import AheadMonitor, GapMonitor, ObstacleMonitor
 from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor, Timestamps, estimate_fault
@@ -23,6 +23,10 @@ from treadline.guard.stop_latch import Button, Latch
 from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair
+
+# Literals, so that a changed value in the code is noticed here.
+LEVEL_RAD_M = 0.755
+OVER_RAD_M = 0.4
 
 
 def test_the_shipped_limits_are_those_of_the_table() -> None:

@@ -22,7 +22,9 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.guard import Guard, GuardConfig
-from treadline.guard._half_cosine_stop import RAMP_S
+
+# Literals, so that a changed value in the code is noticed here.
+RAMP_S = 0.3
 
 ANY = st.one_of(st.floats(-2.0, 2.0), st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300, 0.0]))
 TIMES = st.one_of(st.floats(-0.05, 0.05), st.sampled_from([math.nan, math.inf, 5.0, -5.0]))

@@ -7,8 +7,12 @@ from world import TICK_S, belts
 
 from treadline.core.signals import MotionPlan, OperatorInput, TrackCommand
 from treadline.guard import Guard, GuardConfig
-from treadline.guard._half_cosine_stop import RAMP_S, RAMPED, STANDING_M_S, URGENT, CauseKind, RampedStop
+from treadline.guard._half_cosine_stop import RAMPED, URGENT, CauseKind, RampedStop
 from treadline.guard.stop_latch import Latch
+
+# Literals, so that a changed value in the code is noticed here.
+RAMP_S = 0.3
+STANDING_M_S = 0.01
 
 LAG_S = 0.15
 

@@ -7,10 +7,14 @@ import pytest
 from treadline.core.angles import DEG
 from treadline.core.signals import MotionPlan
 from treadline.guard._guard_config import GuardConfig
-from treadline.guard._gyro_only_turn import FLIGHT_RAD_M, GAUGE_M, LEVEL_RAD_M, GyroOnlyTurn
+from treadline.guard._gyro_only_turn import FLIGHT_RAD_M, GyroOnlyTurn
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.quasi_static import floor_stance, stair_stance, steady_motion
+
+# Literals, so that a changed value in the code is noticed here.
+GAUGE_M = 0.65
+LEVEL_RAD_M = 0.755
 
 TABLE_I = (0.62, 0.5)
 CLIMB = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1, needs_stair=False)

@@ -11,8 +11,8 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError, TreadlineError
-from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     Event,

@@ -13,8 +13,6 @@ from treadline.io.cdr import CdrWriter, Ros1Writer
 from treadline.io.mcap_log import KEPT, RunLog
 from treadline.io.messages import DEFINITIONS
 from treadline.io.scene_messages import (
-    LINE_LIST,
-    TRIANGLE_LIST,
     FramePose,
     Marker,
     compressed_message,
@@ -23,6 +21,10 @@ from treadline.io.scene_messages import (
     odometry_message,
     text_message,
 )
+
+# Literals, so that a changed value in the code is noticed here.
+LINE_LIST = 5
+TRIANGLE_LIST = 11
 
 POINTS = np.arange(18, dtype=float).reshape(6, 3)
 POSE = FramePose(parent="odom", child="base_link", place_m=(1.0, 2.0, 3.0), quaternion=np.array([0.5, 0.5, -0.5, 0.5]))

@@ -8,8 +8,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError, SettingsError, TreadlineError
-from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.signals import Event, HeadingMeasurement, ImuSample
 from treadline.io.mcap_log import RunLog
 from treadline.io.sensor_log import SensorLog

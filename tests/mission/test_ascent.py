@@ -11,12 +11,14 @@ import pytest
 from world import CHAIR, G_M_S2, PITCH_M, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World, belts, estimate, imu, steeper
 
 from treadline.control.crest_sequence import CrestCommand, CrestConfig
-from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, FlipperReading, ImuSample, MotionPlan, StairMap, TrackReading
 from treadline.mission import ascent_states as ascent
 from treadline.mission._tip_over import TipOverFeedforward
 from treadline.mission.ascent_states import Ascent, AscentConfig
+
+# Literals, so that a changed value in the code is noticed here.
+OVER_BELTS_RAD = 2.0 * DEG
 
 # Flipper and tip-over feed-forward on the flight: docs/decisions/0019.
 FLIPPER_RAD_S, RIDES_RAD_S, RIDES_RAD, LAID_RAD, LATE_S = 15.0 * DEG, 20.0 * DEG, -0.75 * DEG, 1.0 * DEG, 0.8

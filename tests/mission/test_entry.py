@@ -6,12 +6,17 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from treadline.core.angles import DEG
-from treadline.mission.entry_check import MEASURED_M, MEASURED_RAD, SHAPE_SIGMAS, certain_reject_reason, reject_reason
+from treadline.mission.entry_check import certain_reject_reason, reject_reason
 from treadline.run.resolve import ready, with_seat_shifted
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.tracks import minimum_track_length
+
+# Literals, so that a changed value in the code is noticed here.
+MEASURED_M = 0.01
+MEASURED_RAD = 1.0 * DEG
+SHAPE_SIGMAS = 3.0
 
 CHAIR = read_chair("wheelchair")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from world import imu, stair
 
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Reading
 from treadline.core.signals import (
     Event,

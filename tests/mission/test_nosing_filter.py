@@ -12,8 +12,15 @@ from jaxtyping import Float
 from world import RISE_M, RUN_M, belts, imu, stair
 
 from treadline.core.signals import StairMap
-from treadline.mission._nosing_filter import COMMON, CORRELATED_M, FAR_1_M, OWN_M, OWN_SHARE, SLIP_RATIO, NosingFilter
+from treadline.mission._nosing_filter import COMMON, NosingFilter
 from treadline.mission.stair_tracker import StairTracker
+
+# Literals, so that a changed value in the code is noticed here.
+CORRELATED_M = 0.49
+FAR_1_M = 0.0008
+OWN_M = 0.0008
+OWN_SHARE = 0.08
+SLIP_RATIO = 0.2
 
 STEPS, HALF_M, FRAME_M, FRAME_S = 10, 0.475, 0.02, 0.1
 FOOT_M = -RUN_M

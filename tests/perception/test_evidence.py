@@ -8,14 +8,17 @@ from jaxtyping import Float
 from scenes import ViewRecipe, draw_view
 
 from treadline.core.angles import DEG
-from treadline.core.images import DepthSensor
+from treadline.core.camera_images import DepthSensor
 from treadline.perception import StairDetector
 from treadline.perception._irregularity import pooled_mean
 from treadline.perception._stair_shape import Placed, spacing
 from treadline.perception._step_parts import seed_points
 from treadline.perception.lattice_kernels import best_lattice
 from treadline.perception.plane_segmentation import BLOCK_RESIDUAL, noise_of, surface_blocks
-from treadline.perception.robust_method import EVIDENCE, UNCONFIRMED
+
+# Literals, so that a changed value in the code is noticed here.
+EVIDENCE = 5.0
+UNCONFIRMED = 3.4
 
 RISE, RUN = 0.17, 0.29
 EMPTY = np.full((320, 240), np.nan)

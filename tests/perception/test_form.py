@@ -10,7 +10,9 @@ from sights import sights
 from treadline.core.angles import DEG
 from treadline.perception import StairDetector
 from treadline.perception._form import LateralEnds, narrower_by_m
-from treadline.perception._form_kernels import OPEN
+
+# Literals, so that a changed value in the code is noticed here.
+OPEN = 2
 
 
 def test_sides_are_where_the_flight_ends() -> None:

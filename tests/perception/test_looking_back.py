@@ -10,7 +10,7 @@ from scenes import View, ViewRecipe, draw_view
 from surfaces import frame_of
 
 from treadline.core.angles import DEG, rms, rotation_z
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception import StairDetection, StairDetector
 from treadline.perception.overlay import overlay
 from treadline.scenario.chair import read_chair

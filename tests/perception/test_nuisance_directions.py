@@ -9,17 +9,13 @@ from scenes import ViewRecipe, draw_view
 from surfaces import CAMERA, ends_at, line_between, surface
 
 from treadline.core.angles import DEG, rotation_x, rotation_y
-from treadline.perception._nuisance import (
-    MOTION,
-    RATE_RAD_S,
-    READOUT_S,
-    SPEED_M_S,
-    SPREAD,
-    drift_of,
-    turns_of_line,
-    turns_of_surface,
-)
+from treadline.perception._nuisance import MOTION, SPREAD, drift_of, turns_of_line, turns_of_surface
 from treadline.perception.plane_segmentation import End, surface_blocks
+
+# Literals, so that a changed value in the code is noticed here.
+RATE_RAD_S = 8.0 * DEG
+READOUT_S = 0.033
+SPEED_M_S = 0.2
 
 RISER = rotation_y(25.0 * DEG) @ rotation_x(-28.0 * DEG) @ np.array([0.0, 0.0, 1.0])
 """Unit normal of a riser in C, of a camera that looks down."""

@@ -5,8 +5,12 @@ from scenes.recipe import ViewRecipe
 from scenes.views import View, draw_view
 
 from treadline.perception import StairDetector
-from treadline.perception.overlay import BAND_PX, WIDTH_PX, ends_of, overlay
+from treadline.perception.overlay import ends_of, overlay
 from treadline.perception.plane_segmentation import Surface
+
+# Literals, so that a changed value in the code is noticed here.
+BAND_PX = 66
+WIDTH_PX = 960
 
 
 def seen(scene: str) -> tuple[View, np.ndarray]:

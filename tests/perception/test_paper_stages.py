@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.paper.algorithm import BOX_COLOUR, PaperConfig, run_steps
 from treadline.perception.paper.edges import canny, depth_image, grey_of, thresholds, without_abrupt_depth

@@ -7,7 +7,7 @@ import pytest
 from surfaces import LEG_HALF_M, frame_of
 
 from treadline.core.angles import rotation_y
-from treadline.perception import _pixel_to_point_kernels as point_kernels
+from treadline.perception import _free_ground_kernels as point_kernels
 from treadline.perception import _stair_map as stair_map
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.plant.sensors.camera.solids import SceneBox, solids_of

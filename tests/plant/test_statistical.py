@@ -11,11 +11,14 @@ from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.perception import StairDetection, StairDetector
 from treadline.perception.lattice_kernels import RUN_M
 from treadline.plant.sensors.camera import Camera
-from treadline.plant.sensors.statistical_camera import LONGEST_RUN_M, StatisticalCamera
+from treadline.plant.sensors.statistical_camera import StatisticalCamera
 from treadline.plant.sensors.visibility import Geometry
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import Staircase, build_staircase
+
+# Literals, so that a changed value in the code is noticed here.
+LONGEST_RUN_M = 0.52
 
 Pose = tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]
 SEEN_M = 0.08

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     Event,

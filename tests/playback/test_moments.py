@@ -27,7 +27,6 @@ from treadline.playback import (
     read_recording,
 )
 from treadline.playback._moments import (
-    SETTLED_RAD,
     crossings,
     fault_moments,
     holds_of,
@@ -44,6 +43,9 @@ from treadline.scenario.scenario import Chair, Scenario, Stair
 from treadline.vehicle.staircase import as_designed
 
 from .conftest import signals_of_a_run
+
+# Literals, so that a changed value in the code is noticed here.
+SETTLED_RAD = 1.0 * DEG
 
 Written = Callable[..., Path]
 CHAIR = read_chair("wheelchair")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG, rotation_of, rotation_x, rotation_y, rotation_z
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import HeadingEstimate, ImuSample, SeatCommand, TrackCommand
 from treadline.io.columns import read_contents

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
-from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.signals import (
     Event,
     FlipperCommand,

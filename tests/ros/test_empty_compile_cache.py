@@ -16,7 +16,7 @@ from treadline.ros import channels as on
 from treadline.ros.assembly import node_of
 from treadline.ros.lockstep import InProcess
 from treadline.run.resolve import resolve
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.signals import ImuSample
 from treadline.plant.mujoco import open_plant
 

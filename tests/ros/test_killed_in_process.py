@@ -13,10 +13,13 @@ from treadline.ros import channels as on
 from treadline.ros._node_signals import GuardState, VelocityCommand
 from treadline.ros.block_nodes import GuardNode
 from treadline.ros.lockstep import InProcess, LockStep
-from treadline.ros.plant_node import LOST_S, PlantNode
+from treadline.ros.plant_node import PlantNode
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
+
+# Literals, so that a changed value in the code is noticed here.
+LOST_S = 1.0
 
 KILLED_S, WITHIN_S = 1.0, 0.8
 

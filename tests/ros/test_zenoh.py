@@ -76,7 +76,7 @@ import sys, time
 import numpy as np
 from treadline.ros import channels as on
 from treadline.ros.zenoh import ZenohTransport
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.signals import ImuSample
 wire = ZenohTransport("plant", endpoint=sys.argv[1])
 camera = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)

@@ -79,7 +79,7 @@ import sys, time
 import numpy as np
 from treadline.ros import channels as on
 from treadline.ros.ros1 import Ros1Transport
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.signals import ImuSample
 wire = Ros1Transport("source")
 camera = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)

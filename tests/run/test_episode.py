@@ -14,10 +14,13 @@ from treadline.mission.mission_blocks import planner_of
 from treadline.mission.mission_config import is_full_traversal
 from treadline.mission.planner import Cruise
 from treadline.run.episode import Traverse, traverse
-from treadline.run.resolve import SEAT_SHIFT_M, mission_config, ready
+from treadline.run.resolve import mission_config, ready
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
+
+# Literals, so that a changed value in the code is noticed here.
+SEAT_SHIFT_M = 0.1
 
 LANDING_M = 3.0
 

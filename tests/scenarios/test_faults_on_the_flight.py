@@ -10,9 +10,11 @@ import pytest
 from faulty_runs import TICK_S
 
 from treadline.core.angles import DEG
-from treadline.perception.frame_quality import ENOUGH
 from treadline.run.episode import Traverse
 from treadline.scenario.faults import Fault, Process
+
+# Literals, so that a changed value in the code is noticed here.
+ENOUGH = 0.4
 
 WAITS_S = 3.1
 """Until the flipper of a chair that wakes up on a flight is laid."""

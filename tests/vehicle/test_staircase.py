@@ -10,8 +10,11 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from treadline.scenario.scenario import Stair
-from treadline.vehicle.stair_solids import TREAD_THICKNESS_M, Box, stair_boxes
+from treadline.vehicle.stair_solids import Box, stair_boxes
 from treadline.vehicle.staircase import Staircase, build_staircase
+
+# Literals, so that a changed value in the code is noticed here.
+TREAD_THICKNESS_M = 0.04
 
 
 def build(seed: int = 1, **keys: object) -> Staircase:

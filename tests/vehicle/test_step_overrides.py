@@ -10,8 +10,11 @@ from pydantic import ValidationError
 from treadline.core.angles import DEG
 from treadline.plant.sensors.camera.solids import solids_of
 from treadline.scenario.scenario import Scenario
-from treadline.vehicle.stair_solids import TREAD_THICKNESS_M, Box, stair_boxes, stair_solids
+from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, build_staircase
+
+# Literals, so that a changed value in the code is noticed here.
+TREAD_THICKNESS_M = 0.04
 
 
 def build(*steps: dict[str, Any], seed: int = 1, **stair: Any) -> Staircase:

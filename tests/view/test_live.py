@@ -11,7 +11,7 @@ from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.playback import Recording
 from treadline.run.episode import run_episode
 from treadline.run.resolve import resolve
-from treadline.scenario.chair import GRAVITY_M_S2, read_chair
+from treadline.scenario.chair import read_chair
 from treadline.scenario.faults import Conditions, Fault
 from treadline.scenario.scenario import DriveSettings, Scenario, Sensors, Start
 from treadline.vehicle.bodies import vehicle
@@ -22,6 +22,9 @@ from treadline.view._process import Worker
 from treadline.view._session import Session
 
 from .conftest import FakeWorker
+
+# Literals, so that a changed value in the code is noticed here.
+GRAVITY_M_S2 = 9.81
 
 LOGGED = (TrackCommand, SeatCommand, FlipperCommand, Truth)
 SHORT = Scenario(

@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from treadline.core.angles import rotation_of
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
-from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.models import ControllerDesign
 from treadline.core.ports import Truth
 from treadline.core.signals import StairMap

@@ -14,7 +14,7 @@ from treadline.cli.compile import report_compiling
 from treadline.core.errors import SettingsError
 
 if TYPE_CHECKING:
-    from treadline.core.images import FrameSource, PinholeCamera
+    from treadline.core.camera_images import FrameSource, PinholeCamera
 
 MANY = 20
 """Number of frames above which progress is shown."""
@@ -117,7 +117,7 @@ def _source(
     *,
     colour: bool,
 ) -> "FrameSource":
-    from treadline.core.images import gravity_of
+    from treadline.core.camera_images import gravity_of
     from treadline.io.frames.point_cloud import FrameOptions
     from treadline.io.frames.sources import open_frames
     from treadline.scenario.camera_file import read_camera
@@ -155,7 +155,7 @@ def _mount_of_run(source: Path) -> "PinholeCamera | None":
 
 def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, out: Path | None) -> Answer:
     """Evaluate the frames of a source; a single frame answers for itself, several with a summary."""
-    from treadline.core.images import SeveralFrames
+    from treadline.core.camera_images import SeveralFrames
     from treadline.io.frames.results import HeadingTable, Summary
     from treadline.perception.frame_evaluation import see_frames
 
@@ -232,7 +232,7 @@ def see_live(
         CameraError: If the camera is missing, busy, or stops.
         ImageError: If its images do not fit its intrinsics.
     """
-    from treadline.core.images import gravity_of
+    from treadline.core.camera_images import gravity_of
     from treadline.core.processes import Terminated, deferred
     from treadline.io.frames.results import HeadingTable, Summary
     from treadline.io.live import camera_by_name

@@ -18,7 +18,7 @@ INNER_RATIO_CLIMBING = 0.25
 """Inner belt speed as a ratio of the climb speed, unless the plan sets another."""
 NEAR_STRAIGHT_RAD = 10.0 * DEG
 """Heading error within which the inner belt sticks on a 28° stair with friction 0.62/0.5 and carries the chair (quasi-static
-Coulomb friction, ``mechanics.quasi_static``)."""
+Coulomb friction, ``vehicle.quasi_static``)."""
 INNER_RATIO_NEAR_STRAIGHT, INNER_RATIO_TURNING = 0.5, -0.25
 """Inner belt speed ratio near straight, and at larger heading errors, where both belts slide and a slow inner belt turns the
 chair faster (decision 0022)."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_of
-from treadline.core.images import PinholeCamera, StairAxes
+from treadline.core.camera_images import PinholeCamera, StairAxes
 from treadline.core.signals import Event, ImuSample, TrackReading
 from treadline.estimation.camera_mount import STANDING_M_S, MountConfig
 

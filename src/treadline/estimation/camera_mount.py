@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.core.angles import DEG, rotation_of, rotation_x, rotation_y, rotation_z
-from treadline.core.images import CAMERA_AXES_IN_CHAIR, PinholeCamera, StairAxes
+from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, PinholeCamera, StairAxes
 from treadline.core.signals import ImuSample, TrackReading
 
 PITCH, ROLL, YAW = 0, 1, 2

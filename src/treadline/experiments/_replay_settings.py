@@ -17,8 +17,8 @@ from numpy import ndarray
 from pydantic import Field, create_model
 
 from treadline.core.angles import DEG
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
-from treadline.core.images import PinholeCamera
 from treadline.core.models import ControllerDesign, Reconstruct
 from treadline.core.setting_docs import meanings
 from treadline.core.settings import Settings, settings_of

@@ -2,7 +2,7 @@
 
 Near straight the inner belt sticks and no belt difference turns the chair, so that an excitation there identifies noise. Each row
 starts a chair at a heading, drives the belts apart and compares its mean yaw rate with a quasi-static run from the same heading and
-place (``mechanics.quasi_static_run``), which knows nothing of the simulator.
+place (``vehicle.quasi_static``), which knows nothing of the simulator.
 """
 
 import math

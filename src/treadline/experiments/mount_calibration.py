@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from treadline.core.angles import DEG, rotation_of
+from treadline.core.camera_images import PinholeCamera, RgbdFrame, StairAxes
 from treadline.core.errors import ImageError, LogFormatError
-from treadline.core.images import PinholeCamera, RgbdFrame, StairAxes
 from treadline.core.models import write_whole
 from treadline.core.ports import Reading
 from treadline.core.settings import settings_of

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.compile_cache import compiling
 from treadline.core.errors import LogFormatError, SettingsError
-from treadline.core.images import RgbdFrame
 from treadline.core.models import read_json
 from treadline.core.settings import settings_of
 from treadline.core.signals import TICK_S, Event

@@ -12,8 +12,8 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
-from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     Event,

@@ -15,8 +15,8 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import TreadlineError
-from treadline.core.images import RgbdFrame
 from treadline.core.processes import deferred
 from treadline.io.cdr import nanoseconds_of
 from treadline.io.mcap_read import LIBRARY

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     Event,

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
-from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.io._tables import listed
 from treadline.io.decode import HEADINGS, IMU, OURS, CdrReader, Picture, Ros1Reader, calibration, heading_of_image, imu
 from treadline.io.mcap_read import Packet, RecordedTopic, mcap_messages

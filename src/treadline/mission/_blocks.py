@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import rotation_of, wrap
+from treadline.core.camera_images import PinholeCamera, RgbdFrame, StairAxes
 from treadline.core.errors import ImageError
-from treadline.core.images import PinholeCamera, RgbdFrame, StairAxes
 from treadline.core.signals import (
     ROUNDING_S,
     TICK_S,

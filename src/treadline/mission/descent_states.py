@@ -12,7 +12,15 @@ from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, FlipperReading, HeadingEstimate, MotionPlan
 from treadline.mission._flipper_planner import FLIPPER_RAD_S
-from treadline.mission._traversal import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, beside, missing_step, on_the_tip
+from treadline.mission._traversal_base import (
+    LEVEL_RAD,
+    ON_THE_FLIGHT_RAD,
+    Traversal,
+    TraversalConfig,
+    beside,
+    missing_step,
+    on_the_tip,
+)
 from treadline.mission.stair_tracker import NEAR_M
 
 LETS_DOWN_RAD_S = 3.0 * DEG

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Plant, Reading
 from treadline.core.signals import (
     TICK_S,

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.core.angles import DEG
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.perception._gravity_direction import gravity_variance
 from treadline.perception._irregularity import Prior, prior
 from treadline.perception._nuisance import (

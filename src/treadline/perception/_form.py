@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.perception import _form_kernels as form_kernels
 from treadline.perception._irregularity import pooled_mean
 from treadline.perception._step_parts import Axes

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._step_parts import (
     LEAST_LEVER,

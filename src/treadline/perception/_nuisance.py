@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.perception import _nuisance_kernels as nuisance_kernels
 from treadline.perception.plane_segmentation import DISPARITY_PX_M, Line, Surface
 

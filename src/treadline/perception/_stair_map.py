@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.signals import StairMap
-from treadline.perception import _pixel_to_point_kernels as point_kernels
+from treadline.perception import _free_ground_kernels as point_kernels
 from treadline.perception._form import Side
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import Axes, NosingObservation, viewing_direction

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from treadline.core.arrays import cross
-from treadline.core.images import PinholeCamera, StairAxes
+from treadline.core.camera_images import PinholeCamera, StairAxes
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._gravity_direction import gravity_variance
 from treadline.perception._irregularity import pooled_mean, posterior_weights

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.arrays import cross
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception.plane_segmentation import Ends, Line, PlanarBlocks, Surface
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from treadline.core.angles import DEG
-from treadline.core.images import StairAxes
+from treadline.core.camera_images import StairAxes
 from treadline.core.printing import Printable
 from treadline.core.signals import StairMap
 from treadline.perception._stair_shape import StairShape

@@ -13,8 +13,8 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import shaped
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import ImageError
-from treadline.core.images import RgbdFrame
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.perception._stair_shape import StairShape
 from treadline.perception.detection import StairDetection

@@ -11,8 +11,8 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
-from treadline.core.images import RgbdFrame
-from treadline.perception import _pixel_to_point_kernels as point_kernels
+from treadline.core.camera_images import RgbdFrame
+from treadline.perception import _free_ground_kernels as point_kernels
 from treadline.perception._step_parts import viewing_direction
 
 SWEPT_HALF_M = 0.40

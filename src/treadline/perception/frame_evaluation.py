@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import UInt8
 
 from treadline.core.angles import DEG
+from treadline.core.camera_images import NamedFrame, RgbdFrame
 from treadline.core.errors import ImageError
-from treadline.core.images import NamedFrame, RgbdFrame
 from treadline.core.signals import StairMap
 from treadline.perception._stair_shape import StairShape
 from treadline.perception.detection import StairDetection, refused

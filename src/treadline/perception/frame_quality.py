@@ -9,7 +9,7 @@ import zlib
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.signals import FrameQuality
 from treadline.perception.flat_ground import SWEPT_HALF_M, obstacle_on_flat_ground
 

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from treadline.core.angles import DEG
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception._step_parts import NosingObservation
 from treadline.perception.detection import StairDetection
 from treadline.perception.plane_segmentation import Surface

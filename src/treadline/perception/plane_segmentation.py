@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from treadline.core.angles import DEG
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
 CELL_AT_240 = 4
@@ -66,7 +66,7 @@ TURN_NOISE_MOST = 1.5
 """Largest factor on ``TURN_LIMIT``: beyond 12° a block no longer separates a riser from a tread."""
 DETOUR_M = 0.005
 """Standard deviation of the change of range along a tread towards its corner with the next riser, by light that takes a detour over
-that riser [m]: of 2 to 50 mm in a corner (Fuchs, ICPR 2010). Along the corner it is that of ``nuisance.DETOUR_RAD``."""
+that riser [m]: of 2 to 50 mm in a corner (Fuchs, ICPR 2010). Along the corner it is that of ``_nuisance.DETOUR_RAD``."""
 JUMP = 0.45 / DISPARITY_PX_M
 """Depth difference between a surface and the background at its end [1/m]: 9 cm at 3 m."""
 NEAR_AT_240 = 1.5

@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.signals import StairMap
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._form import Bow, Side, bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by

@@ -128,7 +128,7 @@ def limit_seat(actual, turning, state, seat, angles, actuator):
 
     Args:
         actual: seat angle; ``turning``: its rate.
-        state: actuator state, rows as in ``_actuator_kernels``.
+        state: actuator state, rows as in ``_actuator_lag_and_slew_kernels``.
         seat: lower and upper end of the stroke, spacing of ``angles``.
         angles: seat angle over the stroke.
         actuator: parameters as named above.

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, attitude_of
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     TICK_S,

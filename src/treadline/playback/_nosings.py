@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.core.angles import rotation_of
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.playback._recording import PerceivedStair, Recording
 from treadline.vehicle.staircase import Staircase
 

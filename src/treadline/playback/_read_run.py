@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import LogFormatError, SettingsError
-from treadline.core.images import RgbdFrame
 from treadline.core.models import json_of, read_json
 from treadline.core.ports import Truth
 from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, SeatReading, TrackCommand, TrackReading

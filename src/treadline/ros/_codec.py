@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from treadline.core.angles import quaternion_of
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError
-from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.signals import Event, HeadingFault, HeadingHealth
 from treadline.io.cdr import CdrWriter, Ros1Writer, nanoseconds_of
 from treadline.io.decode import (

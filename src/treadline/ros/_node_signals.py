@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_y, rotation_z
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 
 RISE_M, RUN_M, STEPS = 0.16, 0.30, 9
 """A flight of 28°, as the shipped scenarios have it."""

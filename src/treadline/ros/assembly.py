@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
-from treadline.core.images import PinholeCamera
 from treadline.core.ports import Plant
 from treadline.guard import GuardConfig
 from treadline.mission.mission_blocks import build_blocks, guard_config

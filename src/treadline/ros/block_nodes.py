@@ -6,7 +6,7 @@ Paper: Fig. 7. ``plant`` (simulator or drivers) ─► ``camera`` and ``heading`
 
 from typing import Protocol, runtime_checkable
 
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Reading, Transport
 from treadline.core.signals import (
     TICK_S,

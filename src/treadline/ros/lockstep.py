@@ -7,7 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable
 from typing import Any
 
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.ports import Plant, Transport
 from treadline.core.signals import TICK_S
 from treadline.guard import GuardConfig

@@ -4,7 +4,7 @@
 watchdog.
 """
 
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Plant, Reading, Transport, TruthPlant
 from treadline.core.signals import (
     TICK_S,

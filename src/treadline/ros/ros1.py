@@ -6,8 +6,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import TreadlineError
-from treadline.core.images import PinholeCamera
 from treadline.ros.channels import IMAGE, Channel
 from treadline.ros.wire import WireTransport
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from threading import Condition
 from typing import Any, NamedTuple
 
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.ros._codec import Decoder, encoded
 from treadline.ros.channels import CHANNELS, Channel
 

@@ -10,8 +10,8 @@ import struct
 import time
 from typing import Any
 
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import TreadlineError
-from treadline.core.images import PinholeCamera
 from treadline.ros.channels import Channel
 from treadline.ros.wire import WireTransport
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, attitude_of, quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
-from treadline.core.images import CAMERA_AXES_IN_CHAIR, RgbdFrame
+from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
     PERIOD_ROUNDING_S,

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from treadline.core.angles import DEG
-from treadline.core.images import DepthSensor, PinholeCamera
+from treadline.core.camera_images import DepthSensor, PinholeCamera
 from treadline.core.settings import Settings, read_toml
 
 Positive = Annotated[float, Field(gt=0.0)]

@@ -10,8 +10,8 @@ from typing import Annotated, ClassVar
 from pydantic import AfterValidator, Field, model_validator
 
 from treadline.core.angles import DEG
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
-from treadline.core.images import PinholeCamera
 from treadline.core.settings import Settings, read_toml
 from treadline.core.signals import TICK_S
 from treadline.scenario.camera_file import CameraFile, Degrees, read_camera

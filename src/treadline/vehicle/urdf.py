@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.images import CAMERA_AXES_IN_CHAIR
+from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR
 from treadline.scenario.chair import CameraMount, ChairDescription, Point
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import LINKAGE_BODIES, MeshPart, chair_parts, resting_lugs

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.signals import TICK_S
 from treadline.playback import SILENT_S, NosingComparison, Recording, RecordingBuilder, staircase_of
 from treadline.scenario.chair import ChairDescription

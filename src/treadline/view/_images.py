@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image
 
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError
-from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.signals import ImuSample
 from treadline.io.decode import CdrReader, compressed_picture, picture
 from treadline.io.mcap_read import BROKEN, has_arrivals, read_log

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Reading
 from treadline.core.signals import TICK_S, HeadingEstimate, MotionPlan, OperatorInput
 from treadline.mission import Detection

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.scenario.faults import Conditions, Fault
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.stair_solids import Box

@@ -8,7 +8,7 @@ import pytest
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_z
-from treadline.core.images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair

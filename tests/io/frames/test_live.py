@@ -12,8 +12,8 @@ import pytest
 
 from treadline.cli import main
 from treadline.cli.see import StatusLine
+from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
 from treadline.core.errors import CameraError, ImageError, SettingsError
-from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame
 from treadline.io.live import CameraImages, camera_by_name
 from treadline.io.live._depth_camera import no_frame, not_opened
 from treadline.io.live.stream import LiveFrames

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from treadline.cli import main
+from treadline.core.camera_images import NamedFrame, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
-from treadline.core.images import NamedFrame, RgbdFrame
 from treadline.io.frames import read_frames
 from treadline.io.frames._recorded_frames import FramesOfLog
 from treadline.io.frames.point_cloud import FrameOptions

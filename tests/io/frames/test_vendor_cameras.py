@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from treadline.cli import main
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import CameraError
-from treadline.core.images import PinholeCamera
 from treadline.io.live import camera_by_name
 from treadline.io.live._depth_camera import rotation_or_none, undistortion
 from treadline.io.live.stream import LiveFrames

@@ -6,7 +6,7 @@ from jaxtyping import Float, Float32
 from scenes import ViewRecipe, draw_view
 
 from treadline.core.angles import DEG, rotation_z
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import Shadow, upright
 from treadline.scenario.chair import read_chair

@@ -32,7 +32,9 @@ from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.plant.mujoco.contact import _coulomb_kernels as contact_kernels
-from treadline.scenario.chair import GRAVITY_M_S2
+
+# Literals, so that a changed value in the code is noticed here.
+GRAVITY_M_S2 = 9.81
 
 ISOTROPIC = (0.62, 0.62)
 TOLERANCE_M_S2 = 0.01

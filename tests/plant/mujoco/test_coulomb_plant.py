@@ -9,9 +9,12 @@ from oracles.plant_runs import TABLE_I, heading_and_place, plant_on, theory_from
 from oracles.plant_steps import coulomb_run, set_belts, stages_before_contact
 
 from treadline.core.angles import DEG
-from treadline.scenario.chair import GRAVITY_M_S2, read_chair
+from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.quasi_static import nosing_stance
+
+# Literals, so that a changed value in the code is noticed here.
+GRAVITY_M_S2 = 9.81
 
 ISOTROPIC = (0.62, 0.62)
 SETTLE_S = 0.5

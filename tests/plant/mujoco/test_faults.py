@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG, rotation_of
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import SettingsError
-from treadline.core.images import RgbdFrame
 from treadline.core.ports import Reading, Truth, TruthPlant
 from treadline.core.settings import settings_of
 from treadline.core.signals import (

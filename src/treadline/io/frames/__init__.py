@@ -1,6 +1,6 @@
 """Frames from files, logs and cameras: images, point clouds, recordings and live depth cameras, each as a series of frames."""
 
-from treadline.core.images import FrameSource, NamedFrame
+from treadline.core.camera_images import FrameSource, NamedFrame
 from treadline.io.frames._image_files import read_frame
 from treadline.io.frames.sources import read_frames
 

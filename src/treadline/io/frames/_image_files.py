@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from treadline.core.camera_images import RgbdFrame, black
 from treadline.core.errors import ImageError, SettingsError
-from treadline.core.images import RgbdFrame, black
 from treadline.io.frames.point_cloud import PLAUSIBLE_M
 from treadline.scenario.camera_file import CameraFile
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from treadline.core.camera_images import NamedFrame, RgbdFrame, black
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
-from treadline.core.images import NamedFrame, RgbdFrame, black
 from treadline.io._tables import listed
 from treadline.io.decode import Picture, calibration, picture
 from treadline.io.frames._cloud_files import POINT_CLOUD, cloud_of, point_cloud

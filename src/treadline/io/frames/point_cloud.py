@@ -12,8 +12,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64, UInt8
 
+from treadline.core.camera_images import PinholeCamera, RgbdFrame, black
 from treadline.core.errors import ImageError
-from treadline.core.images import PinholeCamera, RgbdFrame, black
 from treadline.scenario.camera_file import CameraFile
 
 Axes = Literal["camera", "ros", "opengl"]

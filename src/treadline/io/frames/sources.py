@@ -5,8 +5,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from treadline.core.camera_images import FrameSource, NamedFrame, SeveralFrames, gravity_of, gravity_table
 from treadline.core.errors import ImageError, SettingsError
-from treadline.core.images import FrameSource, NamedFrame, SeveralFrames, gravity_of, gravity_table
 from treadline.io.frames._cloud_files import ENDINGS, read_cloud
 from treadline.io.frames._image_files import is_photo, nominal_camera, read_frame
 from treadline.io.frames.point_cloud import UNITS, Axes, FrameOptions, cloud_image

@@ -15,8 +15,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import CameraError
-from treadline.core.images import PinholeCamera
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

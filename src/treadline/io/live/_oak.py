@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import CameraError
-from treadline.core.images import PinholeCamera
 from treadline.io.live._depth_camera import (
     CameraImages,
     VendorCamera,

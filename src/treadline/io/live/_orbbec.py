@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import CameraError
-from treadline.core.images import PinholeCamera
 from treadline.io.live._depth_camera import (
     HEIGHT_PX,
     RATE_HZ,

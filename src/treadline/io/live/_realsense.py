@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.io.live._depth_camera import (
     HEIGHT_PX,
     RATE_HZ,

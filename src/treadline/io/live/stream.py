@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame, black
 from treadline.core.errors import CameraError, ImageError
-from treadline.core.images import NamedFrame, PinholeCamera, RgbdFrame, black
 from treadline.io.live import CameraImages, DepthCamera
 from treadline.io.topics import PAIR_S
 from treadline.scenario.camera_file import CameraFile

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.perception.detection import Stages, StairDetection, refused
 from treadline.perception.paper.edges import ThresholdRule, canny, depth_image, grey_of, without_abrupt_depth
 from treadline.perception.paper.hough_segments import bounding_box, merged, most_frequent_slope, near_level, segments

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 
 from treadline.core.angles import DEG, quaternion_of, rotation_of, rotation_z
-from treadline.core.images import RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Reading
 from treadline.core.signals import (
     ROUNDING_S,

@@ -159,7 +159,7 @@ def advance(
         grip: Remaining fraction of the friction of each geom.
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], flipper rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
-        state: actuator state, rows as in ``_actuator_kernels``; changed in place.
+        state: actuator state, rows as in ``_actuator_lag_and_slew_kernels``; changed in place.
         belts_of: geom ids as (side, rear front nose flat approach).
         seat: lower and upper end of the stroke, spacing of ``angles``; empty without a seat.
         angles: seat angle over the stroke; empty without a seat.

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from treadline.core.angles import DEG
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.plant.sensors.visibility import LEAST_NOSINGS, Geometry, TurningGeometry, Visibility, Wall
 from treadline.vehicle.staircase import Staircase

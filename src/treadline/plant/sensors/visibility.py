@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from treadline.core.angles import DEG
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.vehicle.staircase import Staircase, Step
 
 NEAR_M, FAR_M = 0.45, 4.0

@@ -24,7 +24,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Int8
 
-from treadline.core.images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera
 from treadline.plant.sensors.camera import _depth_kernels as kernels
 
 SENSOR_WIDTH_PX, TIME_OF_FLIGHT_WIDTH_PX = 640, 512

@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, rotation_z
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError
-from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.core.models import write_whole
 from treadline.plant.sensors.camera.ray_camera import Camera
 from treadline.scenario.chair import read_chair

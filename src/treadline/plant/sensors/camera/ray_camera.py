@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float, Float32, Int, UInt8
 
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError
-from treadline.core.images import PinholeCamera, RgbdFrame
 from treadline.plant.sensors.camera import _ray_kernels as kernels
 from treadline.plant.sensors.camera.depth_sensor import sensor_model
 from treadline.plant.sensors.camera.solids import SceneBox, Shadow, solids_of

@@ -1,6 +1,6 @@
 """Base class of the planners up and down: sensor state, search, next flight, flipper and steering on the flight, plan.
 
-``ascent`` and ``descent`` add their phases; see docs/decisions/0019.
+``ascent_states`` and ``descent_states`` add their phases; see docs/decisions/0019.
 """
 
 import math
