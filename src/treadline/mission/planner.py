@@ -1,6 +1,6 @@
 """Interface of the planners, and the planner of a single flight.
 
-``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan``. ``ascent_states`` climbs and ``descent_states``
+``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan``. ``ascent_states`` climbs, ``descent_states``
 descends; both end in phase ``arrived``, in phase ``refused``, or in a plan with a reason to hold.
 """
 
