@@ -135,6 +135,11 @@ def test_a_healthy_drive_passes_unchanged() -> None:
     assert set(drive.admitted) == {"ImuSample", "TrackReading", "SeatReading", "FlipperReading", "FrameQuality"}
 
 
+def test_the_guard_reports_the_limits_it_was_given() -> None:
+    config = replace(GuardConfig(), pitch_rate_rad_s=0.3)
+    assert Guard(config).config == config != Guard(GuardConfig()).config
+
+
 def test_a_mission_may_begin_at_any_time_on_its_clock() -> None:
     """Test: the first tick is at 1000 s. Expected result: sources are waited for from then on."""
     drive = Drive()
