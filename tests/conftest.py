@@ -36,26 +36,21 @@ FAST = ("architecture/test_language.py", "control", "docs/test_decisions.py", "d
 """Folders and files whose tests together finish within a minute on two cores: the marker ``fast``."""
 
 
-SHAPES = (
-    "control",
-    "core",
-    "estimation",
-    "guard",
-    "identification",
-    "perception",
-    "scenarios/test_whole_runs_touch_nothing.py",
-    "vehicle",
-)
-"""Unit tests, and one whole run per direction: the marker ``shapes``."""
+SHAPES = ("control", "core", "estimation", "identification", "perception", "scenarios/test_whole_runs_touch_nothing.py", "vehicle")
+"""Unit tests of modules with arrays, and one whole run per direction: the marker ``shapes``."""
+SAMPLES = ("perception/test_stairs_of_all_kinds.py", "perception/test_no_stair.py")
+"""Tests that repeat on many frames what others of their folder do on a few: not marked."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the tests of ``FAST`` and ``SHAPES``."""
     tests = Path(__file__).parent
     for item in items:
-        for marker, parts in ((pytest.mark.fast, FAST), (pytest.mark.shapes, SHAPES)):
-            if any(item.path.is_relative_to(tests / part) for part in parts):
-                item.add_marker(marker)
+        place = item.path.relative_to(tests)
+        if any(place.is_relative_to(part) for part in FAST):
+            item.add_marker(pytest.mark.fast)
+        if any(place.is_relative_to(part) for part in SHAPES) and place.as_posix() not in SAMPLES:
+            item.add_marker(pytest.mark.shapes)
 
 
 START_NS = 1_700_000_000_123_456_789
