@@ -162,6 +162,10 @@ def place(page: Any) -> float:
     return float(page.sees(r"belts travelled ([-\d.]+) m").group(1))
 
 
+SLOWLY_DRAWN_S = 120.0
+"""Patience with a page that software draws, whose late reports make the guard hold again and again [s]."""
+
+
 def place_at_rest(page: Any, within_m: float = 0.011) -> float:
     """Assert that nothing moves for a second, and return where the chair was."""
     start_m, then_s = place(page), page.t_s
@@ -188,7 +192,7 @@ def test_the_chair_follows_the_keys_while_the_dead_man_switch_is_held(driving: A
     keys().key_down("w").perform()
     start_m = place_at_rest(driving)
     keys().key_down(Keys.SHIFT).perform()
-    driving.until(lambda: drives_from(driving, start_m), "a chair that drives")
+    driving.until(lambda: drives_from(driving, start_m), "a chair that drives", SLOWLY_DRAWN_S)
     keys().key_up(Keys.SHIFT).perform()
     driving.sees("HOLD since .*\n?.*operator stop")
     place_at_rest(driving, within_m=0.03)  # the page shows the hold 0.1 s before the belts rest
@@ -201,7 +205,7 @@ def test_the_chair_follows_a_gamepad_while_its_shoulder_button_is_held(driving: 
     driving.driver.execute_script(PUSHED, False)
     start_m = place_at_rest(driving)
     driving.driver.execute_script(PUSHED, True)
-    driving.until(lambda: drives_from(driving, start_m), "a chair that drives")
+    driving.until(lambda: drives_from(driving, start_m), "a chair that drives", SLOWLY_DRAWN_S)
     driving.driver.execute_script(PUSHED, False)
     driving.sees("HOLD since .*\n?.*operator stop")
 
