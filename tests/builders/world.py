@@ -5,7 +5,7 @@ Loop, planners and guard are tested with these signals. Nothing here is computed
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -254,14 +254,4 @@ def steeper(seen: StairMap) -> StairMap:
     nosings = seen.nosings_B.copy()
     nosings[:, 0] = nosings[0, 0] + (nosings[:, 0] - nosings[0, 0]) * 0.27 / RUN_M
     nosings[:, 2] *= 0.20 / RISE_M
-    return stair(
-        seen.t_s,
-        nosings,
-        direction=seen.direction,
-        ends=seen.ends,
-        rise_m=0.20,
-        run_m=0.27,
-        slope_rad=math.atan2(0.20, 0.27),
-        left_seen_m=1.0,
-        right_seen_m=1.0,
-    )
+    return replace(seen, nosings_B=nosings, rise_m=0.20, run_m=0.27, slope_rad=math.atan2(0.20, 0.27))
