@@ -38,9 +38,9 @@ from treadline.plant.sensors.statistical_camera import (
     end_class,
     reported_cell,
 )
-from treadline.plant.sensors.visibility import Geometry, Visibility, VisibleSide, Wall
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.visibility import Geometry, Visibility, VisibleSide, Wall
 
 AS_BUILT: dict[str, Any] = {name: value for name, value in LIFELIKE.items() if name != "worn_m"}
 """Imperfections of real frames: uneven steps, spatially correlated noise, residual distortion."""

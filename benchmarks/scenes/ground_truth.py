@@ -12,9 +12,9 @@ from scenes.flight import Direction, Pose, TiltedFlight
 from treadline.core.camera_images import PinholeCamera
 from treadline.plant.sensors.camera import ExactView
 from treadline.plant.sensors.camera.solids import SceneBox
-from treadline.plant.sensors.visibility import crossings
 from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.staircase import Staircase, Step
+from treadline.vehicle.visibility import crossings
 
 SWEPT_HEIGHT_M = (0.06, 1.4)
 """Height range of the swept volume above the lower line of the belts [m]: the belts climb lower objects, and the rider is lower

@@ -98,7 +98,7 @@ print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "
         ("identify record.csv --method okid-era --no-page --out model.json", 5800, ()),
         ("identify record.csv --method okid-era --out paged.json", 6700, IDENTIFICATION_PAGE),
         ("tune model.json --out controller.json", 3000, ()),
-        ("check paper-28", 3600, ()),
+        ("check paper-28", 3800, ()),
     ],
     ids=lambda value: str(value).split(" --")[0],
 )

@@ -12,10 +12,10 @@ from treadline.perception import StairDetection, StairDetector
 from treadline.perception.lattice_kernels import RUN_M
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.statistical_camera import StatisticalCamera
-from treadline.plant.sensors.visibility import Geometry
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import Staircase, build_staircase
+from treadline.vehicle.visibility import Geometry
 
 # Literals, so that a changed value in the code is noticed here.
 LONGEST_RUN_M = 0.52

@@ -8,7 +8,7 @@ from treadline.core.errors import SettingsError
 
 
 def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
-    """Check the mechanical feasibility of a scenario: track length, traction, stability, seat stroke.
+    """Check the feasibility of a scenario: track length, traction, stability, seat stroke, start pose and view of the stair.
 
     treadline check --keys > mine.toml
 
@@ -29,7 +29,8 @@ def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
             f"{report.verdict}: track {report.track_length_margin_m:+.3f} m over 2√(h²+w²), {report.nosings_in_contact} nosings in "
             f"contact; {'no seat linkage; ' if report.seat_range_deg is None else ''}friction needed "
             f"{report.friction_needed_with_reserve:.2f} ({report.friction_needed:.2f} to stand, and a reserve for jolts), "
-            f"available {report.friction_available:.2f}; tipping margins {margins}",
+            f"available {report.friction_available:.2f}; tipping margins {margins}"
+            + ("" if report.nosings_in_view is None else f"; {report.nosings_in_view} nosings in view from the start"),
             *report.reasons,
         ],
         code=0 if report.verdict == "go" else 1,

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG, rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Scenario
+from treadline.vehicle._start_view import StartView
 from treadline.vehicle.bodies import Vehicle, vehicle
 from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
@@ -60,21 +61,43 @@ class Overlap:
     depth_m: float
 
 
-def start_problems(scenario: Scenario, chair: ChairDescription) -> tuple[str | None, ...]:
-    """Return the problems of the start pose, None for each passed test."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartReport:
+    """Result of the checks of the start pose."""
+
+    problems: tuple[str | None, ...]
+    """Problems, None for each passed test."""
+    nosings_in_view: int | None = None
+    """Number of nosings that the camera resolves; None in open loop, which uses no camera, and where the pose has problems."""
+
+
+def checked_start(scenario: Scenario, chair: ChairDescription) -> StartReport:
+    """Return the problems of the start pose, and what the camera sees from it."""
+    aim = _nowhere_to_go(scenario) or _cannot_come_down(scenario, chair)
     known = (
-        _nowhere_to_go(scenario),
         _outside_the_flight(scenario, chair.tracks),
         _in_the_floor(scenario, chair.tracks),
         _on_winders(scenario, chair.tracks),
         _over_the_landings_end(scenario, chair),
     )
-    if any(known[1:]):
-        return known
+    if any(known):
+        return StartReport(problems=(aim, *known))
     # The jitter of single steps is drawn when the plant is built.
     staircase = as_designed(scenario.stair, scenario.step)
-    over_edge = _over_an_edge(scenario, chair.tracks, staircase)
-    return (*known, over_edge, None if over_edge else _overlapping(scenario, chair, staircase))
+    problem = _over_an_edge(scenario, chair.tracks, staircase) or _overlapping(scenario, chair, staircase)
+    mount = chair.camera if scenario.drive.direction == "up" else chair.rear_camera
+    if aim or problem or mount is None or scenario.control.loop == "open":
+        return StartReport(problems=(aim, problem))
+    view = StartView(scenario, chair, staircase, mount)
+    return StartReport(
+        problems=(view.problem(lambda start: _stands(scenario.model_copy(update={"start": start}), chair.tracks)),),
+        nosings_in_view=view.nosings(scenario.start),
+    )
+
+
+def _stands(scenario: Scenario, tracks: Tracks) -> bool:
+    """Return whether a start on the flight lies on straight steps, above the floor."""
+    return _in_the_floor(scenario, tracks) is None and _on_winders(scenario, tracks) is None
 
 
 def _overlapping(scenario: Scenario, chair: ChairDescription, staircase: Staircase) -> str | None:
@@ -125,6 +148,15 @@ def _nowhere_to_go(scenario: Scenario) -> str | None:
     other, turned = ("landing", "up") if place == "floor" else ("floor", "down")
     remedy = f"start on the {other}, or give drive.direction = '{turned}'"
     return f"no flight leads {direction} from start.place = '{place}'; {remedy}"
+
+
+def _cannot_come_down(scenario: Scenario, chair: ChairDescription) -> str | None:
+    """Return what a chair lacks to come down, rearwards: the mission tips over the edge with the flipper, and looks back."""
+    parts = {"flipper": chair.flipper, "rear_camera": chair.rear_camera}
+    lacking = [f"[{name}]" for name, part in parts.items() if part is None]
+    if scenario.drive.direction == "up" or not lacking:
+        return None
+    return f"chair '{chair.name}' lacks {' and '.join(lacking)}, and comes down no stair; give chair.model = 'wheelchair'"
 
 
 def _outside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:

@@ -10,7 +10,7 @@ from treadline.core.angles import DEG
 from treadline.core.printing import Printable
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
-from treadline.vehicle._start_checks import start_problems
+from treadline.vehicle._start_checks import checked_start
 from treadline.vehicle.bodies import oversized_lugs
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
@@ -64,6 +64,9 @@ class CheckReport(Printable):
     """Range of the seat's angle; None without a seat linkage."""
     proposed_seat_shift_m: float | None = field(default=None)
     """Seat shift that would reach the required margin [m]; None if there is none."""
+    nosings_in_view: int | None = None
+    """Number of nosings in view of the camera from the start, 0 where fewer than two are; None in open loop, which uses no camera,
+    and where the chair cannot stand there."""
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the verdict, the margins and the reasons."""
@@ -73,6 +76,7 @@ class CheckReport(Printable):
             ("friction", f"{self.friction_available:.2f} available, {self.friction_needed_with_reserve:.2f} needed with reserve"),
             ("tip-over margins", margins),
             ("seat", _seat_text(self.seat_range_deg)),
+            *([] if self.nosings_in_view is None else [("camera", f"{self.nosings_in_view} nosings in view from the start")]),
             *(("reason", reason) for reason in self.reasons),
         ]
         return self.verdict, rows
@@ -85,7 +89,7 @@ def _seat_text(range_deg: tuple[float, float] | None) -> str:
 
 def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     """Return the verdict on a scenario."""
-    stair, loading = scenario.stair, scenario.chair.entered
+    stair, loading, start = scenario.stair, scenario.chair.entered, checked_start(scenario, chair)
     # On floor and landing the chair turns square before it enters.
     heading = scenario.start.heading_deg * DEG if scenario.start.place == "flight" else 0.0
     slope = stair.slope_rad
@@ -107,7 +111,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_short_a_landing(stair, chair.tracks),
         _turning_flights(stair),
         _winders(stair),
-        *start_problems(scenario, chair),
+        *start.problems,
         oversized_lugs(scenario.belts, chair.tracks),
     )
     return CheckReport(
@@ -122,6 +126,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         stability_margin_deg={side: getattr(margins, side) / DEG for side in SIDES},
         seat_range_deg=None if seat_range is None else (seat_range[0] / DEG, seat_range[1] / DEG),
         proposed_seat_shift_m=shift,
+        nosings_in_view=start.nosings_in_view,
     )
 
 

@@ -18,8 +18,8 @@ from jaxtyping import Float, Int
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.signals import HeadingMeasurement, StairMap
-from treadline.plant.sensors.visibility import LEAST_NOSINGS, Geometry, TurningGeometry, Visibility, Wall
 from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.visibility import LEAST_NOSINGS, Visibility, Wall, geometry_of
 
 EXACT_SIGMA_RAD, EXACT_PLACE_M = 0.05 * DEG, 0.001
 """Noise of ``exact``: heading [rad] and nosing position [m]; non-zero, so that a filter has a finite weight."""
@@ -41,7 +41,7 @@ class StatisticalCamera:
     """
 
     def __init__(self, staircase: Staircase, calibration: PinholeCamera, rng: np.random.Generator, *, exact: bool = False) -> None:
-        self._geometry = (TurningGeometry if staircase.turn_rad else Geometry)(staircase, calibration)
+        self._geometry = geometry_of(staircase, calibration)
         self._rng = rng
         kind = "open" if staircase.open_risers else "closed"
         self._errors = None if exact else _Errors(kind, len(staircase.steps), rng)

@@ -1,6 +1,7 @@
 """Exact visibility of a staircase from a camera on the chair: nosings, walls and the end of the flight.
 
-``pose -> Visibility, or nothing``. ``plant/sensors/statistical_camera.py`` adds the errors of a detector.
+``pose -> Visibility, or nothing``. ``check`` uses it at the start pose; ``plant/sensors/statistical_camera.py`` adds the errors of
+a detector.
 """
 
 import math
@@ -246,6 +247,11 @@ class Geometry:
         left = Wall(free_m=half - float(p_WB[1]), share=float((shown & (rays[:, 1] > 0.0)).mean()))
         right = Wall(free_m=half + float(p_WB[1]), share=float((shown & (rays[:, 1] < 0.0)).mean()))
         return left if staircase.walls in ("left", "both") else None, right if staircase.walls in ("right", "both") else None
+
+
+def geometry_of(staircase: Staircase, calibration: PinholeCamera) -> "Geometry | TurningGeometry":
+    """Return the visibility model of a staircase, with or without turning flights."""
+    return (TurningGeometry if staircase.turn_rad else Geometry)(staircase, calibration)
 
 
 class TurningGeometry:

@@ -1,0 +1,85 @@
+"""View of the stair from the start pose, a part of the verdict: ``Scenario, ChairDescription -> nosings in view, problem``.
+
+Nosings are projected into the camera that faces the direction of travel. The rendered and the statistical camera share this
+geometry, and so does ``vision = "truth"``; an open loop uses no camera.
+"""
+
+from collections.abc import Callable
+
+from treadline.scenario.chair import CameraMount, ChairDescription
+from treadline.scenario.scenario import Scenario, Start
+from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.start_pose import standing
+from treadline.vehicle.visibility import LEAST_NOSINGS, geometry_of
+
+PITCHES_DEG = range(-90, 91, 5)
+"""Mount pitches that are tried for the remedy [°]."""
+
+
+class StartView:
+    """Nosings that the camera of one scenario resolves from a start.
+
+    Args:
+        mount: Mount of the camera that faces the direction of travel.
+    """
+
+    def __init__(self, scenario: Scenario, chair: ChairDescription, staircase: Staircase, mount: CameraMount) -> None:
+        self._scenario, self._chair, self._staircase, self._mount = scenario, chair, staircase, mount
+        self._is_up = scenario.drive.direction == "up"
+        self._name = "camera" if self._is_up else "rear_camera"
+        mounted = chair.model_copy(update={self._name: mount})
+        self._geometry = geometry_of(staircase, mounted.camera_at(scenario.sensors.image_height_px, rear=not self._is_up))
+
+    def nosings(self, start: Start) -> int:
+        """Return the number of nosings in the image and within the depth range of the sensor; 0 where fewer than two are.
+
+        On floor and landing the chair turns on the spot to find the stair: the better of start heading and square counts.
+        """
+        square = start if start.place == "flight" else start.model_copy(update={"heading_deg": 0.0})
+        here, turned = (standing(self._staircase, self._chair.tracks, pose) for pose in (start, square))
+        views = (self._geometry.visibility(R_WB, here.p_WB) for R_WB in (here.R_WB, turned.R_WB))
+        return max(int(view.seen.sum()) if view and view.direction == self._scenario.drive.direction else 0 for view in views)
+
+    def problem(self, fits: Callable[[Start], bool]) -> str | None:
+        """Return why the run would find no stair, with a remedy, or None.
+
+        Args:
+            fits: Whether the chair can stand at a start.
+        """
+        if self.detects(self._scenario.start):
+            return None
+        lacking = f"fewer than {LEAST_NOSINGS} nosings are in view of the {self._name.replace('_', ' ')} from the start"
+        return f"{lacking}, too few to detect a stair; {self._step_remedy(fits) or self._mount_remedy()}"
+
+    def detects(self, start: Start) -> bool:
+        """Return whether enough nosings are in view from a start."""
+        return self.nosings(start) >= LEAST_NOSINGS
+
+    def _step_remedy(self, fits: Callable[[Start], bool]) -> str | None:
+        """Return the nearest step for a start on the flight from which the stair is in view."""
+        start = self._scenario.start
+        if start.place != "flight":
+            return None
+        steps = range(start.step - 1, -1, -1) if self._is_up else range(start.step + 1, self._scenario.stair.steps)
+        starts = (start.model_copy(update={"step": step}) for step in steps)
+        other = next((there for there in starts if fits(there) and self.detects(there)), None)
+        return None if other is None else f"start at step {other.step} or {'below' if self._is_up else 'above'}"
+
+    def _mount_remedy(self) -> str:
+        """Return the mount pitches, next to the present one, from which the stair is in view."""
+        present_deg = self._mount.pitch_deg
+        seen = [pitch for pitch in PITCHES_DEG if self._pitched(pitch).detects(self._scenario.start)]
+        if not seen:
+            return f"no pitch of its mount would do: correct {self._name}.position_m, yaw_deg and roll_deg in the chair's file"
+        nearest = min(seen, key=lambda pitch: abs(pitch - present_deg))
+        low, high = (_end_of(seen, nearest, step) for step in (-PITCHES_DEG.step, PITCHES_DEG.step))
+        return f"{self._name}.pitch_deg is {present_deg:g} in the chair's file: give {low} to {high}"
+
+    def _pitched(self, pitch_deg: float) -> "StartView":
+        mount = self._mount.model_copy(update={"pitch_deg": pitch_deg})
+        return StartView(self._scenario, self._chair, self._staircase, mount)
+
+
+def _end_of(values: list[int], value: int, step: int) -> int:
+    """Return the last of the values without a gap from one of them on."""
+    return _end_of(values, value + step, step) if value + step in values else value
