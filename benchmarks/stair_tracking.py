@@ -171,7 +171,7 @@ def scores_of(drive: Drive, refused: float) -> dict[str, list[float]]:
         if about_to_mount and moment.scene in ("mount", "flight"):
             found["on the flight"].extend(error[near])
         sigma = np.array(tracker.ahead_sigma_m())
-        found["NEES before" if not about_to_mount else "NEES flight"].extend(((error / sigma) ** 2)[near])
+        found["NEES before" if not about_to_mount else "NEES flight"].extend(((error / sigma) ** 2)[near & np.isfinite(sigma)])
     return found
 
 

@@ -453,9 +453,9 @@ def test_a_step_that_is_seen_to_be_missing_under_the_rear_stops_the_chair_too() 
     where = world.planner._where
     assert world.planner._missing(CONFIG.gap_m) is None
     behind = [n for n, ahead in zip(where._known, where.ahead_m(), strict=True) if ahead < -PIVOT_M]
-    where._nosings.remove(behind[-1])
-    where._known.remove(behind[-1])
     where._nosings[-1].count = 10  # it was in view all the way from above
+    where._drop(behind[-1])
+    where._fit_shape()
     missing = world.planner._missing(CONFIG.gap_m)
     assert missing is not None
     assert "behind the rear pulley" in missing

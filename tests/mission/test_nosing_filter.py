@@ -2,12 +2,16 @@
 
 import json
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib import resources
+from types import FrameType
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from jaxtyping import Float
 from world import RISE_M, RUN_M, belts, imu, stair
 
@@ -18,6 +22,7 @@ from treadline.mission.stair_tracker import StairTracker
 # Literals, so that a changed value in the code is noticed here.
 CORRELATED_M = 0.49
 FAR_1_M = 0.0008
+GATE = 16.0
 OWN_M = 0.0008
 OWN_SHARE = 0.08
 SLIP_RATIO = 0.2
@@ -38,6 +43,8 @@ class Drive:
     slip: float = SLIP_RATIO
     noise: float = 1.0
     """Scale of the camera's errors."""
+    count: int = STEPS
+    frame_m: float = FRAME_M
     top_m: float = 0.0
     """Additional height of the last nosing."""
     x_m: float = 0.0
@@ -47,15 +54,15 @@ class Drive:
     tracker: StairTracker = field(default_factory=StairTracker)
 
     def __post_init__(self) -> None:
-        self.steps = np.column_stack([RUN_M * np.arange(STEPS), RISE_M * np.arange(1, STEPS + 1)])
+        self.steps = np.column_stack([RUN_M * np.arange(self.count), RISE_M * np.arange(1, self.count + 1)])
         self.steps[-1, 1] += self.top_m
-        self._common, self._own = self.rng.standard_normal(2), self.rng.standard_normal((STEPS, 2))
+        self._common, self._own = self.rng.standard_normal(2), self.rng.standard_normal((self.count, 2))
 
     def to(self, end_m: float, refused: float = 0.0) -> Iterator[StairMap | None]:
         """Drive to a place and yield the map of each frame, None for a refused one."""
         way = math.copysign(1.0, end_m - self.x_m)
         while way * (end_m - self.x_m) > 0.0:
-            self._move(way * FRAME_M)
+            self._move(way * self.frame_m)
             seen = None if self.rng.random() < refused else self.look()
             if seen is not None:
                 self.tracker.update(seen)
@@ -81,7 +88,7 @@ class Drive:
         own = np.sqrt(OWN_M**2 + OWN_SHARE * (FAR_1_M * away[number, None] ** 2) ** 2) * self.rng.standard_normal((len(number), 2))
         x, z = (self.steps[number] - [self.x_m, self.z_m] + self.noise * (error + own)).T
         c, s = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
-        ends = bool(number[-1] == (STEPS - 1 if self.up else 0) and away[number[-1]] < 2.0)
+        ends = bool(number[-1] == (self.count - 1 if self.up else 0) and away[number[-1]] < 2.0)
         places = np.column_stack([x * c + z * s, 0.0 * x, z * c - x * s])
         return stair(self.t_s, list(places), direction="up" if self.up else "down", ends=ends)
 
@@ -100,7 +107,7 @@ class Drive:
         kept = math.exp(-moved / CORRELATED_M)
         fresh = math.sqrt(1.0 - kept**2)
         self._common = kept * self._common + fresh * self.rng.standard_normal(2)
-        self._own = kept * self._own + fresh * self.rng.standard_normal((STEPS, 2))
+        self._own = kept * self._own + fresh * self.rng.standard_normal((self.count, 2))
         self.t_s += FRAME_S
         self._report(math.copysign(moved, way_m) * (1.0 + self.slip * float(self.rng.standard_normal())) / FRAME_S)
 
@@ -132,7 +139,7 @@ def test_squared_errors_agree_with_their_declared_variance(*, up: bool) -> None:
             for _ in drive.to(end_m):
                 pass
             error, sigma = drive.errors()
-            near = np.abs(drive.tracker.ahead_m()) < 2.0
+            near = (np.abs(drive.tracker.ahead_m()) < 2.0) & np.isfinite(sigma)
             squares.append(float(np.mean((error[near] / sigma[near]) ** 2)))
     assert 0.5 < np.mean(squares) < 1.6
 
@@ -202,6 +209,105 @@ def test_a_noisier_camera_is_followed() -> None:
     ahead = drive.tracker.ahead_m()
     assert len(ahead) == STEPS
     assert min(np.diff(ahead)) > 0.7 * RUN_M
+
+
+def test_the_cost_of_a_map_does_not_grow_with_the_nosings_passed() -> None:
+    """Test: up a flight of 300 steps. Expected result: the filter holds the nosings in view and one metre behind, no more, a map
+    takes as many calls at nosing 280 as at nosing 30, and the tracker keeps the places of all that were passed."""
+    drive, calls = begun(Drive(np.random.default_rng([14, 30]), slip=0.02, count=300, frame_m=0.1), from_m=2.5), {}
+
+    def counted(frame: FrameType, event: str, argument: object) -> None:
+        del frame, argument
+        calls[at] += event in ("call", "c_call")
+
+    for at in (30, 280):
+        for _ in drive.to(at * RUN_M):
+            pass
+        error, sigma = drive.errors()
+        assert np.isfinite(sigma).sum() <= (VIEW_M["up"][1] + 1.0) / RUN_M + 1
+        seen, calls[at] = drive.look(), 0
+        sys.setprofile(counted)
+        drive.tracker.update(seen)
+        sys.setprofile(None)
+        assert len(error) > at + 10
+    assert calls[280] < 1.1 * calls[30]
+
+
+def test_a_chair_that_rolls_back_finds_the_nosings_that_it_had_passed() -> None:
+    """Test: 2.4 m up a flight and 2.1 m back. Expected result: no nosing twice, and errors within three deviations."""
+    drive = begun(Drive(np.random.default_rng([15, 30]), slip=0.02, count=20), from_m=2.5)
+    for _ in drive.to(2.4):
+        pass
+    before, sigma = drive.errors()
+    assert np.isinf(sigma).sum() == 5  # those more than 0.98 m below mid-track, 0.3 m apart
+    for _ in drive.to(0.3):
+        pass
+    error, sigma = drive.errors()
+    assert len(error) == len(before)
+    assert np.isinf(sigma).sum() == 0
+    assert np.all(np.abs(error) < 3.0 * sigma)
+
+
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 6))
+@settings(max_examples=50, deadline=None)
+def test_an_update_is_that_of_a_dense_kalman_filter(seed: int, count: int) -> None:
+    """Test: random detections of six nosings, some far beyond the gate. Expected result: the textbook's equations."""
+    rng = np.random.default_rng(seed)
+    nosings = NosingFilter()
+    for k in range(6):
+        nosings.add((0.3 * k + 1.0, 0.16 * k))
+    for _ in range(4):
+        nosings.drive(0.02, 0.02, 0.01, 0.3, 0.1)
+        nosings.begin_frame(0.3)
+        shown = sorted(rng.choice(6, count, replace=False).tolist())
+        errors = rng.normal(0.0, 0.004, (count, 2)) + 0.1 * (rng.random((count, 1)) < 0.2)
+        detections = [
+            (k, (0.3 * k + 1.0 + dx, 0.16 * k + dz), 1.0 + 0.3 * k) for k, (dx, dz) in zip(shown, errors.tolist(), strict=True)
+        ]
+        mean, covariance = dense_update(nosings.mean, nosings.covariance, detections)
+        nosings.update(detections)
+        np.testing.assert_allclose(nosings.mean, mean, atol=1e-9)
+        np.testing.assert_allclose(nosings.covariance, covariance, atol=1e-9)
+
+
+def dense_update(
+    mean: Float[np.ndarray, " s"], covariance: Float[np.ndarray, "s s"], detections: list[tuple[int, tuple[float, float], float]]
+) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, "s s"]]:
+    """Return mean and covariance after one frame, with matrices over all states and the inverse of the innovation's covariance."""
+    H, R, z = np.zeros((2 * len(detections), len(mean))), np.zeros((2 * len(detections), 2 * len(detections))), []
+    for i, (number, place, distance_m) in enumerate(detections):
+        far_m = FAR_1_M * distance_m**2
+        for axis in range(2):
+            row, place_column = 2 * i + axis, 4 + 4 * number + axis
+            H[row, [axis, place_column]] = -1.0, 1.0
+            H[row, 2 + axis] = math.sqrt(COMMON[axis] * (1.0 - OWN_SHARE)) * far_m
+            H[row, place_column + 2] = math.sqrt((1.0 - COMMON[axis]) * (1.0 - OWN_SHARE)) * far_m
+            R[row, row] = OWN_M**2 + OWN_SHARE * far_m**2
+            z.append(place[axis])
+    off, S = np.array(z) - H @ mean, H @ covariance @ H.T + R
+    for k in range(0, len(z), 2):
+        own = slice(k, k + 2)
+        distance2 = off[own] @ np.linalg.inv(S[own, own]) @ off[own]
+        R[own, own] += max(distance2 / GATE - 1.0, 0.0) * S[own, own]
+    K = covariance @ H.T @ np.linalg.inv(H @ covariance @ H.T + R)
+    kept = np.eye(len(mean)) - K @ H
+    return mean + K @ off, kept @ covariance @ kept.T + K @ R @ K.T
+
+
+def test_removing_a_nosing_that_no_frame_shows_again_changes_no_other() -> None:
+    """Test: two filters with the same frames, one without the first nosing. Expected result: the same estimate of the others."""
+    kept, removed = NosingFilter(), NosingFilter()
+    for nosings in (kept, removed):
+        for k in range(5):
+            nosings.add((0.3 * k + 1.0, 0.16 * k))
+        nosings.update([(k, (0.3 * k + 1.001, 0.16 * k), 1.0 + 0.3 * k) for k in range(5)])
+    removed.remove(0)
+    for nosings, first in ((kept, 1), (removed, 0)):
+        nosings.drive(0.3, 0.3, 0.02, 0.4, 1.0)
+        nosings.begin_frame(0.4)
+        nosings.update([(first + k, (0.3 * k + 1.304, 0.16 * k + 0.163), 1.0 + 0.3 * k) for k in range(4)])
+    np.testing.assert_allclose(removed.places_m, kept.places_m[1:], atol=1e-12)
+    np.testing.assert_allclose(removed.covariance_of(range(4)), kept.covariance_of(range(1, 5)), atol=1e-12)
 
 
 def test_the_covariance_stays_symmetric_and_positive() -> None:

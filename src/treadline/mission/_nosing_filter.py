@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from treadline.core.angles import DEG
 
@@ -54,15 +54,18 @@ middle [m]: the estimated distance, because a measured one would correlate with 
 
 
 class NosingFilter:
-    """Joint estimate of the places of all nosings and of the chair's position error.
+    """Joint estimate of the places of the nosings around the chair and of the chair's position error.
 
-    Each nosing has four states: x, z, and the two correlated errors in units of their standard deviation.
+    Each nosing has four states: x, z, and the two correlated errors in units of their standard deviation. ``remove`` marginalises
+    a nosing out, so that the size is that of the nosings in view and under the chair, however long the flight.
     """
 
     def __init__(self) -> None:
         self.mean = np.zeros(4)
         """Error of the odometry (x, z) [m], common correlated errors (x, z), then four states of each nosing."""
         self.covariance = np.diag([0.0, 0.0, 1.0, 1.0])
+        self.shift_m = (0.0, 0.0)
+        """Correction of the odometry's position (x, z) [m]."""
         self._along_m = self._climbed_m = self._time_s = 0.0
         self._turned_rad = 0.0
         self._slide = np.zeros((2, 2))
@@ -71,11 +74,6 @@ class NosingFilter:
     def ran_m(self) -> float:
         """Travel of the belts since the last frame, without sign [m]."""
         return self._along_m
-
-    @property
-    def shift_m(self) -> Float[np.ndarray, " 2"]:
-        """Correction of the odometry's position (x, z) [m]."""
-        return self.mean[:2]
 
     @property
     def places_m(self) -> Float[np.ndarray, "n 2"]:
@@ -146,8 +144,9 @@ class NosingFilter:
 
     def distances2(self, detections: Sequence[NosingDetection]) -> Float[np.ndarray, " m"]:
         """Return the squared Mahalanobis distance of each detection from its nosing."""
-        observed, noise, value = self._equations(detections)
-        return _distances2(*self._innovations(observed, noise, value))
+        columns, observed, noise, value = self._equations(detections)
+        total = observed @ self.covariance[np.ix_(columns, columns)] @ observed.T + np.diag(noise)
+        return _distances2(value - observed @ self.mean[columns], total)
 
     def update(self, detections: Sequence[NosingDetection]) -> None:
         """Update with the detections of one frame.
@@ -157,16 +156,19 @@ class NosingFilter:
         """
         if not detections:
             return
-        observed, noise, value = self._equations(detections)
-        off, spreads = self._innovations(observed, noise, value)
-        beyond = np.maximum(_distances2(off, spreads) / GATE, 1.0)
-        for k, (spread, factor) in enumerate(zip(spreads, beyond.tolist(), strict=True)):
-            noise[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] += (factor - 1.0) * spread
-        total = observed @ self.covariance @ observed.T + noise
-        gain = np.linalg.solve(total, observed @ self.covariance).T
-        self.mean = self.mean + gain @ off.ravel()
-        kept = np.eye(len(self.mean)) - gain @ observed
-        self.covariance = kept @ self.covariance @ kept.T + gain @ noise @ gain.T  # Joseph's form stays positive definite
+        columns, observed, noise_m2, value = self._equations(detections)
+        projected = self.covariance[:, columns] @ observed.T
+        total = observed @ projected[columns] + np.diag(noise_m2)
+        off = value - observed @ self.mean[columns]
+        beyond = np.repeat(np.maximum(_distances2(off, total) / GATE, 1.0), 2) - 1.0
+        added = _own_blocks(total) * beyond
+        noise = np.diag(noise_m2) + added
+        gain = np.linalg.solve(total + added, projected.T).T
+        self.mean = self.mean + gain @ off
+        # Joseph's form, (I - KH) P (I - KH)' + K R K', stays positive definite; H has the observed columns alone.
+        half = self.covariance - gain @ projected.T
+        self.covariance = half - half[:, columns] @ observed.T @ gain.T + gain @ noise @ gain.T
+        self.shift_m = (float(self.mean[0]), float(self.mean[1]))
 
     def _drift(self, pitch_rad: float, *, slides: bool) -> Float[np.ndarray, "2 2"]:
         """Return the covariance of the odometry's error since the last frame [m²].
@@ -182,38 +184,38 @@ class NosingFilter:
         across_m = math.hypot(DIRECTION_RATIO * self._climbed_m, PIVOT_M * self._turned_rad)
         return along_m**2 * np.outer(along, along) + across_m**2 * np.outer(across, across)
 
-    def _innovations(
-        self, observed: Float[np.ndarray, "m s"], noise: Float[np.ndarray, "m m"], value: Float[np.ndarray, " m"]
-    ) -> tuple[Float[np.ndarray, "k 2"], Float[np.ndarray, "k 2 2"]]:
-        """Return the innovation of each detection and its covariance."""
-        total = observed @ self.covariance @ observed.T + noise
-        blocks = np.array([total[k : k + 2, k : k + 2] for k in range(0, len(total), 2)])
-        return (value - observed @ self.mean).reshape(-1, 2), blocks
-
     def _equations(
         self, detections: Sequence[NosingDetection]
-    ) -> tuple[Float[np.ndarray, "m s"], Float[np.ndarray, "m m"], Float[np.ndarray, " m"]]:
-        """Return observation matrix, noise and values: place by odometry = nosing - error of odometry + error of the camera."""
-        count = len(detections)
-        numbers = np.array([number for number, _, _ in detections])
-        places_m = np.array([place_m for _, place_m, _ in detections])
-        far_m = FAR_1_M * np.square([distance_m for _, _, distance_m in detections])
+    ) -> tuple[Int[np.ndarray, " c"], Float[np.ndarray, "m c"], Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+        """Return observed columns, observation matrix of these columns, variances of the noise [m²] and values [m].
+
+        Place by odometry = nosing - error of odometry + error of the camera.
+        """
+        numbers, places_m, distances_m = zip(*detections, strict=True)
+        own = list(dict.fromkeys(numbers))  # two detections of one frame may belong to one nosing
+        columns = np.concatenate([np.arange(4), np.add.outer(4 + 4 * np.array(own), np.arange(4)).ravel()])
+        far_m = FAR_1_M * np.square(distances_m)
         own_m2 = OWN_M**2 + OWN_SHARE * far_m**2
         far_m = math.sqrt(1.0 - OWN_SHARE) * far_m
-        observed = np.zeros((count, 2, len(self.mean)))
-        rows = np.arange(count)
+        rows = np.arange(len(numbers))
+        first = 4 + 4 * np.array([own.index(number) for number in numbers])
+        observed = np.zeros((len(numbers), 2, len(columns)))
         for axis in range(2):
-            observed[rows, axis, axis] = -1.0
-            observed[rows, axis, 2 + axis] = math.sqrt(COMMON[axis]) * far_m
-            place = 4 + 4 * numbers + axis
-            observed[rows, axis, place] = 1.0
-            observed[rows, axis, place + 2] = math.sqrt(1.0 - COMMON[axis]) * far_m
-        return observed.reshape(2 * count, -1), np.diag(np.repeat(own_m2, 2)), places_m.ravel()
+            observed[:, axis, axis] = -1.0
+            observed[:, axis, 2 + axis] = math.sqrt(COMMON[axis]) * far_m
+            observed[rows, axis, first + axis] = 1.0
+            observed[rows, axis, first + axis + 2] = math.sqrt(1.0 - COMMON[axis]) * far_m
+        return columns, observed.reshape(2 * len(numbers), -1), np.repeat(own_m2, 2), np.ravel(places_m)
 
 
-def _distances2(off: Float[np.ndarray, "k 2"], spreads: Float[np.ndarray, "k 2 2"]) -> Float[np.ndarray, " k"]:
-    """Return the squared Mahalanobis distance of each innovation."""
-    return np.einsum("ki,ki->k", off, np.linalg.solve(spreads, off[..., None])[..., 0])
+def _own_blocks(total: Float[np.ndarray, "m m"]) -> Float[np.ndarray, "m m"]:
+    """Return the covariance of each detection alone: the blocks of two on the diagonal."""
+    return total * np.kron(np.eye(len(total) // 2), np.ones((2, 2)))
+
+
+def _distances2(off: Float[np.ndarray, " m"], total: Float[np.ndarray, "m m"]) -> Float[np.ndarray, " k"]:
+    """Return the squared Mahalanobis distance of each innovation alone."""
+    return (off * np.linalg.solve(_own_blocks(total), off)).reshape(-1, 2).sum(axis=1)
 
 
 IRREGULAR_M = np.array([0.008, 0.006])

@@ -2,18 +2,21 @@
 
 ``ImuSample, TrackReading, StairMap -> StairTracker``. Positions are in a frame fixed to the stair, x horizontal and up the flight,
 z up. Nosings are at rest in this frame, and odometry moves the chair. Maps correct the slip of the odometry while a nosing is in
-view; a nosing that the chair has passed keeps its last position. A flight seen across a landing has a tracker of its own.
+view. A nosing that the chair has passed leaves the filter and keeps its last position, so that the cost of a map does not depend
+on the length of the flight. A flight seen across a landing has a tracker of its own.
 """
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from operator import attrgetter
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from treadline.core.signals import RECENT_DEPTH, ImuSample, Recent, StairMap, TrackReading
-from treadline.mission._nosing_filter import GATE, PITCHED_RAD, FlightShape, NosingDetection, NosingFilter
+from treadline.mission._nosing_filter import CORRELATED_M, GATE, PITCHED_RAD, FlightShape, NosingDetection, NosingFilter
 
 SAME = 0.5
 """Distance, as a ratio of the pitch, within which a detection belongs to the nearest nosing or to none: half-way to the next."""
@@ -33,6 +36,9 @@ NEXT_MAPS, NEXT_S, NEXT_M = 5, 1.0, 4.5
 distance of its nearest nosing [m]."""
 MISSED_SHARE = 2.0
 """Ratio of maps without a nosing to maps with it, from which the nosing is a false detection and is forgotten."""
+PASSED_M = 2.0 * CORRELATED_M
+"""Distance behind mid-track from which a nosing is passed [m]: the camera looks the other way, and of the error that its detections
+had in common with the next one of a chair that rolls back, e⁻² is left."""
 KNOWN_AFTER = 2
 """Number of maps that must show a nosing, or the end of the flight, before it counts."""
 NEAR_M = 1.9
@@ -82,8 +88,7 @@ class _Side:
     """Number of consecutive maps with the side that showed it at the same place."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Pose:
+class _Pose(NamedTuple):
     """Pose of the chair by odometry alone, in the frame of the tracker."""
 
     x_m: float
@@ -121,9 +126,13 @@ class StairTracker:
         self._sides: dict[Side, _Side] = {"left": _Side(), "right": _Side()}
         self._tracks_s: float | None = None
         self._nosings: list[_Nosing] = []
-        """All nosings, in the order of the filter."""
+        """Nosings around the chair, in the order of the filter."""
+        self._passed: list[_Nosing] = []
+        """Nosings behind the chair and out of view, the last one passed at the end."""
         self._known: list[_Nosing] = []
-        """Nosings with enough detections, at the last map, the lowest of the flight first."""
+        """Nosings with enough detections, passed ones included, at the last map, the lowest of the flight first."""
+        self._gaps: list[tuple[_Nosing, _Nosing]] = []
+        """Nosings around the chair between which steps are missing, at the last map."""
         self._next: StairTracker | None = None
         """Tracker of the next flight, across a landing."""
 
@@ -165,10 +174,17 @@ class StairTracker:
         return [self._ahead_m(nosing) for nosing in self._known]
 
     def ahead_sigma_m(self) -> list[float]:
-        """Return the standard deviation of each of ``ahead_m`` [m]; it grows with travel since the last map."""
+        """Return the standard deviation of each of ``ahead_m`` [m]; it grows with travel since the last map.
+
+        Infinite for a nosing that the chair has passed: its distance is that of odometry.
+        """
         along = np.array([math.cos(self.pitch_rad) / math.cos(self.heading_rad), math.sin(self.pitch_rad)])
-        covariances = (self._filter.ahead_covariance(self._nosings.index(nosing), self.pitch_rad) for nosing in self._known)
-        return [math.sqrt(float(along @ covariance @ along)) for covariance in covariances]
+        return [
+            math.sqrt(float(along @ self._filter.ahead_covariance(self._nosings.index(nosing), self.pitch_rad) @ along))
+            if nosing in self._nosings
+            else math.inf
+            for nosing in self._known
+        ]
 
     @property
     def rise_sigma_m(self) -> float:
@@ -186,8 +202,7 @@ class StairTracker:
 
     def top_ahead_m(self) -> float | None:
         """Return the distance of the highest known nosing ahead of mid-track along the belts [m]; None without nosings."""
-        ahead = self.ahead_m()
-        return ahead[-1] if ahead else None
+        return self._ahead_m(self._known[-1]) if self._known else None
 
     def top_above_m(self) -> float | None:
         """Return the height of the highest known nosing above mid-track [m]; None without nosings."""
@@ -195,8 +210,7 @@ class StairTracker:
 
     def bottom_ahead_m(self) -> float | None:
         """Return the distance of the lowest known nosing ahead of mid-track along the belts [m]; None without nosings."""
-        ahead = self.ahead_m()
-        return ahead[0] if ahead else None
+        return self._ahead_m(self._known[0]) if self._known else None
 
     def roll_back_m(self, t_s: float) -> float | None:
         """Return the distance from the highest position on the flight back to the present one [m]; None without a recent map."""
@@ -218,11 +232,11 @@ class StairTracker:
 
     @property
     def _x_m(self) -> float:
-        return self._odometry_x_m + float(self._filter.shift_m[0])
+        return self._odometry_x_m + self._filter.shift_m[0]
 
     @property
     def _z_m(self) -> float:
-        return self._odometry_z_m + float(self._filter.shift_m[1])
+        return self._odometry_z_m + self._filter.shift_m[1]
 
     @property
     def _up_m(self) -> float:
@@ -231,33 +245,25 @@ class StairTracker:
     @property
     def top_ends(self) -> bool:
         """Whether maps have shown the end of the flight at the highest known nosing."""
-        return self._ends(-1)
+        return self._end_at(self._known[::-1])
 
     @property
     def bottom_ends(self) -> bool:
         """Whether maps have shown the end of the flight at the lowest known nosing."""
-        return self._ends(0)
+        return self._end_at(self._known)
 
     def gaps_ahead_m(self) -> list[tuple[float, float]]:
         """Return the gaps with missing steps: distances of the nosings below and above ahead of mid-track along the belts [m]."""
-        far_m = MISSING * math.hypot(self.rise_m, self.run_m)
-        gaps = [
-            (low, high)
-            for low, high in itertools.pairwise(self._known)
-            if math.hypot(high.x_m - low.x_m, high.z_m - low.z_m) > far_m and min(low.count, high.count) >= GAP_KNOWN_AFTER
-        ]
-        return [(self._ahead_m(low), self._ahead_m(high)) for low, high in gaps]
+        return [(self._ahead_m(low), self._ahead_m(high)) for low, high in self._gaps]
 
     def _ahead_m(self, nosing: _Nosing) -> float:
         along = math.cos(self.pitch_rad) / math.cos(self.heading_rad)
         return (nosing.x_m - self._x_m) * along + (nosing.z_m - self._z_m) * math.sin(self.pitch_rad)
 
-    def _ends(self, index: int) -> bool:
-        """Return whether maps have shown the flight's end at a nosing, or at its duplicate after motion without a stair in view."""
-        if not self._known:
-            return False
-        place_m, same_m = self._known[index].x_m, SAME * self.run_m
-        return any(nosing.end_count >= KNOWN_AFTER and abs(nosing.x_m - place_m) < same_m for nosing in self._known)
+    def _end_at(self, nosings: Sequence[_Nosing]) -> bool:
+        """Return whether maps have shown the end at the first nosing, or at its duplicate after motion without a stair in view."""
+        near = itertools.takewhile(lambda nosing: abs(nosing.x_m - nosings[0].x_m) < SAME * self.run_m, nosings)
+        return any(nosing.end_count >= KNOWN_AFTER for nosing in near)
 
     def _drive(self, reading: TrackReading) -> None:
         dt_s = 0.0 if self._tracks_s is None else min(max(reading.t_s - self._tracks_s, 0.0), 0.1)
@@ -279,7 +285,7 @@ class StairTracker:
         way = 1.0 if seen.direction == "up" else -1.0
         if not self._known:
             return self.pitch_rad > PITCHED_RAD and -way * float(seen.nosings_B[0, 2]) > OFF_BELTS_M
-        edge, (x_m, z_m), shift_m = self._known[-1 if way > 0.0 else 0], self._places(seen)[0], self._filter.shift_m.tolist()
+        edge, (x_m, z_m), shift_m = self._known[-1 if way > 0.0 else 0], self._places(seen)[0], self._filter.shift_m
         far_m, up_m = way * (x_m + shift_m[0] - edge.x_m), way * (z_m + shift_m[1] - edge.z_m)
         return far_m > LANDING_RUNS * self.run_m and up_m < LANDING_SLOPE * self.rise_m / self.run_m * far_m
 
@@ -303,20 +309,32 @@ class StairTracker:
         if self.map_count == 1:
             self._fit_shape()
         up_m = self._up_m
+        way = 1.0 if seen.direction == "up" else -1.0
+        self._take_back(way)
         shown = self._match(self._places(seen))
         self._note_slip(since_s, self._up_m - up_m)
         self._note_missed(shown)
-        self._known = sorted((nosing for nosing in self._nosings if nosing.known), key=lambda nosing: nosing.x_m)
+        self._note_passed(shown, way)
         self._fit_shape()
         if shown:
             self._note_end(shown[-1], seen)
         self._note_sides(seen)
 
     def _fit_shape(self) -> None:
-        numbers = [self._nosings.index(nosing) for nosing in self._known]
-        self._shape.combine([(nosing.x_m, nosing.z_m) for nosing in self._known], self._filter.covariance_of(numbers))
+        """Update run, rise, slope and gaps from the known nosings around the chair, and the list of all known ones."""
+        tracked = [(nosing, number) for number, nosing in enumerate(self._nosings) if nosing.known]
+        tracked.sort(key=lambda item: item[0].x_m)
+        places_m = [(nosing.x_m, nosing.z_m) for nosing, _ in tracked]
+        self._shape.combine(places_m, self._filter.covariance_of([number for _, number in tracked]))
         self.run_m, self.rise_m = self._shape.mean_m.tolist()
         self.slope_rad = math.atan2(self.rise_m, self.run_m)
+        far_m = MISSING * math.hypot(self.rise_m, self.run_m)
+        self._gaps = [
+            (low, high)
+            for (low, _), (high, _) in itertools.pairwise(tracked)
+            if math.hypot(high.x_m - low.x_m, high.z_m - low.z_m) > far_m and min(low.count, high.count) >= GAP_KNOWN_AFTER
+        ]
+        self._known = sorted([*self._passed, *(nosing for nosing, _ in tracked)], key=attrgetter("x_m"))
 
     def _places(self, seen: StairMap) -> list[tuple[float, float]]:
         """Return the nosings (x, z) of a map by odometry alone [m], by the chair's pose at the exposure, nearest first."""
@@ -338,7 +356,7 @@ class StairTracker:
         for place in places:
             number = self._nearest(place)
             if number is None:
-                shift_x_m, shift_z_m = self._filter.shift_m.tolist()
+                shift_x_m, shift_z_m = self._filter.shift_m
                 nosing = _Nosing(place[0] + shift_x_m, place[1] + shift_z_m, count=0)
                 number = self._filter.add((nosing.x_m, nosing.z_m))
                 self._nosings.append(nosing)
@@ -350,12 +368,35 @@ class StairTracker:
             self._nosings[number].count += 1
         return [self._nosings[number] for number, _ in shown]
 
+    def _is_passed(self, nosing: _Nosing, way: float) -> bool:
+        return way * (self._x_m - nosing.x_m) > PASSED_M
+
+    def _take_back(self, way: float) -> None:
+        """Return passed nosings to which the chair has rolled back to the filter, which knows of their places no more."""
+        while self._passed and not self._is_passed(self._passed[-1], way):
+            nosing = self._passed.pop()
+            self._nosings.append(nosing)
+            self._filter.add((nosing.x_m, nosing.z_m))
+
+    def _note_passed(self, shown: list[_Nosing], way: float) -> None:
+        """Remove the nosings that the chair has passed from the filter; known ones keep their places."""
+        behind = [nosing for nosing in self._nosings if self._is_passed(nosing, way) and nosing not in shown]
+        for nosing in sorted(behind, key=lambda nosing: way * nosing.x_m):
+            self._drop(nosing)
+            if nosing.known:
+                self._passed.append(nosing)
+
+    def _drop(self, nosing: _Nosing) -> None:
+        number = self._nosings.index(nosing)
+        self._filter.remove(number)
+        del self._nosings[number]
+
     def _detections(self, shown: list[tuple[int, tuple[float, float]]]) -> list[NosingDetection]:
         return [(number, place, abs(self._nosings[number].x_m - self._x_m)) for number, place in shown]
 
     def _nearest(self, place: tuple[float, float]) -> int | None:
         """Return the number of the nosing within half a pitch of a place by odometry, or None."""
-        shift_x_m, shift_z_m = self._filter.shift_m.tolist()
+        shift_x_m, shift_z_m = self._filter.shift_m
         apart = [math.hypot(nosing.x_m - place[0] - shift_x_m, nosing.z_m - place[1] - shift_z_m) for nosing in self._nosings]
         least = min(range(len(apart)), key=apart.__getitem__, default=None)
         return None if least is None or apart[least] > SAME * math.hypot(self.run_m, self.rise_m) else least
@@ -390,10 +431,8 @@ class StairTracker:
         for nosing in self._nosings:
             if low < nosing.x_m < high and not any(nosing is other for other in shown):
                 nosing.missed += 1
-        for number in reversed(range(len(self._nosings))):
-            if self._nosings[number].missed >= MISSED_SHARE * self._nosings[number].count:
-                self._filter.remove(number)
-                del self._nosings[number]
+        for nosing in [nosing for nosing in self._nosings if nosing.missed >= MISSED_SHARE * nosing.count]:
+            self._drop(nosing)
 
     def _note_end(self, last: _Nosing, seen: StairMap) -> None:
         """Count the maps that show the flight's end at a nosing; a known nosing beyond resets the count."""
