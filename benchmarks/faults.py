@@ -179,7 +179,7 @@ class Undisturbed:
     places: tuple[float, ...]
 
     @property
-    def name(self) -> str:
+    def title(self) -> str:
         """Return a word for the progress line."""
         return f"{self.leg.direction} from the {self.leg.place}, seed {self.seed}"
 
@@ -238,7 +238,7 @@ class Disturbed:
     rest_s: float
 
     @property
-    def name(self) -> str:
+    def title(self) -> str:
         """Return a word for the progress line."""
         return f"{self.case.name} in {self.phase} {self.leg.direction}, seed {self.seed}"
 
@@ -274,7 +274,7 @@ class Disturbed:
         if gaps_m and min(gaps_m) < CLEAR_M:
             wrong.append(f"{min(gaps_m):.2f} m before what stands in the way, {CLEAR_M:g} wanted")
         if wrong:
-            print(f"  {self.name}: {'; '.join(wrong)}  [{seen.verdict}: {seen.cause}]", file=sys.stderr, flush=True)
+            print(f"  {self.title}: {'; '.join(wrong)}  [{seen.verdict}: {seen.cause}]", file=sys.stderr, flush=True)
         return replace(seen, faulty=tuple(wrong))
 
     def _seen(self, ride: Traverse, scenario: Scenario) -> Outcome:
@@ -311,7 +311,7 @@ class Disturbed:
             - (self._sound_growth_deg(len(trace["heading_rad"])) if self.case.beyond_sound else 0.0),
             pitch_rate_deg_s=float(np.abs(trace["pitch_rate_rad_s"]).max()) / DEG,
             seat_deg=float(np.abs(trace["seat_pitch_rad"]).max()) / DEG,
-            toml=scenario_toml(scenario, f"{self.name}: {ride.verdict}, {ride.cause}"),
+            toml=scenario_toml(scenario, f"{self.title}: {ride.verdict}, {ride.cause}"),
         )
 
     def _sound_growth_deg(self, ticks: int) -> float:
@@ -407,7 +407,7 @@ def main() -> None:
     for one, times in zip(first, due, strict=True):
         for phase in one.leg.phases:
             if (phase, asked.place[0]) not in times:
-                print(f"{one.name}, {one.load.payload_kg:g} kg at {one.load.slope_deg:g}°: no phase {phase}")
+                print(f"{one.title}, {one.load.payload_kg:g} kg at {one.load.slope_deg:g}°: no phase {phase}")
     cases = [case for case in CASES if not asked.kinds or case.kind in asked.kinds]
     jobs = [
         Disturbed(case, one.leg, one.load, phase, one.seed, at_s, sound_deg, asked.rest)

@@ -363,7 +363,7 @@ class BudgetJob:
     folder: Path
 
     @property
-    def name(self) -> str:
+    def title(self) -> str:
         """Variation and run."""
         return f"{self.variation.name}: {self.run_name}"
 

@@ -1,5 +1,9 @@
 """Progress where no person watches: a few plain lines, however many parts there are."""
 
+import contextlib
+import io
+import time
+
 import pytest
 
 from treadline.cli._output import Progress
@@ -12,4 +16,12 @@ def test_a_job_of_many_parts_is_reported_in_a_few_lines(capsys: pytest.CaptureFi
             progress.done(f"{number:05d}")
     told = capsys.readouterr().err.splitlines()
     assert len(told) == lines
-    assert f" {parts}/{parts} {parts - 1:05d}" in told[-1]
+    assert f" {parts} of {parts}: {parts - 1:05d}" in told[-1]
+
+
+def test_a_silent_job_says_within_ten_seconds_what_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    with Progress("reproduce", 3) as progress, contextlib.redirect_stderr(io.StringIO()):
+        progress.running("Table II, 28°, from +30°")
+        time.sleep(10.0)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "0 of 3: running Table II, 28°, from +30°" in line

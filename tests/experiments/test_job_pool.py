@@ -21,7 +21,7 @@ class Square:
     number: int
 
     @property
-    def name(self) -> str:
+    def title(self) -> str:
         return str(self.number)
 
     def run(self) -> int:
@@ -59,7 +59,7 @@ class Sleeper:
     """A job that says which process does it, and takes its time."""
 
     note: Path
-    name: str = "sleeper"
+    title: str = "sleeper"
 
     def run(self) -> None:
         self.note.with_suffix(f".{os.getpid()}").touch()

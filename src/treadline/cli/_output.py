@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TextIO, TypeVar
 
 from treadline.core.printing import plain
 
@@ -20,6 +20,8 @@ PARTS = 20
 """Largest number of progress lines where stderr is no terminal."""
 STEP_S = 10.0
 """Simulated seconds between two progress lines, at least."""
+SILENCE_S = 8.0
+"""Longest time without a line [s]: ten seconds, less the delay of a busy machine."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,11 +46,12 @@ class Answer:
         sys.stdout.flush()
 
 
-def say(line: str) -> None:
-    """Write a line to stderr at once, if there is one."""
-    if sys.stderr is not None:
-        sys.stderr.write(f"{line}\n")
-        sys.stderr.flush()
+def say(line: str, stream: TextIO | None = None) -> None:
+    """Write a line to stderr, or to another stream, at once, if there is one."""
+    stream = stream or sys.stderr
+    if stream is not None:
+        stream.write(f"{line}\n")
+        stream.flush()
 
 
 @contextmanager
@@ -79,15 +82,18 @@ def _activity(tokens: Sequence[str]) -> str:
 class Progress:
     """Finished parts of a long job: a bar with the time left on a terminal, a few plain lines elsewhere.
 
+    A job that is silent for ``SILENCE_S`` gets a line that says what runs.
+
     Args:
         title: Name of the job.
         total: Number of parts; None if ``begin`` sets it.
     """
 
     def __init__(self, title: str, total: int | None = None) -> None:
-        self._title = title
+        self._title = self._activity = title
         self._done = 0
         self._bar: Any = None
+        self._ended = threading.Event()
         if total is not None:
             self.begin(total)
 
@@ -95,16 +101,27 @@ class Progress:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._ended.set()
         if self._bar is not None:
             self._bar.stop()
 
     def begin(self, total: int) -> None:
         """Start the clock of a job of ``total`` parts."""
         self._total, self._started = total, time.monotonic()
+        self._said = self._started
+        self._stream = sys.stderr  # not that of a moment at which a part redirects it
         if sys.stderr.isatty() and total:
             self._bar = _bar()
             self._task = self._bar.add_task(self._title, total=total)
             self._bar.start()
+        else:
+            threading.Thread(target=self._break_silence, daemon=True).start()
+
+    def running(self, activity: str) -> None:
+        """Note what runs now, for the bar and for a line that breaks a silence."""
+        self._activity = activity
+        if self._bar is not None:
+            self._bar.update(self._task, description=f"{self._title}: {activity}")
 
     @property
     def part_s(self) -> float:
@@ -117,7 +134,17 @@ class Progress:
         if self._bar is not None:
             self._bar.update(self._task, completed=self._done, description=f"{self._title}: {name}")
         elif self._done > self._total or self._done * PARTS // self._total != (self._done - 1) * PARTS // self._total:
-            say(f"[{time.monotonic() - self._started:6.1f} s] {self._done}/{self._total} {name}")
+            self._say(name)
+
+    def _say(self, text: str) -> None:
+        self._said = time.monotonic()
+        say(f"[{self._said - self._started:6.1f} s] {self._done} of {self._total}: {text}", self._stream)
+
+    def _break_silence(self) -> None:
+        """Write a line whenever none was written for ``SILENCE_S``."""
+        while not self._ended.wait(max(self._said + SILENCE_S - time.monotonic(), 0.0)):
+            if time.monotonic() - self._said >= SILENCE_S:
+                self._say(f"running {self._activity}")
 
 
 def _bar() -> Any:

@@ -29,6 +29,7 @@ from treadline.experiments.plan import (
     excitation,
     straight,
     suffix_of,
+    text_of,
     turn,
     without_images,
 )
@@ -39,8 +40,8 @@ from treadline.run.resolve import Opener, PlantName
 from treadline.scenario.scenario import Scenario
 
 PAPER_LABEL = {30: "anticlockwise", -30: "clockwise"}
-KINDS = {"climb-safe": "turn", "paper": "turn-rollback"}
-"""Allocation: the one that keeps the chair from sliding, and the one that lets it slide for a faster turn."""
+KINDS = {"climb-safe": ("turn", "Table II"), "paper": ("turn-rollback", "Table II with roll-back allowed")}
+"""Kind and title by allocation: the one that keeps the chair from sliding, and the one that lets it slide for a faster turn."""
 FIG09_KEYS = (
     "slope_deg",
     "loop",
@@ -74,6 +75,7 @@ def straight_jobs(plan: ReproducePlan, controller: ControllerDesign | None, runs
     return [
         RunJob(
             name=f"straight-{slope}-{loop}",
+            title=f"Fig. 9, {slope}°, {loop} loop",
             scenario=straight(slope, loop, plan.straight_s),
             seed=plan.seeds[0],
             controller=controller,
@@ -87,7 +89,7 @@ def straight_jobs(plan: ReproducePlan, controller: ControllerDesign | None, runs
 
 def turn_jobs(plan: ReproducePlan, controller: ControllerDesign, runs: Path, allocation: str = "climb-safe") -> list[RunJob]:
     """Return one run per friction, slope, start and seed, for Fig. 10 and Table II."""
-    kind, made = KINDS[allocation], []
+    (kind, table), made = KINDS[allocation], []
     for friction, slope, start, seed in itertools.product(plan.frictions, plan.slopes_deg, STARTS_DEG, plan.seeds):
         rendered = friction == PAPER_FRICTION
         first = allocation == "climb-safe" and rendered and slope == FIG10_SLOPE and seed == plan.seeds[0]
@@ -103,6 +105,7 @@ def turn_jobs(plan: ReproducePlan, controller: ControllerDesign, runs: Path, all
         made.append(
             RunJob(
                 name=f"{kind}-{slope}{suffix_of(friction)}-{'plus' if start > 0 else 'minus'}30-seed{seed}",
+                title=f"{table}, {slope}°, from {start:+d}°{text_of(friction)}, seed {seed}",
                 scenario=scenario if rendered else without_images(scenario),
                 seed=seed,
                 controller=controller,
@@ -209,6 +212,11 @@ class ExciteJob:
     def name(self) -> str:
         """Name of the run folder."""
         return f"excite-{self.ground.name}-seed{self.seed}"
+
+    @property
+    def title(self) -> str:
+        """Text of the progress line."""
+        return f"Fig. 8, random belt speeds at {self.ground.slope_deg}°{text_of(self.ground.friction)}, seed {self.seed}"
 
     def run(self) -> "ExcitationRun":
         """Drive and return the record."""

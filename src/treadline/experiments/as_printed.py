@@ -81,6 +81,7 @@ def job(plan: ReproducePlan, runs: Path) -> RunJob:
     """Return the run of the printed controller from +30° at 28°, with clipping at the track's limit."""
     return RunJob(
         name="literal-28",
+        title="Eq. (13) as printed, 28°, from +30°",
         scenario=as_printed_turn(plan.turn_s),
         seed=plan.seeds[0],
         controller=paper_controller(TABLE_SPEED_M_S),

@@ -7,7 +7,6 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from functools import partial
 from multiprocessing import active_children, get_context
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +20,8 @@ from treadline.scenario.scenario import Scenario
 
 R_co = TypeVar("R_co", covariant=True)
 R = TypeVar("R")
+Item = TypeVar("Item")
+OnText = Callable[[str], None]
 
 
 @runtime_checkable
@@ -28,8 +29,8 @@ class Job(Protocol[R_co]):
     """Unit of work that one worker process runs independently."""
 
     @property
-    def name(self) -> str:
-        """Name of the job in the progress line."""
+    def title(self) -> str:
+        """Text of the job in the progress line."""
 
     def run(self) -> R_co:
         """Run the job and return its result."""
@@ -39,7 +40,7 @@ class Job(Protocol[R_co]):
 class Call:
     """Call of a module-level function as a job."""
 
-    name: str
+    title: str
     function: Callable[..., Any]
     arguments: tuple[Any, ...]
 
@@ -53,12 +54,14 @@ class RunJob:
     """A scenario, a seed and a controller; ``labels`` are returned unchanged with the result."""
 
     name: str
+    """Name of the run folder."""
+    title: str
     scenario: Scenario
     seed: int
     controller: ControllerDesign | None
     """Controller design; None for the one shipped for the vehicle."""
     runs: Path
-    """Folder of the run folders, each named as its job."""
+    """Folder of the run folders."""
     labels: dict[str, Any]
     image_every: int = 0
     """Keep every n-th frame in the log; 0 keeps none."""
@@ -75,14 +78,17 @@ class RunJob:
 class JobPool:
     """Process pool reused between lists of jobs: starting a worker costs as much as ten simulated seconds."""
 
-    def __init__(self, workers: int, done: Callable[[str], None]) -> None:
+    def __init__(self, workers: int, done: OnText, running: OnText | None = None) -> None:
         """Create the pool; worker processes start with the first job.
 
         Args:
             workers: Number of processes; with one, jobs run in this process.
-            done: Called with the name of each finished job, in a thread of the pool.
+            done: Called with the title of each finished job, in a thread of the pool.
+            running: Called with the titles of the jobs that run, whenever they change.
         """
-        self._done = done
+        self._done, self._running = done, running
+        self._open: dict[Future[Any], str] = {}
+        self._count = workers
         # Spawned, not forked: a fork would copy the threads' locks of BLAS and OpenCV in whatever state they are.
         spawn = get_context("spawn")
         self._workers = (
@@ -105,23 +111,39 @@ class JobPool:
         if self._workers is None:
             return lambda: list(self._in_this_process(jobs))
         futures = [self._workers.submit(_run, job) for job in jobs]
-        for job, future in zip(jobs, futures, strict=True):
-            future.add_done_callback(partial(self._report, job.name))
+        self._open |= {future: job.title for future, job in zip(futures, jobs, strict=True)}
+        self._tell_running()
+        for future in futures:
+            future.add_done_callback(self._report)
         return lambda: _results(futures)
+
+    def map(self, title: str, function: Callable[[Item], R], items: Sequence[Item]) -> list[R]:
+        """Return a module-level function's results for all items, in order."""
+        return self.begin([Call(title, function, (item,)) for item in items])()
 
     def _in_this_process(self, jobs: Sequence[Job[R]]) -> Iterator[R]:
         for job in jobs:
+            if self._running is not None:
+                self._running(job.title)
             result = job.run()
-            self._done(job.name)
+            self._done(job.title)
             yield result
 
-    def _report(self, name: str, future: Future[R]) -> None:
+    def _report(self, future: Future[R]) -> None:
+        title = self._open.pop(future)
         if not future.cancelled() and future.exception() is None:
-            self._done(name)
+            self._done(title)
+        self._tell_running()
+
+    def _tell_running(self) -> None:
+        """Report the oldest jobs that are not finished, one per worker: jobs start in their order."""
+        titles = list(self._open.values())[: self._count]
+        if self._running is not None and titles:
+            self._running("; ".join(titles))
 
 
-def run_jobs(jobs: Sequence[Job[R]], *, workers: int, done: Callable[[str], None]) -> list[R]:
-    """Return the jobs' results in the jobs' order; ``done`` is called with the name of each finished job."""
+def run_jobs(jobs: Sequence[Job[R]], *, workers: int, done: OnText) -> list[R]:
+    """Return the jobs' results in the jobs' order; ``done`` is called with the title of each finished job."""
     with JobPool(min(workers, len(jobs)), done) as pool:
         return pool.begin(jobs)()
 

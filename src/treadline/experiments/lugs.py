@@ -79,6 +79,7 @@ def _job(
     surface = "smooth" if belts.stiffness_s is None else f"lugs-{LUG.replace('/', '-')}-{1000.0 * belts.stiffness_s:g}ms"
     return RunJob(
         name=f"{course}-{surface}",
+        title=f"belts with lugs, {course}, {surface}",
         scenario=scenario,
         seed=plan.seeds[0],
         controller=controller,

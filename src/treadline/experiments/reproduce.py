@@ -6,10 +6,10 @@ for its identification are being made.
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from treadline.control.tune import tune
 from treadline.core.models import ControllerDesign, write_whole
@@ -31,6 +31,7 @@ from treadline.experiments.plan import (
 )
 from treadline.io.runs import provenance
 from treadline.plant.mujoco import open_plant
+from treadline.report import write_report
 
 Done = Callable[[str], None]
 FIT_SEED, FRESH_SEED = 0, 1
@@ -40,14 +41,21 @@ RENDERED_COST = 1.7
 a loaded machine. It orders jobs and enters no result."""
 
 
-def job_count(plan: ReproducePlan) -> int:
-    """Return the number of parts that ``reproduce_paper`` reports as done."""
-    placeholder = as_printed.paper_controller(0.2)
-    return len(excitations(plan, Path())) + len(_steerless(plan, Path())) + len(_drives(plan, placeholder, Path())) + 1
+class Progress(Protocol):
+    """Receives the progress of a reproduction."""
+
+    def begin(self, total: int) -> None:
+        """Receive the number of jobs."""
+
+    def done(self, title: str) -> None:
+        """Receive the title of a finished job."""
+
+    def running(self, titles: str) -> None:
+        """Receive the titles of the jobs that run."""
 
 
-def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done) -> dict[str, Any]:
-    """Run everything and write ``results.json``, ``model-*.json``, ``controller.json`` and ``runs/``.
+def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: Progress) -> dict[str, Any]:
+    """Run everything and write ``results.json``, ``report.html``, ``model-*.json``, ``controller.json`` and ``runs/``.
 
     Returns:
         The values of ``results.json``.
@@ -55,43 +63,53 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, done: Done)
     started = time.monotonic()
     runs, figures = out / "runs", out / "figures"
     figures.mkdir(parents=True, exist_ok=True)
+    first, second = excitations(plan, runs), _steerless(plan, out)
+    placeholder = as_printed.paper_controller(0.2)
+    drives = len(_drives(plan, placeholder, runs))
+    # Each excitation, drive and run of the first phase has a page, and so have the seat and the printed controller.
+    progress.begin(2 * (len(first) + len(second) + drives) - 2)
 
-    with JobPool(workers, done) as pool:
-        excited, steerless = pool.begin(excitations(plan, runs)), pool.begin(_steerless(plan, out))
+    with JobPool(workers, progress.done, progress.running) as pool:
+        excited, steerless = pool.begin(first), pool.begin(second)
         controller, fig08_by_ground = learn(plan, excited(), out)
         driven = pool.begin(_drives(plan, controller, runs))
         seat, stages, printed, steered, *opened = steerless()
         safe, sliding, closed, lugged = _by_kind(driven())
-    speed = {
-        "physics_real_time_factor": _physics_real_time_factor(),
-        "loop_cpu_s_per_s": _median([run["cpu_s"] / run["duration_s"] for run in safe]),
-    }
-    done("speed")
+        progress.running("speed of the simulation")
+        values: dict[str, Any] = plain(
+            {
+                "quick": plan.quick,
+                "paper": {"lqr": as_printed.facts()},
+                "table1": as_printed.table1(),
+                "fig05": stages,
+                "fig08": fig08_by_ground[CONTROLLER_GROUND] | {"slopes": list(fig08_by_ground.values())},
+                "dead_zone": steered,
+                "fig09": _fig08_to_fig10.fig09([*closed, *opened]),
+                "fig10": _fig08_to_fig10.fig10(safe),
+                "table2": _fig08_to_fig10.table2(safe),
+                "table2_roll_back_allowed": _fig08_to_fig10.table2(sliding),
+                "lugs": lugs.rows(lugged),
+                "literal": as_printed.facts() | {"runs": [printed]},
+                "fig11": seat,
+                "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
+                "speed": {
+                    "physics_real_time_factor": _physics_real_time_factor(),
+                    "loop_cpu_s_per_s": _median([run["cpu_s"] / run["duration_s"] for run in safe]),
+                },
+                "gravity_error_deg": GRAVITY_ERROR_DEG,
+                "wall_s": time.monotonic() - started,
+                **provenance(),
+            }
+        )
+        values = with_sensitivity(values, read_sensitivity())
+        write_whole(out / "results.json", json.dumps(values, indent=1, allow_nan=False) + "\n")
 
-    values: dict[str, Any] = plain(
-        {
-            "quick": plan.quick,
-            "paper": {"lqr": as_printed.facts()},
-            "table1": as_printed.table1(),
-            "fig05": stages,
-            "fig08": fig08_by_ground[CONTROLLER_GROUND] | {"slopes": list(fig08_by_ground.values())},
-            "dead_zone": steered,
-            "fig09": _fig08_to_fig10.fig09([*closed, *opened]),
-            "fig10": _fig08_to_fig10.fig10(safe),
-            "table2": _fig08_to_fig10.table2(safe),
-            "table2_roll_back_allowed": _fig08_to_fig10.table2(sliding),
-            "lugs": lugs.rows(lugged),
-            "literal": as_printed.facts() | {"runs": [printed]},
-            "fig11": seat,
-            "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
-            "speed": speed,
-            "gravity_error_deg": GRAVITY_ERROR_DEG,
-            "wall_s": time.monotonic() - started,
-            **provenance(),
-        }
-    )
-    values = with_sensitivity(values, read_sensitivity())
-    write_whole(out / "results.json", json.dumps(values, indent=1, allow_nan=False) + "\n")
+        def pages(title: str, function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+            found = pool.map(title, function, items)
+            progress.running("report.html")
+            return found
+
+        write_report(out, pages)
     return values
 
 
@@ -135,10 +153,10 @@ def _steerless(plan: ReproducePlan, out: Path) -> list[Job[Any]]:
     """Return the jobs without the identified controller: seat, stages of a frame, printed controller, dead zone, open loops."""
     runs, seed = out / "runs", plan.seeds[0]
     return [
-        Call("seat", fig11.level_seat, (runs / "seat-28", seed)),
-        Call("stages", fig05.see_stages, (out / "figures", seed)),
+        Call("Fig. 11, seat", fig11.level_seat, (runs / "seat-28", seed)),
+        Call("Fig. 5, stages of a frame", fig05.see_stages, (out / "figures", seed)),
         as_printed.job(plan, runs),
-        Call("dead-zone", dead_zone.rows, (seed,)),
+        Call("dead zone, 28°", dead_zone.rows, (seed,)),
         *_fig08_to_fig10.straight_jobs(plan, None, runs),
     ]
 

@@ -5,15 +5,25 @@ page; ``run_figure.single_run``; ``side_view.SideViews`` and its silhouettes; ``
 and ``answers`` for the words that campaign and live view share with the pages; ``svg_figures`` for the drawings of the documents.
 """
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from treadline.core.errors import SettingsError
 
-__all__ = ["write_report"]
+__all__ = ["Each", "write_report"]
 
 
-def write_report(folder: Path) -> Path:
-    """Write ``report.html`` of a reproduce folder and of its main runs, or of one run's folder; return its path.
+Each = Callable[[str, Callable[[Any], Any], Sequence[Any]], list[Any]]
+"""Function ``title, function, items -> results``, which may call the function in other processes."""
+
+
+def write_report(folder: Path, each: Each | None = None) -> Path:
+    """Write ``report.html`` of a reproduce folder and of its runs, or of one run's folder; return its path.
+
+    Args:
+        folder: Folder of a reproduction or of a run.
+        each: Receives the function that writes the page of one run of a reproduction, and the runs; in this process if left out.
 
     Raises:
         SettingsError: If the folder holds neither, or a file in it lacks or mistypes something.
@@ -22,7 +32,7 @@ def write_report(folder: Path) -> Path:
     if (folder / "results.json").exists():
         from treadline.report._reproduction_page import write_reproduction_page
 
-        return write_reproduction_page(folder)
+        return write_reproduction_page(folder, each or _in_turn)
     if (folder / "result.json").exists():
         from treadline.report._run_page import write_run_page
 
@@ -34,3 +44,7 @@ def write_report(folder: Path) -> Path:
     if (folder / "manifest.json").exists():
         raise SettingsError(f"{folder}: no result.json: this run was interrupted, or goes on; make it again to report it")
     raise SettingsError(f"{folder}: no results.json (reproduce) and no result.json (climb, excite); nothing to report")
+
+
+def _in_turn(_title: str, function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+    return [function(item) for item in items]

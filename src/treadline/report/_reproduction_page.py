@@ -23,6 +23,7 @@ from treadline.core import paper
 from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
 from treadline.io.runs import LOG
 from treadline.playback import Recording, read_recording
+from treadline.report import Each
 from treadline.report._html import in_base64
 from treadline.report._results import PAPER_FRICTION, Cell, Impulse, ModelFigures, Results, Steered, Straight, Turn, read_part
 from treadline.report._run_page import checked_series, write_page, write_run_page
@@ -221,22 +222,20 @@ STAGES = (
 R = TypeVar("R", Straight, Turn)
 
 
-def write_reproduction_page(folder: Path) -> Path:
+def write_reproduction_page(folder: Path, each: Each) -> Path:
     """Write ``report.html`` of a reproduce folder, and a page of each of its runs that kept a log.
+
+    Args:
+        folder: Folder that a reproduction wrote.
+        each: Receives the function that writes the page of a run, and the runs.
 
     Raises:
         SettingsError: If a file in it lacks or mistypes something.
     """
     results = read_part(folder / "results.json", Results)
     runs, stages = folder / "runs", _stages(folder / "figures")
-    named = _main_runs(results)
     drawn = _drawn(results, runs)
-    linked, cards = [], []
-    for name in named:
-        if (recording := _main_page(_inside(runs, name))) is not None:
-            linked.append(name)
-            cards += _card(name, recording, len(linked) - 1)
-    others = _other_runs(runs, named)
+    pages = [page for page in each("page of a run", _run_page, _pages(runs, _main_runs(results))) if page is not None]
     svg = {name: svg_of(figure) for name, figure in drawn.items()}
     return write_page(
         folder,
@@ -245,9 +244,9 @@ def write_reproduction_page(folder: Path) -> Path:
         {name: panels_of(figure) for name, figure in drawn.items()},
         r=results,
         rows=comparisons(results),
-        linked=[*linked, *others],
-        others=others,
-        cards=cards,
+        linked=[page["name"] for page in pages],
+        others=[page["name"] for page in pages if not page["is_main"]],
+        cards=[page for page in pages if page["svg"]],
         stages=stages,
         shown_s=IMPULSE_SHOWN_S,
         versions=json.dumps(results.versions),
@@ -284,42 +283,40 @@ def _main_runs(results: Results) -> list[str]:
     return [*straight, *turned, *seat, *printed, *lugged]
 
 
-def _main_page(folder: Path) -> Recording | None:
-    """Write the whole page of a run; None for a run without result, or without a readable log: its figures are in results.json."""
-    if not (folder / "result.json").is_file():
-        return None
-    try:
-        return write_run_page(folder)
-    except LogFormatError:
-        return None
+def _pages(runs: Path, main: Sequence[str]) -> list[tuple[Path, int | None]]:
+    """Return the folders of the runs with a result and a log: those with a whole page, numbered, then those with a player."""
+    others = sorted(path.name for path in runs.iterdir() if path.name not in main) if runs.is_dir() else []
+    named = [*((name, number) for number, name in enumerate(main)), *((name, None) for name in others)]
+    found = [(_inside(runs, name), number) for name, number in named]
+    return [(path, number) for path, number in found if (path / LOG).is_file() and (path / "result.json").is_file()]
 
 
-def _other_runs(runs: Path, named: Sequence[str]) -> list[str]:
-    """Write a page that plays each further run with a log; return the names of the runs that have one.
+def _run_page(run: tuple[Path, int | None]) -> dict[str, Any] | None:
+    """Write the page of a run; return name and side view of the link to it, or None for a log that cannot be read.
 
-    The page is the player alone, at a fifth of the CPU time of a run's whole page: ``treadline report`` makes that one.
+    Without a number the page is the player alone, at a fifth of the CPU time of a whole page, and the link has no side view. The
+    figures of a run without page are those of results.json.
     """
-    played = []
-    for path in sorted(runs.iterdir()) if runs.is_dir() else []:
-        if path.name in named or not ((path / LOG).is_file() and (path / "result.json").is_file()):
-            continue
-        try:
-            recording = read_recording(_inside(runs, path.name))
-        except TreadlineError:
-            continue  # a damaged log has no page; the figures are those of results.json
+    path, number = run
+    unreadable = TreadlineError if number is None else LogFormatError
+    try:
+        recording = read_recording(path) if number is None else write_run_page(path)
+    except unreadable:
+        return None
+    card = {"name": path.name, "is_main": number is not None, "svg": None}
+    if number is None:
         write_player(recording, path / "report.html")
-        played.append(path.name)
-    return played
-
-
-def _card(name: str, recording: Recording, number: int) -> list[dict[str, Any]]:
-    """Return a side view of a run at half of its time, for the link to its player; nothing without poses."""
-    if not recording.has_poses:
-        return []
-    views, t_s = SideViews(recording, f"run{number}"), 0.5 * recording.duration_s
-    drawn = views.definitions + views.view(t_s, f"Side view of {name} at {t_s:.0f} s")
+        return card
     verdict, duration_s = recording.verdict or "", recording.duration_s
-    return [{"name": name, "svg": Markup(drawn), "verdict": verdict, "duration_s": duration_s}]  # noqa: S704 - drawn by this package
+    return card | {"svg": _side_view(recording, path.name, number), "verdict": verdict, "duration_s": duration_s}
+
+
+def _side_view(recording: Recording, name: str, number: int) -> str | None:
+    """Return a side view of a run at half of its time; None without poses."""
+    if not recording.has_poses:
+        return None
+    views, t_s = SideViews(recording, f"run{number}"), 0.5 * recording.duration_s
+    return Markup(views.definitions + views.view(t_s, f"Side view of {name} at {t_s:.0f} s"))  # noqa: S704 - drawn by this package
 
 
 def _with_series(runs: Path, rows: Sequence[R]) -> list[tuple[R, Series]]:

@@ -138,6 +138,7 @@ class Cell(Part):
     paper_deg: float | None
     rms_heading_deg: float
     sd: float | None
+    seeds: int
     rms_yaw_deg: float
     settle_s: float | None
     steady_rms_heading_deg: float | None
