@@ -155,7 +155,7 @@ def test_it_turns_square_on_the_spot_within_ten_seconds_and_only_then_drives(hea
     assert abs(world.heading_rad) <= 1.0 * DEG
     assert all(plan.speed_m_s == 0.0 for plan in world.plans)
     # The nosings stood still meanwhile: the mission knows how far the stair is.
-    assert world.run("mount").cause == f"first nosing {world.front_before_m:.2f} m before the front pulley"
+    assert world.run("mount").cause == f"first step {world.front_before_m:.2f} m ahead of the belts' front pulley"
 
 
 def test_an_estimate_that_is_lost_while_it_turns_stops_the_turn() -> None:
@@ -532,7 +532,7 @@ def test_a_pulse_that_a_step_has_spoilt_is_made_again() -> None:
     world.run(limit_s=1.4)
     world.grip = 0.5
     assert world.run("climb", "back_off").phase == "climb"
-    assert world.plans[-1].cause.endswith("of the belts' test pulse slipped")
+    assert world.plans[-1].cause.endswith("of a short test drive")
 
 
 def test_belts_that_only_slip_on_the_first_nosing_end_the_mount_backed_off_and_refused() -> None:

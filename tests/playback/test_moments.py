@@ -24,6 +24,7 @@ from treadline.playback import (
     findings_of,
     holding_at,
     least_margin,
+    perceived_text,
     read_recording,
 )
 from treadline.playback._moments import (
@@ -51,6 +52,14 @@ Written = Callable[..., Path]
 CHAIR = read_chair("wheelchair")
 SCENARIO = Scenario(stair=Stair(slope_deg=28.0, steps=10), chair=Chair())
 SLOPE_RAD = 28.0 * DEG
+
+
+def test_the_numbers_of_perceived_nosings_add_up() -> None:
+    """Test: eight perceived nosings, of which five are true ones. Expected: both numbers, and how many are none."""
+    assert perceived_text(8, (8, 9, 10, 11, 12)) == "perceives 8 nosings: 8–12, and 3 where no true one is"
+    assert perceived_text(3, (5, 7, 8)) == "perceives 3 nosings: 5, 7–8"
+    assert perceived_text(1, ()) == "perceives 1 nosing, and no true one among them"
+    assert perceived_text(2, None) == "perceives 2 nosings"
 
 
 def of_pitch(pitch_rad: Any, *, speed_m_s: float = 0.1, **more: Any) -> Recording:

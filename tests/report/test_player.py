@@ -80,7 +80,7 @@ def test_the_tables_of_moving_bodies_are_their_poses(recording: Recording) -> No
 def test_the_sixth_nosing_is_named_as_missed(recording: Recording) -> None:
     first = player_data(recording)["maps"][0]
     assert first["missed"] == [5]
-    assert first["text"].startswith("perceives 3 nosings: 5, 7–8 of 10; missed: 6")
+    assert first["text"].startswith("perceives 3 nosings: 5, 7–8 (the stair has 10); missed: 6")
 
 
 def test_the_key_moments_are_the_extremes_of_the_signals(recording: Recording) -> None:
@@ -191,7 +191,7 @@ def test_events_slider_and_keys_move_the_clock_and_the_readings(browser: Browser
         assert browser.run("return player.t") == pytest.approx(t_s, abs=1e-6)
     browser.run("const s = document.getElementById('slider'); s.value = 1.57; s.dispatchEvent(new Event('input'))")
     # The reading under the cursor is the margin of the recording at that time: 8.0°.
-    assert browser.run(settled % "document.querySelector('.panel:nth-child(5) .key b').textContent").strip() == "8.00"
+    assert browser.run(settled % "document.querySelector('.panel:nth-child(6) .key b').textContent").strip() == "8.00"
 
 
 def test_the_belts_move_with_their_travel(browser: Browser, page: Path) -> None:

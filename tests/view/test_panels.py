@@ -10,6 +10,7 @@ import pytest
 from treadline.core.angles import DEG
 from treadline.core.signals import Event
 from treadline.playback import Limits, Moment, Recording
+from treadline.report.plot_table import PHASE_COLOURS
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.stair_solids import Box
@@ -18,7 +19,6 @@ from treadline.view._panels import (
     GREEN,
     ORANGE,
     PANELS,
-    PHASE_COLOURS,
     RED,
     camera_html,
     camera_warning,
@@ -29,12 +29,12 @@ from treadline.view._panels import (
     timeline_html,
     transitions_html,
 )
-from treadline.view._plots import PLOTS, legend_html, plot_data
+from treadline.view._plots import LIVE_PLOTS, legend_html, plot_data
 from treadline.view._session import Fork, Session
 
 from .conftest import END_S, LIMITS, a_run, session_of
 
-HEADING, PITCH_RATE, _, SLIP, *_ = PLOTS
+HEADING, PITCH_RATE, _, SLIP, *_ = LIVE_PLOTS
 EMPTY = Recording.of_curves(np.empty(0), read_chair("wheelchair"), scenario=Scenario())
 
 
@@ -67,7 +67,7 @@ def test_a_plot_keeps_every_transient_and_shows_limits_and_cursor() -> None:
 
 def test_a_plot_of_an_empty_run_or_of_unknown_quantities_is_finite() -> None:
     unknown = a_run(estimate_rad=math.nan, slip=math.nan, seat_pitch_rad=math.nan)
-    for plot in PLOTS:
+    for plot in LIVE_PLOTS:
         for run in (replace(EMPTY, limits=LIMITS), unknown):
             data = plot_data(plot, run, 3.0)
             assert len(data) == len(plot.curves) + len(plot.limits(LIMITS)) + 3
@@ -85,14 +85,20 @@ def test_a_limit_far_from_the_signal_is_named_but_does_not_flatten_it() -> None:
     slow, fast = (a_run(pitch_rate_rad_s=rate * DEG * np.sin(np.arange(3001))) for rate in (1.0, 20.0))
     assert max(column.max() for column in plot_data(PITCH_RATE, slow, 1.0)[1:]) < 3.0
     assert max(column.max() for column in plot_data(PITCH_RATE, fast, 1.0)[1:]) == pytest.approx(25.0)
-    assert "guard's limit ±25° (beyond this plot)" in legend_html(PITCH_RATE, slow, 1.0, forked=False)
+    assert "guard's limit ±25 °/s (beyond this plot)" in legend_html(PITCH_RATE, slow, 1.0, forked=False)
     assert "beyond" not in legend_html(PITCH_RATE, fast, 1.0, forked=False)
 
 
 def test_plots_draw_the_limits_of_the_run_and_none_that_it_does_not_state() -> None:
-    assert [plot.limits(Limits(margin_rad=None)) for plot in PLOTS] == [(), (), (), (), (), (0.0,)]
+    assert [plot.limits(Limits(margin_rad=None)) for plot in LIVE_PLOTS] == [(), (), (), (), (), (0.0,)]
     assert SLIP.limits(LIMITS) == (0.3,)
     assert "limit" not in legend_html(PITCH_RATE, replace(a_run(), limits=Limits()), 1.0, forked=False)
+
+
+def test_a_limit_is_drawn_in_the_phases_in_which_it_applies() -> None:
+    """Test: the heading limit of a chair on the crest from 20 s on. Expected: drawn there, and hidden by the curve before."""
+    t_s, _, upper, *_ = plot_data(HEADING, a_run(heading_rad=4.0 * DEG), 1.0)
+    np.testing.assert_allclose(upper, np.where(t_s < 20.0, 4.0, 5.0))
 
 
 # ---- texts ----
@@ -191,7 +197,7 @@ def test_missed_nosings_are_named_with_their_reasons() -> None:
     nosings_B = session.feed.staircase.nosings_W[:2] - np.array([-1.5, 0.0, 0.0])
     session.feed.frames[0] = frame(nosings_B[1:])
     page = camera_html(session)
-    assert "nosings perceived: 2; " in page
+    assert "perceives 1 nosing: 2; " in page
     assert "missed: 1 (its image is not kept)" in page
     assert "&lt;b&gt;" in page
     session.feed.frames[0] = frame(nosings_B, reason="too dark")

@@ -6,6 +6,7 @@
 import math
 
 from treadline.core.signals import ROUNDING_S, Recent, TrackCommand, TrackReading
+from treadline.core.slip import slower_belt_m_s
 from treadline.guard._guard_config import GuardConfig
 
 GAP_S = 0.1
@@ -21,8 +22,7 @@ class BeltTravel:
         self.travel_m = 0.0
         """Integral of the mean belt speed [m]."""
         self.slow_travel_m = 0.0
-        """Integral of the slower belt's speed [m]. On a stair the chair moves with the slower belt (Coulomb friction is rate
-        independent), so slip is measured against it."""
+        """Integral of the slower belt's speed [m]; slip is measured against it."""
 
     def update(self, reading: TrackReading) -> float | None:
         """Integrate one reading; return the time since the previous one [s], None after a gap."""
@@ -31,7 +31,7 @@ class BeltTravel:
         if dt_s > GAP_S:
             return None
         self.travel_m += dt_s * 0.5 * (reading.left_m_s + reading.right_m_s)
-        self.slow_travel_m += dt_s * min(reading.left_m_s, reading.right_m_s, key=abs)
+        self.slow_travel_m += dt_s * slower_belt_m_s(reading.left_m_s, reading.right_m_s)
         self._past.add(reading.t_s, (self.travel_m, self.slow_travel_m))
         return dt_s
 

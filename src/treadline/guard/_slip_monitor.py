@@ -5,14 +5,15 @@ from collections import deque
 from collections.abc import Sequence
 
 from treadline.core.signals import ROUNDING_S
+from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
 from treadline.guard._guard_config import GuardConfig
 
 MATCH_M = 0.14
 """Largest distance between a nosing and its expected position [m]: less than half of the shortest pitch."""
 MATCH_S = 0.35
 """Longest time between two maps whose nosings are compared [s]."""
-DRIVEN_LEAST_M, SLID_LEAST_M = 0.03, 0.015
-"""Smallest belt travel and smallest slip in a window that are judged [m]; below, noise of the nosings would count as slip."""
+SLID_LEAST_M = 0.015
+"""Smallest slip in a window that is judged [m]; below, noise of the nosings would count as slip."""
 FALLING = 0.6
 """Ratio to the slip at the start of a wait below which the chair catches up with its belts and the wait starts again; the noise of
 a constant slip is below a fifth."""
@@ -104,7 +105,7 @@ class SlipMonitor:
         square = max(abs(heading) for heading in headings) <= limits.turning_rad
         straight = square and max(headings) - min(headings) <= limits.slip_turn_rad
         judged = straight and t_s - then_s >= window_s and driven >= DRIVEN_LEAST_M
-        self.slip = slid / driven if judged and slid > max(limits.slip * driven, SLID_LEAST_M) else 0.0
+        self.slip = slip_ratio(slid, driven) if judged and slid > max(limits.slip * driven, SLID_LEAST_M) else 0.0
         if self.slip == 0.0:
             self._since_s = None
         elif self._since_s is None or slid < FALLING * self._since_slid_m:

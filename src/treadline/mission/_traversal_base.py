@@ -113,7 +113,7 @@ class Traversal:
         """Half width that the flight must have on either side of the chair's middle [m]."""
         self._face_flight()
         self._phase: Phase = "search"
-        self._cause = "woken up"
+        self._cause = "start of the run"
         self._flights_done = 0
         self._from_m = 0.0
         """Travel at which the phase began [m]."""

@@ -165,7 +165,7 @@ class Ascent(Traversal):
         if self._phase == "approach" and (refusal := self._infeasible(config.chair, config.payload_kg, enters=enters)) is not None:
             return self._begin(t_s, "refused", refusal)
         if self._phase == "approach" and enters:
-            return self._begin(t_s, "mount", f"first nosing {before:.2f} m before the front pulley")
+            return self._begin(t_s, "mount", f"first step {before:.2f} m ahead of the belts' front pulley")
         if self._phase == "mount" and where.travel_m - self._from_m > config.mount_m:
             slope = where.slope_rad / DEG
             self._refusal = f"the belts ran {config.mount_m:g} m on the first nosings of a {slope:.0f}° stair without getting up"
@@ -177,7 +177,7 @@ class Ascent(Traversal):
             and where.pitch_rad > where.slope_rad - config.mounted_rad
         ):
             self._traction, self._pulses = TractionTest(config.traction, where.slope_rad), 1
-            return self._begin(t_s, "traction", f"on two nosings, pitched by {where.pitch_rad / DEG:.1f}°")
+            return self._begin(t_s, "traction", f"the belts lie on two nosings, pitch {where.pitch_rad / DEG:.1f}°")
         speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
         turn = self._level.keep(estimate, self._aside())
         return self._plan(t_s, speed, turn_m_s=turn, flipper=self._flipper_planner.to(t_s, self._mounting_rad))
@@ -213,9 +213,9 @@ class Ascent(Traversal):
             self._pulses += 1
             return self._stand(t_s)
         self._traction = None
-        slip = f"{max(test.slip, 0.0):.0%} of the belts' test pulse slipped"
+        slip = f"the belts slipped by {100.0 * max(test.slip, 0.0):.0f} % of a short test drive"
         if test.holds:
-            plan = self._begin(t_s, "climb", slip)
+            plan = self._begin(t_s, "climb", f"enough friction: {slip}")
             return replace(plan, speed_m_s=min(plan.speed_m_s, self._config.cruise_m_s))
         wanted = (1.0 + self._config.traction.wanted) * math.tan(self._where.slope_rad)
         self._refusal = f"too little friction: {slip}, so it is below {wanted:.2f}; dry or roughen the nosings"
@@ -283,8 +283,8 @@ class Ascent(Traversal):
                 phase = "crest"
         if phase != self._phase:
             pitch = self._where.pitch_rad / DEG
-            seen = f"{self._end}; " if phase == "crest" else ""
-            self._begin(t_s, phase, f"{seen}pitch {pitch:.1f}°, {on_the_tip(command.tip_n)}")
+            seen = self._end if phase == "crest" else "the front has come down on the landing"
+            self._begin(t_s, phase, f"{seen}; pitch {pitch:.1f}°, {on_the_tip(command.tip_n)}")
         is_level = abs(self._where.pitch_rad) < LEVEL_RAD
         if command.stage == "done" and (is_level or self._where.travel_m - self._from_m > self._landing_m):
             if self._goes_on:

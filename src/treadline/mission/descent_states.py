@@ -172,7 +172,7 @@ class Descent(Traversal):
             self._edge.nosing_seen(-edge)
         command = self._edge.step(self._imu, self._flipper, self._tracks)
         if command.stage == "done":
-            return self._begin(t_s, "descend", f"on the flight, pitched by {self._where.pitch_rad / DEG:.1f}°")
+            return self._begin(t_s, "descend", f"the belts lie on the flight, pitch {self._where.pitch_rad / DEG:.1f}°")
         self._note(command)
         turn = self._level.keep(estimate)
         barred = self._barred(t_s, self._flipper) if command.stage == "barred" else None

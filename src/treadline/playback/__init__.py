@@ -17,7 +17,15 @@ from treadline.playback._moments import (
     on_flight,
     support_at,
 )
-from treadline.playback._nosings import HALF_LINE_M, FrameNosings, NosingComparison, NosingRecord, comparison_of
+from treadline.playback._nosings import (
+    HALF_LINE_M,
+    FrameNosings,
+    NosingComparison,
+    NosingRecord,
+    comparison_of,
+    in_runs,
+    perceived_text,
+)
 from treadline.playback._read_run import bag_origin_ns, manifest_of, read_frames, read_recording, run_folder_of
 from treadline.playback._recording import Limits, PerceivedStair, PhaseSpan, Recording, staircase_of
 
@@ -42,9 +50,11 @@ __all__ = [
     "comparison_of",
     "findings_of",
     "holding_at",
+    "in_runs",
     "least_margin",
     "manifest_of",
     "on_flight",
+    "perceived_text",
     "read_frames",
     "read_recording",
     "run_folder_of",

@@ -25,6 +25,7 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
+from treadline.core.slip import slower_belt_m_s
 from treadline.io.messages import TRUTH_NAMES
 from treadline.playback._recording import (
     ROUNDING_S,
@@ -36,7 +37,7 @@ from treadline.playback._recording import (
     Recording,
     in_world,
     phases_of,
-    slip_ratio,
+    slip_of,
 )
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Scenario
@@ -142,6 +143,7 @@ class RecordingBuilder(SignalCollector):
         """Limits of the run, which may be known later than its first signals."""
         self._tables = {kind: GrowingRows(len(names)) for kind, names in COLUMNS.items() if kind is not Truth}
         self._samples = {name: GrowingRows(*([WIDTHS[name]] if name in WIDTHS else [])) for name in SAMPLED}
+        self._slower_m = GrowingRows()
         self._has_truth, self._has_poses = False, True
         self._stale_s = math.inf
         self._events: list[Event] = []
@@ -264,13 +266,17 @@ class RecordingBuilder(SignalCollector):
     def _drive(self, first: int) -> None:
         """Compute belt travel and slip ratio of the samples from ``first`` on."""
         samples = {name: column.rows for name, column in self._samples.items()}
-        t_s, travel_m = samples["t_s"], samples["belt_travel_m"]
-        before = max(first - 1, 0)
-        steps = np.nan_to_num(samples["belt_m_s"][before:]) * np.diff(t_s[before:], prepend=t_s[before : before + 1])[:, None]
-        steps[:1] = travel_m[before] if first else 0.0
-        travel_m[before:] = np.cumsum(steps, axis=0)
+        t_s, before = samples["t_s"], max(first - 1, 0)
+        self._slower_m.resize(len(t_s))
+        speeds = np.nan_to_num(samples["belt_m_s"][before:])
+        slower = [slower_belt_m_s(left, right) for left, right in speeds.tolist()]
+        dt_s = np.diff(t_s[before:], prepend=t_s[before : before + 1])
+        for travel_m, speed in ((samples["belt_travel_m"], speeds), (self._slower_m.rows[:, None], np.reshape(slower, (-1, 1)))):
+            steps = speed * dt_s[:, None]
+            steps[:1] = travel_m[before] if first else 0.0
+            travel_m[before:] = np.cumsum(steps, axis=0)
         seen = int(np.searchsorted(t_s, t_s[first] - 2.0 * SLIP_WINDOW_S)) if first < len(t_s) else first
-        slip = slip_ratio(t_s[seen:], samples["p_WB"][seen:], samples["quat_WB"][seen:], travel_m[seen:].mean(axis=1))
+        slip = slip_of(t_s[seen:], samples["p_WB"][seen:], samples["quat_WB"][seen:], self._slower_m.rows[seen:])
         samples["slip"][first:] = slip[first - seen :]
 
     def _hold(self) -> None:

@@ -4,6 +4,7 @@
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,6 +77,34 @@ def _counted(number: int, times_s: tuple[float, ...]) -> str:
     if len(times_s) == 1:
         return f"nosing {number} in one frame ({times_s[0]:.2f} s)"
     return f"nosing {number} in {len(times_s)} frames ({times_s[0]:.2f} s to {times_s[-1]:.2f} s)"
+
+
+def in_runs(numbers: Sequence[int]) -> str:
+    """Return sorted numbers with consecutive ones as ranges: 3–5, 7."""
+    parts: list[list[int]] = []
+    for number in numbers:
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1].append(number)
+        else:
+            parts.append([number])
+    return ", ".join(str(part[0]) if len(part) == 1 else f"{part[0]}–{part[-1]}" for part in parts) or "none"
+
+
+def perceived_text(count: int, found: Sequence[int] | None) -> str:
+    """Return how many nosings a frame perceives, the numbers of the true ones, and how many are none.
+
+    Args:
+        count: Perceived nosings.
+        found: Numbers of the true nosings among them; None if the stair is unknown.
+    """
+    text = f"perceives {count} nosing{'' if count == 1 else 's'}"
+    if found is None or not count:
+        return text
+    if not found:
+        return f"{text}, and no true one among them"
+    if len(found) == count:
+        return f"{text}: {in_runs(found)}"
+    return f"{text}: {in_runs(found)}, and {count - len(found)} where no true one is"
 
 
 class NosingComparison:

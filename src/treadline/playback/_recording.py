@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 
 from treadline.core.angles import rotation_of
 from treadline.core.signals import Event, Phase
+from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.staircase import Staircase, build_staircase
@@ -24,8 +25,6 @@ ROUNDING_S = 1e-9
 """Rounding of stamps [s]: a log keeps nanoseconds."""
 SLIP_WINDOW_S = 0.5
 """Time over which belt travel and movement of the chair are compared [s], as in the guard's slip monitor."""
-LEAST_BELT_M = 0.01
-"""Belt travel in ``SLIP_WINDOW_S`` below which no slip ratio is given [m]: 2 cm/s, ten times the resolution of the encoders."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,8 +39,6 @@ class Limits:
     """Largest speed of one belt [m/s]."""
     heading_rad: float | None = None
     """Largest heading error over crest and edge [rad]."""
-    cruise_m_s: float | None = None
-    """Largest mean belt speed [m/s]."""
     slip: float | None = None
     """Slip ratio beyond which the guard restricts the speed."""
     seat_rad: float | None = None
@@ -54,7 +51,6 @@ class Limits:
             "pitch_rate_rad_s": "pitch_rate_rad_s",
             "belt_m_s": "belt_limit_m_s",
             "heading_rad": "max_heading_error_rad",
-            "cruise_m_s": "cruise_limit_m_s",
             "slip": "slip",
             "seat_rad": "seat_rad",
         }
@@ -82,25 +78,24 @@ def phases_of(events: Sequence[Event], end_s: float) -> tuple[PhaseSpan, ...]:
     )
 
 
-def slip_ratio(
+def slip_of(
     t_s: Float[np.ndarray, " n"],
     p_WB: Float[np.ndarray, "n 3"],
     quat_WB: Float[np.ndarray, "n 4"],
-    belts_m: Float[np.ndarray, " n"],
+    slower_m: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, " n"]:
-    """Return the slip ratio over the last half second, one minus distance over belt travel; NaN where the belts hardly move.
+    """Return the slip ratio over the last half second as the guard defines it; NaN where the slower belt hardly moves.
 
     Args:
-        belts_m: Mean travel of the belts [m].
+        slower_m: Integral of the slower belt's speed [m].
     """
     before = np.searchsorted(t_s, t_s - SLIP_WINDOW_S - ROUNDING_S)
-    asked_m = belts_m - belts_m[before]
+    driven_m, moved = slower_m - slower_m[before], p_WB - p_WB[before]
     w, x, y, z = quat_WB.T
-    moved = p_WB - p_WB[before]
     # The distance along B's x axis, whose components in W are the first column of the rotation matrix.
     gone_m = moved[:, 0] * (1 - 2 * (y * y + z * z)) + moved[:, 1] * 2 * (x * y + w * z) + moved[:, 2] * 2 * (x * z - w * y)
-    driven = np.abs(asked_m) >= LEAST_BELT_M
-    return np.where(driven, 1.0 - gone_m / np.where(driven, asked_m, 1.0), np.nan)
+    drives = np.abs(driven_m) >= DRIVEN_LEAST_M
+    return np.where(drives, slip_ratio(driven_m - gone_m, np.where(drives, driven_m, 1.0)), np.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,7 +140,7 @@ class Recording:
     belt_force_n: Float[np.ndarray, "T 2"]
     """Traction of the belts left and right, forward positive [N]."""
     slip: Float[np.ndarray, " T"]
-    """Slip ratio of both belts by ground truth, see ``slip_ratio``."""
+    """Slip ratio by ground truth, as the guard defines it, see ``slip_of``."""
     command_m_s: Float[np.ndarray, "T 2"]
     """Commanded belt speeds [m/s]."""
     heading_rad: Float[np.ndarray, " T"]

@@ -5,8 +5,6 @@ tabulated over the angles that occur; the page interpolates.
 """
 
 import math
-import tomllib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,13 +12,13 @@ from jaxtyping import Float, Int
 
 from treadline.core.angles import DEG
 from treadline.core.signals import TICK_S
-from treadline.playback import Limits, Recording
+from treadline.playback import Recording
 from treadline.report._html import packed, packed_indices
+from treadline.report.plot_table import PHASE_COLOURS, PLOTS, Plot
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import BeltPath, MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
 from treadline.vehicle.comfort import COMFORT_TICKS, passenger_acceleration
 
-PANELS = Path(__file__).parents[1] / "data" / "player_panels.toml"
 MOST_SAMPLES = 40_000
 """Most samples of a page, 400 s at 100 Hz: 80 kB per curve. Longer runs are decimated."""
 
@@ -55,50 +53,59 @@ def plots_of(recording: Recording) -> dict[str, Any]:
     """Return time base, series, panels and phase bands; the recording has equal time steps (``uniform``)."""
     t_s = recording.t_s
     step_s = float((t_s[-1] - t_s[0]) / max(len(t_s) - 1, 1)) or TICK_S
-    series: dict[str, Float[np.ndarray, " T"]] = {
-        "heading": recording.heading_rad / DEG,
-        "estimate": recording.estimate_rad / DEG,
-        "interval": 2.0 * recording.sigma_rad / DEG,
-        "rate": recording.pitch_rate_rad_s / DEG,
-        "left": recording.belt_m_s[:, 0],
-        "right": recording.belt_m_s[:, 1],
-        "left_command": recording.command_m_s[:, 0],
-        "right_command": recording.command_m_s[:, 1],
-        "pitch": recording.pitch_rad / DEG,
-        "seat": recording.seat_pitch_rad / DEG,
-        "margin": recording.margin_rad / DEG,
-        "passenger": passenger_m_s2(recording),
-        "lateral": recording.place_S[:, 1],
-    }
-    known = {name for name, values in series.items() if np.isfinite(values).any()}
-    panels = []
-    for entry in tomllib.loads(PANELS.read_text(encoding="utf-8"))["panel"]:
-        limited = _limits(recording.limits, **entry.pop("limit")) if "limit" in entry else []
-        curves = [curve for curve in entry["curves"] if curve["series"] in known]
-        for curve in curves:
-            if curve.get("sigma") not in known:
-                curve.pop("sigma", None)
+    passenger, series, panels = passenger_m_s2(recording), {}, []
+    for plot in PLOTS:
+        curves = []
+        for curve in plot.curves:
+            if not np.isfinite(values := curve.values(recording, passenger=passenger)).any():
+                continue
+            name = f"{plot.title}, {curve.label}"
+            series[name] = packed(values)
+            shown = {"label": curve.label, "colour": f"--sign-{curve.colour}", "series": name, "dash": curve.dash}
+            if curve.sigma and np.isfinite(sigma := curve.values(recording, curve.sigma)).any():
+                shown["sigma"] = f"{name}, band"
+                series[f"{name}, band"] = packed(2.0 * sigma)
+            curves.append(shown)
         if curves:
-            panels.append({"limits": limited, **entry, "curves": curves})
-    used = {name for panel in panels for curve in panel["curves"] for name in (curve["series"], curve.get("sigma")) if name}
+            panels.append(
+                {
+                    "title": plot.title,
+                    "unit": plot.unit,
+                    "digits": plot.digits,
+                    "least_span": plot.least_span,
+                    "zero": plot.limit is not None and plot.limit.zero,
+                    "curves": curves,
+                    "limits": _limits(plot, recording),
+                }
+            )
     return {
         "time": {"start": float(t_s[0]), "step": step_s, "count": len(t_s)},
-        "series": {name: packed(series[name]) for name in sorted(used)},
+        "series": series,
         "panels": panels,
-        "bands": [{"start": span.start_s, "end": span.end_s, "name": span.name, "cause": span.cause} for span in recording.phases],
+        "bands": [
+            {
+                "start": span.start_s,
+                "end": span.end_s,
+                "name": span.name,
+                "cause": span.cause,
+                "colour": PHASE_COLOURS.get(span.name),
+            }
+            for span in recording.phases
+        ],
     }
 
 
-def _limits(
-    limits: Limits, name: str, unit: str, *, deg: bool = False, both: bool = False, always: bool = False
-) -> list[dict[str, Any]]:
-    """Return the lines of a limit; none where the run does not state it."""
-    value = getattr(limits, name)
-    if value is None:
+def _limits(plot: Plot, recording: Recording) -> list[dict[str, Any]]:
+    """Return the lines of a limit with the spans in which it applies [s]; none where the run does not state it."""
+    if plot.limit is None:
         return []
-    shown = value / DEG if deg else value
-    found = [{"value": shown, "label": f"limit {'±' if both else ''}{shown:g} {unit}", "always": always}]
-    return found + ([{"value": -shown, "label": "", "always": always}] if both else [])
+    first, last = float(recording.t_s[0]), recording.duration_s
+    spans = [(max(start, first), min(end, last)) for start, end in plot.limit.spans(recording)]
+    labels = (plot.limit_text(recording.limits), *[""] * 2)
+    return [
+        {"value": value, "label": label, "always": plot.limit.always, "spans": spans}
+        for value, label in zip(plot.limits(recording.limits), labels, strict=False)
+    ]
 
 
 CREASE_RAD = 35.0 * DEG

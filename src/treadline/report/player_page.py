@@ -26,14 +26,19 @@ from treadline.playback import (
     Recording,
     comparison_of,
     findings_of,
+    in_runs,
+    perceived_text,
     read_frames,
 )
 from treadline.report._html import TEMPLATES, in_base64, json_in_page, packed, page_of
 from treadline.report._player_data import plots_of, scene_of, uniform
 from treadline.report.answers import moments_of
 from treadline.report.labels import PHASES, TERMS
+from treadline.report.plot_table import SIGNS
 from treadline.vehicle.stair_solids import stair_boxes
 
+IN_SCENE = ("perceived", "true", "missed", "estimate")
+"""Signs in the page's scene."""
 SCRIPTS = ("packed.js", "scene.js", "plots.js", "player.js")
 IMAGE_PX, IMAGE_QUALITY, MOST_IMAGES = 240, 62, 120
 """Height, JPEG quality and largest number of embedded camera images: about 10 kB each, so 1.2 MB."""
@@ -76,10 +81,18 @@ def embedded(data: dict[str, Any], recording: Recording) -> dict[str, str]:
         # The package's own files, base64, and JSON in which every "<" is escaped.
         "script": Markup(script),  # noqa: S704
         "script_hash": Markup(f"sha256-{digest}"),  # noqa: S704
-        "css": Markup((TEMPLATES / "player.css").read_text(encoding="utf-8")),  # noqa: S704
+        "css": Markup(_signs_css() + (TEMPLATES / "player.css").read_text(encoding="utf-8")),  # noqa: S704
+        "legend": [(SIGNS[sign]["colour"], text) for sign in IN_SCENE for text in SIGNS[sign]["means"]],
         "data": Markup(json_in_page(data)),  # noqa: S704
         "scene_text": _scene_text(recording),
     }
+
+
+def _signs_css() -> str:
+    """Return the colours of the signs as variables, for light and for dark paper."""
+    light = "".join(f"--sign-{name}:{sign['colour']};" for name, sign in SIGNS.items())
+    dark = "".join(f"--sign-{name}:{sign['dark']};" for name, sign in SIGNS.items() if "dark" in sign)
+    return f":root{{{light}}}@media (prefers-color-scheme: dark){{:root{{{dark}}}}}"
 
 
 def player_data(recording: Recording) -> dict[str, Any]:
@@ -106,12 +119,12 @@ def player_data(recording: Recording) -> dict[str, Any]:
         ],
         "holds": [_hold(hold) for hold in findings.holds],
         "missed": [
-            {"t": frame.t_s, "numbers": _runs(list(frame.missed))}
-            for frame in (findings.nosings.missing if findings.nosings else ())
+            {"t": frame.t_s, "numbers": in_runs(frame.missed)} for frame in (findings.nosings.missing if findings.nosings else ())
         ],
         "moments": moments_of(recording, findings),
         "terms": TERMS,
         "phase_terms": PHASES,
+        "colours": {sign: SIGNS[sign]["colour"] for sign in IN_SCENE},
         "transient_s": transient_s(played),
         "reach_m": recording.chair.reach_m,
         "extent": _extent(played) if drawn else None,
@@ -197,29 +210,17 @@ def _map(seen: PerceivedStair, frame: FrameNosings | None, recording: Recording,
     R_WB = rotation_of(recording.quat_WB[k])
     angle = heading if math.isfinite(heading) else 0.0
     across = R_WB @ np.array([math.sin(angle), math.cos(angle), 0.0])
-    text = f"perceives {len(seen.nosings_W)} nosing{'' if len(seen.nosings_W) == 1 else 's'}"
+    text = perceived_text(len(seen.nosings_W), None if frame is None else frame.found)
     missed: list[int] = []
     if frame is not None:
         missed = [numbers.index(number) for number in frame.missed]
-        text += f": {_runs(list(frame.found))} of {max(numbers)}" if frame.found else ""
-        text += f"; missed: {_runs(list(frame.missed))}" if frame.missed else "; none missed"
+        text += f" (the stair has {max(numbers)}); missed: {in_runs(frame.missed)}"
     return {
         "taken": seen.taken_s,
         "points": [[round(float(value), 3) for value in (*point, *across)] for point in seen.nosings_W],
         "missed": missed,
         "text": text + ("; the last one ends the flight" if seen.ends else ""),
     }
-
-
-def _runs(numbers: list[int]) -> str:
-    """Return sorted numbers with consecutive ones as ranges: 3–5, 7."""
-    parts: list[list[int]] = []
-    for number in numbers:
-        if parts and number == parts[-1][-1] + 1:
-            parts[-1].append(number)
-        else:
-            parts.append([number])
-    return ", ".join(str(part[0]) if len(part) == 1 else f"{part[0]}–{part[-1]}" for part in parts)
 
 
 def _images(recording: Recording) -> list[dict[str, Any]]:

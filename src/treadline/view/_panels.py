@@ -9,26 +9,20 @@ from html import escape
 import numpy as np
 
 from treadline.core.angles import DEG, rotation_of
-from treadline.playback import SILENT_S, Moment, PhaseSpan, holding_at
+from treadline.playback import SILENT_S, Moment, PhaseSpan, holding_at, in_runs, perceived_text
 from treadline.report.labels import PHASES as PHASE_TERMS
 from treadline.report.labels import TERMS
+from treadline.report.plot_table import PHASE_COLOURS, SIGNS
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 from treadline.view._messages import ShownFrame
-from treadline.view._scene import COLOURS
 from treadline.view._session import Session
 
-PHASE_COLOURS = {
-    "search": "#bbbbbb", "align": "#56b4e9", "approach": "#0072b2", "mount": "#e69f00", "traction": "#999933", "climb": "#009e73",
-    "crest": "#d55e00", "land": "#cc79a7", "edge": "#d55e00", "descend": "#009e73", "leave": "#cc79a7", "back_off": "#882255",
-    "drive": "#009e73", "arrived": "#44aa99", "refused": "#882255",
-}  # fmt: skip
-"""Colour of each phase in the timeline."""
 TIMELINE_PX, LETTER_PX = 360.0, 6.6
 """Width of the timeline [px], the panel without its margins, and of a letter in it: the widest of the phases' names on average."""
 EVENTS_SHOWN = 40
 """Events of the log that are shown, the newest first."""
-GREEN, ORANGE, RED = "#009e73", "#e69f00", "#d55e00"
-"""Colours of cards and marks (Okabe and Ito, 2008)."""
+GREEN, ORANGE, RED = (str(SIGNS[state]["colour"]) for state in ("good", "near", "bad"))
+"""Colours of cards and marks."""
 GOOD_TEXT, BAD_TEXT = "#006b4e", "#a84300"
 """Colours of text on white: green and red, darkened to a contrast above 4.5."""
 PREPARING = "preparing the simulation; the first run on a computer compiles its kernels once, which takes a minute or two"
@@ -114,7 +108,7 @@ def answers_html(session: Session) -> str:
     style = "background:#f1f3f5;color:#000;border-radius:3px;padding:3px 7px;margin:3px 0"
     rows = []
     for answer in session.moments.answers:
-        leads, colour = answer["t"] is not None, colours.get(str(answer["kind"]), "#0072b2")
+        leads, colour = answer["t"] is not None, colours.get(str(answer["kind"]), SIGNS["true"]["colour"])
         rows.append(
             f'<div {_jump(answer["t"])} title="{escape(str(answer["note"]))}" style="border-left:4px solid {colour};{style};'
             f'cursor:{"pointer" if leads else "auto"}">{"▸ " if leads else ""}{escape(str(answer["label"]))}</div>'
@@ -258,7 +252,7 @@ def camera_html(session: Session) -> str:
         return f'{picture}{alarm}<div style="{STYLE}">last {escape(head)}</div>'
     colour = BAD_TEXT if frame.reason is not None else GOOD_TEXT
     found, missed = _nosings_of(session, frame)
-    said = f"nosings perceived: {_numbers(found)}; " + (
+    said = f"{perceived_text(len(frame.nosings_B), found)}; " + (
         f'<b style="color:{BAD_TEXT}">missed: {escape(_reasons(missed))}</b>' if missed else "none missed in view"
     )
     return f'{picture}<div style="{STYLE}"><b style="color:{colour}">{escape(head)}</b><br>{escape(frame.summary)}<br>{said}</div>'
@@ -327,19 +321,16 @@ def _reasons(missed: Mapping[int, str]) -> str:
     together: dict[str, list[int]] = {}
     for index, reason in missed.items():
         together.setdefault(reason, []).append(index)
-    return "; ".join(f"{_numbers(indices)} ({reason})" for reason, indices in together.items())
-
-
-def _numbers(numbers: Sequence[int]) -> str:
-    return ", ".join(str(number) for number in numbers) or "none"
+    return "; ".join(f"{in_runs(indices)} ({reason})" for reason, indices in together.items())
 
 
 def legend_of_scene() -> str:
     """Return the colours of the scene with their meanings."""
     rows = [
         f'<div style="display:flex;gap:6px;margin:2px 0"><span style="flex:none;width:14px;height:14px;border-radius:2px;'
-        f'background:rgb{colour}"></span><span>{escape(text)}</span></div>'
-        for colour, text in COLOURS.values()
+        f'background:{sign["colour"]}"></span><span>{escape(", ".join(sign["means"]))}</span></div>'
+        for sign in SIGNS.values()
+        if "means" in sign
     ]
     return f'<div style="{STYLE};margin-top:6px"><b>Colours of the scene</b>{"".join(rows)}</div>'
 

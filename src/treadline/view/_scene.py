@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG, quaternion_of, rotation_of, rotation_z
 from treadline.playback import HALF_LINE_M, Recording, support_at
+from treadline.report.plot_table import SIGNS
 from treadline.scenario.scenario import Belts
 from treadline.vehicle.appearance import MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
 from treadline.vehicle.static_stability import centre_of_mass
@@ -24,23 +25,10 @@ from treadline.view._session import Fork
 Rgb = tuple[int, int, int]
 Points = Float[np.ndarray, "n 2 3"]
 
-COLOURS: Mapping[str, tuple[Rgb, str]] = {
-    "perceived": ((220, 40, 180), "nosing that the camera perceives"),
-    "true": ((0, 114, 178), "true nosing (ground truth); true heading: line ahead of the chair"),
-    "missed": ((213, 94, 0), "true nosing that was missed"),
-    "near": ((230, 159, 0), "estimated heading: wedge of 95 % ahead of the chair"),
-    "good": (
-        (0, 158, 115),
-        "support of the belts, centre of mass and its plumb line; orange below 7° of margin, red when it tips",
-    ),
-    "treads": ((70, 150, 255), "detected treads"),
-    "risers": ((255, 150, 50), "detected risers"),
-    "contacts": ((60, 60, 160), "contact forces"),
-    "beyond": ((213, 94, 0), "belt forces; obstacle"),
-    "swept": ((150, 110, 200), "swept volume: the space that the chair needs ahead"),
-    "fork": ((86, 180, 233), "fork: the chair of the repeated run"),
+COLOURS: Mapping[str, Rgb] = {
+    name: (int(sign["colour"][1:3], 16), int(sign["colour"][3:5], 16), int(sign["colour"][5:7], 16)) for name, sign in SIGNS.items()
 }
-"""Colours of the scene with their meanings (Okabe and Ito, 2008, and those of the camera image)."""
+"""Colours of the scene."""
 SHOWN = {
     "follow": ("follow the chair", True),
     "passenger": ("passenger", True),
@@ -175,7 +163,7 @@ class SceneView:
     def _add_lines(self, name: str, colour: str, thickness: float, points: Points | None = None) -> Any:
         """Add lines; those that are not known yet lie below every stair."""
         points = NOWHERE[None, :2] if points is None else points
-        return self._scene.add_line_segments(f"/world/{name}", points, COLOURS[colour][0], thickness=thickness)
+        return self._scene.add_line_segments(f"/world/{name}", points, COLOURS[colour], thickness=thickness)
 
     def _add_nosings(self) -> None:
         camera = self._feed.camera
@@ -184,7 +172,7 @@ class SceneView:
         self._perceived = self._add_lines("nosings/perceived", "perceived", 0.012)
         self._missed = self._add_lines("nosings/missed", "missed", 0.014)
         self._planes = {
-            name: self._scene.add_mesh_simple(f"/world/planes/{name}", NOWHERE, QUADS, color=COLOURS[name][0], opacity=0.5, **FLAT)
+            name: self._scene.add_mesh_simple(f"/world/planes/{name}", NOWHERE, QUADS, color=COLOURS[name], opacity=0.5, **FLAT)
             for name in ("treads", "risers")
         }
         self._frustum = self._scene.add_camera_frustum(
@@ -202,10 +190,10 @@ class SceneView:
 
     def _add_marks(self) -> None:
         """Add heading, support, centre of mass and its plumb line."""
-        scene, good = self._scene, COLOURS["good"][0]
+        scene, good = self._scene, COLOURS["good"]
         fan = np.array([[0.0, 0.0, 0.0], [WEDGE_M, -WEDGE_M, 0.0], [WEDGE_M, WEDGE_M, 0.0]])
         both = np.array([[0, 1, 2], [0, 2, 1]])
-        self._wedge = scene.add_mesh_simple("/world/heading/estimate", fan, both, color=COLOURS["near"][0], opacity=0.65, **FLAT)
+        self._wedge = scene.add_mesh_simple("/world/heading/estimate", fan, both, color=COLOURS["estimate"], opacity=0.65, **FLAT)
         self._heading = self._add_lines("heading/true", "true", 0.006, np.array([[[0.0, 0.0, 0.0], [WEDGE_M + 0.2, 0.0, 0.0]]]))
         self._support = scene.add_mesh_simple("/world/chair/support", np.zeros((4, 3)), QUADS[:4], color=good, opacity=0.5, **FLAT)
         self._com = scene.add_icosphere("/world/com", radius=0.035, color=good, subdivisions=2, **FLAT)
@@ -216,13 +204,13 @@ class SceneView:
         """Add what is hidden at first: forces and the swept volume."""
         scene, chair = self._scene, self._feed.recording.chair
         self._forces = scene.add_arrows(
-            "/world/chair/forces", np.zeros((2, 2, 3)), COLOURS["beyond"][0], shaft_radius=0.015, head_radius=0.04, visible=False
+            "/world/chair/forces", np.zeros((2, 2, 3)), COLOURS["forces"], shaft_radius=0.015, head_radius=0.04, visible=False
         )
         self._contacts, self._ghost_contacts = (
             scene.add_arrows(
                 f"/world/{name}",
                 np.zeros((1, 2, 3)),
-                COLOURS[colour][0],
+                COLOURS[colour],
                 shaft_radius=0.008,
                 head_radius=0.02,
                 head_length=0.05,
@@ -235,7 +223,7 @@ class SceneView:
         middle_m = (chair.rear_reach_m if is_down else chair.reach_m) + 0.5 * SWEPT_M
         self._swept = scene.add_box(
             "/world/chair/swept",
-            color=COLOURS["swept"][0],
+            color=COLOURS["swept"],
             dimensions=(SWEPT_M, 2.0 * chair.swept_half_m, high - low),
             opacity=0.2,
             position=(-middle_m if is_down else middle_m, 0.0, 0.5 * (low + high)),
@@ -303,7 +291,7 @@ class SceneView:
                 self._ghost.root.visible = self._ghost_label.visible = False
             return
         if self._ghost is None:
-            self._ghost = self._add_chair("/world/ghost", COLOURS["fork"][0], opacity=0.3)
+            self._ghost = self._add_chair("/world/ghost", COLOURS["fork"], opacity=0.3)
             self._ghost_label = self._scene.add_label("/world/ghost_label", "", anchor="bottom-center")
         self._ghost.root.visible = self._ghost_label.visible = True
         run, end_s = fork.feed.recording, fork.feed.end_s
@@ -334,7 +322,7 @@ class SceneView:
         shift_m: tuple[float, float, float],
     ) -> None:
         margin_rad, seat_rad, flipper_rad = float(run.margin_rad[k]), float(run.seat_rad[k]), float(run.flipper_rad[k])
-        colour = COLOURS["beyond" if margin_rad <= 0.0 else "near" if margin_rad < MARGIN_LIMIT_RAD else "good"][0]
+        colour = COLOURS["bad" if margin_rad <= 0.0 else "near" if margin_rad < MARGIN_LIMIT_RAD else "good"]
         found = support_at(run.chair, self._feed.staircase, R_WB, p_WB, flipper_rad)
         self._support.visible = found is not None
         if found is not None:
@@ -368,7 +356,7 @@ class SceneView:
             self._perceived.visible = self._missed.visible = False
             for node in self._planes.values():
                 node.vertices = NOWHERE
-            self._frustum.color, self._frustum.image = COLOURS["near"][0], None
+            self._frustum.color, self._frustum.image = COLOURS["near"], None
             return
         run = self._feed.recording
         k = run.index_at(frame.t_s)
@@ -379,7 +367,7 @@ class SceneView:
             if len(lines):
                 node.points = lines
         self._show_planes(frame, R_WB, p_WB)
-        self._frustum.color = COLOURS["beyond"][0] if frame.reason else GREY
+        self._frustum.color = COLOURS["bad"] if frame.reason else GREY
         if frame.picture is not None:
             # Imports the compiled detector: a second that the first picture saves.
             from treadline.perception.overlay import from_jpeg
@@ -421,7 +409,7 @@ class SceneView:
         if box is not None:
             self._box_node = self._scene.add_box(
                 "/world/obstacle",
-                color=COLOURS["beyond"][0],
+                color=COLOURS["forces"],
                 dimensions=tuple(2.0 * half for half in box.half_m),
                 position=box.centre_W,
                 wxyz=quaternion_of(rotation_z(box.yaw_rad)),

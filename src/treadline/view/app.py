@@ -11,7 +11,7 @@ from typing import Any
 from treadline.core.errors import SettingsError
 from treadline.scenario.faults import EXTENTS, Conditions, FaultKind
 from treadline.view._panels import PANELS, legend_of_scene, terms_html
-from treadline.view._plots import PLOTS, add_plot, legend_html, plot_data
+from treadline.view._plots import LIVE_PLOTS, add_plot, legend_html, plot_data
 from treadline.view._scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SHOWN, SceneView
 from treadline.view._session import SPEEDS, STEPS, TRANSPORT, Session
 from treadline.view._what_if import FORKS, FRICTION_MAX, FRICTION_MIN, INJECTIONS, ChangeForm
@@ -285,8 +285,8 @@ class App:
         if not self._plots:  # made after the first picture
             gui = self._viser.gui
             with self._plot_tab:
-                self._plots = [(gui.add_html(""), add_plot(gui, plot, run)) for plot in PLOTS]
-        for (legend, handle), plot in zip(self._plots, PLOTS, strict=True):
+                self._plots = [(gui.add_html(""), add_plot(gui, plot, run)) for plot in LIVE_PLOTS]
+        for (legend, handle), plot in zip(self._plots, LIVE_PLOTS, strict=True):
             change(legend, "content", legend_html(plot, run, session.cursor_s, forked=fork is not None))
             handle.data = plot_data(plot, run, session.cursor_s, fork)
 

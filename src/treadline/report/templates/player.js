@@ -5,7 +5,8 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const $ = (id) => document.getElementById(id);
 const time = data.plots.time, START = time.start, END = time.start + time.step * Math.max(time.count - 1, 0);
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8, 20];
-const PERCEIVED = [0.84, 0.1, 0.55, 0.95], MISSED = [0.86, 0.1, 0.1, 0.95], TRUE_WAY = [0.0, 0.55, 0.4, 0.95], ESTIMATE = [0.0, 0.42, 0.8, 0.95];
+const [PERCEIVED, TRUE, MISSED, ESTIMATE] = ["perceived", "true", "missed", "estimate"].map((sign) =>
+  [1, 3, 5].map((k) => parseInt(data.colours[sign].slice(k, k + 2), 16) / 255).concat(0.95));
 const player = { t: START, playing: false, speed: 1, follow: true, last: 0, dirty: true };
 
 const poses = data.pose ? { p: unpack(data.pose.p), q: unpack(data.pose.q), joints: unpack(data.pose.joints) } : null;
@@ -41,17 +42,20 @@ function ribbon(out, a, b, width, colour) {
 function marksAt(t, state) {
   const out = [], chair = rigid(state.p, state.q), k = Math.min(Math.round((t - START) / time.step), time.count - 1);
   const [truth, estimate, sigma] = [0, 1, 2].map((i) => signals[3 * k + i]);
-  const seen = data.maps[lastBefore(data.maps, t, "taken")];
-  if (seen && t - seen.taken < 0.5) {
+  const seen = data.maps[lastBefore(data.maps, t, "taken")], fresh = seen && t - seen.taken < 0.5;
+  data.nosings.forEach(([right, left], i) => {
+    const isMissed = fresh && seen.missed.includes(i), up = [0, 0, isMissed ? 0.02 : 0.012];
+    ribbon(out, along(right, up, 1), along(left, up, 1), isMissed ? 0.014 : 0.008, isMissed ? MISSED : TRUE);
+  });
+  if (fresh) {
     for (const [x, y, z, dx, dy, dz] of seen.points) {
       const p = [x, y, z + 0.012], d = [dx, dy, dz];
       ribbon(out, along(p, d, -0.3), along(p, d, 0.3), 0.011, PERCEIVED);
       ribbon(out, along(p, [0, 0, 1], -0.01), along(p, [0, 0, 1], 0.07), 0.011, PERCEIVED);
     }
-    for (const i of seen.missed) ribbon(out, along(data.nosings[i][0], [0, 0, 1], 0.02), along(data.nosings[i][1], [0, 0, 1], 0.02), 0.014, MISSED);
   }
   const base = point(chair, [data.reach_m, 0, 0.16]), way = (angle) => direction(chair, [Math.cos(angle), -Math.sin(angle), 0]);
-  if (Number.isFinite(truth)) ribbon(out, base, along(base, way(truth), 1.0), 0.006, TRUE_WAY);
+  if (Number.isFinite(truth)) ribbon(out, base, along(base, way(truth), 1.0), 0.006, TRUE);
   if (Number.isFinite(estimate)) {
     const tip = along(base, way(estimate), 0.8), d = way(estimate), side = normalised(cross(d, [0, 0, 1]));
     ribbon(out, base, tip, 0.011, ESTIMATE);
@@ -119,7 +123,7 @@ function drawShot() {
   canvas.width = shot.image.naturalWidth;
   canvas.height = shot.image.naturalHeight;
   g.drawImage(shot.image, 0, 0);
-  g.strokeStyle = "#ff3fa4";
+  g.strokeStyle = data.colours.perceived;
   g.lineWidth = 2;
   for (const [x0, y0, x1, y1] of item.lines) { g.beginPath(); g.moveTo(x0 * canvas.width, y0 * canvas.height); g.lineTo(x1 * canvas.width, y1 * canvas.height); g.stroke(); }
   $("cameranote").textContent = `camera image of ${item.t.toFixed(2)} s, ${item.lines.length ? `${item.lines.length} perceived nosings` : "no stair perceived"}`;
@@ -162,6 +166,7 @@ const phaseButtons = data.plots.bands.map((band, k) => {
   const meaning = data.phase_terms[band.name] ? ` (${data.phase_terms[band.name]})` : "";
   const b = markButton($("phases"), k % 2 ? "odd" : "even", band.start, `${band.name}${meaning} from ${band.start.toFixed(2)} s: ${band.cause || "start"}`);
   b.textContent = band.name;
+  if (band.colour) b.style.borderBottom = `.25rem solid ${band.colour}`;
   return { b, start: band.start, end: band.end, name: band.name };
 });
 // Holds and faults lie over the phases.

@@ -22,7 +22,7 @@ function shownNumber(value, digits) {
 }
 
 class Plots {
-  /** panels: [{title, unit, digits, height, curves: [{label, colour, values, band?}], limits: [{value, label}], zero?}];
+  /** panels: [{title, unit, digits, height, curves: [{label, colour, values, band?}], limits: [{value, label, spans?}], zero?}];
    *  time: {start, step, count}; bands: [{start, end, name}] are drawn as a background. */
   constructor(host, time, panels, bands, seek) {
     this.host = host;
@@ -143,6 +143,8 @@ class Plots {
       low = Math.min(low, limit.value);
       high = Math.max(high, limit.value);
     }
+    const spare = Math.max((panel.least_span || 0) - (high - low), 0);
+    if (low >= 0) high += spare; else { low -= spare / 2; high += spare / 2; }
     const room = Math.max(0.06 * (high - low), 0.02 * reach, 1e-6);
     return [low - room, high + room];
   }
@@ -190,11 +192,13 @@ class Plots {
     g.rect(MARGIN.left, top - 1, w - MARGIN.left - MARGIN.right, bottom - top + 2);
     g.clip();
     for (const limit of panel.limits || []) {
-      g.strokeStyle = css("--bad");
+      g.strokeStyle = css("--sign-limit");
       g.setLineDash([5, 4]);
       g.beginPath();
-      g.moveTo(MARGIN.left, y(limit.value));
-      g.lineTo(w - MARGIN.right, y(limit.value));
+      for (const [start, end] of limit.spans || [this.window]) {
+        g.moveTo(Math.max(this.x(start, w), MARGIN.left), y(limit.value));
+        g.lineTo(Math.min(this.x(end, w), w - MARGIN.right), y(limit.value));
+      }
       g.stroke();
       g.setLineDash([]);
     }
