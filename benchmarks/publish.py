@@ -1,6 +1,7 @@
 """Publish a reproduction: ``python benchmarks/publish.py reproduce`` writes its headline figures to the README and to the evidence.
 
-Reads ``results.json`` of a folder that ``treadline reproduce --seeds 5`` writes (``make publish`` runs both); writes ``docs/evidence/results.json`` and the README table.
+Reads ``results.json`` of a folder that ``treadline reproduce --seeds 5`` writes (``make publish`` runs both); writes
+``docs/evidence/results.json`` and the README table.
 """
 
 import argparse

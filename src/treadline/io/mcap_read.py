@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
-from typing import IO, Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import lz4.frame
 import zstandard
@@ -21,6 +21,7 @@ from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, DataEnd, Header, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader
+from mcap.writer import MCAP0_MAGIC
 
 from treadline.core.errors import LogFormatError
 from treadline.io.decode import LogDecoder
@@ -191,23 +192,64 @@ class _Topics:
                 yield from self.message(kind.read(ReadDataStream(BytesIO(data[start:at]))))
 
 
+_KINDS: dict[int, Callable[[ReadDataStream, int], McapRecord]] = {
+    Opcode.SCHEMA: lambda stream, _: Schema.read(stream),
+    Opcode.CHANNEL: lambda stream, _: Channel.read(stream),
+    Opcode.MESSAGE: Message.read,
+    Opcode.CHUNK: lambda stream, _: Chunk.read(stream),
+}
+"""Parsers of the records that hold or declare messages. Indexes are skipped: parsing them takes longer than the messages."""
+
+
 def _records(data: mmap.mmap, *, sealed: bool) -> Iterator[McapRecord]:
     """Yield the chunks of a file, and the records outside chunks unless ``sealed``."""
-    # The map's read() stops at the end of the file; reading record by record keeps the memory use independent of the file size.
-    reader = StreamReader(cast("IO[bytes]", data), validate_crcs=True, emit_chunks=True, record_size_limit=MAX_CHUNK_BYTES)
-    for record in reader.records:
-        if isinstance(record, Chunk):
-            if sealed and (record.compression != "zstd" or record.uncompressed_crc == 0):
-                raise LogFormatError(
-                    f"a chunk is compressed by '{record.compression}' or has no checksum; zstd and a checksum are required"
-                )
-            yield record
-        elif not sealed:
-            yield record
-        elif isinstance(record, Message):
-            raise LogFormatError("a message outside a chunk has no checksum")
-        elif isinstance(record, DataEnd) and record.data_section_crc == 0:
-            raise LogFormatError("the data has no checksum")
+    if data[: len(MCAP0_MAGIC)] != MCAP0_MAGIC:
+        raise ValueError("it does not begin as an MCAP file")
+    for opcode, at, start, end in _extents(data):
+        if opcode in _KINDS:
+            record = _KINDS[opcode](ReadDataStream(BytesIO(data[start:end])), end - start)
+            if sealed:
+                _check_sealed(record)
+            if not sealed or isinstance(record, Chunk):
+                yield record
+        elif opcode == Opcode.DATA_END:
+            _check_data(data, at, DataEnd.read(ReadDataStream(BytesIO(data[start:end]))).data_section_crc, sealed=sealed)
+
+
+def _extents(data: mmap.mmap) -> Iterator[tuple[int, int, int, int]]:
+    """Yield opcode, place, and start and end of the content of each record up to the footer."""
+    at = len(MCAP0_MAGIC)
+    while True:
+        opcode, length = _PREFIX.unpack_from(data, at)
+        start = at + _PREFIX.size
+        if length > MAX_CHUNK_BYTES:
+            raise ValueError(f"a record of {length} bytes; at most {MAX_CHUNK_BYTES} are read")
+        if start + length > len(data):
+            raise ValueError("a record is longer than the file")
+        yield opcode, at, start, start + length
+        at = start + length
+        if opcode == Opcode.FOOTER:
+            break
+    if data[at:] != MCAP0_MAGIC:
+        raise ValueError("it does not end as an MCAP file")
+
+
+def _check_sealed(record: McapRecord) -> None:
+    if isinstance(record, Message):
+        raise LogFormatError("a message outside a chunk has no checksum")
+    if isinstance(record, Chunk) and (record.compression != "zstd" or record.uncompressed_crc == 0):
+        raise LogFormatError(
+            f"a chunk is compressed by '{record.compression}' or has no checksum; zstd and a checksum are required"
+        )
+
+
+def _check_data(data: mmap.mmap, end: int, crc: int, *, sealed: bool) -> None:
+    """Check the checksum of everything before the record at ``end``, 0 for none."""
+    if crc == 0 and sealed:
+        raise LogFormatError("the data has no checksum")
+    with memoryview(data) as view, view[:end] as before:
+        if crc not in (0, zlib.crc32(before)):
+            raise ValueError("the checksum of the data is wrong")
 
 
 def _inflated(chunk: Chunk) -> bytes:
