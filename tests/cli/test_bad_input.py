@@ -73,6 +73,11 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
         ("see", ["a.png", "b.png", "--gravity", "-0.05,0.8,0.6"], "--camera"),
         ("frames", ["--out", "run", "--heading", "-35,95"], "--heading is -35,95"),
         ("tune", ["none.json", "--state-weight", "-1,1"], "none.json: no such file"),
+        ("climb", ["paper-28"], "climb requires --out; see treadline climb --help"),
+        ("export", ["--to", "c"], "export requires --out"),
+        ("report", [], "report requires RUN"),
+        ("climb", ["paper-28", "--out"], "--out requires an argument"),
+        ("check", ["paper28"], "did you mean paper-28?"),
     ],
 )
 def test_bad_arguments_are_named(run, tmp_path: Path, monkeypatch, verb: str, arguments: list[str], word: str) -> None:
@@ -189,6 +194,26 @@ def test_a_file_that_is_no_model_is_refused(run, tmp_path: Path, text: str, word
     path = tmp_path / "model.json"
     path.write_text(text)
     assert_refused(run("tune", path, "--out", tmp_path / "controller.json"), "model.json", word)
+
+
+def test_a_log_is_no_model_and_no_controller(run, tmp_path: Path) -> None:
+    log = tmp_path / "log.csv"
+    log.write_text(RECORD_HEADER)
+    first = f"treadline identify {log} --out model.json"
+    assert_refused(run("tune", log, "--out", tmp_path / "c.json"), f"{log}: a log, not a model; make one first: {first}")
+    for line in (["climb", "paper-28", "--controller", log], ["export", log, "--to", "c"]):
+        outcome = run(*line, "--out", tmp_path / "out")
+        assert_refused(outcome, f"{log}: a log, not a controller; make one first: {first} && treadline tune model.json")
+    assert_refused(run("tune", tmp_path, "--out", tmp_path / "c.json"), f"{tmp_path}: a folder, not a model")
+
+
+def test_a_controller_s_file_is_asked_for_its_class_and_not_run(run, tmp_path: Path) -> None:
+    file = tmp_path / "pid.py"
+    file.write_text("class Gains:\n    pass\nclass Pid:\n    follows_plan = True\nraise SystemExit(0)\n")
+    assert_refused(run("climb", "paper-28", "--controller", file, "--out", tmp_path / "run"), f"give --controller {file}:Pid")
+    named = run("climb", "paper-28", "--controller", f"{file}:Pid", "--out", tmp_path / "run")
+    assert_refused(named, "cannot be imported: SystemExit")  # and no exit code 0
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_gain_without_effect_is_reported(run, tmp_path: Path, model_path: Path) -> None:

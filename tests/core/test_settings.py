@@ -30,6 +30,11 @@ class Outer(Settings):
     maybe: Annotated[float, Field(ge=5.0, le=45.0)] | None = None
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
     indices: tuple[Annotated[int, Field(ge=0)], ...] = ()
+    tilt_deg: Annotated[float, Field(ge=5.0, le=45.0)] = 20.0
+    wide_m: Annotated[float, Field(gt=0.0, le=2.0)] = 1.0
+    pace_m_s: Annotated[float, Field(gt=0.0, le=0.3)] = 0.2
+    pause_s: Annotated[float, Field(ge=0.0, le=60.0)] = 1.0
+    push_n_m: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
     inner: Inner = Inner(name="x")
     items: tuple[Inner, ...] = ()
 
@@ -82,6 +87,20 @@ def refusal(text: str, tmp_path: Path) -> str:
         ("cuont = 1", "cuont: unknown key; did you mean count?"),
         ("number = 1", "number: unknown key; did you mean number_choice?"),
         ("[inner]\nname = 'x'\nweight = 1", "inner.weight: unknown key; known here: name, share"),
+        ("[iner]\nname = 'x'", "iner: unknown table; did you mean [inner]?"),
+        ("[[item]]\nname = 'x'", "item: unknown table; did you mean [[items]]?"),
+        ("share = 0.2", "share: unknown key here; it belongs to [inner] or [[items]]"),
+        ("[inner]\nnmae = 'x'", "inner.nmae: unknown key; did you mean name? (and 1 more)"),
+        ('choice = "gren"', "choice: must be 'red', 'green' or 'blue' (got 'gren'); did you mean 'green'?"),
+        ("tilt_deg = 0.49", "tilt_deg: must be a number from 5 to 45 (got 0.49); did you mean 28.1, for 0.49 rad?"),
+        ("tilt_deg = 0.01", "tilt_deg: must be a number from 5 to 45 (got 0.01)"),  # 0.6°
+        ("wide_m = 950", "wide_m: must be a number > 0 and ≤ 2 (got 950); did you mean 0.95, for 950 mm?"),
+        ("wide_m = 120", "wide_m: must be a number > 0 and ≤ 2 (got 120); did you mean 0.12, for 120 mm?"),
+        ("wide_m = 5", "wide_m: must be a number > 0 and ≤ 2 (got 5); did you mean 0.05, for 5 cm?"),
+        ("pace_m_s = 200", "pace_m_s: must be a number > 0 and ≤ 0.3 (got 200); did you mean 0.2, for 200 mm/s?"),
+        ("pace_m_s = 0.5", "pace_m_s: must be a number > 0 and ≤ 0.3 (got 0.5)"),
+        ("pause_s = 2500", "pause_s: must be a number from 0 to 60 (got 2500); did you mean 2.5, for 2500 ms?"),
+        ("push_n_m = 200", "push_n_m: must be a number > 0 and ≤ 1 (got 200)"),
         ("[[items]]\nname = 'x'\nshares = 1", "items.0.shares: unknown key; did you mean share?"),
         ('"two\\nlines" = 1', f"'two\\nlines': unknown key; known here: {', '.join(Outer.model_fields)}"),
         ("real = 9\ncount = 99\nflag = 2", "real: must be a number from -1 to 2.5 (got 9) (and 2 more)"),

@@ -7,7 +7,7 @@ import pytest
 
 from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch, TreadlineError
 from treadline.core.models import InputOutputRecord
-from treadline.io.records import read_chunks, read_record, write_record
+from treadline.io.records import clock_warning, read_chunks, read_record, write_record
 
 INPUTS = ("left_m_s", "right_m_s")
 OUTPUTS = ("heading_rad",)
@@ -41,6 +41,30 @@ def test_a_record_comes_back_bit_by_bit_from_a_file_and_its_folder(tmp_path: Pat
 def test_columns_are_found_by_name_not_by_place(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", ["heading_rad,note,t_s", "0.1,x,0", "0.2,y,1", "0.3,z,2"])
     assert read_record(path, (), ("heading_rad",)).y[:, 0].tolist() == [0.1, 0.2, 0.3]
+
+
+@pytest.mark.parametrize("first_s", [0.0, 17.3, 51.0, 1.7e9])
+@pytest.mark.parametrize("period_s", [0.05, 0.25, 0.01, 1.0 / 3.0])
+def test_the_period_is_the_shortest_decimal_that_the_rounded_stamps_allow(tmp_path: Path, first_s: float, period_s: float) -> None:
+    rows = [f"{first_s + period_s * k!r},0.1" for k in range(300)]
+    record = read_record(written(tmp_path / "a.csv", ["t_s,heading_rad", *rows]), (), OUTPUTS)
+    if period_s == 1.0 / 3.0:  # no decimal: within the spacing of floats at the last stamp
+        assert abs(record.dt_s - period_s) <= 2.0 * np.spacing(first_s + 100.0)
+    else:
+        assert record.dt_s == period_s
+
+
+def test_a_clock_in_milliseconds_is_named_where_the_period_or_its_name_shows_it(tmp_path: Path) -> None:
+    path = written(tmp_path / "a.csv", ["t_s,heading_rad", *(f"{250 * k},0.1" for k in range(9))])
+    with pytest.raises(PeriodMismatch, match=r"does column 't_s' count milliseconds\? divide it by 1000"):
+        read_record(path, (), OUTPUTS, period_s=0.25)
+    warning = clock_warning(read_record(path, (), OUTPUTS).dt_s)
+    assert warning is not None
+    assert "divide it by 1000: the period is then 0.25 s" in warning
+    assert [clock_warning(period_s) for period_s in (0.25, 1.5, 60.25)] == [None] * 3
+    named = written(tmp_path / "b.csv", ["t_ms,heading_rad", "0,0.1", "250,0.1"])
+    with pytest.raises(PeriodMismatch, match="divide 't_ms' by 1000 and name it t_s"):
+        read_record(named, (), OUTPUTS)
 
 
 FAULTS = {

@@ -173,6 +173,12 @@ def _this_module() -> Any:
         ("my_straight_controller:number", "a int, not a class"),
         ("my_straight_controller:Forgotten", "no attribute 'follows_plan'"),
         ("missing.py:Thing", "no file 'missing.py'"),
+        ("missing.py", "no file 'missing.py'"),
+        ("leaves.py:Thing", "'leaves.py' cannot be imported: SystemExit"),
+        ("two.py", "two.py: names a file, not a class of it; give --controller two.py:Pid or two.py:Typed"),
+        ("one.py", "give --controller one.py:Only"),
+        ("none.py", "it defines none: write the controller as a class"),
+        ("broken.py", "broken.py:1: not Python: "),
         ("broken.py:Thing", "'broken.py' cannot be imported: SyntaxError"),
         ("broken_module:Thing", "'broken_module' cannot be imported: ZeroDivisionError"),
         ("needs_other:Thing", "'needs_other' cannot be imported: No module named 'not_there_either'"),
@@ -183,6 +189,11 @@ def test_a_plug_in_that_cannot_be_used_is_named_with_the_remedy(
 ) -> None:
     (tmp_path / "my_straight_controller.py").write_text(SOURCE)
     (tmp_path / "broken.py").write_text("class Thing(:\n")
+    (tmp_path / "leaves.py").write_text("raise SystemExit(0)\nclass Thing:\n    follows_plan = True\n")
+    pids = "class Pid:\n    follows_plan = True\nclass Typed:\n    follows_plan: bool = False\nclass Gains:\n    pass\n"
+    (tmp_path / "two.py").write_text(pids)
+    (tmp_path / "one.py").write_text("class Only:\n    pass\n")
+    (tmp_path / "none.py").write_text("gain = 1.0\n")
     (tmp_path / "broken_module.py").write_text("1 / 0\n")
     (tmp_path / "needs_other.py").write_text("import not_there_either\n")
     monkeypatch.chdir(tmp_path)

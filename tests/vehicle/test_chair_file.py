@@ -36,6 +36,20 @@ def test_a_chair_may_be_a_file_of_ones_own_with_a_key_of_the_previous_release(tm
             "no_load_speed_m_s = 0.5",
             "motor.no_load_speed_m_s is 0.5, below drives.max_speed_m_s of 1: ",
         ),
+        (
+            "com_m = [0.0, 0.0, 0.17]",
+            "com_m = [-0.5, 0.0, 0.17]",
+            "masses.chassis_com_m is [-0.5, 0, 0.17], not above the tracks, ",
+        ),
+        ("com_m = [0.0, 0.0, 0.17]", "com_m = [0.0, 0.4, 0.17]", "masses.chassis_com_m is [0, 0.4, 0.17], not above the tracks, "),
+        ("com_m = [0.0, 0.0, 0.17]", "com_m = [0.0, 0.0, -0.17]", "masses.chassis_com_m is [0, 0, -0.17], not above the tracks, "),
+        (
+            "com_m = [0.0, 0.0, 0.17]",
+            "com_m = [-80, 0.0, 0.17]",
+            "masses.chassis_com_m.0: must be a number from -10 to 10 (got -80); did you mean -0.08, for -80 mm?",
+        ),
+        ("slope_deg = 32.0", "slope_deg = 0.56", "rating.slope_deg: must be a number from 5 to 45 (got 0.56); did you mean 32.1, "),
+        ("[tracks]", "[track]", "track: unknown table; did you mean [tracks]? (and 1 more)"),
         ("hold_n = 6000.0\n", "", "seat: give push_n, no_load_m_s and hold_n together, or none"),
         ("[camera]", "[camera]\nzoom = 2", "camera.zoom: unknown key; known here: "),
     ],
@@ -45,6 +59,13 @@ def test_what_is_wrong_is_named(tmp_path: Path, old: str, new: str, message: str
     with pytest.raises(SettingsError) as refused:
         read_chair(path)
     assert re.fullmatch(rf"{re.escape(str(path))}:\d+: {re.escape(message)}.*", str(refused.value))
+
+
+def test_a_rule_of_two_tables_is_found_at_the_line_of_the_key_that_it_names(tmp_path: Path) -> None:
+    path = changed_chair(tmp_path, "com_m = [0.0, 0.0, 0.17]", "com_m = [-0.5, 0.0, 0.17]")
+    line = Path(path).read_text().splitlines().index("chassis_com_m = [-0.5, 0.0, 0.17]") + 1
+    with pytest.raises(SettingsError, match=rf":{line}: masses\.chassis_com_m is"):
+        read_chair(path)
 
 
 def test_the_masses_and_speeds_are_those_of_table_1() -> None:

@@ -239,6 +239,24 @@ def test_a_landing_too_short_to_stand_on_is_refused_with_the_depth_it_needs() ->
         assert judge(stair={"landing_m": landing_m}, **keys).verdict == verdict
 
 
+@pytest.mark.parametrize(
+    ("chair", "tables", "warning"),
+    [
+        (CHAIR, {"start": {"heading_deg": 0.52}}, "start.heading_deg is 0.52°; did you mean 29.8, for 0.52 rad?"),
+        (with_piece("camera", pitch_deg=0.698), {}, "camera.pitch_deg is 0.698°; did you mean 40.0, for 0.698 rad?"),
+        (with_piece("tracks", approach_angle_deg=0.7), {}, "tracks.approach_angle_deg is 0.7°; did you mean 40.1, for 0.7 rad?"),
+    ],
+)
+def test_an_angle_that_may_be_in_radians_is_asked_about(chair: ChairDescription, tables: dict[str, Any], warning: str) -> None:
+    report = judge(chair, **tables)
+    assert (report.verdict, report.warnings) == ("go", [warning])
+
+
+def test_no_shipped_file_is_asked_about_and_neither_is_a_heading_of_two_degrees() -> None:
+    for path in CHAIRS.glob("*.toml"):
+        assert judge(read_chair(path.stem), start={"heading_deg": 2.0}).warnings == []
+
+
 def test_all_problems_are_reported() -> None:
     report = judge(
         with_piece("tracks", flat_run_m=0.25),

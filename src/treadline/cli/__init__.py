@@ -177,6 +177,9 @@ def _ended(by: KeyboardInterrupt, *, debug: bool) -> int:
 
 
 def _usage(error: cyclopts.CycloptsError) -> str:
+    if isinstance(error, cyclopts.MissingArgumentError) and error.argument is not None and error.keyword is None:
+        verb = " ".join(error.command_chain or ())
+        return f"{verb} requires {error.argument.name}; see treadline {verb} --help"
     said = str(error).partition(" Available commands:")[0].rstrip(".")  # a list that is cut off after a few
     return said + (" See treadline --help" if said.endswith("?") else "; see treadline --help")
 

@@ -32,6 +32,7 @@ def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
             f"available {report.friction_available:.2f}; tipping margins {margins}"
             + ("" if report.nosings_in_view is None else f"; {report.nosings_in_view} nosings in view from the start"),
             *report.reasons,
+            *(f"warning: {warning}" for warning in report.warnings),
         ],
         code=0 if report.verdict == "go" else 1,
     )

@@ -239,12 +239,16 @@ def _written(found: "Identified", logs: Sequence[Path], asked: IdentifyOptions, 
 
 
 def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]) -> Answer:
+    from treadline.io.records import clock_warning
+
     report = found.report
     fits = ", ".join(f"{name} {value:.1f} %" for name, value in report.fit_percent.items())
     ahead = ", ".join(f"{name} {value:.1f} %" for name, value in report.one_step_vaf_percent.items())
     held_out = asked.validate is not None or asked.validate_on is not None
+    question = clock_warning(found.model.dt_s) if asked.period is None else None
+    warnings = [*report.warnings, *([] if question is None else [question])]
     return Answer(
-        values=report.as_json() | written,
+        values=report.as_json() | written | {"warnings": warnings},
         summary=[
             f"order {report.order} with {report.lags} lags ({report.method}: {report.subspace}, {report.step}), "
             f"{_counted(found)}, one sample every {found.model.dt_s:.6g} s",
@@ -253,7 +257,7 @@ def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]
             "than the mean)",
             f"one step ahead: {ahead} of the variance",
             f"written: {', '.join(dict.fromkeys(written.values()))}",
-            *(f"warning: {warning}" for warning in report.warnings),
+            *(f"warning: {warning}" for warning in warnings),
         ],
     )
 

@@ -126,3 +126,13 @@ def rotation_about(vector: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
     x, y, z = vector / angle
     K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K)
+
+
+def radians_hint(name: str, angle_deg: float) -> str | None:
+    """Return a question where an angle given in degrees may be one in radians: neither zero nor above a right angle in radians.
+
+    Such an angle is below 1.6°, less than what a start heading or a mount pitch is given for.
+    """
+    if not 0.0 < abs(angle_deg) <= 0.5 * math.pi:
+        return None
+    return f"{name} is {angle_deg:g}°; did you mean {angle_deg / DEG:.1f}, for {angle_deg:g} rad?"

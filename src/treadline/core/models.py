@@ -27,6 +27,8 @@ Reconstruct = Literal["observer", "static"]
 Provenance = dict[str, Any]
 """Origin of a model: command, versions, seeds, fit. JSON values only."""
 
+LOG_SUFFIXES = (".csv", ".txt", ".tsv", ".npz", ".parquet", ".mcap", ".bag", ".db3")
+"""Suffixes of logs, from which models are identified; a .mat file holds a log or a model."""
 RUN_VALUES = 10
 """Least output values per estimated initial state for a free-run score: the state estimate uses a tenth of them."""
 TEST_VALUES = 100
@@ -152,6 +154,7 @@ class LinearModel(Printable):
         """
         if path.suffix.lower() == ".mat":
             raise SettingsError(f"{path}: a model for MATLAB; give the JSON file: treadline identify --out model.json")
+        _reject_log(path, "a model", f"treadline identify {path} --out model.json")
         tables = read_json(path)
         for key, kind in _NO_MODELS.items():
             if key in tables:
@@ -197,6 +200,7 @@ class ControllerDesign(Printable):
         Raises:
             SettingsError: If the file is missing, not JSON, not a controller, or has a period other than a multiple of the tick.
         """
+        _reject_log(path, "a controller", f"treadline identify {path} --out model.json && treadline tune model.json")
         return cls.of_tables(read_json(path), path)
 
     @classmethod
@@ -242,6 +246,13 @@ def written_whole(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise TreadlineError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def _reject_log(path: Path, wanted: str, command: str) -> None:
+    """Reject a log, or a run folder, where a file that is made from one belongs."""
+    if path.is_dir() or (path.suffix.lower() in LOG_SUFFIXES and path.exists()):
+        kind = "folder" if path.is_dir() else "log"
+        raise SettingsError(f"{path}: a {kind}, not {wanted}; make one first: {command}")
 
 
 def read_json(path: Path) -> dict[str, Any]:

@@ -5,16 +5,18 @@ real number, and a TOML list as a tuple.
 """
 
 import difflib
+import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
+from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 
 
@@ -46,6 +48,17 @@ MANY_OF = {"number": "numbers", "integer": "whole numbers"}
 """Names of list item types in error messages."""
 COUNTS = ("no", "one", "two", "three", "four")
 """Numerals of tuple lengths in error messages."""
+UNITS: Mapping[str, Mapping[str, float]] = {
+    "_deg_s": {"rad/s": 1.0 / DEG},
+    "_deg": {"rad": 1.0 / DEG},
+    "_m_s": {"mm/s": 1e-3},
+    "_n_m": {},
+    "_m": {"mm": 1e-3, "cm": 1e-2},
+    "_s": {"ms": 1e-3},
+}
+"""Units in which a quantity may have been given by mistake, with their factors to the unit of its key; the first suffix counts."""
+LEAST_CONVERTED = 0.01
+"""Smallest converted value that is suggested: a centimetre, 10 ms or 1 cm/s; less is meant in no file."""
 LONGEST_SHOWN = 60
 """Largest number of characters of a wrong value repeated in an error message."""
 _TABLE = re.compile(r"\s*(\[{1,2})\s*([\w.-]+)\s*\]{1,2}\s*(#.*)?$")
@@ -72,7 +85,7 @@ def parse_toml(path: Path) -> dict[str, object]:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         # ValueError: base class of tomllib's error, and Python's own for an integer of thousands of digits.
-        raise SettingsError(f"{path}: not TOML: {error}") from None
+        raise SettingsError(f"{path}: not TOML: {error}{'' if path.suffix == '.toml' else '; give a .toml file'}") from None
 
 
 def text_of(path: Path, kind: str) -> str:
@@ -108,7 +121,7 @@ def settings_of(tables: Mapping[str, object], model: type[S], *, where: str, fil
     try:
         return model.model_validate(tables)
     except ValidationError as error:
-        line = None if file is None else line_of(text_of(file, "a settings file"), _place(error.errors(include_url=False)[0]))
+        line = None if file is None else line_of(text_of(file, "a settings file"), _place(_ordered(error)[0]))
         raise SettingsError(f"{where}{'' if line is None else f':{line}'}: {_first_problem(error, model)}") from None
 
 
@@ -140,20 +153,25 @@ def _as_tuple(value: object) -> object:
     return tuple(_as_tuple(item) for item in value) if isinstance(value, list) else value
 
 
+def _ordered(error: ValidationError) -> list[ErrorDetails]:
+    """Return the errors, unknown keys first: a misspelt key is also a missing one."""
+    return sorted(error.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
+
+
 def _first_problem(error: ValidationError, model: type[Settings]) -> str:
     """Return the first error with its key, and the number of further errors."""
-    problems = error.errors(include_url=False)
+    problems = _ordered(error)
     first, place = problems[0], _place(problems[0])
     others = {_place(problem) for problem in problems} - {place}
     key = ".".join(part if isinstance(part, str) and part.isprintable() else repr(part) for part in place)
     message = _what_is_wrong(first, key, model)
     more = f" (and {len(others)} more)" if others else ""
-    return f"{key}: {message}{more}" if key else f"{message}{more}"
+    return f"{key}: {message}{more}" if first["loc"] else f"{message}{more}"
 
 
 def _place(problem: ErrorDetails) -> Place:
-    """Return where the value to correct stands: of a list that is too short, the list."""
-    place = problem["loc"]
+    """Return where the value to correct stands: of a short list, the list; of a rule of several tables, the key named first."""
+    place = problem["loc"] or tuple(problem["msg"].removeprefix("Value error, ").partition(" ")[0].split("."))
     return place[:-1] if problem["type"] == "missing" and isinstance(place[-1], int) else place
 
 
@@ -161,18 +179,66 @@ def _what_is_wrong(problem: ErrorDetails, key: str, model: type[Settings]) -> st
     if problem["type"] == "value_error":
         return problem["msg"].removeprefix("Value error, ")
     if problem["type"] == "extra_forbidden":
-        return f"unknown key; {_instead(str(problem['loc'][-1]), list(_schema_at(model, problem['loc'][:-1])['properties']))}"
+        return _unknown(problem, model)
     place = _place(problem)
     wanted = _wanted(_schema_at(model, place), key)
     if problem["type"] == "missing" and place == problem["loc"]:
         return f"missing; give {wanted}"
-    return f"must be {wanted} (got {_shown(problem['input'])})"
+    meant = _meant(problem["input"], _schema_at(model, place), key)
+    return f"must be {wanted} (got {_shown(problem['input'])})" + (f"; did you mean {meant}?" if meant else "")
 
 
-def _instead(key: str, known: list[str]) -> str:
-    """Return a suggestion for an unknown key, or the list of known keys: ``rise`` means rise_m."""
-    meant = [name for name in known if name.startswith(f"{key}_")][:1] or difflib.get_close_matches(key, known, 1)
-    return f"did you mean {meant[0]}?" if meant else f"known here: {', '.join(known)}"
+def _unknown(problem: ErrorDetails, model: type[Settings]) -> str:
+    """Return what to write in place of an unknown key: a similar one, the table that has it, or the known ones."""
+    *above, last = problem["loc"]
+    key, known, tables = str(last), list(_schema_at(model, tuple(above))["properties"]), _tables(model)
+    # ``rise`` means rise_m.
+    meant = next((name for name in known if name.startswith(f"{key}_")), None) or closest(key, known)
+    if meant is not None:
+        header = next((header for header in tables if not above and header.strip("[]") == meant), None)
+        return f"unknown table; did you mean {header}?" if header else f"unknown key; did you mean {meant}?"
+    owners = [header for header, keys in tables.items() if key in keys]
+    return f"unknown key here; it belongs to {' or '.join(owners)}" if owners else f"unknown key; known here: {', '.join(known)}"
+
+
+def _tables(model: type[Settings]) -> dict[str, set[str]]:
+    """Return the keys of each table of a file by its header in TOML."""
+    found: dict[str, set[str]] = {}
+    for name in model.model_fields:
+        schema = _schema_at(model, (name,))
+        if "properties" in schema:
+            found[f"[{name}]"] = set(schema["properties"])
+        elif "$ref" in schema.get("items", {}):
+            found[f"[[{name}]]"] = set(_schema_at(model, (name, 0))["properties"])
+    return found
+
+
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that is most similar to a misspelt one, or None; other digits name another thing, as of two cameras."""
+    alike = [other for other in known if re.sub(r"\D", "", other) == re.sub(r"\D", "", name)]
+    return next(iter(difflib.get_close_matches(name, alike, 1)), None)
+
+
+def _meant(value: object, schema: JsonSchema, key: str) -> str | None:
+    """Return what a wrong value probably means: a similar word, or the same quantity in another unit."""
+    if isinstance(value, str) and "enum" in schema:
+        word = closest(value, [choice for choice in schema["enum"] if isinstance(choice, str)])
+        return None if word is None else _shown(word)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return None
+    names = [part for part in key.split(".") if not part.isdigit()]
+    units = next((units for suffix, units in UNITS.items() if names[-1].endswith(suffix)), {})
+    converted = {unit: value * factor for unit, factor in units.items()}
+    return next((f"{number:.3g}, for {value:g} {unit}" for unit, number in converted.items() if _is_within(number, schema)), None)
+
+
+def _is_within(number: float, schema: JsonSchema) -> bool:
+    """Return whether a number is allowed, and large enough to be meant."""
+    return (
+        abs(number) >= LEAST_CONVERTED
+        and schema.get("minimum", -math.inf) <= number <= schema.get("maximum", math.inf)
+        and schema.get("exclusiveMinimum", -math.inf) < number < schema.get("exclusiveMaximum", math.inf)
+    )
 
 
 def _schema_at(model: type[Settings], place: Place) -> JsonSchema:

@@ -4,7 +4,6 @@ The keys of the tables ``filter``, ``guard``, ``detector`` and ``offset`` are th
 degrees.
 """
 
-import difflib
 import json
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -21,7 +20,7 @@ from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign, Reconstruct
 from treadline.core.setting_docs import meanings
-from treadline.core.settings import Settings, settings_of
+from treadline.core.settings import Settings, closest, settings_of
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.estimation.offset import AberrationRule
 from treadline.guard import Guard
@@ -325,8 +324,8 @@ def _given(items: Sequence[str], known: list[str]) -> dict[str, object]:
 
 def _allowed(key: str, known: list[str]) -> str:
     siblings = [name for name in known if name.split(".")[0] == key.split(".", maxsplit=1)[0]] or known
-    close = difflib.get_close_matches(key, known, 1)
-    return (f"did you mean {close[0]}? " if close else "") + f"allowed: {', '.join(siblings)}"
+    close = closest(key, known)
+    return ("" if close is None else f"did you mean {close}? ") + f"allowed: {', '.join(siblings)}"
 
 
 def _value(text: str) -> object:

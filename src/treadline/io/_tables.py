@@ -107,6 +107,10 @@ def no_clock(table: Table) -> PeriodMismatch:
             f"{table.file}: column '{given}' is the time: leave it out of --inputs and --outputs, or give --period"
         )
     there = f" (there are: {listed(table.header)})" if table.header else ""
+    thousandths = next((name for name in table.header if name.endswith("_ms")), None)
+    if thousandths is not None:
+        remedy = f"divide '{thousandths}' by 1000 and name it {SECONDS[0]}"
+        return PeriodMismatch(f"{table.file}: no column '{SECONDS[0]}'{there}; {remedy}")
     return PeriodMismatch(
         f"{table.file}: no column '{SECONDS[0]}'{there}; give --period, or name the time in seconds {' or '.join(SECONDS)}, in "
         f"nanoseconds {' or '.join(NANOSECONDS)}, in ISO 8601 text {' or '.join(TIMESTAMPS)}"
@@ -183,7 +187,7 @@ def _check_finite(
 
 
 def period_of(table: Table, t_s: Times, period_s: float | None, before_s: float | None = None) -> float:
-    """Return the requested period, or the median step; time must increase.
+    """Return the requested period, or the median step, rounded as far as the rounding of the stamps allows; time must increase.
 
     Args:
         t_s: Clock of the table.
@@ -193,7 +197,16 @@ def period_of(table: Table, t_s: Times, period_s: float | None, before_s: float 
     back = np.flatnonzero(steps <= 0.0)
     if back.size:
         raise RecordError(f"{_behind(table, int(back[0]), before_s)}: column '{table.clock}' does not increase")
-    return float(np.median(steps)) if period_s is None else period_s
+    if period_s is not None:
+        return period_s
+    # Each stamp is rounded by half the spacing of floats, which is at most twice that of the median stamp in an even record.
+    return shortest_decimal(float(np.median(steps)), 2.0 * float(np.spacing(np.median(np.abs(t_s)))))
+
+
+def shortest_decimal(value: float, uncertainty: float) -> float:
+    """Return the decimal number of the fewest digits within the uncertainty: 0.05 for the difference of two rounded stamps."""
+    candidates = (float(f"{value:.{digits}g}") for digits in range(1, 17))
+    return next((number for number in candidates if abs(number - value) <= uncertainty), value)
 
 
 def uneven(
@@ -206,8 +219,10 @@ def uneven(
         return None
     k = int(off[0])
     places = places_of(t_s, period_s, before_s)
+    if abs(1e-3 * float(np.median(steps)) - period_s) <= IRREGULAR * period_s:
+        remedy = f"does column '{table.clock}' count milliseconds? divide it by 1000"
     # The fraction of missing rows of a stream is unknown before its end.
-    if places is not None and (before_s is not None or len(t_s) >= (1.0 - MOST_GAPS) * (places[-1] + 1.0)):
+    elif places is not None and (before_s is not None or len(t_s) >= (1.0 - MOST_GAPS) * (places[-1] + 1.0)):
         remedy = f"if rows are missing, pass --allow-gaps, else {remedy.removeprefix('pass ')}"
     return PeriodMismatch(
         f"{_behind(table, k, before_s)}: a step of {steps[k]:.4g} s where the period is {period_s:.4g} s; {remedy}"

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from treadline.core.errors import LogFormatError, SettingsError
-from treadline.core.models import InputOutputRecord, write_whole
+from treadline.core.models import LOG_SUFFIXES, InputOutputRecord, write_whole
 from treadline.io._tables import (
     MOST_ROWS,
     Log,
@@ -96,6 +96,20 @@ def read_record(
         raise no_clock(table)
     m = len(inputs)
     return InputOutputRecord(u=values[:, :m], y=values[:, m:], dt_s=period_s, input_names=inputs, output_names=outputs)
+
+
+def clock_warning(period_s: float) -> str | None:
+    """Return a question where a clock column named in seconds may count milliseconds.
+
+    Loggers write milliseconds as whole numbers, and seconds with decimals unless the period is a whole number of seconds, which is
+    too long to control a vehicle: such a period is possible, and improbable.
+    """
+    if period_s < 1.0 or not period_s.is_integer():
+        return None
+    return (
+        f"the time column steps by {period_s:g} s; if it counts milliseconds, divide it by 1000: the period is then "
+        f"{1e-3 * period_s:g} s"
+    )
 
 
 def write_record(path: Path, record: InputOutputRecord, first_t_s: float) -> None:
@@ -270,8 +284,9 @@ def _tables(file: Path, wanted: tuple[str, ...]) -> Iterable[Table]:
         from treadline.io._array_files import read_mat
 
         return [read_mat(file, wanted)]
-    kinds = ", ".join((*DELIMITED, ".npz", ".mat", ".parquet", *BAGS))
-    raise LogFormatError(f"{file}: unsupported log format '{file.suffix}'; supported: {kinds}, a run folder or a bag folder")
+    raise LogFormatError(
+        f"{file}: unsupported log format '{file.suffix}'; supported: {', '.join(LOG_SUFFIXES)}, .mat, a run folder or a bag folder"
+    )
 
 
 def _joined(tables: list[Table]) -> Table:

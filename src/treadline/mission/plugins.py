@@ -5,9 +5,9 @@ A plug-in is a class (or a function) that takes the ``MissionConfig`` and return
 belong to the class, so that they are known without an instance.
 """
 
+import ast
 import importlib
 import sys
-from difflib import get_close_matches
 from importlib import util
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import Any
 
 from treadline.core.errors import SettingsError
+from treadline.core.settings import closest, text_of
 from treadline.mission.mission_config import FILE_PREFIX
 
 ATTRIBUTES = {"controller": ("follows_plan",), "detector": ("maps_stair",), "estimator": ()}
@@ -57,6 +58,8 @@ def load_plugin(kind: str, source: str) -> Any:
     """
     where = f"--{kind} {source}"
     module_name, colon, attribute = source.rpartition(":")
+    if not colon and source.endswith(".py"):
+        raise SettingsError(f"{where}: names a file, not a class of it; {_classes_in(Path(source), kind, where)}")
     if not colon:
         return checked_plugin(kind, _entry_point(kind, source, where), where)
     module = _module_of(module_name, where)
@@ -80,7 +83,7 @@ def _module_of(name: str, where: str) -> ModuleType:
         if error.name is not None and (name == error.name or name.startswith(error.name + ".")):
             raise SettingsError(f"{where}: no module '{error.name}' here or among the installed packages") from None
         raise SettingsError(f"{where}: '{name}' cannot be imported: {error}") from error
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise SettingsError(f"{where}: '{name}' cannot be imported: {type(error).__name__}: {error}") from error
     finally:
         if added:
@@ -88,8 +91,7 @@ def _module_of(name: str, where: str) -> ModuleType:
 
 
 def _module_in(path: Path, where: str) -> ModuleType:
-    if not path.is_file():
-        raise SettingsError(f"{where}: no file '{path}'; correct the path")
+    _check_is_there(path, where)
     name = f"{FILE_PREFIX}{path.stem}"
     known = sys.modules.get(name)
     if known is not None and Path(str(known.__file__)) == path.resolve():
@@ -101,10 +103,35 @@ def _module_in(path: Path, where: str) -> ModuleType:
     sys.modules[name] = module  # dataclasses of the file look their module up
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         del sys.modules[name]
         raise SettingsError(f"{where}: '{path}' cannot be imported: {type(error).__name__}: {error}") from error
     return module
+
+
+def _classes_in(path: Path, kind: str, where: str) -> str:
+    """Return how to name a class of a file, which is parsed and not run: one with the attributes of its kind, if there is one."""
+    _check_is_there(path, where)
+    try:
+        tree = ast.parse(text_of(path, "a Python file"))
+    except SyntaxError as error:
+        raise SettingsError(f"{where}: {path}:{error.lineno}: not Python: {error.msg}") from None
+    classes = [item for item in tree.body if isinstance(item, ast.ClassDef)]
+    fitting = [item for item in classes if {*ATTRIBUTES[kind]} <= _assigned(item)]
+    names = [f"{path}:{item.name}" for item in fitting or classes]
+    return f"give --{kind} {' or '.join(names)}" if names else f"it defines none: write the {kind} as a class"
+
+
+def _assigned(item: ast.ClassDef) -> set[str]:
+    """Return the names that the body of a class assigns."""
+    plain = (target for line in item.body if isinstance(line, ast.Assign) for target in line.targets)
+    typed = (line.target for line in item.body if isinstance(line, ast.AnnAssign))
+    return {target.id for target in (*plain, *typed) if isinstance(target, ast.Name)}
+
+
+def _check_is_there(path: Path, where: str) -> None:
+    if not path.is_file():
+        raise SettingsError(f"{where}: no file '{path}'; correct the path")
 
 
 def _entry_point(kind: str, name: str, where: str) -> Any:
@@ -122,5 +149,5 @@ def _entry_point(kind: str, name: str, where: str) -> Any:
 
 
 def _meant(name: str, known: list[str]) -> str:
-    close = get_close_matches(name, known, 1)
-    return f"; did you mean '{close[0]}'?" if close else ""
+    close = closest(name, known)
+    return "" if close is None else f"; did you mean '{close}'?"

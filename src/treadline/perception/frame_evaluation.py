@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import UInt8
 
-from treadline.core.angles import DEG
+from treadline.core.angles import DEG, radians_hint
 from treadline.core.camera_images import NamedFrame, RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.signals import StairMap
@@ -134,9 +134,16 @@ def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float) -> dict[s
         "stair": None if shape is None else _stair(shape, sight.stair_map),
         "ms": spent_ms,
         "mount_known": named.mount_known,
-        "warning": None if named.mount_known else NO_MOUNT,
+        "warning": _calibration_warning(named),
         **({} if named.mount_known else _without_mount(sight)),
     }
+
+
+def _calibration_warning(named: NamedFrame) -> str | None:
+    """Return what is missing or improbable in the mount of the camera."""
+    if not named.mount_known:
+        return NO_MOUNT
+    return None if named.frame is None else radians_hint("mount_pitch_deg", named.frame.camera.mount_pitch_rad / DEG)
 
 
 def _without_mount(sight: StairDetection) -> dict[str, float | None]:

@@ -266,7 +266,7 @@ def _design(source: Any) -> ControllerDesign | None:
         return source
     text = str(source) if isinstance(source, str | Path) and source != SHIPPED else ""
     is_file = Path(text).is_file() or Path(text).suffix == ".json" or ("/" in text and ":" not in text)
-    return ControllerDesign.load(Path(text)) if is_file else None
+    return ControllerDesign.load(Path(text)) if is_file and Path(text).suffix != ".py" else None
 
 
 def _plugin(kind: str, source: Any) -> Any:

@@ -189,8 +189,8 @@ class Flipper(Settings):
 class Rating(Settings):
     """Manufacturer's limits; physics may allow more."""
 
-    slope_deg: Annotated[float, Field(gt=0.0, le=45.0)]
-    """Slope of the steepest flight."""
+    slope_deg: Annotated[float, Field(ge=5.0, le=45.0)]
+    """Slope of the steepest flight; no [stair] is flatter than 5°."""
     payload_kg: Mass
     """Largest payload on any flight."""
     steep_payload_kg: Mass
@@ -241,6 +241,17 @@ class ChairDescription(Settings):
     """Motor of each belt. None: belts follow their commands at any load."""
     battery: Battery | None = None
     """Battery of the motors; required with motors."""
+
+    @model_validator(mode="after")
+    def _the_chassis_stands_on_its_tracks(self) -> "ChairDescription":
+        x_m, y_m, z_m = self.masses.chassis_com_m
+        half_run_m, half_width_m = 0.5 * self.tracks.flat_run_m, 0.5 * (self.tracks.gauge_m + self.tracks.belt_width_m)
+        if abs(x_m) >= half_run_m or abs(y_m) >= half_width_m or z_m <= 0.0:
+            raise ValueError(
+                f"masses.chassis_com_m is [{x_m:g}, {y_m:g}, {z_m:g}], not above the tracks, which bear ±{half_run_m:.2f} m along "
+                f"and ±{half_width_m:.2f} m across: the chassis would tip over on the floor; give metres from mid-track, above 0"
+            )
+        return self
 
     @model_validator(mode="after")
     def _the_payload_has_one_place(self) -> "ChairDescription":

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from treadline.core.errors import SettingsError
-from treadline.core.settings import Settings, parse_toml, settings_of
+from treadline.core.settings import Settings, closest, parse_toml, settings_of
 from treadline.scenario.faults import Fault
 from treadline.scenario.operator_actions import OperatorAct, act_problem
 from treadline.scenario.shipped_files import CHAIRS, DATA, chair_file
@@ -257,8 +257,9 @@ def read_scenario(name: str | Path) -> Scenario:
     elif not path.exists() and path.suffix == "" and len(path.parts) == 1:
         if (SHIPPED / f"{name}.toml").is_file():
             raise SettingsError(f"{name}: a shipped sweep, not one scenario; run it with treadline sweep {name}")
-        known = ", ".join(sorted(shipped))
-        raise SettingsError(f"{name}: no such file, and no shipped scenario of that name (shipped: {known})")
+        known, meant = ", ".join(sorted(shipped)), closest(str(name), shipped)
+        remedy = "" if meant is None else f"; did you mean {meant}?"
+        raise SettingsError(f"{name}: no such file, and no shipped scenario of that name (shipped: {known}){remedy}")
     tables = parse_toml(path)
     if "draw" in tables:
         raise SettingsError(f"{path}: a sweep, not one scenario; run it with treadline sweep {name}")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from treadline.core.errors import SettingsError
+from treadline.core.settings import closest
 
 if TYPE_CHECKING:
     from treadline.core.models import ControllerDesign
@@ -35,8 +36,9 @@ def chair_file(model: str, *folders: Path) -> Path:
         return found
     shipped = _shipped()
     if model not in shipped:
-        known = ", ".join(sorted(shipped))
-        raise SettingsError(f"chair.model: no shipped chair {model!r} (shipped: {known}); or give a path to a .toml")
+        meant = closest(model, shipped)
+        remedy = "or give a path to a .toml" if meant is None else f"did you mean '{meant}'?"
+        raise SettingsError(f"chair.model: no shipped chair {model!r} (shipped: {', '.join(sorted(shipped))}); {remedy}")
     return shipped[model]
 
 

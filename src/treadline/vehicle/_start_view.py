@@ -38,7 +38,9 @@ class StartView:
         square = start if start.place == "flight" else start.model_copy(update={"heading_deg": 0.0})
         here, turned = (standing(self._staircase, self._chair.tracks, pose) for pose in (start, square))
         views = (self._geometry.visibility(R_WB, here.p_WB) for R_WB in (here.R_WB, turned.R_WB))
-        return max(int(view.seen.sum()) if view and view.direction == self._scenario.drive.direction else 0 for view in views)
+        ahead = (view for view in views if view is not None and view.direction == self._scenario.drive.direction)
+        count = max((int(view.seen.sum()) for view in ahead), default=0)
+        return count if count >= LEAST_NOSINGS else 0
 
     def problem(self, fits: Callable[[Start], bool]) -> str | None:
         """Return why the run would find no stair, with a remedy, or None.
@@ -53,7 +55,7 @@ class StartView:
 
     def detects(self, start: Start) -> bool:
         """Return whether enough nosings are in view from a start."""
-        return self.nosings(start) >= LEAST_NOSINGS
+        return self.nosings(start) > 0
 
     def _step_remedy(self, fits: Callable[[Start], bool]) -> str | None:
         """Return the nearest step for a start on the flight from which the stair is in view."""

@@ -6,7 +6,7 @@ Each refusal states its number and a remedy.
 import math
 from dataclasses import dataclass, field
 
-from treadline.core.angles import DEG
+from treadline.core.angles import DEG, radians_hint
 from treadline.core.printing import Printable
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
@@ -64,6 +64,8 @@ class CheckReport(Printable):
     """Range of the seat's angle; None without a seat linkage."""
     proposed_seat_shift_m: float | None = field(default=None)
     """Seat shift that would reach the required margin [m]; None if there is none."""
+    warnings: list[str] = field(default_factory=list)
+    """Questions about values that are possible and improbable, which leave the verdict as it is."""
     nosings_in_view: int | None = None
     """Number of nosings in view of the camera from the start, 0 where fewer than two are; None in open loop, which uses no camera,
     and where the chair cannot stand there."""
@@ -78,6 +80,7 @@ class CheckReport(Printable):
             ("seat", _seat_text(self.seat_range_deg)),
             *([] if self.nosings_in_view is None else [("camera", f"{self.nosings_in_view} nosings in view from the start")]),
             *(("reason", reason) for reason in self.reasons),
+            *(("warning", warning) for warning in self.warnings),
         ]
         return self.verdict, rows
 
@@ -126,8 +129,20 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         stability_margin_deg={side: getattr(margins, side) / DEG for side in SIDES},
         seat_range_deg=None if seat_range is None else (seat_range[0] / DEG, seat_range[1] / DEG),
         proposed_seat_shift_m=shift,
+        warnings=_unit_warnings(scenario, chair),
         nosings_in_view=start.nosings_in_view,
     )
+
+
+def _unit_warnings(scenario: Scenario, chair: ChairDescription) -> list[str]:
+    """Return the angles of the files that may be in radians."""
+    angles = {
+        "start.heading_deg": scenario.start.heading_deg,
+        "tracks.approach_angle_deg": chair.tracks.approach_angle_deg,
+        "camera.pitch_deg": chair.camera.pitch_deg,
+        "rear_camera.pitch_deg": 0.0 if chair.rear_camera is None else chair.rear_camera.pitch_deg,
+    }
+    return [hint for name, angle_deg in angles.items() if (hint := radians_hint(name, angle_deg)) is not None]
 
 
 def _beyond_rating(chair: ChairDescription, slope_rad: float, payload_kg: float) -> str | None:
