@@ -150,7 +150,7 @@ def test_an_update_follows_a_plant_that_wears(run, tmp_path: Path) -> None:
 def test_sums_of_other_channels_or_of_shifted_inputs_are_refused(run, tmp_path: Path) -> None:
     log, sums = write_log(tmp_path / "log.csv"), tmp_path / "sums.npz"
     common = ("--no-page", "--out", tmp_path / "m.json", "--force")
-    assert run("identify", log, *CHANNELS, *common, "--method", "pbsid", "--sums", sums).code == 0  # the former name of --gram
+    assert run("identify", log, *CHANNELS, *common, "--method", "pbsid", "--gram", sums).code == 0
     swapped = ["--inputs", "right_m_s,left_m_s", "--outputs", "heading_rad,yaw_rate_rad_s"]
     outcome = run("identify", log, *swapped, *common, "--update", sums)
     assert outcome.code == 2

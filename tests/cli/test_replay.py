@@ -293,11 +293,10 @@ def test_the_controller_of_the_run_is_used_again_whatever_became_of_its_file(run
     assert run("climb", tmp_path / "short.toml", "--controller", mine, "--out", first, "--log-images").code == 0
     assert (first / "run-controller.json").read_bytes() == mine.read_bytes()
     mine.unlink()
-    (first / "run-controller.json").rename(first / "flown-controller.json")  # the former name is still read
     again = tmp_path / "again"
     assert run("replay", first, "--out", again, "--json").values["largest_command_gap_m_s"] == 0.0
     settings = json.loads((again / "manifest.json").read_text())["settings"]
-    assert settings["replay"]["controller"] == "flown-controller.json"
+    assert settings["replay"]["controller"] == "run-controller.json"
     # Another one can be asked for, and a replay of that replay is driven by it, too.
     changed = tmp_path / "changed"
     values = run("replay", first, "--set", f"controller={other}", "--out", changed, "--log-images", "--json").values

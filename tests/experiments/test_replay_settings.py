@@ -102,8 +102,6 @@ def test_control_and_guard_take_what_is_set() -> None:
 
 def test_a_later_item_overrules_an_earlier_one() -> None:
     assert resolved(BASE, ("filter.gate=16", "filter.gate=4")).values["filter.gate"] == 4.0
-    # A former name of a key still sets it.
-    assert resolved(BASE, ("filter.told_s=3",)).values["filter.report_s"] == 3.0
 
 
 def test_a_controller_is_loaded_from_its_file(tmp_path: Path) -> None:

@@ -44,7 +44,7 @@ class IdentifyOptions:
         update: Gram matrix of earlier data (--gram) to continue from.
         forgetting: Factor on the weight of earlier data per new sample, for example 0.999; 1 forgets nothing.
         stream: Read CSV or Parquet in chunks, in bounded memory. Default: above 256 MB.
-        gram: Write the Gram matrix of all data to this file, for --update (--sums: former name).
+        gram: Write the Gram matrix of all data to this file, for --update.
         page: Page of plots to write. Default: next to the model.
         no_page: Write no page.
     """
@@ -65,7 +65,7 @@ class IdentifyOptions:
     update: Path | None = None
     forgetting: float = 1.0
     stream: Annotated[bool | None, Parameter(negative="--no-stream")] = None
-    gram: Annotated[Path | None, Parameter(name=["--gram", "--sums"])] = None
+    gram: Path | None = None
     page: Path | None = None
     no_page: bool = False
 
@@ -230,7 +230,7 @@ def _written(found: "Identified", logs: Sequence[Path], asked: IdentifyOptions, 
     written = {"model": str(out)}
     if asked.gram is not None:
         found.gram.save(asked.gram)
-        written |= {"gram": str(asked.gram), "sums": str(asked.gram)}  # "sums" is the former key, kept for one release
+        written["gram"] = str(asked.gram)
     page = None if asked.no_page else asked.page or out.with_suffix(".html")
     if page is not None:
         _write_page(found, page, logs)

@@ -11,7 +11,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
@@ -25,16 +25,12 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
-    renamed: ClassVar[Mapping[str, str]] = {}
-    """Keys of the previous release and their present names; both are accepted for one release."""
-
     @model_validator(mode="before")
     @classmethod
     def _lists_are_tuples(cls, tables: object) -> object:
         if not isinstance(tables, Mapping):
             return tables
-        present = {old: new for old, new in cls.renamed.items() if new not in tables}
-        return {present.get(key, key): _as_tuple(value) for key, value in tables.items()}
+        return {key: _as_tuple(value) for key, value in tables.items()}
 
 
 S = TypeVar("S", bound=Settings)

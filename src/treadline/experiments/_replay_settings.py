@@ -46,13 +46,6 @@ AS_LOGGED = "as logged, or as the chair's file says"
 """Description for the other keys."""
 NO_KEYS = ("detector.method", "guard.needs_heading")
 """Settings of blocks that other keys decide."""
-RENAMED = {
-    "filter.shake_deg": "filter.vibration_sigma_deg",
-    "filter.lasting_deg": "filter.systematic_sigma_deg",
-    "filter.unseen_rate_deg_s": "filter.unobserved_rate_sigma_deg_s",
-    "filter.told_s": "filter.report_s",
-}
-"""Former names of keys, accepted for one release."""
 
 
 class ControlKeys(Settings):
@@ -313,7 +306,7 @@ def _given(items: Sequence[str], known: list[str]) -> dict[str, object]:
     given: dict[str, object] = {}
     for item in items:
         key, sign, text = item.partition("=")
-        key = RENAMED.get(key.strip(), key.strip())
+        key = key.strip()
         if not sign:
             raise SettingsError(f"--set {item}: must be key=value, as --set filter.gate=16")
         if key not in known:

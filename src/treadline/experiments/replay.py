@@ -26,7 +26,6 @@ from treadline.experiments._replay_scores import ReplayScores
 from treadline.experiments._replay_settings import ReplaySettings, camera_items, key_table, resolved
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import (
-    FORMER_RUN_CONTROLLER,
     LOG,
     MANIFEST,
     RUN_CONTROLLER,
@@ -269,7 +268,7 @@ def source_of(log: Path) -> Source:
         scenario, changed = settings.get("scenario"), tuple(str(item) for item in settings.get("set") or ())
     named = manifest.get("plugins")
     plugins = {str(kind): str(name) for kind, name in named.items()} if isinstance(named, dict) else {}
-    kept = next((folder / name for name in (RUN_CONTROLLER, FORMER_RUN_CONTROLLER) if (folder / name).is_file()), None)
+    kept = folder / RUN_CONTROLLER if (folder / RUN_CONTROLLER).is_file() else None
     if kept is not None:  # the file that the key named may have changed since
         changed = tuple(item for item in changed if item.partition("=")[0].strip() != "controller")
     if scenario is not None:

@@ -31,8 +31,6 @@ MANIFEST = "manifest.json"
 RUN_CONTROLLER = "run-controller.json"
 """File name of the controller used by the run. The name ``controller.json`` is taken: ``treadline tune`` writes that file, also
 into run folders, and no run may remove it."""
-FORMER_RUN_CONTROLLER = "flown-controller.json"
-"""Former name of ``RUN_CONTROLLER``, still read for one release."""
 WRITTEN = (
     "result.json",
     "series.csv",
@@ -40,7 +38,6 @@ WRITTEN = (
     f"{LOG}.part",
     RECORD,
     RUN_CONTROLLER,
-    FORMER_RUN_CONTROLLER,
     "report.html",
     "figures/run.svg",
 )

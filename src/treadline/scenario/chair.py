@@ -4,8 +4,7 @@ Paper: Section II, Table I. All positions are in B: x forward, y left, z up, ori
 """
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -84,8 +83,6 @@ class Masses(Settings):
 
 class Seat(Settings):
     """Seat, its hinge and the slider-bar linkage for levelling (Section II.B)."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"arm_m": "lever_arm_m"}
 
     hinge_m: Point
     payload_com_m: Point
@@ -219,8 +216,6 @@ class CameraMount(Settings):
 
 class ChairDescription(Settings):
     """Tracked chair."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"arm": "flipper"}
 
     name: str
     tracks: Tracks

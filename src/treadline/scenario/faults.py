@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from treadline.core.settings import Settings
 from treadline.core.signals import ROUNDING_S
@@ -22,9 +22,6 @@ FaultKind = Literal[
     "readings_lost", "gyro_ramp", "wrong_stamp", "payload_forward", "payload_left", "payload_up",
 ]  # fmt: skip
 """Kinds of faults. New kinds are appended: the position of a kind selects its stream of random numbers."""
-
-RENAMED_KINDS = {"arm_lost": "flipper_lost", "arm_stuck": "flipper_stuck"}
-"""Kinds of the previous release and their present names; both are accepted for one release."""
 
 
 class Process(IntEnum):
@@ -127,11 +124,6 @@ class Fault(Settings):
     """Duration of the fault."""
     value: float = 0.0
     """Magnitude of the fault; the unit depends on the kind, and 0 selects the default of the kind."""
-
-    @field_validator("kind", mode="before")
-    @classmethod
-    def _present_name(cls, kind: object) -> object:
-        return RENAMED_KINDS.get(kind, kind) if isinstance(kind, str) else kind
 
     @model_validator(mode="after")
     def _value_means_something(self) -> "Fault":

@@ -6,7 +6,7 @@ from typing import Any
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.models import ControllerDesign, json_of
 from treadline.io.mcap_read import has_arrivals, run_metadata
-from treadline.io.runs import FORMER_RUN_CONTROLLER, LOG, RUN_CONTROLLER
+from treadline.io.runs import LOG, RUN_CONTROLLER
 from treadline.playback import manifest_of, read_recording, run_folder_of
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, read_scenario
@@ -74,8 +74,8 @@ def _controller_of(target: Path) -> ControllerDesign | None:
     """Return the controller that a run folder or the metadata of a log keeps."""
     folder = run_folder_of(target)
     if folder is not None:
-        found = next((folder / name for name in (RUN_CONTROLLER, FORMER_RUN_CONTROLLER) if (folder / name).is_file()), None)
-        return None if found is None else ControllerDesign.load(found)
+        found = folder / RUN_CONTROLLER
+        return ControllerDesign.load(found) if found.is_file() else None
     kept = run_metadata(target).get("controller") if target.is_file() and has_arrivals(target) else None
     return None if kept is None else ControllerDesign.of_tables(json_of(kept, str(target)), target)
 
