@@ -6,12 +6,13 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from numba.core import event
 
 from treadline.core import compile_cache as module
-from treadline.core.compile_cache import CompileTimer, compiling
+from treadline.core.compile_cache import CompileTimer, compiling, marker_path
 
 SCENARIO = """
 [stair]
@@ -28,6 +29,9 @@ vision = "truth"
 camera = "statistical"
 """
 
+KERNEL = {"dispatcher": SimpleNamespace(py_func=marker_path)}
+"""Data of an event: any function of the program counts as a kernel."""
+
 
 def burn(seconds: float) -> None:
     until = time.process_time() + seconds
@@ -40,12 +44,23 @@ def test_nested_compilation_counts_once_and_is_reported_once() -> None:
     watch.call_once_if_long(lambda: reported.append(watch.spent_s))
     with event.install_listener("numba:compile", watch):
         for _ in range(4):
-            with event.trigger_event("numba:compile"), event.trigger_event("numba:compile"):
+            with event.trigger_event("numba:compile", data=KERNEL), event.trigger_event("numba:compile", data=KERNEL):
                 burn(0.6 * module.LONG_S)
     # A second of slack would be a quarter: the clock of a busy machine ticks coarsely.
     assert 2.4 * module.LONG_S <= watch.spent_s < 3.0 * module.LONG_S
     assert len(reported) == 1
     assert module.LONG_S < reported[0] < 1.6 * module.LONG_S
+
+
+def test_each_kernel_is_reported_once_and_the_functions_of_numba_are_not() -> None:
+    watch, kernels = CompileTimer(), []
+    watch.call_for_each(lambda: kernels.append(1))
+    foreign = {"dispatcher": SimpleNamespace(py_func=json.dumps)}
+    with event.install_listener("numba:compile", watch):
+        for data in (KERNEL, foreign, KERNEL):
+            with event.trigger_event("numba:compile", data=data):
+                pass
+    assert len(kernels) == 1
 
 
 def test_a_process_has_one_timer() -> None:
@@ -110,3 +125,16 @@ def test_after_treadline_compile_no_command_compiles_and_two_at_once_compile_onc
             [sys.executable, "-c", COUNTED, *command.split()], capture_output=True, text=True, check=False, cwd=tmp_path
         )
         assert "compiled 0.000" in done.stderr, (command, done.stdout, done.stderr)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif("TREADLINE_SLOW" not in os.environ, reason="make slow runs this: it compiles everything anew")
+def test_no_kernel_is_compiled_in_both_processes(tmp_path: Path) -> None:
+    """Test: each half of the kernels with a cache of its own. Expected result: no file in common; numba's files have no lock."""
+    halves = ("compile_detection", "compile_simulation")
+    for half in halves:
+        source = f"from treadline.cli.compile import {half}; {half}()"
+        subprocess.run([sys.executable, "-c", source], env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / half)}, check=True)
+    detection, simulation = ({path.name for path in (tmp_path / half).rglob("*.nbi")} for half in halves)
+    assert min(len(detection), len(simulation)) > 30
+    assert not detection & simulation

@@ -58,6 +58,13 @@ def test_two_steps_however_well_they_fit_are_unconfirmed() -> None:
     assert UNCONFIRMED < two < EVIDENCE
 
 
+@pytest.mark.parametrize("steps", [1, 3])
+def test_one_step_and_several_have_the_same_memory_layout(steps: int) -> None:
+    """Another layout compiles the search a second time, for three seconds of CPU time."""
+    points = seed_points(np.array([tread_row(k) for k in range(steps)]), np.array([riser_row(k) for k in range(steps)]))
+    assert points.flags.c_contiguous
+
+
 def test_each_repetition_adds_evidence() -> None:
     """Test: three to six steps. Expected result: a stair, by 3 nats or more for each height and place that is added."""
     found = [evidence([tread_row(k) for k in range(n)], [riser_row(k) for k in range(n)]) for n in (3, 4, 5, 6)]

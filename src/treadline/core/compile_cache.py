@@ -33,6 +33,8 @@ class CompileTimer(Listener):
         self._begun_s = 0.0
         self._depth = 0
         self._on_long: Callable[[], None] | None = None
+        self._on_kernel: Callable[[], None] | None = None
+        self._kernels = set[Any]()
 
     @property
     def spent_s(self) -> float:
@@ -42,6 +44,10 @@ class CompileTimer(Listener):
     def call_once_if_long(self, on_long: Callable[[], None]) -> None:
         """Call ``on_long`` once, when more than ``LONG_S`` was spent and another kernel is to be compiled."""
         self._on_long = on_long
+
+    def call_for_each(self, on_kernel: Callable[[], None]) -> None:
+        """Call ``on_kernel`` after the first compilation of each kernel; numba's own functions do not count."""
+        self._on_kernel = on_kernel
 
     def on_start(self, event: Event) -> None:  # noqa: ARG002 - numba's signature
         """Start the clock at the outermost kernel."""
@@ -53,11 +59,15 @@ class CompileTimer(Listener):
             self._on_long()
             self._on_long = None
 
-    def on_end(self, event: Event) -> None:  # noqa: ARG002 - numba's signature
+    def on_end(self, event: Event) -> None:
         """Stop the clock at the outermost kernel."""
         self._depth -= 1
         if self._depth == 0:
             self._spent_s += time.process_time() - self._begun_s
+        kernel = event.data["dispatcher"].py_func
+        if self._on_kernel is not None and kernel.__module__.startswith("treadline.") and kernel not in self._kernels:
+            self._kernels.add(kernel)
+            self._on_kernel()
 
 
 @cache
@@ -70,9 +80,20 @@ def compiling() -> CompileTimer:
 
 def marker_path() -> Path:
     """Return the marker's path; its name changes with the kernels' sources, the compiler and the processor."""
-    from treadline.core.fma import dot
+    place: Any = numba.njit(cache=True)(marker_path).stats.cache_path  # where numba keeps the kernels of this folder
+    return Path(place) / f"compiled-{_fingerprint()}{SUFFIX}"
 
-    return Path(dot.stats.cache_path) / f"compiled-{_fingerprint()}{SUFFIX}"
+
+def kernel_count() -> int:
+    """Return the number of kernels in the sources."""
+    return sum(text.count(b"\n@njit(cache=True") for text in _kernel_sources().values())
+
+
+@cache
+def _kernel_sources() -> dict[Path, bytes]:
+    """Return the text of each source file that uses numba."""
+    texts = {path: path.read_bytes() for path in sorted(Path(__file__).parents[1].rglob("*.py"))}
+    return {path: text for path, text in texts.items() if b"\nfrom numba import" in text}
 
 
 def _fingerprint() -> str:
@@ -80,10 +101,9 @@ def _fingerprint() -> str:
     host: Any = binding  # llvmlite has no type hints
     processor = [host.get_host_cpu_name(), host.get_host_cpu_features().flatten()]
     parts = [numba.__version__, llvmlite.__version__, sys.version, *processor]
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
-        if b"njit" in path.read_bytes():
-            source = path.stat()
-            parts.append(f"{path}:{source.st_mtime_ns}:{source.st_size}")
+    for path in _kernel_sources():
+        source = path.stat()
+        parts.append(f"{path}:{source.st_mtime_ns}:{source.st_size}")
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
 
 

@@ -5,8 +5,8 @@
 
 from typing import no_type_check
 
-from numba import njit, types
-from numba.extending import intrinsic
+from numba import types
+from numba.extending import intrinsic, register_jitable
 
 
 @intrinsic
@@ -18,7 +18,7 @@ def fused(_typing, a, b, c):
     return double(double, double, double), lambda _context, builder, _signature, arguments: builder.fma(*arguments)
 
 
-@njit(cache=True)
+@register_jitable  # a part of the kernels that call it: two processes that compile them share no file
 @no_type_check
 def dot(a, b):
     """Return the inner product of two vectors."""

@@ -124,12 +124,12 @@ class Modes:
     @property
     def real(self) -> Float[np.ndarray, " n"]:
         """Real parts of the poles."""
-        return np.ascontiguousarray(self.poles.real)
+        return self.poles.real.copy()
 
     @property
     def imag(self) -> Float[np.ndarray, " n"]:
         """Imaginary parts of the poles; conjugates are adjacent, positive part first."""
-        return np.ascontiguousarray(self.poles.imag)
+        return self.poles.imag.copy()
 
 
 def modes_of(system: Affine) -> Modes | None:

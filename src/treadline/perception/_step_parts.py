@@ -225,9 +225,10 @@ def riser_rows(risers: Sequence[Riser], blocks: PlanarBlocks, axes: Axes, camera
 def seed_points(treads: Float[np.ndarray, "t 10"], risers: Float[np.ndarray, "r 10"]) -> Float[np.ndarray, "p 5"]:
     """Return the points of which pairs propose a staircase: fronts of treads, tops of risers, feet of risers."""
     fronts, tops, feet = treads[np.isfinite(treads[:, 3])], risers[np.isfinite(risers[:, 3])], risers[np.isfinite(risers[:, 5])]
-    return np.concatenate(
+    points = np.concatenate(
         [
             np.column_stack([np.full(len(rows), float(kind)), rows[:, columns]])
             for kind, rows, columns in ((0, fronts, [2, 0, 6, 7]), (1, tops, [0, 2, 6, 7]), (2, feet, [0, 4, 6, 7]))
         ]
     )
+    return np.ascontiguousarray(points)  # numpy answers column-major unless a part has one row; each layout would be compiled

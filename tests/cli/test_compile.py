@@ -1,0 +1,37 @@
+"""``treadline compile``: what becomes of a failure in one of its two processes."""
+
+import os
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from treadline.cli import compile as module
+
+from .conftest import Run, assert_refused
+
+
+@pytest.fixture
+def marker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    path = tmp_path / "marker"
+    monkeypatch.setattr("treadline.core.compile_cache.marker_path", lambda: path)
+    return path
+
+
+def test_a_killed_process_ends_the_command(run: Run, marker: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "GROUPS", {"stair detection": os.abort})
+    assert_refused(run("compile"), "stair detection", "killed", "memory")
+    assert not marker.exists()
+
+
+def test_an_error_in_a_process_is_the_commands_error(run: Run, marker: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "GROUPS", {"one": partial(os.listdir, "/nowhere"), "other": os.getpid})
+    assert_refused(run("compile"), "/nowhere", "No such file")
+    assert not marker.exists()
+
+
+def test_what_is_compiled_is_not_compiled_again(run: Run, marker: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "GROUPS", {"one": os.getpid, "other": os.getppid})
+    assert run("compile", "--json").values["compiled"]
+    assert marker.exists()
+    assert not run("compile", "--json").values["compiled"]
