@@ -12,7 +12,8 @@ a scalar.
 """
 
 import math
-from collections.abc import Sequence
+import statistics
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -110,21 +111,15 @@ class NosingFilter:
     def begin_frame(self, pitch_rad: float) -> None:
         """Move the estimate to the time of a frame."""
         kept = math.exp(-self._along_m / CORRELATED_M)
-        errors = np.ones(len(self.mean), dtype=bool)
-        errors[:2] = False
-        errors[4::4] = errors[5::4] = False
-        factor = np.where(errors, kept, 1.0)
+        # Each four states are two places, which stay, and two correlated errors, which decay.
+        factor = np.tile([1.0, 1.0, kept, kept], len(self.mean) // 4)
         self.mean = self.mean * factor
-        self.covariance = self.covariance * np.outer(factor, factor)
-        self.covariance[np.diag_indices_from(self.covariance)] += np.where(errors, 1.0 - kept**2, 0.0)
+        self.covariance = self.covariance * factor * factor[:, None]
+        self.covariance[np.diag_indices_from(self.covariance)] += 1.0 - factor**2
         grips, slides = self._drift(pitch_rad, slides=False), self._drift(pitch_rad, slides=True)
         self.covariance[:2, :2] += grips
         self._slide = slides - grips
         self._along_m = self._climbed_m = self._time_s = self._turned_rad = 0.0
-
-    def allow_slide(self) -> None:
-        """Add the uncertainty of a chair that has lost its grip since the frame before, once after ``begin_frame``."""
-        self.covariance[:2, :2] += self._slide
 
     def add(self, place_m: tuple[float, float]) -> int:
         """Return the number of a new nosing near a place, which its first update determines."""
@@ -142,32 +137,40 @@ class NosingFilter:
         kept = np.delete(np.arange(len(self.mean)), np.arange(4 + 4 * number, 8 + 4 * number))
         self.mean, self.covariance = self.mean[kept], self.covariance[np.ix_(kept, kept)]
 
-    def distances2(self, detections: Sequence[NosingDetection]) -> Float[np.ndarray, " m"]:
-        """Return the squared Mahalanobis distance of each detection from its nosing."""
-        columns, observed, noise, value = self._equations(detections)
-        total = observed @ self.covariance[np.ix_(columns, columns)] @ observed.T + np.diag(noise)
-        return _distances2(value - observed @ self.mean[columns], total)
-
-    def update(self, detections: Sequence[NosingDetection]) -> None:
+    def update(self, detections: Sequence[NosingDetection], new: Sequence[bool] = ()) -> None:
         """Update with the detections of one frame.
 
-        A detection beyond the gate is not dropped, because a camera may be noisier than the one of the tables: its noise is
-        increased until it is at the gate, which bounds its influence.
+        If most detections of earlier nosings are beyond the gate, the chair slides on a flight or its belts run on the spot, and
+        the odometry's uncertainty is that of a slide. A detection beyond the gate is not dropped, because a camera may be noisier
+        than the one of the tables: its noise is increased until it is at the gate, which bounds its influence.
+
+        Args:
+            detections: Detections.
+            new: Whether each is the first of its nosing; no slide is considered where this is left out.
         """
         if not detections:
             return
         columns, observed, noise_m2, value = self._equations(detections)
+        noise = np.diag(noise_m2)
         projected = self.covariance[:, columns] @ observed.T
-        total = observed @ projected[columns] + np.diag(noise_m2)
+        total = observed @ projected[columns] + noise
         off = value - observed @ self.mean[columns]
-        beyond = np.repeat(np.maximum(_distances2(off, total) / GATE, 1.0), 2) - 1.0
-        added = _own_blocks(total) * beyond
-        noise = np.diag(noise_m2) + added
-        gain = np.linalg.solve(total + added, projected.T).T
+        distances2 = _distances2(off, total)
+        earlier = [distance2 for distance2, is_new in zip(distances2.tolist(), new, strict=False) if not is_new]
+        if earlier and statistics.median(earlier) > GATE:
+            self.covariance[:2, :2] += self._slide
+            self.update(detections)
+            return
+        for k in np.flatnonzero(distances2 > GATE).tolist():
+            own = slice(2 * k, 2 * k + 2)
+            added = (distances2[k] / GATE - 1.0) * total[own, own]
+            noise[own, own] += added
+            total[own, own] += added
+        gain = np.linalg.solve(total, projected.T).T
         self.mean = self.mean + gain @ off
         # Joseph's form, (I - KH) P (I - KH)' + K R K', stays positive definite; H has the observed columns alone.
         half = self.covariance - gain @ projected.T
-        self.covariance = half - half[:, columns] @ observed.T @ gain.T + gain @ noise @ gain.T
+        self.covariance = half + (gain @ noise - half[:, columns] @ observed.T) @ gain.T
         self.shift_m = (float(self.mean[0]), float(self.mean[1]))
 
     def _drift(self, pitch_rad: float, *, slides: bool) -> Float[np.ndarray, "2 2"]:
@@ -177,12 +180,12 @@ class NosingFilter:
             pitch_rad: Pitch.
             slides: Whether the chair may have lost its grip since.
         """
-        along = np.array([math.cos(pitch_rad), math.sin(pitch_rad)])
-        across = np.array([-along[1], along[0]])
         slide_m = SLIDE_M_S * self._time_s if abs(pitch_rad) > PITCHED_RAD else 0.0
         along_m = math.hypot(self._along_m, slide_m) if slides else SLIP_RATIO * self._along_m
         across_m = math.hypot(DIRECTION_RATIO * self._climbed_m, PIVOT_M * self._turned_rad)
-        return along_m**2 * np.outer(along, along) + across_m**2 * np.outer(across, across)
+        c, s = math.cos(pitch_rad), math.sin(pitch_rad)
+        axes = np.array([[c * along_m, -s * across_m], [s * along_m, c * across_m]])
+        return axes @ axes.T
 
     def _equations(
         self, detections: Sequence[NosingDetection]
@@ -208,19 +211,15 @@ class NosingFilter:
         return columns, observed.reshape(2 * len(numbers), -1), np.repeat(own_m2, 2), np.ravel(places_m)
 
 
-def _own_blocks(total: Float[np.ndarray, "m m"]) -> Float[np.ndarray, "m m"]:
-    """Return the covariance of each detection alone: the blocks of two on the diagonal."""
-    return total * np.kron(np.eye(len(total) // 2), np.ones((2, 2)))
-
-
 def _distances2(off: Float[np.ndarray, " m"], total: Float[np.ndarray, "m m"]) -> Float[np.ndarray, " k"]:
-    """Return the squared Mahalanobis distance of each innovation alone."""
-    return (off * np.linalg.solve(_own_blocks(total), off)).reshape(-1, 2).sum(axis=1)
+    """Return the squared Mahalanobis distance of each innovation (x, z) alone."""
+    (x, z), (xx, zz), xz = off.reshape(-1, 2).T, np.diagonal(total).reshape(-1, 2).T, np.diagonal(total, 1)[::2]
+    return np.asarray((zz * x**2 - 2.0 * xz * x * z + xx * z**2) / (xx * zz - xz**2))
 
 
 IRREGULAR_M = np.array([0.008, 0.006])
 """Standard deviation of a nosing from the lattice, along and in height [m]: that of the detector (docs/decisions/0024)."""
-FRAME_M = np.array([0.0015, 0.0017])
+FRAME_M = (0.0015, 0.0017)
 """Standard deviation of run and rise in a frame with nosings near the chair [m]: ``slope`` (0.31°) and ``pitch`` (1.35 mm) for four
 nosings in ``data/cameras/statistical.json``, on a flight of 28°."""
 GRAVITY_RAD = 0.5 * DEG
@@ -236,9 +235,8 @@ class FlightShape:
         self.mean_m = np.zeros(2)
         """Run and rise [m]; zero before the first frame."""
         self.variance_m2 = np.full(2, math.inf)
-        self._state = np.zeros((2, 2))
-        """Run and rise by frames alone, each with its correlated error in units of its standard deviation."""
-        self._covariance = np.array([np.diag([SHAPE_DIFFUSE_M**2, 1.0])] * 2)
+        self._frames: tuple[_CorrelatedMean, _CorrelatedMean] | None = None
+        """Run and rise by frames alone."""
 
     def update(self, frame_m: tuple[float, float], distances_m: Sequence[float], travel_m: float) -> None:
         """Update with the run and rise of one frame.
@@ -248,43 +246,71 @@ class FlightShape:
             distances_m: Horizontal distances of the frame's nosings from the chair's middle.
             travel_m: Travel of the belts since the frame before, without sign.
         """
+        if self._frames is None:
+            self._frames = (_CorrelatedMean(frame_m[0]), _CorrelatedMean(frame_m[1]))
         kept = math.exp(-travel_m / CORRELATED_M)
-        frame = _lattice(np.zeros((len(distances_m), 2)), _frame_covariance(distances_m), np.arange(float(len(distances_m))))
-        sigma_m = np.sqrt(FRAME_M**2 + frame[1]) if len(distances_m) > 1 else np.full(2, SHAPE_DIFFUSE_M)
-        if not np.isfinite(self.variance_m2).any():
-            self._state[:, 0] = frame_m
-        for axis in range(2):
-            state, covariance = self._state[axis], self._covariance[axis]
-            factor = np.array([1.0, kept])
-            covariance = covariance * np.outer(factor, factor) + np.diag([0.0, 1.0 - kept**2])
-            state = state * factor
-            row = np.array([1.0, math.sqrt(1.0 - OWN_SHARE) * sigma_m[axis]])
-            gain = covariance @ row / (row @ covariance @ row + OWN_SHARE * sigma_m[axis] ** 2)
-            self._state[axis] = state + gain * (frame_m[axis] - row @ state)
-            self._covariance[axis] = covariance - np.outer(gain, row @ covariance)
-        self.mean_m, self.variance_m2 = self._state[:, 0].copy(), self._covariance[:, 0, 0].copy()
+        for frame, value_m, own_m, irregular_m in zip(self._frames, frame_m, FRAME_M, IRREGULAR_M.tolist(), strict=True):
+            frame.update(value_m, own_m**2 + _slope_variance(distances_m, irregular_m), kept)
+        self.mean_m = np.array([frame.value for frame in self._frames])
+        self.variance_m2 = np.array([frame.variance for frame in self._frames])
 
-    def combine(self, places_m: Sequence[tuple[float, float]], covariance_m2: Float[np.ndarray, "k k"]) -> None:
+    def combine(self, places_m: Sequence[tuple[float, float]], covariance_m2: Callable[[], Float[np.ndarray, "k k"]]) -> None:
         """Replace run or rise by that of the tracked nosings if its variance is smaller.
 
         Args:
             places_m: Places (x, z) of the nosings, the lowest first.
-            covariance_m2: Covariance of the places in this order, x before z.
+            covariance_m2: Returns the covariance of the places in this order, x before z.
         """
-        if len(places_m) < 2:
+        leaning_m2 = (GRAVITY_RAD * self.mean_m[::-1]) ** 2
+        if len(places_m) < 2 or np.all(leaning_m2 >= self.variance_m2):
             return
         places = np.asarray(places_m)
         apart = np.maximum(np.rint(np.diff(places, axis=0) @ self.mean_m / (self.mean_m @ self.mean_m)), 1.0)
-        found, variance_m2 = _lattice(places, covariance_m2, np.concatenate([[0.0], np.cumsum(apart)]))
-        variance_m2 = variance_m2 + (GRAVITY_RAD * found[::-1]) ** 2
+        found, variance_m2 = _lattice(places, covariance_m2(), np.concatenate([[0.0], np.cumsum(apart)]))
+        variance_m2 = variance_m2 + leaning_m2
         better = variance_m2 < self.variance_m2
         self.mean_m = np.where(better, found, self.mean_m)
         self.variance_m2 = np.where(better, variance_m2, self.variance_m2)
 
 
-def _frame_covariance(distances_m: Sequence[float]) -> Float[np.ndarray, "k k"]:
-    variances = OWN_M**2 + (FAR_1_M * np.square(distances_m)) ** 2
-    return np.diag(np.repeat(variances, 2))
+class _CorrelatedMean:
+    """Kalman filter of a constant whose measurements share an error that decays with travel.
+
+    States: the constant, and the correlated error in units of its standard deviation.
+    """
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+        self.variance = SHAPE_DIFFUSE_M**2
+        self._error, self._error_variance, self._covariance = 0.0, 1.0, 0.0
+
+    def update(self, measured: float, variance: float, kept: float) -> None:
+        """Update with one measurement; ``kept`` is the share of the correlated error that is left since the one before."""
+        self._error *= kept
+        self._covariance *= kept
+        self._error_variance = 1.0 + (self._error_variance - 1.0) * kept**2
+        sigma = math.sqrt((1.0 - OWN_SHARE) * variance)
+        with_value = self.variance + sigma * self._covariance
+        with_error = self._covariance + sigma * self._error_variance
+        total = with_value + sigma * with_error + OWN_SHARE * variance
+        off = measured - self.value - sigma * self._error
+        self.value += with_value / total * off
+        self._error += with_error / total * off
+        self.variance -= with_value**2 / total
+        self._covariance -= with_value * with_error / total
+        self._error_variance -= with_error**2 / total
+
+
+def _slope_variance(distances_m: Sequence[float], irregular_m: float) -> float:
+    """Return the variance of run or rise from the nosings of one frame [m²]: the slope of the weighted line through them."""
+    if len(distances_m) < 2:
+        return SHAPE_DIFFUSE_M**2
+    variances = [OWN_M**2 + (FAR_1_M * distance_m**2) ** 2 for distance_m in distances_m]
+    weights = [1.0 / (variance + irregular_m**2) for variance in variances]
+    middle = sum(k * weight for k, weight in enumerate(weights)) / sum(weights)
+    leverage = [weight * (k - middle) for k, weight in enumerate(weights)]
+    scale = sum(k * share for k, share in enumerate(leverage))
+    return sum(share**2 * variance for share, variance in zip(leverage, variances, strict=True)) / scale**2
 
 
 def _lattice(
@@ -294,8 +320,6 @@ def _lattice(
 
     Irregularity weighs the nosings, and is no error: run and rise are the means of the flight as built.
     """
-    if len(places) < 2:
-        return np.zeros(2), np.full(2, math.inf)
     design = np.hstack([np.kron(np.ones((len(places), 1)), np.eye(2)), np.kron(np.reshape(numbers, (-1, 1)), np.eye(2))])
     weighted = np.linalg.solve(covariance_m2 + np.diag(np.tile(IRREGULAR_M**2, len(places))), design)
     gain = np.linalg.solve(design.T @ weighted, weighted.T)[2:]

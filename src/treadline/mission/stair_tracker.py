@@ -16,7 +16,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from treadline.core.signals import RECENT_DEPTH, ImuSample, Recent, StairMap, TrackReading
-from treadline.mission._nosing_filter import CORRELATED_M, GATE, PITCHED_RAD, FlightShape, NosingDetection, NosingFilter
+from treadline.mission._nosing_filter import CORRELATED_M, PITCHED_RAD, FlightShape, NosingDetection, NosingFilter
 
 SAME = 0.5
 """Distance, as a ratio of the pitch, within which a detection belongs to the nearest nosing or to none: half-way to the next."""
@@ -325,7 +325,7 @@ class StairTracker:
         tracked = [(nosing, number) for number, nosing in enumerate(self._nosings) if nosing.known]
         tracked.sort(key=lambda item: item[0].x_m)
         places_m = [(nosing.x_m, nosing.z_m) for nosing, _ in tracked]
-        self._shape.combine(places_m, self._filter.covariance_of([number for _, number in tracked]))
+        self._shape.combine(places_m, lambda: self._filter.covariance_of([number for _, number in tracked]))
         self.run_m, self.rise_m = self._shape.mean_m.tolist()
         self.slope_rad = math.atan2(self.rise_m, self.run_m)
         far_m = MISSING * math.hypot(self.rise_m, self.run_m)
@@ -348,20 +348,15 @@ class StairTracker:
     def _match(self, places: list[tuple[float, float]]) -> list[_Nosing]:
         """Update the filter with the detections of a map, and return their nosings in the map's order."""
         self._filter.begin_frame(self.pitch_rad)
-        near = [(number, place) for place in places if (number := self._nearest(place)) is not None]
-        if near and float(np.median(self._filter.distances2(self._detections(near)))) > GATE:
-            # Most detections are off: the chair slides on a flight, or its belts run on the spot.
-            self._filter.allow_slide()
-        shown = []
+        earlier, shown, (shift_x_m, shift_z_m) = len(self._nosings), [], self._filter.shift_m
         for place in places:
             number = self._nearest(place)
             if number is None:
-                shift_x_m, shift_z_m = self._filter.shift_m
                 nosing = _Nosing(place[0] + shift_x_m, place[1] + shift_z_m, count=0)
                 number = self._filter.add((nosing.x_m, nosing.z_m))
                 self._nosings.append(nosing)
             shown.append((number, place))
-        self._filter.update(self._detections(shown))
+        self._filter.update(self._detections(shown), new=[number >= earlier for number, _ in shown])
         for nosing, (x_m, z_m) in zip(self._nosings, self._filter.places_m.tolist(), strict=True):
             nosing.x_m, nosing.z_m = x_m, z_m
         for number, _ in shown:
