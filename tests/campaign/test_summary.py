@@ -59,10 +59,27 @@ def test_scores_are_those_of_the_runs_that_have_them() -> None:
     assert summary["verdicts"]["held"]["count"] == 2
     assert summary["by"]["side"] == {"down": {"error": 1, "fell": 1, "held": 1}, "up": {"arrived": 1, "held": 1}}
     assert (summary["scores"]["min_margin"]["count"], summary["scores"]["min_margin"]["worst_run"]) == (3, 3)
-    assert (summary["scores"]["rate"]["worst"], summary["scores"]["rate"]["rms"]) == (40.0, pytest.approx(454.25**0.5))
+    assert summary["scores"]["rate"]["worst"] == 40.0
     assert summary["causes"]["held: no frame for s"] == 2
     assert set(summary["scores"]) == {"min_margin", "rate"}
     assert any("fell" in line for line in lines(summary))
+
+
+def test_a_run_that_ended_early_enters_no_average_and_every_worst_value() -> None:
+    ends = {"arrived": 2.0, "time_up": 4.0, "end_of_flight": 3.0, "fell": 40.0, "held": 30.0, "diverged": 0.1}
+    rows = [
+        {"index": k, "seed": 0, "verdict": verdict, "cause": None, "rms_heading_deg": value}
+        for k, (verdict, value) in enumerate(ends.items())
+    ]
+    found = summarise(rows, [], [], "rms_heading_deg")
+    score = found["scores"]["rms_heading_deg"]
+    assert (score["count"], score["averaged"], score["mean"], score["median"]) == (6, 3, 3.0, 3.0)
+    assert score["rms"] == pytest.approx((29.0 / 3.0) ** 0.5)
+    assert (score["min"], score["max"], score["worst"], score["worst_run"]) == (0.1, 40.0, 40.0, 3)
+    assert "  rms_heading_deg: RMS 3.11°, median 3°, worst 40° (run 0003; averages of 3 runs of 6)" in lines(found)
+    none = summarise(rows[3:], [], [], "rms_heading_deg")
+    assert none["scores"]["rms_heading_deg"]["mean"] is None
+    assert "  rms_heading_deg: worst 40° (run 0003; averages of 0 runs of 3)" in lines(none)
 
 
 def test_the_summary_shows_an_rms_only_for_rms_scores() -> None:

@@ -75,6 +75,30 @@ def test_the_row_with_roll_back_shows_its_world_yaw_and_its_roll_back(results: T
     assert "roll-back up to 0.90 m" in row.conditions
 
 
+def test_a_run_that_ended_early_is_named_and_never_averaged(results: Tables) -> None:
+    end = "seed 3 fell after 1.7 s: slid 0.50 m down the flight"
+    whole = row_of(results, "Table II with roll-back allowed")
+    results["table2_roll_back_allowed"][2] |= {"rms_heading_deg": None, "rms_yaw_deg": None, "averaged": 0, "ended_early": [end]}
+    results["table2"][0] |= {"averaged": 4, "ended_early": [end]}
+    row = row_of(results, "Table II with roll-back allowed")
+    assert row.ours == whole.ours  # all cells have the same figure, and the one that is left out changes nothing
+    assert row.verdict == "missed: a run ended early"
+    cell = results["table2_roll_back_allowed"][2]
+    assert f"ended early and not averaged: {cell['slope_deg']:g}°, {cell['start_heading_deg']:+g}°, {end}" in row.conditions
+    assert end in row_of(results, "Table II: RMS heading from +30°").conditions
+    assert row_of(results, "Table II: RMS heading from +30°").verdict == "missed: a run ended early"
+    assert row_of(results, "Table II: RMS heading from -30°").verdict == "reached"
+    said = json.dumps(published(Results.model_validate(results)), ensure_ascii=False)
+    assert end in said  # at the row of the cell in the README's figures, too
+
+
+def test_a_table_of_falls_alone_has_no_figure(results: Tables) -> None:
+    for cell in results["table2_roll_back_allowed"]:
+        cell |= {"rms_heading_deg": None, "rms_yaw_deg": None, "averaged": 0, "ended_early": ["seed 0 fell after 1.7 s"]}
+    row = row_of(results, "Table II with roll-back allowed: average of no slope")
+    assert (row.ours, row.verdict) == ("none", "missed: a run ended early")
+
+
 def test_a_quick_run_judges_nothing_that_rests_on_shortened_runs(results: Tables) -> None:
     rows = rows_of(results | {"quick": True, "wall_s": 55.0})
     judged = {what for what, row in rows.items() if row.verdict not in ("–", "quick run: not judged")}

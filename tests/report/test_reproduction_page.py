@@ -121,12 +121,12 @@ def test_a_quick_run_its_slopes_and_its_ends_are_said(results: Tables, reproduce
     for rows in (results["table2"], results["fig09"], results["fig10"], results["fig08"]["slopes"]):
         for row in rows:
             row["slope_deg"] = 22.5  # the paper does not have it
-    results["table2"][0] |= {"paper_deg": None, "verdicts": ["fell", "time_up"]}
+    results["table2"][0] |= {"paper_deg": None, "averaged": 4, "ended_early": ["seed 2 fell after 1.7 s"], "rms_heading_deg": None}
     page = page_of(reproduce_folder(results | {"quick": True}))
     assert "<strong>Quick run.</strong>" in page
     assert page.count("quick run: not judged") > 5
     assert "22.5°" in page
-    assert "ended: fell, time_up" in page
+    assert "mean of 4 of 5 runs, ended early: seed 2 fell after 1.7 s" in page
 
 
 @pytest.mark.parametrize("name", ["../other", "/etc", ".hidden", "a\\b", "", "x" * 200, "turn\n"])

@@ -12,8 +12,9 @@ import csv
 import io
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +22,20 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.campaign.pool import TIMES, VIEW, Row
+from treadline.core.angles import rms
 from treadline.core.models import write_whole, written_whole
+from treadline.io.runs import COMPLETED
 
 CONFIDENCE = 0.95
 FAILED = ("fell", "diverged", "crashed", "error")
 """Verdicts that must not occur in a campaign."""
 NOT_SCORES = ("index", "seed", "events")
+AVERAGES: Mapping[str, Callable[[Float[np.ndarray, " n"]], float]] = {
+    "mean": np.mean,
+    "rms": rms,
+    **{word: partial(np.percentile, q=q) for word, q in (("p1", 1), ("p5", 5), ("median", 50), ("p95", 95), ("p99", 99))},
+}
+"""Statistics of the completed runs."""
 DISTANCE = "climbed_m"
 """Distance score; negative on the way down, and the shortest distance is the worst."""
 
@@ -48,7 +57,8 @@ def clopper_pearson(count: int, total: int, confidence: float = CONFIDENCE) -> t
 def summarise(rows: Sequence[Row], drawn: Sequence[str], choices: Sequence[str], score: str) -> dict[str, Any]:
     """Return the summary of flat rows.
 
-    Scores include only runs that drove: the heading of a refused chair on the floor has no meaning.
+    Scores include only runs that drove: the heading of a refused chair on the floor has no meaning. Means and quantiles are those
+    of completed runs, worst values those of all: a run that ended early has the scores of a shorter time.
 
     Args:
         rows: Flat rows of all runs.
@@ -116,21 +126,21 @@ def _scores(rows: Sequence[Row], drawn: Sequence[str]) -> dict[str, dict[str, An
 
 def _figures(rows: Sequence[Row], name: str) -> dict[str, Any] | None:
     """Return the statistics of a numeric column, or None for another column."""
-    found = [(float(row[name]), row["index"]) for row in rows if type(row.get(name)) in (int, float)]
+    found = [row for row in rows if type(row.get(name)) in (int, float)]
     if not found:
         return None
-    values = np.array([value for value, _ in found])
+    values = np.array([float(row[name]) for row in found])
+    completed = values[[row["verdict"] in COMPLETED for row in found]]
     sizes = np.abs(values) if name == DISTANCE or not lower_is_worse(name) else values
     bad = int(np.argmin(sizes) if lower_is_worse(name) else np.argmax(sizes))
     return {
         "count": len(found),
-        "mean": float(values.mean()),
-        "rms": float(np.sqrt(np.mean(values**2))),
+        "averaged": len(completed),
+        **{word: float(average(completed)) if len(completed) else None for word, average in AVERAGES.items()},
         "min": float(values.min()),
-        **{word: float(np.percentile(values, q)) for word, q in (("p1", 1), ("p5", 5), ("median", 50), ("p95", 95), ("p99", 99))},
         "max": float(values.max()),
-        "worst": found[bad][0],
-        "worst_run": found[bad][1],
+        "worst": float(values[bad]),
+        "worst_run": found[bad]["index"],
     }
 
 

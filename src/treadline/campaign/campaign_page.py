@@ -202,9 +202,11 @@ def _path(line: np.ndarray, axes: tuple[_Axis, _Axis]) -> str:
 def _score_row(name: str, score: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row of the score table, with display name and without RMS where it has no meaning."""
     words = ("rms", "p5", "median", "p95", "worst")
-    figures = ["–" if word == "rms" and not has_rms(name) else f"{score[word]:.3g}" for word in words]
+    figures = [
+        "–" if word == "rms" and not has_rms(name) else "–" if score[word] is None else f"{score[word]:.3g}" for word in words
+    ]
     return {"name": score_name(name), "key": name, "unit": _unit(name), "figures": figures} | {
-        word: score[word] for word in ("count", "worst_run")
+        word: score[word] for word in ("count", "averaged", "worst_run")
     }
 
 

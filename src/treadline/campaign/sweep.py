@@ -171,9 +171,12 @@ def lines(summary: Mapping[str, Any]) -> list[str]:
     for name in SHOWN:
         if name in summary["scores"]:
             score, unit = summary["scores"][name], suffix(channel(name).unit or "")
-            words = ("rms", "median", "worst") if has_rms(name) else ("median", "worst")
+            words = [
+                word for word in (("rms", "median", "worst") if has_rms(name) else ("median", "worst")) if score[word] is not None
+            ]
             figures = ", ".join(f"{'RMS' if word == 'rms' else word} {score[word]:.3g}{unit}" for word in words)
-            said.append(f"  {name}: {figures} (run {score['worst_run']:04d})")
+            of = "" if score["averaged"] == score["count"] else f"; averages of {score['averaged']} runs of {score['count']}"
+            said.append(f"  {name}: {figures} (run {score['worst_run']:04d}{of})")
     return said
 
 

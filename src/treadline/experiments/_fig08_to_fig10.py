@@ -9,6 +9,7 @@ rendered; with the other friction the statistical camera replaces them.
 """
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,7 @@ from treadline.experiments.plan import (
 )
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.validate import h_step_rmse, impulse_response
+from treadline.io.runs import COMPLETED
 from treadline.run.excitation_run import PERIOD_S, recorded_excitation
 from treadline.run.resolve import Opener, PlantName
 from treadline.scenario.scenario import Scenario
@@ -64,6 +66,7 @@ FIG10_KEYS = (
     "steady_rms_heading_deg",
     "roll_back_m",
     "lateral_m",
+    "verdict",
     "seed",
     "run",
 )
@@ -144,31 +147,40 @@ def table2(results: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _row(friction: Friction, slope: int, start: int, runs: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return one row: means of headings, and the worst of the other scores over the seeds; None where no run has a score."""
+    """Return one row: headings of the completed runs alone, and the worst of the other scores over all seeds.
 
-    def of(score: str) -> list[float]:
-        return [run[score] for run in runs if run[score] is not None]
+    A score is None where no run has it.
+    """
+    completed = [run for run in runs if run["verdict"] in COMPLETED]
+
+    def of(score: str, among: Sequence[dict[str, Any]] = runs) -> list[float]:
+        return [run[score] for run in among if run[score] is not None]
 
     def worst(score: str) -> float | None:
         return max(of(score), default=None)
 
-    rms, steady = np.array(of("rms_heading_deg")), of("steady_rms_heading_deg")
+    def mean(score: str) -> float | None:
+        return float(np.mean(values)) if (values := of(score, completed)) else None
+
+    rms, settled = of("rms_heading_deg", completed), of("settle_s", completed)
     margin = min(of("min_stability_margin_deg"))
     return {
         "slope_deg": slope,
         "friction": list(friction),
         "start_heading_deg": start,
         "paper_label": PAPER_LABEL[start],
-        "rms_heading_deg": float(rms.mean()),
-        "sd": float(rms.std(ddof=1)) if rms.size > 1 else None,
-        "rms_yaw_deg": float(np.mean(of("rms_yaw_deg"))),
+        "rms_heading_deg": mean("rms_heading_deg"),
+        "sd": float(np.std(rms, ddof=1)) if len(rms) > 1 else None,
+        "rms_yaw_deg": mean("rms_yaw_deg"),
         "seeds": len(runs),
+        "averaged": len(completed),
+        "ended_early": [ending(run) for run in runs if run not in completed],
         "paper_deg": paper.TABLE_II[(slope, start)],
         "roll_back_m": worst("roll_back_m"),
         "lateral_m": worst("lateral_m"),
-        "settle_s": worst("settle_s") if len(of("settle_s")) == len(runs) else None,
-        "steady_rms_heading_deg": float(np.mean(steady)) if steady else None,
-        "worst_steady_rms_heading_deg": worst("steady_rms_heading_deg"),
+        "settle_s": max(settled) if len(settled) == len(runs) else None,
+        "steady_rms_heading_deg": mean("steady_rms_heading_deg"),
+        "worst_steady_rms_heading_deg": max(of("steady_rms_heading_deg", completed), default=None),
         "passenger_m_s2": worst("passenger_max_m_s2"),
         "vertical_m_s2": worst("passenger_vertical_m_s2"),
         "longitudinal_m_s2": worst("passenger_longitudinal_m_s2"),
@@ -183,9 +195,15 @@ def _row(friction: Friction, slope: int, start: int, runs: list[dict[str, Any]])
         "belt_force_n": worst("max_belt_force_n"),
         "belt_power_w": worst("peak_power_w"),
         "verdicts": sorted({run["verdict"] for run in runs}),
-        "conditions": f"{runs[0]['duration_s']:.0f} s, seeds {', '.join(str(run['seed']) for run in runs)}, "
+        "conditions": f"{max(of('duration_s')):.0f} s, seeds {', '.join(str(run['seed']) for run in runs)}, "
         f"{runs[0]['camera']} camera",
     }
+
+
+def ending(run: dict[str, Any]) -> str:
+    """Return how a run ended early, in words."""
+    cause = f": {run['cause']}" if run["cause"] else ""
+    return f"seed {run['seed']} {run['verdict']} after {run['duration_s']:.1f} s{cause}"
 
 
 IMPULSE_S = 20.0

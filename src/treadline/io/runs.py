@@ -22,6 +22,9 @@ from jaxtyping import Float
 from treadline.core.models import ControllerDesign, write_whole
 from treadline.core.printing import plain
 
+COMPLETED = ("time_up", "arrived", "end_of_flight")
+"""Verdicts of runs that lasted until their time limit or their destination. Any other run ended early, and enters no average: its
+scores are those of a shorter time."""
 LOG = "log.mcap"
 """File name of the MCAP log."""
 RECORD = "record.csv"

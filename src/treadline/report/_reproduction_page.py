@@ -21,7 +21,7 @@ from matplotlib.ticker import MaxNLocator
 
 from treadline.core import paper
 from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
-from treadline.io.runs import LOG
+from treadline.io.runs import COMPLETED, LOG
 from treadline.playback import Recording, read_recording
 from treadline.report import Each
 from treadline.report._html import in_base64
@@ -139,7 +139,7 @@ def turns(runs: Sequence[tuple[Turn, Series]]) -> Figure:
     for (row, series), ax in zip(runs, axes[:2], strict=False):
         ax.plot(series["t_s"], series["heading_deg"], color=BLUE, label="heading (truth)")
         ax.plot(series["t_s"], series["estimate_deg"], ":", color=ORANGE, label="heading (estimate)")
-        ax.set_title(f"start at {row.start_heading_deg:+.0f}°")
+        ax.set_title(f"start at {row.start_heading_deg:+.0f}°" + ("" if row.verdict in COMPLETED else f", {row.verdict}"))
         ax.axhspan(-2.0, 2.0, color=GREY, alpha=0.15)
         ax.legend()
     for (row, series), colour in zip(runs, (BLUE, RED), strict=False):

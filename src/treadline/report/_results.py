@@ -124,6 +124,7 @@ class Turn(Part):
 
     slope_deg: float
     start_heading_deg: float
+    verdict: str = "time_up"
     seed: int
     run: RunName
 
@@ -136,10 +137,15 @@ class Cell(Part):
     start_heading_deg: float
     paper_label: str
     paper_deg: float | None
-    rms_heading_deg: float
+    rms_heading_deg: float | None
+    """Mean of the completed runs, as of ``rms_yaw_deg``; None if every run ended early."""
     sd: float | None
     seeds: int
-    rms_yaw_deg: float
+    averaged: int | None = None
+    """Number of completed runs, which the means are of; None in results of an earlier version."""
+    ended_early: list[str] = []
+    """The other runs, each with its end in words."""
+    rms_yaw_deg: float | None
     settle_s: float | None
     steady_rms_heading_deg: float | None
     worst_steady_rms_heading_deg: float | None

@@ -15,6 +15,7 @@ import numpy as np
 
 from treadline.core import paper
 from treadline.core.errors import SettingsError
+from treadline.io.runs import COMPLETED
 from treadline.report._results import PAPER_FRICTION, BeltRun, Cell, Moves, Results, Straight, read_part
 from treadline.report.labels import suffix
 
@@ -145,8 +146,8 @@ def _row(entry: Figure, values: Values, results: Results) -> FigureRow:
     row["target"] = f"{'≥' if entry.at_least else '≤'} {target:g}{suffix(entry.unit)}"
     if results.quick and entry.from_runs:
         return FigureRow(**row, verdict=QUICK)
-    if not known:
-        return FigureRow(**row, verdict="missed")
+    if not known or values.get("early"):
+        return FigureRow(**row, verdict="missed: a run ended early" if values.get("early") else "missed")
     gap = target - value if entry.at_least else value - target
     return FigureRow(**row, verdict=REACHED if gap <= 0.0 else f"missed by {_rounded(gap, 2)}{suffix(entry.unit)}")
 
@@ -215,13 +216,23 @@ def _table_two(results: Results) -> Iterator[tuple[str, Values]]:
 
 
 def _means(cells: Sequence[Cell]) -> Values:
-    """Return the means of some cells over their slopes."""
+    """Return the means of some cells over their slopes; a cell whose runs all ended early has none."""
+    headings = [cell.rms_heading_deg for cell in cells if cell.rms_heading_deg is not None]
+    yaws = [cell.rms_yaw_deg for cell in cells if cell.rms_yaw_deg is not None]
+    slopes = _distinct([cell.slope_deg for cell in cells if cell.rms_heading_deg is not None])
     return {
-        "slopes": _listed(_distinct([cell.slope_deg for cell in cells])),
-        "rms_heading_deg": float(np.mean([cell.rms_heading_deg for cell in cells])),
-        "yaw": float(np.mean([cell.rms_yaw_deg for cell in cells])),
-        "conditions": cells[0].conditions,
+        "slopes": _listed(slopes) or "no slope",
+        "rms_heading_deg": float(np.mean(headings)) if headings else None,
+        "yaw": f"{np.mean(yaws):.2f}°" if yaws else "–",
+        "conditions": cells[0].conditions + _early(cells),
+        "early": sum(len(cell.ended_early) for cell in cells),
     }
+
+
+def _early(cells: Sequence[Cell]) -> str:
+    """Return the runs that ended early, for the conditions of a row."""
+    ends = [f"{cell.slope_deg:g}°, {cell.start_heading_deg:+g}°, {end}" for cell in cells for end in cell.ended_early]
+    return f"; ended early and not averaged: {'; '.join(ends)}" if ends else ""
 
 
 def _average(cells: Sequence[Cell], start_deg: float) -> Values:
@@ -246,7 +257,7 @@ def _worst(cells: Sequence[Cell]) -> Values:
         "settle_s": None if None in times else max(time for time in times if time is not None),
         "printed_settling": "10–20 s (Fig. 10)" if cells[0].slope_deg == paper.FIG10_SLOPE_DEG else "–",
         "starts": ", ".join(f"{start:+g}°" for start in starts),
-        "conditions": cells[0].conditions,
+        "conditions": cells[0].conditions + _early(cells),
     }
 
 
@@ -290,9 +301,9 @@ def _published_turns(cells: Sequence[Cell], slopes: Sequence[float]) -> Iterator
         sides = {
             "starts": " / ".join(f"{cell.start_heading_deg:+g}°" for cell in here),
             "printed": " / ".join("–" if cell.paper_deg is None else f"{cell.paper_deg:g}°" for cell in here),
-            "rms": " / ".join(f"{cell.rms_heading_deg:.2f}°" for cell in here),
+            "rms": " / ".join("–" if cell.rms_heading_deg is None else f"{cell.rms_heading_deg:.2f}°" for cell in here),
         }
-        yield "table2, cells", {"slope": slope, "conditions": here[0].conditions, **sides}
+        yield "table2, cells", {"slope": slope, "conditions": here[0].conditions + _early(here), **sides}
     settled = ("never" if turn["settle_s"] is None else f"{turn['settle_s']:.1f}" for turn in worst)
     back = " / ".join(f"{turn['roll_back_m']:.3f}" for turn in worst)
     at = " / ".join(f"{slope:g}°" for slope in slopes)
@@ -324,7 +335,7 @@ def _lugged(runs: Sequence[BeltRun], where: str, score: str, unit: str) -> Itera
     nominal, values = lugged[len(lugged) // 2], [getattr(run, score) for run in lugged]
     bracket = f"{_written(min(values), unit)} to {_written(max(values), unit)} with rubber of "
     bracket += f"{lugged[0].rubber_s:g} to {lugged[-1].rubber_s:g} s; " if len(lugged) > 1 else ""
-    ended = [run for run in (*smooth, *lugged) if run.verdict not in ("time_up", "arrived")]
+    ended = [run for run in (*smooth, *lugged) if run.verdict not in COMPLETED]
     yield {
         "part": f"lugs/{nominal.course}",
         "slope": nominal.slope_deg,
@@ -369,7 +380,8 @@ def _straight(runs: Sequence[Straight]) -> Iterator[tuple[str, Values]]:
 
 
 def _span(runs: Sequence[Straight]) -> str:
-    return f"{max(run.duration_s for run in runs):.0f} s, right belt 2 % faster, seed {runs[0].seed}"
+    early = "".join(f"; {run.run} ended early: {run.verdict}" for run in runs if run.verdict not in COMPLETED)
+    return f"{max(run.duration_s for run in runs):.0f} s, right belt 2 % faster, seed {runs[0].seed}{early}"
 
 
 def _models(results: Results) -> Iterator[tuple[str, Values]]:
