@@ -1,10 +1,16 @@
+from treadline.api import Run as Run
 from treadline.api import check as check
 from treadline.api import climb as climb
 from treadline.api import detect_stair as detect_stair
 from treadline.api import identify as identify
 from treadline.api import load_model as load_model
+from treadline.api import read_scenario as read_scenario
+from treadline.api import scenarios as scenarios
 from treadline.api import tune as tune
+from treadline.core.models import LinearModel as LinearModel
+from treadline.identification import Identified as Identified
 from treadline.identification.options import IdentificationOptions as IdentificationOptions
 from treadline.io.frames import read_frames as read_frames
+from treadline.scenario import Scenario as Scenario
 
 __version__: str

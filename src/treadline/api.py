@@ -3,22 +3,23 @@
 Nothing heavy is imported at the top: each function loads what it needs.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
-from treadline.core.errors import ImageError, RecordError, SettingsError, TreadlineError
+from treadline.core.errors import ModelError, RecordError, SettingsError, TreadlineError
 from treadline.core.printing import Printable
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from treadline.core.camera_images import PinholeCamera
+    from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
     from treadline.core.models import ControllerDesign, LinearModel, Reconstruct
     from treadline.identification import IdentificationOptions, Identified
+    from treadline.identification.option_keywords import IdentificationKeywords
     from treadline.perception import StairDetection
     from treadline.run.episode import Traverse
     from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource
@@ -30,34 +31,83 @@ OnProgress = Callable[[float, float], None]
 """Receives the mission time and the time limit of a run [s]."""
 
 
-def check(scenario: "str | Path | Scenario") -> "CheckReport":
+def scenarios() -> dict[str, str]:
+    """Return the shipped scenarios: names, and a line about each.
+
+    Examples:
+        >>> import treadline as tl
+        >>> "up-28" in tl.scenarios()
+        True
+    """
+    from treadline.core.printed_dict import PrintedDict
+    from treadline.scenario import shipped_scenarios
+
+    first = {name: path.read_text(encoding="utf-8").partition("\n")[0] for name, path in shipped_scenarios().items()}
+    return PrintedDict("shipped scenarios", {name: line.removeprefix("# ") for name, line in first.items()})
+
+
+def read_scenario(scenario: "str | Path | Scenario", *, set: "Mapping[str, object] | None" = None) -> "Scenario":  # noqa: A002 - as --set
+    """Return a scenario, for instance to change it.
+
+    Args:
+        scenario: Scenario file, the name of a shipped scenario, or a scenario.
+        set: Values in place of the scenario's, by dotted key; ``treadline check --keys`` lists the keys. A key that cannot stand
+            next to one of them is left out, such as ``rise_m`` next to ``slope_deg``.
+
+    Raises:
+        SettingsError: If the scenario cannot be read, a key is unknown, or a value is out of range.
+
+    Examples:
+        >>> import treadline as tl
+        >>> tl.read_scenario("up-28", set={"stair.slope_deg": 30, "stair.run_m": 0.28}).stair.run_m
+        0.28
+    """
+    from treadline.scenario import Scenario, with_values
+    from treadline.scenario import read_scenario as read
+
+    if isinstance(scenario, Scenario):
+        return with_values(scenario.model_dump(), set) if set else scenario
+    if not isinstance(scenario, str | Path):
+        known = ", ".join(scenarios())
+        raise SettingsError(f"a {type(scenario).__name__} is no scenario; give a file, a shipped name ({known}) or a tl.Scenario")
+    return read(scenario, set)
+
+
+def check(scenario: "str | Path | Scenario", *, set: "Mapping[str, object] | None" = None) -> "CheckReport":  # noqa: A002 - as --set
     """Return the mechanical feasibility of a scenario: track length, traction, stability and seat range.
 
     No controller is needed, so that the answer is available for a chair for which none exists yet.
 
     Args:
         scenario: Scenario file, the name of a shipped scenario, or a scenario.
+        set: Values in place of the scenario's, by dotted key, as in ``tl.read_scenario``.
 
     Returns:
         The report; ``report.verdict`` is ``go`` or ``refuse``, ``report.reasons`` lists why.
 
     Raises:
-        SettingsError: If the scenario or its chair cannot be read.
+        SettingsError: If the scenario or its chair cannot be read, or a value is out of range.
+
+    Examples:
+        >>> import treadline as tl
+        >>> tl.check("up-28").verdict
+        'go'
+        >>> tl.check("up-28", set={"stair.slope_deg": 44}).verdict
+        'refuse'
     """
-    from treadline.scenario import Scenario, read_scenario
     from treadline.scenario.chair import read_chair
     from treadline.vehicle.verdict import check as checked
 
-    settings = scenario if isinstance(scenario, Scenario) else read_scenario(scenario)
+    settings = read_scenario(scenario, set=set)
     return checked(settings, read_chair(settings.chair.model))
 
 
 def identify(
-    u: Any,
-    y: Any,
+    u: "ArrayLike",
+    y: "ArrayLike",
     dt: float,
     options: "IdentificationOptions | None" = None,
-    **keywords: Any,
+    **keywords: "Unpack[IdentificationKeywords]",
 ) -> "Identified":
     """Return the linear model x[k+1] = Ax[k] + Bu[k], y[k] = Cx[k] + Du[k] that fits recorded data.
 
@@ -74,6 +124,15 @@ def identify(
     Raises:
         RecordError: If the data cannot carry what is asked.
         SettingsError: If an option is unknown or out of range.
+
+    Examples:
+        >>> import numpy as np
+        >>> import treadline as tl
+        >>> u = np.random.default_rng(0).normal(size=(200, 1))
+        >>> y = 0.1 * np.vstack([[0.0], np.cumsum(u, axis=0)[:-1]])
+        >>> found = tl.identify(u, y, 0.25, order=1, method="okid-era", lags=2)
+        >>> found.model.A.round(3)
+        array([[1.]])
     """
     from treadline.core.models import InputOutputRecord
     from treadline.identification import identify as identified
@@ -83,8 +142,9 @@ def identify(
     return identified(record, _options(options, keywords))
 
 
-def _options(options: "IdentificationOptions | None", keywords: dict[str, Any]) -> "IdentificationOptions":
+def _options(options: "IdentificationOptions | None", keywords: "IdentificationKeywords") -> "IdentificationOptions":
     """Return the options, given as one object or as keywords."""
+    from treadline.core.settings import closest
     from treadline.identification import IdentificationOptions
 
     if options is not None and keywords:
@@ -92,8 +152,8 @@ def _options(options: "IdentificationOptions | None", keywords: dict[str, Any]) 
     known = [item.name for item in fields(IdentificationOptions)]
     for name in keywords:
         if name not in known:
-            close = get_close_matches(name, known, 1)
-            hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"
+            meant = closest(name, known)
+            hint = f"known here: {', '.join(known)}" if meant is None else f"did you mean {meant}?"
             raise SettingsError(f"identify has no option '{name}'; {hint}")
     return IdentificationOptions(**keywords) if options is None else options
 
@@ -106,17 +166,24 @@ def _columns(name: str, given: Any) -> tuple[Any, tuple[str, ...]]:
         values = given.to_numpy().astype(float)
     except (TypeError, ValueError):
         raise RecordError(f"{name}: a column of the data frame holds no numbers; select the columns that were measured") from None
-    columns = getattr(given, "columns", None)
-    series = getattr(given, "name", None)
-    names = [series] if columns is None and series is not None else [] if columns is None else list(columns)
-    return values, tuple(str(item) for item in names)
+    names = getattr(given, "columns", [getattr(given, "name", None)])
+    return values, tuple(str(item) for item in names if item is not None)
 
 
 def load_model(path: str | Path) -> "LinearModel":
-    """Return the model in a JSON file that ``treadline identify`` wrote.
+    """Return the model in a JSON file that ``treadline identify`` or ``model.save`` wrote.
 
     Raises:
         SettingsError: If the file is missing, not JSON, or not a model.
+
+    Examples:
+        >>> import numpy as np
+        >>> import treadline as tl
+        >>> u = np.random.default_rng(0).normal(size=(200, 1))
+        >>> y = 0.1 * np.vstack([[0.0], np.cumsum(u, axis=0)[:-1]])
+        >>> tl.identify(u, y, 0.25, order=1, method="okid-era", lags=2).model.save("model.json")
+        >>> tl.load_model("model.json").order
+        1
     """
     from treadline.core.models import LinearModel
 
@@ -147,14 +214,25 @@ def tune(
     Raises:
         ModelError: If the model cannot be stabilised or observed, or a weight is not definite.
         SettingsError: If weights are given twice, or the period is no multiple of 0.01 s.
+
+    Examples:
+        >>> import numpy as np
+        >>> import treadline as tl
+        >>> belts_m_s = np.random.default_rng(0).normal(0.2, 0.05, size=(400, 2))
+        >>> yaw_rate = np.append(0.0, (belts_m_s[:-1, 1] - belts_m_s[:-1, 0]) / 0.64)
+        >>> motion = np.column_stack([0.25 * np.cumsum(yaw_rate), yaw_rate])
+        >>> found = tl.identify(belts_m_s, motion, 0.25, order=2, method="okid-era")
+        >>> tl.tune(found).K.shape
+        (2, 2)
     """
     from treadline.control import tune as tuned
     from treadline.core.models import LinearModel
 
-    if isinstance(model, str | Path):
-        model = load_model(model)
+    given = load_model(model) if isinstance(model, str | Path) else getattr(model, "model", model)
+    if not isinstance(given, LinearModel):
+        raise ModelError(f"a {type(model).__name__} is no model; tl.identify(u, y, dt) makes one of recorded inputs and outputs")
     return tuned(
-        model if isinstance(model, LinearModel) else model.model,
+        given,
         state_weight=state_weight,
         output_weight=output_weight,
         input_weight=input_weight,
@@ -165,46 +243,54 @@ def tune(
 
 
 def detect_stair(
-    depth_m: "ArrayLike",
-    camera: "PinholeCamera | str | Path",
+    depth_m: "NamedFrame | RgbdFrame | ArrayLike",
+    camera: "PinholeCamera | str | Path | None" = None,
     gravity: "ArrayLike | None" = None,
 ) -> "StairDetection":
-    """Return the heading and the geometry of the stair in one depth image.
+    """Return the heading and the geometry of the stair in one frame.
 
     Args:
-        depth_m: Distance along the optical axis [m], one row per image row; 0, NaN and infinity mean no return.
-        camera: Calibration, or a calibration file (TOML).
-        gravity: Vector that points down in the camera's frame (x right, y down, z forward); estimated from the treads when left
-            out.
+        depth_m: Frame of ``tl.read_frames``, or a depth image: distance along the optical axis [m], one row per image row; 0, NaN
+            and infinity mean no return.
+        camera: Calibration, or a calibration file (TOML). A frame has its own.
+        gravity: Vector that points down in the camera's frame (x right, y down, z forward); if left out, the frame's own or, where
+            it has none, estimated from the treads.
 
     Returns:
         ``.accepted``, ``.reason`` (None if accepted), ``.heading_rad``, ``.sigma_rad``, ``.shape`` and ``.stair_map``.
 
     Raises:
-        ImageError: If the image is not of the calibration's size.
-        SettingsError: If the calibration file cannot be read.
+        ImageError: If the image is not of the calibration's size, or not in metres.
+        SettingsError: If the calibration is missing, or its file cannot be read.
         RecordError: If gravity is not three numbers.
-    """
-    import numpy as np
 
-    from treadline.core.camera_images import PinholeCamera, RgbdFrame, black
-    from treadline.perception import StairDetector
+    Examples:
+        >>> import cv2, numpy as np
+        >>> import treadline as tl
+        >>> cv2.imwrite("wall.png", np.full((424, 512), 1500, dtype=np.uint16))  # a Kinect 2 before a wall
+        True
+        >>> for frame in tl.read_frames("wall.png"):
+        ...     print(frame.name, tl.detect_stair(frame).accepted)
+        wall.png False
+    """
+    from treadline.perception.single_frame import look_once
     from treadline.scenario.camera_file import read_camera
 
-    pinhole = camera if isinstance(camera, PinholeCamera) else read_camera(Path(camera)).camera
-    depth = np.array(depth_m, dtype=np.float32)
-    if depth.ndim != 2:
-        raise ImageError(f"depth_m has {depth.ndim} dimensions; give one row per image row and one column per image column")
-    depth[~(np.isfinite(depth) & (depth > 0.0))] = np.nan
-    # The robust method reads depth alone; the frame type asks for a colour image of the same size.
-    frame = RgbdFrame(t_s=0.0, rgb=black(*depth.shape), depth_m=depth, camera=pinhole)
-    down = None if gravity is None else np.asarray(gravity, dtype=float)
-    return StairDetector().look(frame, down)
+    return look_once(depth_m, read_camera(Path(camera)).camera if isinstance(camera, str | Path) else camera, gravity)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Run(Printable):
-    """Result of one simulated traversal."""
+    """Result of one simulated traversal, as ``tl.climb`` returns it.
+
+    Examples:
+        >>> import treadline as tl
+        >>> run = tl.climb("default", set={"drive.duration_s": 0.5, "sensors.camera": "statistical"})
+        >>> run.verdict, len(run.series["heading_deg"])
+        ('time_up', 51)
+        >>> figure = run.plot()
+        >>> figure.savefig("run.svg")
+    """
 
     episode: "Traverse"
     """The run with its ground truth at every tick."""
@@ -229,11 +315,12 @@ class Run(Printable):
     @property
     def series(self) -> "dict[str, np.ndarray]":
         """Time series at 100 Hz by column name, as in ``series.csv``: angles in degrees, everything else in SI units."""
+        from treadline.core.printed_dict import PrintedDict
         from treadline.run.recorded_run import series
 
-        return series(self.episode.trace, self.episode.estimate_rad)
+        return PrintedDict("time series at 100 Hz", series(self.episode.trace, self.episode.estimate_rad))
 
-    def plot(self) -> Any:
+    def plot(self) -> "Figure":
         """Return the matplotlib figure of the run: heading, pitch, seat, belts, place and tip-over margin over time.
 
         Raises:
@@ -268,6 +355,7 @@ def climb(
     controller: "ControllerSource" = None,
     seed: int = 0,
     *,
+    set: "Mapping[str, object] | None" = None,  # noqa: A002 - as --set
     detector: "DetectorSource" = None,
     estimator: "EstimatorSource" = None,
     out: str | Path | None = None,
@@ -283,6 +371,7 @@ def climb(
         controller: Controller file or design, plug-in class, ``module:Class``, or entry point name; the controller shipped for the
             vehicle when left out.
         seed: Random seed. The same seed gives byte-identical results.
+        set: Values in place of the scenario's, by dotted key, as in ``tl.read_scenario``.
         detector: Stair detector: plug-in class, ``module:Class``, or entry point name.
         estimator: Heading estimator, likewise.
         out: Run folder to write, as ``treadline climb --out`` does; none when left out.
@@ -290,13 +379,18 @@ def climb(
         on_progress: Receives the mission time and the time limit [s] at each tick.
 
     Raises:
-        SettingsError: If a file or plug-in is missing or says something that it must not.
+        SettingsError: If a file or plug-in is missing or says something that it must not, or a value is out of range.
+
+    Examples:
+        >>> import treadline as tl
+        >>> tl.climb("up-28", set={"drive.duration_s": 0.5, "sensors.camera": "statistical"}, seed=1).verdict
+        'time_up'
     """
     from treadline.run.episode import rejected_run, run_episode
     from treadline.run.recorded_run import recorded_run
     from treadline.run.resolve import resolve
 
-    setup = resolve(scenario, controller, seed, detector=detector, estimator=estimator)
+    setup = resolve(read_scenario(scenario, set=set), controller, seed, detector=detector, estimator=estimator)
     if setup.rejections:
         return Run(episode=rejected_run(setup), rejections=setup.rejections)
     limit_s = setup.scenario.drive.duration_s

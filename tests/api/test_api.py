@@ -15,7 +15,10 @@ from treadline.core.errors import ImageError, RecordError, SettingsError, Treadl
 from treadline.core.models import LinearModel
 from treadline.scenario.scenario import Scenario
 
-PUBLIC = {"IdentificationOptions", "check", "climb", "detect_stair", "identify", "load_model", "read_frames", "tune"}
+PUBLIC = {
+    "IdentificationOptions", "Identified", "LinearModel", "Run", "Scenario", "check", "climb", "detect_stair", "identify",
+    "load_model", "read_frames", "read_scenario", "scenarios", "tune",
+}  # fmt: skip
 SHORT = {"drive": {"duration_s": 0.5}, "sensors": {"camera": "statistical"}}
 
 
@@ -31,6 +34,7 @@ def test_the_import_takes_less_than_a_tenth_of_a_second_and_loads_nothing_heavy(
 
 def test_the_package_exports_what_users_need_and_nothing_else() -> None:
     assert set(tl.__all__) - {"__version__"} == PUBLIC
+    assert set(dir(tl)) == {*PUBLIC, "__version__"}  # a completion in a shell offers no helper
     for name in PUBLIC:
         item = getattr(tl, name)
         assert inspect.isclass(item) or inspect.isfunction(inspect.unwrap(item))

@@ -154,7 +154,7 @@ def test_frictions_go_to_the_halves_they_name() -> None:
             {},
             "step.1: friction_left of step 2 is given by step.0 already (friction); remove one",
         ),
-        ([{"index": 2, "friction": [0.4, 0.4], "friction_left": [0.3, 0.3]}], {}, "friction sets both halves, give one of the two"),
+        ([{"index": 2, "friction": [0.4, 0.4], "friction_left": [0.3, 0.3]}], {}, "give friction or friction_left, not both"),
         ([{"index": -1, "run_m": 0.4}], {}, "step.0: run_m is 0.4, but step 7 is a landing; its depth is stair.landing_m"),
         ([{"index": 7, "run_m": 0.4}], {"flights": 2}, "but step 7 is a landing; its depth is stair.between_m"),
         (

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field, create_model
 
 from treadline.core.errors import SettingsError
+from treadline.core.overrides import put
 from treadline.core.settings import Settings, settings_of
 from treadline.scenario.scenario import Scenario, Stair
 
@@ -58,9 +59,7 @@ def check_value(key: str, value: object, where: str) -> None:
     info = _table_model(table).model_fields[field]
     one: Any = _model(table, {field: (info.annotation, info)})
     whole: Any = _model("Scenario", {table: (one, ...)})
-    alone: Tables = {}
-    set_value(alone, key, value)
-    settings_of(alone, whole, where=where)
+    settings_of(put({}, tuple(key.split(".")), value, DEFAULTS), whole, where=where)
 
 
 def is_integer(key: str) -> bool:
@@ -81,19 +80,6 @@ def get_value(tables: Mapping[str, Any], key: str) -> Any:
         if here is not None:
             return here
     return None
-
-
-def set_value(tables: Tables, key: str, value: object) -> None:
-    """Set the value at a path; a missing list is initialised with the scenario's default."""
-    *parents, last = key.split(".")
-    here: Any = tables
-    for depth, part in enumerate(parents):
-        if isinstance(here, list):
-            here = here[int(part)]
-            continue
-        default = get_value({}, ".".join(parents[: depth + 1]))
-        here = here.setdefault(part, list(default) if isinstance(default, tuple) else {})
-    here[int(last) if isinstance(here, list) else last] = value
 
 
 def _step(here: Any, part: str) -> Any:

@@ -8,15 +8,16 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from treadline.campaign._draws import LABEL, LISTS, Draw, Tables, check_draw, get_value, set_value
+from treadline.campaign._draws import DEFAULTS, LABEL, LISTS, Draw, Tables, check_draw, get_value
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
+from treadline.core.overrides import Keys, leaves, overridden, put
 from treadline.core.printing import plain
 from treadline.core.settings import Settings, parse_toml, settings_of
 from treadline.scenario.scenario import SHIPPED, Scenario, is_sweep, scenario_of, shipped_scenarios
@@ -44,6 +45,8 @@ class Spec:
     path: Path
     base: Tables
     draws: tuple[Draw, ...]
+    fixed: Mapping[Keys, object] = field(default_factory=dict)
+    """Values that hold in every run, whatever is drawn. A draw of such a key still consumes its coordinate."""
 
     @property
     def dimension(self) -> int:
@@ -53,7 +56,9 @@ class Spec:
     @property
     def digest(self) -> str:
         """Hash of the file's content without comments and layout."""
-        says = {"base": self.base, "draws": [draw.model_dump() for draw in self.draws]}
+        says: dict[str, Any] = {"base": self.base, "draws": [draw.model_dump() for draw in self.draws]}
+        if self.fixed:
+            says["fixed"] = [list(item) for item in self.fixed.items()]
         return hashlib.sha256(json.dumps(plain(says), sort_keys=True, default=str).encode()).hexdigest()[:16]
 
     def at(self, point: Sequence[float], name: str) -> Drawn:
@@ -67,7 +72,10 @@ class Spec:
             # An inactive draw still consumes its coordinate, so that later draws keep theirs.
             share = next(shares) if draw.is_chance else 0.0
             if draw.applies(tables):
-                set_value(tables, draw.key, draw.at(share, tables, f"{self.path}: draw {number} ({draw.key}): {name}"))
+                drawn = draw.at(share, tables, f"{self.path}: draw {number} ({draw.key}): {name}")
+                tables = put(tables, tuple(draw.key.split(".")), drawn, DEFAULTS)
+            for keys, value in self.fixed.items():
+                tables = put(tables, keys, value, DEFAULTS)
         return self._whole(tables, name)
 
     def _whole(self, tables: Tables, name: str) -> Drawn:
@@ -85,8 +93,11 @@ class Spec:
         return Drawn(scenario=scenario, values=({} if label is None else {LABEL: label}) | values)
 
 
-def read_spec(name: str | Path) -> Spec:
+def read_spec(name: str | Path, values: Mapping[str, object] | None = None) -> Spec:
     """Return the sweep in a file, or the shipped sweep of that name.
+
+    Args:
+        values: Values by dotted key that hold in every run, in place of the file's and of drawn ones.
 
     Raises:
         SettingsError: If there is none, or its content is not allowed; one line with file, key and value.
@@ -105,7 +116,10 @@ def read_spec(name: str | Path) -> Spec:
     scenario_of(tables, path, where=str(path))
     for number, draw in enumerate(draws, 1):
         check_draw(draw, f"{path}: draw {number} ({draw.key})")
-    spec = Spec(path=path, base=tables, draws=draws)
+    if values:
+        tables = overridden(tables, values, Scenario)
+        scenario_of(tables, path, where=f"{name}, as changed")
+    spec = Spec(path=path, base=tables, draws=draws, fixed=leaves(values or {}))
     _try_corners(spec)
     return spec
 

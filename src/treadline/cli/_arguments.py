@@ -14,7 +14,28 @@ List = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """A list that may begin with a minus: -35,35."""
 Force = Annotated[bool, Parameter(help="Overwrite an existing result; without it an existing, non-empty --out is refused.")]
 """The option ``--force`` of a verb."""
+Set = Annotated[
+    list[str] | None,
+    Parameter(
+        name="--set",
+        help="Value in place of the scenario's, as stair.slope_deg=30; may be repeated. treadline check --keys lists the keys.",
+    ),
+]
+"""The option ``--set`` of a verb that reads a scenario."""
 _WHOLE = re.compile(r"[+-]?[0-9]+")
+
+
+def set_values(changes: Iterable[str] | None) -> dict[str, object]:
+    """Return the values of the option ``--set`` by key.
+
+    Raises:
+        SettingsError: If one is not KEY=VALUE.
+    """
+    if not changes:
+        return {}
+    from treadline.core.overrides import parse_items
+
+    return parse_items(changes)
 
 
 def check_whole_numbers(_app: App, _verb: tuple[str, ...], arguments: ArgumentCollection) -> None:

@@ -3,11 +3,12 @@
 from dataclasses import asdict
 
 from treadline import api
+from treadline.cli._arguments import Set, set_values
 from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError
 
 
-def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
+def check(scenario: str | None = None, /, *, changes: Set = None, keys: bool = False) -> Answer:
     """Check the feasibility of a scenario: track length, traction, stability, seat stroke, start pose and view of the stair.
 
     treadline check --keys > mine.toml
@@ -21,7 +22,7 @@ def check(scenario: str | None = None, /, *, keys: bool = False) -> Answer:
         return _keys()
     if scenario is None:
         raise SettingsError("check needs a scenario: a file, or the name of a shipped one; treadline check --keys lists both")
-    report = api.check(scenario)
+    report = api.check(scenario, set=set_values(changes))
     margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in report.stability_margin_deg.items())
     return Answer(
         values=asdict(report),

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from treadline import api
-from treadline.cli._arguments import Force, claim
+from treadline.cli._arguments import Force, Set, claim, set_values
 from treadline.cli._output import Answer, SimulatedTime
 from treadline.cli.compile import report_compiling
 
@@ -16,6 +16,7 @@ def climb(
     /,
     *,
     out: Path,
+    changes: Set = None,
     controller: str | None = None,
     detector: str | None = None,
     estimator: str | None = None,
@@ -26,7 +27,7 @@ def climb(
     """Simulate one traversal with vision, fusion, LQR, seat levelling and guard.
 
     A scenario that fails treadline check, even after shifting the seat by up to 0.10 m, is not run: exit code 1, no run folder.
-    Set drive.check = false in the scenario to run it all the same.
+    --set drive.check=false runs it all the same.
 
     A controller, detector or estimator of your own is module:Class, path/to/file.py:Class, or the name of an entry point
     (groups treadline.controllers, treadline.detectors, treadline.estimators); shipped names the shipped block.
@@ -47,6 +48,7 @@ def climb(
             scenario,
             controller,
             seed,
+            set=set_values(changes),
             detector=detector,
             estimator=estimator,
             out=out,

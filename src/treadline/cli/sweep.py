@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from treadline.cli._arguments import Force, choice, claim
+from treadline.cli._arguments import Force, Set, choice, claim, set_values
 from treadline.cli._output import Answer, Progress
 from treadline.cli.compile import compile_once
 
@@ -21,6 +21,7 @@ def sweep(
     runs: int,
     seed: int = 0,
     out: Path = Path("sweep"),
+    changes: Set = None,
     controller: str | None = None,
     detector: str | None = None,
     estimator: str | None = None,
@@ -75,7 +76,13 @@ def sweep(
     shared = tuple(word for option, value in blocks.items() if value is not None for word in (option, value))
     run = RunScenario(controller=controller, detector=detector, estimator=estimator)
     plan = SweepPlan(
-        spec=read_spec(spec), runs=runs, seed=seed, sampling=sampling, adversarial=adversarial, score=score, climb_options=shared
+        spec=read_spec(spec, set_values(changes)),
+        runs=runs,
+        seed=seed,
+        sampling=sampling,
+        adversarial=adversarial,
+        score=score,
+        climb_options=shared,
     )
     count = min(workers or default_workers(), plan.total)
     compile_once()

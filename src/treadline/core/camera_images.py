@@ -12,9 +12,11 @@ from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
+from numpy.typing import ArrayLike
 
 from treadline.core.angles import rotation_x, rotation_y, rotation_z
 from treadline.core.errors import ImageError
+from treadline.core.printing import Brief
 
 CAMERA_AXES_IN_CHAIR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation of C in B for a camera facing straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""
@@ -68,8 +70,8 @@ def _turned(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndarr
     return np.asarray(rotation_z(yaw_rad) @ rotation_y(pitch_rad) @ rotation_x(roll_rad) @ CAMERA_AXES_IN_CHAIR)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RgbdFrame:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class RgbdFrame(Brief):
     """Registered colour and depth images of one exposure."""
 
     t_s: float
@@ -98,8 +100,8 @@ class StairAxes:
     """Standard deviation of ``normal_C`` about the edge [rad]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NamedFrame:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class NamedFrame(Brief):
     """Frame, its name and the direction of gravity if known."""
 
     name: str
@@ -150,13 +152,15 @@ def black(height: int, width: int) -> np.ndarray:
     return np.zeros((height, width, 3), dtype=np.uint8)
 
 
-def gravity_of(text: str | None) -> Float[np.ndarray, " 3"] | None:
-    """Return the direction in the option ``--gravity x,y,z``.
+def gravity_of(given: ArrayLike | None) -> Float[np.ndarray, " 3"] | None:
+    """Return the direction in the option ``--gravity x,y,z``, or in three numbers.
 
     Raises:
-        ImageError: If the text is not three finite numbers that are not all zero.
+        ImageError: If these are not three finite numbers that are not all zero.
     """
-    return None if text is None else _direction("--gravity", text.split(","))
+    if given is None:
+        return None
+    return _direction("--gravity" if isinstance(given, str) else "gravity", given.split(",") if isinstance(given, str) else given)
 
 
 def gravity_table(path: Path) -> dict[str, Float[np.ndarray, " 3"]]:
@@ -184,10 +188,10 @@ def gravity_table(path: Path) -> dict[str, Float[np.ndarray, " 3"]]:
     return table
 
 
-def _direction(where: str, parts: list[str]) -> Float[np.ndarray, " 3"]:
+def _direction(where: str, parts: ArrayLike) -> Float[np.ndarray, " 3"]:
     try:
-        vector = np.array([float(part) for part in parts])
-    except ValueError:
+        vector = np.asarray(parts, dtype=float)
+    except (TypeError, ValueError):
         raise ImageError(f"{where}: gravity must be three numbers x,y,z") from None
     length = float(np.linalg.norm(vector))
     if vector.shape != (3,) or not np.isfinite(vector).all() or length < 1e-6:

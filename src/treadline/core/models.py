@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from numbers import Real
 from pathlib import Path
 from typing import Any, Literal
@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float
 
 from treadline.core.arrays import matrix, real, shaped
 from treadline.core.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
-from treadline.core.printing import Printable
+from treadline.core.printing import Brief, Printable, plain
 from treadline.core.settings import text_of
 from treadline.core.signals import TICK_S, on_the_tick
 
@@ -35,8 +35,8 @@ TEST_VALUES = 100
 """Least output values per initial state for residual tests: state estimation from fewer values colours white residuals."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class InputOutputRecord:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class InputOutputRecord(Brief):
     """Sampled inputs and outputs of an experiment; ``y[k]`` is measured before ``u[k]`` acts.
 
     One row per sample, one column per channel; a one-dimensional array is a single channel. Any array-like of real numbers is
@@ -96,6 +96,16 @@ class LinearModel(Printable):
 
     ``observer_gain`` L corrects the state by L (y - ŷ) each period (predictor form). ``input_offset`` contains the climb speed;
     without an offset the law u = -Kx would stop the chair. The constructor checks the shapes: A (n n), B (n m), C (p n), D (p m).
+
+    Examples:
+        >>> import numpy as np
+        >>> import treadline as tl
+        >>> one, none = np.eye(1), np.zeros(1)
+        >>> tl.LinearModel(A=0.9 * one, B=one, C=one, D=0 * one, dt_s=0.25, input_offset=none, output_offset=none)
+        linear model of order 1, period 0.25 s
+          inputs   1
+          outputs  1
+          poles    0.9
     """
 
     A: Float[np.ndarray, "_ _"]
@@ -141,9 +151,9 @@ class LinearModel(Printable):
         rows = [(kind, ", ".join(given) or str(count)) for kind, (given, count) in names.items()]
         return f"linear model of order {self.order}, period {self.dt_s:g} s", [*rows, ("poles", poles)]
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write the model as JSON."""
-        write_whole(path, json.dumps(_jsonable(self), indent=1, allow_nan=False) + "\n")
+        write_whole(Path(path), json.dumps(plain(asdict(self)), indent=1, allow_nan=False) + "\n")
 
     @classmethod
     def load(cls, path: Path) -> "LinearModel":
@@ -189,9 +199,9 @@ class ControllerDesign(Printable):
         rows = [("K", f"[{gain}]"), ("state", self.reconstruct), ("model", f"order {self.model.order}")]
         return f"controller of '{self.vehicle}', period {self.period_s:g} s", rows
 
-    def save(self, path: Path) -> None:
+    def save(self, path: Path | str) -> None:
         """Write the controller as JSON."""
-        write_whole(path, json.dumps(_jsonable(self), indent=1, allow_nan=False) + "\n")
+        write_whole(Path(path), json.dumps(plain(asdict(self)), indent=1, allow_nan=False) + "\n")
 
     @classmethod
     def load(cls, path: Path) -> "ControllerDesign":
@@ -317,16 +327,6 @@ def _settle(owner: object, name: str, shape: tuple[int, ...]) -> None:
         raise NotFinite(f"{name} holds NaN or Inf; identify the model again")
     array.setflags(write=False)
     object.__setattr__(owner, name, array)
-
-
-def _jsonable(value: Any) -> Any:
-    if isinstance(value, LinearModel | ControllerDesign):
-        return {item.name: _jsonable(getattr(value, item.name)) for item in fields(value)}
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, tuple):
-        return list(value)
-    return value
 
 
 _ARRAYS = {"A", "B", "C", "D", "input_offset", "output_offset", "observer_gain", "disturbance_gain", "K"}

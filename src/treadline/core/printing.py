@@ -3,6 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from html import escape
 from typing import Any
 
@@ -53,6 +54,22 @@ class Printable(ABC):
             for name, value in rows
         )
         return f"<table><caption>{escape(title)}</caption>{cells}</table>"
+
+
+class Brief:
+    """Base of dataclasses with arrays: printed with the type and the shape of each array in place of its numbers."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        shown = (f"{item.name}={_brief(getattr(self, item.name))}" for item in fields(self))  # type: ignore[arg-type]
+        return f"{type(self).__name__}({', '.join(shown)})"
+
+
+def _brief(value: Any) -> str:
+    if not hasattr(value, "dtype") or value.ndim < 2:
+        return repr(value)
+    return f"{'×'.join(map(str, value.shape))} {value.dtype}"
 
 
 def p_text(value: float | None) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 
 from pydantic_core import PydanticUndefined
 
+from treadline.core.overrides import table_of
 from treadline.core.printing import UNITS, unit_ending
 from treadline.core.settings import Place, Settings, allowed_at
 
@@ -64,7 +65,7 @@ def tables_of(model: type[Settings]) -> dict[str, tuple[str, list[Key]]]:
     tables: dict[str, tuple[str, list[Key]]] = {}
     for name, field in model.model_fields.items():
         default = field.get_default()
-        inner = type(default) if isinstance(default, Settings) else _item(field.annotation)
+        inner = type(default) if isinstance(default, Settings) else table_of(field.annotation)
         place: Place = (name,) if isinstance(default, Settings) else (name, 0)
         if inner is not None:
             purpose = " ".join((inspect.getdoc(inner) or "").partition("\n\n")[0].replace("``", "").split())
@@ -83,9 +84,3 @@ def _keys(root: type[Settings], table: type[Settings], place: Place) -> list[Key
         )
         for name, field in table.model_fields.items()
     ]
-
-
-def _item(hint: Any) -> type[Settings] | None:
-    """Return the item type of a list of tables."""
-    parts = [part for part in getattr(hint, "__args__", ()) if isinstance(part, type) and issubclass(part, Settings)]
-    return parts[0] if parts else None

@@ -9,9 +9,9 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
@@ -19,17 +19,26 @@ from pydantic_core import ErrorDetails
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 
+Pairs = Sequence[tuple[str, str]]
+"""Pairs of keys of one table."""
+
 
 class Settings(BaseModel):
     """Base of every settings model: frozen, strict, no unknown keys, no NaN or Inf."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
+    alternatives: ClassVar[Pairs] = ()
+    """Pairs of keys that cannot stand next to each other, because they give the same value in two ways."""
+
     @model_validator(mode="before")
     @classmethod
     def _lists_are_tuples(cls, tables: object) -> object:
         if not isinstance(tables, Mapping):
             return tables
+        for one, other in cls.alternatives:
+            if tables.get(one) is not None and tables.get(other) is not None:
+                raise ValueError(f"give {one} or {other}, not both")
         return {key: _as_tuple(value) for key, value in tables.items()}
 
 

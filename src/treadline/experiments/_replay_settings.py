@@ -5,7 +5,6 @@ degrees.
 """
 
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
@@ -19,6 +18,7 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign, Reconstruct
+from treadline.core.overrides import parse_items
 from treadline.core.setting_docs import meanings
 from treadline.core.settings import Settings, closest, settings_of
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
@@ -303,15 +303,10 @@ def _is_plain(hint: Any) -> bool:
 
 def _given(items: Sequence[str], known: list[str]) -> dict[str, object]:
     """Return the values of ``key=value`` items by key."""
-    given: dict[str, object] = {}
-    for item in items:
-        key, sign, text = item.partition("=")
-        key = key.strip()
-        if not sign:
-            raise SettingsError(f"--set {item}: must be key=value, as --set filter.gate=16")
+    given = parse_items(items)
+    for key in given:
         if key not in known:
             raise SettingsError(f"--set {key}: unknown key; {_allowed(key, known)}; all with defaults: treadline replay --keys")
-        given[key] = _value(text.strip())
     return given
 
 
@@ -319,11 +314,3 @@ def _allowed(key: str, known: list[str]) -> str:
     siblings = [name for name in known if name.split(".")[0] == key.split(".", maxsplit=1)[0]] or known
     close = closest(key, known)
     return ("" if close is None else f"did you mean {close}? ") + f"allowed: {', '.join(siblings)}"
-
-
-def _value(text: str) -> object:
-    """Return a value parsed as TOML; anything else is text without quotes."""
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except (ValueError, RecursionError):
-        return text

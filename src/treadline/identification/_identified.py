@@ -244,7 +244,17 @@ class FittedSystem:
 
 
 class Identified(Printable):
-    """Identified model; the report and the intervals are computed on first access."""
+    """Identified model; the report and the intervals are computed on first access.
+
+    Examples:
+        >>> import numpy as np
+        >>> import treadline as tl
+        >>> u = np.random.default_rng(0).normal(size=(200, 1))
+        >>> y = 0.1 * np.vstack([[0.0], np.cumsum(u, axis=0)[:-1]])
+        >>> found = tl.identify(u, y, 0.25, order=1, method="okid-era", lags=2)
+        >>> found.model.order, found.report.method
+        (1, 'okid-era')
+    """
 
     def __init__(
         self,

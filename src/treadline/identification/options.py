@@ -26,6 +26,11 @@ class IdentificationOptions:
 
     Raises:
         SettingsError: If an option is unknown, out of range, or contradicts another option.
+
+    Examples:
+        >>> import treadline as tl
+        >>> tl.IdentificationOptions(order=2, method="okid-era").lags is None
+        True
     """
 
     order: int | None = None

@@ -15,6 +15,7 @@ from treadline.core.compile_cache import compiling
 from treadline.core.errors import SimulationDiverged
 from treadline.core.models import ControllerDesign
 from treadline.core.ports import Truth, TruthPlant
+from treadline.core.printing import Brief
 from treadline.core.signals import TICK_S, Event, HeadingHealth, MotionPlan, StairMap
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Blocks, GuardMessage, Mission, Signal, Tick
@@ -31,8 +32,8 @@ Watch = Callable[[Tick], None]
 """Receives each tick as it ends."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Traverse:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Traverse(Brief):
     """Result of one simulated run."""
 
     scenario: Scenario

@@ -4,14 +4,14 @@ Paper: Section II, Table I. All positions are in B: x forward, y left, z up, ori
 """
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field, model_validator
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
-from treadline.core.settings import Settings, read_toml
+from treadline.core.settings import Pairs, Settings, read_toml
 from treadline.core.signals import TICK_S
 from treadline.scenario.camera_file import CameraFile, Degrees, read_camera
 from treadline.scenario.shipped_files import chair_file
@@ -198,6 +198,8 @@ class Rating(Settings):
 class CameraMount(Settings):
     """Position and orientation of a depth camera."""
 
+    alternatives: ClassVar[Pairs] = (("file", "calibration"),)
+
     position_m: Point
     pitch_deg: Degrees
     roll_deg: Degrees = 0.0
@@ -207,15 +209,11 @@ class CameraMount(Settings):
     calibration: CameraFile | None = None
     """Intrinsics given in the chair's file itself, in place of ``file``."""
 
-    @model_validator(mode="after")
-    def _intrinsics_are_given_once(self) -> "CameraMount":
-        if self.file is not None and self.calibration is not None:
-            raise ValueError("give camera.file or camera.calibration, not both: both hold the intrinsics")
-        return self
-
 
 class ChairDescription(Settings):
     """Tracked chair."""
+
+    alternatives: ClassVar[Pairs] = (("seat", "payload"),)
 
     name: str
     tracks: Tracks
@@ -246,12 +244,6 @@ class ChairDescription(Settings):
                 f"masses.chassis_com_m is [{x_m:g}, {y_m:g}, {z_m:g}], not above the tracks, which bear ±{half_run_m:.2f} m along "
                 f"and ±{half_width_m:.2f} m across: the chassis would tip over on the floor; give metres from mid-track, above 0"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _the_payload_has_one_place(self) -> "ChairDescription":
-        if self.seat is not None and self.payload is not None:
-            raise ValueError("give [seat] or [payload], not both: seat.payload_com_m is the payload's place in a seat")
         return self
 
     @model_validator(mode="after")

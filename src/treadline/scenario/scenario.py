@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from treadline.core.errors import SettingsError
+from treadline.core.printing import Printable
 from treadline.core.settings import Settings, closest, parse_toml, settings_of
 from treadline.scenario.faults import Fault
 from treadline.scenario.operator_actions import OperatorAct, act_problem
@@ -16,7 +17,7 @@ from treadline.scenario.stair import Stair, StepOverride, step_problem
 
 __all__ = [
     "SEAT_SHIFT_M", "SHIPPED", "Chair", "Control", "DriveSettings", "Scenario", "Sensors", "Stair",
-    "Start", "StepOverride", "is_sweep", "read_scenario", "scenario_of", "shipped_scenarios",
+    "Start", "StepOverride", "is_sweep", "read_scenario", "scenario_of", "shipped_scenarios", "with_values",
 ]  # fmt: skip
 
 SHIPPED = DATA / "scenarios"
@@ -211,8 +212,16 @@ class Realism(Settings):
     """State of charge at the start, 1 full."""
 
 
-class Scenario(Settings):
-    """Complete settings of one run."""
+class Scenario(Printable, Settings):
+    """Complete settings of one run; printed as the values that differ from the defaults.
+
+    Examples:
+        >>> import treadline as tl
+        >>> tl.Scenario.model_validate({"stair": {"steps": 6}, "start": {"heading_deg": 5}})
+        scenario: the defaults, and
+          stair.steps        6
+          start.heading_deg  5
+    """
 
     stair: Stair = Stair()
     chair: Chair = Chair()
@@ -225,6 +234,18 @@ class Scenario(Settings):
     operator: tuple[OperatorAct, ...] = ()
     realism: Realism = Realism()
     fault: tuple[Fault, ...] = ()
+
+    def __str__(self) -> str:
+        return repr(self)
+
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return the values that differ from the defaults, by dotted key."""
+        from treadline.core.overrides import leaves
+
+        changed = self.model_dump(exclude_defaults=True)
+        return "scenario: the defaults, and", [
+            (".".join(keys), f"{value:g}" if isinstance(value, float) else str(value)) for keys, value in leaves(changed).items()
+        ]
 
     @model_validator(mode="after")
     def _tables_of_lists_agree(self) -> "Scenario":
@@ -243,11 +264,15 @@ class Scenario(Settings):
         return self
 
 
-def read_scenario(name: str | Path) -> Scenario:
+def read_scenario(name: str | Path, values: Mapping[str, object] | None = None) -> Scenario:
     """Return the scenario in a file, or the shipped scenario of that name.
 
+    Args:
+        values: Values by dotted key, in place of the file's: ``{"stair.slope_deg": 30}``. A key that cannot stand next to one of
+            them is left out, as here ``rise_m``.
+
     Raises:
-        SettingsError: If no such scenario exists, or the file is invalid.
+        SettingsError: If no such scenario exists, or the file or a value is invalid.
     """
     path, shipped = Path(name), shipped_scenarios()
     if not path.is_file() and str(name) in shipped:
@@ -263,7 +288,21 @@ def read_scenario(name: str | Path) -> Scenario:
     tables = parse_toml(path)
     if "draw" in tables:
         raise SettingsError(f"{path}: a sweep, not one scenario; run it with treadline sweep {name}")
-    return scenario_of(tables, path, where=str(path))
+    scenario = scenario_of(tables, path, where=str(path))
+    return with_values(tables, values, path, name) if values else scenario
+
+
+def with_values(
+    tables: Mapping[str, object], values: Mapping[str, object], path: Path = Path(), name: str | Path = "the scenario"
+) -> Scenario:
+    """Return the scenario given by parsed tables, with values by dotted key as in ``read_scenario``.
+
+    Raises:
+        SettingsError: If a value is invalid.
+    """
+    from treadline.core.overrides import overridden
+
+    return scenario_of(overridden(tables, values, Scenario), path, where=f"{name}, as changed")
 
 
 def scenario_of(tables: Mapping[str, object], path: Path, *, where: str) -> Scenario:

@@ -5,12 +5,12 @@ Rules that join several tables: ``Stair, StepOverrides -> the first problem, in 
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal, TypeGuard
+from typing import Annotated, ClassVar, Literal, TypeGuard
 
 from pydantic import Field, model_validator
 
 from treadline.core.angles import DEG
-from treadline.core.settings import Settings
+from treadline.core.settings import Pairs, Settings
 
 RISE_M, RUN_M, SLOPE_DEG = (0.05, 0.30), (0.15, 0.60), (5.0, 45.0)
 """Bounds of a staircase's rise, run and slope."""
@@ -30,6 +30,8 @@ class Stair(Settings):
     The slope is another way to write the rise: it is converted as the file is read, and is not kept. Several flights are alike,
     with a landing between any two.
     """
+
+    alternatives: ClassVar[Pairs] = (("rise_m", "slope_deg"),)
 
     rise_m: Annotated[float, Field(ge=RISE_M[0], le=RISE_M[1])] = 0.16
     """Height of a step."""
@@ -90,10 +92,8 @@ class Stair(Settings):
     @classmethod
     def _rise_from_slope(cls, tables: object) -> object:
         """Convert ``slope_deg`` to a rise, so that only one of the two is kept."""
-        if not isinstance(tables, dict) or tables.get("slope_deg") is None:
-            return tables
-        if "rise_m" in tables:
-            raise ValueError("give rise_m or slope_deg, not both")
+        if not isinstance(tables, dict) or tables.get("slope_deg") is None or "rise_m" in tables:
+            return tables  # both together are refused as alternatives
         slope, run = tables["slope_deg"], tables.get("run_m", cls.model_fields["run_m"].default)
         if not (_within(SLOPE_DEG, slope) and _within(RUN_M, run)):
             return tables  # the fields' own checks say what is wrong with them
@@ -220,6 +220,8 @@ def _within(limits: tuple[float, float], value: object) -> TypeGuard[float]:
 class StepOverride(Settings):
     """One step that differs from the others; a value that is not given is the stair's."""
 
+    alternatives: ClassVar[Pairs] = (("friction", "friction_left"), ("friction", "friction_right"))
+
     index: int
     """Index of the step: 0 is the first above the floor, counted over all flights; -1 is the uppermost, the landing."""
     # Bounds of rise and run: from a lip to a mounting block, and from a narrow tread to a podium.
@@ -242,13 +244,6 @@ class StepOverride(Settings):
     """Radius of its rounded front edge; 30 mm is badly worn."""
     tread_slope_deg: Annotated[float, Field(ge=-5.0, le=5.0)] | None = None
     """Slope of its tread, positive where the back is higher than the nosing, so that water runs off the front."""
-
-    @model_validator(mode="after")
-    def _frictions_do_not_overlap(self) -> "StepOverride":
-        for half in ("friction_left", "friction_right"):
-            if self.friction is not None and getattr(self, half) is not None:
-                raise ValueError(f"step {self.index} has friction and {half}; friction sets both halves, give one of the two")
-        return self
 
 
 def step_problem(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:

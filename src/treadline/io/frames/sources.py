@@ -5,6 +5,8 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from numpy.typing import ArrayLike
+
 from treadline.core.camera_images import FrameSource, NamedFrame, SeveralFrames, gravity_of, gravity_table
 from treadline.core.errors import ImageError, SettingsError
 from treadline.io.frames._cloud_files import ENDINGS, read_cloud
@@ -24,26 +26,36 @@ def read_frames(
     depth: Path | str | None = None,
     *,
     camera: Path | str | CameraFile | None = None,
-    gravity: str | None = None,
+    gravity: str | ArrayLike | None = None,
     unit: str | None = None,
     axes: Axes = "camera",
     topic: str | None = None,
 ) -> FrameSource:
     """Return the frames of a depth image, a colour and a depth image, a point cloud, a folder of these, or a log.
 
-    Each frame has ``.name``, ``.frame`` (``.depth_m``, ``.rgb``, ``.camera``) and ``.gravity_C``; frames are read one by one.
+    Each frame has ``.name``, ``.frame`` (``.depth_m``, ``.rgb``, ``.camera``) and ``.gravity_C``, and ``tl.detect_stair`` takes it.
+    Frames are read one by one.
 
     Args:
         path: Depth image (16-bit PNG), colour image, .ply or .pcd file, folder, or .mcap, .bag or .db3 file.
         depth: Depth image, if ``path`` is a colour image.
         camera: Calibration, or its file (TOML).
-        gravity: Unit vector that points down in the camera frame, x,y,z.
+        gravity: Vector that points down in the camera frame (x right, y down, z forward): three numbers, or text x,y,z.
         unit: Unit of depth counts or cloud coordinates: m, cm or mm.
         axes: Axes of clouds: camera (x right, y down, z forward), ros (x forward, z up) or opengl (y up, z backward).
         topic: Topic of the depth of a log, if it has several.
 
     Raises:
         TreadlineError: If the path holds no frames, or information is missing.
+
+    Examples:
+        >>> import cv2, numpy as np
+        >>> import treadline as tl
+        >>> cv2.imwrite("wall.png", np.full((424, 512), 1500, dtype=np.uint16))  # a Kinect 2 before a wall
+        True
+        >>> for frame in tl.read_frames("wall.png", gravity=[0.0, 1.0, 0.0]):
+        ...     print(frame.name, frame.frame.depth_m.shape)
+        wall.png (424, 512)
     """
     calibration = camera if isinstance(camera, CameraFile | None) else read_camera(Path(camera))
     options = FrameOptions(camera=calibration, gravity_C=gravity_of(gravity), unit=unit, axes=axes, topic=topic)
