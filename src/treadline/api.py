@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-from treadline.core.errors import ModelError, RecordError, SettingsError, TreadlineError
+from treadline.core.errors import ModelError, RecordError, SettingsError, TreadlineError, closest
 from treadline.core.printing import Printable
 
 if TYPE_CHECKING:
@@ -144,7 +144,6 @@ def identify(
 
 def _options(options: "IdentificationOptions | None", keywords: "IdentificationKeywords") -> "IdentificationOptions":
     """Return the options, given as one object or as keywords."""
-    from treadline.core.settings import closest
     from treadline.identification import IdentificationOptions
 
     if options is not None and keywords:

@@ -23,6 +23,10 @@
     └── SimulationDiverged               the simulation is numerically invalid and has no result (exit code 1)
 """
 
+import re
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class TreadlineError(Exception):
     """Base of every expected failure; its message fits one line and names a remedy."""
@@ -98,3 +102,9 @@ class GazeboError(TreadlineError):
 
 class SimulationDiverged(TreadlineError):
     """The simulation is numerically invalid (a warning, time running backwards, a non-finite state)."""
+
+
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that is most similar to a misspelt one, or None; other digits name another thing, as of two cameras."""
+    alike = [other for other in known if re.sub(r"\D", "", other) == re.sub(r"\D", "", name)]
+    return next(iter(get_close_matches(name, alike, 1)), None)

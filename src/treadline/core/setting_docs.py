@@ -15,7 +15,8 @@ from pydantic_core import PydanticUndefined
 
 from treadline.core.overrides import table_of
 from treadline.core.printing import UNITS, unit_ending
-from treadline.core.settings import Place, Settings, allowed_at
+from treadline.core.setting_errors import Place, allowed_at
+from treadline.core.settings import Settings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

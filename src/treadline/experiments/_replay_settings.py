@@ -16,11 +16,11 @@ from pydantic import Field, create_model
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
-from treadline.core.errors import SettingsError
+from treadline.core.errors import SettingsError, closest
 from treadline.core.models import ControllerDesign, Reconstruct
 from treadline.core.overrides import parse_items
 from treadline.core.setting_docs import meanings
-from treadline.core.settings import Settings, closest, settings_of
+from treadline.core.settings import Settings, settings_of
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.estimation.offset import AberrationRule
 from treadline.guard import Guard

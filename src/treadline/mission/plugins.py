@@ -14,8 +14,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from treadline.core.errors import SettingsError
-from treadline.core.settings import closest, text_of
+from treadline.core.errors import SettingsError, closest
+from treadline.core.settings import text_of
 from treadline.mission.mission_config import FILE_PREFIX
 
 ATTRIBUTES = {"controller": ("follows_plan",), "detector": ("maps_stair",), "estimator": ()}

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from treadline.core.errors import SettingsError
+from treadline.core.errors import SettingsError, closest
 from treadline.core.printing import Printable
-from treadline.core.settings import Settings, closest, parse_toml, settings_of
+from treadline.core.settings import Settings, parse_toml, settings_of
 from treadline.scenario.faults import Fault
 from treadline.scenario.operator_actions import OperatorAct, act_problem
 from treadline.scenario.shipped_files import CHAIRS, DATA, chair_file

@@ -7,8 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from treadline.core.errors import SettingsError
-from treadline.core.settings import closest
+from treadline.core.errors import SettingsError, closest
 
 if TYPE_CHECKING:
     from treadline.core.models import ControllerDesign
