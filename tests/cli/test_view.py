@@ -1,8 +1,11 @@
 """``treadline view``: bad input is one line with a remedy, and the viewer ends by itself when told to."""
 
-import builtins
+import contextlib
 import json
+import re
 import socket
+import sys
+import webbrowser
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -82,23 +85,51 @@ def test_a_recording_cannot_be_controlled(run: Any, folder: Path) -> None:
     assert_refused(view(run, folder, "--control"), "--control", "is a recording")
 
 
-def test_without_a_browser_the_remedy_is_named(run: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("webbrowser.open", lambda _: False)
+@pytest.mark.parametrize("opened", [False, webbrowser.Error("could not locate runnable browser")])
+def test_without_a_browser_the_page_is_served_all_the_same(
+    run: Any, folder: Path, monkeypatch: pytest.MonkeyPatch, opened: Any
+) -> None:
+    """Test: a machine without a browser. Expected: the page is served, with the address and how to reach it by an SSH tunnel."""
+
+    def no_browser(_: str) -> bool:
+        if opened:
+            raise opened
+        return False
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr("webbrowser.open", no_browser)
     outcome = run("view", folder, "--port", "0", "--seconds", "0.2")
-    assert_refused(last_line(outcome), "no browser found", "--no-browser")
-    assert "view: http://127.0.0.1:" in outcome.err
+    assert outcome.code == 0, outcome.err
+    port = re.search(r"view: http://127\.0\.0\.1:(\d+)/", outcome.err).group(1)
+    assert "no browser found on this machine; open the address in a browser" in outcome.err
+    assert f"ssh -L {port}:127.0.0.1:{port} " in outcome.err
 
 
-def test_without_the_extra_the_remedy_is_named(run: Any, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = builtins.__import__
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a screen is always there")
+@pytest.mark.parametrize("over_ssh", [False, True])
+def test_no_browser_of_text_takes_the_terminal(run: Any, folder: Path, monkeypatch: pytest.MonkeyPatch, over_ssh: bool) -> None:
+    """Test: no display, and a session over SSH. Expected: no browser is started, and the page is served."""
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER", "SSH_CONNECTION"):
+        monkeypatch.delenv(name, raising=False)
+    if over_ssh:
+        monkeypatch.setenv("SSH_CONNECTION", "192.0.2.1 50000 192.0.2.2 22")
+        monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr("webbrowser.open", lambda _: pytest.fail("a browser was started"))
+    outcome = run("view", folder, "--port", "0", "--seconds", "0.2")
+    assert outcome.code == 0, outcome.err
+    assert "no browser found" in outcome.err
 
-    def without(name: str, *rest: Any, **more: Any) -> Any:
-        if name == "viser":
-            raise ImportError(name)
-        return whole(name, *rest, **more)
 
-    monkeypatch.setattr(builtins, "__import__", without)
-    assert_refused(view(run, folder), "pip install 'treadline[viewer]'")
+def test_a_second_viewer_takes_the_next_default_port_and_says_so(run: Any, folder: Path) -> None:
+    with socket.socket() as taken:
+        with contextlib.suppress(OSError):  # a port that another program holds is as good
+            taken.bind(("127.0.0.1", 8350))
+            taken.listen()
+        outcome = run("view", folder, "--no-browser", "--seconds", "0.2")
+    assert outcome.code == 0, outcome.err
+    said = re.search(r"view: port 8350 is in use; takes (\d+)", outcome.err)
+    assert said is not None
+    assert f"view: http://127.0.0.1:{said.group(1)}/" in outcome.err
 
 
 def test_an_export_keeps_what_is_there_and_takes_recorded_runs_only(run: Any, folder: Path, tmp_path: Path) -> None:

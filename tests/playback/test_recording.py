@@ -230,7 +230,7 @@ def test_the_slip_ratio_is_the_share_of_the_belts_travel_that_the_chair_does_not
 
 
 def test_a_turning_chair_that_follows_its_slower_belt_does_not_slip() -> None:
-    """Test: belts at 0.1 and 0.3 m/s; the chair moves at 0.1 m/s, as the guard expects. Expected: no slip, where the mean has 0.5."""
+    """Test: belts at 0.1 and 0.3 m/s; the chair moves at 0.1 m/s. Expected: no slip, where the mean belt has 0.5."""
     level = {"yaw_rad": 0.0, "pitch_rad": 0.0, "roll_rad": 0.0, "left_m_s": 0.1, "right_m_s": 0.3}
     found = built([(replace(truth(k), chassis_x_m=0.001 * k, **level), 0.01 * k) for k in range(200)]).slip
     np.testing.assert_allclose(found[40:], 0.0, atol=1e-9)

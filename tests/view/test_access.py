@@ -3,9 +3,7 @@
 import collections
 import http.client
 import json
-import queue
 from collections.abc import Iterator
-from types import SimpleNamespace
 
 import pytest
 from websockets.datastructures import Headers
@@ -116,18 +114,23 @@ def test_a_port_in_use_is_one_line_with_a_remedy(server: object) -> None:
 
 def test_the_pages_connection_carries_jumps_and_reports_of_the_handset() -> None:
     """Test: a jump, a report of a person who drives, and nonsense. Expected: cursor and handset follow; nonsense ends it."""
-    from treadline.view.app import page_handler
+    from treadline.view.app import Stage
     from treadline.view.server import GuardedServer
 
-    session, jumps = session_of(a_run(), live=True, attended=True), queue.Queue()
+    session, handlers = session_of(a_run(), live=True, attended=True), {}
     session.set_manual(manual=True)
-    guarded = GuardedServer("127.0.0.1", 0, {"page": page_handler(SimpleNamespace(jump=jumps.put), session)})
+    guarded = GuardedServer("127.0.0.1", 0, handlers)
+    handlers["page"] = Stage(guarded, session).page
     address = f"127.0.0.1:{guarded.rules.port}"
     with connect(f"ws://{address}/{guarded.rules.token}/page", origin=f"http://{address}") as page:
-        assert json.loads(page.recv(timeout=5)) == {"manual": True}
+        first = json.loads(page.recv(timeout=5))
+        assert first["manual"]
+        assert {"start", "play", "end", "+1 s"} <= set(first["buttons"])
         page.send(json.dumps({"dead_man": True, "ahead": 0.5, "turn": 0}))
         page.send(json.dumps({"t_s": 2.5}))
-        assert jumps.get(timeout=5) == 2.5
+        assert json.loads(page.recv(timeout=5)) == {"t_s": 2.5}
+        page.send(json.dumps({"speed": 2.0}))
+        assert json.loads(page.recv(timeout=5)) == {"speed": 2.0}
         assert session.handset == Handset(manual=True, dead_man=True, speed_m_s=0.05)
         page.send(json.dumps({"t_s": "soon"}))
         with pytest.raises(ConnectionClosed) as closed:

@@ -10,7 +10,8 @@ import pytest
 from treadline.core.angles import DEG
 from treadline.core.signals import Event
 from treadline.playback import Limits, Moment, Recording
-from treadline.report.plot_table import PHASE_COLOURS
+from treadline.report.labels import PHASES
+from treadline.report.plot_table import phase_colour
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.stair_solids import Box
@@ -130,7 +131,7 @@ def test_the_name_of_a_phase_is_shown_whole_or_not_at_all() -> None:
     assert "&nbsp;</div>" in drawn
 
 
-@pytest.mark.parametrize("colour", [*PHASE_COLOURS.values(), ORANGE, GREEN, RED])
+@pytest.mark.parametrize("colour", [*map(phase_colour, PHASES), ORANGE, GREEN, RED])
 def test_text_on_every_colour_can_be_read(colour: str) -> None:
     """Test: contrast by WCAG 2.2. Expected: at least 4.5:1, as it asks for small text."""
 

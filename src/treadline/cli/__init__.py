@@ -30,7 +30,7 @@ AGAIN_S = 0.25
 """Delay after which a lost interrupt is sent again [s]: longer than a burst that counts as one (``interrupts``)."""
 EPILOGUE = """\
 Every verb takes --json (one JSON object on stdout, nothing else) and --debug (a traceback instead of one line).
-Start with: treadline doctor; treadline check paper-28; treadline climb paper-28 --out runs/first
+Start with: treadline demo; treadline doctor; treadline climb up-28 --out runs/first; treadline view runs/first
 """
 
 app = App(
@@ -45,7 +45,7 @@ app = App(
 )
 VERBS = {
     "The paper": ("reproduce", "report"),
-    "Simulation": ("check", "climb", "view", "seat", "sweep", "model"),
+    "Simulation": ("demo", "check", "climb", "view", "seat", "sweep", "model"),
     "Identification and control": ("excite", "identify", "tune", "export"),
     "Perception": ("see", "frames", "mount"),
     "Logs and ROS": ("replay", "record", "nodes", "node"),

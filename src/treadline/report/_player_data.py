@@ -14,7 +14,7 @@ from treadline.core.angles import DEG
 from treadline.core.signals import TICK_S
 from treadline.playback import Recording
 from treadline.report._html import packed, packed_indices
-from treadline.report.plot_table import PHASE_COLOURS, PLOTS, Plot
+from treadline.report.plot_table import PLOTS, Plot, phase_colour
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import BeltPath, MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
 from treadline.vehicle.comfort import COMFORT_TICKS, passenger_acceleration
@@ -88,7 +88,7 @@ def plots_of(recording: Recording) -> dict[str, Any]:
                 "end": span.end_s,
                 "name": span.name,
                 "cause": span.cause,
-                "colour": PHASE_COLOURS.get(span.name),
+                "colour": phase_colour(span.name),
             }
             for span in recording.phases
         ],

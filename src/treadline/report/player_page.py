@@ -73,7 +73,7 @@ def player_page(recording: Recording) -> str:
     )
 
 
-def embedded(data: dict[str, Any], recording: Recording) -> dict[str, str]:
+def embedded(data: dict[str, Any], recording: Recording) -> dict[str, Any]:
     """Return what ``player_body.html.j2`` needs: script with its hash for the content security policy, style, and data."""
     script = "\n".join((TEMPLATES / name).read_text(encoding="utf-8") for name in SCRIPTS)
     digest = in_base64(hashlib.sha256(script.encode()).digest())

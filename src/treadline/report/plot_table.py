@@ -17,8 +17,6 @@ _DATA = Path(__file__).parents[1] / "data"
 _PALETTE = tomllib.loads((_DATA / "palette.toml").read_text(encoding="utf-8"))
 SIGNS: Mapping[str, Mapping[str, Any]] = _PALETTE["signs"]
 """Signs of scene, plots and texts: ``colour``, its version for ``dark`` paper, and what it ``means``."""
-PHASE_COLOURS: Mapping[str, str] = _PALETTE["phases"]
-"""Colour of each phase in the timeline."""
 
 Column = Float[np.ndarray, " n"]
 
@@ -107,6 +105,11 @@ class Plot:
         if self.limit is None or not values:
             return ""
         return self.limit.text.format(f"{'±' if self.limit.both else ''}{values[0]:g}{suffix(self.unit)}")
+
+
+def phase_colour(name: str) -> str:
+    """Return the colour of a phase in the timeline."""
+    return str(_PALETTE["phases"].get(name, "#888888"))
 
 
 def _unit(name: str) -> float:

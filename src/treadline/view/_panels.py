@@ -12,13 +12,13 @@ from treadline.core.angles import DEG, rotation_of
 from treadline.playback import SILENT_S, Moment, PhaseSpan, holding_at, in_runs, perceived_text
 from treadline.report.labels import PHASES as PHASE_TERMS
 from treadline.report.labels import TERMS
-from treadline.report.plot_table import PHASE_COLOURS, SIGNS
+from treadline.report.plot_table import SIGNS, phase_colour
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 from treadline.view._messages import ShownFrame
 from treadline.view._session import Session
 
-TIMELINE_PX, LETTER_PX = 360.0, 6.6
-"""Width of the timeline [px], the panel without its margins, and of a letter in it: the widest of the phases' names on average."""
+TIMELINE_PX, LETTER_PX = 1000.0, 6.6
+"""Width of the timeline on a page of 1,024 pixels [px], and of a letter in it: the widest of the phases' names on average."""
 EVENTS_SHOWN = 40
 """Events of the log that are shown, the newest first."""
 GREEN, ORANGE, RED = (str(SIGNS[state]["colour"]) for state in ("good", "near", "bad"))
@@ -97,7 +97,7 @@ def _margin_html(session: Session) -> str:
     span = "so far" if session.is_live else "of the whole run"
     said = least.replace("least tip-over margin", "least")
     return (
-        f'<div title="{escape(TERMS["tip-over margin"]["text"])}" style="{STYLE};height:2.7em">tip-over margin '
+        f'<div title="{escape(TERMS["tip-over margin"]["text"])}" style="{STYLE};min-height:2.7em">tip-over margin '
         f'<b>{now_rad / DEG:.1f}°</b> now (7° is required)<br>{span}: <b style="color:{colour}">{escape(said)}</b></div>'
     )
 
@@ -150,7 +150,7 @@ def timeline_html(session: Session) -> str:
         marks.append(_mark(fork.from_s, end_s, "#56b4e9", f"{fork.from_s:.2f} s: the fork begins"))
     cursor = _mark(t_s, end_s, "#000", f"{t_s:.2f} s", leads=False)
     inside = "".join([*bars, *marks, cursor])
-    return f'<div style="position:relative;height:30px;margin:2px 14px 2px 0;border-radius:3px">{inside}</div>'
+    return f'<div style="position:relative;height:30px">{inside}</div>'
 
 
 def _strip(moment: Moment, end_s: float) -> str:
@@ -182,7 +182,7 @@ def transitions_html(session: Session) -> str:
 
 
 def _colour_of(span: PhaseSpan) -> str:
-    return PHASE_COLOURS.get(span.name, "#888")
+    return phase_colour(span.name)
 
 
 def events_html(session: Session) -> str:
@@ -344,7 +344,6 @@ def terms_html() -> str:
 
 PANELS: Mapping[str, Callable[[Session], str]] = {
     "state": state_html,
-    "timeline": timeline_html,
     "camera": camera_html,
     "answers": answers_html,
     "transitions": transitions_html,

@@ -57,7 +57,7 @@ def legend_html(plot: Plot, run: Recording, cursor_s: float, *, forked: bool) ->
         low, high = view_of(plot, run)
         hidden = "" if any(low <= limit <= high for limit in limits) else " (beyond this plot)"
         lines.append(f"{_mark('limit', dashed=True)} {plot.limit_text(run.limits)}{hidden}")
-    style = "font-size:11px;line-height:1.25;min-height:2.5em;margin:0 0 -6px 2px"
+    style = "font-size:11px;line-height:1.25;min-height:2.5em;margin:0 14px -6px 2px"
     return f'<div style="{style}"><b>{plot.heading}</b> {" ".join(lines)}</div>'
 
 

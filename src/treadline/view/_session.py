@@ -21,8 +21,8 @@ SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 """Speeds of the display as multiples of real time."""
 STEPS = {"−1 s": -100, "−0.01 s": -1, "+0.01 s": 1, "+1 s": 100}
 """Buttons that move the cursor, and their ticks."""
-TRANSPORT = ("start", "play", "end")
-"""Further buttons below the timeline; every other name than the outer two plays or pauses."""
+TRANSPORT = ("start", *STEPS, "play", "end")
+"""Buttons of the timeline."""
 PAUSE = -1.0
 """Speed of a worker that means pause."""
 RELEASED_S = 0.3
@@ -95,6 +95,8 @@ class Session:
     cursor_s: float = 0.0
     playing: bool = True
     speed: float = 1.0
+    repeats: bool = False
+    """Whether a recording begins anew at its end."""
     following: bool = True
     """Whether the cursor stays at the newest instant of a live run."""
     ghost: Fork | None = None
@@ -133,6 +135,8 @@ class Session:
             if self.cursor_s >= end_s:
                 if self.is_live:
                     self.following = True
+                elif self.repeats:
+                    self.cursor_s = 0.0
                 else:
                     self.playing = False
 
@@ -165,7 +169,7 @@ class Session:
         self.following = self.is_live and self.cursor_s >= self.feed.end_s - TICK_S
 
     def press_transport(self, button: str) -> None:
-        """Press a button below the timeline: one of ``TRANSPORT`` or ``STEPS``."""
+        """Press a button of the timeline: one of ``TRANSPORT``; every other name plays or pauses."""
         match button:
             case "start":
                 self.seek(0.0)

@@ -4,25 +4,31 @@ import json
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from html import escape
 from typing import Any
 
 from treadline.core.errors import SettingsError
 from treadline.scenario.faults import EXTENTS, Conditions, FaultKind
-from treadline.view._panels import PANELS, legend_of_scene, terms_html
-from treadline.view._plots import LIVE_PLOTS, add_plot, legend_html, plot_data
+from treadline.view._panels import PANELS, legend_of_scene, terms_html, timeline_html
+from treadline.view._plots import LIVE_PLOTS, LOADING, add_plot, legend_html, plot_data
 from treadline.view._scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SHOWN, SceneView
-from treadline.view._session import SPEEDS, STEPS, TRANSPORT, Session
+from treadline.view._session import SPEEDS, TRANSPORT, Session
 from treadline.view._what_if import FORKS, FRICTION_MAX, FRICTION_MIN, INJECTIONS, ChangeForm
+from treadline.view.demonstration import LiveOffer
 from treadline.view.server import GuardedServer
 
 SCENE_S, TEXT_S, PLOT_S = 1.0 / 25.0, 0.1, 0.4
 """Intervals of the updates of scene, text and plots [s]."""
 NARROW_PX = 576
 """Largest width of a page that shows the panels at its lower edge [px], as in ``narrow.css``."""
-EDITED_S = 0.8
-"""Time after a client's edit of the time box for which the server leaves it alone [s]: longer than between two typed digits."""
+PANELS_SHARE, PLOTS_SHARE = 0.27, 0.22
+"""Largest shares of the page's width that the panels at the right and the plots at the left take: half of it is the scene's."""
+PANELS_PX, PLOTS_PX = 400, 380
+"""Largest widths of the panels and of the plots [px]."""
+FOLDED_PX = 900
+"""Width of the page below which the plots are folded [px]: their values would not fit beside each other."""
 WEIGHT: tuple[tuple[str, FaultKind], ...] = (("forward", "payload_forward"), ("left", "payload_left"), ("up", "payload_up"))
 """Directions in which the passenger's weight moves, with the faults of the same range."""
 DRIVING = (
@@ -40,24 +46,30 @@ class App:
     Args:
         server: Server with its access check.
         session: What is shown.
+        offer: Live run that the page offers, if any.
     """
 
-    def __init__(self, server: GuardedServer, session: Session) -> None:
-        self._viser, self._session = server.viser, session
+    def __init__(self, server: GuardedServer, session: Session, offer: LiveOffer | None = None) -> None:
+        self._viser, self._session, self._offer = server.viser, session, offer
+        self.is_taken = False
+        """Whether a person has taken the offer."""
         self._scene = SceneView(server.viser, session.feed)
         session.shows.update({name: shown for name, (_, shown) in SHOWN.items()})
         self._lock = threading.Lock()
         self._panels: dict[str, Any] = {}
         self._plots: list[tuple[Any, Any]] = []
         self._plotted: tuple[Any, ...] = ()
-        self._edited_at = -math.inf
-        self._is_stale = False
-        self.failure: Exception | None = None
-        """Exception that ended the updates; None while all is well."""
+        self._widths: tuple[float, float, bool] = (0.0, 0.0, False)
+        self.page_px = 0.0
+        """Width of the page [px]; 0 before it is known."""
+        self.timeline = ""
+        """Phases as a bar, in HTML."""
         self.updates = 0
         """Number of scene updates, for tests and measurements."""
         self._build()
-        server.viser.on_client_connect(show_above_sheet)
+
+    def _take(self) -> None:
+        self.is_taken = True
 
     # Controls
 
@@ -65,13 +77,16 @@ class App:
         gui, session = self._viser.gui, self._session
         gui.configure_theme(dark_mode=False, show_logo=False, show_share_button=False, control_width="large")
         gui.main_panel.dock_right()
-        gui.main_panel.set_width(400)
+        if self._offer is not None:
+            self._status = gui.add_html("")
+            self._take_offer = self._add_button("Run it live", self._take, visible=False)
         if session.attended:
             self._add_button("STOP", lambda: session.press("stop"), color="red")
             self._add_button("Re-arm", lambda: session.press("rearm"))
-        self._place("state", "timeline")
-        self._build_transport(gui)
-        self._place("camera")
+        self._place("state", "camera")
+        gui.add_command("Play or pause", hotkey="K").on_trigger(self._locked(lambda _event: session.play()))
+        gui.add_command("Back one tick", hotkey="J").on_trigger(self._locked(lambda _event: session.step(-1)))
+        gui.add_command("Forward one tick", hotkey="L").on_trigger(self._locked(lambda _event: session.step(1)))
         tabs = gui.add_tab_group()
         for label, name in (("Moments", "answers"), ("Phases", "transitions"), ("Events", "events")):
             with tabs.add_tab(label):
@@ -85,10 +100,27 @@ class App:
                 self._build_control(gui)
         with tabs.add_tab("Show"):
             self._build_choices(gui)
-        panel = gui.add_panel()
-        self._plot_tab = panel.add_tab("Plots")
-        panel.dock_left()
-        panel.set_width(380)
+        self._plot_panel = gui.add_panel()
+        self._plot_tab = self._plot_panel.add_tab("Plots")
+        with self._plot_tab:
+            self._loading = gui.add_html(LOADING)
+        self._plot_panel.dock_left()
+        self.fit(0.0)
+
+    def fit(self, page_px: float) -> None:
+        """Give panels and plots their shares of a page's width, if it is known; a small page folds the plots."""
+        self.page_px = page_px
+        panels_px, plots_px = PANELS_PX, PLOTS_PX
+        if page_px > 0.0:
+            panels_px, plots_px = min(PANELS_PX, round(PANELS_SHARE * page_px)), min(PLOTS_PX, round(PLOTS_SHARE * page_px))
+        widths = panels_px, plots_px, NARROW_PX < page_px < FOLDED_PX
+        if 0.0 < page_px <= NARROW_PX or widths == self._widths:
+            return
+        if widths[2] != self._widths[2]:
+            (self._plot_panel.minimize if widths[2] else self._plot_panel.expand)()
+        self._widths = widths
+        self._viser.gui.main_panel.set_width(panels_px)
+        self._plot_panel.set_width(plots_px)
 
     def _place(self, *names: str) -> None:
         """Add panels of text."""
@@ -108,31 +140,31 @@ class App:
 
         return handle
 
-    def _build_transport(self, gui: Any) -> None:
+    def take(self, said: Mapping[str, Any]) -> None:
+        """Take a message of the page: a time to jump to, a button of the timeline, a speed, the page's width, or the handset.
+
+        Raises:
+            ValueError: If a value is no number.
+        """
         session = self._session
-        self._slider = gui.add_slider("time [s]", min=0.0, max=1.0, step=0.01, initial_value=0.0)
-
-        @self._slider.on_update
-        def _(event: Any) -> None:
-            if event.client is not None:
-                self._edited_at = time.perf_counter()
-                self.jump(float(self._slider.value))
-
-        for label, names in (("play", TRANSPORT), ("step", tuple(STEPS))):
-            buttons = gui.add_button_group(label, names)
-            buttons.on_click(self._locked(lambda event: session.press_transport(str(event.target.value))))
-        speed = gui.add_dropdown("speed ×", tuple(f"{value:g}" for value in SPEEDS), initial_value="1")
-        speed.on_update(self._locked(lambda _event: session.set_speed(float(speed.value))))
-        gui.add_command("Play or pause", hotkey="K").on_trigger(self._locked(lambda _event: session.play()))
-        gui.add_command("Back one tick", hotkey="J").on_trigger(self._locked(lambda _event: session.step(-1)))
-        gui.add_command("Forward one tick", hotkey="L").on_trigger(self._locked(lambda _event: session.step(1)))
-
-    def jump(self, t_s: float) -> None:
-        """Move the cursor, and stay there."""
         with self._lock:
-            if not self._session.is_live:
-                self._session.playing = False
-            self._session.seek(t_s)
+            if "t_s" in said and math.isfinite(t_s := float(said["t_s"])):
+                session.playing &= session.is_live  # a recording stays there
+                session.seek(t_s)
+            elif "press" in said:
+                session.press_transport(str(said["press"]))
+            elif said.get("speed") in SPEEDS:
+                session.set_speed(float(said["speed"]))
+            elif "width_px" in said:
+                self.fit(float(said["width_px"]))
+            elif "dead_man" in said:
+                session.report(dead_man=said["dead_man"] is True, ahead=float(said["ahead"]), turn=float(said["turn"]))
+
+    def state(self) -> dict[str, Any]:
+        """Return what the page's timeline and handset show."""
+        session = self._session
+        times = {"t_s": session.cursor_s, "end_s": session.feed.end_s, "playing": session.playing, "speed": session.speed}
+        return {"manual": session.manual, "timeline": self.timeline, "buttons": TRANSPORT, "speeds": SPEEDS, **times}
 
     def _build_what_if(self, gui: Any) -> None:
         form = ChangeForm(gui, "change", FORKS)
@@ -203,20 +235,13 @@ class App:
 
     # Updates
 
-    def run(self, ended: threading.Event) -> None:
-        """Update the page until ``ended`` is set; a failure sets it and is kept."""
-        try:
-            self._update(ended)
-        except Exception as error:  # noqa: BLE001 - raised again by the main thread
-            self.failure = error
-            ended.set()
-
-    def _update(self, ended: threading.Event) -> None:
+    def update(self, ended: threading.Event) -> None:
+        """Update the page until ``ended`` is set or the offer is taken."""
         session, feed = self._session, self._session.feed
         before = time.perf_counter()
         due_text = due_plots = 0.0
         shown: tuple[Any, ...] = ()
-        while not ended.is_set():
+        while not ended.is_set() and not self.is_taken:
             now = time.perf_counter()
             with self._lock:
                 session.advance(now - before)
@@ -242,11 +267,14 @@ class App:
     def _show_text(self) -> None:
         session = self._session
         session.moments.update(session.feed)
+        if self._offer is not None:
+            change(self._status, "content", f'<div style="font-size:12px">{escape(self._offer.status)}</div>')
+            change(self._take_offer, "visible", self._offer.is_ready)
         if session.can_repeat:
             self._show_progress()
         for name, panel in self._panels.items():
             change(panel, "content", PANELS[name](session))
-        self._show_slider()
+        self.timeline = timeline_html(session)
 
     def _show_progress(self) -> None:
         """Show how far the fork is."""
@@ -260,20 +288,6 @@ class App:
             if not is_busy:
                 fork.moments.update(fork.feed)
 
-    def _show_slider(self) -> None:
-        """Set slider and time box to the cursor; a client that edits them has precedence, and is corrected afterwards."""
-        if time.perf_counter() - self._edited_at < EDITED_S:
-            self._is_stale = True
-            return
-        wanted = max(round(self._session.feed.end_s, 2), 1.0)
-        # A live run grows at every call; its slider follows in steps of half a second.
-        if self._slider.max != wanted and (not self._session.is_live or abs(self._slider.max - wanted) > 0.5):
-            self._slider.max = wanted
-        value = min(round(self._session.cursor_s, 2), self._slider.max)
-        if self._is_stale or abs(self._slider.value - value) > 0.005:
-            self._is_stale = False
-            self._slider.value = value
-
     def _show_plots(self) -> None:
         session, run = self._session, self._session.run
         ghost = session.ghost
@@ -284,6 +298,7 @@ class App:
         self._plotted = key
         if not self._plots:  # made after the first picture
             gui = self._viser.gui
+            self._loading.remove()
             with self._plot_tab:
                 self._plots = [(gui.add_html(""), add_plot(gui, plot, run)) for plot in LIVE_PLOTS]
         for (legend, handle), plot in zip(self._plots, LIVE_PLOTS, strict=True):
@@ -303,33 +318,81 @@ def show_above_sheet(client: Any) -> None:
         client.camera.position, client.camera.look_at = NARROW_CAMERA_M, NARROW_LOOK_AT_M
 
 
-def page_handler(app: App, session: Session) -> Callable[[Any], Any]:
-    """Return the handler of the page's own connection: jumps and reports of the handset in, whether a person drives out."""
+class Stage:
+    """The page over time: a session, and the live run in its place once a person has taken the offer.
 
-    async def serve(connection: Any) -> None:
+    Args:
+        server: Server with its access check.
+        session: What is shown first.
+        offer: Live run that the page offers, if any.
+    """
+
+    def __init__(self, server: GuardedServer, session: Session, offer: LiveOffer | None = None) -> None:
+        self._server, self._offer = server, offer
+        self.session = session
+        """Session that is shown."""
+        self._app = App(server, session, offer)
+        server.viser.on_client_connect(show_above_sheet)
+        self.failure: Exception | None = None
+        """Exception that ended the updates; None while all is well."""
+
+    @property
+    def updates(self) -> int:
+        """Number of scene updates, for tests and measurements."""
+        return self._app.updates
+
+    def run(self, ended: threading.Event) -> None:
+        """Update the page until ``ended`` is set; a failure sets it and is kept."""
+        try:
+            self._app.update(ended)
+            if self._app.is_taken and self._offer is not None:
+                self._switch(self._offer.open())
+                self._app.update(ended)
+        except Exception as error:  # noqa: BLE001 - raised again by the main thread
+            self.failure = error
+            ended.set()
+
+    def _switch(self, session: Session) -> None:
+        """Show another session in the same page."""
+        self.session.close()
+        self.session = session
+        self._server.viser.scene.reset()
+        self._server.viser.gui.reset()
+        page_px = self._app.page_px
+        self._app = App(self._server, session)
+        self._app.fit(page_px)
+
+    def close(self) -> None:
+        """End all workers."""
+        self.session.close()
+        if self._offer is not None:
+            self._offer.close()
+
+    async def page(self, connection: Any) -> None:
+        """Serve the page's own connection: messages of the page in, the state of timeline and handset out."""
         import asyncio
 
         from websockets.exceptions import ConnectionClosed
 
         async def report() -> None:
+            known: dict[str, Any] = {}
             with suppress(ConnectionClosed):
                 while True:
-                    await connection.send(json.dumps({"manual": session.manual}))
-                    await asyncio.sleep(0.2)
+                    state = self._app.state()
+                    if changed := {name: value for name, value in state.items() if value != known.get(name)}:
+                        await connection.send(json.dumps(changed))
+                    known = state
+                    await asyncio.sleep(TEXT_S)
 
+        if self._offer is not None:
+            self._offer.begin()
         reporting = asyncio.create_task(report())
         try:
             async for message in connection:
-                said = json.loads(message)
-                if "t_s" in said and math.isfinite(t_s := float(said["t_s"])):
-                    app.jump(t_s)
-                elif "dead_man" in said:
-                    session.report(dead_man=said["dead_man"] is True, ahead=float(said["ahead"]), turn=float(said["turn"]))
+                self._app.take(json.loads(message))
         except ConnectionClosed:
             pass  # the page is gone; the dead-man switch is released by the silence
         except (ValueError, TypeError, KeyError):
             await connection.close(1003, "neither a time nor a report of the handset")
         finally:
             reporting.cancel()
-
-    return serve

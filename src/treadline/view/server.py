@@ -23,8 +23,10 @@ from websockets.http11 import Request, Response
 
 from treadline.core.errors import SettingsError
 
-FILES = ("keyboard_and_gamepad.js", "narrow.css", "page.css")
+FILES = ("page.js", "keyboard_and_gamepad.js", "page.css", "narrow.css")
 """Files that the page loads in addition to viser's."""
+PORTS = range(8350, 8370)
+"""Default ports, of which the first free one is taken: free of those that ROS, Foxglove and viser use themselves."""
 TOKEN_BYTES = 18
 """Length of the token: 144 random bits, 24 letters in the address."""
 
@@ -174,25 +176,17 @@ def _answer(status: HTTPStatus, body: bytes, kind: str) -> Response:
     return Response(status.value, status.phrase, headers, body)
 
 
-def import_viser() -> Any:
-    """Return viser.
-
-    Raises:
-        SettingsError: If the extra is not installed.
-    """
-    try:
-        import viser
-    except ImportError as error:
-        raise SettingsError("treadline view needs viser; pip install 'treadline[viewer]'") from error
-    return viser
-
-
-def bound_socket(host: str, port: int) -> socket.socket:
-    """Return a listening socket; port 0 takes a free one.
+def bound_socket(host: str, port: int | None) -> socket.socket:
+    """Return a listening socket; port 0 takes any free one, and None the first free one of ``PORTS``.
 
     Raises:
         SettingsError: If the port is in use, or the address is not this machine's.
     """
+    if port is None:
+        for default in PORTS[:-1]:
+            with contextlib.suppress(SettingsError):
+                return bound_socket(host, default)
+        return bound_socket(host, PORTS[-1])
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -213,25 +207,26 @@ class GuardedServer:
 
     Args:
         host: Address to bind to.
-        port: Port; 0 takes a free one.
+        port: Port; 0 takes any free one, and None the first free one of ``PORTS``.
         handlers: Handlers of further WebSocket connections by path.
 
     Raises:
-        SettingsError: If the port is in use, viser is missing, or viser no longer lets the request check in front.
+        SettingsError: If the port is in use, or viser no longer lets the request check in front.
     """
 
-    def __init__(self, host: str, port: int, handlers: dict[str, Handler] | None = None) -> None:
-        import_viser()
+    def __init__(self, host: str, port: int | None, handlers: dict[str, Handler] | None = None) -> None:
+        from viser import ViserServer
+
         listener = bound_socket(host, port)
         self.rules = AccessRules(token=secrets.token_urlsafe(TOKEN_BYTES), host=host, port=listener.getsockname()[1])
         folder = resources.files("treadline.view")
         files = {name: folder.joinpath(name).read_bytes() for name in FILES}
         check = RequestCheck(self.rules, files, {} if handlers is None else handlers)
         with _checked(check, listener), contextlib.redirect_stdout(io.StringIO()):
-            self.viser = import_viser().ViserServer(host=host, port=self.rules.port, label="treadline", verbose=False)
+            self.viser = ViserServer(host=host, port=self.rules.port, label="treadline", verbose=False)
         if not check.is_installed:
             self.close()
-            raise SettingsError("this version of viser serves without the access check; pip install 'treadline[viewer]'")
+            raise SettingsError("this version of viser serves without the access check; install the one that treadline asks for")
         self._forbid_sharing()
 
     def _forbid_sharing(self) -> None:

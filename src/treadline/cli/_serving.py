@@ -1,0 +1,110 @@
+"""Serving of the viewer's page until Ctrl-C: ``session -> answer``; shared by ``treadline view`` and ``treadline demo``."""
+
+import getpass
+import os
+import socket
+import sys
+import threading
+import webbrowser
+from typing import Any
+
+from treadline.cli._output import Answer, say
+
+
+def open_server(verb: str, host: str, port: int | None) -> tuple[Any, dict[str, Any]]:
+    """Return a server and its handlers by path.
+
+    Args:
+        verb: Command that serves.
+        port: Port that the user gave; None takes the first free one from the default port on.
+
+    Raises:
+        SettingsError: If the port is out of range or in use.
+    """
+    from treadline.core.errors import SettingsError
+    from treadline.view.server import PORTS, GuardedServer
+
+    if port is not None and not 0 <= port <= 65535:
+        raise SettingsError(f"--port {port}: give a port from 1 to 65535, or 0 for any free one")
+    handlers: dict[str, Any] = {}
+    server = GuardedServer(host, port, handlers)
+    if port is None and server.rules.port != PORTS[0]:
+        say(f"{verb}: port {PORTS[0]} is in use; takes {server.rules.port}")
+    return server, handlers
+
+
+def serve(
+    verb: str, server: Any, handlers: dict[str, Any], session: Any, *, no_browser: bool, seconds: float | None, offer: Any = None
+) -> Answer:
+    """Serve the page until Ctrl-C or the end of the given time.
+
+    Args:
+        offer: Live run that the page offers in place of the session, if any.
+    """
+    from treadline.view.app import Stage
+
+    ended = threading.Event()
+    stage = Stage(server, session, offer)
+    handlers["page"] = stage.page
+    url = server.rules.url
+    try:
+        say(f"{verb}: {url}")
+        say(_exposure(verb, server.rules.host, attended=session.attended))
+        for sentence in session.run.missing:
+            say(f"{verb}: {sentence}")
+        if no_browser or not _open_browser(url):
+            say(_how_to_open(verb, server.rules, asked=not no_browser))
+        updater = threading.Thread(target=stage.run, args=(ended,), name="view", daemon=True)
+        updater.start()
+        try:
+            ended.wait(seconds)
+        except KeyboardInterrupt:
+            say(f"{verb}: ended")
+        ended.set()
+        updater.join(2.0)
+        if stage.failure is not None:
+            raise stage.failure
+    finally:
+        ended.set()
+        stage.close()
+    run, error = stage.session.run, stage.session.feed.error
+    return Answer(
+        values={"url": url, "t_s": run.duration_s, "verdict": run.outcome, "scene_updates": stage.updates, "error": error},
+        summary=[
+            f"viewed {stage.session.title}: {run.duration_s:.1f} s, {run.outcome or 'not ended'}",
+            *([error] if error else []),
+        ],
+        code=1 if error else 0,
+    )
+
+
+def _open_browser(url: str) -> bool:
+    """Open a browser on the screen of the person, if there is one: a browser of text would take the terminal."""
+    displays = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    if "SSH_CONNECTION" in os.environ or (sys.platform == "linux" and not any(os.environ.get(name) for name in displays)):
+        return False
+    try:
+        return webbrowser.open(url)
+    except webbrowser.Error:
+        return False
+
+
+def _how_to_open(verb: str, rules: Any, *, asked: bool) -> str:
+    """Return how to open the page in a browser of this machine, or of another by an SSH tunnel."""
+    from treadline.view.server import LOOPBACK
+
+    here = f"{verb}: {'no browser found on this machine; ' if asked else ''}open the address in a browser"
+    if rules.host not in LOOPBACK:
+        return here
+    tunnel = f"ssh -L {rules.port}:127.0.0.1:{rules.port} {getpass.getuser()}@{socket.gethostname()}"
+    return f"{here}; from another machine, run there first: {tunnel}"
+
+
+def _exposure(verb: str, host: str, *, attended: bool) -> str:
+    from treadline.view.server import LOOPBACK
+
+    may = "may stop, drive and disturb the chair" if attended else "may only view"
+    if host in LOOPBACK:
+        return f"{verb}: only this machine can connect; whoever has the address {may}; Ctrl-C ends it"
+    reach = "every machine that reaches it and has the address"
+    return f"{verb}: listens on {host}: {reach} {may}, over unencrypted HTTP; Ctrl-C ends it"
