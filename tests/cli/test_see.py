@@ -138,6 +138,17 @@ def test_the_papers_method_answers_or_says_why_not(run, folder: Path) -> None:
     assert set(seen) >= KEYS
     assert outcome.code == (0 if seen["accepted"] else 1)
     assert (seen["heading_deg"] is None) == bool(seen["reason"])
+    assert seen["square_deg"] == 90.0
+    assert run("see", *pair(folder), "--json").values["square_deg"] == 0.0
+    said = run("see", *pair(folder), "--method", "paper").out
+    assert ("heading by Eq. (2), in which 90° is square to the stair, " in said) == seen["accepted"]
+
+
+def test_a_mount_that_may_be_in_radians_is_asked_about(run, folder: Path) -> None:
+    (folder / "camera.toml").write_text(CAMERA.replace("mount_pitch_deg = 40.0", "mount_pitch_deg = 0.44"))
+    outcome = run("see", *pair(folder), f"--gravity={gravity(folder)}")
+    assert outcome.code == 0
+    assert "warning: mount_pitch_deg is 0.44°; did you mean 25.2, for 0.44 rad?" in outcome.out
 
 
 def test_a_wall_is_an_answer_of_no(run, folder: Path) -> None:

@@ -69,7 +69,8 @@ def see(
         axes: Axes of point clouds: camera (x right, y down, z forward), ros (x forward, y left, z up) or opengl (x right, y up,
             z backward).
         topic: Topic of the depth images or point clouds of a log, if several hold depth.
-        method: Method: robust, or paper for Algorithm 1 as printed.
+        method: Method: robust, or paper for Algorithm 1 as printed, whose heading by Eq. (2) is 90° where the chair is square to
+            the stair (square_deg in the JSON answer).
         threshold: Rule for Canny's thresholds in Algorithm 1: median (the default), otsu, rosin or mad; needs --method paper, or
             --out, whose six stages are those of Algorithm 1.
         seconds: Duration of --live [s]. Default: until Ctrl-C.
@@ -199,8 +200,9 @@ def _line(seen: dict[str, Any]) -> str:
     name = seen["name"] + (f" at {seen['t_s']:.3f} s" if "t_s" in seen else "")
     if not seen["accepted"]:
         return f"{name}: no heading: {seen['reason']}"
+    square = f" by Eq. (2), in which {seen['square_deg']:g}° is square to the stair," if seen["square_deg"] else ""
     words = [
-        f"{name}: heading {seen['heading_deg']:+.2f}° ± {1.96 * seen['sigma_deg']:.2f}° (95 %)",
+        f"{name}: heading{square} {seen['heading_deg']:+.2f}° ± {1.96 * seen['sigma_deg']:.2f}° (95 %)",
         f"{seen['edges']} edges",
     ]
     stair = seen["stair"]

@@ -31,6 +31,11 @@ NO_MOUNT = (
 """Message for a missing mount calibration. Gravity cannot replace the mount: on a flight, z of the chair is not vertical."""
 
 
+SQUARE_DEG = {"robust": 0.0, "paper": 90.0}
+"""Heading that each method reports for a chair square to the stair [deg]: Eq. (2) as printed is the arccosine of one leg over the
+other, and has no sign."""
+
+
 class FrameEvaluator:
     """Detector whose results are JSON values; it measures the processing time of each frame."""
 
@@ -54,14 +59,14 @@ class FrameEvaluator:
         """
         if named.frame is None:
             sight = refused(named.reason or "no image")
-            return sight, _answer(named, sight, 0.0)
+            return sight, _answer(named, sight, 0.0, SQUARE_DEG[self._method])
         if self._method == "paper" and not named.has_colour:
             raise ImageError(f"{named.name}: no colour image; Algorithm 1 finds its edges in colour: leave --method paper out")
         if not self._loaded:
             self._loaded = self._detector.look(named.frame, named.gravity_C).accepted
         started = time.perf_counter()
         sight = self._detector.look(named.frame, named.gravity_C)
-        return sight, _answer(named, sight, (time.perf_counter() - started) * 1e3)
+        return sight, _answer(named, sight, (time.perf_counter() - started) * 1e3, SQUARE_DEG[self._method])
 
     def write_pictures(self, named: NamedFrame, sight: StairDetection, folder: Path) -> None:
         """Write the six stages of Fig. 5, if the frame has colour, and the detections of the robust method."""
@@ -118,7 +123,7 @@ def _depth_in_grey(frame: RgbdFrame) -> UInt8[np.ndarray, "h w 3"]:
     return np.repeat(grey[:, :, None], 3, axis=2)
 
 
-def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float) -> dict[str, Any]:
+def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float, square_deg: float) -> dict[str, Any]:
     shape = sight.shape
     return {
         "name": named.name,
@@ -126,6 +131,7 @@ def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float) -> dict[s
         "accepted": sight.accepted,
         "reason": sight.reason,
         "heading_deg": None if sight.heading_rad is None else sight.heading_rad / DEG,
+        "square_deg": square_deg,
         "sigma_deg": None if sight.sigma_rad is None else sight.sigma_rad / DEG,
         "edge_direction": None if sight.edge_direction_C is None else sight.edge_direction_C.tolist(),
         "edges": sight.edge_count,
