@@ -69,7 +69,9 @@ def read_scenario(scenario: "str | Path | Scenario", *, set: "Mapping[str, objec
         return with_values(scenario.model_dump(), set) if set else scenario
     if not isinstance(scenario, str | Path):
         known = ", ".join(scenarios())
-        raise SettingsError(f"a {type(scenario).__name__} is no scenario; give a file, a shipped name ({known}) or a tl.Scenario")
+        raise SettingsError(
+            f"scenario is of type {type(scenario).__name__}; give a file, a shipped name ({known}) or a tl.Scenario"
+        )
     return read(scenario, set)
 
 
@@ -229,7 +231,7 @@ def tune(
 
     given = load_model(model) if isinstance(model, str | Path) else getattr(model, "model", model)
     if not isinstance(given, LinearModel):
-        raise ModelError(f"a {type(model).__name__} is no model; tl.identify(u, y, dt) makes one of recorded inputs and outputs")
+        raise ModelError(f"model is of type {type(model).__name__}; tl.identify(u, y, dt) makes a model of inputs and outputs")
     return tuned(
         given,
         state_weight=state_weight,

@@ -1,18 +1,24 @@
 """``import treadline as tl``: light, complete, and results that print."""
 
+import ast
 import inspect
+import json
 import subprocess
 import sys
+from collections.abc import Callable
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
 from scenes import ViewRecipe, draw_view
 
 import treadline as tl
+from treadline import api
+from treadline.core.camera_images import NamedFrame
 from treadline.core.errors import ImageError, RecordError, SettingsError, TreadlineError
-from treadline.core.models import LinearModel
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.scenario.scenario import Scenario
 
 PUBLIC = {
@@ -115,6 +121,22 @@ def test_a_stair_is_detected_in_a_depth_array_of_any_kind() -> None:
         tl.detect_stair(depth[None], view.frame.camera)
 
 
+def test_a_frame_brings_its_camera_and_gravity_unless_others_are_given() -> None:
+    view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",), heading_deg=(10.0, 20.0)))
+    named = NamedFrame(name="a", frame=view.frame, mount_known=True, gravity_C=view.gravity_C)
+    by_parts = tl.detect_stair(view.frame.depth_m, view.frame.camera, view.gravity_C)
+    wide = replace(view.frame.camera, fx_px=250.0, fy_px=250.0)
+    for found, same in (
+        (tl.detect_stair(named), by_parts),
+        (tl.detect_stair(view.frame, gravity=view.gravity_C), by_parts),
+        (tl.detect_stair(view.frame), tl.detect_stair(view.frame.depth_m, view.frame.camera)),
+        (tl.detect_stair(named, wide), tl.detect_stair(view.frame.depth_m, wide, view.gravity_C)),
+    ):
+        assert (found.heading_rad, found.sigma_rad) == (same.heading_rad, same.sigma_rad)
+    with pytest.raises(ImageError, match="b: a stripe is missing"):
+        tl.detect_stair(NamedFrame(name="b", frame=None, mount_known=True, gravity_C=None, reason="a stripe is missing"))
+
+
 def test_a_camera_may_be_a_file(tmp_path: Path) -> None:
     view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",), heading_deg=(10.0, 20.0)))
     camera = view.frame.camera
@@ -190,6 +212,64 @@ def test_what_is_printed_in_a_notebook_is_escaped() -> None:
         input_names=("<script>",),
     )  # fmt: skip
     assert "&lt;script&gt;" in model._repr_html_()
+
+
+def test_what_holds_arrays_prints_on_one_short_line() -> None:
+    u, y = integrator(40_000)
+    view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",)))
+    named = NamedFrame(name="a", frame=view.frame, mount_known=True, gravity_C=view.gravity_C)
+    for item in (InputOutputRecord(u=u, y=y, dt_s=0.25), view.frame, named):
+        assert "\n" not in repr(item)
+        assert len(repr(item)) < 500
+    run = tl.climb("default", set={"drive.duration_s": 0.5, "sensors.camera": "statistical"})
+    assert "\n" not in repr(run.episode)
+    assert all(len(line) < 80 for line in repr(run.series).splitlines())
+
+
+def test_a_set_value_holds_in_check_and_climb_and_stands_in_the_manifest(tmp_path: Path) -> None:
+    path = tmp_path / "steep.toml"
+    path.write_text("[stair]\nslope_deg = 44\n")
+    assert tl.check("default", set={"stair.slope_deg": 44, "start.place": "floor"}).reasons == tl.check(path).reasons
+    assert tl.check(tl.Scenario(), set={"stair.slope_deg": 44}).verdict == "refuse"
+    short = {"drive.duration_s": 0.5, "sensors.camera": "statistical"}
+    run = tl.climb("default", set=short, out=tmp_path / "run")
+    manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
+    assert manifest["settings"]["drive"]["duration_s"] == 0.5
+    np.testing.assert_array_equal(run.series["heading_deg"], tl.climb(tl.read_scenario("default", set=short)).series["heading_deg"])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: tl.climb(42), r"scenario is of type int; give a file, a shipped name \(default, .*up-28\) or a tl.Scenario"),
+        (lambda: tl.check("up-28", set="stair.steps=8"), "set is 'stair.steps=8'; give values by key"),
+        (lambda: tl.climb("up-28", {"K": 1}), "controller: a dict, not a class"),
+        (lambda: tl.detect_stair("file.png"), r"for frame in tl.read_frames\('file.png'\): tl.detect_stair\(frame\)"),
+        (lambda: tl.detect_stair(np.ones((4, 4))), "a depth image needs its calibration"),
+        (lambda: tl.detect_stair(np.ones((4, 4), dtype=np.uint16)), "counts instead of metres"),
+        (lambda: tl.tune(np.eye(2)), "model is of type ndarray; tl.identify"),
+    ],
+)  # fmt: skip
+def test_a_wrong_type_is_told_what_to_give(call: Callable[[], Any], message: str) -> None:
+    with pytest.raises(TreadlineError, match=message):
+        call()
+
+
+def test_a_model_in_place_of_a_controller_is_to_be_tuned() -> None:
+    found = tl.identify(*integrator(), 0.25, order=2, method="okid-era")
+    for model in (found, found.model):
+        with pytest.raises(SettingsError, match=r"controller is a model; tl.tune\(model\)"):
+            tl.climb("default", model)
+
+
+def test_the_hints_of_public_functions_name_types_that_exist() -> None:
+    (block,) = [node for node in ast.parse(inspect.getsource(api)).body if isinstance(node, ast.If)]
+    names = dict(vars(api))
+    exec(compile(ast.Module(block.body, []), "imports for type checkers", "exec"), names)  # noqa: S102
+    for name in ("check", "climb", "detect_stair", "identify", "load_model", "read_scenario", "scenarios", "tune"):
+        assert Any not in get_type_hints(getattr(api, name), names).values()
+    options = {item.name: item.type for item in fields(tl.IdentificationOptions)}
+    assert names["IdentificationKeywords"].__annotations__ == options
 
 
 def test_paths_that_do_not_exist_are_said_in_one_line() -> None:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from treadline.cli._arguments import Force
+from treadline.cli._arguments import Force, Set, set_values
 from treadline.cli._output import Answer, say
 from treadline.cli._serving import open_server, serve
 from treadline.cli.compile import report_compiling
@@ -12,6 +12,7 @@ def view(
     target: str,
     /,
     *,
+    changes: Set = None,
     seed: int = 0,
     controller: str | None = None,
     detector: str | None = None,
@@ -53,15 +54,24 @@ def view(
     from treadline.view.opening import is_recorded, open_live, open_recorded
 
     recorded = is_recorded(target)
-    if recorded and control:
-        raise SettingsError(f"--control: {target} is a recording, which nothing can change; name a scenario to run it live")
+    if recorded and (control or changes):
+        option = "--control" if control else "--set"
+        raise SettingsError(f"{option}: {target} is a recording, which nothing can change; name a scenario to run it live")
     report_compiling()
     server, handlers = open_server("view", host, port)
     try:
         session = (
             open_recorded(target)
             if recorded
-            else open_live(target, seed=seed, controller=controller, detector=detector, estimator=estimator, attended=control)
+            else open_live(
+                target,
+                set_values(changes),
+                seed=seed,
+                controller=controller,
+                detector=detector,
+                estimator=estimator,
+                attended=control,
+            )
         )
         return serve("view", server, handlers, session, no_browser=no_browser, seconds=seconds)
     finally:

@@ -111,7 +111,13 @@ def table_of(hint: Any) -> type[Settings] | None:
 
 
 def leaves(values: Mapping[str, object]) -> dict[Keys, object]:
-    """Return the values by key; a table stands for its values, an array for a list, and a path for its text."""
+    """Return the values by key; a table stands for its values, an array for a list, and a path for its text.
+
+    Raises:
+        SettingsError: If the values are not given by key.
+    """
+    if not isinstance(values, Mapping):
+        raise SettingsError(f"set is {values!r}; give values by key, as {{'stair.slope_deg': 30}}")
     return dict(_leaves(values, ()))
 
 

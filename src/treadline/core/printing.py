@@ -30,6 +30,9 @@ UNITS = {
 P_VALUE_LEAST = 1e-3
 """p-value below which only this bound is printed: the tests are asymptotic, and their far tails carry no information."""
 
+SHOWN_ITEMS = 9
+"""Largest array that is printed in full within a line: a rotation matrix."""
+
 
 class Printable(ABC):
     """Base of results that print as a title and a table of names and values."""
@@ -57,7 +60,7 @@ class Printable(ABC):
 
 
 class Brief:
-    """Base of dataclasses with arrays: printed with the type and the shape of each array in place of its numbers."""
+    """Base of dataclasses with arrays: printed on one line, arrays by type and shape, results and tables by their kind."""
 
     __slots__ = ()
 
@@ -67,9 +70,9 @@ class Brief:
 
 
 def _brief(value: Any) -> str:
-    if not hasattr(value, "dtype") or value.ndim < 2:
-        return repr(value)
-    return f"{'×'.join(map(str, value.shape))} {value.dtype}"
+    if isinstance(value, Printable | Mapping):
+        return f"<{type(value).__name__}>"
+    return f"<{'×'.join(map(str, value.shape))} {value.dtype}>" if getattr(value, "size", 0) > SHOWN_ITEMS else repr(value)
 
 
 def p_text(value: float | None) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from treadline.core.arrays import real
+from treadline.core.arrays import real, shaped
 from treadline.core.camera_images import FrameSource, NamedFrame, PinholeCamera, RgbdFrame, black
 from treadline.core.errors import ImageError, SettingsError
 from treadline.perception.detection import StairDetection
@@ -36,7 +36,8 @@ def look_once(
         frame = _depth_frame(given, camera)
     else:
         frame = given if camera is None else replace(given, camera=camera)
-    return StairDetector().look(frame, None if gravity_C is None else np.asarray(gravity_C, dtype=float))
+    down = None if gravity_C is None else shaped("gravity", gravity_C, (3,), "three numbers x, y, z")
+    return StairDetector().look(frame, down)
 
 
 def _depth_frame(depth_m: ArrayLike, camera: PinholeCamera | None) -> RgbdFrame:
@@ -45,10 +46,10 @@ def _depth_frame(depth_m: ArrayLike, camera: PinholeCamera | None) -> RgbdFrame:
         path = repr(str(depth_m)) if isinstance(depth_m, str | Path) else "path"
         raise ImageError(f"give one frame at a time: for frame in tl.read_frames({path}): tl.detect_stair(frame)")
     depth = real("depth_m", depth_m, "a frame of tl.read_frames, or a depth image in metres")
-    if np.asarray(depth_m).dtype.kind in "iu":
-        raise ImageError("depth_m holds whole numbers, counts instead of metres; multiply them by the unit of a count, often 0.001")
     if depth.ndim != 2:
         raise ImageError(f"depth_m has {depth.ndim} dimensions; give one row per image row and one column per image column")
+    if np.asarray(depth_m).dtype.kind in "iu":
+        raise ImageError("depth_m holds whole numbers, counts instead of metres; multiply them by the unit of a count, often 0.001")
     if camera is None:
         raise SettingsError(
             "a depth image needs its calibration: tl.detect_stair(depth_m, camera), a PinholeCamera or a camera.toml"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from treadline.core.errors import SettingsError
-from treadline.core.models import ControllerDesign
+from treadline.core.models import ControllerDesign, LinearModel
 from treadline.core.ports import TruthPlant
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Blocks
@@ -264,6 +264,8 @@ def _design(source: Any) -> ControllerDesign | None:
     """Return a controller's design; None for a plug-in or the shipped controller."""
     if isinstance(source, ControllerDesign):
         return source
+    if isinstance(getattr(source, "model", source), LinearModel):
+        raise SettingsError("controller is a model; tl.tune(model) makes a controller of it")
     text = str(source) if isinstance(source, str | Path) and source != SHIPPED else ""
     is_file = Path(text).is_file() or Path(text).suffix == ".json" or ("/" in text and ":" not in text)
     return ControllerDesign.load(Path(text)) if is_file and Path(text).suffix != ".py" else None
@@ -275,4 +277,4 @@ def _plugin(kind: str, source: Any) -> Any:
         return None
     if isinstance(source, str | Path):
         return load_plugin(kind, str(source))
-    return checked_plugin(kind, source, f"{kind} {source_of_plugin(source) if isinstance(source, type) else source!r}")
+    return checked_plugin(kind, source, f"{kind} {source_of_plugin(source)}" if isinstance(source, type) else kind)

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 
 from treadline.core.angles import DEG, rms
 from treadline.core.ports import Truth
+from treadline.core.printing import Brief
 from treadline.core.signals import TICK_S
 from treadline.plant.mujoco import TOLERANCE_M_S2
 from treadline.vehicle.comfort import Comfort, comfort, lasting
@@ -29,8 +30,8 @@ MARGIN_TICKS = 10
 g t²/2h = 0.1 δ with the centre of mass 0.5 m above the edge."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trace:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Trace(Brief):
     """Ground truth as columns, one row per 10 ms."""
 
     columns: dict[str, Float[np.ndarray, " T"]]

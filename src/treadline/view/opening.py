@@ -1,5 +1,6 @@
 """Opening of a target: a scenario that is run live, or a recorded run. ``name or path -> Session``."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +26,25 @@ def is_recorded(target: str) -> bool:
     return path.is_dir() or path.suffix in LOGS
 
 
-def open_live(target: str, *, seed: int, controller: Any, detector: str | None, estimator: str | None, attended: bool) -> Session:
+def open_live(
+    target: str,
+    values: Mapping[str, object],
+    *,
+    seed: int,
+    controller: Any,
+    detector: str | None,
+    estimator: str | None,
+    attended: bool,
+) -> Session:
     """Return a session of a scenario, whose simulation starts at once.
 
+    Args:
+        values: Values in place of the scenario's, by dotted key.
+
     Raises:
-        SettingsError: If the scenario does not exist or is invalid.
+        SettingsError: If the scenario does not exist, or it or a value is invalid.
     """
-    scenario = read_scenario(target)
+    scenario = read_scenario(target, values)
     order = Order(scenario=scenario, seed=seed, controller=controller, detector=detector, estimator=estimator, attended=attended)
     worker = Worker(order)
     feed = Feed.live(order, read_chair(scenario.chair.model))
