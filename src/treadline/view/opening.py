@@ -28,7 +28,7 @@ def is_recorded(target: str) -> bool:
 
 def open_live(
     target: str,
-    values: Mapping[str, object],
+    values: Mapping[str, object] | None = None,
     *,
     seed: int,
     controller: Any,
