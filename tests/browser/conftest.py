@@ -60,8 +60,8 @@ class Page:
         """Wait for the simulation of a live run."""
         self.until(lambda: self.t_s > 0.5, "a running simulation", COMPILING_S)
 
-    def sees(self, pattern: str) -> "re.Match[str]":
-        return self.until(lambda: re.search(pattern, self.text()), pattern)
+    def sees(self, pattern: str, patience_s: float = PATIENCE_S) -> "re.Match[str]":
+        return self.until(lambda: re.search(pattern, self.text()), pattern, patience_s)
 
     @property
     def t_s(self) -> float:
@@ -139,15 +139,15 @@ def page(make_page: Callable[[], Page]) -> Page:
 
 
 @contextmanager
-def served(*arguments: str) -> Iterator[str]:
-    """Run ``treadline view`` and yield the address that it prints."""
-    command = [sys.executable, "-m", "treadline", "view", *arguments, "--port", "0", "--no-browser"]
+def served(*arguments: str, verb: str = "view") -> Iterator[str]:
+    """Run ``treadline view``, or another command that serves, and yield the address that it prints."""
+    command = [sys.executable, "-m", "treadline", verb, *arguments, "--port", "0", "--no-browser"]
     with subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True) as process:
         lines: queue.Queue[str] = queue.Queue()
         reader = threading.Thread(target=lambda: [lines.put(line) for line in process.stderr or ()], daemon=True)
         reader.start()
         try:
-            while not (found := re.search(r"view: (http://\S+)", lines.get(timeout=60.0))):
+            while not (found := re.search(rf"{verb}: (http://\S+)", lines.get(timeout=60.0))):
                 pass
             yield found.group(1)
         finally:
@@ -186,6 +186,13 @@ def replay(page: Page, recorded: str) -> Page:
     page.driver.get(recorded)
     page.sees(r"of 2\.0 s · time_up")
     return page
+
+
+@pytest.fixture
+def demo() -> Iterator[str]:
+    """Address of the demonstration."""
+    with served(verb="demo") as url:
+        yield url
 
 
 LONG = "[start]\nplace = 'flight'\nstep = 4\nheading_deg = 6.0\n[drive]\nduration_s = 300.0\ncheck = false\n[stair]\nsteps = 80\n"

@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from .conftest import COMPILING_S
+
 SCENE = (400, 200, 1020, 740)
 """Part of the screenshot between the panels [px]."""
 
@@ -82,7 +84,7 @@ def test_a_typed_time_and_a_clicked_moment_move_the_cursor_and_stay(replay: Any)
     time.sleep(1.5)
     assert replay.t_s == 1.25
     assert float(box.get_attribute("value")) == 1.25
-    replay.click("Phases")
+    replay.click("Events")
     replay.until(lambda: replay.driver.execute_script("return document.querySelector('tr[data-jump]')"), "a row").click()
     replay.until(lambda: replay.t_s == 0.0, "the beginning of the phase")
     replay.until(lambda: float(box.get_attribute("value")) == 0.0, "the same time in the box")
@@ -133,6 +135,29 @@ def test_stop_rearm_and_a_fault_reach_the_chair_and_two_clients_see_it(page: Any
     page.tick("contact forces")
     page.click("Events")
     page.until(lambda: page.t_s > now_s + 1.0, "a simulation that goes on after the fault")
+
+
+def test_the_demo_moves_at_once_and_runs_live_in_the_same_page(page: Any, demo: str) -> None:
+    """Test: the demonstration, and its button once the kernels are compiled. Expected: motion, then a live run of the scenario."""
+    page.driver.get(demo)
+    page.until(lambda: _drawn(page), "a drawn scene")
+    first_s = page.t_s
+    page.until(lambda: page.t_s > first_s + 0.5, "a chair that climbs")
+    page.sees("The simulator is ready", COMPILING_S)
+    page.click("Run it live")
+    page.sees(r"[\d.]+ s of [\d.]+ s · live", COMPILING_S)
+    page.until_it_runs()
+
+
+def test_the_scene_has_half_of_a_small_window_and_the_timeline_all_of_it(replay: Any) -> None:
+    """Test: a window of 1,100 pixels. Expected: a scene of at least 550, and a timeline from edge to edge."""
+    width = "return document.documentElement.clientWidth"
+    replay.driver.set_window_size(1100, 800)
+    scene = "return Math.max(...[...document.querySelectorAll('canvas')].map(c => c.parentElement.getBoundingClientRect().width))"
+    replay.until(lambda: replay.driver.execute_script(scene) >= 0.5 * replay.driver.execute_script(width), "half of the window")
+    timeline = replay.driver.execute_script("return document.getElementById('timeline').getBoundingClientRect().width")
+    assert timeline == pytest.approx(replay.driver.execute_script(width), abs=1.0)
+    replay.driver.set_window_size(1440, 900)
 
 
 GAMEPAD = """

@@ -83,6 +83,12 @@ def test_a_port_in_use_is_refused(run: Any, folder: Path) -> None:
 
 def test_a_recording_cannot_be_controlled(run: Any, folder: Path) -> None:
     assert_refused(view(run, folder, "--control"), "--control", "is a recording")
+    assert_refused(view(run, folder, "--set", "stair.steps=12"), "--set", "is a recording")
+
+
+def test_a_changed_scenario_is_checked_as_its_file_is(run: Any) -> None:
+    assert_refused(view(run, "up-28", "--set", "stair.slop_deg=30"), "stair.slop_deg", "did you mean")
+    assert_refused(view(run, "up-28", "--set", "stair.slope_deg=95"), "slope_deg", "95")
 
 
 @pytest.mark.parametrize("opened", [False, webbrowser.Error("could not locate runnable browser")])

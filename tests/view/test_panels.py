@@ -21,6 +21,7 @@ from treadline.view._panels import (
     ORANGE,
     PANELS,
     RED,
+    answers_html,
     camera_html,
     camera_warning,
     events_html,
@@ -28,7 +29,6 @@ from treadline.view._panels import (
     state_html,
     text_on,
     timeline_html,
-    transitions_html,
 )
 from treadline.view._plots import LIVE_PLOTS, legend_html, plot_data
 from treadline.view._session import Fork, Session
@@ -110,13 +110,16 @@ def test_the_texts_name_hold_phase_and_least_margin_and_escape_what_a_log_says()
     margin[900] = 4.0 * DEG
     session = session_of(a_run(margin_rad=margin), 13.0)
     state = state_html(session)
-    for said in ("HOLD since 12.00 s", "operator &lt;stop&gt;", "of the whole run", "4.0° at 9.00 s"):
+    for said in ("HOLD since 12.00 s", "operator &lt;stop&gt;"):
         assert said in state
+    session.moments.update(session.feed)
+    assert "least tip-over margin 4.0° at 9.00 s" in answers_html(session)
     assert "hold" in events_html(session)
     assert "rearmed" not in events_html(session)
     session.ghost = Fork(feed=session.feed, from_s=2.0, name="none", began_at=0.0)
     assert timeline_html(session).count("position:absolute") == 6  # two phases, hold, re-arm, fork, cursor
-    assert "end of the flight" in transitions_html(session)
+    session.cursor_s = 21.0
+    assert "end of the flight" in events_html(session)
     assert "HOLD" not in state_html(session_of(a_run(), 16.0, live=True))
 
 

@@ -2,10 +2,11 @@
 
 import pytest
 
+from treadline.report.labels import FAULTS
 from treadline.scenario.faults import EXTENTS, Fault
 from treadline.view._messages import Handset
 from treadline.view._session import Session
-from treadline.view._what_if import CHANGES, FORKS, NAMES, NOTHING, fault_of, last_line, meaning, said_of
+from treadline.view._what_if import CHANGES, FORKS, NOTHING, fault_of, last_line, meaning, said_of
 
 from .conftest import END_S, a_run, session_of
 
@@ -90,7 +91,7 @@ def test_each_change_is_a_fault_with_the_value_that_the_form_fills_in(choice: st
 
 def test_every_fault_has_a_name_and_wet_steps_are_offered_first() -> None:
     """Test: names of the faults, and the form of a fork. Expected: each kind is named without its code; wet steps halve it."""
-    assert NAMES.keys() == EXTENTS.keys()
+    assert FAULTS.keys() == EXTENTS.keys()
     assert not any("_" in name for name in CHANGES)
     wet = fault_of(FORKS[0], CHANGES[FORKS[0]].default, 1.0)
     assert wet is not None

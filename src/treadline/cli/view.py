@@ -54,25 +54,14 @@ def view(
     from treadline.view.opening import is_recorded, open_live, open_recorded
 
     recorded = is_recorded(target)
-    if recorded and (control or changes):
-        option = "--control" if control else "--set"
-        raise SettingsError(f"{option}: {target} is a recording, which nothing can change; name a scenario to run it live")
+    for option, given in (("--control", control), ("--set", changes)):
+        if recorded and given:
+            raise SettingsError(f"{option}: {target} is a recording, which nothing can change; name a scenario to run it live")
     report_compiling()
+    blocks = {"controller": controller, "detector": detector, "estimator": estimator}
     server, handlers = open_server("view", host, port)
     try:
-        session = (
-            open_recorded(target)
-            if recorded
-            else open_live(
-                target,
-                set_values(changes),
-                seed=seed,
-                controller=controller,
-                detector=detector,
-                estimator=estimator,
-                attended=control,
-            )
-        )
+        session = open_recorded(target) if recorded else open_live(target, set_values(changes), seed=seed, attended=control, **blocks)
         return serve("view", server, handlers, session, no_browser=no_browser, seconds=seconds)
     finally:
         server.close()

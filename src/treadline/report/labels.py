@@ -24,6 +24,8 @@ TERMS: dict[str, dict[str, Any]] = _GLOSSARY["terms"]
 """Explanation (``text``) of each term, and the ``labels`` of the player page that carry it as a tooltip."""
 PHASES: dict[str, str] = _GLOSSARY["phases"]
 """Explanation of each phase of a traversal."""
+FAULTS: dict[str, str] = _GLOSSARY["faults"]
+"""Name of each kind of fault."""
 OF_NO_SEAT = ("Safety", "Computing")
 """Groups that also apply to a run of the seat alone; the chair does not move in such a run."""
 

@@ -1,19 +1,15 @@
 """Panels of the page as HTML: state, timeline, answers, phases, events, camera, handset, fork. ``Session -> str``."""
 
 import base64
-import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 
-import numpy as np
-
-from treadline.core.angles import DEG, rotation_of
-from treadline.playback import SILENT_S, Moment, PhaseSpan, holding_at, in_runs, perceived_text
+from treadline.core.angles import rotation_of
+from treadline.playback import SILENT_S, Moment, holding_at, in_runs, perceived_text
 from treadline.report.labels import PHASES as PHASE_TERMS
 from treadline.report.labels import TERMS
 from treadline.report.plot_table import SIGNS, phase_colour
-from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 from treadline.view._messages import ShownFrame
 from treadline.view._session import Session
 
@@ -52,7 +48,7 @@ def state_html(session: Session) -> str:
     if phase is not None:
         meaning = PHASE_TERMS.get(phase.name, "")
         lines.append(
-            f'<div title="{escape(meaning)}" style="{STYLE};border-left:6px solid {_colour_of(phase)};padding-left:6px;'
+            f'<div title="{escape(meaning)}" style="{STYLE};border-left:6px solid {phase_colour(phase.name)};padding-left:6px;'
             f'margin:4px 14px 4px 0"><b>{escape(phase.name)}</b> since {phase.start_s:.2f} s{_two_lines(phase.cause)}</div>'
         )
     guard = [event for event in run.events if event.t_s <= t_s and event.name in ("slow", "resumed", "rearmed")]
@@ -62,7 +58,7 @@ def state_html(session: Session) -> str:
         lines.append(_card(ORANGE, f"guard: slowed since {guard[-1].t_s:.2f} s", guard[-1].cause))
     else:
         lines.append(_card(GREEN, "guard: passes commands", "no limit reached"))
-    return "".join([*lines, _margin_html(session)])
+    return "".join(lines)
 
 
 def _two_lines(text: str) -> str:
@@ -82,23 +78,6 @@ def _card(colour: str, head: str, text: str) -> str:
     return (
         f'<div style="{STYLE};background:{colour};color:{text_on(colour)};border-radius:4px;padding:3px 7px;margin:4px 14px 4px 0">'
         f'<b title="{escape(TERMS["guard"]["text"])}">{escape(head)}</b>{_two_lines(text)}</div>'
-    )
-
-
-def _margin_html(session: Session) -> str:
-    """Return the margin now, and the least of a whole run, or of a live run up to now."""
-    run, margins_rad = session.run, session.run.margin_rad
-    now_rad = math.nan if session.feed.is_empty else margins_rad[run.index_at(session.cursor_s)]
-    if math.isnan(now_rad):
-        return ""
-    lowest = int(np.nanargmin(margins_rad))
-    least = session.moments.margin or f"least {margins_rad[lowest] / DEG:.1f}° at {run.t_s[lowest]:.2f} s"
-    colour = BAD_TEXT if margins_rad[lowest] < MARGIN_LIMIT_RAD else "inherit"
-    span = "so far" if session.is_live else "of the whole run"
-    said = least.replace("least tip-over margin", "least")
-    return (
-        f'<div title="{escape(TERMS["tip-over margin"]["text"])}" style="{STYLE};min-height:2.7em">tip-over margin '
-        f'<b>{now_rad / DEG:.1f}°</b> now (7° is required)<br>{span}: <b style="color:{colour}">{escape(said)}</b></div>'
     )
 
 
@@ -132,7 +111,7 @@ def timeline_html(session: Session) -> str:
     for span in run.phases:
         share = (span.end_s - span.start_s) / end_s
         name = escape(span.name) if share * TIMELINE_PX > LETTER_PX * len(span.name) + 8.0 else ""  # 4 px on either side
-        colour = _colour_of(span)
+        colour = phase_colour(span.name)
         bars.append(
             f'<div {_jump(span.start_s, span.end_s - span.start_s)} title="{span.start_s:.2f} s {escape(span.name)}: '
             f'{escape(span.cause)}" style="position:absolute;left:{100.0 * span.start_s / end_s:.2f}%;width:{100.0 * share:.2f}%;'
@@ -174,17 +153,6 @@ def _mark(t_s: float, end_s: float, colour: str, title: str, *, leads: bool = Tr
     )
 
 
-def transitions_html(session: Session) -> str:
-    """Return the table of transitions: time, phase, reason; the present phase is bold."""
-    present = session.run.phase_at(session.cursor_s)
-    rows = [_row(span.start_s, span.name, span.cause, bold=span == present, colour=_colour_of(span)) for span in session.run.phases]
-    return _table(rows)
-
-
-def _colour_of(span: PhaseSpan) -> str:
-    return phase_colour(span.name)
-
-
 def events_html(session: Session) -> str:
     """Return events, faults, camera silence and other moments up to the cursor, the newest first."""
     found = [(event.t_s, event.name, event.cause) for event in session.run.events]
@@ -194,25 +162,16 @@ def events_html(session: Session) -> str:
         "hold": RED, "slow": ORANGE, "rearmed": GREEN, "hull_contact": RED, "rejected": ORANGE, "fault": RED,
         "no camera frame": ORANGE, "no stair perceived": ORANGE, "slip": ORANGE,
     }  # fmt: skip
+    name_style = "border-left:4px solid {};padding:0 6px;max-width:110px"
     rows = [
-        _row(then_s, name, cause, bold=name in ("hold", "no camera frame"), colour=colours.get(name, "#888"))
-        for then_s, name, cause in past
-    ]
-    return _table(rows[::-1]) if rows else f'<div style="{STYLE}">no event yet</div>'
-
-
-def _row(t_s: float, name: str, cause: str, *, bold: bool, colour: str) -> str:
-    style = f"font-weight:{'bold' if bold else 'normal'};vertical-align:top;cursor:pointer"
-    return (
-        f'<tr {_jump(t_s)} title="{escape(PHASE_TERMS.get(name, ""))}" style="{style}">'
+        f'<tr {_jump(t_s)} title="{escape(PHASE_TERMS.get(name, ""))}" style="vertical-align:top;cursor:pointer">'
         f'<td style="text-align:right;white-space:nowrap;padding-right:6px">{t_s:.2f} s</td>'
-        f'<td style="border-left:4px solid {colour};padding:0 6px;max-width:110px">{escape(name)}</td>'
+        f'<td style="{name_style.format(colours.get(name) or phase_colour(name))}">{escape(name)}</td>'
         f"<td>{escape(cause)}</td></tr>"
-    )
-
-
-def _table(rows: list[str]) -> str:
-    return f'<table style="{STYLE};border-collapse:collapse;width:100%">{"".join(rows)}</table>'
+        for t_s, name, cause in reversed(past)
+    ]
+    table = f'<table style="{STYLE};border-collapse:collapse;width:100%">{"".join(rows)}</table>'
+    return table if rows else f'<div style="{STYLE}">no event yet</div>'
 
 
 def handset_html(session: Session) -> str:
@@ -255,7 +214,8 @@ def camera_html(session: Session) -> str:
     said = f"{perceived_text(len(frame.nosings_B), found)}; " + (
         f'<b style="color:{BAD_TEXT}">missed: {escape(_reasons(missed))}</b>' if missed else "none missed in view"
     )
-    return f'{picture}<div style="{STYLE}"><b style="color:{colour}">{escape(head)}</b><br>{escape(frame.summary)}<br>{said}</div>'
+    summary = "" if frame.reason is not None and frame.reason in frame.summary else f"{escape(frame.summary)}<br>"
+    return f'{picture}<div style="{STYLE}"><b style="color:{colour}">{escape(head)}</b><br>{summary}{said}</div>'
 
 
 def _nosings_of(session: Session, frame: ShownFrame) -> tuple[Sequence[int], dict[int, str]]:
@@ -346,7 +306,6 @@ PANELS: Mapping[str, Callable[[Session], str]] = {
     "state": state_html,
     "camera": camera_html,
     "answers": answers_html,
-    "transitions": transitions_html,
     "events": events_html,
     "handset": handset_html,
     "contacts": contacts_html,

@@ -35,7 +35,6 @@ SHOWN = {
     "planes": ("detected treads and risers", True),
     "forces": ("belt forces", False),
     "contacts": ("contact forces", False),
-    "swept": ("swept volume", False),
 }
 """What a person may show or hide, with its name and whether it is shown at first."""
 PLANES_MAX = 24
@@ -56,10 +55,6 @@ NEWTON_PER_M = 500.0
 """Scale of the force arrows [N/m]: the weight of chair and passenger, 2 kN, is 4 m."""
 CONTACT_N_PER_M = 250.0
 """Scale of the contact forces [N/m]: 80 N, one of a dozen contacts on a floor, reaches above the belts."""
-SWEPT_M = 1.5
-"""Length of the swept volume ahead of the chair [m]."""
-SWEPT_HEIGHT_M = (0.06, 1.4)
-"""Height of the swept volume above the belts' lower line [m], as in the simulator's ground truth of obstacles."""
 BACKGROUND = np.full((2, 2, 3), (222, 230, 238), dtype=np.uint8)
 """Background: a light sky, so that white treads stand out."""
 CAMERA_M, LOOK_AT_M = (-1.2, -4.4, 2.1), (0.5, 0.0, 0.7)
@@ -201,8 +196,8 @@ class SceneView:
         self._label = scene.add_label("/world/margin", "", anchor="bottom-center", font_screen_scale=1.1)
 
     def _add_forces(self) -> None:
-        """Add what is hidden at first: forces and the swept volume."""
-        scene, chair = self._scene, self._feed.recording.chair
+        """Add the forces, which are hidden at first."""
+        scene = self._scene
         self._forces = scene.add_arrows(
             "/world/chair/forces", np.zeros((2, 2, 3)), COLOURS["forces"], shaft_radius=0.015, head_radius=0.04, visible=False
         )
@@ -217,18 +212,6 @@ class SceneView:
                 visible=False,
             )
             for name, colour in (("contacts", "contacts"), ("ghost_contacts", "fork"))
-        )
-        low, high = SWEPT_HEIGHT_M
-        is_down = self._feed.order.scenario.drive.direction == "down"
-        middle_m = (chair.rear_reach_m if is_down else chair.reach_m) + 0.5 * SWEPT_M
-        self._swept = scene.add_box(
-            "/world/chair/swept",
-            color=COLOURS["swept"],
-            dimensions=(SWEPT_M, 2.0 * chair.swept_half_m, high - low),
-            opacity=0.2,
-            position=(-middle_m if is_down else middle_m, 0.0, 0.5 * (low + high)),
-            visible=False,
-            **FLAT,
         )
 
     def _lugs_at(
@@ -267,7 +250,6 @@ class SceneView:
             node.visible = shows["planes"]
         for node in self._chair.passenger:
             node.visible, node.position = shows["passenger"], shift_m
-        self._swept.visible = shows["swept"]
         show_arrows(self._forces, *self._belt_forces(run, k), NEWTON_PER_M, visible=shows["forces"])
         for arrows, of in ((self._contacts, feed), (self._ghost_contacts, None if fork is None else fork.feed)):
             found = None if of is None else of.contacts_at(t_s)

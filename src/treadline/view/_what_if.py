@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
+from treadline.report.labels import FAULTS
 from treadline.scenario.faults import EXTENTS, Fault, FaultKind
 
 FRICTION_MIN, FRICTION_MAX = 0.1, 2.0
@@ -41,37 +42,6 @@ class Change:
         return 0.5 if self.friction_of else EXTENTS[self.kind].default
 
 
-NAMES: Mapping[FaultKind, str] = {
-    "camera_lost": "camera sends nothing",
-    "camera_frozen": "camera repeats its last frame",
-    "camera_dark": "light too dark or too bright",
-    "depth_holes": "holes in the depth image",
-    "false_edges": "false edge across the nosings",
-    "imu_nan": "IMU sends no numbers (NaN)",
-    "imu_stuck": "IMU repeats its last sample",
-    "imu_bias": "gyro bias or jump of the heading",
-    "imu_lost": "IMU sends nothing",
-    "clock_back": "clock jumps back",
-    "late_tick": "commands arrive late",
-    "track_stalled": "one belt stalls",
-    "track_slip": "friction of one belt for a time",
-    "low_friction": "friction of the steps for a time",
-    "operator_stop": "operator's stop",
-    "link_lost": "operator's link is lost",
-    "seat_stuck": "seat actuator is blocked",
-    "process_killed": "a process is killed",
-    "power_cut": "power is cut",
-    "obstacle": "obstacle ahead for a time",
-    "flipper_lost": "flipper motor without power",
-    "flipper_stuck": "flipper is blocked",
-    "readings_lost": "belts, seat and flipper report nothing",
-    "gyro_ramp": "gyro bias grows",
-    "wrong_stamp": "message with a wrong time stamp",
-    "payload_forward": "passenger leans forward for a time",
-    "payload_left": "passenger leans to the left for a time",
-    "payload_up": "passenger's weight is raised for a time",
-}
-"""Name of each kind of fault on the page."""
 OBSTACLE = "obstacle ahead"
 CHANGES: Mapping[str, Change] = {
     "wet steps (friction × 0.5)": Change(kind="low_friction", friction_of="both belts", stays=True),
@@ -81,7 +51,7 @@ CHANGES: Mapping[str, Change] = {
     "passenger's weight to the left": Change(kind="payload_left", stays=True),
     "passenger's weight up": Change(kind="payload_up", stays=True),
     OBSTACLE: Change(kind="obstacle", stays=True),
-    **{NAMES[kind]: Change(kind=kind) for kind in EXTENTS},
+    **{FAULTS[kind]: Change(kind=kind) for kind in EXTENTS},
 }
 """Changes that stay, and faults that pass, by name."""
 NOTHING = "no change (repeats the run)"

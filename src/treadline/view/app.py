@@ -11,7 +11,7 @@ from typing import Any
 
 from treadline.core.errors import SettingsError
 from treadline.scenario.faults import EXTENTS, Conditions, FaultKind
-from treadline.view._panels import PANELS, legend_of_scene, terms_html, timeline_html
+from treadline.view._panels import PANELS, STYLE, legend_of_scene, terms_html, timeline_html
 from treadline.view._plots import LIVE_PLOTS, LOADING, add_plot, legend_html, plot_data
 from treadline.view._scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SHOWN, SceneView
 from treadline.view._session import SPEEDS, TRANSPORT, Session
@@ -88,7 +88,7 @@ class App:
         gui.add_command("Back one tick", hotkey="J").on_trigger(self._locked(lambda _event: session.step(-1)))
         gui.add_command("Forward one tick", hotkey="L").on_trigger(self._locked(lambda _event: session.step(1)))
         tabs = gui.add_tab_group()
-        for label, name in (("Moments", "answers"), ("Phases", "transitions"), ("Events", "events")):
+        for label, name in (("Moments", "answers"), ("Events", "events")):
             with tabs.add_tab(label):
                 self._place(name)
         with tabs.add_tab("What if"):
@@ -268,7 +268,7 @@ class App:
         session = self._session
         session.moments.update(session.feed)
         if self._offer is not None:
-            change(self._status, "content", f'<div style="font-size:12px">{escape(self._offer.status)}</div>')
+            change(self._status, "content", f'<div style="{STYLE}">{escape(self._offer.status)}</div>')
             change(self._take_offer, "visible", self._offer.is_ready)
         if session.can_repeat:
             self._show_progress()

@@ -80,7 +80,7 @@ class LiveOffer:
 
     def open(self) -> Session:
         """Return the live session, whose simulation starts at once."""
-        return open_live(SCENARIO, seed=0, controller=None, detector=None, estimator=None, attended=False)
+        return open_live(SCENARIO, seed=0)
 
     def close(self) -> None:
         """End the process."""

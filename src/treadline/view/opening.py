@@ -31,10 +31,10 @@ def open_live(
     values: Mapping[str, object] | None = None,
     *,
     seed: int,
-    controller: Any,
-    detector: str | None,
-    estimator: str | None,
-    attended: bool,
+    controller: Any = None,
+    detector: str | None = None,
+    estimator: str | None = None,
+    attended: bool = False,
 ) -> Session:
     """Return a session of a scenario, whose simulation starts at once.
 
