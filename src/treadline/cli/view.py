@@ -61,7 +61,9 @@ def view(
     blocks = {"controller": controller, "detector": detector, "estimator": estimator}
     server, handlers = open_server("view", host, port)
     try:
-        session = open_recorded(target) if recorded else open_live(target, set_values(changes), seed=seed, attended=control, **blocks)
+        session = (
+            open_recorded(target) if recorded else open_live(target, set_values(changes), seed=seed, attended=control, **blocks)
+        )
         return serve("view", server, handlers, session, no_browser=no_browser, seconds=seconds)
     finally:
         server.close()
