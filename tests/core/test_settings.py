@@ -110,6 +110,13 @@ def test_a_wrong_value_is_named_with_its_key_and_all_that_is_allowed(text: str, 
     assert refusal(text, tmp_path) == message
 
 
+def test_a_decimal_comma_and_a_file_of_another_kind_are_named(tmp_path: Path) -> None:
+    assert refusal("real = 0,16", tmp_path).endswith("; decimals have a point")
+    (tmp_path / "model.json").write_text('{"A": [1,2]}')
+    with pytest.raises(SettingsError, match=r"not TOML: .*; give a \.toml file"):
+        parse_toml(tmp_path / "model.json")
+
+
 @pytest.mark.parametrize(
     ("text", "line"),
     [

@@ -23,20 +23,7 @@ def check(scenario: str | None = None, /, *, changes: Set = None, keys: bool = F
     if scenario is None:
         raise SettingsError("check needs a scenario: a file, or the name of a shipped one; treadline check --keys lists both")
     report = api.check(scenario, set=set_values(changes))
-    margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in report.stability_margin_deg.items())
-    return Answer(
-        values=asdict(report),
-        summary=[
-            f"{report.verdict}: track {report.track_length_margin_m:+.3f} m over 2√(h²+w²), {report.nosings_in_contact} nosings in "
-            f"contact; {'no seat linkage; ' if report.seat_range_deg is None else ''}friction needed "
-            f"{report.friction_needed_with_reserve:.2f} ({report.friction_needed:.2f} to stand, and a reserve for jolts), "
-            f"available {report.friction_available:.2f}; tipping margins {margins}"
-            + ("" if report.nosings_in_view is None else f"; {report.nosings_in_view} nosings in view from the start"),
-            *report.reasons,
-            *(f"warning: {warning}" for warning in report.warnings),
-        ],
-        code=0 if report.verdict == "go" else 1,
-    )
+    return Answer(values=asdict(report), summary=str(report).splitlines(), code=0 if report.verdict == "go" else 1)
 
 
 def _keys() -> Answer:

@@ -207,15 +207,16 @@ def _line(seen: dict[str, Any]) -> str:
     ]
     stair = seen["stair"]
     if stair is not None:
-        words.append(
-            f"flight {stair['direction']}, slope {stair['slope_deg']:.1f}°, rise {1e3 * stair['rise_m']:.0f} mm, "
-            f"run {1e3 * stair['run_m']:.0f} mm"
-        )
+        words.append(f"flight {stair['direction']}, slope {stair['slope_deg']:.1f}°, {_step_text(stair)}")
     if not seen["mount_known"]:
         places = [(seen[f"heading_on_{place}_deg"], place) for place in ("flight", "level")]
         on_chair = ", ".join(f"{value:+.2f}° on the {place}" for value, place in places if value is not None)
         words.append("about the camera's own axis: no mount" + (f" (the chair's {on_chair})" if on_chair else ""))
     return ", ".join([*words, f"{seen['ms']:.1f} ms"])
+
+
+def _step_text(stair: dict[str, Any]) -> str:
+    return f"rise {1e3 * stair['rise_m']:.0f} mm, run {1e3 * stair['run_m']:.0f} mm"
 
 
 def _warnings(seen: list[dict[str, Any]]) -> list[str]:
@@ -288,7 +289,7 @@ def live_line(values: dict[str, Any], rate_hz: float | None) -> str:
     if not values["accepted"]:
         return f"no heading: {values['reason']}{rate}"
     stair = values["stair"]
-    size = "" if stair is None else f", rise {1e3 * stair['rise_m']:.0f} mm, run {1e3 * stair['run_m']:.0f} mm"
+    size = "" if stair is None else f", {_step_text(stair)}"
     return f"heading {values['heading_deg']:+.2f}° ± {1.96 * values['sigma_deg']:.2f}°{size}{rate}"
 
 

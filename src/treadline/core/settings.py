@@ -4,6 +4,7 @@ Values are not coerced: ``"0.16"`` is text, ``true`` is not 1 and 20.0 is not an
 real number, and a TOML list as a tuple.
 """
 
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -59,7 +60,8 @@ def parse_toml(path: Path) -> dict[str, object]:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         # ValueError: base class of tomllib's error, and Python's own for an integer of thousands of digits.
-        raise SettingsError(f"{path}: not TOML: {error}{'' if path.suffix == '.toml' else '; give a .toml file'}") from None
+        remedy = "; decimals have a point" if re.search(r"=\s*[+-]?\d+,\d", text) else ""
+        raise SettingsError(f"{path}: not TOML: {error}{remedy if path.suffix == '.toml' else '; give a .toml file'}") from None
 
 
 def text_of(path: Path, kind: str) -> str:

@@ -107,9 +107,9 @@ def no_clock(table: Table) -> PeriodMismatch:
             f"{table.file}: column '{given}' is the time: leave it out of --inputs and --outputs, or give --period"
         )
     there = f" (there are: {listed(table.header)})" if table.header else ""
-    thousandths = next((name for name in table.header if name.endswith("_ms")), None)
-    if thousandths is not None:
-        remedy = f"divide '{thousandths}' by 1000 and name it {SECONDS[0]}"
+    finer = next((name for name in table.header if name.endswith(("_ms", "_us"))), None)
+    if finer is not None:
+        remedy = f"divide '{finer}' by {1000 if finer.endswith('_ms') else 1_000_000} and name it {SECONDS[0]}"
         return PeriodMismatch(f"{table.file}: no column '{SECONDS[0]}'{there}; {remedy}")
     return PeriodMismatch(
         f"{table.file}: no column '{SECONDS[0]}'{there}; give --period, or name the time in seconds {' or '.join(SECONDS)}, in "

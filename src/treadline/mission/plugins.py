@@ -117,16 +117,11 @@ def _classes_in(path: Path, kind: str, where: str) -> str:
     except SyntaxError as error:
         raise SettingsError(f"{where}: {path}:{error.lineno}: not Python: {error.msg}") from None
     classes = [item for item in tree.body if isinstance(item, ast.ClassDef)]
-    fitting = [item for item in classes if {*ATTRIBUTES[kind]} <= _assigned(item)]
+    fitting = [
+        item for item in classes if {*ATTRIBUTES[kind]} <= {name.id for name in ast.walk(item) if isinstance(name, ast.Name)}
+    ]
     names = [f"{path}:{item.name}" for item in fitting or classes]
     return f"give --{kind} {' or '.join(names)}" if names else f"it defines none: write the {kind} as a class"
-
-
-def _assigned(item: ast.ClassDef) -> set[str]:
-    """Return the names that the body of a class assigns."""
-    plain = (target for line in item.body if isinstance(line, ast.Assign) for target in line.targets)
-    typed = (line.target for line in item.body if isinstance(line, ast.AnnAssign))
-    return {target.id for target in (*plain, *typed) if isinstance(target, ast.Name)}
 
 
 def _check_is_there(path: Path, where: str) -> None:

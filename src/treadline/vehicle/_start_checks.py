@@ -61,18 +61,11 @@ class Overlap:
     depth_m: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StartReport:
-    """Result of the checks of the start pose."""
+def checked_start(scenario: Scenario, chair: ChairDescription) -> tuple[tuple[str | None, ...], int | None]:
+    """Return the problems of the start pose, None for each passed test, and the number of nosings in view of the camera from it.
 
-    problems: tuple[str | None, ...]
-    """Problems, None for each passed test."""
-    nosings_in_view: int | None = None
-    """Number of nosings that the camera resolves; None in open loop, which uses no camera, and where the pose has problems."""
-
-
-def checked_start(scenario: Scenario, chair: ChairDescription) -> StartReport:
-    """Return the problems of the start pose, and what the camera sees from it."""
+    The number is None in open loop, which uses no camera, and where the pose has problems.
+    """
     aim = _nowhere_to_go(scenario) or _cannot_come_down(scenario, chair)
     known = (
         _outside_the_flight(scenario, chair.tracks),
@@ -81,18 +74,16 @@ def checked_start(scenario: Scenario, chair: ChairDescription) -> StartReport:
         _over_the_landings_end(scenario, chair),
     )
     if any(known):
-        return StartReport(problems=(aim, *known))
+        return (aim, *known), None
     # The jitter of single steps is drawn when the plant is built.
     staircase = as_designed(scenario.stair, scenario.step)
     problem = _over_an_edge(scenario, chair.tracks, staircase) or _overlapping(scenario, chair, staircase)
     mount = chair.camera if scenario.drive.direction == "up" else chair.rear_camera
     if aim or problem or mount is None or scenario.control.loop == "open":
-        return StartReport(problems=(aim, problem))
+        return (aim, problem), None
     view = StartView(scenario, chair, staircase, mount)
-    return StartReport(
-        problems=(view.problem(lambda start: _stands(scenario.model_copy(update={"start": start}), chair.tracks)),),
-        nosings_in_view=view.nosings(scenario.start),
-    )
+    unseen = view.problem(lambda start: _stands(scenario.model_copy(update={"start": start}), chair.tracks))
+    return (unseen,), view.nosings(scenario.start)
 
 
 def _stands(scenario: Scenario, tracks: Tracks) -> bool:

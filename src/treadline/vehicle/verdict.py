@@ -75,7 +75,11 @@ class CheckReport(Printable):
         margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in self.stability_margin_deg.items())
         rows = [
             ("track length", f"{self.track_length_margin_m:+.3f} m over 2√(h²+w²), {self.nosings_in_contact} nosings in contact"),
-            ("friction", f"{self.friction_available:.2f} available, {self.friction_needed_with_reserve:.2f} needed with reserve"),
+            (
+                "friction",
+                f"{self.friction_needed_with_reserve:.2f} needed ({self.friction_needed:.2f} to stand, and a reserve for jolts), "
+                f"{self.friction_available:.2f} available",
+            ),
             ("tip-over margins", margins),
             ("seat", _seat_text(self.seat_range_deg)),
             *([] if self.nosings_in_view is None else [("camera", f"{self.nosings_in_view} nosings in view from the start")]),
@@ -92,7 +96,8 @@ def _seat_text(range_deg: tuple[float, float] | None) -> str:
 
 def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     """Return the verdict on a scenario."""
-    stair, loading, start = scenario.stair, scenario.chair.entered, checked_start(scenario, chair)
+    stair, loading = scenario.stair, scenario.chair.entered
+    start_problems, nosings_in_view = checked_start(scenario, chair)
     # On floor and landing the chair turns square before it enters.
     heading = scenario.start.heading_deg * DEG if scenario.start.place == "flight" else 0.0
     slope = stair.slope_rad
@@ -114,7 +119,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_short_a_landing(stair, chair.tracks),
         _turning_flights(stair),
         _winders(stair),
-        *start.problems,
+        *start_problems,
         oversized_lugs(scenario.belts, chair.tracks),
     )
     return CheckReport(
@@ -130,7 +135,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         seat_range_deg=None if seat_range is None else (seat_range[0] / DEG, seat_range[1] / DEG),
         proposed_seat_shift_m=shift,
         warnings=_unit_warnings(scenario, chair),
-        nosings_in_view=start.nosings_in_view,
+        nosings_in_view=nosings_in_view,
     )
 
 
