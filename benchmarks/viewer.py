@@ -1,7 +1,7 @@
 """Time until the first picture of ``treadline view``, and updates of the scene that a browser draws per second.
 
 Run: ``python benchmarks/viewer.py [--runs N] [--seconds S]`` (about three minutes). It needs Chromium with its driver, and
-selenium (``pip install 'treadline[browser,viewer]'``). Chromium draws WebGL in software here, so that its share of the processor is
+selenium (``pip install 'treadline[browser]'``). Chromium draws WebGL in software here, so that its share of the processor is
 part of each figure; a machine with a graphics card shows more frames. Each figure is the median of the runs.
 """
 
