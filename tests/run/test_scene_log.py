@@ -166,8 +166,7 @@ def test_the_log_names_its_run_and_the_same_seed_gives_the_same_bytes(run_folder
 def test_plans_are_kept_at_ten_hertz_and_where_the_phase_is_new(messages: dict[str, list[Any]], tmp_path: Path) -> None:
     assert len(messages["/plan"]) == 11  # 1 s at 10 Hz, both ends included
     chair = read_chair("wheelchair")
-    with RunLog(tmp_path / "log.mcap") as log:
-        scene = SceneLog(log, chair, Chair())
+    with RunLog(tmp_path / "log.mcap") as log, SceneLog(log, chair, Chair()) as scene:
         for k, phase in enumerate(["climb"] * 5 + ["crest"] * 5):
             scene.plan(MotionPlan(t_s=0.01 * k, phase=phase, speed_m_s=0.2))
     names = [message.status[0].name for message in _messages(tmp_path / "log.mcap")["/plan"]]
@@ -175,8 +174,7 @@ def test_plans_are_kept_at_ten_hertz_and_where_the_phase_is_new(messages: dict[s
 
 
 def test_a_recording_without_ground_truth_has_the_odometry_as_its_root(tmp_path: Path) -> None:
-    with RunLog(tmp_path / "log.mcap") as log:
-        scene = SceneLog(log, read_chair("wheelchair"), Chair())
+    with RunLog(tmp_path / "log.mcap") as log, SceneLog(log, read_chair("wheelchair"), Chair()) as scene:
         for k in range(11):
             t_s = 0.01 * k
             level = ImuSample(

@@ -79,7 +79,7 @@ class _Block:
             raise pending
 
 
-_BLOCK, _NO_BLOCK = _Block(), nullcontext()
+_BLOCK, _NO_BLOCK, _MAIN_THREAD = _Block(), nullcontext(), threading.main_thread().ident
 
 
 def deferred() -> AbstractContextManager[None]:
@@ -88,7 +88,7 @@ def deferred() -> AbstractContextManager[None]:
     An exception between the two halves of a file record would leave a file that nobody can read. Blocks may nest. Signal handlers
     run in the main thread only, so other threads need no protection.
     """
-    return _BLOCK if threading.get_ident() == threading.main_thread().ident else _NO_BLOCK
+    return _BLOCK if threading.get_ident() == _MAIN_THREAD else _NO_BLOCK
 
 
 class Interrupts:

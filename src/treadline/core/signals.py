@@ -327,9 +327,11 @@ class Recent(Generic[T]):
 
     def at(self, t_s: float) -> T | None:
         """Return the value whose stamp is nearest to ``t_s``, the newest of several; None before the first value."""
-        if not self._values:
-            return None
-        return min(reversed(self._values), key=lambda item: abs(item[0] - t_s))[1]
+        nearest, least_s = None, math.inf
+        for stamp_s, value in reversed(self._values):
+            if abs(stamp_s - t_s) < least_s:
+                nearest, least_s = value, abs(stamp_s - t_s)
+        return nearest
 
     def copy(self) -> "Recent[T]":
         """Return an independent history with the same values."""

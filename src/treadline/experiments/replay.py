@@ -140,8 +140,10 @@ def replayed_run(
     scores = ReplayScores()
     watched = _Watched(detector_of(settings.mission) if plugins.detector is not None else StairDetector(settings.detector))
     try:
-        with RunLog(out / LOG, image_every=int(log_images), metadata=log_metadata(written, source.scenario, out)) as run_log:
-            sink = SceneLog(run_log, settings.mission.chair, Chair(payload_kg=settings.mission.payload_kg))
+        with (
+            RunLog(out / LOG, image_every=int(log_images), metadata=log_metadata(written, source.scenario, out)) as run_log,
+            SceneLog(run_log, settings.mission.chair, Chair(payload_kg=settings.mission.payload_kg)) as sink,
+        ):
             started = time.process_time() - compiling().spent_s
             cause, rejected = _play(recording, settings, watched, scores, sink, on_progress)
             cpu_s = time.process_time() - compiling().spent_s - started

@@ -148,17 +148,16 @@ class SensorTimeouts:
         limits = self._config
         # A stamp in the future, from a clock that is ahead, counts as now.
         self._imu_s, self._frame_s, self._seen_s = min(self._imu_s, t_s), min(self._frame_s, t_s), min(self._seen_s, t_s)
-        frame_s, imu_s = t_s - self._frame_s, self._without_imu(t_s)
-        no_imu, no_frame = self._no_imu(t_s), self._no_frame(f"{frame_s:.1f}")
+        frame_s, no_imu = t_s - self._frame_s, self._no_imu(t_s)
         if no_imu is not None:
             if frame_s > limits.frame_timeout_s:
-                return f"{no_imu}, and {no_frame}"
-            if imu_s > limits.vision_only_s or phase in TIPPING:
+                return f"{no_imu}, and {self._no_frame(f'{frame_s:.1f}')}"
+            if self._without_imu(t_s) > limits.vision_only_s or phase in TIPPING:
                 return no_imu
         if frame_s > limits.blind_timeout_s:
-            return no_frame
+            return self._no_frame(f"{frame_s:.1f}")
         if frame_s > limits.frame_timeout_s and abs(travel_m - self._frame_m) > limits.blind_travel_m:
-            return f"{no_frame}, {abs(travel_m - self._frame_m):.2f} m driven since"
+            return f"{self._no_frame(f'{frame_s:.1f}')}, {abs(travel_m - self._frame_m):.2f} m driven since"
         if t_s - self._seen_s > limits.lost_timeout_s:
             return f"no stair in view for {t_s - self._seen_s:.1f} s"
         if self._differ_s is not None and t_s - self._differ_s > limits.disagreement_s:

@@ -89,7 +89,7 @@ class RunLog:
             taken_s: Mission time at which the messages were made [s]; the stamp where it is left out.
         """
         stamp_ns = nanoseconds_of(stamp_s)
-        taken_ns = stamp_ns if taken_s is None else nanoseconds_of(taken_s)
+        taken_ns = stamp_ns if taken_s is None or taken_s == stamp_s else nanoseconds_of(taken_s)
         channels, write = self._channels, self._writer.add_message
         try:
             with deferred():

@@ -78,7 +78,7 @@ class SkidMonitor:
         while t_s - self._window[0][0] > WINDOW_S:
             self._window.popleft()
         side = math.copysign(1.0, off_rad)
-        against_m_s = -side * sum(apart for *_, apart in self._window) / len(self._window)
+        against_m_s = -side * sum([apart for _, _, apart in self._window]) / len(self._window)
         away_rad = side * (self._turned_rad - self._window[0][1])
         if t_s >= self._until_s and self._was_square and away_rad > AWAY_RAD and against_m_s > APART_M_S:
             again = t_s < self._until_s + REPEAT_S

@@ -93,8 +93,12 @@ def _scene_log(
     # The stair of a run with this seed: the plant draws it from the first of its streams.
     staircase = build_staircase(scenario.stair, np.random.default_rng(seed).spawn(1)[0], scenario.step)
     backwards = scenario.drive.direction == "down"
-    with RunLog(folder / LOG, image_every=image_every, metadata=log_metadata(manifest, manifest["settings"], folder)) as log:
-        yield SceneLog(log, setup.chair, scenario.chair, belts=scenario.belts, staircase=staircase, backwards=backwards)
+    metadata = log_metadata(manifest, manifest["settings"], folder)
+    with (
+        RunLog(folder / LOG, image_every=image_every, metadata=metadata) as log,
+        SceneLog(log, setup.chair, scenario.chair, belts=scenario.belts, staircase=staircase, backwards=backwards) as scene,
+    ):
+        yield scene
 
 
 def _watching(scene: SceneLog, watch: Watch | None) -> Watch:

@@ -5,6 +5,7 @@ The paper scores the heading alone; roll-back, lateral drift and the friction ma
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ class Trace(Brief):
     def of(cls, samples: Sequence[Truth]) -> "Trace":
         """Return the columns of a sequence of samples."""
         names = [item.name for item in fields(Truth)]
-        rows = np.array([[getattr(sample, name) for name in names] for sample in samples], dtype=float)
+        rows = np.array([attrgetter(*names)(sample) for sample in samples], dtype=float)
         rows = rows.reshape(-1, len(names))  # also without samples
         return cls(columns={name: rows[:, i] for i, name in enumerate(names)})
 

@@ -8,6 +8,7 @@ root. Everything is a function of the signals: the same signals give the same by
 
 import math
 from collections.abc import Callable, Sequence
+from types import TracebackType
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +16,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG, attitude_of, quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, RgbdFrame
 from treadline.core.ports import Truth
+from treadline.core.processes import deferred
 from treadline.core.signals import (
     PERIOD_ROUNDING_S,
     TICK_S,
@@ -27,7 +29,7 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.io.mcap_log import RunLog
-from treadline.io.messages import joints, messages_of
+from treadline.io.messages import joints
 from treadline.io.scene_messages import (
     BASE,
     LINE_LIST,
@@ -55,6 +57,8 @@ from treadline.vehicle.urdf import urdf
 
 SCENE_TICKS = 5
 """Ticks between two transforms: 20 Hz, as the nodes publish odometry. The chair moves 10 mm in between."""
+BATCH = 500
+"""Signals that are written together: those of half a second, 1 MB of messages at most."""
 PLAN_TICKS = 10
 """Ticks between two plans of an unchanged phase: 10 Hz."""
 SEEN_HALF_M = 0.5
@@ -69,6 +73,9 @@ ORIGIN = (0.0, 0.0, 0.0)
 
 class SceneLog:
     """Run log that also holds the scene: takes signals as ``RunLog`` does, and writes the scene's messages in between.
+
+    Signals wait for each other: written in batches they take half the time, because the code of a run does not fit into the
+    processor's first caches. The end of the context writes those that still wait.
 
     Args:
         log: Log to write.
@@ -101,9 +108,35 @@ class SceneLog:
         self._flipper_rad = chair.tracks.approach_angle_deg * DEG
         self._measured: HeadingMeasurement | None = None
         self._phase: tuple[str, str | None] = ("", None)
+        self._waiting: list[tuple[Signal | Truth, float | None]] = []
         self._begin(chair, loading, belts, staircase, backwards=backwards)
 
+    def __enter__(self) -> "SceneLog":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._flush()
+
     def __call__(self, signal: Signal | Truth, taken_s: float | None = None) -> None:
+        """Take one signal; a frame is written at once, because its images may be rendered as they are read."""
+        self._waiting.append((signal, taken_s))
+        if len(self._waiting) >= BATCH or isinstance(signal, RgbdFrame):
+            self._flush()
+
+    def plan(self, plan: MotionPlan) -> None:
+        """Take the plan of a tick; it is written where its phase or hold is new, and at 10 Hz."""
+        phase = (plan.phase, plan.hold)
+        if phase != self._phase or _is_due(plan.t_s, PLAN_TICKS):
+            self._phase = phase
+            self._waiting.append((plan, plan.t_s))
+
+    def _flush(self) -> None:
+        with deferred():
+            waiting, self._waiting = self._waiting, []
+            for signal, taken_s in waiting:
+                self._write(signal, taken_s)
+
+    def _write(self, signal: Signal | Truth, taken_s: float | None) -> None:
         """Write one signal, and the messages of the scene that follow from it."""
         self._log(signal, taken_s)
         match signal:
@@ -129,15 +162,9 @@ class SceneLog:
             case _:
                 pass
 
-    def plan(self, plan: MotionPlan) -> None:
-        """Write the plan of a tick where its phase or hold is new, and at 10 Hz."""
-        phase = (plan.phase, plan.hold)
-        if phase != self._phase or _is_due(plan.t_s, PLAN_TICKS):
-            self._phase = phase
-            self._log.add(messages_of(plan), plan.t_s)
-
     def saw(self, frame: RgbdFrame, seen: object) -> None:
         """Write the image with the detection of a frame whose images are kept."""
+        self._flush()
         if frame.t_s == self._log.kept_frame_s and isinstance(seen, FrameResult) and seen.sight is not None:
             image = jpeg(overlay(frame, seen.sight))
             self._log.add([compressed_message("/camera/overlay/compressed", frame.t_s, "camera", image)], frame.t_s)

@@ -234,7 +234,7 @@ class Instruments:
         """Return the payload's centre in the seat frame with sway and shift [m]; comfort is judged without them."""
         chair = self._scenario.chair
         if not chair.sways:
-            return self._seated + state.payload_shift_m
+            return self._seated + state.payload_shift_m if any(state.payload_shift_m) else self._seated
         return np.array(payload_com(self._chair, chair.leaning(chair.sway_at(state.t_s)))) + state.payload_shift_m
 
     def _friction_at(self, x_m: float) -> tuple[float, float]:

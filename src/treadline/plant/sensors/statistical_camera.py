@@ -8,6 +8,7 @@ parameters are in ``data/cameras/statistical.json``; ``benchmarks/statistical.py
 
 import json
 import math
+from bisect import bisect
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -127,7 +128,7 @@ class _Errors:
         self._kind = kind
         fitted = fitted_numbers()
         self._tables = fitted["tables"]
-        self._grid = np.array(fitted["normal_grid"])
+        self._grid: list[float] = fitted["normal_grid"]
         shared = [fitted["shared"][name] for name in LATENTS]
         shared += [fitted["shared"][f"nosing {name}"] for name in NOSING_ERRORS for _ in range(steps)]
         self._common = np.array([fitted["common"][name] for name in ("along", "height")])[:, None]
@@ -179,7 +180,12 @@ class _Errors:
         )
 
     def _value(self, quantiles: list[float], normal: float) -> float:
-        return float(np.interp(normal, self._grid, quantiles))
+        """Return the quantile of a normal variable by linear interpolation, constant beyond the grid."""
+        grid = self._grid
+        k = bisect(grid, normal) - 1
+        if k < 0 or k >= len(grid) - 1:
+            return quantiles[max(k, 0)]
+        return (quantiles[k + 1] - quantiles[k]) / (grid[k + 1] - grid[k]) * (normal - grid[k]) + quantiles[k]
 
     def _which(self, table: dict[str, Any], seen: Visibility, normal: Float[np.ndarray, " n"]) -> Int[np.ndarray, " k"]:
         """Return the indices of the reported nosings: at least the two best, because the frame was accepted."""
@@ -197,13 +203,13 @@ class _Errors:
         common: Float[np.ndarray, " 2"],
     ) -> Float[np.ndarray, "k 3"]:
         """Return the reported nosings with common and individual errors."""
-        normal = np.sqrt(self._common) * common[:, None] + np.sqrt(1.0 - self._common) * own
-        cells = np.searchsorted(DEPTHS_M, seen.depths_m[which])
+        along, height = (np.sqrt(self._common) * common[:, None] + np.sqrt(1.0 - self._common) * own).tolist()
+        cells = np.searchsorted(DEPTHS_M, seen.depths_m[which]).tolist()
         nosings = seen.nosings_B[which]
         away = -1.0 if nosings[0, 0] < 0.0 else 1.0
         for place, cell in enumerate(cells):
-            nosings[place, 0] += away * self._value(table["along"][cell], normal[0, place])
-            nosings[place, 2] += self._value(table["height"][cell], normal[1, place])
+            nosings[place, 0] += away * self._value(table["along"][cell], along[place])
+            nosings[place, 2] += self._value(table["height"][cell], height[place])
         return nosings
 
     def _wall(self, table: dict[str, Any], wall: Wall | None, normal: float, where: float) -> float | None:
