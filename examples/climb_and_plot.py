@@ -3,9 +3,8 @@
 import sys
 
 import treadline as tl
-from treadline.scenario.scenario import Scenario
 
-short = Scenario.model_validate({"stair": {"steps": 6, "landing_m": 3.0}, "sensors": {"camera": "statistical"}})
+short = tl.Scenario.model_validate({"stair": {"steps": 6, "landing_m": 3.0}, "sensors": {"camera": "statistical"}})
 run = tl.climb(short, seed=2)
 print(run)
 figure = run.plot()

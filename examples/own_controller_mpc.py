@@ -10,7 +10,6 @@ from scipy.optimize import lsq_linear
 import treadline as tl
 from treadline.control.belt_allocation import BeltLimits, back_safe, climb_safe
 from treadline.core.signals import TrackCommand
-from treadline.scenario.scenario import Scenario
 
 HORIZON, PRICE = 12, 0.3  # periods; price of a belt difference [rad per m/s]
 
@@ -35,4 +34,6 @@ class HeadingMpc:
 
 
 if __name__ == "__main__":
-    print(tl.climb(Scenario.model_validate({"stair": {"steps": 6}, "sensors": {"camera": "statistical"}}), controller=HeadingMpc))
+    print(
+        tl.climb(tl.Scenario.model_validate({"stair": {"steps": 6}, "sensors": {"camera": "statistical"}}), controller=HeadingMpc)
+    )

@@ -9,7 +9,6 @@ import numpy as np
 import treadline as tl
 from treadline.control.belt_allocation import BeltLimits, back_safe, climb_safe
 from treadline.core.signals import TrackCommand
-from treadline.scenario.scenario import Scenario
 
 KP, KI, KD = 1.6, 0.2, 0.3  # m/s per rad, per rad·s and per rad/s
 
@@ -36,4 +35,6 @@ class HeadingPid:
 
 
 if __name__ == "__main__":
-    print(tl.climb(Scenario.model_validate({"stair": {"steps": 6}, "sensors": {"camera": "statistical"}}), controller=HeadingPid))
+    print(
+        tl.climb(tl.Scenario.model_validate({"stair": {"steps": 6}, "sensors": {"camera": "statistical"}}), controller=HeadingPid)
+    )

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 
 import treadline as tl
 from treadline.perception import DetectorConfig, StairDetector
-from treadline.scenario.scenario import Scenario
 
 
 class MedianDetector:
@@ -30,4 +29,6 @@ class MedianDetector:
 
 
 if __name__ == "__main__":
-    print(tl.climb(Scenario.model_validate({"drive": {"duration_s": 6.0}, "start": {"heading_deg": 5.0}}), detector=MedianDetector))
+    print(
+        tl.climb(tl.Scenario.model_validate({"drive": {"duration_s": 6.0}, "start": {"heading_deg": 5.0}}), detector=MedianDetector)
+    )

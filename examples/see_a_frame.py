@@ -5,7 +5,6 @@ import sys
 import treadline as tl
 from treadline.core.angles import DEG
 from treadline.plant.sensors.camera import stair_frames
-from treadline.scenario.scenario import Scenario
 
 seed = int(sys.argv[1]) if len(sys.argv) > 1 else 1
 headings = (-30.0 * DEG, 30.0 * DEG)

@@ -20,7 +20,8 @@ def schema() -> dict[str, Any]:
             for key, value in table.get("properties", {}).items():
                 if key in docs:
                     value["description"] = docs[key]
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **whole, "title": "treadline scenario"}
+    about = {"title": "treadline scenario", "description": whole["description"].partition("\n\n")[0]}  # without the Python example
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **whole, **about}
 
 
 def _all_subclasses(base: type) -> set[type]:

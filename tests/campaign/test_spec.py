@@ -39,6 +39,18 @@ def refusal(path: Path) -> str:
 
 
 @given(shares)
+@settings(max_examples=20)
+def test_a_set_value_holds_in_every_run_and_leaves_the_other_draws_as_they_are(point: list[float]) -> None:
+    fixed = read_spec("envelope", {"stair.width_m": 1.3, "start.heading_deg": 3.0})
+    without, having = ENVELOPE.at(point, "a run"), fixed.at(point, "a run")
+    assert (having.scenario.stair.width_m, having.scenario.start.heading_deg) == (1.3, 3.0)
+    assert having.values == without.values | {
+        key: having.values[key] for key in ("stair.width_m", "start.heading_deg") if key in having.values
+    }
+    assert fixed.digest != ENVELOPE.digest
+
+
+@given(shares)
 @settings(max_examples=60)
 def test_every_draw_is_within_the_claimed_envelope(point: list[float]) -> None:
     scenario = ENVELOPE.at(point, "a run").scenario

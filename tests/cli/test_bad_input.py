@@ -35,6 +35,20 @@ def test_a_bad_scenario_names_its_file_and_key(run, tmp_path: Path, verb: str, c
     assert not out.exists()
 
 
+@pytest.mark.parametrize("verb", ["check", "climb", "sweep", "view"])
+def test_a_value_that_cannot_be_set_is_refused_before_anything_runs(run, tmp_path: Path, verb: str) -> None:
+    out = tmp_path / "run"
+    rest = {"climb": ["--out", out], "sweep": ["--runs", 1, "--out", out], "view": ["--port", 0, "--no-browser"]}.get(verb, [])
+    name = "envelope" if verb == "sweep" else "up-28"
+    for item, said in (
+        ("stair.slop_deg=30", f"{name}, as changed: stair.slop_deg: unknown key; did you mean slope_deg?"),
+        ("stair.slope_deg=90", f"{name}, as changed: stair.slope_deg: must be a number from 5 to 45 (got 90)"),
+        ("stair.slope_deg", "--set stair.slope_deg: must be key=value"),
+    ):
+        assert_refused(run(verb, name, "--set", item, *rest), said)
+    assert not out.exists()
+
+
 @pytest.mark.parametrize("verb", ["check", "climb"])
 def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> None:
     rest = [] if verb == "check" else ["--out", tmp_path / "run"]

@@ -221,7 +221,8 @@ def _write_what_was_asked(plan: SweepPlan, folder: Path) -> None:
     commits = list(dict.fromkeys([*before, git_commit()]))
     write_whole(folder / "spec.toml", plan.spec.path.read_text(encoding="utf-8"))
     asked = {"file": plan.spec.path.name, "runs": plan.runs, "worst by": plan.score, "commits": commits}
-    asked |= {"set": {".".join(keys): value for keys, value in plan.spec.fixed.items()}}
+    if plan.spec.fixed:
+        asked |= {"set": {".".join(keys): value for keys, value in plan.spec.fixed.items()}}
     write_manifest(folder, plan.identity | asked, plan.seed)
 
 

@@ -213,7 +213,7 @@ class Realism(Settings):
 
 
 class Scenario(Printable, Settings):
-    """Complete settings of one run; printed as the values that differ from the defaults.
+    """Complete settings of one run.
 
     Examples:
         >>> import treadline as tl
