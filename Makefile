@@ -3,9 +3,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= reproduce
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+LOCK ?= requirements.lock
+# pip with a sign of life every five seconds; LOCK=/dev/null installs the newest versions that pyproject.toml admits.
+PIP := $(BIN)/python tools/install.py --constraint $(LOCK)
 
-.PHONY: help setup reproduce quick publish test fast shapes slow test-ros1 test-gazebo test-browser check coverage format docs docs-serve schema dist clean
+# Without bytecode files every process would compile the sources of all libraries anew.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-gazebo test-browser check coverage format docs docs-serve schema dist clean
 
 help:
 	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
@@ -21,6 +26,7 @@ help:
 	@echo "make test-ros1    install ROS 1 from Debian (root) and run the graph on a real roscore"
 	@echo "make check        formatter, linter, types, import contracts"
 	@echo "make coverage     measure that the guard's own tests take each of its branches"
+	@echo "make lock         resolve all requirements anew and write their versions to requirements.lock"
 	@echo "make docs         build the documentation site in site/ (warnings are errors)"
 	@echo "make docs-serve   show the documentation on a local port while it is edited"
 	@echo "make schema       write docs/reference/scenario.schema.json again"
@@ -29,10 +35,11 @@ help:
 $(VENV)/.created:
 	@command -v $(PYTHON) >/dev/null || { echo "treadline: $(PYTHON) not found; install Python 3.11 or newer" >&2; exit 2; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "treadline: $(PYTHON) is older than 3.11; call make PYTHON=python3.12" >&2; exit 2; }
+	@echo "creating $(VENV) (0.7 GB): the program first, which takes a minute, then its kernels, another minute on two cores"
 	$(PYTHON) -m venv $(VENV)
 	@touch $@
 
-$(VENV)/.base: pyproject.toml | $(VENV)/.created
+$(VENV)/.base: pyproject.toml $(LOCK) | $(VENV)/.created
 	$(PIP) -e .
 	@touch $@
 
@@ -47,6 +54,10 @@ $(VENV)/.dev: $(VENV)/.test
 $(VENV)/.docs: $(VENV)/.base
 	$(PIP) -e ".[docs]"
 	@touch $@
+
+# Run with the oldest supported Python (make lock PYTHON=python3.11): newer ones can install its versions too.
+lock: $(VENV)/.created
+	$(BIN)/python tools/lock.py > $(VENV)/lock && mv $(VENV)/lock requirements.lock
 
 # Compiles once per machine and version; later calls find the marker and return at once.
 setup: $(VENV)/.base

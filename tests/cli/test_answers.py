@@ -68,7 +68,7 @@ def test_tune_writes_a_controller_with_a_stable_loop(run, tmp_path: Path) -> Non
 def test_doctor_finds_what_the_tests_run_with(run) -> None:
     outcome = run("doctor", "--json")
     assert outcome.code == 0
-    assert {part["name"] for part in outcome.values["parts"]} >= {"mujoco", "numba", "mcap"}
+    assert {part["name"] for part in outcome.values["parts"]} >= {"mujoco-core", "numba", "mcap", "viser"}
 
 
 def test_doctor_tells_optional_parts_from_required_ones(run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,7 +86,7 @@ def test_doctor_tells_optional_parts_from_required_ones(run, monkeypatch: pytest
     assert lines[row].split()[1:3] == ["missing", "identify"]  # what it enables; how to get it has a line of its own
     assert lines[row + 1].split(":", 1) == [f"{'':27}to get it", "   pip install '.[parquet]'"]
     required = {part["name"]: part["required"] for part in run("doctor", "--json").values["parts"]}
-    assert (required["mujoco"], required["pyarrow"], required["rospy"], required["Gazebo"]) == (True, False, False, False)
+    assert (required["mujoco-core"], required["pyarrow"], required["rospy"], required["Gazebo"]) == (True, False, False, False)
     without("scipy")
     done = run("doctor")
     assert (done.code, done.out.splitlines()[-1].split(";")[0]) == (1, "1 required part is missing")

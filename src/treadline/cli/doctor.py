@@ -8,12 +8,13 @@ from treadline import __version__
 from treadline.cli._output import Answer
 
 PARTS = (
-    ("mujoco", "mujoco", "the simulator: climb, excite, reproduce", "pip install mujoco"),
+    ("mujoco-core", "mujoco", "the simulator: climb, excite, reproduce", "pip install mujoco-core"),
     ("opencv-python-headless", "cv2", "stair vision: see, climb", "pip install opencv-python-headless"),
     ("numba", "numba", "compiled vision and camera", "pip install numba"),
     ("matplotlib", "matplotlib", "reports", "pip install matplotlib"),
     ("mcap", "mcap", "logs of runs", "pip install mcap mcap-ros2-support"),
     ("scipy", "scipy", "identification and control", "pip install scipy"),
+    ("viser", "viser", "view: a run in the browser", "pip install 'viser>=1.1,<1.2'"),
 )
 EXTRAS = (
     ("pyarrow", "pyarrow", "identify on Parquet", "pip install '.[parquet]'"),

@@ -109,7 +109,7 @@ def model(
 
     Masses, inertias and geometry are the same in all three; joints are at zero. URDF holds the chair only, and its visuals are
     STL files in a folder next to it, named after it: chair.urdf has chair_meshes.
-    View it: python -m mujoco.viewer --mjcf=FILE; check_urdf FILE; gazebo FILE.
+    View it: pip install mujoco, python -m mujoco.viewer --mjcf=FILE; check_urdf FILE; gazebo FILE.
 
     Args:
         scenario: Scenario file, or the name of a shipped scenario.

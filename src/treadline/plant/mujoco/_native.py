@@ -86,9 +86,7 @@ def contact_layout() -> ContactLayout:
         possible &= np.frombuffer(ctypes.string_at(start, span), dtype=np.int32) == data.ncon
     found = np.flatnonzero(possible)
     if found.size != 1:
-        raise SimulationDiverged(
-            f"MuJoCo {mujoco.__version__}: the number of contacts was found in {found.size} places; use 3.11 to 4.0"
-        )
+        raise SimulationDiverged(f"MuJoCo {mujoco.__version__}: the number of contacts was found in {found.size} places; use 4.0")
     contact = data.contact
     base = contact.dist.__array_interface__["data"][0]
 
@@ -129,7 +127,7 @@ def pointer_offsets() -> tuple[int, ...]:
         found = np.flatnonzero(there)
         if found.size != 1:
             raise SimulationDiverged(
-                f"MuJoCo {mujoco.__version__}: the pointer to {name} was found in {found.size} places; use 3.11 to 4.0"
+                f"MuJoCo {mujoco.__version__}: the pointer to {name} was found in {found.size} places; use 4.0"
             )
         offsets.append(start + 8 * int(found[0]) - data._address)  # noqa: SLF001 - the binding's only way to the struct
     return tuple(offsets)
@@ -160,7 +158,5 @@ def noslip_address(model: mujoco.MjModel) -> int:
     model.opt.noslip_iterations = before
     found = np.flatnonzero(possible)
     if found.size != 1:
-        raise SimulationDiverged(
-            f"MuJoCo {mujoco.__version__}: noslip_iterations was found in {found.size} places; use 3.11 to 4.0"
-        )
+        raise SimulationDiverged(f"MuJoCo {mujoco.__version__}: noslip_iterations was found in {found.size} places; use 4.0")
     return start + 4 * int(found[0])

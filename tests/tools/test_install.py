@@ -1,0 +1,74 @@
+"""Scripts of the Makefile, the lock file, and what the wheel contains."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).parents[2]
+PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+LOCKED = dict(
+    line.split("==") for line in (ROOT / "requirements.lock").read_text(encoding="utf-8").splitlines() if not line.startswith("#")
+)
+INSTALL = ROOT / "tools" / "install.py"
+
+
+@pytest.fixture(scope="module")
+def install() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("install", INSTALL)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def requirements() -> list[Requirement]:
+    """Return what the make targets install: the program, the tests, the linters, the documentation, the browser tests."""
+    optional = PROJECT["project"]["optional-dependencies"]
+    lines = [*PROJECT["project"]["dependencies"], *(line for name in ("test", "dev", "docs", "browser") for line in optional[name])]
+    own = {name for line in lines if (found := re.fullmatch(r"treadline\[(.+)\]", line)) for name in found[1].split(",")}
+    lines += [line for name in own for line in optional[name]]
+    return [Requirement(line) for line in lines if not line.startswith("treadline[")]
+
+
+@pytest.mark.parametrize("requirement", requirements(), ids=lambda requirement: str(requirement.name))
+def test_the_lock_has_an_admitted_version_of_each_requirement(requirement: Requirement) -> None:
+    assert requirement.specifier.contains(LOCKED[requirement.name.lower()]), "run make lock PYTHON=python3.11"
+
+
+def test_the_progress_counts_packages_found_and_installed(install: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
+    progress = install.Installation()
+    for line in (
+        "Collecting numpy>=2.0 (from treadline==0.3.0)\n",
+        "  Downloading https://example.org/packages/numpy-2.4.6-cp311-manylinux.whl (16.6 MB)\n",
+    ):
+        progress.read(line)
+    progress.report()
+    progress.read("Installing collected packages: numpy, scipy\n")
+    progress.report()
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.endswith("s] 1 packages found, now downloading numpy-2.4.6-cp311-manylinux.whl (16.6 MB)")
+    assert second.endswith("s] 0 of 2 packages installed")
+
+
+def test_a_failure_of_pip_is_shown_and_its_exit_code_passed_on() -> None:
+    command = [sys.executable, INSTALL, "--no-index", "nothing-of-this-name"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "nothing-of-this-name" in done.stderr
+
+
+def test_the_wheel_contains_every_file_of_the_program() -> None:
+    program = ROOT / "src" / "treadline"
+    patterns = PROJECT["tool"]["setuptools"]["package-data"]["treadline"]
+    packed = {path for pattern in patterns for path in program.glob(pattern)}
+    files = {path for path in program.rglob("*") if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts}
+    assert files <= packed, sorted(str(path.relative_to(program)) for path in files - packed)
