@@ -60,8 +60,8 @@ class App:
         self._plots: list[tuple[Any, Any]] = []
         self._plotted: tuple[Any, ...] = ()
         self._widths: tuple[float, float, bool] = (0.0, 0.0, False)
-        self.page_px = 0.0
-        """Width of the page [px]; 0 before it is known."""
+        self.page_px = math.inf
+        """Width of the page [px]; unbounded before it is known."""
         self.timeline = ""
         """Phases as a bar, in HTML."""
         self.updates = 0
@@ -105,22 +105,18 @@ class App:
         with self._plot_tab:
             self._loading = gui.add_html(LOADING)
         self._plot_panel.dock_left()
-        self.fit(0.0)
+        self.fit(math.inf)
 
     def fit(self, page_px: float) -> None:
-        """Give panels and plots their shares of a page's width, if it is known; a small page folds the plots."""
-        self.page_px = page_px
-        panels_px, plots_px = PANELS_PX, PLOTS_PX
-        if page_px > 0.0:
-            panels_px, plots_px = min(PANELS_PX, round(PANELS_SHARE * page_px)), min(PLOTS_PX, round(PLOTS_SHARE * page_px))
-        widths = panels_px, plots_px, NARROW_PX < page_px < FOLDED_PX
-        if 0.0 < page_px <= NARROW_PX or widths == self._widths:
+        """Give panels and plots their shares of a page's width; a small page folds the plots, and a narrow one has a sheet."""
+        widths = min(PANELS_PX, PANELS_SHARE * page_px), min(PLOTS_PX, PLOTS_SHARE * page_px), page_px < FOLDED_PX
+        if page_px <= NARROW_PX or widths == self._widths:
             return
         if widths[2] != self._widths[2]:
             (self._plot_panel.minimize if widths[2] else self._plot_panel.expand)()
-        self._widths = widths
-        self._viser.gui.main_panel.set_width(panels_px)
-        self._plot_panel.set_width(plots_px)
+        self._widths, self.page_px = widths, page_px
+        self._viser.gui.main_panel.set_width(widths[0])
+        self._plot_panel.set_width(widths[1])
 
     def _place(self, *names: str) -> None:
         """Add panels of text."""
@@ -328,7 +324,7 @@ class Stage:
     """
 
     def __init__(self, server: GuardedServer, session: Session, offer: LiveOffer | None = None) -> None:
-        self._server, self._offer = server, offer
+        self._server, self._offer, self._is_begun = server, offer, False
         self.session = session
         """Session that is shown."""
         self._app = App(server, session, offer)
@@ -384,8 +380,10 @@ class Stage:
                     known = state
                     await asyncio.sleep(TEXT_S)
 
-        if self._offer is not None:
+        if self._offer is not None and not self._is_begun:
+            self._is_begun = True
             self._offer.begin()
+            self.session.play(playing=True)
         reporting = asyncio.create_task(report())
         try:
             async for message in connection:

@@ -2,7 +2,6 @@
 
 import threading
 import time
-from contextlib import suppress
 from pathlib import Path
 
 from treadline.scenario.scenario import Start, read_scenario
@@ -26,14 +25,14 @@ WARM_UP_S = 6.0
 
 
 def open_demonstration() -> Session:
-    """Return a session that plays the shipped recording again and again.
+    """Return a session of the shipped recording, which begins anew at its end; the first page lets it play.
 
     Raises:
         LogFormatError: If the recording is damaged.
     """
     session = open_recorded(str(RECORDING))
     session.title = f"recorded run of the scenario {SCENARIO}"
-    session.playing = session.repeats = True
+    session.repeats = True
     session.cursor_s = next(span.start_s for span in session.run.phases if span.name == FIRST_PHASE)
     return session
 
@@ -49,9 +48,8 @@ class LiveOffer:
         self._ended: str | None = None
 
     def begin(self) -> None:
-        """Begin to compile after the first picture of the first page; further calls do nothing."""
-        with suppress(RuntimeError):  # the timer runs already
-            self._timer.start()
+        """Begin to compile, after the first picture of the first page."""
+        self._timer.start()
 
     def _compile(self) -> None:
         scenario = read_scenario(SCENARIO)
