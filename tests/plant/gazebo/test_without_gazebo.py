@@ -177,11 +177,12 @@ def test_the_paper_is_not_begun_without_gazebo(tmp_path: Path, monkeypatch: pyte
 
 
 def test_two_simulators_are_compared_row_by_row() -> None:
-    def figures(turns: list[float], straight: float) -> dict[str, list[dict[str, object]]]:
+    def figures(turns: list[float | None], straight: float) -> dict[str, list[dict[str, object]]]:
         rows = [{"loop": "closed", "rms_heading_deg": straight}, {"loop": "open", "rms_heading_deg": 9.0}]
         return {"table2": [{"rms_heading_deg": value} for value in turns], "fig09": rows}
 
-    found = compared(figures([3.0, 4.0], 0.2), figures([3.5, 3.2], 0.1))
+    # A row whose runs ended early in one simulator enters neither mean.
+    found = compared(figures([3.0, 4.0, None, 9.0], 0.2), figures([3.5, 3.2, 9.0, None], 0.1))
     assert found["table2_mean_deg"] == pytest.approx({"gazebo": 3.5, "mujoco": 3.35})
     assert found["table2_largest_gap_deg"] == pytest.approx(0.8)
     assert found["straight_closed_worst_rms_deg"] == {"gazebo": 0.2, "mujoco": 0.1}
