@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, create_model
+from pydantic import Field, ValidationError
 
 from treadline.core.errors import SettingsError
 from treadline.core.overrides import put
@@ -31,35 +31,20 @@ Tables = dict[str, Any]
 
 def check_path(key: str, where: str) -> None:
     """Raise SettingsError unless the scenario has a value at the path."""
-    table, _, rest = key.partition(".")
-    field, _, index = rest.partition(".")
-    if key == LABEL or table in LISTS:
-        return
-    if table not in DEFAULTS:
-        raise SettingsError(f"{where}: no table '{table}' in a scenario; there are {', '.join(DEFAULTS)}, and 'label'")
-    fields = list(_table_model(table).model_fields)
-    if field not in fields:
-        raise SettingsError(f"{where}: [{table}] has no key '{field}'; it has {', '.join(fields)}")
-    items = DEFAULTS[table].get(field)
-    if index and not (isinstance(items, tuple) and index.isdecimal() and int(index) < len(items)):
-        has = f"its items are 0 to {len(items) - 1}" if isinstance(items, tuple) and items else "it has no items"
-        raise SettingsError(f"{where}: '{table}.{field}' has no item '{index}'; {has}")
+    check_value(key, get_value({}, key), where)
 
 
 def check_value(key: str, value: object, where: str) -> None:
-    """Raise SettingsError unless the scenario's validation of the key allows the value."""
-    table, _, rest = key.partition(".")
-    field = rest.partition(".")[0]
-    if key == LABEL:
-        return
-    if not field or table in LISTS:
-        settings_of({table: value} if not field else {}, Scenario, where=where)
-        return
-    # A scenario with only this key; rules across several keys are checked on complete scenarios.
-    info = _table_model(table).model_fields[field]
-    one: Any = _model(table, {field: (info.annotation, info)})
-    whole: Any = _model("Scenario", {table: (one, ...)})
-    settings_of(put({}, tuple(key.split(".")), value, DEFAULTS), whole, where=where)
+    """Raise SettingsError unless the scenario has the key and its validation allows the value."""
+    if key == LABEL or key.startswith(tuple(f"{name}." for name in LISTS)):
+        return  # one key of an item of a list is checked on complete scenarios
+    alone = put({}, tuple(key.split(".")), value, DEFAULTS)
+    try:
+        Scenario.model_validate(alone)
+    except ValidationError as error:
+        # Rules across several keys are checked on complete scenarios.
+        if any(problem["type"] != "value_error" or len(problem["loc"]) > 1 for problem in error.errors()):
+            settings_of(alone, Scenario, where=where)
 
 
 def is_integer(key: str) -> bool:
@@ -95,17 +80,6 @@ def _slope_deg(stair: Mapping[str, Any]) -> float:
         return float(stair["slope_deg"])
     shape = Stair().model_dump() | dict(stair)
     return math.degrees(math.atan2(shape["rise_m"], shape["run_m"]))
-
-
-def _model(name: str, fields: dict[str, Any]) -> Any:
-    return create_model(name, __base__=Settings, **fields)
-
-
-def _table_model(table: str) -> type[Settings]:
-    model = Scenario.model_fields[table].annotation
-    if not (isinstance(model, type) and issubclass(model, Settings)):
-        raise SettingsError(f"'{table}' is not a table")
-    return model
 
 
 KINDS = ("uniform", "normal", "choice", "value")

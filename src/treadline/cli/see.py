@@ -14,7 +14,7 @@ from treadline.cli.compile import report_compiling
 from treadline.core.errors import SettingsError
 
 if TYPE_CHECKING:
-    from treadline.core.camera_images import FrameSource, PinholeCamera
+    from treadline.core.camera_images import FrameSource
 
 MANY = 20
 """Number of frames above which progress is shown."""
@@ -78,6 +78,7 @@ def see(
         out: Folder for the pictures: the six stages of Fig. 5 (NAME-1.png to -6.png), and treads, risers, nosings and heading of
             the robust method (NAME-seen.png); of --live, the newest picture (live-seen.png).
     """
+    from treadline.io.frames import read_frames
     from treadline.io.frames.point_cloud import AXES
     from treadline.perception.paper.edges import ThresholdRule
 
@@ -89,7 +90,7 @@ def see(
     rule = choice("--threshold", threshold or "median", get_args(ThresholdRule))
     if threshold is not None and chosen != "paper" and out is None:
         raise SettingsError("--threshold is of Algorithm 1: give --method paper, or --out for pictures of its stages")
-    choice("--axes", axes, AXES)
+    cloud_axes = choice("--axes", axes, AXES)
     if (source is None) == (live is None):
         raise SettingsError("see needs one input: a file, a folder or a log, or --live CAMERA; treadline see --help shows examples")
     report_compiling()
@@ -103,55 +104,9 @@ def see(
     if seconds is not None:
         raise SettingsError("--seconds is of --live")
     assert source is not None  # noqa: S101 - for the type checker
-    frames = _source(source, depth, camera, gravity, unit, axes, topic, colour=chosen == "paper" or out is not None)
+    colour = chosen == "paper" or out is not None
+    frames = read_frames(source, depth, camera=camera, gravity=gravity, unit=unit, axes=cloud_axes, topic=topic, colour=colour)
     return _answer(frames, chosen, rule, headings, out)
-
-
-def _source(
-    source: Path,
-    depth: Path | None,
-    camera: Path | None,
-    gravity: str | None,
-    unit: str | None,
-    axes: Any,
-    topic: str | None,
-    *,
-    colour: bool,
-) -> "FrameSource":
-    from treadline.core.camera_images import gravity_of
-    from treadline.io.frames.point_cloud import FrameOptions
-    from treadline.io.frames.sources import open_frames
-    from treadline.scenario.camera_file import read_camera
-
-    options = FrameOptions(
-        camera=None if camera is None else read_camera(camera),
-        gravity_C=gravity_of(gravity),
-        unit=unit,
-        axes=axes,
-        topic=topic,
-        mount=_mount_of_run(source),
-        colour=colour,
-    )
-    return open_frames(source, depth, options)
-
-
-def _mount_of_run(source: Path) -> "PinholeCamera | None":
-    """Return the camera of the chair that made a run folder; None for other inputs."""
-    from treadline.core.models import read_json
-    from treadline.core.settings import settings_of
-    from treadline.io.runs import LOG, MANIFEST
-    from treadline.scenario.chair import read_chair
-    from treadline.scenario.scenario import Scenario
-
-    where = (source.parent if source.name == LOG else source) / MANIFEST
-    if not where.is_file():
-        return None
-    settings = read_json(where).get("settings")
-    if not isinstance(settings, dict):
-        return None
-    if "replay" in settings:  # of a log without a manifest, the chair is the default
-        settings = settings.get("scenario") or {}
-    return read_chair(settings_of(settings, Scenario, where=f"{where}: settings").chair.model).camera_at()
 
 
 def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, out: Path | None) -> Answer:

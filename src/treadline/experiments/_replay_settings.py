@@ -18,7 +18,7 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError, closest
 from treadline.core.models import ControllerDesign, Reconstruct
-from treadline.core.overrides import parse_items
+from treadline.core.overrides import parse_items, put
 from treadline.core.setting_docs import meanings
 from treadline.core.settings import Settings, settings_of
 from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
@@ -197,11 +197,7 @@ class ReplaySettings:
         """Return the values as nested tables, with the name of the controller."""
         tables: dict[str, Any] = {}
         for key, value in self.values.items():
-            *path, last = key.split(".")
-            here = tables
-            for part in path:
-                here = here.setdefault(part, {})
-            here[last] = value
+            tables = put(tables, tuple(key.split(".")), value, None)
         return tables | {"controller": self.controller_name}
 
 

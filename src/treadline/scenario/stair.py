@@ -248,11 +248,12 @@ class StepOverride(Settings):
 
 def step_problem(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
     """Return why a staircase cannot be built, or None."""
-    for check in (_outside, _given_twice, _landing_depth, _shape_of_winder, _overhang, _steep_tread, _crossing_nosings):
-        problem = check(stair, overrides)
-        if problem is not None:
-            return problem
-    return None
+    for check in (_outside, _given_twice, _landing_depth, _shape_of_winder, _overhang, _steep_tread):
+        for number, override in enumerate(overrides):
+            problem = check(stair, overrides, number, place_of(stair, override))
+            if problem is not None:
+                return f"step.{number}: {problem}"
+    return _crossing_nosings(stair, overrides)
 
 
 def place_of(stair: Stair, override: StepOverride) -> int:
@@ -275,89 +276,62 @@ def run_of(stair: Stair, overrides: Sequence[StepOverride], index: int) -> float
     return value_at(stair, overrides, "run_m", index, stair.between_m if stair.is_landing(index) else stair.run_m)
 
 
-def _outside(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
-    for number, override in enumerate(overrides):
-        if not -stair.count <= override.index < stair.count:
-            return (
-                f"step.{number}: index is {override.index}, the stair has {stair.count} steps; give one from {-stair.count} (from "
-                f"the top) to {stair.count - 1}"
-            )
+def _outside(stair: Stair, overrides: Sequence[StepOverride], number: int, _index: int) -> str | None:
+    index = overrides[number].index
+    if -stair.count <= index < stair.count:
+        return None
+    return f"index is {index}, the stair has {stair.count} steps; give one from {-stair.count} (from the top) to {stair.count - 1}"
+
+
+def _given_twice(stair: Stair, overrides: Sequence[StepOverride], number: int, index: int) -> str | None:
+    same = {(key, key) for key in StepOverride.model_fields if key != "index"} | set(StepOverride.alternatives)
+    for other, earlier in enumerate(overrides[:number]):
+        for key, before in sorted(same | {(two, one) for one, two in same}):
+            both = getattr(overrides[number], key) is not None and getattr(earlier, before) is not None
+            if both and place_of(stair, earlier) == index:
+                return f"{key} of step {index} is given by step.{other} already ({before}); remove one"
     return None
 
 
-def _given_twice(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
-    given: dict[tuple[int, str], int] = {}
-    for number, override in enumerate(overrides):
-        index = place_of(stair, override)
-        for key in type(override).model_fields:
-            if key == "index" or getattr(override, key) is None:
-                continue
-            same = ("friction", key) if key in ("friction_left", "friction_right") else (key,)
-            same = (*same, "friction_left", "friction_right") if key == "friction" else same
-            for other in same:
-                if (index, other) in given:
-                    return (
-                        f"step.{number}: {key} of step {index} is given by step.{given[index, other]} already ({other}); remove one"
-                    )
-            given[index, key] = number
+def _landing_depth(stair: Stair, overrides: Sequence[StepOverride], number: int, index: int) -> str | None:
+    run_m = overrides[number].run_m
+    if run_m is None or not stair.is_landing(index):
+        return None
+    name = "landing_m" if index == stair.count - 1 else "between_m"
+    return f"run_m is {run_m:g}, but step {index} is a landing; its depth is stair.{name}"
+
+
+def _shape_of_winder(stair: Stair, overrides: Sequence[StepOverride], number: int, index: int) -> str | None:
+    """Return why an override would change the plan of a winder."""
+    for key in ("run_m", "yaw_deg", "tread_slope_deg"):
+        value = getattr(overrides[number], key)
+        if value is not None and stair.is_winder(index):
+            return f"{key} is {value:g}, but step {index} is a winder: stair.winders shapes it; remove it"
+        if value is not None and key == "yaw_deg" and index > 0 and stair.is_winder(index - 1):
+            return f"yaw_deg is {value:g}, but the nosing of step {index} ends the last winder; remove it"
     return None
 
 
-def _landing_depth(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
-    for number, override in enumerate(overrides):
-        index = place_of(stair, override)
-        if override.run_m is not None and stair.is_landing(index):
-            name = "landing_m" if index == stair.count - 1 else "between_m"
-            return f"step.{number}: run_m is {override.run_m:g}, but step {index} is a landing; its depth is stair.{name}"
+def _overhang(stair: Stair, overrides: Sequence[StepOverride], number: int, index: int) -> str | None:
+    overhang_m, run_m = overrides[number].overhang_m, run_of(stair, overrides, index)
+    if overhang_m and stair.open_risers:
+        return f"overhang_m is {overhang_m:g}, but stair.open_risers leaves no riser to hang over"
+    if overhang_m and overhang_m >= run_m:
+        return f"overhang_m is {overhang_m:g}; it must be below the run of {run_m:g} m, for the riser stands under the tread"
     return None
 
 
-def _shape_of_winder(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
-    """Return which override would change the plan of a winder."""
-    for number, override in enumerate(overrides):
-        index = place_of(stair, override)
-        ends_one = index > 0 and stair.is_winder(index - 1)
-        for key in ("run_m", "yaw_deg", "tread_slope_deg"):
-            value = getattr(override, key)
-            if value is None:
-                continue
-            if stair.is_winder(index):
-                return f"step.{number}: {key} is {value:g}, but step {index} is a winder: stair.winders shapes it; remove it"
-            if ends_one and key == "yaw_deg":
-                return f"step.{number}: yaw_deg is {value:g}, but the nosing of step {index} ends the last winder; remove it"
-    return None
-
-
-def _overhang(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
-    for number, override in enumerate(overrides):
-        if not override.overhang_m:
-            continue
-        index = place_of(stair, override)
-        if stair.open_risers:
-            return f"step.{number}: overhang_m is {override.overhang_m:g}, but stair.open_risers leaves no riser to hang over"
-        run_m = run_of(stair, overrides, index)
-        if override.overhang_m >= run_m:
-            return (
-                f"step.{number}: overhang_m is {override.overhang_m:g}; it must be below the run of {run_m:g} m, for the riser "
-                "stands under the tread"
-            )
-    return None
-
-
-def _steep_tread(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:
-    """Return where the back of a tread would rise above the next nosing."""
-    for number, override in enumerate(overrides):
-        index = place_of(stair, override)
-        if not override.tread_slope_deg or index == stair.count - 1:
-            continue
-        climb_m = run_of(stair, overrides, index) * math.tan(override.tread_slope_deg * DEG)
-        rise_m = value_at(stair, overrides, "rise_m", index + 1, stair.rise_m)
-        if climb_m >= rise_m:
-            return (
-                f"step.{number}: tread_slope_deg is {override.tread_slope_deg:g}, so the tread rises {climb_m:.3f} m to its "
-                f"back; the next nosing is only {rise_m:g} m higher"
-            )
-    return None
+def _steep_tread(stair: Stair, overrides: Sequence[StepOverride], number: int, index: int) -> str | None:
+    """Return why the back of a tread would rise above the next nosing."""
+    slope_deg = overrides[number].tread_slope_deg
+    if not slope_deg or index == stair.count - 1:
+        return None
+    climb_m = run_of(stair, overrides, index) * math.tan(slope_deg * DEG)
+    rise_m = value_at(stair, overrides, "rise_m", index + 1, stair.rise_m)
+    if climb_m < rise_m:
+        return None
+    higher = f"the next nosing is only {rise_m:g} m higher"
+    return f"tread_slope_deg is {slope_deg:g}, so the tread rises {climb_m:.3f} m to its back; {higher}"
 
 
 def _crossing_nosings(stair: Stair, overrides: Sequence[StepOverride]) -> str | None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from treadline.core.camera_images import FrameSource, NamedFrame, SeveralFrames, gravity_of, gravity_table
+from treadline.core.camera_images import FrameSource, NamedFrame, PinholeCamera, SeveralFrames, gravity_of, gravity_table
 from treadline.core.errors import ImageError, SettingsError
 from treadline.io.frames._cloud_files import ENDINGS, read_cloud
 from treadline.io.frames._image_files import is_photo, nominal_camera, read_frame
@@ -30,6 +30,7 @@ def read_frames(
     unit: str | None = None,
     axes: Axes = "camera",
     topic: str | None = None,
+    colour: bool = True,
 ) -> FrameSource:
     """Return the frames of a depth image, a colour and a depth image, a point cloud, a folder of these, or a log.
 
@@ -44,6 +45,7 @@ def read_frames(
         unit: Unit of depth counts or cloud coordinates: m, cm or mm.
         axes: Axes of clouds: camera (x right, y down, z forward), ros (x forward, z up) or opengl (y up, z backward).
         topic: Topic of the depth of a log, if it has several.
+        colour: Whether the colour images of a log are wanted; depth alone is read faster.
 
     Raises:
         TreadlineError: If the path holds no frames, or information is missing.
@@ -58,16 +60,11 @@ def read_frames(
         wall.png (424, 512)
     """
     calibration = camera if isinstance(camera, CameraFile | None) else read_camera(Path(camera))
-    options = FrameOptions(camera=calibration, gravity_C=gravity_of(gravity), unit=unit, axes=axes, topic=topic)
-    return open_frames(Path(path), None if depth is None else Path(depth), options)
+    options = FrameOptions(camera=calibration, gravity_C=gravity_of(gravity), unit=unit, axes=axes, topic=topic, colour=colour)
+    return _opened(Path(path), None if depth is None else Path(depth), options)
 
 
-def open_frames(path: Path, depth: Path | None, options: FrameOptions) -> FrameSource:
-    """Return the frames of a path.
-
-    Raises:
-        TreadlineError: If the path holds no frames, or information is missing.
-    """
+def _opened(path: Path, depth: Path | None, options: FrameOptions) -> FrameSource:
     if options.unit is not None and options.unit not in UNITS:
         raise SettingsError(f"--unit is '{options.unit}'; allowed: {', '.join(UNITS)}")
     if depth is not None:
@@ -81,10 +78,29 @@ def open_frames(path: Path, depth: Path | None, options: FrameOptions) -> FrameS
     if not endings.isdisjoint(BAGS):
         from treadline.io.frames._recorded_frames import FramesOfLog
 
-        return FramesOfLog(path, options)
+        return FramesOfLog(path, replace(options, mount=_mount_of_run(path)))
     if options.topic is not None:
         raise SettingsError(f"--topic is of logs; {path} is none")
     return _folder(path, options) if path.is_dir() else _depth_image(path, options)
+
+
+def _mount_of_run(source: Path) -> PinholeCamera | None:
+    """Return the camera of the chair that made a run folder; None for other inputs."""
+    from treadline.core.models import read_json
+    from treadline.core.settings import settings_of
+    from treadline.io.runs import LOG, MANIFEST
+    from treadline.scenario.chair import read_chair
+    from treadline.scenario.scenario import Scenario
+
+    where = (source.parent if source.name == LOG else source) / MANIFEST
+    if not where.is_file():
+        return None
+    settings = read_json(where).get("settings")
+    if not isinstance(settings, dict):
+        return None
+    if "replay" in settings:  # of a log without a manifest, the chair is the default
+        settings = settings.get("scenario") or {}
+    return read_chair(settings_of(settings, Scenario, where=f"{where}: settings").chair.model).camera_at()
 
 
 def _folder(path: Path, options: FrameOptions) -> FrameSource:
