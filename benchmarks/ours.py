@@ -8,7 +8,7 @@ from systems import StateSpace
 from treadline.core.errors import TreadlineError
 from treadline.core.models import InputOutputRecord
 from treadline.identification import era
-from treadline.identification.gram import gram, units_of
+from treadline.identification._gram import gram, units_of
 
 WAYS: dict[str, dict[str, Any]] = {
     "okid-era (gram)": {"method": "okid-era", "solver": "gram"},

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
     from treadline.core.models import ControllerDesign, LinearModel, Reconstruct
     from treadline.identification import IdentificationOptions, Identified
-    from treadline.identification.option_keywords import IdentificationKeywords
+    from treadline.identification.options import IdentificationKeywords
     from treadline.perception import StairDetection
     from treadline.run.episode import Traverse
     from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource

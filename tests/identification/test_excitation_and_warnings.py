@@ -13,7 +13,7 @@ from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import gram
 from treadline.identification._checks import excitation_order
-from treadline.identification.gram import units_of
+from treadline.identification._gram import units_of
 from treadline.identification.validate import crosscorrelation_p, simulate, whiteness_p
 
 LAGS = 12

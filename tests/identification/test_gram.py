@@ -14,7 +14,7 @@ from systems import noise_record
 from treadline.core.errors import LogFormatError, ShapeMismatch, TreadlineError
 from treadline.core.models import InputOutputRecord
 from treadline.identification import Gram, gram
-from treadline.identification.gram import GramBuilder, Units, units_of
+from treadline.identification._gram import GramBuilder, Units, units_of
 
 ROUNDING = 1e-11
 """Absolute tolerance: sums of a few hundred products of size ten, each accurate to 1e-16, slid along the diagonal; 1e-13 was
@@ -95,7 +95,7 @@ def test_data_longer_than_a_pass_are_summed_as_one(monkeypatch: pytest.MonkeyPat
     record = random_record(0, 1000)
     units = some_units(record)
     expected = gram(record, 5, units)
-    monkeypatch.setattr(sys.modules["treadline.identification.gram"], "CHUNK", 64)
+    monkeypatch.setattr(sys.modules["treadline.identification._gram"], "CHUNK", 64)
     np.testing.assert_allclose(gram(record, 5, units).sums, expected.sums, atol=ROUNDING)
 
 

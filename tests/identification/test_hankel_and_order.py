@@ -8,8 +8,8 @@ from systems import Draw, fit, system, white_record
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import era
+from treadline.identification._era import HankelSvd, hankel, hankel_times
 from treadline.identification._model_order import choose_order
-from treadline.identification.era import hankel, hankel_svd, hankel_times
 from treadline.identification.validate import impulse_response
 
 
@@ -50,7 +50,7 @@ def test_a_response_gives_back_its_system(seed: int) -> None:
 
 def test_a_realisation_is_balanced() -> None:
     response = impulse_response(modal([0.8, 0.3], 1), 41)
-    svd = hankel_svd(response, 20, 20, np.ones(2), np.ones(2))
+    svd = HankelSvd(markov=response, rows=20, columns=20)
     A, B, C, _ = era(response, 2, rows=20)
     controllability = sum(np.linalg.matrix_power(A, k) @ B @ B.T @ np.linalg.matrix_power(A, k).T for k in range(60))
     observability = sum(np.linalg.matrix_power(A, k).T @ C.T @ C @ np.linalg.matrix_power(A, k) for k in range(60))
@@ -63,7 +63,7 @@ def test_a_realisation_is_balanced() -> None:
 def test_leading_values_alone_are_those_of_the_whole_decomposition(rows: int, columns: int) -> None:
     response = impulse_response(modal([0.9, 0.7, -0.4], 2), 21)
     response += 0.01 * np.random.default_rng(3).standard_normal(response.shape)
-    svd = hankel_svd(response, rows, columns, np.ones(2), np.ones(2))
+    svd = HankelSvd(markov=response, rows=rows, columns=columns)
     (U, s, Vt), (U_whole, s_whole, Vt_whole) = svd.leading(2), np.linalg.svd(svd.matrix)
     assert svd.s.size == 2 * min(rows, columns)
     # The square of a ratio of one hundred costs four of sixteen digits.
@@ -77,7 +77,7 @@ def test_leading_values_alone_are_those_of_the_whole_decomposition(rows: int, co
 
 def test_very_small_singular_values_are_computed_from_the_matrix_itself() -> None:
     response = impulse_response(modal([0.9], 4), 21) + 1e-9 * impulse_response(modal([-0.3], 5), 21)
-    svd = hankel_svd(response, 10, 10, np.ones(2), np.ones(2))
+    svd = HankelSvd(markov=response, rows=10, columns=10)
     _, s, _ = svd.leading(2)
     assert 1e-12 < s[1] / s[0] < 1e-8  # the square of the ratio is below rounding
     np.testing.assert_allclose(s, np.linalg.svd(svd.matrix, compute_uv=False)[:2], rtol=1e-6)
@@ -99,7 +99,7 @@ def test_the_matrix_free_decomposition_equals_the_dense_one() -> None:
     response = impulse_response(modal(poles, 5), 402)
     noisy = response + 1e-3 * np.random.default_rng(1).standard_normal(response.shape)
     for markov, atol in ((response, 1e-12), (noisy, 1e-9)):
-        svd = hankel_svd(markov, 200, 200, np.ones(2), np.ones(2))
+        svd = HankelSvd(markov=markov, rows=200, columns=200)
         s = np.linalg.svd(hankel(markov, 200, 200, 0), compute_uv=False)
         np.testing.assert_allclose(svd.s[:6] / s[0], s[:6] / s[0], atol=atol)
     found = np.sort(np.linalg.eigvals(era(response, 6, rows=200)[0]).real)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from treadline.core.models import LinearModel
+from treadline.identification._okid import ObserverMarkov
 from treadline.identification._realisation import observer_gain
-from treadline.identification.gram import Units
-from treadline.identification.okid import ObserverMarkov
 
 LAGS = 60
 
@@ -27,7 +26,6 @@ def observer_of(model: LinearModel, K: np.ndarray) -> ObserverMarkov:
         residual_covariance=np.eye(p),
         information=np.eye(q),
         count=1e4,
-        units=Units(shift=np.zeros(m + p), scale=np.ones(m + p), input_count=m),
         feedthrough=True,
     )
 

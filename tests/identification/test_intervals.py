@@ -14,9 +14,9 @@ from systems import Draw, fit, oscillation, system
 
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import Affine, to_model
+from treadline.identification._gram import units_of
 from treadline.identification._pole_intervals import ConfidenceIntervals, of_refined
 from treadline.identification._refine import experiments_of, refined
-from treadline.identification.gram import units_of
 from treadline.identification.validate import impulse_response, simulate
 
 FREE = np.zeros((2, 3), dtype=bool)

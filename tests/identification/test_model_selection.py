@@ -8,8 +8,8 @@ from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import identify
 from treadline.identification._affine import Affine
 from treadline.identification._fitting import Candidate, Fitting
+from treadline.identification._gram import Units, gram_of
 from treadline.identification._model_selection import free_run_squares
-from treadline.identification.gram import Units, gram_of
 from treadline.identification.validate import simulate
 
 

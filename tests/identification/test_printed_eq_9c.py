@@ -6,7 +6,7 @@ from systems import fit, markov_error, system
 
 from treadline.core.errors import PoorExcitation, SettingsError
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification.deconvolution import deconvolve, input_matrix
+from treadline.identification._deconvolution import deconvolve, input_matrix
 from treadline.identification.validate import impulse_response, simulate
 
 SAMPLES = 50

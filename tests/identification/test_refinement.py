@@ -11,6 +11,7 @@ from systems import STEPS, fit, markov_error, oscillation, system
 
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import Affine, modes_of
+from treadline.identification._gram import Units
 from treadline.identification._recursion_kernels import free_run
 from treadline.identification._refine import (
     Directions,
@@ -24,7 +25,6 @@ from treadline.identification._refine import (
     refined,
     residual,
 )
-from treadline.identification.gram import Units
 from treadline.identification.validate import impulse_response, simulate
 
 FREE = np.zeros((2, 3), dtype=bool)

@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from systems import oscillation, system
 
 from treadline.core.models import LinearModel
-from treadline.identification.era import hankel_svd, realise
+from treadline.identification._era import HankelSvd, realise
 from treadline.identification.stabilisation import (
     StabilisationDiagram,
     modes,
@@ -38,7 +38,7 @@ def noisy(modal: LinearModel) -> StabilisationDiagram:
     markov = impulse_response(modal, 121)
     rng = np.random.default_rng(4)
     markov += 0.01 * markov.std() * rng.standard_normal(markov.shape)
-    return stabilisation_of_svd(hankel_svd(markov, 60, 60, np.ones(2), np.ones(2)), DT_S, 20)
+    return stabilisation_of_svd(HankelSvd(markov=markov, rows=60, columns=60), DT_S, 20)
 
 
 def at(diagram: StabilisationDiagram, frequency_hz: float, order: int) -> Float[np.ndarray, " k"]:
@@ -69,7 +69,7 @@ def test_spurious_poles_do_not_stabilise(noisy: StabilisationDiagram) -> None:
 
 
 def test_without_noise_the_diagram_ends_at_the_true_order(modal: LinearModel) -> None:
-    svd = hankel_svd(impulse_response(modal, 121), 60, 60, np.ones(2), np.ones(2))
+    svd = HankelSvd(markov=impulse_response(modal, 121), rows=60, columns=60)
     diagram = stabilisation_of_svd(svd, DT_S)
     assert diagram.order.max() == 6
     last = diagram.order == 6
@@ -77,10 +77,9 @@ def test_without_noise_the_diagram_ends_at_the_true_order(modal: LinearModel) ->
 
 
 def test_leading_blocks_are_the_models_that_era_realises(modal: LinearModel) -> None:
-    ones = np.ones(2)
     markov = impulse_response(modal, 41) + 1e-3 * np.random.default_rng(0).standard_normal((41, 2, 2))
-    svd = hankel_svd(markov, 20, 20, ones, ones)
-    one_by_one = stabilisation(lambda order: realise(svd, order, ones, ones)[0], range(1, 13), DT_S)
+    svd = HankelSvd(markov=markov, rows=20, columns=20)
+    one_by_one = stabilisation(lambda order: realise(svd, order)[0], range(1, 13), DT_S)
     at_once = stabilisation_of_svd(svd, DT_S, 12)
     np.testing.assert_array_equal(at_once.order, one_by_one.order)
     np.testing.assert_allclose(at_once.frequency_hz, one_by_one.frequency_hz, rtol=1e-6)

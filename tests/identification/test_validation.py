@@ -10,9 +10,9 @@ from systems import Draw, fit, system
 
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.identification._gram import gram, units_of
+from treadline.identification._okid import observer_markov
 from treadline.identification.excitation_signal import Excitation, ExcitationConfig
-from treadline.identification.gram import gram, units_of
-from treadline.identification.okid import observer_markov
 from treadline.identification.validate import (
     fit_percent,
     h_step_rmse,

@@ -7,8 +7,7 @@ from treadline.control import lqr_gain
 from treadline.core import paper
 from treadline.experiments.as_printed import asked_at
 from treadline.experiments.plan import WHOLE
-from treadline.identification.gram import Units
-from treadline.identification.okid import ObserverMarkov, system_markov
+from treadline.identification._okid import ObserverMarkov, system_markov
 from treadline.scenario.chair import read_chair
 
 
@@ -83,7 +82,6 @@ def test_a_rank_of_2_is_all_that_the_printed_impulse_response_has() -> None:
         residual_covariance=np.eye(2),
         information=np.eye(5),
         count=1.0,
-        units=Units(shift=np.zeros(4), scale=np.ones(4), input_count=2),
         feedthrough=True,
     )
     Y = system_markov(observer, 9)

@@ -13,8 +13,8 @@ from treadline.core.errors import MechanicsError, PoorExcitation
 from treadline.estimation.offset import heading_offset
 from treadline.experiments.as_printed import paper_model
 from treadline.identification import era
-from treadline.identification.deconvolution import deconvolve, input_matrix
-from treadline.identification.era import hankel
+from treadline.identification._deconvolution import deconvolve, input_matrix
+from treadline.identification._era import hankel
 from treadline.identification.validate import impulse_response, simulate
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.linkage import SeatLinkage

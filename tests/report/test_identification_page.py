@@ -16,7 +16,7 @@ from treadline.core.errors import TreadlineError
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.experiments.as_printed import paper_model
 from treadline.identification import CandidateScore, IdentificationOptions, IdentificationReport, identify, validate
-from treadline.identification.era import hankel_svd
+from treadline.identification._era import HankelSvd
 from treadline.identification.stabilisation import StabilisationDiagram, stabilisation_of_svd
 from treadline.report import _model_figures as figures
 from treadline.report import _model_runs as runs
@@ -163,7 +163,7 @@ def page_of(tmp_path: Path, found: Any, judged: list[InputOutputRecord] | None =
 def diagram_of(model: LinearModel) -> StabilisationDiagram:
     """Return the stabilisation diagram of a model's own impulse response."""
     markov = validate.impulse_response(model, 41)
-    return stabilisation_of_svd(hankel_svd(markov, 20, 20, np.ones(model.B.shape[1]), np.ones(model.C.shape[0])), model.dt_s)
+    return stabilisation_of_svd(HankelSvd(markov=markov, rows=20, columns=20), model.dt_s)
 
 
 A_CALM = np.array([[0.9, 0.2, 0.0], [-0.2, 0.9, 0.0], [0.0, 0.0, 0.5]])

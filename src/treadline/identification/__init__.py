@@ -1,14 +1,13 @@
 """System identification: a linear state-space model from recorded belt speeds and motion."""
 
+from treadline.identification._era import era
 from treadline.identification._from_gram import okid, pbsid
+from treadline.identification._gram import Gram, gram
 from treadline.identification._identified import CandidateScore, IdentificationReport, Identified
+from treadline.identification._okid import observer_markov, system_markov
 from treadline.identification._stream import identify_chunks
-from treadline.identification.era import era
-from treadline.identification.gram import Gram, gram
 from treadline.identification.identify import identify
-from treadline.identification.okid import observer_markov, system_markov
 from treadline.identification.options import METHODS, SOLVERS, IdentificationOptions
-from treadline.identification.reduction import balanced_truncation
 
 __all__ = [
     "METHODS",
@@ -18,7 +17,6 @@ __all__ = [
     "IdentificationOptions",
     "IdentificationReport",
     "Identified",
-    "balanced_truncation",
     "era",
     "gram",
     "identify",

@@ -8,17 +8,17 @@ and in the initial state; its derivatives with respect to λ, B, C and D are fil
 N·(n·m)² as matrix products, where the recursion of all derivatives costs N·n²·d in scalar operations.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int, Num
-from scipy.linalg import lapack
+from scipy.linalg import lapack, schur
 
 from treadline.core.arrays import store_contiguous
 from treadline.core.models import LinearModel, Provenance
+from treadline.identification._gram import Units
 from treadline.identification._recursion_kernels import modal_chain, modal_filters, modal_products, modal_run, without_columns
-from treadline.identification.gram import Units
 
 FREE = 1e4
 """Weight of the state equations against the operating point's distance: large enough to leave the state free."""
@@ -103,6 +103,32 @@ def to_model(
         output_names=names[m:],
         provenance=provenance or {},
     )
+
+
+ON_CIRCLE = 1e-9
+"""Distance of a pole's modulus from 1 that counts as rounding."""
+INSIDE = 1.0 - 1e-4
+"""Largest modulus of a pole after reflection into the unit circle."""
+
+
+def stabilised(system: Affine) -> Affine:
+    """Return the system with poles outside the unit circle reflected, and poles on the circle moved just inside.
+
+    The reflection 1/λ* preserves the magnitude of the frequency response. Only the diagonal of the real Schur form changes,
+    so that equal poles stay coupled.
+    """
+    if system.radius < 1.0 - ON_CIRCLE:
+        return system
+    T, Q = schur(system.A, output="real")
+    at = 0
+    while at < len(T):
+        size = 2 if at + 1 < len(T) and T[at + 1, at] != 0.0 else 1
+        block = slice(at, at + size)
+        modulus = float(np.sqrt(abs(np.linalg.det(T[block, block])))) if size == 2 else abs(float(T[at, at]))
+        if modulus >= 1.0 - ON_CIRCLE:
+            T[block, block] *= min(1.0 / modulus, INSIDE) / modulus
+        at += size
+    return replace(system, A=np.asarray(Q @ T @ Q.T))
 
 
 WELL_SEEN = 1e-4

@@ -7,7 +7,7 @@ from scipy.linalg import lapack
 
 from treadline.core.errors import NotFinite, PeriodMismatch, PoorExcitation, SettingsError, ShapeMismatch
 from treadline.core.models import InputOutputRecord
-from treadline.identification.gram import Gram, Units, units_of
+from treadline.identification._gram import Gram, Units, units_of
 
 GAP_SHARE = 0.2
 """Largest share of rows with a NaN; above this share the remaining rows no longer represent the experiment."""

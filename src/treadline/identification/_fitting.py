@@ -18,7 +18,10 @@ from scipy.linalg import solve_discrete_are
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import Affine, linear_sums, modes_of
+from treadline.identification._era import HankelSvd
+from treadline.identification._gram import Gram, Units, gram_of
 from treadline.identification._model_order import bic_order
+from treadline.identification._okid import ObserverMarkov, scaled_observer
 from treadline.identification._realisation import StateMap, block_rows, markov_svd, pbsid, realised, state_map
 from treadline.identification._refine import (
     BRIEF,
@@ -32,9 +35,6 @@ from treadline.identification._refine import (
     predictors_of,
     refined,
 )
-from treadline.identification.era import HankelSvd
-from treadline.identification.gram import Gram, Units, gram_of
-from treadline.identification.okid import ObserverMarkov, scaled_observer
 
 GAIN_SAMPLES = 20_000
 """Number of most recent samples used to fit the innovation gain."""

@@ -8,14 +8,17 @@ Paper: Section IV.B. OKID → singular values → order → ERA, PBSID or cross-
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import Affine, to_model
 from treadline.identification._checks import channel_names, check_excitation, check_independent, check_integers, check_records
+from treadline.identification._deconvolution import observer_of
+from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import Candidate, Fitting
-from treadline.identification._identified import FittedSystem
+from treadline.identification._gram import Gram, GramBuilder, Units, gram_of
+from treadline.identification._identified import Evidence, FittedSystem
 from treadline.identification._model_order import (
     OrderChoice,
     choose_structure,
@@ -26,14 +29,11 @@ from treadline.identification._model_order import (
     stands_out,
     structural_order,
 )
-from treadline.identification._model_selection import CvScore, select_model
+from treadline.identification._model_selection import select_model
+from treadline.identification._okid import ObserverMarkov, observer_markov, scaled_observer
 from treadline.identification._realisation import pbsid as realised_by_pbsid
 from treadline.identification._realisation import realised, state_map
 from treadline.identification._threads import one_thread
-from treadline.identification.deconvolution import observer_of
-from treadline.identification.era import HankelSvd
-from treadline.identification.gram import Gram, GramBuilder, Units, gram_of
-from treadline.identification.okid import ObserverMarkov, observer_markov, scaled_observer
 from treadline.identification.options import IdentificationOptions, max_supported_lags
 
 OBSERVERS = ("okid-era", "era-dc")
@@ -120,32 +120,18 @@ def from_gram(
     return found
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Evidence:
-    """Structure of the data before a model is fitted."""
-
-    lags: int
-    observer: ObserverMarkov
-    svd: HankelSvd
-    structural: int | None
-    """Largest order possible with the observer's lags; None for noise-free data."""
-    noise: float | None
-    """Largest singular value of noise alone; None for a given order."""
-    choice: OrderChoice
-
-
-def _evidence_of(fitting: Fitting, half: Gram | None, lags: int, order: int | None, warnings: list[str]) -> _Evidence:
+def _evidence_of(fitting: Fitting, half: Gram | None, lags: int, order: int | None, warnings: list[str]) -> Evidence:
     observer, svd = fitting.observer(lags, order)
     structural = structural_order(observer)
     noise = None
     if order is None and half is not None:
         noise = noise_level(scaled_observer(half, lags, feedthrough=fitting.feedthrough), observer, svd)
     choice = settle_order(svd, order, structural, noise or 0.0, warnings)
-    return _Evidence(lags=lags, observer=observer, svd=svd, structural=structural, noise=noise, choice=choice)
+    return Evidence(lags=lags, observer=observer, svd=svd, structural=structural, noise=noise, choice=choice)
 
 
 def _by_cross_validation(
-    fitting: Fitting, evidence: _Evidence, order: int | None, warnings: list[str], on_progress: Callable[[str], None]
+    fitting: Fitting, evidence: Evidence, order: int | None, warnings: list[str], on_progress: Callable[[str], None]
 ) -> FittedSystem:
     """Return the model selected by cross-validation."""
     names, order_is_clear = channel_names(fitting.records[0]), _is_clearly_separated(evidence.choice, evidence.svd)
@@ -166,11 +152,20 @@ def _by_cross_validation(
     noise = evidence.noise if candidate.lags == evidence.lags else None
     choice = OrderChoice(order=candidate.order, gap=gap_at(svd.s[: structural_order(observer)], candidate.order), clear=True)
     reported = replace(evidence, observer=observer, svd=svd, noise=noise, choice=choice)
-    return _fitted_system(fitting, candidate, chosen.system, reported, warnings, chosen.scores)
+    units = fitting.units(constants=candidate.constants)
+    return FittedSystem(
+        candidate=candidate,
+        system=chosen.system,
+        units=units,
+        fitting=fitting,
+        evidence=reported,
+        scores=chosen.scores,
+        warnings=warnings,
+    )
 
 
 def _by_method(
-    fitting: Fitting, evidence: _Evidence, method: str, options: IdentificationOptions, warnings: list[str]
+    fitting: Fitting, evidence: Evidence, method: str, options: IdentificationOptions, warnings: list[str]
 ) -> FittedSystem:
     """Return the model by a single named method."""
     choice, candidate = evidence.choice, _candidate(method, evidence.lags, options.lags, evidence.choice.order, fitting.data)
@@ -186,23 +181,9 @@ def _by_method(
     if options.lags is None and candidate.method != "pbsid" and evidence.structural is not None:
         # An observer with few lags restricts its gain, so the innovation gain is refitted separately.
         system = fitting.with_gain(system)
-    return _fitted_system(fitting, candidate, system, replace(evidence, choice=choice), warnings)
-
-
-def _fitted_system(
-    fitting: Fitting, candidate: Candidate, system: Affine, evidence: _Evidence, warnings: list[str], scores: Sequence[CvScore] = ()
-) -> FittedSystem:
+    evidence = replace(evidence, choice=choice)
     return FittedSystem(
-        candidate=candidate,
-        system=system,
-        units=fitting.units(constants=candidate.constants),
-        fitting=fitting,
-        observer=evidence.observer,
-        svd=evidence.svd,
-        choice=evidence.choice,
-        noise=evidence.noise,
-        scores=scores,
-        warnings=warnings,
+        candidate=candidate, system=system, units=fitting.units(), fitting=fitting, evidence=evidence, warnings=warnings
     )
 
 
@@ -216,11 +197,7 @@ def _by_deconvolution(fitting: Fitting, order: int | None, warnings: list[str]) 
         system=realised(observer, svd, choice.order),
         units=units,
         fitting=fitting,
-        observer=observer,
-        svd=svd,
-        choice=choice,
-        noise=None,
-        scores=[],
+        evidence=Evidence(lags=0, observer=observer, svd=svd, structural=None, noise=None, choice=choice),
         warnings=warnings,
     )
 

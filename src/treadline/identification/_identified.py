@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -16,10 +16,13 @@ from treadline.core.printing import Printable, p_text
 from treadline.identification import validate
 from treadline.identification._affine import Affine
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
+from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import Candidate, Fitting
+from treadline.identification._gram import Gram, Units
 from treadline.identification._input_structure import DifferentialInput, input_delays
 from treadline.identification._model_order import OrderChoice, gap_of
 from treadline.identification._model_selection import CvScore
+from treadline.identification._okid import ObserverMarkov
 from treadline.identification._pole_intervals import (
     MEMORY_PER_LAG,
     ConfidenceIntervals,
@@ -29,9 +32,6 @@ from treadline.identification._pole_intervals import (
     of_refined,
 )
 from treadline.identification._threads import one_thread
-from treadline.identification.era import HankelSvd
-from treadline.identification.gram import Gram, Units
-from treadline.identification.okid import ObserverMarkov
 
 P_VALUE_LIMIT = 0.01
 """p-value below which a residual test is reported as failed."""
@@ -106,9 +106,8 @@ class IdentificationReport:
         return asdict(self)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ValidationScores:
-    """Fit and residual tests of a model on validation data."""
+class ValidationScores(TypedDict):
+    """Fit and residual tests of a model on validation data, as fields of the report."""
 
     fit_percent: dict[str, float]
     one_step_vaf_percent: dict[str, float]
@@ -127,18 +126,18 @@ def validation_scores(model: LinearModel, judged: Sequence[InputOutputRecord]) -
         vaf = np.mean([validate.vaf_percent(record.y, e) for record, e in zip(judged, residuals, strict=True)], axis=0)
         fit = np.mean([validate.fit_percent(model, record) for record in judged], axis=0)
     names = model.output_names
-    # A residual of pure rounding has no meaningful p-value; the tests count as passed.
-    exact = bool(np.all(100.0 - vaf < EXACT_PERCENT))
-    return ValidationScores(
+    scores = ValidationScores(
         fit_percent={name: _json_number(value) for name, value in zip(names, fit, strict=True)},
         one_step_vaf_percent={name: _json_number(value) for name, value in zip(names, vaf, strict=True)},
-        whiteness_p=1.0 if exact else finite_or_none(bonferroni([validate.whiteness_p(e) for e in residuals])),
-        crosscorrelation_p=1.0
-        if exact
-        else finite_or_none(
-            bonferroni([validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True)])
-        ),
+        whiteness_p=1.0,
+        crosscorrelation_p=1.0,
     )
+    # A residual of pure rounding has no meaningful p-value; the tests count as passed.
+    if not np.all(100.0 - vaf < EXACT_PERCENT):
+        scores["whiteness_p"] = bonferroni([validate.whiteness_p(e) for e in residuals])
+        crossed = [validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True)]
+        scores["crosscorrelation_p"] = bonferroni(crossed)
+    return scores
 
 
 def whole_samples(record: InputOutputRecord) -> int:
@@ -160,19 +159,19 @@ def validation_warnings(
             f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant is "
             "known to be stable"
         )
-    for name, value in scores.fit_percent.items():
+    for name, value in scores["fit_percent"].items():
         if value < 0.0 and radius < 1.0 - 1e-3:
             found.append(f"a free run explains '{name}' worse than its mean does ({value:.0f} %)")
-    if max(*scores.fit_percent.values(), *scores.one_step_vaf_percent.values()) < FIT_PERCENT_MIN:
+    if max(*scores["fit_percent"].values(), *scores["one_step_vaf_percent"].values()) < FIT_PERCENT_MIN:
         found.append("the model explains next to nothing: the inputs hardly move these outputs, or not linearly")
     if judged is not fitted:
         found += _low_motion_warnings(model, fitted, judged)
-    if scores.whiteness_p is not None and scores.whiteness_p < P_VALUE_LIMIT:
-        found.append(f"the residuals are not white ({p_text(scores.whiteness_p)}): the model lacks dynamics of the noise")
-    if scores.crosscorrelation_p is not None and scores.crosscorrelation_p < P_VALUE_LIMIT:
+    white, crossed = scores["whiteness_p"], scores["crosscorrelation_p"]
+    if white is not None and white < P_VALUE_LIMIT:
+        found.append(f"the residuals are not white ({p_text(white)}): the model lacks dynamics of the noise")
+    if crossed is not None and crossed < P_VALUE_LIMIT:
         found.append(
-            f"the residuals still depend on the inputs ({p_text(scores.crosscorrelation_p)}): a higher order, a delay or a "
-            "nonlinearity is missing"
+            f"the residuals still depend on the inputs ({p_text(crossed)}): a higher order, a delay or a nonlinearity is missing"
         )
     return found
 
@@ -208,9 +207,9 @@ def _low_motion_warnings(model: LinearModel, fitted: Sequence[InputOutputRecord]
     ]
 
 
-def bonferroni(p_values: Sequence[float]) -> float:
-    """Return the combined p-value of several tests (Bonferroni)."""
-    return min(1.0, len(p_values) * min(p_values))
+def bonferroni(p_values: Sequence[float]) -> float | None:
+    """Return the combined p-value of several tests (Bonferroni); None if one has no p-value."""
+    return finite_or_none(min(1.0, len(p_values) * min(p_values)))
 
 
 def finite_or_none(value: float) -> float | None:
@@ -227,6 +226,20 @@ DEAD_TIME = 3
 """Delay in samples from which a warning suggests removing the dead time."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """Structure of the data before a model is fitted."""
+
+    lags: int
+    observer: ObserverMarkov
+    svd: HankelSvd
+    structural: int | None
+    """Largest order possible with the observer's lags; None for noise-free data."""
+    noise: float | None
+    """Largest singular value of noise alone; None for a given order."""
+    choice: OrderChoice
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FittedSystem:
     """Fitted system in standard deviations, with the data and choices that led to it."""
@@ -235,12 +248,9 @@ class FittedSystem:
     system: Affine
     units: Units
     fitting: Fitting
-    observer: ObserverMarkov
-    svd: HankelSvd
-    choice: OrderChoice
-    noise: float | None
-    scores: Sequence[CvScore]
+    evidence: Evidence
     warnings: Sequence[str]
+    scores: Sequence[CvScore] = ()
 
 
 class Identified(Printable):
@@ -291,7 +301,7 @@ class Identified(Printable):
     @property
     def svd(self) -> HankelSvd:
         """Decomposed Hankel matrix of the observer's system."""
-        return self._found.svd
+        return self._found.evidence.svd
 
     @cached_property
     @one_thread()
@@ -345,15 +355,12 @@ class Identified(Printable):
             feedthrough=found.fitting.feedthrough,
             mirrored=self._differential is not None,
             delays=delays,
-            singular_values=[float(value) for value in found.svd.s],
-            gap=finite_or_none(gap_of(found.choice, found.svd)),
-            noise_level=found.noise,
+            singular_values=[float(value) for value in found.evidence.svd.s],
+            gap=finite_or_none(gap_of(found.evidence.choice, found.evidence.svd)),
+            noise_level=found.evidence.noise,
             poles=[(float(pole.real), float(pole.imag)) for pole in poles] + [(0.0, 0.0) for _ in chain],
             pole_ci95=None if radii is None else [float(radius) for radius in radii] + chain,
-            fit_percent=scores.fit_percent,
-            one_step_vaf_percent=scores.one_step_vaf_percent,
-            whiteness_p=scores.whiteness_p,
-            crosscorrelation_p=scores.crosscorrelation_p,
+            **scores,
             excitation_order=support,
             samples=round(found.fitting.data.count),
             dropped=found.fitting.data.dropped,
@@ -374,7 +381,7 @@ class Identified(Printable):
         )
 
     def _delays(self) -> list[int]:
-        delays = input_delays(self._found.observer)
+        delays = input_delays(self._found.evidence.observer)
         return delays if self._differential is None else delays * len(self._shifts)
 
     def _dead_time_warning(self, delays: Sequence[int]) -> list[str]:

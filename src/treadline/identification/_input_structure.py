@@ -14,10 +14,11 @@ from jaxtyping import Float
 
 from treadline.core.errors import SettingsError
 from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.identification._factor import inverse
+from treadline.identification._gram import Gram, Units, gram_of, units_of
 from treadline.identification._model_order import min_bic
+from treadline.identification._okid import ObserverMarkov
 from treadline.identification._pole_intervals import ConfidenceIntervals
-from treadline.identification.gram import Gram, Units, gram_of, units_of
-from treadline.identification.okid import ObserverMarkov
 from treadline.identification.validate import chi2_tail
 
 SIGNIFICANCE = 1e-4
@@ -29,12 +30,15 @@ def input_delays(observer: ObserverMarkov) -> list[int]:
 
     The delay is the first lag with coefficients significantly different from zero (Wald test against their covariance). An
     input without a significant lag has delay 1.
+
+    Args:
+        observer: OKID observer in standard deviations.
     """
-    o = observer.scaled()
+    o = observer
     lags, _, m = o.alpha.shape
     weight = np.linalg.pinv(o.residual_covariance)
     first = 1 + (m if o.feedthrough else 0)
-    variance = np.diag(o.parameter_covariance)
+    variance = np.diag(inverse(o.information))
     r = m + len(o.D)
     found = []
     for j in range(m):

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from treadline.identification._era import HankelSvd, hankel, largest
+from treadline.identification._gram import Gram
+from treadline.identification._okid import ObserverMarkov, residuals_by_lags, system_markov
 from treadline.identification._realisation import StateMap, innovations
-from treadline.identification.era import HankelSvd, hankel, largest
-from treadline.identification.gram import Gram
-from treadline.identification.okid import ObserverMarkov, residuals_by_lags, system_markov
 
 CLEAR_GAP = 4.0
 """Smallest ratio of neighbouring singular values that counts as a gap; white noise stays below 2."""

@@ -18,11 +18,11 @@ from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import Affine
 from treadline.identification._fitting import GROWTH, Candidate, Fitting
+from treadline.identification._gram import gram_of
 from treadline.identification._model_order import ORDER_MOST
 from treadline.identification._pole_intervals import of_observer
 from treadline.identification._recursion_kernels import observability, observer_run
 from treadline.identification._refine import BRIEF, Experiment, cost, initial_state, residual
-from treadline.identification.gram import gram_of
 from treadline.identification.validate import most_recent, part
 
 FOLDS = 5

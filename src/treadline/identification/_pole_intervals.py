@@ -18,14 +18,14 @@ from jaxtyping import Bool, Complex, Float
 from scipy.special import gammaincinv
 
 from treadline.identification._affine import Affine
+from treadline.identification._era import HankelSvd, hankel
 from treadline.identification._factor import inverse
+from treadline.identification._gram import Gram, Units
+from treadline.identification._okid import ObserverMarkov, regression
 from treadline.identification._realisation import correlations
 from treadline.identification._recursion_kernels import observability, tangents, unroll
 from treadline.identification._refine import Directions, Experiment, directions, jacobian, mixed
-from treadline.identification.era import HankelSvd, hankel
-from treadline.identification.gram import Gram, Units
-from treadline.identification.okid import ObserverMarkov, regression
-from treadline.identification.validate import WHITENESS_LAGS, whiteness_p
+from treadline.identification.validate import TESTED_LAGS, whiteness_p
 
 CONFIDENCE = 0.95
 PORTION = 256
@@ -84,12 +84,12 @@ class ConfidenceIntervals:
 
     def impulse(self, steps: int) -> Float[np.ndarray, "steps p m"]:
         """Return the standard deviation of the impulse response, in the record's units."""
-        m = self.units.input_count
-        found = np.empty((steps, len(self.system.C), m))
+        m, system, ways = self.units.input_count, self.system, self.ways
+        found = np.empty((steps, len(system.C), m))
         for j in range(m):
-            u = np.zeros((steps, self.system.B.shape[1]))
+            u = np.zeros((steps, system.B.shape[1]))
             u[0, j] = 1.0
-            _, J = tangents(self.system.A, self.system.B, self.system.C, u, *self.ways.arrays())
+            _, J = tangents(system.A, system.B, system.C, u, ways.A, ways.B, ways.C, ways.D)
             found[:, :, j] = np.linalg.norm(J, axis=2)
         return found * self._gain_units()
 
@@ -298,7 +298,7 @@ def _recent(item: Experiment, rows: int) -> Experiment:
 
 def _white(errors: Sequence[Float[np.ndarray, "_ p"]]) -> bool:
     longest = max(errors, key=len)
-    return len(longest) > 4 * WHITENESS_LAGS and whiteness_p(longest) > WHITENESS_P_MIN
+    return len(longest) > 4 * TESTED_LAGS and whiteness_p(longest) > WHITENESS_P_MIN
 
 
 def _root(covariance: Float[np.ndarray, "d d"]) -> Float[np.ndarray, "d d"]:

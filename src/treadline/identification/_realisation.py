@@ -15,11 +15,11 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.identification._affine import Affine
+from treadline.identification._era import RANK_MOST, HankelSvd, correlated_svd, realise, realise_correlated
 from treadline.identification._factor import solution
+from treadline.identification._gram import Gram
+from treadline.identification._okid import ObserverMarkov, regression, system_markov
 from treadline.identification._recursion_kernels import observability, unroll
-from treadline.identification.era import HankelSvd, correlated_svd, hankel_svd, realise, realise_correlated
-from treadline.identification.gram import Gram
-from treadline.identification.okid import ObserverMarkov, regression, system_markov
 
 BLOCKS_LEAST = 8
 """Smallest number of block rows: two seconds at 4 Hz, enough to separate an integrator from a lag."""
@@ -34,9 +34,8 @@ def block_rows(observer: ObserverMarkov, order: int | None) -> int:
 def markov_svd(observer: ObserverMarkov, order: int | None) -> HankelSvd:
     """Return the decomposed Hankel matrix of the observer's system, large enough for an order."""
     blocks = block_rows(observer, order)
-    units = observer.units
     markov = system_markov(observer, 2 * blocks + 1)
-    return hankel_svd(markov, blocks, blocks, units.input_scale, units.output_scale, rank=(order or 0) + 1)
+    return HankelSvd(markov=markov, rows=blocks, columns=blocks, rank=max((order or 0) + 1, RANK_MOST))
 
 
 def realised(observer: ObserverMarkov, svd: HankelSvd, order: int, *, correlated: bool = False) -> Affine:
@@ -51,10 +50,7 @@ def realised(observer: ObserverMarkov, svd: HankelSvd, order: int, *, correlated
     Raises:
         PoorExcitation: If the order is above the rank of the data.
     """
-    p, m = observer.D.shape
-    A, B, C = realise(svd, order, np.ones(m), np.ones(p))
-    if correlated:
-        A, B, C = _by_correlations(observer, svd, order)
+    A, B, C = _by_correlations(observer, svd, order) if correlated else realise(svd, order)
     # At the observer's equilibrium C x = 0, so the offsets enter through the last column of D only.
     u0, y0 = _rest(observer)
     return Affine(

@@ -16,7 +16,8 @@ from scipy.linalg import lapack
 
 from treadline.core.arrays import store_contiguous
 from treadline.core.models import InputOutputRecord
-from treadline.identification._affine import WELL_SEEN, Affine, Modes, derivative_sums, modes_of
+from treadline.identification._affine import ON_CIRCLE, WELL_SEEN, Affine, Modes, derivative_sums, modes_of
+from treadline.identification._gram import Units, runs_of
 from treadline.identification._recursion_kernels import (
     gauge_directions,
     observability,
@@ -24,9 +25,7 @@ from treadline.identification._recursion_kernels import (
     subtract_initial_response,
     tangents,
 )
-from treadline.identification.gram import Units, runs_of
 
-ON_CIRCLE = 1e-9
 TRIES = 8
 """Largest number of damping increases per step before the refinement ends."""
 
@@ -74,12 +73,6 @@ class Directions:
 
     def __post_init__(self) -> None:
         store_contiguous(self)
-
-    def arrays(
-        self,
-    ) -> tuple[Float[np.ndarray, "n n d"], Float[np.ndarray, "n m1 d"], Float[np.ndarray, "p n d"], Float[np.ndarray, "p m1 d"]]:
-        """Return the four arrays."""
-        return self.A, self.B, self.C, self.D
 
     def along(self, root: Float[np.ndarray, "d k"]) -> "Directions":
         """Return the changes along each column of ``root``."""

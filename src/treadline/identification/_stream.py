@@ -11,9 +11,9 @@ from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import to_model
 from treadline.identification._checks import channel_names, check_alike, check_gaps, check_records, gaps_in
 from treadline.identification._from_gram import from_gram, provenance_of
+from treadline.identification._gram import Gram, GramBuilder, Units
 from treadline.identification._identified import Identified
 from treadline.identification._threads import one_thread
-from treadline.identification.gram import Gram, GramBuilder, Units
 from treadline.identification.options import DEFAULT_OPTIONS, LAGS_MOST, IdentificationOptions, max_supported_lags
 from treadline.identification.validate import joined_in_time, most_recent
 

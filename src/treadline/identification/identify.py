@@ -10,7 +10,7 @@ from dataclasses import replace
 from treadline.core.errors import PoorExcitation, SettingsError
 from treadline.core.models import InputOutputRecord
 from treadline.identification import validate
-from treadline.identification._affine import Affine, to_model
+from treadline.identification._affine import Affine, stabilised, to_model
 from treadline.identification._checks import (
     channel_names,
     check_alike,
@@ -19,7 +19,8 @@ from treadline.identification._checks import (
 )
 from treadline.identification._fitting import with_inputs_again
 from treadline.identification._from_gram import from_gram, gram_with_half, provenance_of
-from treadline.identification._identified import FittedSystem, Identified, whole_samples
+from treadline.identification._gram import Gram, Units
+from treadline.identification._identified import TESTED_SAMPLES_MIN, FittedSystem, Identified, whole_samples
 from treadline.identification._input_structure import (
     DifferentialInput,
     find_differential_input,
@@ -28,14 +29,9 @@ from treadline.identification._input_structure import (
     without_delays,
 )
 from treadline.identification._model_order import choose_structure
+from treadline.identification._okid import scaled_observer
 from treadline.identification._threads import one_thread
-from treadline.identification.gram import Gram, Units
-from treadline.identification.okid import observer_markov
 from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
-from treadline.identification.reduction import stabilised
-
-VALIDATION_SAMPLES_MIN = 20
-"""Smallest number of complete samples of a validation part: its residuals are tested over ten lags."""
 
 
 @one_thread()
@@ -120,7 +116,7 @@ def _dead_time(records: Sequence[InputOutputRecord], options: IdentificationOpti
     data, _ = gram_with_half(records, replace(options, solver="gram", prior=None, forgetting=1.0), units)
     used, has_d = choose_structure(data, options.lags, options.feedthrough)
     # Without feedthrough the model itself contains a delay of one sample.
-    return [max(0, d - 1) for d in input_delays(observer_markov(data, used, feedthrough=has_d))]
+    return [max(0, d - 1) for d in input_delays(scaled_observer(data, used, feedthrough=has_d))]
 
 
 def _split(
@@ -140,9 +136,9 @@ def _split(
 
 def _check_judged(judged: Sequence[InputOutputRecord]) -> None:
     fewest = min(whole_samples(record) for record in judged)
-    if fewest < VALIDATION_SAMPLES_MIN:
+    if fewest < TESTED_SAMPLES_MIN:
         raise PoorExcitation(
-            f"a validation part has {fewest} complete samples; at least {VALIDATION_SAMPLES_MIN} are needed: enlarge it"
+            f"a validation part has {fewest} complete samples; at least {TESTED_SAMPLES_MIN} are needed: enlarge it"
         )
 
 

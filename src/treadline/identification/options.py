@@ -6,13 +6,14 @@ The data must support the number of lags: enough samples as windows without gaps
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Real
+from typing import TypedDict
 
 import numpy as np
 
 from treadline.core.errors import SettingsError, TooFewSamples
 from treadline.core.models import InputOutputRecord
 from treadline.identification._checks import check_integers
-from treadline.identification.gram import Gram
+from treadline.identification._gram import Gram
 
 METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
 SOLVERS = ("gram", "qr")
@@ -83,6 +84,21 @@ class IdentificationOptions:
             raise SettingsError(f"lags is {self.lags}; the prior has {prior.lags}")
         if self.method in NEED_SAMPLES:
             raise SettingsError(f"method '{self.method}' needs all samples; with a prior give okid-era, era-dc or pbsid")
+
+
+class IdentificationKeywords(TypedDict, total=False):
+    """The fields of ``IdentificationOptions`` as keywords of ``treadline.identify``, for type checkers and editors."""
+
+    order: int | None
+    lags: int | None
+    method: str | None
+    feedthrough: bool | None
+    delays: Sequence[int] | str | None
+    solver: str
+    stable: bool
+    validation: float | InputOutputRecord | None
+    prior: Gram | None
+    forgetting: float
 
 
 DEFAULT_OPTIONS = IdentificationOptions()

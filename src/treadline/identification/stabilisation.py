@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from treadline.identification.era import HankelSvd
+from treadline.identification._era import HankelSvd
 
 FREQUENCY_TOLERANCE = 0.01
+"""Largest relative change of a stable frequency."""
 DAMPING_TOLERANCE = 0.05
+"""Largest relative change of a stable damping."""
 ORDER_MOST = 40
 """Highest order of a diagram; more rows would not be legible."""
 ROUNDING = 1e-12
@@ -41,9 +43,6 @@ def stabilisation(
     state_matrix: Callable[[int], Float[np.ndarray, "n n"]],
     orders: Iterable[int],
     dt_s: float,
-    *,
-    frequency_tolerance: float = FREQUENCY_TOLERANCE,
-    damping_tolerance: float = DAMPING_TOLERANCE,
 ) -> StabilisationDiagram:
     """Return the stabilisation diagram of the models ``A = state_matrix(order)``.
 
@@ -51,15 +50,13 @@ def stabilisation(
         state_matrix: Function from an order to the state matrix.
         orders: Orders in ascending order; each is compared with the previous.
         dt_s: Sampling period of the models [s].
-        frequency_tolerance: Largest relative change of a stable frequency.
-        damping_tolerance: Largest relative change of a stable damping.
     """
     columns: list[Float[np.ndarray, "5 k"]] = [np.empty((5, 0))]
     below = np.empty((2, 0))
     for order in orders:
         here = modes(np.linalg.eigvals(state_matrix(order)).astype(complex), dt_s)
-        close = _change(here[0], below[0]) <= frequency_tolerance
-        damped = close & (_change(here[1], below[1]) <= damping_tolerance)
+        close = _change(here[0], below[0]) <= FREQUENCY_TOLERANCE
+        damped = close & (_change(here[1], below[1]) <= DAMPING_TOLERANCE)
         columns.append(np.vstack([np.full(here.shape[1], order), here, close.any(axis=1), damped.any(axis=1)]))
         below = here
     order_, frequency_hz, damping, frequency_stable, damping_stable = np.hstack(columns)

@@ -15,8 +15,8 @@ from treadline.core.errors import PoorExcitation
 from treadline.core.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
 from treadline.identification._recursion_kernels import free_run, observability, observer_run
 
-WHITENESS_LAGS = 10
-CROSS_LAGS = 10
+TESTED_LAGS = 10
+"""Number of lags over which residuals are tested."""
 
 
 def impulse_response(model: LinearModel, steps: int) -> Float[np.ndarray, "steps p m"]:
@@ -84,7 +84,7 @@ def predictor_states(model: LinearModel, record: InputOutputRecord) -> Float[np.
 
 def _observed(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
     gain = np.zeros((model.order, model.C.shape[0])) if model.observer_gain is None else model.observer_gain
-    x0 = initial_state(model, head(record, 50))
+    x0 = initial_state(model, part(record, 0, 50))
     v = record.u - model.input_offset
     # x⁺ = (A - KC) x + (B - KD) v + K y; a sample with a NaN applies no correction.
     whole = np.isfinite(record.y).all(axis=1)
@@ -121,21 +121,21 @@ def h_step_rmse(model: LinearModel, record: InputOutputRecord, steps: int) -> Fl
     return np.asarray(np.sqrt(np.nanmean((record.y[steps:] - ahead) ** 2, axis=0)))
 
 
-def whiteness_p(residuals: Float[np.ndarray, "T p"], lags: int = WHITENESS_LAGS) -> float:
+def whiteness_p(residuals: Float[np.ndarray, "T p"]) -> float:
     """Return the p-value of the residuals being white (Hosking's portmanteau test, 1980)."""
     e = residuals[np.isfinite(residuals).all(axis=1)]
     e = e - e.mean(axis=0)
     count, p = e.shape
     C0 = np.linalg.pinv(e.T @ e / count)
     statistic = 0.0
-    lags = min(lags, count - 1)
+    lags = min(TESTED_LAGS, count - 1)
     for lag in range(1, lags + 1):
         C = e[lag:].T @ e[:-lag] / count
         statistic += count * count / (count - lag) * float(np.trace(C.T @ C0 @ C @ C0))
     return chi2_tail(statistic, p * p * lags)
 
 
-def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray, "T m"], lags: int = CROSS_LAGS) -> float:
+def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray, "T m"], lags: int = TESTED_LAGS) -> float:
     """Return the p-value of the residuals being independent of past inputs.
 
     The cross-covariance, weighted by both covariances, is χ² distributed for independent signals of which one is white (Ljung,
@@ -165,11 +165,6 @@ def chi2_tail(statistic: float, freedom: int) -> float:
 def _delayed(u: Float[np.ndarray, "T m"], lag: int) -> Float[np.ndarray, "T m"]:
     lag = min(lag, len(u))
     return np.vstack([np.full((lag, u.shape[1]), np.nan), u[: len(u) - lag]])
-
-
-def head(record: InputOutputRecord, samples: int) -> InputOutputRecord:
-    """Return the first samples of a record."""
-    return part(record, 0, min(samples, len(record)))
 
 
 def joined_in_time(records: Sequence[InputOutputRecord]) -> InputOutputRecord:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from treadline.core.models import RUN_VALUES, InputOutputRecord, LinearModel
-from treadline.identification.validate import head, impulse_response, initial_state, part, predictor_states, simulate
+from treadline.identification.validate import impulse_response, initial_state, part, predictor_states, simulate
 
 LEAST_FOLLOWED = 50
 """Smallest number of samples from which the initial state is estimated, as for one-step predictions."""
@@ -30,7 +30,7 @@ def free_run(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray,
     with np.errstate(over="ignore", invalid="ignore"):
         for span in record.stretches(RUN_VALUES * model.order):
             section = part(record, span.start, span.stop)
-            start = initial_state(model, head(section, _followed(model)))
+            start = initial_state(model, part(section, 0, _followed(model)))
             answers[span] = simulate(model, section.u, start)
     return answers
 

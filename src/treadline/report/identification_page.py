@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from treadline.core.models import InputOutputRecord, LinearModel, write_whole
 from treadline.identification import IdentificationReport
 from treadline.identification.stabilisation import StabilisationDiagram
-from treadline.identification.validate import head
+from treadline.identification.validate import part
 from treadline.report import _model_figures as figures
 from treadline.report import _model_runs as runs
 from treadline.report._html import page_of
@@ -179,7 +179,7 @@ class _Page:
     def _fit(self) -> tuple[InputOutputRecord, Float[np.ndarray, "T p"]]:
         place = int(np.argmax([len(record) for record in self.judged]))
         whole = self.judged[place]
-        record = head(whole, SAMPLES_MOST)
+        record = part(whole, 0, SAMPLES_MOST)
         if len(whole) > SAMPLES_MOST:
             self.notes.append(f"figures of fit and residuals show the first {SAMPLES_MOST} of {len(whole)} samples")
         free, ahead = runs.free_run(self.model, record), runs.one_step_ahead(self.model, record)

@@ -38,7 +38,8 @@ class HankelSvd:
     """Lazy decomposition H = U diag(s) V' and the Markov parameters of H and the shifted H'."""
 
     markov: Float[np.ndarray, "n p m"]
-    """Markov parameters, scaled to unit standard deviation."""
+    """Markov parameters; with channels in standard deviations a singular value measures how much of the measured variance a
+    state explains, whatever the units."""
     rows: int
     """Number of block rows."""
     columns: int
@@ -163,23 +164,6 @@ def hankel_times(markov: Float[np.ndarray, "n p m"], rows: int, right: Float[np.
     return np.asarray(product[columns - 1 : width].reshape(rows * p, -1))
 
 
-def hankel_svd(
-    markov: Float[np.ndarray, "n p m"],
-    rows: int,
-    columns: int,
-    input_scale: Float[np.ndarray, " m"],
-    output_scale: Float[np.ndarray, " p"],
-    *,
-    rank: int = RANK_MOST,
-) -> HankelSvd:
-    """Return the singular value decomposition of H with channels scaled to unit standard deviation.
-
-    With this scaling a singular value measures how much of the measured variance a state explains, whatever the units.
-    """
-    scaled = markov * input_scale / output_scale[:, None]
-    return HankelSvd(markov=scaled, rows=rows, columns=columns, rank=max(rank, RANK_MOST))
-
-
 Product = Callable[[Float[np.ndarray, "_ k"]], Float[np.ndarray, "_ k"]]
 
 
@@ -208,12 +192,7 @@ def leading_by_products(times: Product, turned_times: Product, width: int, squar
     return (Q @ U)[:, :rank], s[:rank], Vt[:rank] @ basis.T
 
 
-def realise(
-    svd: HankelSvd,
-    order: int,
-    input_scale: Float[np.ndarray, " m"],
-    output_scale: Float[np.ndarray, " p"],
-) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "n m"], Float[np.ndarray, "p n"]]:
+def realise(svd: HankelSvd, order: int) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "n m"], Float[np.ndarray, "p n"]]:
     """Return A, B, C of the balanced realisation of an order.
 
     Raises:
@@ -222,8 +201,8 @@ def realise(
     U, s, Vt = svd.leading(order)
     root = np.sqrt(s)
     observability, controllability = U * root, root[:, None] * Vt
-    m, p = input_scale.size, output_scale.size
-    return svd.system_matrix(order), controllability[:, :m] / input_scale, observability[:p] * output_scale[:, None]
+    _, p, m = svd.markov.shape
+    return svd.system_matrix(order), controllability[:, :m], observability[:p]
 
 
 def correlated_svd(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shifts: int) -> HankelSvd:
@@ -237,8 +216,7 @@ def correlated_svd(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, 
     """
     H0 = hankel(markov, rows, columns, 0)
     R = np.stack([np.zeros((len(H0), len(H0))), *(hankel(markov, rows, columns, k) @ H0.T for k in range(2 * shifts + 2))])
-    ones = np.ones(len(H0))
-    return hankel_svd(R, shifts + 1, shifts + 1, ones, ones)
+    return HankelSvd(markov=R, rows=shifts + 1, columns=shifts + 1)
 
 
 def realise_correlated(
@@ -276,7 +254,5 @@ def era(
     block = (len(markov) - 1) // 2 if rows is None else rows
     if not 0 < block < len(markov) - 1:
         raise ShapeMismatch(f"markov has {len(markov)} steps; {max(block, 1)} block rows need at least {max(block, 1) + 2}")
-    ones_m, ones_p = np.ones(markov.shape[2]), np.ones(markov.shape[1])
-    svd = hankel_svd(markov, block, len(markov) - 1 - block, ones_m, ones_p)
-    A, B, C = realise(svd, order, ones_m, ones_p)
+    A, B, C = realise(HankelSvd(markov=markov, rows=block, columns=len(markov) - 1 - block), order)
     return A, B, C, markov[0].copy()

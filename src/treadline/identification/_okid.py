@@ -12,13 +12,13 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.identification._factor import RIDGE, inverse
+from treadline.identification._gram import Gram
 from treadline.identification._recursion_kernels import unroll
-from treadline.identification.gram import Gram, Units
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ObserverMarkov:
-    """Observer coefficients y_k = bias + D u_k + Σ (α_i u_{k-i} + β_i y_{k-i}) + e_k, in the record's units."""
+    """Observer coefficients y_k = bias + D u_k + Σ (α_i u_{k-i} + β_i y_{k-i}) + e_k."""
 
     bias: Float[np.ndarray, " p"]
     D: Float[np.ndarray, "p m"]
@@ -28,29 +28,7 @@ class ObserverMarkov:
     information: Float[np.ndarray, "q q"]
     """Gram matrix of the scaled regressors."""
     count: float
-    units: Units
     feedthrough: bool
-
-    @property
-    def parameter_covariance(self) -> Float[np.ndarray, "q q"]:
-        """Covariance of one output's scaled coefficients per unit of its residual variance."""
-        return inverse(self.information)
-
-    def scaled(self) -> "ObserverMarkov":
-        """Return the observer in standard deviations, about the means."""
-        into, out, m = self.units.input_scale, self.units.output_scale, self.units.input_count
-        u0, y0 = self.units.shift[:m], self.units.shift[m:]
-        bias = self.bias - y0 + self.beta.sum(axis=0) @ y0 + (self.D + self.alpha.sum(axis=0)) @ u0
-        ones = Units(shift=np.zeros_like(self.units.shift), scale=np.ones_like(self.units.scale), input_count=m)
-        return replace(
-            self,
-            bias=bias / out,
-            D=self.D * into / out[:, None],
-            alpha=self.alpha * into / out[:, None],
-            beta=self.beta * out / out[:, None],
-            residual_covariance=self.residual_covariance / np.outer(out, out),
-            units=ones,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -120,7 +98,6 @@ def observer_markov(data: Gram, lags: int | None = None, *, feedthrough: bool = 
         alpha=alpha,
         beta=beta,
         residual_covariance=scaled.residual_covariance * np.outer(out, out),
-        units=units,
     )
 
 
@@ -140,7 +117,6 @@ def scaled_observer(data: Gram, lags: int | None = None, *, feedthrough: bool = 
         residual_covariance=0.5 * (found.squares + found.squares.T) / max(data.count - len(found.theta), 1.0),
         information=found.information,
         count=data.count,
-        units=Units(shift=np.zeros(r), scale=np.ones(r), input_count=m),
         feedthrough=feedthrough,
     )
 

@@ -12,9 +12,9 @@ from jaxtyping import Float
 
 from treadline.core.errors import PoorExcitation, SettingsError
 from treadline.core.models import InputOutputRecord
-from treadline.identification.era import HankelSvd, hankel_svd
-from treadline.identification.gram import Units
-from treadline.identification.okid import ObserverMarkov
+from treadline.identification._era import HankelSvd
+from treadline.identification._gram import Units
+from treadline.identification._okid import ObserverMarkov
 
 CONDITION_LIMIT = 1e8
 """Condition number above which single-precision data leave no correct digit in the solution."""
@@ -78,7 +78,6 @@ def observer_of(records: Sequence[InputOutputRecord], units: Units) -> tuple[Obs
         residual_covariance=np.zeros((p, p)),
         information=np.eye(q),
         count=float(len(markov)),
-        units=Units(shift=np.zeros(m + p), scale=np.ones(m + p), input_count=m),
         feedthrough=True,
     )
-    return observer, hankel_svd(markov, blocks, blocks, np.ones(m), np.ones(p))
+    return observer, HankelSvd(markov=markov, rows=blocks, columns=blocks)

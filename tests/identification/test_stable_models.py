@@ -1,0 +1,65 @@
+"""Stabilised models keep their stable poles."""
+
+import numpy as np
+import pytest
+from jaxtyping import Complex, Float
+from systems import fit, oscillation, system, white_record
+
+from treadline.identification._affine import Affine, stabilised
+
+
+def random_matrix(seed: int, order: int, radius: float) -> Float[np.ndarray, "n n"]:
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((order, order))
+    return np.asarray(radius / np.abs(np.linalg.eigvals(A)).max() * A)
+
+
+def affine(A: Float[np.ndarray, "n n"]) -> Affine:
+    n = len(A)
+    return Affine(A=A, B=np.eye(n), C=np.eye(n), D=np.zeros((n, n)))
+
+
+def sorted_poles(A: Float[np.ndarray, "n n"]) -> Complex[np.ndarray, " n"]:
+    return np.sort_complex(np.linalg.eigvals(A))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_stabilisation_moves_only_unstable_poles(seed: int) -> None:
+    A = random_matrix(seed, 5, 1.3)
+    before, after = np.linalg.eigvals(A), np.linalg.eigvals(stabilised(affine(A)).A)
+    assert np.abs(before).max() > 1.0
+    assert np.abs(after).max() <= 0.9999 + 1e-12
+    for pole in before[np.abs(before) < 1.0]:
+        assert np.abs(after - pole).min() < 1e-9
+
+
+def test_a_pole_outside_is_mirrored_and_one_on_the_circle_moved_inside() -> None:
+    T = np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.2], [0.1, 0.0, 1.0]])
+    found = stabilised(affine(T @ np.diag([1.25, 1.0, 0.5]) @ np.linalg.inv(T))).A
+    np.testing.assert_allclose(sorted_poles(found), [0.5, 0.8, 0.9999], atol=1e-12)
+
+
+def test_a_complex_pair_outside_stays_a_pair_at_its_frequency() -> None:
+    found = stabilised(affine(oscillation(1.25, 0.7))).A
+    np.testing.assert_allclose(sorted_poles(found), 0.8 * np.exp([-0.7j, 0.7j]), atol=1e-12)
+
+
+def test_a_stable_model_is_unchanged() -> None:
+    system = affine(random_matrix(0, 4, 0.95))
+    assert stabilised(system) is system
+
+
+def test_a_double_integrator_made_stable_still_integrates_twice() -> None:
+    found = stabilised(affine(np.array([[1.0, 1.0], [0.0, 1.0]]))).A
+    assert np.abs(np.linalg.eigvals(found)).max() < 1.0
+    # The second state drives the first one sample later, as before.
+    np.testing.assert_allclose(found, [[1.0, 1.0], [0.0, 1.0]], atol=1e-3)
+
+
+def test_identification_with_stable_gives_a_stable_model_of_a_growing_plant() -> None:
+    noisy = white_record(system([[1.01]], [[1.0]], [[1.0]]), 1, 200, noise=0.01)
+    plain, stable = (fit(noisy, order=1, method="okid-era", stable=stable).model for stable in (False, True))
+    assert float(plain.A[0, 0]) == pytest.approx(1.01, abs=1e-3)
+    assert float(stable.A[0, 0]) == pytest.approx(1.0 / 1.01, abs=1e-3)
+    assert stable.observer_gain is not None
+    assert np.abs(np.linalg.eigvals(stable.A - stable.observer_gain @ stable.C)).max() < 1.0
