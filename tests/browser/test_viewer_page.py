@@ -92,6 +92,17 @@ def test_a_typed_time_and_a_clicked_moment_move_the_cursor_and_stay(replay: Any)
     replay.until(lambda: float(box.get_attribute("value")) == 0.0, "the same time in the box")
 
 
+def test_the_scene_has_half_of_a_small_window_and_the_timeline_all_of_it(replay: Any) -> None:
+    """Test: a window of 1,100 pixels. Expected: a scene of at least 550, and a timeline from edge to edge."""
+    width = "return document.documentElement.clientWidth"
+    replay.driver.set_window_size(1100, 800)
+    scene = "return Math.max(...[...document.querySelectorAll('canvas')].map(c => c.parentElement.getBoundingClientRect().width))"
+    replay.until(lambda: replay.driver.execute_script(scene) >= 0.5 * replay.driver.execute_script(width), "half of the window")
+    timeline = replay.driver.execute_script("return document.getElementById('timeline').getBoundingClientRect().width")
+    assert timeline == pytest.approx(replay.driver.execute_script(width), abs=1.0)
+    replay.driver.set_window_size(1440, 900)
+
+
 def test_a_wrong_token_and_a_foreign_page_are_refused(page: Any, recorded: str, tmp_path: Any) -> None:
     """Test: another path, and a page of another origin that knows the address. Expected: no page, no WebSocket, no answer."""
     parts = urlsplit(recorded)
@@ -149,17 +160,6 @@ def test_the_demo_moves_at_once_and_runs_live_in_the_same_page(page: Any, demo: 
     page.click("Run it live")
     page.sees(r"[\d.]+ s of [\d.]+ s · live", COMPILING_S)
     page.until_it_runs()
-
-
-def test_the_scene_has_half_of_a_small_window_and_the_timeline_all_of_it(replay: Any) -> None:
-    """Test: a window of 1,100 pixels. Expected: a scene of at least 550, and a timeline from edge to edge."""
-    width = "return document.documentElement.clientWidth"
-    replay.driver.set_window_size(1100, 800)
-    scene = "return Math.max(...[...document.querySelectorAll('canvas')].map(c => c.parentElement.getBoundingClientRect().width))"
-    replay.until(lambda: replay.driver.execute_script(scene) >= 0.5 * replay.driver.execute_script(width), "half of the window")
-    timeline = replay.driver.execute_script("return document.getElementById('timeline').getBoundingClientRect().width")
-    assert timeline == pytest.approx(replay.driver.execute_script(width), abs=1.0)
-    replay.driver.set_window_size(1440, 900)
 
 
 GAMEPAD = """

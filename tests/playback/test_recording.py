@@ -48,7 +48,7 @@ def test_a_sink_and_a_log_give_the_same_recording(written: Written) -> None:
     for one, other in zip(from_sink.maps, from_log.maps, strict=True):
         assert (one.t_s, one.taken_s, one.nosings_W.tobytes()) == (other.t_s, other.taken_s, other.nosings_W.tobytes())
     assert (from_log.verdict, from_log.cause, from_log.seed) == ("held", "operator", 3)
-    assert (from_log.limits.pitch_rate_rad_s, from_log.limits.belt_m_s) == (0.4, 1.0)
+    assert (from_log.limits.pitch_rate_rad_s, from_log.limits.belt_limit_m_s) == (0.4, 1.0)
 
 
 def test_columns_are_the_numbers_of_the_message_by_message_reader(written: Written) -> None:

@@ -144,7 +144,7 @@ def climbing(*, seconds: float = 6.0, cause: str = HOSTILE) -> Recording:
     """Return a chair that climbs the flight at 0.2 m/s with an oscillating heading, and perceives all nosings but the sixth."""
     scenario = Scenario(stair=Stair(slope_deg=28.0, steps=10), chair=Chair())
     chair = read_chair("wheelchair")
-    builder = RecordingBuilder(chair, scenario, source="climbing", limits=Limits(pitch_rate_rad_s=25.0 * DEG, belt_m_s=1.0))
+    builder = RecordingBuilder(chair, scenario, source="climbing", limits=Limits(pitch_rate_rad_s=25.0 * DEG, belt_limit_m_s=1.0))
     nosings_W = as_designed(scenario.stair).nosings_W
     builder(Event(t_s=0.0, name="climb", cause=cause), 0.0)
     builder(Event(t_s=0.5 * seconds, name="crest", cause="end of the flight in view"), 0.5 * seconds)

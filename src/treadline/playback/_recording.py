@@ -29,15 +29,15 @@ SLIP_WINDOW_S = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits of a run that plots draw; None where the run does not state the limit."""
+    """Limits of a run that plots draw, by the guard's names; None where the run does not state the limit."""
 
     margin_rad: float | None = MARGIN_LIMIT_RAD
     """Least accepted tip-over margin [rad]."""
     pitch_rate_rad_s: float | None = None
     """Pitch rate beyond which the guard holds [rad/s]."""
-    belt_m_s: float | None = None
+    belt_limit_m_s: float | None = None
     """Largest speed of one belt [m/s]."""
-    heading_rad: float | None = None
+    max_heading_error_rad: float | None = None
     """Largest heading error over crest and edge [rad]."""
     slip: float | None = None
     """Slip ratio beyond which the guard restricts the speed."""
@@ -47,14 +47,7 @@ class Limits:
     @classmethod
     def of_guard(cls, guard: Mapping[str, Any]) -> "Limits":
         """Return the limits from the guard's configuration as kept in ``manifest.json``, or from ``asdict(GuardConfig)``."""
-        names = {
-            "pitch_rate_rad_s": "pitch_rate_rad_s",
-            "belt_m_s": "belt_limit_m_s",
-            "heading_rad": "max_heading_error_rad",
-            "slip": "slip",
-            "seat_rad": "seat_rad",
-        }
-        found = {name: guard.get(key) for name, key in names.items()}
+        found = {item.name: guard.get(item.name) for item in fields(cls)}
         return cls(**{name: float(value) for name, value in found.items() if isinstance(value, int | float)})
 
 
@@ -211,11 +204,6 @@ class Recording:
     def phase_at(self, t_s: float) -> PhaseSpan | None:
         """Return the phase at a time, or None before the first."""
         return next((span for span in reversed(self.phases) if span.start_s <= t_s + 1e-9), None)
-
-    def decimated(self, every: int) -> "Recording":
-        """Return the recording with every n-th sample; events, phases and maps are kept."""
-        index = np.arange(0, len(self.t_s), every)
-        return self.sampled(index, self.t_s[index])
 
     def sampled(self, index: Int[np.ndarray, " k"], t_s: Float[np.ndarray, " k"]) -> "Recording":
         """Return the recording with the samples of an index, at new times [s]."""

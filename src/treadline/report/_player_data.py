@@ -26,7 +26,8 @@ MOST_SAMPLES = 40_000
 def uniform(recording: Recording) -> Recording:
     """Return the recording on equal time steps, decimated to at most ``MOST_SAMPLES``."""
     every = -(-len(recording.t_s) // MOST_SAMPLES)
-    kept = recording.decimated(every) if every > 1 else recording
+    index = np.arange(0, len(recording.t_s), every or 1)
+    kept = recording.sampled(index, recording.t_s[index])
     steps = np.diff(kept.t_s)
     step_s = float(np.median(steps)) if len(steps) else TICK_S
     if not len(steps) or np.abs(steps - step_s).max() < 0.5 * step_s:
