@@ -22,7 +22,7 @@ from treadline.report import _model_figures as figures
 from treadline.report import _model_runs as runs
 from treadline.report.identification_page import write_identification_page
 from treadline.report.labels import channel
-from treadline.report.svg_figures import decimated
+from treadline.report.plot_table import decimated
 
 HOSTILE = '<script>alert("x")</script><img src=http://example.org/x onerror=alert(1)>{{ 7*7 }}$x$ --><b>'
 SECTIONS = {"identified", "order", "impulse", "frequency", "fit", "residuals", "poles"}

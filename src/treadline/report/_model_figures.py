@@ -15,7 +15,8 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from treadline.identification.stabilisation import StabilisationDiagram
 from treadline.report._model_runs import answering
 from treadline.report.labels import ColumnLabel
-from treadline.report.svg_figures import BLUE, GREY, ORANGE, RED, STYLE, decimated, plain_log_labels
+from treadline.report.plot_table import decimated
+from treadline.report.svg_figures import BLUE, GREY, ORANGE, RED, STYLE, plain_log_labels
 
 WIDTH_IN = 8.0
 NARROWEST_IN = 1.75

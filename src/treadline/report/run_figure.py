@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from treadline.core.angles import DEG
 from treadline.playback import Recording
 from treadline.report._player_data import passenger_m_s2
-from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, decimated
+from treadline.report.plot_table import decimated
+from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE
 from treadline.vehicle.comfort import COMFORT_TICKS, lasting
 
 WIDTH_IN, PANEL_IN, STRIP_IN = 8.0, 1.3, 0.75

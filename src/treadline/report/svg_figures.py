@@ -10,8 +10,6 @@ import warnings
 from typing import Any
 
 import matplotlib as mpl
-import numpy as np
-from jaxtyping import Float
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation, NullFormatter
@@ -106,17 +104,3 @@ def plain_log_labels(axis: Axis) -> None:
     axis.set_major_formatter(PlainLogFormatter())
     if not isinstance(axis.get_minor_formatter(), NullFormatter):
         axis.set_minor_formatter(PlainLogFormatter(labelOnlyBase=False))
-
-
-def decimated(
-    t: Float[np.ndarray, " T"], values: Float[np.ndarray, " T"], columns: int = 300
-) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return least and largest value of each of many short spans, or the series itself where it is short.
-
-    Peaks stay; a span without any value stays a gap.
-    """
-    if len(values) <= 2 * columns:
-        return t, values
-    edges = np.linspace(0, len(values), columns, endpoint=False).astype(int)
-    low, high = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
-    return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()

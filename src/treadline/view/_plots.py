@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from treadline.playback import Recording
-from treadline.report.plot_table import PLOTS, SIGNS, Column, Plot
+from treadline.report.plot_table import PLOTS, SIGNS, Column, Plot, decimated
 
 BINS = 250
 """Bins of a plot; each shows the smallest and the largest value, so that no transient is lost."""
@@ -92,8 +92,8 @@ def plot_data(plot: Plot, run: Recording, cursor_s: float, fork: Recording | Non
     known = plot.limits(run.limits)
     if not len(run.t_s):
         return tuple(np.zeros(2) for _ in range(len(plot.curves) + len(known) + 3))
-    t_s, values = decimated(run.t_s, [curve.values(run) for curve in plot.curves])
-    curves = [shown(plot, column) for column in values]
+    thinned = [decimated(run.t_s, curve.values(run), BINS) for curve in plot.curves]
+    t_s, curves = thinned[0][0], [shown(plot, values) for _, values in thinned]
     forked = curves[0]
     if fork is not None and len(fork.t_s) and not plot.no_fork:
         there = np.interp(t_s, fork.t_s, shown(plot, plot.curves[0].values(fork)))
@@ -126,19 +126,3 @@ def filled(column: Column) -> Column:
         return np.zeros(len(column))
     last = np.maximum.accumulate(np.where(known, np.arange(len(column)), -1))
     return np.asarray(column[np.where(last < 0, int(known.argmax()), last)])
-
-
-def decimated(t_s: Column, columns: list[Column]) -> tuple[Column, list[Column]]:
-    """Return at most two instants per bin, with the smallest and the largest value of each column in the bin."""
-    count = len(t_s)
-    if count <= 2 * BINS:
-        return t_s, columns
-    edges = np.linspace(0, count, BINS + 1).astype(int)[:-1]
-    width = count // BINS
-    times = np.stack([t_s[edges], t_s[np.minimum(edges + width // 2, count - 1)]], axis=1).ravel()
-    found = []
-    for column in columns:
-        low, high = np.fmin.reduceat(column, edges), np.fmax.reduceat(column, edges)
-        rising = column[np.minimum(edges + width - 1, count - 1)] >= column[edges]
-        found.append(np.stack([np.where(rising, low, high), np.where(rising, high, low)], axis=1).ravel())
-    return times, found
