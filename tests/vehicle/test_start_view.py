@@ -84,6 +84,18 @@ def test_on_the_floor_the_chair_turns_to_see(heading_deg: float) -> None:
     assert judge(stair={"slope_deg": 28.0}, start={"heading_deg": heading_deg}).verdict == "go"
 
 
+@pytest.mark.parametrize(
+    # Of 12 rendered frames each, ``see`` accepts all of 0.09 by 0.30 and 0.16 by 0.50 m, and none of the others.
+    ("rise_m", "run_m", "is_refused"),
+    [(0.09, 0.30, False), (0.16, 0.50, False), (0.075, 0.30, True), (0.06, 0.30, True), (0.16, 0.56, True)],
+)
+def test_steps_that_the_detector_does_not_accept_are_refused(rise_m: float, run_m: float, *, is_refused: bool) -> None:
+    said = f"steps of {rise_m:.3f} by {run_m:.3f} m, and the detector accepts rises of 0.08 to 0.25 m and runs of 0.15 to 0.52 m"
+    for vision, wanted in (("robust", is_refused), ("truth", False)):
+        report = judge(stair={"rise_m": rise_m, "run_m": run_m}, control={"vision": vision})
+        assert any(reason.startswith(said) for reason in report.reasons) is wanted
+
+
 def test_an_open_loop_looks_at_nothing() -> None:
     report = judge(mounted(pitch_deg=-35.0), control={"loop": "open"})
     assert (report.verdict, report.nosings_in_view) == ("go", None)

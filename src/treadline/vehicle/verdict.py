@@ -24,6 +24,7 @@ from treadline.vehicle.tracks import (
     nosings_touched,
     track_on_stair_m,
 )
+from treadline.vehicle.visibility import DETECTED_RISE_M, DETECTED_RUN_M
 
 TRACTION_RESERVE = 1.05
 """Required ratio of friction to tan β, a reserve for jolts at the nosings."""
@@ -117,6 +118,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _no_seat_to_shift(scenario.chair, chair),
         _too_wide_a_gap(scenario, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
+        _undetectable_steps(scenario),
         _turning_flights(stair),
         _winders(stair),
         *start_problems,
@@ -277,6 +279,19 @@ def _widest_spacing_m(scenario: Scenario, neighbours: int) -> float:
         there.append((last.x_m + stair.run_m, last.z_m + stair.rise_m))
         widest_m = max(widest_m, *(math.dist(*pair) for pair in zip(there, there[neighbours:], strict=False)))
     return widest_m
+
+
+def _undetectable_steps(scenario: Scenario) -> str | None:
+    """Return a refusal of steps outside the detector's range, of which it accepts no frame, or frames of half steps."""
+    stair, control = scenario.stair, scenario.control
+    (least_rise, most_rise), (least_run, most_run) = DETECTED_RISE_M, DETECTED_RUN_M
+    is_detectable = least_rise <= stair.rise_m <= most_rise and least_run <= stair.run_m <= most_run
+    if is_detectable or control.loop == "open" or control.vision != "robust":
+        return None
+    return (
+        f"steps of {stair.rise_m:.3f} by {stair.run_m:.3f} m, and the detector accepts rises of {least_rise:g} to {most_rise:g} m "
+        f"and runs of {least_run:g} to {most_run:g} m; take another way"
+    )
 
 
 def _turning_flights(stair: Stair) -> str | None:

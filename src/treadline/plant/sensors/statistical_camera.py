@@ -20,14 +20,12 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.vehicle.staircase import Staircase
-from treadline.vehicle.visibility import LEAST_NOSINGS, Visibility, Wall, geometry_of
+from treadline.vehicle.visibility import DETECTED_RUN_M, LEAST_NOSINGS, Visibility, Wall, geometry_of
 
 EXACT_SIGMA_RAD, EXACT_PLACE_M = 0.05 * DEG, 0.001
 """Noise of ``exact``: heading [rad] and nosing position [m]; non-zero, so that a filter has a finite weight."""
 LEAST_WALL = 0.03
 """Fraction of the coarse image filled by a wall above which the wall is always detected."""
-LONGEST_RUN_M = 0.52
-"""Longest run of a step accepted by the detector [m], as in ``perception.lattice_kernels.RUN_M``."""
 FAR_END_M = 2.5
 """Depth above which a visible end of the flight is often missed [m]."""
 COUNTS = (2, 3, 4, 6)
@@ -147,7 +145,7 @@ class _Errors:
         latent = dict(zip(LATENTS, normal[: len(LATENTS)].tolist(), strict=True))
         second = np.sort(seen.margins_px)[-2]
         accept = table["accept"]["score"][seen.acceptance_row]
-        if latent["accept"] > np.interp(second, table["accept"]["margins_px"], accept) or seen.run_m > LONGEST_RUN_M:
+        if latent["accept"] > np.interp(second, table["accept"]["margins_px"], accept) or seen.run_m > DETECTED_RUN_M[1]:
             return ()
         nosing_errors = normal[len(LATENTS) :].reshape(len(NOSING_ERRORS), -1)[:, seen.numbers]
         which = self._which(table["told"], seen, nosing_errors[0])
