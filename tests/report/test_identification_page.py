@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
+from treadline.core.arrays import decimated
 from treadline.core.errors import TreadlineError
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.experiments.as_printed import paper_model
@@ -22,7 +23,6 @@ from treadline.report import _model_figures as figures
 from treadline.report import _model_runs as runs
 from treadline.report.identification_page import write_identification_page
 from treadline.report.labels import channel
-from treadline.report.plot_table import decimated
 
 HOSTILE = '<script>alert("x")</script><img src=http://example.org/x onerror=alert(1)>{{ 7*7 }}$x$ --><b>'
 SECTIONS = {"identified", "order", "impulse", "frequency", "fit", "residuals", "poles"}

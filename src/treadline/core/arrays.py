@@ -1,4 +1,4 @@
-"""Numeric arrays: conversion and checking of those from callers, once, at the interface; products of single vectors."""
+"""Numeric arrays: conversion and checking of those from callers, once, at the interface; products of single vectors; thinning."""
 
 from dataclasses import fields
 
@@ -75,3 +75,17 @@ def cross(a: Float[np.ndarray, " 3"], b: Float[np.ndarray, " 3"]) -> Float[np.nd
     ax, ay, az = a.tolist()
     bx, by, bz = b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
+def decimated(
+    t: Float[np.ndarray, " T"], values: Float[np.ndarray, " T"], columns: int = 300
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Return least and largest value of each of many short spans, or the series itself where it is short.
+
+    Peaks stay; a span without any value stays a gap.
+    """
+    if len(values) <= 2 * columns:
+        return t, values
+    edges = np.linspace(0, len(values), columns, endpoint=False).astype(int)
+    low, high = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
+    return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()

@@ -19,11 +19,11 @@ def slower_belt_m_s(left_m_s: float, right_m_s: float) -> float:
     return min(left_m_s, right_m_s, key=abs)
 
 
-def slip_ratio(slid_m: T, driven_m: T) -> T:
+def slip_ratio(off_m: T, driven_m: T) -> T:
     """Return the slip ratio: the part of the slower belt's travel that the chair does not follow, forwards or backwards.
 
     Args:
-        slid_m: Travel of the slower belt minus movement of the chair [m].
+        off_m: Travel of the slower belt minus movement of the chair [m].
         driven_m: Travel of the slower belt [m], at least ``DRIVEN_LEAST_M`` in magnitude.
     """
-    return abs(slid_m) / abs(driven_m)
+    return abs(off_m) / abs(driven_m)

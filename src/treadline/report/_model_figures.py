@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
+from treadline.core.arrays import decimated
 from treadline.identification.stabilisation import StabilisationDiagram
 from treadline.report._model_runs import answering
 from treadline.report.labels import ColumnLabel
-from treadline.report.plot_table import decimated
 from treadline.report.svg_figures import BLUE, GREY, ORANGE, RED, STYLE, plain_log_labels
 
 WIDTH_IN = 8.0

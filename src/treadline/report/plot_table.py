@@ -107,20 +107,6 @@ class Plot:
         return self.limit.text.format(f"{'±' if self.limit.both else ''}{values[0]:g}{suffix(self.unit)}")
 
 
-def decimated(
-    t: Float[np.ndarray, " T"], values: Float[np.ndarray, " T"], columns: int = 300
-) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return least and largest value of each of many short spans, or the series itself where it is short.
-
-    Peaks stay; a span without any value stays a gap.
-    """
-    if len(values) <= 2 * columns:
-        return t, values
-    edges = np.linspace(0, len(values), columns, endpoint=False).astype(int)
-    low, high = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
-    return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()
-
-
 def phase_colour(name: str) -> str:
     """Return the colour of a phase in the timeline."""
     return str(_PALETTE["phases"].get(name, "#888888"))

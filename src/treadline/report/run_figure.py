@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from treadline.core.angles import DEG
+from treadline.core.arrays import decimated
 from treadline.playback import Recording
 from treadline.report._player_data import passenger_m_s2
-from treadline.report.plot_table import decimated
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE
 from treadline.vehicle.comfort import COMFORT_TICKS, lasting
 

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from treadline.core.arrays import decimated
 from treadline.playback import Recording
-from treadline.report.plot_table import PLOTS, SIGNS, Column, Plot, decimated
+from treadline.report.plot_table import PLOTS, SIGNS, Column, Plot
 
 BINS = 250
 """Bins of a plot; each shows the smallest and the largest value, so that no transient is lost."""

@@ -28,7 +28,7 @@ PANELS_SHARE, PLOTS_SHARE = 0.27, 0.22
 PANELS_PX, PLOTS_PX = 400, 380
 """Largest widths of the panels and of the plots [px]."""
 FOLDED_PX = 900
-"""Width of the page below which the plots are folded [px]: their values would not fit beside each other."""
+"""Width of the page below which the plots are folded [px]: their values would not fit next to each other."""
 WEIGHT: tuple[tuple[str, FaultKind], ...] = (("forward", "payload_forward"), ("left", "payload_left"), ("up", "payload_up"))
 """Directions in which the passenger's weight moves, with the faults of the same range."""
 DRIVING = (
