@@ -159,7 +159,7 @@ def test_frames_of_files_go_into_the_detector(tmp_path: Path) -> None:
     body = points.astype("<f4").tobytes()
     (tmp_path / "a.pcd").write_bytes(f"{header}POINTS {len(points)}\nDATA binary\n".encode() + body)
     (named,) = tl.read_frames(tmp_path / "a.pcd")
-    found = tl.detect_stair(named.frame.depth_m, camera, view.gravity_C)
+    found = tl.detect_stair(named, camera, view.gravity_C)
     assert found.heading_rad == tl.detect_stair(z, camera, view.gravity_C).heading_rad
     assert named.frame.camera.fx_px == pytest.approx(camera.fx_px, rel=1e-5)
 

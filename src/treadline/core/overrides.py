@@ -4,7 +4,7 @@ A set value takes precedence: it replaces the value of the file, and keys that c
 """
 
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from os import PathLike, fspath
 from typing import Any, get_args
 
@@ -13,6 +13,8 @@ from treadline.core.settings import Settings
 
 Keys = tuple[str, ...]
 """Dotted key in its parts: table names and list indices, then the key name."""
+ABSENT = object()
+"""Value of a key that is to be removed."""
 
 
 def parse_items(items: Iterable[str]) -> dict[str, object]:
@@ -47,17 +49,15 @@ def overridden(tables: Mapping[str, object], values: Mapping[str, object], model
     """
     given = leaves(values)
     defaults = model().model_dump()
-    changed: Any = dict(tables)
-    for keys in given:
-        for rival in _rivals(keys, model):
-            changed = changed if rival in given else _without(changed, rival)
-    for keys, value in given.items():
+    gone = {rival: ABSENT for keys in given for rival in _rivals(keys, model)}
+    changed: Any = tables
+    for keys, value in (gone | given).items():
         changed = put(changed, keys, value, defaults)
     return dict(changed)
 
 
 def put(here: object, keys: Keys, value: object, defaults: object, depth: int = 0) -> Any:
-    """Return a table or a list with one value set.
+    """Return a table or a list with one value set, or removed where the value is ``ABSENT``.
 
     Args:
         here: Table or list; None where the file has none: a list then begins as its default.
@@ -80,17 +80,8 @@ def put(here: object, keys: Keys, value: object, defaults: object, depth: int = 
         return items
     table = dict(here) if isinstance(here, Mapping) else {}
     inner = defaults.get(part) if isinstance(defaults, Mapping) else None
-    return table | {part: put(table.get(part), keys, value, inner, depth + 1)}
-
-
-def _without(here: object, keys: Keys) -> object:
-    """Return a table or a list without one value."""
-    part, rest = keys[0], keys[1:]
-    if isinstance(here, list | tuple):
-        return [_without(item, rest) if part == str(index) else item for index, item in enumerate(here)]
-    if not isinstance(here, Mapping):
-        return here
-    return {key: _without(item, rest) if key == part else item for key, item in here.items() if rest or key != part}
+    table[part] = put(table.get(part), keys, value, inner, depth + 1)
+    return {key: item for key, item in table.items() if item is not ABSENT}
 
 
 def _rivals(keys: Keys, model: type[Settings]) -> list[Keys]:
@@ -110,7 +101,7 @@ def table_of(hint: Any) -> type[Settings] | None:
     return next((found for part in get_args(hint) if (found := table_of(part)) is not None), None)
 
 
-def leaves(values: Mapping[str, object]) -> dict[Keys, object]:
+def leaves(values: Mapping[str, object], above: Keys = ()) -> dict[Keys, object]:
     """Return the values by key; a table stands for its values, an array for a list, and a path for its text.
 
     Raises:
@@ -118,15 +109,9 @@ def leaves(values: Mapping[str, object]) -> dict[Keys, object]:
     """
     if not isinstance(values, Mapping):
         raise SettingsError(f"set is {values!r}; give values by key, as {{'stair.slope_deg': 30}}")
-    return dict(_leaves(values, ()))
-
-
-def _leaves(values: Mapping[str, object], above: Keys) -> Iterator[tuple[Keys, object]]:
+    found: dict[Keys, object] = {}
     for key, value in values.items():
         keys = (*above, *str(key).split("."))
-        if isinstance(value, Mapping) and value:
-            yield from _leaves(value, keys)
-        elif isinstance(value, PathLike):
-            yield keys, fspath(value)
-        else:
-            yield keys, value.tolist() if hasattr(value, "tolist") else value
+        plain = fspath(value) if isinstance(value, PathLike) else value.tolist() if hasattr(value, "tolist") else value
+        found |= leaves(value, keys) if isinstance(value, Mapping) and value else {keys: plain}
+    return found
