@@ -246,3 +246,16 @@ def test_the_report_is_one_json_object_whatever_the_data(run, tmp_path: Path) ->
     )
     assert outcome.code == 0
     assert any("no clear gap" in warning for warning in json.loads(outcome.out)["warnings"])
+
+
+def test_a_clock_in_milliseconds_is_asked_about_unless_the_period_is_given(run, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    u = rng.normal(size=(200, 1))
+    y = np.convolve(u[:, 0], [0.0, 1.0, 0.5])[:200] + 1e-3 * rng.normal(size=200)
+    table = np.column_stack([250.0 * np.arange(200), u, y])
+    np.savetxt(tmp_path / "ms.csv", table, delimiter=",", header="t_s,u,y", comments="")
+    line = ["identify", tmp_path / "ms.csv", "--inputs", "u", "--outputs", "y", "--method", "okid-era", "--no-page", "--json"]
+    (asked,) = [text for text in run(*line, "--out", tmp_path / "a.json").values["warnings"] if "milliseconds" in text]
+    assert asked.startswith("the time column steps by 250 s; if it counts milliseconds, divide it by 1000")
+    given = run(*line, "--period", "250", "--out", tmp_path / "b.json").values["warnings"]
+    assert not any("milliseconds" in text for text in given)
