@@ -10,9 +10,9 @@ import flown
 import numpy as np
 import pytest
 
-from treadline.campaign import cluster
-from treadline.campaign.cluster import LOCAL, Cluster
-from treadline.campaign.pool import Episode, EpisodeRunner, Row
+from treadline.campaign import _cluster as cluster
+from treadline.campaign._cluster import LOCAL, Cluster
+from treadline.campaign._pool import Episode, EpisodeRunner, Row
 from treadline.campaign.spec import read_spec
 from treadline.campaign.sweep import SweepPlan
 from treadline.core.errors import SettingsError

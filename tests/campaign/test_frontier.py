@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from treadline.campaign._campaign_page import thumbnail, view_of
+from treadline.campaign._pool import VIEW, Row
 from treadline.campaign._results import flat, frontier_of, separation
-from treadline.campaign.campaign_page import thumbnail, view_of
-from treadline.campaign.pool import VIEW, Row
 from treadline.playback import Recording
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from treadline.campaign._campaign_page import write_page
 from treadline.campaign._results import summarise
-from treadline.campaign.campaign_page import write_page
 
 DRAWN = ["stair.texture", "stair.open_risers", "stair.friction.0", "chair.payload_kg", "start.heading_deg"]
 

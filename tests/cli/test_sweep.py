@@ -41,7 +41,7 @@ def test_a_sweep_answers_with_one_object(run: Callable, spec: Path, tmp_path: Pa
     assert (done.code, done.values["runs"], done.values["seed"]) == (0, 6, 3), done.err
     assert {"verdicts", "scores", "worst", "traversals_per_cpu_hour", "report"} <= done.values.keys()
     assert done.values["verdicts"]["arrived"]["count"] == 6
-    assert "6/6 run 000" in done.err
+    assert "6 of 6: run 000" in done.err
     assert done.err.splitlines()[-1].endswith(", 0 s left")
     for name in ("runs.csv", "summary.json", "manifest.json", "spec.toml", "report.html", "times.json", "journal.jsonl"):
         assert (tmp_path / "out" / name).exists(), name
@@ -91,7 +91,7 @@ def test_a_cluster_that_does_not_answer_is_one_line(
     run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="Dask is an extra")
-    monkeypatch.setattr("treadline.campaign.cluster.ANSWERS_WITHIN_S", 0.5)
+    monkeypatch.setattr("treadline.campaign._cluster.ANSWERS_WITHIN_S", 0.5)
     done = run("sweep", spec, "--runs", 3, "--cluster", "tcp://127.0.0.1:9", "--out", tmp_path / "out")
     assert (done.code, len(done.err.splitlines())) == (2, 1)
     assert "no Dask scheduler answers" in done.err

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from treadline.core.errors import SettingsError
 from treadline.core.overrides import put
@@ -31,26 +31,9 @@ Tables = dict[str, Any]
 
 def check_path(key: str, where: str) -> None:
     """Raise SettingsError unless the scenario has a value at the path."""
-    check_value(key, get_value({}, key), where)
-
-
-def check_value(key: str, value: object, where: str) -> None:
-    """Raise SettingsError unless the scenario has the key and its validation allows the value."""
     if key == LABEL or key.startswith(tuple(f"{name}." for name in LISTS)):
         return  # one key of an item of a list is checked on complete scenarios
-    alone = put({}, tuple(key.split(".")), value, DEFAULTS)
-    try:
-        Scenario.model_validate(alone)
-    except ValidationError as error:
-        # Rules across several keys are checked on complete scenarios.
-        if any(problem["type"] != "value_error" or len(problem["loc"]) > 1 for problem in error.errors()):
-            settings_of(alone, Scenario, where=where)
-
-
-def is_integer(key: str) -> bool:
-    """Whether the value at the path is an integer."""
-    table, _, field = key.partition(".")
-    return table in DEFAULTS and isinstance(DEFAULTS[table], dict) and type(DEFAULTS[table].get(field)) is int
+    settings_of(put({}, tuple(key.split(".")), get_value({}, key), DEFAULTS), Scenario, where=where)
 
 
 def get_value(tables: Mapping[str, Any], key: str) -> Any:
@@ -61,17 +44,10 @@ def get_value(tables: Mapping[str, Any], key: str) -> Any:
     for whole in (tables, DEFAULTS):
         here: Any = whole
         for part in key.split("."):
-            here = _step(here, part)
+            items = {str(index): item for index, item in enumerate(here)} if isinstance(here, list | tuple) else here
+            here = items.get(part) if isinstance(items, Mapping) else None
         if here is not None:
             return here
-    return None
-
-
-def _step(here: Any, part: str) -> Any:
-    if isinstance(here, Mapping):
-        return here.get(part)
-    if isinstance(here, list | tuple) and part.isdecimal() and int(part) < len(here):
-        return here[int(part)]
     return None
 
 
@@ -126,13 +102,13 @@ class Draw(Settings):
         low, high = (_bound(bound, tables) for bound in self.uniform)
         if low > high:
             raise SettingsError(f"{where}: uniform from {low:.4g} to {high:.4g} is empty; put the smaller bound first")
-        if is_integer(self.key):
+        if type(get_value({}, self.key)) is int:
             return int(low) + min(int(share * (high - low + 1)), int(high - low))
         return min(low + share * (high - low), high)
 
 
 def check_draw(draw: Draw, where: str) -> None:
-    """Raise SettingsError unless the draw is well formed and its values are allowed in a scenario."""
+    """Raise SettingsError unless the draw is well formed; its values are checked in whole scenarios."""
     check_path(draw.key, where)
     given = [kind for kind in KINDS if getattr(draw, kind) is not None]
     if len(given) != 1:
@@ -152,16 +128,6 @@ def check_draw(draw: Draw, where: str) -> None:
     if draw.weights is not None and (draw.choice is None or len(draw.weights) != len(draw.choice) or not sum(draw.weights)):
         raise SettingsError(f"{where}: weights must be as many as the values of choice, and at least one above 0")
     _check_when(draw.when, where)
-    for value in _extremes(draw):
-        check_value(draw.key, value, where)
-
-
-def _extremes(draw: Draw) -> list[object]:
-    """Return the extreme values stated in the file."""
-    if draw.normal is not None:
-        return [draw.normal.low, draw.normal.high]
-    stated = draw.uniform or draw.choice or (draw.value,)
-    return [value for value in stated if not _is_multiple(value)]
 
 
 def _is_multiple(value: object) -> bool:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.campaign.pool import TIMES, VIEW, Row
+from treadline.campaign._pool import TIMES, VIEW, Row
 from treadline.core.angles import rms
 from treadline.core.models import write_whole, written_whole
 from treadline.io.runs import COMPLETED
@@ -225,12 +225,9 @@ GRID = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frontier:
-    """Two quantities, their runs, and the contours of the share of failed runs."""
+    """Two quantities, and the contours of the share of failed runs over them."""
 
     keys: tuple[str, str]
-    points: Float[np.ndarray, "n 2"]
-    index: tuple[int, ...]
-    verdicts: tuple[str, ...]
     contours: dict[float, list[Float[np.ndarray, "_ 2"]]]
     """Lines of each level, in the quantities' units."""
 
@@ -250,13 +247,7 @@ def frontier_of(rows: Sequence[Row], drawn: Sequence[str]) -> Frontier | None:
     if second is None:
         return None
     points = np.column_stack([values[first], values[second]])
-    return Frontier(
-        keys=(first, second),
-        points=points,
-        index=tuple(int(row["index"]) for row in rows),
-        verdicts=tuple(str(row["verdict"]) for row in rows),
-        contours=_contours(points, failed),
-    )
+    return Frontier(keys=(first, second), contours=_contours(points, failed))
 
 
 def _varies(rows: Sequence[Row], key: str) -> bool:

@@ -7,7 +7,6 @@
 Run k depends only on spec, seed and k, so results are identical with one process, four or a cluster, and after a restart.
 """
 
-import json
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -18,18 +17,20 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from treadline.campaign._campaign_page import thumbnail, view_of, write_page
+from treadline.campaign._cluster import Cluster
 from treadline.campaign._draws import LISTS
+from treadline.campaign._journal import Journal
+from treadline.campaign._pool import Episode, Pool, Row
 from treadline.campaign._results import CONFIDENCE, FAILED, flat, harm, has_rms, summarise, write_tables
 from treadline.campaign._sobol_sampling import Sampling, budget, generation_size, points, run_seed, search
-from treadline.campaign.campaign_page import thumbnail, write_page
-from treadline.campaign.journal import Journal
-from treadline.campaign.pool import Episode, Row, Runners
 from treadline.campaign.spec import SHAPE, Spec, scenario_toml
 from treadline.core.errors import SettingsError
-from treadline.core.models import read_json, write_whole
-from treadline.core.printing import plain
+from treadline.core.models import read_json, write_json, write_whole
 from treadline.io.runs import git_commit, write_manifest
 from treadline.report.labels import channel, suffix
+
+__all__ = ["SHOWN", "Cluster", "Pool", "SweepPlan", "has_failures", "lines", "replay_command", "run_sweep", "view_of"]
 
 SHOWN = (
     "min_stability_margin_deg",
@@ -93,7 +94,7 @@ class SweepPlan:
 def run_sweep(
     plan: SweepPlan,
     folder: Path,
-    runners: Runners,
+    runners: Pool | Cluster,
     *,
     resume: bool,
     begin: Callable[[int], None],
@@ -131,12 +132,12 @@ def run_sweep(
         except KeyboardInterrupt:
             journal.reload()
             with suppress(SettingsError):
-                write_results(plan, folder, journal.rows, started)
+                _write_results(plan, folder, journal.rows, started)
             raise
-        return write_results(plan, folder, journal.rows, started)
+        return _write_results(plan, folder, journal.rows, started)
 
 
-def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], episodes: Mapping[int, Episode]) -> dict[str, Any]:
+def _write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], episodes: Mapping[int, Episode]) -> dict[str, Any]:
     """Write tables, scenarios of the worst runs and of all that did not arrive, summary and page; return the summary."""
     kept = [rows[index] for index in sorted(rows) if index in episodes]
     files = write_tables(folder, kept)
@@ -154,8 +155,8 @@ def write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], episod
         row["replay"] = replay_command(folder, row, plan.climb_options)
     cpu_s = sum(row.get("cpu_s") or 0.0 for row in kept)
     times = {"cpu_s": cpu_s, "traversals_per_cpu_hour": 3600.0 * len(kept) / cpu_s if cpu_s else None}
-    _write_json(folder / "summary.json", summary)
-    _write_json(folder / "times.json", times)
+    write_json(folder / "summary.json", summary)
+    write_json(folder / "times.json", times)
     views = {row["index"]: thumbnail(rows[row["index"]], episodes[row["index"]].scenario) for row in summary["worst"]}
     page = write_page(folder, summary, times, flat_rows, drawn, {index: view for index, view in views.items() if view is not None})
     return summary | times | {"files": [str(path) for path in files], "report": str(page)}
@@ -224,7 +225,3 @@ def _write_what_was_asked(plan: SweepPlan, folder: Path) -> None:
     if plan.spec.fixed:
         asked |= {"set": {".".join(keys): value for keys, value in plan.spec.fixed.items()}}
     write_manifest(folder, plan.identity | asked, plan.seed)
-
-
-def _write_json(path: Path, values: Mapping[str, Any]) -> None:
-    write_whole(path, json.dumps(plain(values), indent=1, allow_nan=False) + "\n")

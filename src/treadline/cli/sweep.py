@@ -55,14 +55,11 @@ def sweep(
         adversarial: Search for the worst score within the ranges instead of sampling.
         score: Score that ranks the worst runs, and that the adversarial search minimises.
     """
-    from treadline.campaign.cluster import Cluster
-    from treadline.campaign.journal import NAME
-    from treadline.campaign.pool import Pool
     from treadline.campaign.spec import read_spec
-    from treadline.campaign.sweep import SweepPlan, has_failures, lines, run_sweep
+    from treadline.campaign.sweep import Cluster, Pool, SweepPlan, has_failures, lines, run_sweep
     from treadline.core.errors import SettingsError
     from treadline.core.processes import default_workers
-    from treadline.io.runs import remove
+    from treadline.io.runs import JOURNAL, remove
     from treadline.run.resolve import resolved_blocks
 
     if workers is not None and workers < 1:
@@ -88,7 +85,7 @@ def sweep(
     compile_once()
     runners = Pool(run, count) if cluster is None else Cluster(run, cluster, count)
     if force:
-        remove(out, (NAME,))
+        remove(out, (JOURNAL,))
     if plan.total < runs:
         sys.stderr.write(f"treadline: {plan.total} runs of {runs}: a search runs whole generations\n")
     try:
@@ -138,7 +135,7 @@ class RunScenario:
 
     def __call__(self, scenario: "Scenario", seed: int, watched_s: float) -> Mapping[str, Any]:
         """Return the summary of one run; a held chair is simulated for ``watched_s`` more seconds."""
-        from treadline.campaign.campaign_page import view_of
+        from treadline.campaign.sweep import view_of
         from treadline.playback import RecordingBuilder
         from treadline.run.episode import run_episode
         from treadline.run.resolve import resolve

@@ -6,7 +6,7 @@ Identification reads an ``InputOutputRecord`` and returns a ``LinearModel``; tun
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from numbers import Real
@@ -153,7 +153,7 @@ class LinearModel(Printable):
 
     def save(self, path: Path | str) -> None:
         """Write the model as JSON."""
-        write_whole(Path(path), json.dumps(plain(asdict(self)), indent=1, allow_nan=False) + "\n")
+        write_json(Path(path), asdict(self))
 
     @classmethod
     def load(cls, path: Path) -> "LinearModel":
@@ -201,7 +201,7 @@ class ControllerDesign(Printable):
 
     def save(self, path: Path | str) -> None:
         """Write the controller as JSON."""
-        write_whole(Path(path), json.dumps(plain(asdict(self)), indent=1, allow_nan=False) + "\n")
+        write_json(Path(path), asdict(self))
 
     @classmethod
     def load(cls, path: Path) -> "ControllerDesign":
@@ -237,6 +237,11 @@ def write_whole(path: Path, data: str | bytes) -> None:
     """Write a file atomically: a reader sees the old content or the new content, never a part."""
     with written_whole(path) as part:
         part.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def write_json(path: Path, values: Mapping[str, Any]) -> None:
+    """Write values as a JSON file, atomically: arrays as lists, non-finite numbers as null."""
+    write_whole(path, json.dumps(plain(values), indent=1, allow_nan=False) + "\n")
 
 
 @contextmanager

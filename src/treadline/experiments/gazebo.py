@@ -5,7 +5,6 @@ Paper: Fig. 8, Fig. 9, Fig. 10, Table II.
 Both simulators use the statistical camera (decision 0016), so that only their contact models differ. Each row is one run per seed.
 """
 
-import json
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from treadline.core.models import ControllerDesign, write_whole
+from treadline.core.models import ControllerDesign, write_json
 from treadline.core.printing import plain
 from treadline.experiments import _fig08_to_fig10
 from treadline.experiments._fig08_to_fig10 import ExcitationRun, ExciteJob
@@ -49,7 +48,7 @@ def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, done: D
     values: dict[str, Any] = plain(
         {**found, "compared": compared(found["gazebo"], found["mujoco"]), "wall_s": time.monotonic() - started, **provenance()}
     )
-    write_whole(out / "results.json", json.dumps(values, indent=1, allow_nan=False) + "\n")
+    write_json(out / "results.json", values)
     return values
 
 
@@ -101,7 +100,7 @@ def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers:
         "table2": _fig08_to_fig10.table2(turns),
         "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
     }
-    write_whole(out / "results.json", json.dumps(plain(values), indent=1, allow_nan=False) + "\n")
+    write_json(out / "results.json", values)
     return values
 
 

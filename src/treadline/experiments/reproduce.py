@@ -4,7 +4,6 @@ Each phase is a list of jobs for the pool, and phases exchange data alone. Runs 
 for its identification are being made.
 """
 
-import json
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from treadline.control.tune import tune
-from treadline.core.models import ControllerDesign, write_whole
+from treadline.core.models import ControllerDesign, write_json
 from treadline.core.printing import plain
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments import _fig08_to_fig10, as_printed, dead_zone, fig05, fig11, lugs
@@ -102,7 +101,7 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: P
             }
         )
         values = with_sensitivity(values, read_sensitivity())
-        write_whole(out / "results.json", json.dumps(values, indent=1, allow_nan=False) + "\n")
+        write_json(out / "results.json", values)
 
         def pages(title: str, function: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
             found = pool.map(title, function, items)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.models import ControllerDesign, write_whole
+from treadline.core.models import ControllerDesign, write_json, write_whole
 from treadline.core.printing import plain
 
 COMPLETED = ("time_up", "arrived", "end_of_flight")
@@ -32,6 +32,8 @@ RECORD = "record.csv"
 """File name of the input-output record."""
 MANIFEST = "manifest.json"
 """File name of the manifest."""
+JOURNAL = "journal.jsonl"
+"""File name of the journal of a sweep."""
 RUN_CONTROLLER = "run-controller.json"
 """File name of the controller used by the run. The name ``controller.json`` is taken: ``treadline tune`` writes that file, also
 into run folders, and no run may remove it."""
@@ -104,13 +106,13 @@ def remove(folder: Path, names: Sequence[str]) -> None:
 def write_manifest(folder: Path, settings: Mapping[str, Any], seed: int, **more: Mapping[str, Any]) -> dict[str, Any]:
     """Write settings, seed and provenance of a run, and additional entries by key; return them."""
     manifest = {"settings": settings, "seed": seed, **more, **provenance()}
-    _write_json(folder / MANIFEST, manifest)
+    write_json(folder / MANIFEST, manifest)
     return manifest
 
 
 def write_result(folder: Path, result: Mapping[str, Any]) -> None:
     """Write the result of a run."""
-    _write_json(folder / "result.json", result)
+    write_json(folder / "result.json", result)
 
 
 def write_series(folder: Path, columns: Mapping[str, Float[np.ndarray, " T"]]) -> None:
@@ -128,10 +130,6 @@ def read_series(folder: Path) -> dict[str, Float[np.ndarray, " T"]]:
         names = file.readline().strip().split(",")
         rows = np.genfromtxt(file, delimiter=",", filling_values=np.nan, ndmin=2)
     return {name: rows[:, i] for i, name in enumerate(names)}
-
-
-def _write_json(path: Path, values: Mapping[str, Any]) -> None:
-    write_whole(path, json.dumps(plain(values), indent=1, allow_nan=False) + "\n")
 
 
 def provenance() -> dict[str, Any]:

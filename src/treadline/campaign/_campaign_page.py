@@ -4,15 +4,15 @@ A campaign keeps no logs. Each run's row keeps one pose under ``VIEW``, from whi
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from treadline.campaign._pool import VIEW, Row
 from treadline.campaign._results import ARRIVED, Frontier, frontier_of, has_rms
-from treadline.campaign.pool import VIEW, Row
 from treadline.core.models import write_whole
 from treadline.playback import Recording
 from treadline.report.labels import score_name, score_unit, suffix
@@ -59,7 +59,7 @@ def write_page(
         summary=summary,
         times=times,
         chart=_chart(rows, drawn, summary["score"]),
-        frontier=None if found is None else _frontier(found),
+        frontier=None if found is None else _frontier(rows, found),
         views={index: Markup(view) for index, view in (views or {}).items()},  # noqa: S704 - drawn by this package
         colours=COLOURS,
         up=name,
@@ -97,17 +97,6 @@ def thumbnail(row: Row, scenario: Scenario) -> str | None:
     return views.definitions + views.view(kept["t_s"], words)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Dot:
-    """Run in a chart."""
-
-    x: float
-    y: float
-    index: int
-    verdict: str
-    radius_px: float
-
-
 def _chart(rows: Sequence[Row], drawn: Sequence[str], score: str) -> dict[str, Any] | None:
     """Return the scatter chart of the score over a drawn key, the slope if it varies; None if no drawn number varies."""
     scored = [row for row in rows if _is_number(row.get(score))]
@@ -115,50 +104,37 @@ def _chart(rows: Sequence[Row], drawn: Sequence[str], score: str) -> dict[str, A
     key = next((key for key in keys if len({row[key] for row in scored if _is_number(row.get(key))}) > 1), None)
     if key is None:
         return None
-    dots = [
-        _Dot(
-            x=float(row[key]),
-            y=float(row[score]),
-            index=row["index"],
-            verdict=row["verdict"],
-            radius_px=6.0 if row["verdict"] == "fell" else 3.0,
-        )
-        for row in scored
-        if _is_number(row.get(key))
-    ]
+    shown = [row for row in scored if _is_number(row.get(key))]
     titles = (_with_unit(key, _unit(key)), _with_unit(score_name(score), _unit(score)))
-    return _scatter(dots, (key, score), titles)[0] | {"key": key}
+    return _scatter(shown, (key, score), titles, lambda verdict: 6.0 if verdict == "fell" else 3.0)[0] | {"key": key}
 
 
-def _frontier(found: Frontier) -> dict[str, Any]:
+def _frontier(rows: Sequence[Row], found: Frontier) -> dict[str, Any]:
     """Return the chart of all runs over the two quantities that separate failures best, with the contours of their share."""
-    dots = [
-        _Dot(x=x, y=y, index=index, verdict=verdict, radius_px=3.0 if verdict in ARRIVED else 5.0)
-        for (x, y), index, verdict in zip(found.points.tolist(), found.index, found.verdicts, strict=True)
-    ]
-    across, up = found.keys
-    chart, axes = _scatter(dots, found.keys, (_with_unit(across, _unit(across)), _with_unit(up, _unit(up))))
+    across, up = (_with_unit(key, _unit(key)) for key in found.keys)
+    chart, axes = _scatter(rows, found.keys, (across, up), lambda verdict: 3.0 if verdict in ARRIVED else 5.0)
     lines = {level: "".join(_path(line, axes) for line in contour) for level, contour in found.contours.items()}
     return chart | {"names": found.keys, "lines": {level: line for level, line in lines.items() if line}}
 
 
 def _scatter(
-    dots: Sequence[_Dot], keys: tuple[str, str], titles: tuple[str, str]
+    rows: Sequence[Row], keys: tuple[str, str], titles: tuple[str, str], radius_px: Callable[[str], float]
 ) -> tuple[dict[str, Any], tuple["_Axis", "_Axis"]]:
-    """Return a chart for the template, larger dots last, and its two axes."""
-    across = _Axis.of([dot.x for dot in dots], FRAME["x"], FRAME["width"])
-    up = _Axis.of([dot.y for dot in dots], FRAME["y"] + FRAME["height"], -FRAME["height"])
+    """Return a chart of runs for the template, larger dots last, and its two axes."""
+    across = _Axis.of([float(row[keys[0]]) for row in rows], FRAME["x"], FRAME["width"])
+    up = _Axis.of([float(row[keys[1]]) for row in rows], FRAME["y"] + FRAME["height"], -FRAME["height"])
     units = [suffix(_unit(key)) for key in keys]
     chart = {
         "dots": [
             {
-                "x": across.place(dot.x),
-                "y": up.place(dot.y),
-                "r": dot.radius_px,
-                "colour": COLOURS.get(dot.verdict, COLOURS["other"]),
-                "name": f"{dot.index:04d} {dot.verdict}: {dot.x:.3g}{units[0]}, {dot.y:.3g}{units[1]}",
+                "x": across.place(row[keys[0]]),
+                "y": up.place(row[keys[1]]),
+                "r": radius_px(row["verdict"]),
+                "colour": COLOURS.get(row["verdict"], COLOURS["other"]),
+                "name": f"{row['index']:04d} {row['verdict']}: "
+                + ", ".join(f"{float(row[key]):.3g}{unit}" for key, unit in zip(keys, units, strict=True)),
             }
-            for dot in sorted(dots, key=lambda dot: dot.radius_px)
+            for row in sorted(rows, key=lambda row: radius_px(row["verdict"]))
         ],
         "frame": FRAME,
         "across": [(across.place(tick), f"{tick:g}") for tick in across.ticks],

@@ -12,7 +12,7 @@ from concurrent.futures import CancelledError
 from types import TracebackType
 from typing import Any
 
-from treadline.campaign.pool import LIVES, ONE_THREAD, Episode, EpisodeRunner, Row, failed, not_for_children, run_one
+from treadline.campaign._pool import LIVES, ONE_THREAD, Episode, EpisodeRunner, Row, failed, not_for_children, run_one
 from treadline.core.errors import SettingsError
 from treadline.io.runs import versions
 

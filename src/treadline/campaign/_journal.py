@@ -1,7 +1,7 @@
 """Journal of a sweep: one JSON line per finished run, synchronised to disk before the run counts as done.
 
-The first line identifies the sweep; runs of another sweep are rejected. Each line carries a checksum; journals of earlier
-versions without checksums remain readable. An incomplete last line, left by a kill, is dropped.
+The first line identifies the sweep; runs of another sweep are rejected. Each line carries a checksum. An incomplete last line, left
+by a kill, is dropped.
 """
 
 import errno
@@ -13,12 +13,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
-from treadline.campaign.pool import Row
+from treadline.campaign._pool import Row
 from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
+from treadline.io.runs import JOURNAL
 
-NAME = "journal.jsonl"
-REQUIRED = ("index", "seed", "verdict", "cause")
-"""Keys of every run in a journal."""
 CHECKSUM = b', "crc32": "'
 """Text in front of a line's checksum, which is the last value of its object."""
 
@@ -41,7 +39,7 @@ class Journal:
             SettingsError: If a journal exists and ``resume`` is false, or the journal belongs to another sweep.
             LogFormatError: If a line of the journal is damaged.
         """
-        self._path = folder / NAME
+        self._path = folder / JOURNAL
         self._sweep = sweep
         self.rows: dict[int, Row] = {}
         there = self._path.exists()
@@ -98,33 +96,20 @@ class Journal:
         """Read the rows; return the length in bytes without an incomplete last line."""
         data = self._path.read_bytes()
         whole = data.rfind(b"\n") + 1
-        has_checksums = False
         for number, line in enumerate(data[:whole].splitlines(), 1):
-            value = self._value(number, line, has_checksums=has_checksums)
+            value = self._value(number, line)
             if number == 1:
-                has_checksums = CHECKSUM in line
                 self._check_identity(sweep, value)
             else:
                 self.rows[value["index"]] = value
         return whole
 
-    def _value(self, number: int, line: bytes, *, has_checksums: bool) -> dict[str, Any]:
-        where = f"{self._path}:{number}"
+    def _value(self, number: int, line: bytes) -> dict[str, Any]:
         content, found, checksum = line.rpartition(CHECKSUM)
-        if has_checksums and not found:
-            raise LogFormatError(f"{where}: the line has no checksum; remove the line to run it again, or give another --out")
-        if found and checksum != _crc(content + b"}") + b'"}':
-            raise LogFormatError(f"{where}: the checksum does not match; remove the line to run it again, or give another --out")
-        try:
-            value = json.loads(content + b"}" if found else line)
-        except ValueError:
-            value = None
-        if not isinstance(value, dict):
-            raise LogFormatError(f"{where}: not a line of a sweep's journal; give another --out")
-        if number > 1 and (missing := [key for key in REQUIRED if key not in value]):
-            raise LogFormatError(f"{where}: the run has no '{missing[0]}'; remove the line to run it again, or give another --out")
-        if number > 1 and type(value["index"]) is not int:
-            raise LogFormatError(f"{where}: index is {value['index']!r}; remove the line to run it again, or give another --out")
+        if checksum != _crc(content + b"}") + b'"}':
+            problem = "the checksum does not match" if found else "the line has no checksum"
+            raise LogFormatError(f"{self._path}:{number}: {problem}; remove the line to run it again, or give another --out")
+        value: dict[str, Any] = json.loads(content + b"}")
         return value
 
     def _check_identity(self, sweep: Mapping[str, Any], there: Mapping[str, Any]) -> None:

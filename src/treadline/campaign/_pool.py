@@ -18,7 +18,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from traceback import extract_tb
 from types import TracebackType
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 from treadline.core.errors import SimulationDiverged
 from treadline.core.printing import plain
@@ -84,20 +84,6 @@ def failed(episode: Episode, verdict: str, cause: str) -> Row:
     """Return the row of a run without scores."""
     values: Row = plain(episode.values)
     return {"index": episode.index, "seed": episode.seed, "verdict": verdict, "cause": cause, **values}
-
-
-@runtime_checkable
-class Runners(Protocol):
-    """Executor of runs: processes on this machine, or a cluster."""
-
-    def __enter__(self) -> "Runners":
-        """Start."""
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        """Stop immediately, including runs in progress."""
-
-    def results(self, episodes: Iterable[Episode]) -> Iterator[Row]:
-        """Yield the row of each episode as it ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
