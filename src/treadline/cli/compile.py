@@ -58,12 +58,13 @@ def compile_once() -> float | None:
         if marker.exists():  # another process compiled while this one waited for the lock
             return None
         with Progress("compile", kernel_count()) as progress:
+            progress.running("compilation of the kernels, in two processes")
             spent_s = _compile_groups(progress)
         marker.touch()
     return spent_s
 
 
-def compile_detection() -> None:
+def _call_detection() -> None:
     """Call the kernels of stair detection: a camera node sees synthetic frames when it starts."""
     from treadline.ros.assembly import node_of
     from treadline.run.resolve import resolve
@@ -71,7 +72,7 @@ def compile_detection() -> None:
     node_of("camera", resolve("up-28").mission)
 
 
-def compile_simulation() -> None:
+def _call_simulation() -> None:
     """Call the kernels of the simulator, of rendered frames and of identification: short runs of the commands."""
     from treadline.cli import app
 
@@ -81,7 +82,7 @@ def compile_simulation() -> None:
             app(command.replace("{}", folder).split(), exit_on_error=False, print_error=False, result_action="return_value")
 
 
-GROUPS = {"stair detection": compile_detection, "simulator, camera and identification": compile_simulation}
+GROUPS = {"stair detection": _call_detection, "the simulator, its camera and identification": _call_simulation}
 """Two halves of the kernels by their name in the progress line; numba's files cannot be written by two processes at once, so that
 no kernel belongs to both."""
 
@@ -101,7 +102,7 @@ def _compile_groups(progress: Progress) -> float:
             for pipe in wait(list(names)):
                 message = _receive(pipe, names[pipe])
                 if message is None:
-                    progress.done(names[pipe])
+                    progress.done(f"kernels of {names[pipe]}")
                 else:
                     spent_s += message
                     del names[pipe]
