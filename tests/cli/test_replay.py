@@ -306,34 +306,6 @@ def test_the_controller_of_the_run_is_used_again_whatever_became_of_its_file(run
     assert values["largest_command_gap_m_s"] == 0.0
 
 
-def test_an_old_run_is_driven_by_the_controller_that_its_command_named(run, blind: Path, tmp_path: Path) -> None:
-    from treadline.scenario.shipped_files import shipped_controller
-
-    named = tmp_path / "named"
-    shutil.copytree(blind, named)
-    (named / "run-controller.json").unlink()
-    manifest = json.loads((named / "manifest.json").read_text())
-    manifest["command"] = "treadline climb short.toml --controller mine.json --out run"
-    (named / "manifest.json").write_text(json.dumps(manifest))
-    outcome = run("replay", named, "--out", tmp_path / "again")
-    assert outcome.code == 2
-    assert "mine.json" in outcome.err
-    shipped_controller("wheelchair").save(named / "mine.json")
-    outcome = run("replay", named, "--out", tmp_path / "again", "--json")
-    assert outcome.values["largest_command_gap_m_s"] == 0.0
-
-
-def test_a_run_of_reproduce_is_replayed_with_the_controller_made_there(run, blind: Path, tmp_path: Path) -> None:
-    paper = tmp_path / "paper"
-    shutil.copytree(blind, paper / "runs" / "turn-28")
-    (paper / "runs" / "turn-28" / "run-controller.json").unlink()
-    manifest = json.loads((blind / "manifest.json").read_text()) | {"command": "treadline reproduce --out paper"}
-    (paper / "runs" / "turn-28" / "manifest.json").write_text(json.dumps(manifest))
-    (paper / "controller.json").write_text("{}")
-    outcome = run("replay", paper / "runs" / "turn-28", "--out", tmp_path / "again")
-    assert_refused(outcome, "controller.json")
-
-
 CAMERA = "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\n"
 
 

@@ -59,7 +59,7 @@ def replay(
     claim(out, force=force)
     settings = () if camera is None else camera_items(read_camera(camera))
     with SimulatedTime("replay") as progress:
-        run = replayed_run(
+        values = replayed_run(
             out,
             log,
             changes=(*settings, *(changes or ())),
@@ -70,8 +70,7 @@ def replay(
             log_images=log_images,
             on_progress=progress.at,
         )
-    values = run.summary()
-    return Answer(values=values | {"run": str(out)}, summary=_lines(values, out), code=0 if run.verdict == "time_up" else 1)
+    return Answer(values=values | {"run": str(out)}, summary=_lines(values, out), code=0 if values["verdict"] == "time_up" else 1)
 
 
 def _keys(log: Path | None) -> Answer:

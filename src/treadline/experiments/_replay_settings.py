@@ -17,7 +17,7 @@ from pydantic import Field, create_model
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError, closest
-from treadline.core.models import ControllerDesign, Reconstruct
+from treadline.core.models import ControllerDesign
 from treadline.core.overrides import parse_items, put
 from treadline.core.setting_docs import meanings
 from treadline.core.settings import Settings, settings_of
@@ -29,13 +29,23 @@ from treadline.mission.mission_blocks import build_blocks, guard_config, heading
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import Cruise
 from treadline.perception import DetectorConfig
-from treadline.scenario.camera_file import CameraFile, Degrees, Pixels, Positive
+from treadline.scenario.camera_file import MOUNT_ANGLES, CameraFile
 from treadline.scenario.scenario import Control, DriveSettings
 from treadline.scenario.shipped_files import shipped_controller
 
 CONTROL_RATE_PERIOD_S = 0.25
 INTRINSICS = ("fx_px", "fy_px", "cx_px", "cy_px")
 MOUNT = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
+CAMERA = ("width", "height", *INTRINSICS, "depth_unit_m", *MOUNT_ANGLES, "mount_m")
+"""Keys of a calibration file that stand in place of the log's values, or of the chair file's."""
+MEANINGS = {
+    "camera.width": "Width of the images [px]; images of another size are rejected.",
+    "camera.height": "Height of the images [px]; images of another size are rejected.",
+    "camera.depth_unit_m": "Depth per count of a 16-bit depth image [m].",
+    "camera.mount_m": "Position of the camera on the chair [m], from mid-track.",
+    "imu.axes": "Axes of the IMU: the chair's (x forward, y left, z up), or the camera's (x right, y down, z forward).",
+}
+"""Meanings of the keys that are neither of a scenario nor of a block."""
 UNSET = {
     "estimator": "kalman with robust vision, offset with the paper's",
     "controller": "the one that drove the log's run, else the one shipped for the chair",
@@ -47,63 +57,8 @@ AS_LOGGED = "as logged, or as the chair's file says"
 NO_KEYS = ("detector.method", "guard.needs_heading")
 """Settings of blocks that other keys decide."""
 
-
-class ControlKeys(Settings):
-    """Keys of the controller."""
-
-    speed_m_s: Annotated[float, Field(gt=0.0, le=0.30)]
-    allocation: Literal["climb-safe", "paper"]
-    reconstruct: Reconstruct | None
-
-
-class CameraKeys(Settings):
-    """Camera calibration in place of the log's; None keeps the logged value, or the chair file's."""
-
-    width: Pixels | None = None
-    """Width of the images [px]; images of another size are rejected."""
-    height: Pixels | None = None
-    """Height of the images [px]; images of another size are rejected."""
-    fx_px: Positive | None = None
-    fy_px: Positive | None = None
-    cx_px: float | None = None
-    cy_px: float | None = None
-    depth_unit_m: Annotated[float, Field(gt=0.0, le=1.0)] = 0.001
-    """Depth per count of a 16-bit depth image [m]."""
-    mount_pitch_deg: Degrees | None = None
-    mount_roll_deg: Degrees | None = None
-    mount_yaw_deg: Degrees | None = None
-    mount_m: tuple[float, float, float] | None = None
-    """Position of the camera on the chair [m], from mid-track."""
-
-
-class ImuKeys(Settings):
-    """Orientation of the IMU."""
-
-    axes: Literal["chair", "camera"] = "chair"
-    """Axes of the IMU: the chair's (x forward, y left, z up), or the camera's (x right, y down, z forward)."""
-
-
-class MissionKeys(Settings):
-    """Keys that are not settings of a block."""
-
-    vision: Literal["robust", "paper"]
-    estimator: Literal["kalman", "offset"] | None = None
-    loop: Literal["closed", "open"]
-    controller: str | None = None
-    control: ControlKeys
-    camera: CameraKeys = CameraKeys()
-    imu: ImuKeys = ImuKeys()
-
-
-@dataclass(frozen=True, slots=True)
-class ReplayKey:
-    """One key of ``--set``."""
-
-    hint: Any
-    """Type of the value, with its range."""
-    default: Any
-    meaning: str
-    """Meaning of the key; empty if the name is sufficient."""
+Key = tuple[Any, Any, str]
+"""One key of ``--set``: type of the value with its range, default, and meaning, empty if the name is sufficient."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,8 +168,8 @@ def resolved(base: MissionConfig, items: Sequence[str], controller: str | None =
     Raises:
         SettingsError: If a key is unknown, or a value is of the wrong type or out of range.
     """
-    keys = keys_of(base)
-    typed: dict[str, Any] = {name: (key.hint, key.default) for name, key in keys.items()}
+    keys = _keys_of(base)
+    typed: dict[str, Any] = {name: (hint, default) for name, (hint, default, _) in keys.items()}
     model: type[Settings] = create_model("replay", __base__=Settings, **typed)
     checked = settings_of(_given(items, list(keys)), model, where="--set")
     values = {name: getattr(checked, name) for name in keys}
@@ -239,7 +194,7 @@ def resolved(base: MissionConfig, items: Sequence[str], controller: str | None =
 
 def camera_items(camera: CameraFile) -> tuple[str, ...]:
     """Return the values of a calibration file as ``key=value``; missing ones stay as logged, or as in the chair file."""
-    given = [name for name in CameraKeys.model_fields if name in camera.model_fields_set]
+    given = [name for name in CAMERA if name in camera.model_fields_set]
     # Numbers and lists of JSON are also valid TOML.
     return tuple(f"camera.{name}={json.dumps(getattr(camera, name))}" for name in given)
 
@@ -248,45 +203,57 @@ def _detector(base: MissionConfig) -> DetectorConfig:
     return DetectorConfig(swept_half_m=base.chair.swept_half_m)
 
 
-def keys_of(base: MissionConfig) -> dict[str, ReplayKey]:
-    """Return every key of ``--set``, with the settings of the recorded run as defaults."""
-    control = ControlKeys(speed_m_s=base.climb_speed_m_s, allocation=base.allocation, reconstruct=base.reconstruct)
-    keys = _keys(MissionKeys(vision=base.vision, loop=base.loop, control=control))
-    guard = guard_config(base, CONTROL_RATE_PERIOD_S)
-    for table, config in (
-        ("detector", _detector(base)),
-        ("filter", FilterConfig()),
-        ("offset", AberrationRule()),
-        ("guard", guard),
-    ):
-        keys |= _keys(config, f"{table}.")
-    return keys
-
-
 def key_table(base: MissionConfig) -> dict[str, tuple[str, str]]:
     """Return every key with its default (a description where there is none) and its meaning, empty if the name is sufficient."""
     return {
-        name: (str(UNSET.get(name, AS_LOGGED) if key.default is None else key.default), key.meaning)
-        for name, key in keys_of(base).items()
+        name: (str(UNSET.get(name, AS_LOGGED) if default is None else default), meaning)
+        for name, (_, default, meaning) in _keys_of(base).items()
     }
 
 
-def _keys(settings: Any, before: str = "") -> dict[str, ReplayKey]:
-    """Return the keys of a settings object: its fields that hold one value, angles in degrees, nested settings as tables."""
-    hints = get_type_hints(type(settings), include_extras=True)
-    is_block = is_dataclass(settings)
-    written = meanings(type(settings)) if is_block else meanings(Control) | meanings(DriveSettings) | meanings(type(settings))
-    found: dict[str, ReplayKey] = {}
-    for name in (item.name for item in fields(settings)) if is_block else type(settings).model_fields:
-        value, key = getattr(settings, name), before + name.replace("_rad", "_deg")
-        if isinstance(value, Settings) or is_dataclass(value):
-            found |= _keys(value, f"{before}{name}.")
-        elif not is_block:
-            found[key] = ReplayKey(hints[name], value, written.get(name, ""))
+def _keys_of(base: MissionConfig) -> dict[str, Key]:
+    """Return every key of ``--set``, with the settings of the recorded run as defaults."""
+    control, drive, camera = (get_type_hints(model, include_extras=True) for model in (Control, DriveSettings, CameraFile))
+    depth_unit_m = CameraFile.model_fields["depth_unit_m"].default
+    keys = {
+        "vision": (Literal["robust", "paper"], base.vision),
+        "estimator": (Literal["kalman", "offset"] | None, None),
+        "loop": (control["loop"], base.loop),
+        "controller": (str | None, None),
+        "control.speed_m_s": (drive["speed_m_s"], base.climb_speed_m_s),
+        "control.allocation": (control["allocation"], base.allocation),
+        "control.reconstruct": (control["reconstruct"], base.reconstruct),
+        **{f"camera.{name}": (camera[name] | None, None) for name in CAMERA},
+        "camera.depth_unit_m": (camera["depth_unit_m"], depth_unit_m),
+        "imu.axes": (Literal["chair", "camera"], "chair"),
+    }
+    written = meanings(Control) | meanings(DriveSettings)
+    blocks = {
+        "detector": _detector(base),
+        "filter": FilterConfig(),
+        "offset": AberrationRule(),
+        "guard": guard_config(base, CONTROL_RATE_PERIOD_S),
+    }
+    found: dict[str, Key] = {
+        key: (*typed, MEANINGS.get(key) or written.get(key.rpartition(".")[2], "")) for key, typed in keys.items()
+    }
+    for table, config in blocks.items():
+        found |= _block_keys(config, table)
+    return found
+
+
+def _block_keys(config: Any, table: str) -> dict[str, Key]:
+    """Return the keys of a block: its settings that hold one value, angles in degrees, nested settings as tables."""
+    hints, written = get_type_hints(type(config), include_extras=True), meanings(type(config))
+    found: dict[str, Key] = {}
+    for name in (item.name for item in fields(config)):
+        value, key = getattr(config, name), f"{table}.{name.replace('_rad', '_deg')}"
+        if is_dataclass(value):
+            found |= _block_keys(value, f"{table}.{name}")
         elif _is_plain(hints[name]) and key not in NO_KEYS:
             # A limit, sigma, gate or time is not negative.
             hint = Annotated[hints[name], Field(ge=0)] if hints[name] in (float, int) and value >= 0 else hints[name]
-            found[key] = ReplayKey(hint, float(f"{value / DEG:.12g}") if "_rad" in name else value, written.get(name, ""))
+            found[key] = (hint, float(f"{value / DEG:.12g}") if "_rad" in name else value, written.get(name, ""))
     return found
 
 
@@ -302,11 +269,8 @@ def _given(items: Sequence[str], known: list[str]) -> dict[str, object]:
     given = parse_items(items)
     for key in given:
         if key not in known:
-            raise SettingsError(f"--set {key}: unknown key; {_allowed(key, known)}; all with defaults: treadline replay --keys")
+            siblings = [name for name in known if name.split(".")[0] == key.split(".", maxsplit=1)[0]] or known
+            meant = "" if (close := closest(key, known)) is None else f"did you mean {close}? "
+            remedy = f"{meant}allowed: {', '.join(siblings)}; all with defaults: treadline replay --keys"
+            raise SettingsError(f"--set {key}: unknown key; {remedy}")
     return given
-
-
-def _allowed(key: str, known: list[str]) -> str:
-    siblings = [name for name in known if name.split(".")[0] == key.split(".", maxsplit=1)[0]] or known
-    close = closest(key, known)
-    return ("" if close is None else f"did you mean {close}? ") + f"allowed: {', '.join(siblings)}"

@@ -4,7 +4,6 @@ The mission is the one that drives the chair; its plant is the recording. Ground
 """
 
 import re
-import shlex
 import time
 from array import array
 from collections import Counter
@@ -46,22 +45,7 @@ from treadline.run.scene_log import SceneLog, WatchedDetector
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario
 
-__all__ = ["Replayed", "camera_items", "key_table", "kind_of", "replayed_run", "source_of"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Replayed:
-    """Result of a replay."""
-
-    verdict: str
-    """``held``, or ``time_up`` at the end of the recording."""
-    sees: str
-    """Input of the fusion: ``images``, or ``recorded headings`` where the log has no images and perception was skipped."""
-    values: dict[str, Any]
-
-    def summary(self) -> dict[str, Any]:
-        """Return the replay as JSON values, under the contract's keys."""
-        return {"verdict": self.verdict, "sees": self.sees, **self.values}
+__all__ = ["camera_items", "key_table", "kind_of", "replayed_run", "source_of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +61,7 @@ class Source:
     changed: tuple[str, ...] = ()
     """Keys that were changed, if the recorded run was itself a replay."""
     controller: str | None = None
-    """Controller file of the recorded run; None if unknown."""
+    """Controller file of the recorded run; None if its folder holds none."""
     plugins: dict[str, str] = field(default_factory=dict)
     """Plug-ins of the recorded run by kind. They are listed, never loaded, because a log may come from an untrusted source."""
 
@@ -93,8 +77,11 @@ def replayed_run(
     estimator: str | None = None,
     log_images: bool = False,
     on_progress: Callable[[float, float], None] | None = None,
-) -> Replayed:
-    """Replay a log and write its run folder.
+) -> dict[str, Any]:
+    """Replay a log and write its run folder; return the result as JSON values, under the contract's keys.
+
+    The verdict is ``held``, or ``time_up`` at the end of the recording. The fusion ``sees`` images, or recorded headings where the
+    log has no images and perception was skipped.
 
     Args:
         changes: Settings to change, as ``key=value``.
@@ -110,8 +97,6 @@ def replayed_run(
     source = source_of(log)
     if out.resolve() == source.log.parent.resolve() or out.resolve() == log.resolve():
         raise SettingsError(f"--out {out}: is the log's own folder; a replay would write over what it reads: give another")
-    if out.exists() and not out.is_dir():
-        raise SettingsError(f"--out {out}: is a file; give a folder")
     for kind, given in (("controller", controller), ("detector", detector), ("estimator", estimator)):
         if kind in source.plugins and given is None:
             raise SettingsError(
@@ -134,7 +119,13 @@ def replayed_run(
     )
     if settings.mission.vision == "paper" and recording.topics.depth is not None and recording.topics.color is None:
         raise LogFormatError(f"{source.log}: the paper's vision needs colour images, and there are none: --set vision=robust")
-    manifest = _manifest(source, settings, recording, (*source.changed, *changes))
+    manifest = {
+        "log": source.log.parent.name if source.sealed else source.log.name,
+        "topics": asdict(recording.topics),
+        "set": [*source.changed, *changes],
+        "replay": settings.as_tables(),
+        "scenario": source.scenario,
+    }
     sources = plugins.sources()
     written = begin_run(out, manifest, source.seed, settings.mission.controller, **({"plugins": sources} if sources else {}))
     scores = ReplayScores()
@@ -150,27 +141,25 @@ def replayed_run(
     finally:
         if scores.ticks:
             write_series(out, scores.series())
-    run = Replayed(
-        verdict="time_up" if cause is None else "held",
-        sees="recorded headings" if recording.topics.depth is None else "images",
-        values={
-            "cause": cause,
-            "duration_s": scores.ticks * TICK_S,
-            "frames": scores.frames,
-            "accepted": scores.seen,
-            "rejected": rejected,
-            "refusals": dict(watched.refusals.most_common()),
-            **scores.figures(),
-            "ms_per_frame": watched.ms(50.0),
-            "ms_per_frame_p95": watched.ms(95.0),
-            "real_time_factor": scores.ticks * TICK_S / max(cpu_s, 1e-9),
-            "dropped": dict(recording.dropped),
-            "topics": asdict(recording.topics),
-            "events": [asdict(event) for event in scores.events],
-        },
-    )
-    write_result(out, run.summary())
-    return run
+    values = {
+        "verdict": "time_up" if cause is None else "held",
+        "sees": "recorded headings" if recording.topics.depth is None else "images",
+        "cause": cause,
+        "duration_s": scores.ticks * TICK_S,
+        "frames": scores.frames,
+        "accepted": scores.seen,
+        "rejected": rejected,
+        "refusals": dict(watched.refusals.most_common()),
+        **scores.figures(),
+        "ms_per_frame": watched.ms(50.0),
+        "ms_per_frame_p95": watched.ms(95.0),
+        "real_time_factor": scores.ticks * TICK_S / max(cpu_s, 1e-9),
+        "dropped": dict(recording.dropped),
+        "topics": asdict(recording.topics),
+        "events": [asdict(event) for event in scores.events],
+    }
+    write_result(out, values)
+    return values
 
 
 def _play(
@@ -207,16 +196,6 @@ def _play(
             on_progress(tick.t_s, recording.duration_s)
     plant.close()
     return recording.ended or blocks.guard.holding, blocks.estimator.rejected_count
-
-
-def _manifest(source: Source, settings: ReplaySettings, recording: SensorLog, changes: Sequence[str]) -> dict[str, Any]:
-    return {
-        "log": source.log.parent.name if source.sealed else source.log.name,
-        "topics": asdict(recording.topics),
-        "set": list(changes),
-        "replay": settings.as_tables(),
-        "scenario": source.scenario,
-    }
 
 
 class _Watched:
@@ -261,7 +240,7 @@ def source_of(log: Path) -> Source:
         raise LogFormatError(f"{folder}: no {LOG} in this run folder; only runs that kept their log can be replayed")
     where = folder / MANIFEST
     manifest = read_json(where)
-    settings, seed, command = manifest.get("settings"), manifest.get("seed"), manifest.get("command")
+    settings, seed = manifest.get("settings"), manifest.get("seed")
     if not isinstance(settings, dict) or type(seed) is not int:
         raise SettingsError(f"{where}: no 'settings' and 'seed'; replay its {LOG} from a folder without {MANIFEST}")
     scenario: dict[str, Any] | None = settings
@@ -282,11 +261,7 @@ def source_of(log: Path) -> Source:
         seed=seed,
         scenario=scenario,
         changed=changed,
-        controller=str(kept)
-        if kept is not None
-        else None
-        if "replay" in settings or "controller" in plugins
-        else _controller(where, str(command)),
+        controller=None if kept is None else str(kept),
         plugins=plugins,
     )
 
@@ -294,25 +269,3 @@ def source_of(log: Path) -> Source:
 def kind_of(reason: str) -> str:
     """Return a rejection reason without its numbers, so that equal reasons count as one; a number in brackets is an equation's."""
     return re.sub(r"(?<!\()[+-]?\d+(\.\d+)?", "#", reason)
-
-
-def _controller(where: Path, command: str) -> str | None:
-    """Return the controller file named by the command of a run whose folder does not hold the controller."""
-    words = _words(command)
-    if words[1:2] == ["reproduce"]:
-        made = where.resolve().parent.parent.parent / "controller.json"  # next to runs/, which holds the run folder
-        return str(made) if made.is_file() else None
-    for word, following in zip(words, [*words[1:], ""], strict=True):
-        option, sign, value = word.partition("=")
-        if option == "--controller":
-            name = value if sign else following
-            places = [Path(name), where.parent / name, where.parent.parent / name]
-            return str(next((place for place in places if place.is_file()), places[0]))
-    return None
-
-
-def _words(command: str) -> list[str]:
-    try:
-        return shlex.split(command)
-    except ValueError:  # not valid shell syntax, so not written by this package
-        return command.split()
