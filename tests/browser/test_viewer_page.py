@@ -74,9 +74,7 @@ def test_a_typed_time_and_a_clicked_moment_move_the_cursor_and_stay(replay: Any)
     """Test: 1.25 typed into the time box, then a click on a moment. Expected: page, box and cursor agree a second later."""
     from selenium.webdriver.common.keys import Keys
 
-    box = replay.driver.execute_script(
-        "return [...document.querySelectorAll('input')].find(i => i.offsetParent && i.type === 'text' && /^[0-9.]+$/.test(i.value))"
-    )
+    box = replay.element("document.querySelector('#timeline input[type=text]')", "the time box")
     box.send_keys(Keys.CONTROL, "a")
     box.send_keys("1.25")
     box.send_keys(Keys.TAB)
