@@ -28,7 +28,7 @@ from treadline.campaign.spec import scenario_toml
 from treadline.core.angles import DEG
 from treadline.core.processes import default_workers
 from treadline.core.signals import TICK_S
-from treadline.experiments.job_pool import run_jobs
+from treadline.experiments._job_pool import run_jobs
 from treadline.guard import TIPPING
 from treadline.mission.loop import Tick
 from treadline.plant.mujoco import open_plant

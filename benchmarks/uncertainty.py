@@ -17,7 +17,7 @@ from uncertainty_figures import BudgetRow, RunOutcomes, budget
 from uncertainty_runs import ALL_RUNS, LUG_GROUP, SEED_GROUP, SOURCES, VARIATIONS, BudgetJob, runs_of
 
 from treadline.core.models import write_whole
-from treadline.experiments.job_pool import run_jobs
+from treadline.experiments._job_pool import run_jobs
 from treadline.io.runs import git_commit
 
 ROOT = Path(__file__).parents[1]

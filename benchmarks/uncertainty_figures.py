@@ -7,7 +7,7 @@ from typing import Any
 
 from uncertainty_runs import NOMINAL_VARIATION, SOURCES, SUMMED, VARIATIONS
 
-from treadline.experiments.dead_zone import DIFFERENCES_M_S, HEADINGS_DEG
+from treadline.experiments._dead_zone import DIFFERENCES_M_S, HEADINGS_DEG
 from treadline.experiments.plan import SLOPES_DEG
 
 RunOutcomes = Mapping[str, Mapping[str, Any]]

@@ -21,7 +21,10 @@ from treadline.core.models import ControllerDesign, write_whole
 from treadline.core.ports import TruthPlant
 from treadline.core.printing import plain
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.experiments import as_printed, dead_zone, fig05, fig11, lugs, plan
+from treadline.experiments import _dead_zone as dead_zone
+from treadline.experiments import _fig05 as fig05
+from treadline.experiments import _lugs as lugs
+from treadline.experiments import as_printed, fig11, plan
 from treadline.experiments._sensitivity import MAIN_SOURCES
 from treadline.identification import IdentificationOptions, identify
 from treadline.mission.belt_controllers import ConstantSpeed

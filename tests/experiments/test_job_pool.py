@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from treadline.experiments.job_pool import JobPool, run_jobs
+from treadline.experiments._job_pool import JobPool, run_jobs
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ PARENT = """
 import sys
 from pathlib import Path
 from tests.experiments.test_job_pool import Sleeper
-from treadline.experiments.job_pool import run_jobs
+from treadline.experiments._job_pool import run_jobs
 if __name__ == "__main__":
     run_jobs([Sleeper(Path(sys.argv[1])), Sleeper(Path(sys.argv[1]))], workers=2, done=print)
 """

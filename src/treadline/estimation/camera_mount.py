@@ -119,6 +119,8 @@ class MountCalibrator:
         self._solved_s = -math.inf
         self._estimate: MountEstimate | None = None
         self.dropped_count = 0
+        self.rejection: str | None = None
+        """Reason for which the newest frame was dropped; None if it was kept."""
 
     def step(self, signal: StairAxes | ImuSample | TrackReading) -> MountEstimate | None:
         """Take one signal; return the latest estimate, or None before the first.
@@ -145,12 +147,8 @@ class MountCalibrator:
 
     def _add_frame(self, axes: StairAxes) -> None:
         gravity_B = self._gravity_at(axes.t_s)
-        newer = not self._frames or axes.t_s > self._frames[-1][0]
-        if (
-            self._standing
-            or gravity_B is None
-            or not (newer and _is_frame(axes, self._config) and self._on_flight(axes, gravity_B))
-        ):
+        self.rejection = self._reject_reason(axes, gravity_B)
+        if gravity_B is None or self.rejection is not None:
             self.dropped_count += 1
             return
         sigmas = (axes.edge_sigma_rad, axes.down_sigma_rad, axes.normal_sigma_rad)
@@ -172,13 +170,25 @@ class MountCalibrator:
         down = np.array([gravity for _, gravity, _ in near]).mean(axis=0)
         return np.asarray(down / np.linalg.norm(down))
 
-    def _on_flight(self, axes: StairAxes, gravity_B: Float[np.ndarray, " 3"]) -> bool:
-        """Whether the chair lies on the visible stair: the slopes by vision and IMU agree for any mount."""
+    def _reject_reason(self, axes: StairAxes, gravity_B: Float[np.ndarray, " 3"] | None) -> str | None:
+        """Return why a frame is not used; None if the chair drives on the visible stair, and its directions are known.
+
+        The slopes by vision and IMU agree for any mount.
+        """
         config = self._config
+        if self._standing:
+            return "the chair is at rest"
+        if gravity_B is None:
+            return f"no IMU attitude within {PAIRED_S:g} s of the frame, or the chair rocks"
+        if not _is_frame(axes, config) or (self._frames and axes.t_s <= self._frames[-1][0]):
+            return "the stair's directions are too uncertain, or the stamp is not newer"
         seen = math.acos(_cosine(-float(axes.normal_C @ axes.down_C)))
         imu_slope = math.acos(_cosine(-float(gravity_B[2])))
-        meant = math.acos(_cosine(float((config.camera.R_BC @ axes.normal_C)[2])))
-        return abs(seen - imu_slope) <= config.slope_gate_rad and seen >= config.least_slope_rad and meant <= config.mount_gate_rad
+        if math.acos(_cosine(float((config.camera.R_BC @ axes.normal_C)[2]))) > config.mount_gate_rad:
+            return f"the nosing plane is more than {config.mount_gate_rad / DEG:.0f}° from its direction with the nominal mount"
+        if abs(seen - imu_slope) > config.slope_gate_rad:
+            return f"the slope by vision is more than {config.slope_gate_rad / DEG:.0f}° from the IMU's: not on the visible flight"
+        return f"the slope is below {config.least_slope_rad / DEG:.0f}°" if seen < config.least_slope_rad else None
 
 
 def solve_mount(frames: Float[np.ndarray, "k 16"], config: MountConfig) -> MountEstimate | None:

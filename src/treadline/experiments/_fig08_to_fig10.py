@@ -19,7 +19,7 @@ import numpy as np
 from treadline.core import paper
 from treadline.core.angles import DEG
 from treadline.core.models import ControllerDesign, InputOutputRecord, LinearModel
-from treadline.experiments.job_pool import RunJob
+from treadline.experiments._job_pool import RunJob
 from treadline.experiments.plan import (
     FIG10_SLOPE,
     PAPER_FRICTION,
@@ -236,8 +236,8 @@ class ExciteJob:
         """Text of the progress line."""
         return f"Fig. 8, random belt speeds at {self.ground.slope_deg}°{text_of(self.ground.friction)}, seed {self.seed}"
 
-    def run(self) -> "ExcitationRun":
-        """Drive and return the record."""
+    def run(self) -> "Recorded":
+        """Drive; return the job and its record."""
         excited = recorded_excitation(
             self.runs / self.name,
             self.scenario or excitation(self.ground),
@@ -247,37 +247,22 @@ class ExciteJob:
             image_every=self.image_every,
             open_plant=self.open_plant,
         )
-        return ExcitationRun(
-            ground=self.ground,
-            seed=self.seed,
-            record=excited.record,
-            verdict=excited.run.verdict,
-            cpu_s_per_s=excited.run.cpu_s / excited.run.scores.duration_s,
-            name=self.name,
-        )
+        return self, excited.record
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ExcitationRun:
-    """Record of an excitation run, with ground, seed and verdict."""
-
-    ground: Ground
-    seed: int
-    record: InputOutputRecord
-    verdict: str
-    cpu_s_per_s: float
-    name: str
+Recorded = tuple[ExciteJob, InputOutputRecord]
+"""Job of an excitation, and its record."""
 
 
-def evaluate(fitted: ExcitationRun, fresh: InputOutputRecord | None) -> tuple[LinearModel, dict[str, Any]]:
+def evaluate(fitted: ExciteJob, record: InputOutputRecord, fresh: InputOutputRecord | None) -> tuple[LinearModel, dict[str, Any]]:
     """Return the model of one ground, which names it, and Fig. 8's figures for it."""
-    found = identify(fitted.record, IdentificationOptions(method="okid-era", validation=fresh))
+    found = identify(record, IdentificationOptions(method="okid-era", validation=fresh))
     origin = {"slope_deg": fitted.ground.slope_deg, "friction": list(fitted.ground.friction), "seed": fitted.seed}
     model, report = replace(found.model, provenance=found.model.provenance | {"identified_on": origin}), found.report
     values = np.asarray(report.singular_values, dtype=float)
     steps = round(IMPULSE_S / model.dt_s)
     response = impulse_response(model, steps)
-    ahead = h_step_rmse(model, fresh if fresh is not None else fitted.record, round(AHEAD_S / model.dt_s))
+    ahead = h_step_rmse(model, fresh if fresh is not None else record, round(AHEAD_S / model.dt_s))
     figures = {
         "slope_deg": fitted.ground.slope_deg,
         "friction": list(fitted.ground.friction),
@@ -297,10 +282,10 @@ def evaluate(fitted: ExcitationRun, fresh: InputOutputRecord | None) -> tuple[Li
             "heading_rad": {name: response[:, 0, j].tolist() for j, name in enumerate(model.input_names)},
             "yaw_rate_rad_s": {name: response[:, 1, j].tolist() for j, name in enumerate(model.input_names)},
         },
-        "samples": len(fitted.record),
+        "samples": len(record),
         "seed": fitted.seed,
         "run": fitted.name,
-        "conditions": f"{len(fitted.record)} samples at {model.dt_s:g} s, seed {fitted.seed}; "
+        "conditions": f"{len(record)} samples at {model.dt_s:g} s, seed {fitted.seed}; "
         + ("validated on another recording" if fresh is not None else "validated on the same recording"),
     }
     return model, figures

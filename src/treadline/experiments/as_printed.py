@@ -16,7 +16,7 @@ from treadline.core import paper
 from treadline.core.angles import DEG
 from treadline.core.models import ControllerDesign, LinearModel
 from treadline.core.signals import TICK_S
-from treadline.experiments.job_pool import RunJob
+from treadline.experiments._job_pool import RunJob
 from treadline.experiments.plan import FIG10_SLOPE, SLOPES_DEG, TABLE_SPEED_M_S, ReproducePlan, turn
 from treadline.plant.mujoco import CAMERA_PERIOD_S
 from treadline.scenario.chair import read_chair

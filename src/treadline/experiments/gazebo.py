@@ -15,8 +15,8 @@ import numpy as np
 from treadline.core.models import ControllerDesign, write_json
 from treadline.core.printing import plain
 from treadline.experiments import _fig08_to_fig10
-from treadline.experiments._fig08_to_fig10 import ExcitationRun, ExciteJob
-from treadline.experiments.job_pool import RunJob, run_jobs
+from treadline.experiments._fig08_to_fig10 import ExciteJob, Recorded
+from treadline.experiments._job_pool import RunJob, run_jobs
 from treadline.experiments.plan import CONTROLLER_GROUND, PAPER_FRICTION, ReproducePlan, excitation, without_images
 from treadline.experiments.reproduce import Done, excitations, learn
 from treadline.io.runs import provenance
@@ -89,7 +89,7 @@ def _paper_in(plan: ReproducePlan, out: Path, open_plant: PlantName, *, workers:
         done(f"{open_plant} {what}")
 
     runs = out / "runs"
-    recordings: list[ExcitationRun] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=report)
+    recordings: list[Recorded] = run_jobs(_excitations(plan, runs, open_plant), workers=workers, done=report)
     controller, fig08_by_ground = learn(plan, recordings, out)
     results = run_jobs(_drives(plan, controller, runs, open_plant), workers=workers, done=report)
     turns = [result for result in results if result["kind"] == "turn"]

@@ -5,7 +5,6 @@ detector receives no gravity: gravity transformed by the assumed mount would con
 """
 
 import json
-import math
 from collections import Counter, deque
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,15 +14,14 @@ from typing import Any
 
 import numpy as np
 
-from treadline.core.angles import DEG, rotation_of
-from treadline.core.camera_images import PinholeCamera, RgbdFrame, StairAxes
+from treadline.core.angles import DEG
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.models import write_whole
 from treadline.core.ports import Reading
 from treadline.core.settings import settings_of
 from treadline.core.signals import TICK_S, ImuSample, TrackReading
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate
-from treadline.estimation.camera_mount import PAIRED_S, STANDING_M_S
 from treadline.experiments.replay import kind_of, source_of
 from treadline.io.sensor_log import SensorLog
 from treadline.mission.replay_plant import ReplayPlant
@@ -138,8 +136,7 @@ class MountStudy:
         self._detector = StairDetector()
         self._calibrator: MountCalibrator | None = None
         self._estimate: MountEstimate | None = None
-        self._imu: ImuSample | None = None
-        self._tracks: TrackReading | None = None
+        self._before: dict[type, ImuSample | TrackReading] = {}
         self._frames = self._used_count = self._solved = 0
         self._blocks: set[int] = set()
         self._headings: deque[float] = deque(maxlen=MountConfig(camera=self._nominal).memory_frames)
@@ -202,61 +199,32 @@ class MountStudy:
 
     def _update(self, reading: Reading) -> None:
         self._t_s = reading.t_s
-        match reading:
-            case RgbdFrame():
-                self._detect(reading)
-                return
-            case ImuSample():
-                self._imu = reading
-            case TrackReading():
-                self._tracks = reading
-            case _:
-                return
-        if self._calibrator is not None:
-            self._calibrator.step(reading)
+        if isinstance(reading, RgbdFrame):
+            self._detect(reading)
+        elif isinstance(reading, ImuSample | TrackReading):
+            self._before[type(reading)] = reading
+            if self._calibrator is not None:
+                self._calibrator.step(reading)
 
     def _detect(self, frame: RgbdFrame) -> None:
         self._frames += 1
         if self._calibrator is None:
             self._calibrator = MountCalibrator(MountConfig(camera=frame.camera))
-            for reading in (self._imu, self._tracks):
-                if reading is not None:
-                    self._calibrator.step(reading)
+            for reading in self._before.values():
+                self._calibrator.step(reading)
         detection = self._detector.look(frame)
         if detection.axes is None:
             self._left_out[kind_of(detection.reason or "no tread visible, which the slope is measured from")] += 1
             return
-        dropped_count = self._calibrator.dropped_count
         estimate = self._calibrator.step(detection.axes)
-        if self._calibrator.dropped_count > dropped_count:
-            self._left_out[self._rejection_reason(detection.axes, frame.camera)] += 1
+        if self._calibrator.rejection is not None:
+            self._left_out[self._calibrator.rejection] += 1
             return
         self._used_count += 1
         self._headings.append(detection.heading_rad or 0.0)
         self._blocks.add(int(frame.t_s // MountConfig(camera=frame.camera).block_s))
         if estimate is not self._estimate:
             self._estimate, self._solved = estimate, self._used_count
-
-    def _rejection_reason(self, axes: StairAxes, camera: PinholeCamera) -> str:
-        """Return why the calibrator rejected a frame."""
-        config = MountConfig(camera=camera)
-        if self._tracks is not None and max(abs(self._tracks.left_m_s), abs(self._tracks.right_m_s)) < STANDING_M_S:
-            return "the chair is at rest"
-        if self._imu is None or axes.t_s - self._imu.t_s > PAIRED_S:
-            return f"no IMU attitude within {PAIRED_S:g} s of the frame"
-        seen_slope, imu_slope, off_nominal = (
-            math.acos(min(max(cosine, -1.0), 1.0))
-            for cosine in (
-                -float(axes.normal_C @ axes.down_C),
-                float(rotation_of(self._imu.orientation)[2, 2]),
-                float((camera.R_BC @ axes.normal_C)[2]),
-            )
-        )
-        if off_nominal > config.mount_gate_rad:
-            return f"the nosing plane is more than {config.mount_gate_rad / DEG:.0f}° from its direction with the nominal mount"
-        if abs(seen_slope - imu_slope) > config.slope_gate_rad:
-            return f"the slope by vision is more than {config.slope_gate_rad / DEG:.0f}° from the IMU's: not on the visible flight"
-        return "the chair rocks, or the stair's directions are too uncertain"
 
     @property
     def _depth_unit_m(self) -> float:

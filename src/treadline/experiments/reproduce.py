@@ -14,10 +14,10 @@ from treadline.control.tune import tune
 from treadline.core.models import ControllerDesign, write_json
 from treadline.core.printing import plain
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.experiments import _fig08_to_fig10, as_printed, dead_zone, fig05, fig11, lugs
-from treadline.experiments._fig08_to_fig10 import ExcitationRun, ExciteJob
+from treadline.experiments import _dead_zone, _fig05, _fig08_to_fig10, _lugs, as_printed, fig11
+from treadline.experiments._fig08_to_fig10 import ExciteJob, Recorded
+from treadline.experiments._job_pool import Call, Job, JobPool, RunJob
 from treadline.experiments._sensitivity import read_sensitivity, with_sensitivity
-from treadline.experiments.job_pool import Call, Job, JobPool, RunJob
 from treadline.experiments.plan import (
     CONTROLLER_GROUND,
     GRAVITY_ERROR_DEG,
@@ -87,7 +87,7 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: P
                 "fig10": _fig08_to_fig10.fig10(safe),
                 "table2": _fig08_to_fig10.table2(safe),
                 "table2_roll_back_allowed": _fig08_to_fig10.table2(sliding),
-                "lugs": lugs.rows(lugged),
+                "lugs": _lugs.rows(lugged),
                 "literal": as_printed.facts() | {"runs": [printed]},
                 "fig11": seat,
                 "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
@@ -129,16 +129,16 @@ def excitations(plan: ReproducePlan, runs: Path) -> list[ExciteJob]:
     ]
 
 
-def learn(plan: ReproducePlan, recordings: list[ExcitationRun], out: Path) -> tuple[ControllerDesign, dict[Ground, dict[str, Any]]]:
+def learn(plan: ReproducePlan, recordings: Sequence[Recorded], out: Path) -> tuple[ControllerDesign, dict[Ground, dict[str, Any]]]:
     """Return the controller tuned on the identified model, and the figures of each ground; write models and controller."""
-    fresh = {item.ground: item.record for item in recordings if item.seed == FRESH_SEED}
+    fresh = {job.ground: record for job, record in recordings if job.seed == FRESH_SEED}
     figures: dict[Ground, dict[str, Any]] = {}
     controller: ControllerDesign | None = None
-    for recording in recordings:
-        if recording.seed != FIT_SEED:
+    for job, record in recordings:
+        if job.seed != FIT_SEED:
             continue
-        ground = recording.ground
-        model, figures[ground] = _fig08_to_fig10.evaluate(recording, fresh.get(ground))
+        ground = job.ground
+        model, figures[ground] = _fig08_to_fig10.evaluate(job, record, fresh.get(ground))
         model.save(out / f"model-{ground.name}.json")
         if ground == CONTROLLER_GROUND:
             controller = tune(model)
@@ -153,9 +153,9 @@ def _steerless(plan: ReproducePlan, out: Path) -> list[Job[Any]]:
     runs, seed = out / "runs", plan.seeds[0]
     return [
         Call("Fig. 11, seat", fig11.level_seat, (runs / "seat-28", seed)),
-        Call("Fig. 5, stages of a frame", fig05.see_stages, (out / "figures", seed)),
+        Call("Fig. 5, stages of a frame", _fig05.see_stages, (out / "figures", seed)),
         as_printed.job(plan, runs),
-        Call("dead zone, 28°", dead_zone.rows, (seed,)),
+        Call("dead zone, 28°", _dead_zone.rows, (seed,)),
         *_fig08_to_fig10.straight_jobs(plan, None, runs),
     ]
 
@@ -166,7 +166,7 @@ def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> li
         *_fig08_to_fig10.straight_jobs(plan, controller, runs),
         *_fig08_to_fig10.turn_jobs(plan, controller, runs),
         *_fig08_to_fig10.turn_jobs(replace(plan, seeds=plan.seeds[:1], frictions=(PAPER_FRICTION,)), controller, runs, "paper"),
-        *lugs.jobs(plan, controller, runs),
+        *_lugs.jobs(plan, controller, runs),
     ]
     return sorted(drives, key=_cost, reverse=True)
 

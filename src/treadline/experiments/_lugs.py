@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from treadline.core.models import ControllerDesign
-from treadline.experiments.job_pool import RunJob
+from treadline.experiments._job_pool import RunJob
 from treadline.experiments.plan import FIG10_SLOPE, ReproducePlan, turn, without_images
 from treadline.plant.mujoco import NOMINAL
 from treadline.scenario.scenario import Belts, Scenario, read_scenario
