@@ -1,5 +1,6 @@
 """``python -m treadline`` and the ``treadline`` command: interrupt handling of the whole process, including heavy imports."""
 
+import gc
 import signal
 import sys
 
@@ -9,6 +10,7 @@ from treadline.core import processes
 def main() -> int:
     """Run the command line of this process; Ctrl-C at any time gives one line and exit code 130."""
     processes.install_interrupts()
+    gc.set_threshold(50_000, 20, 20)  # what modules create lives to the end: collecting it takes a tenth of the start
     try:
         from treadline.cli import main as run
 
