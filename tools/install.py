@@ -40,7 +40,11 @@ class Installation:
     def report(self) -> None:
         """Print what pip does and for how long it has run."""
         installed = f"{min(len(self._installed() - self._before), self._total)} of {self._total} packages installed"
-        print(f"[{time.monotonic() - self._started_s:6.1f} s] {installed if self._total else self._now}", flush=True)
+        self.say(installed if self._total else self._now)
+
+    def say(self, text: str) -> None:
+        """Print a line with the time since the start."""
+        print(f"[{time.monotonic() - self._started_s:6.1f} s] {text}", flush=True)
 
     def _installed(self) -> set[str]:
         return {path.name for path in self._folder.glob("*.dist-info")}
@@ -61,7 +65,7 @@ def main() -> int:
         for line in pip.stdout or ():
             installation.read(line)
     ended.set()
-    installation.report()
+    installation.say("installed" if pip.returncode == 0 else "pip failed; if a version is not to be had, make setup LOCK=/dev/null takes another")
     return pip.returncode
 
 
