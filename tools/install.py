@@ -65,7 +65,8 @@ def main() -> int:
         for line in pip.stdout or ():
             installation.read(line)
     ended.set()
-    installation.say("installed" if pip.returncode == 0 else "pip failed; if a version is not to be had, make setup LOCK=/dev/null takes another")
+    failed = "pip failed; if a version is not to be had, make setup LOCK=/dev/null takes another"
+    installation.say(failed if pip.returncode else "installed")
     return pip.returncode
 
 
