@@ -112,7 +112,7 @@ class JobPool:
             return lambda: list(self._in_this_process(jobs))
         futures = [self._workers.submit(_run, job) for job in jobs]
         self._open |= {future: job.title for future, job in zip(futures, jobs, strict=True)}
-        self._tell_running()
+        self._report_running()
         for future in futures:
             future.add_done_callback(self._report)
         return lambda: _results(futures)
@@ -133,9 +133,9 @@ class JobPool:
         title = self._open.pop(future)
         if not future.cancelled() and future.exception() is None:
             self._done(title)
-        self._tell_running()
+        self._report_running()
 
-    def _tell_running(self) -> None:
+    def _report_running(self) -> None:
         """Report the oldest jobs that are not finished, one per worker: jobs start in their order."""
         titles = list(self._open.values())[: self._count]
         if self._running is not None and titles:

@@ -40,7 +40,7 @@ RENDERED_COST = 1.7
 a loaded machine. It orders jobs and enters no result."""
 
 
-class Progress(Protocol):
+class Reporter(Protocol):
     """Receives the progress of a reproduction."""
 
     def begin(self, total: int) -> None:
@@ -53,7 +53,7 @@ class Progress(Protocol):
         """Receive the titles of the jobs that run."""
 
 
-def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: Progress) -> dict[str, Any]:
+def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: Reporter) -> dict[str, Any]:
     """Run everything and write ``results.json``, ``report.html``, ``model-*.json``, ``controller.json`` and ``runs/``.
 
     Returns:

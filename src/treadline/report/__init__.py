@@ -11,19 +11,16 @@ from typing import Any
 
 from treadline.core.errors import SettingsError
 
-__all__ = ["Each", "write_report"]
+__all__ = ["write_report"]
 
 
-Each = Callable[[str, Callable[[Any], Any], Sequence[Any]], list[Any]]
-"""Function ``title, function, items -> results``, which may call the function in other processes."""
-
-
-def write_report(folder: Path, each: Each | None = None) -> Path:
+def write_report(folder: Path, each: Callable[[str, Callable[[Any], Any], Sequence[Any]], list[Any]] | None = None) -> Path:
     """Write ``report.html`` of a reproduce folder and of its runs, or of one run's folder; return its path.
 
     Args:
         folder: Folder of a reproduction or of a run.
-        each: Receives the function that writes the page of one run of a reproduction, and the runs; in this process if left out.
+        each: Receives a title, the function that writes the page of one run of a reproduction, and the runs; returns the results,
+            which may come from other processes. In this process if left out.
 
     Raises:
         SettingsError: If the folder holds neither, or a file in it lacks or mistypes something.

@@ -7,7 +7,7 @@ The figures are drawn from the rows of ``results.json`` and the time series of t
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,7 +23,6 @@ from treadline.core import paper
 from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
 from treadline.io.runs import COMPLETED, LOG
 from treadline.playback import Recording, read_recording
-from treadline.report import Each
 from treadline.report._html import in_base64
 from treadline.report._results import PAPER_FRICTION, Cell, Impulse, ModelFigures, Results, Steered, Straight, Turn, read_part
 from treadline.report._run_page import checked_series, write_page, write_run_page
@@ -222,7 +221,7 @@ STAGES = (
 R = TypeVar("R", Straight, Turn)
 
 
-def write_reproduction_page(folder: Path, each: Each) -> Path:
+def write_reproduction_page(folder: Path, each: Callable[[str, Callable[[Any], Any], Sequence[Any]], list[Any]]) -> Path:
     """Write ``report.html`` of a reproduce folder, and a page of each of its runs that kept a log.
 
     Args:
