@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
 
 from treadline.core.processes import Interrupts, Terminated, deferred, on_terminate
 from treadline.core.signals import TrackCommand
-from treadline.io._mcap_writer import McapWriter
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
 
@@ -54,14 +54,14 @@ def test_outside_a_block_an_interrupt_is_raised_at_once() -> None:
 def test_a_log_that_is_interrupted_in_the_middle_of_a_message_is_readable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Test: interrupt between two records of one message. Expected result: the log holds that message and all before it."""
     path = tmp_path / "log.mcap"
-    add = McapWriter.add_message
+    add = Writer.add_message
 
-    def interrupted(writer: McapWriter, channel: int, taken_ns: int, stamp_ns: int, data: bytes) -> None:
-        if stamp_ns == 750_000_000:
+    def interrupted(writer: Writer, channel: int, time_ns: int, data: bytes, published_ns: int, count: int) -> None:
+        if count == 3:
             os.kill(os.getpid(), signal.SIGINT)
-        add(writer, channel, taken_ns, stamp_ns, data)
+        add(writer, channel, time_ns, data, published_ns, count)
 
-    monkeypatch.setattr(McapWriter, "add_message", interrupted)
+    monkeypatch.setattr(Writer, "add_message", interrupted)
     commands = [TrackCommand(t_s=tick * 0.25, left_m_s=0.1, right_m_s=0.1) for tick in range(5)]
     with pytest.raises(KeyboardInterrupt), RunLog(path) as log:
         deque(map(log, commands))

@@ -1,7 +1,6 @@
 """Logs: what goes in comes out, the same in gives the same bytes, and a damaged file is one LogFormatError."""
 
 import errno
-import io
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -230,35 +229,6 @@ def test_a_log_beyond_a_cap_is_refused(log: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(mcap_read, cap, 10)
     with pytest.raises(LogFormatError, match="10"):
         list(read_log(log))
-
-
-def test_a_log_has_the_bytes_that_the_library_writes(tmp_path: Path) -> None:
-    """Test: two chunks of signals, with late ones, written anew by the library's writer. Expected result: the same file."""
-    path = tmp_path / "log.mcap"
-    with RunLog(path, image_every=1, metadata={"seed": "3"}) as log:
-        for k in range(1200):
-            for signal in one_of_each(0.01 * k, seed=k):
-                log(signal, 0.01 * (k + 7 * (k % 3)))
-    again = io.BytesIO()
-    writer = Writer(again, chunk_size=4 * 1024 * 1024, compression=CompressionType.ZSTD, enable_data_crcs=True)
-    channels: dict[str, int] = {}
-    schemas: dict[str, int] = {}
-    with path.open("rb") as file:
-        reader = make_reader(file)
-        header, summary = reader.get_header(), reader.get_summary()
-        writer.start(profile=header.profile, library=header.library)
-        for metadata in reader.iter_metadata():
-            writer.add_metadata(metadata.name, metadata.metadata)
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            if channel.topic not in channels:
-                if schema.name not in schemas:
-                    schemas[schema.name] = writer.register_schema(schema.name, schema.encoding, schema.data)
-                number = writer.register_channel(channel.topic, "cdr", schemas[schema.name], channel.metadata)
-                channels[channel.topic] = number
-            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time, message.sequence)
-    writer.finish()
-    assert summary.statistics.chunk_count > 1
-    assert again.getvalue() == path.read_bytes()
 
 
 def test_a_log_without_checksums_is_refused(tmp_path: Path) -> None:

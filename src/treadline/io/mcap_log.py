@@ -6,20 +6,24 @@ taken. A late camera frame has a log time after its stamp, so that a replay deli
 It grows under a temporary name and takes its own when closed; an interrupted run is closed too, and stays readable.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from mcap.writer import CompressionType, Writer
+
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import TreadlineError
 from treadline.core.processes import deferred
-from treadline.io._mcap_writer import McapWriter
 from treadline.io.cdr import nanoseconds_of
 from treadline.io.mcap_read import LIBRARY
 from treadline.io.messages import DEFINITIONS, Message, messages_of
 
+CHUNK_BYTES = 4 * 1024 * 1024
+"""Size at which a chunk is complete [bytes]."""
 KEPT = ("/tf_static", "/robot_description", "/chair", "/stair/true")
 """Topics with one message at the start of a run, which ``ros2 bag play`` keeps for subscribers that come later."""
 _FOREVER = "{sec: 9223372036, nsec: 854775807}"
@@ -57,10 +61,13 @@ class RunLog:
         """Stamp of the last frame that was kept [s]; None before the first."""
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = self._temporary.open("wb")
-        self._writer = McapWriter(self._file, LIBRARY)
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD, enable_data_crcs=True)
+        self._writer.start(profile="ros2", library=LIBRARY)
         if metadata is not None:
-            self._writer.add_metadata(LIBRARY, metadata)
+            self._writer.add_metadata(LIBRARY, dict(metadata))
+        self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
+        self._counts: Counter[int] = Counter()
 
     def __enter__(self) -> "RunLog":
         return self
@@ -90,11 +97,13 @@ class RunLog:
         """
         stamp_ns = nanoseconds_of(stamp_s)
         taken_ns = stamp_ns if taken_s is None or taken_s == stamp_s else nanoseconds_of(taken_s)
-        channels, write = self._channels, self._writer.add_message
+        channels, counts, write = self._channels, self._counts, self._writer.add_message
         try:
             with deferred():
                 for topic, kind, data in messages:
-                    write(channels.get(topic) or self._channel(topic, kind), taken_ns, stamp_ns, data)
+                    channel = channels.get(topic) or self._channel(topic, kind)
+                    write(channel, taken_ns, data, stamp_ns, counts[channel])
+                    counts[channel] += 1
         except OSError as error:
             raise self._unwritable(error) from None
 
@@ -122,6 +131,8 @@ class RunLog:
 
     def _channel(self, topic: str, kind: str) -> int:
         """Declare a topic that is new in this log; return its number, which is 1 or greater."""
+        if kind not in self._schemas:
+            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
         metadata = {"offered_qos_profiles": KEPT_QOS} if topic in KEPT else {}
-        self._channels[topic] = self._writer.add_channel(topic, kind, DEFINITIONS[kind], metadata)
+        self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], metadata)
         return self._channels[topic]
