@@ -8,7 +8,7 @@
   const KEYS = { KeyW: "up", ArrowUp: "up", KeyS: "down", ArrowDown: "down", KeyA: "left", ArrowLeft: "left", KeyD: "right", ArrowRight: "right" };
   const held = new Set();
   let manual = false;
-  window.treadline.listen((said) => { manual = said.manual === true; });
+  window.treadline.listen((said) => { if ("manual" in said) manual = said.manual === true; });  // a message holds what has changed
 
   // A check box that was just clicked has the focus and takes no text.
   const typing = (target) => target instanceof HTMLElement && (target.isContentEditable || ["TEXTAREA", "SELECT"].includes(target.tagName)
