@@ -13,7 +13,7 @@ from treadline.identification.excitation_signal import ExcitationConfig
 from treadline.io.mcap_read import read_log
 from treadline.io.records import read_record
 from treadline.io.runs import read_series
-from treadline.run.excitation_run import INPUTS, OUTPUTS, Excited, recorded_excitation
+from treadline.run.excitation_run import INPUTS, OUTPUTS, Excited, excite
 from treadline.scenario.scenario import read_scenario
 
 SCENARIO = read_scenario("paper-28")
@@ -22,7 +22,7 @@ SCENARIO = read_scenario("paper-28")
 @pytest.fixture(scope="module")
 def excited(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Excited]:
     folder = tmp_path_factory.mktemp("runs")
-    runs = [recorded_excitation(folder / name, SCENARIO, samples=20, period_s=0.05, seed=1, image_every=5) for name in "ab"]
+    runs = [excite(SCENARIO, folder=folder / name, samples=20, period_s=0.05, seed=1, image_every=5) for name in "ab"]
     return folder, runs[0]
 
 
@@ -66,5 +66,5 @@ def test_the_manifest_says_what_pulls_the_chair_back(excited: tuple[Path, Excite
 def test_bad_settings_leave_no_folder(tmp_path: Path) -> None:
     throne = SCENARIO.model_copy(update={"chair": SCENARIO.chair.model_copy(update={"model": "throne"})})
     with pytest.raises(SettingsError, match=r"chair\.model"):
-        recorded_excitation(tmp_path / "run", throne, samples=20, period_s=0.05, seed=1)
+        excite(throne, folder=tmp_path / "run", samples=20, period_s=0.05, seed=1)
     assert not list(tmp_path.iterdir())

@@ -38,7 +38,8 @@ def excite(
     from treadline.core.errors import SettingsError
     from treadline.core.signals import TICK_S, on_the_tick
     from treadline.identification.options import fewest_samples
-    from treadline.run.excitation_run import INPUTS, OUTPUTS, recorded_excitation
+    from treadline.run.excitation_run import INPUTS, OUTPUTS
+    from treadline.run.excitation_run import excite as drive
     from treadline.scenario.scenario import read_scenario
 
     claim(out, force=force)
@@ -50,9 +51,9 @@ def excite(
         raise SettingsError(f"--period is {period}; it must be a multiple of {TICK_S} s between {TICK_S} and {LONGEST_S:g}")
     settings = read_scenario(scenario)
     with SimulatedTime("excite") as progress:
-        excited = recorded_excitation(
-            out,
+        excited = drive(
             settings,
+            folder=out,
             samples=samples,
             period_s=period,
             seed=seed,

@@ -100,7 +100,7 @@ def see(
             raise SettingsError(
                 f"{alone[0]} is of recorded frames; --live takes --camera, --gravity, --seconds, --headings and --out"
             )
-        return see_live(live, camera=camera, gravity=gravity, seconds=seconds, headings=headings, out=out)
+        return _see_live(live, camera=camera, gravity=gravity, seconds=seconds, headings=headings, out=out)
     if seconds is not None:
         raise SettingsError("--seconds is of --live")
     assert source is not None  # noqa: S101 - for the type checker
@@ -181,7 +181,7 @@ def _warnings(seen: list[dict[str, Any]]) -> list[str]:
     ]
 
 
-def see_live(
+def _see_live(
     name: str, *, camera: Path | None, gravity: str | None, seconds: float | None, headings: Path | None, out: Path | None
 ) -> Answer:
     """Detect the stair in the frames of a live camera.
@@ -208,7 +208,7 @@ def see_live(
     evaluator, summary, last = FrameEvaluator("robust", warm_up=False), Summary(), dict[str, Any]()
     drawn_s, picture = -PICTURE_S, None if out is None else out / "live-seen.png"
     with ExitStack() as stack:
-        stack.enter_context(stdout_on_stderr())
+        stack.enter_context(_stdout_on_stderr())
         stack.callback(line.end)
         table = None if headings is None else stack.enter_context(HeadingTable(headings))
         try:
@@ -221,7 +221,7 @@ def see_live(
                     if picture is not None and time.monotonic() - drawn_s >= PICTURE_S:
                         write_seen(named, sight, picture)
                         drawn_s = time.monotonic()
-                line.show(live_line(last, frames.rate.rate_hz))
+                line.show(_live_text(last, frames.rate.rate_hz))
                 if seconds is not None and last["t_s"] >= seconds:
                     break
         except Terminated:
@@ -238,7 +238,7 @@ def see_live(
     )
 
 
-def live_line(values: dict[str, Any], rate_hz: float | None) -> str:
+def _live_text(values: dict[str, Any], rate_hz: float | None) -> str:
     """Return the newest result on one line: heading, interval, rise, run or the rejection reason, and the frame rate."""
     rate = "" if rate_hz is None else f" | {rate_hz:.0f} frames/s"
     if not values["accepted"]:
@@ -249,7 +249,7 @@ def live_line(values: dict[str, Any], rate_hz: float | None) -> str:
 
 
 @contextmanager
-def stdout_on_stderr() -> Iterator[None]:
+def _stdout_on_stderr() -> Iterator[None]:
     """Send what the vendors' libraries write to stdout to stderr: stdout is for the answer alone."""
     try:
         kept = os.dup(1)

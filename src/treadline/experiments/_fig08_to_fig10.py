@@ -37,7 +37,7 @@ from treadline.experiments.plan import (
 from treadline.identification import IdentificationOptions, identify
 from treadline.identification.validate import h_step_rmse, impulse_response
 from treadline.io.runs import COMPLETED
-from treadline.run.excitation_run import PERIOD_S, recorded_excitation
+from treadline.run.excitation_run import PERIOD_S, excite
 from treadline.run.resolve import Opener, PlantName
 from treadline.scenario.scenario import Scenario
 
@@ -238,9 +238,9 @@ class ExciteJob:
 
     def run(self) -> "Recorded":
         """Drive; return the job and its record."""
-        excited = recorded_excitation(
-            self.runs / self.name,
+        excited = excite(
             self.scenario or excitation(self.ground),
+            folder=self.runs / self.name,
             samples=self.samples,
             period_s=PERIOD_S,
             seed=self.seed,

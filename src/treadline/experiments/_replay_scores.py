@@ -50,19 +50,9 @@ class RunningDifference:
         self.largest = max(self.largest, abs(difference))
 
     @property
-    def mean_square(self) -> float | None:
-        """Mean square of the differences; None without any."""
-        return self.squares / self.count if self.count else None
-
-    @property
     def rms_deg(self) -> float | None:
         """Root mean square [°] of differences in radians; None without any."""
         return (self.squares / self.count) ** 0.5 / DEG if self.count else None
-
-    @property
-    def largest_deg(self) -> float | None:
-        """Largest magnitude [°] of differences in radians; None without any."""
-        return self.largest / DEG if self.count else None
 
 
 COLUMNS = (
@@ -131,14 +121,14 @@ class ReplayScores:
             self._differences["recorded"].add(wrap(estimate.heading_rad - recorded.heading_rad))
         if truth is not None:
             if estimate is not None:
-                self._add_error("estimate", estimate, truth)
+                self._differences["estimate"].add(wrap(estimate.heading_rad - truth.heading_rad))
             if recorded is not None:
                 self._differences["recorded to truth"].add(wrap(recorded.heading_rad - truth.heading_rad))
             self._truths.add(truth.t_s, truth)
             for seen in self._now:
                 exposed = self._truths.at(seen.t_s)
                 if exposed is not None and abs(seen.t_s - exposed.t_s) < SAME_S:
-                    self._add_error("vision", seen, exposed)
+                    self._differences["vision"].add(wrap(seen.heading_rad - exposed.heading_rad))
         self._compare_commands(tick)
         self._row(tick, truth)
         self._now.clear()
@@ -150,25 +140,14 @@ class ReplayScores:
         of = self._differences
         return self._as_estimated() | {
             "rms_difference_deg": of["recorded"].rms_deg,
-            "largest_difference_deg": of["recorded"].largest_deg,
             "rms_error_deg": of["estimate"].rms_deg,
-            "largest_error_deg": of["estimate"].largest_deg,
             "recorded_rms_error_deg": of["recorded to truth"].rms_deg,
             "vision_rms_error_deg": of["vision"].rms_deg,
-            "vision_largest_error_deg": of["vision"].largest_deg,
-            "normalised_error_squared": of["estimate, normalised"].mean_square,
-            "vision_normalised_error_squared": of["vision, normalised"].mean_square,
             "largest_command_gap_m_s": of["tracks"].largest if of["tracks"].count else None,
             "largest_seat_gap_m_s": of["seat"].largest if of["seat"].count else None,
             "commands_compared": of["tracks"].count // 2,
             "brakes_differ": self._brakes,
         }
-
-    def _add_error(self, name: str, measured: HeadingEstimate | HeadingMeasurement, truth: Truth) -> None:
-        """Add the error of a heading, and its ratio to the declared standard deviation."""
-        error = wrap(measured.heading_rad - truth.heading_rad)
-        self._differences[name].add(error)
-        self._differences[f"{name}, normalised"].add(error / max(measured.sigma_rad, 1e-9))
 
     def _as_estimated(self) -> dict[str, float | None]:
         """Return the scores that need no ground truth, from the replay's heading estimate and the seat readings."""

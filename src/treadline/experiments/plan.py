@@ -104,10 +104,10 @@ FIG10_SLOPE = int(paper.FIG10_SLOPE_DEG)
 def excitation(ground: Ground) -> Scenario:
     """Return the scenario of an excitation with random track speeds (Section VI.B)."""
     scenario = _flight(ground.slope_deg, heading_deg=0.0, duration_s=300.0, mismatch=0.005)
-    return with_friction(scenario, ground.friction)
+    return _with_friction(scenario, ground.friction)
 
 
-def with_friction(scenario: Scenario, friction: Friction) -> Scenario:
+def _with_friction(scenario: Scenario, friction: Friction) -> Scenario:
     """Return the scenario with another friction."""
     return scenario.model_copy(update={"stair": scenario.stair.model_copy(update={"friction": friction})})
 
@@ -122,7 +122,7 @@ def turn(
 ) -> Scenario:
     """Return a start at ±30° (Fig. 10, Table II)."""
     scenario = _flight(slope_deg, heading_deg=float(start_deg), duration_s=duration_s, mismatch=0.005)
-    scenario = with_friction(scenario, friction)
+    scenario = _with_friction(scenario, friction)
     control = Control.model_validate(scenario.control.model_dump() | {"allocation": allocation})
     return scenario.model_copy(update={"control": control})
 

@@ -5,8 +5,9 @@ It takes a model, its report and the records as values: whoever identified hands
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from jaxtyping import Complex, Float
@@ -34,17 +35,6 @@ CANDIDATES_MOST = 40
 """Largest number of candidate structures listed."""
 
 
-@runtime_checkable
-class IntervalsLike(Protocol):
-    """How sure a model's responses are."""
-
-    def impulse(self, steps: int) -> Float[np.ndarray, "steps p m"]:
-        """Return the standard deviation of the impulse response."""
-
-    def frequency(self, omega_rad: Float[np.ndarray, " w"]) -> Float[np.ndarray, "w p m"]:
-        """Return the standard deviation of |G| at frequencies in rad per sample."""
-
-
 def write_identification_page(
     path: Path,
     model: LinearModel,
@@ -53,7 +43,7 @@ def write_identification_page(
     judged: Sequence[InputOutputRecord],
     *,
     title: str,
-    intervals: IntervalsLike | None = None,
+    intervals: Any | None = None,
     stabilisation: StabilisationDiagram | None = None,
 ) -> None:
     """Write one HTML file that shows an identification and needs nothing else.
@@ -62,7 +52,7 @@ def write_identification_page(
         report: The report of the identification.
         records: The records that were fitted.
         judged: The records on which the model was judged; the longest is drawn.
-        intervals: How sure the model's responses are.
+        intervals: Confidence intervals of the identification, as ``Identified.intervals``.
         stabilisation: The poles of every order, for the stabilisation diagram.
 
     Raises:
@@ -71,28 +61,26 @@ def write_identification_page(
     write_whole(path, _Page(model, report, records, judged, intervals, stabilisation).html(title))
 
 
+@dataclass(eq=False)
 class _Page:
     """Collects drawings, notes and values on the way through the sections."""
 
-    def __init__(
-        self,
-        model: LinearModel,
-        report: IdentificationReport,
-        records: Sequence[InputOutputRecord],
-        judged: Sequence[InputOutputRecord],
-        intervals: IntervalsLike | None,
-        stabilisation: StabilisationDiagram | None,
-    ) -> None:
-        self.model, self.said = model, report
-        self.records, self.judged = records, judged
-        self.intervals, self.stabilisation = intervals, stabilisation
+    model: LinearModel
+    said: IdentificationReport
+    records: Sequence[InputOutputRecord]
+    judged: Sequence[InputOutputRecord]
+    intervals: Any | None
+    stabilisation: StabilisationDiagram | None
+    notes: list[str] = field(default_factory=list)
+    drawn: dict[str, Figure] = field(default_factory=dict)
+    values: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        model = self.model
         self.inputs = [channel(name) for name in model.input_names or [f"u{j + 1}" for j in range(model.B.shape[1])]]
         self.outputs = [channel(name) for name in model.output_names or [f"y{i + 1}" for i in range(model.C.shape[0])]]
         self.drawn_in, self.drawn_out = self.inputs[:PAIRS_MOST], self.outputs[:PAIRS_MOST]
         self.unstable = runs.is_unstable(model)
-        self.notes: list[str] = []
-        self.drawn: dict[str, Figure] = {}
-        self.values: dict[str, Any] = {}
 
     def html(self, title: str) -> str:
         """Return the page."""

@@ -89,7 +89,7 @@ def _styled_once(found: re.Match[str]) -> str:
     return f"<g{found[1]}{style}>\n{found[2].replace(style, '')}</g>"
 
 
-class PlainLogFormatter(LogFormatterSciNotation):
+class _PlainLogFormatter(LogFormatterSciNotation):
     """Formatter of powers of ten and their multiples, without formula markup."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
@@ -101,6 +101,6 @@ class PlainLogFormatter(LogFormatterSciNotation):
 
 def plain_log_labels(axis: Axis) -> None:
     """Replace the formatters of a logarithmic axis."""
-    axis.set_major_formatter(PlainLogFormatter())
+    axis.set_major_formatter(_PlainLogFormatter())
     if not isinstance(axis.get_minor_formatter(), NullFormatter):
-        axis.set_minor_formatter(PlainLogFormatter(labelOnlyBase=False))
+        axis.set_minor_formatter(_PlainLogFormatter(labelOnlyBase=False))

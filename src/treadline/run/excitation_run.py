@@ -16,7 +16,7 @@ from treadline.io.records import write_record
 from treadline.io.runs import RECORD
 from treadline.run.episode import Traverse, Watch, run_episode
 from treadline.run.recorded_run import write_run
-from treadline.run.resolve import Opener, PlantName, Setup, resolve
+from treadline.run.resolve import Opener, PlantName, resolve
 from treadline.scenario.scenario import Scenario
 
 PERIOD_S = 1.0 / paper.CONTROL_RATE_HZ
@@ -24,7 +24,7 @@ INPUTS = ("left_m_s", "right_m_s")
 OUTPUTS = ("heading_rad", "yaw_rate_rad_s")
 
 
-class ExcitationDriver:
+class _ExcitationDriver:
     """Driver that proposes random belt speeds and records inputs and measured outputs of every sample."""
 
     follows_plan = False
@@ -52,16 +52,20 @@ class ExcitationDriver:
             self._y.append((estimate.heading_rad, estimate.heading_rate_rad_s))
         return TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right)
 
-    def excited(self, run: Traverse, samples: int) -> "Excited":
-        """Return the record of a run with this driver, of at most ``samples``."""
-        record = InputOutputRecord(
+    def record(self, samples: int) -> InputOutputRecord:
+        """Return the record of at most ``samples``."""
+        return InputOutputRecord(
             u=np.array(self._u[:samples]).reshape(-1, len(INPUTS)),
             y=np.array(self._y[:samples]).reshape(-1, len(OUTPUTS)),
             dt_s=self._period_s,
             input_names=INPUTS,
             output_names=OUTPUTS,
         )
-        return Excited(record=record, first_t_s=self._t_s[0] if self._t_s else 0.0, run=run)
+
+    @property
+    def first_t_s(self) -> float:
+        """Time of the first sample [s]."""
+        return self._t_s[0] if self._t_s else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,50 +77,40 @@ class Excited:
     run: Traverse
 
 
-def excite(scenario: Scenario, *, samples: int, period_s: float, seed: int, open_plant: Opener | PlantName = "mujoco") -> Excited:
-    """Return ``samples`` of random driving on a flight made long enough for them."""
-    setup, driver = excitation_setup(scenario, samples, period_s, seed, open_plant)
-    return driver.excited(run_episode(setup), samples)
-
-
-def recorded_excitation(
-    folder: Path,
+def excite(
     scenario: Scenario,
     *,
     samples: int,
     period_s: float,
     seed: int,
+    folder: Path | None = None,
     image_every: int = 0,
     watch: Watch | None = None,
     open_plant: Opener | PlantName = "mujoco",
 ) -> Excited:
-    """Excite a scenario and write its run folder, ``record.csv`` included.
+    """Return ``samples`` of random driving, about the scenario's speed, on a flight made long enough for them.
 
     Args:
         samples: Number of input-output samples.
         period_s: Time between samples [s].
+        folder: Run folder to write, ``record.csv`` included; None: nothing is written.
+        image_every: Keep every n-th frame in the log of the run folder; 0 keeps none.
+        watch: Receives each tick as it ends.
 
     Raises:
         TreadlineError: Before anything is written, if the chair cannot be read.
     """
-    setup, driver = excitation_setup(scenario, samples, period_s, seed, open_plant)
-    settings = {"excitation": asdict(excitation_of(scenario))}
-    excited = driver.excited(write_run(folder, setup, settings, image_every=image_every, watch=watch), samples)
-    write_record(folder / RECORD, excited.record, excited.first_t_s)
+    config = ExcitationConfig(mean_m_s=scenario.drive.speed_m_s)
+    driver = _ExcitationDriver(Excitation(config, np.random.default_rng([seed, 5])), period_s)
+    setup = resolve(long_enough(scenario, (samples + 1) * period_s), driver, seed, open_plant=open_plant)
+    if folder is None:
+        run = run_episode(setup, watch=watch)
+    else:
+        run = write_run(folder, setup, {"excitation": asdict(config)}, image_every=image_every, watch=watch)
+    excited = Excited(record=driver.record(samples), first_t_s=driver.first_t_s, run=run)
+    if folder is not None:
+        write_record(folder / RECORD, excited.record, excited.first_t_s)
     return excited
-
-
-def excitation_setup(
-    scenario: Scenario, samples: int, period_s: float, seed: int, open_plant: Opener | PlantName = "mujoco"
-) -> tuple[Setup, ExcitationDriver]:
-    """Return the resolved run of an excitation, on a flight made long enough, and its driver."""
-    driver = ExcitationDriver(Excitation(excitation_of(scenario), np.random.default_rng([seed, 5])), period_s)
-    return resolve(long_enough(scenario, (samples + 1) * period_s), driver, seed, open_plant=open_plant), driver
-
-
-def excitation_of(scenario: Scenario) -> ExcitationConfig:
-    """Return the excitation settings: random speeds about the scenario's speed, with feedback of the heading."""
-    return ExcitationConfig(mean_m_s=scenario.drive.speed_m_s)
 
 
 def long_enough(scenario: Scenario, duration_s: float, spare_m: float = 3.0) -> Scenario:

@@ -1,7 +1,6 @@
 """Run folders of simulated runs: manifest, result, time series and log."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -74,20 +73,6 @@ def write_run(
         image_every: Keep every n-th frame in the log; 0 keeps none.
         watch: Receives each tick as it ends.
     """
-    with _scene_log(folder, setup, image_every, more, controller) as scene:
-        if blocks is not None and image_every:
-            blocks = replace(blocks, detector=WatchedDetector(blocks.detector, scene.saw))
-        run = run_episode(setup, blocks=blocks, sink=scene, watch=_watching(scene, watch))
-    write_series(folder, series(run.trace, run.estimate_rad))
-    write_result(folder, run.summary())
-    return run
-
-
-@contextmanager
-def _scene_log(
-    folder: Path, setup: Setup, image_every: int, more: Mapping[str, Any], controller: ControllerDesign | None
-) -> Iterator[SceneLog]:
-    """Begin a run folder and yield its log."""
     scenario, seed = setup.scenario, setup.seed
     manifest = begin_run(folder, scenario.model_dump(mode="json"), seed, controller, **more)
     # The stair of a run with this seed: the plant draws it from the first of its streams.
@@ -98,18 +83,18 @@ def _scene_log(
         RunLog(folder / LOG, image_every=image_every, metadata=metadata) as log,
         SceneLog(log, setup.chair, scenario.chair, belts=scenario.belts, staircase=staircase, backwards=backwards) as scene,
     ):
-        yield scene
 
+        def ended(tick: Tick) -> None:
+            scene.plan(tick.plan)
+            if watch is not None:
+                watch(tick)
 
-def _watching(scene: SceneLog, watch: Watch | None) -> Watch:
-    """Return what receives each tick: the log, for the plan, and ``watch``."""
-
-    def both(tick: Tick) -> None:
-        scene.plan(tick.plan)
-        if watch is not None:
-            watch(tick)
-
-    return both
+        if blocks is not None and image_every:
+            blocks = replace(blocks, detector=WatchedDetector(blocks.detector, scene.saw))
+        run = run_episode(setup, blocks=blocks, sink=scene, watch=ended)
+    write_series(folder, series(run.trace, run.estimate_rad))
+    write_result(folder, run.summary())
+    return run
 
 
 def series(trace: Trace, estimate_rad: Float[np.ndarray, " T"]) -> dict[str, Float[np.ndarray, " T"]]:
