@@ -22,6 +22,8 @@ Coulomb friction, ``vehicle.quasi_static``)."""
 INNER_RATIO_NEAR_STRAIGHT, INNER_RATIO_TURNING = 0.5, -0.25
 """Inner belt speed ratio near straight, and at larger heading errors, where both belts slide and a slow inner belt turns the
 chair faster (decision 0022)."""
+MAX_MEAN_M_S = 0.55
+"""Largest common speed of the belts [m/s]."""
 INNER_RATIO_BACKING = 0.5
 """Inner belt speed ratio while backing down, where turning is unstable."""
 
@@ -37,7 +39,6 @@ class BeltLimits:
 
     climb_speed_m_s: float
     max_speed_m_s: float
-    max_mean_m_s: float = 0.55
     min_inner_speed_ratio: float = INNER_RATIO_CLIMBING
     """Smallest inner belt speed as a ratio of the climb speed."""
 
@@ -59,7 +60,7 @@ def climb_safe(demanded: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[n
     """
     most = min(
         0.5 * (limits.max_speed_m_s - limits.min_inner_m_s),
-        limits.max_mean_m_s - limits.min_inner_m_s,
+        MAX_MEAN_M_S - limits.min_inner_m_s,
     )
     half = float(np.clip(0.5 * (demanded[1] - demanded[0]), -most, most))
     common = max(limits.climb_speed_m_s, abs(half) + limits.min_inner_m_s)

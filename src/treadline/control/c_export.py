@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.control._observer import DISTURBANCE_LIMIT
-from treadline.control.belt_allocation import INNER_RATIO_BACKING, INNER_RATIO_CLIMBING, BeltLimits, inner_speed_ratio
+from treadline.control.belt_allocation import INNER_RATIO_BACKING, INNER_RATIO_CLIMBING, MAX_MEAN_M_S, inner_speed_ratio
 from treadline.control.heading_controller import (
     FASTEST_TURN_RAD_S,
     YAW_RATE_SIGMA_RAD_S,
@@ -70,7 +70,7 @@ def exported(
     return writers[target](design, config, rehearsal(design, config) if log is None else log)
 
 
-def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = REHEARSAL_STEPS) -> list[Exchange]:
+def rehearsal(design: ControllerDesign, config: ControllerConfig) -> list[Exchange]:
     """Return a drive on the design's own model that covers every branch of the controller.
 
     From 30°, one belt 2 % fast, with noise; missing and non-finite estimates and plans, suspended steering, a new target heading,
@@ -80,10 +80,10 @@ def rehearsal(design: ControllerDesign, config: ControllerConfig, steps: int = R
     rng = np.random.default_rng(SEED)
     x = np.linalg.pinv(model.C) @ np.array([math.radians(30.0), 0.0])
     exchanges = []
-    for k in range(steps):
+    for k in range(REHEARSAL_STEPS):
         t_s = k * config.period_s
         y = model.C @ x + np.array([0.002, 0.01]) * rng.standard_normal(2)
-        plan = replace(_rehearsed(k / steps, t_s, config.climb_speed_m_s), **INVALID_PLANS.get(k, {}))
+        plan = replace(_rehearsed(k / REHEARSAL_STEPS, t_s, config.climb_speed_m_s), **INVALID_PLANS.get(k, {}))
         estimate = _seen(k, t_s, y)
         answer = driver.step(estimate, t_s, plan)
         exchanges.append(Exchange(estimate=estimate, plan=plan, answer=answer))
@@ -125,7 +125,7 @@ def _numbers(design: ControllerDesign, config: ControllerConfig) -> str:
         "HEADING_STATES": str(design.model.order),
         "HEADING_PERIOD_S": repr(design.period_s),
         "HEADING_MAX_SPEED_M_S": repr(config.max_speed_m_s),
-        "HEADING_MAX_MEAN_M_S": repr(BeltLimits(climb_speed_m_s=0.0, max_speed_m_s=config.max_speed_m_s).max_mean_m_s),
+        "HEADING_MAX_MEAN_M_S": repr(MAX_MEAN_M_S),
         "HEADING_SLOWEST_CLIMBING": repr(INNER_RATIO_CLIMBING),
         "HEADING_SLOWEST_BACKING": repr(INNER_RATIO_BACKING),
         "HEADING_FASTEST_TURN_RAD_S": repr(FASTEST_TURN_RAD_S),
@@ -270,12 +270,11 @@ def _json_number(value: float) -> float | None:
 
 def settings_of(design: ControllerDesign, config: ControllerConfig) -> dict[str, Any]:
     """Return the settings of the controller."""
-    limits = BeltLimits(climb_speed_m_s=config.climb_speed_m_s, max_speed_m_s=config.max_speed_m_s)
     return {
         "vehicle": design.vehicle,
         **asdict(config),
         "reconstruct": "static" if is_static(design, config) else "observer",
-        "max_mean_m_s": limits.max_mean_m_s,
+        "max_mean_m_s": MAX_MEAN_M_S,
         "slowest_climbing": INNER_RATIO_CLIMBING,
         "slowest_backing": INNER_RATIO_BACKING,
         "fastest_turn_rad_s": FASTEST_TURN_RAD_S,

@@ -41,14 +41,22 @@ class Leveller:
         finite = math.isfinite(reading.pitch_rad) and math.isfinite(reading.stroke_m)
         if not finite or abs(reading.pitch_rad) <= config.dead_band_rad:
             return SeatCommand(t_s=reading.t_s, rate_m_s=0.0)
-        low, high = self._linkage.stroke_range
-        stroke = min(max(reading.stroke_m, low), high)
         # Pitch is positive with the front up; a longer stroke leans the seat forward.
-        rate = config.gain_per_s * reading.pitch_rad / self._linkage.rate_ratio(stroke)
-        limit = config.seat.max_rate_m_s
-        rate = min(max(rate, -limit), limit)
-        at_end = (stroke >= high and rate > 0.0) or (stroke <= low and rate < 0.0)
-        return SeatCommand(t_s=reading.t_s, rate_m_s=0.0 if at_end else rate)
+        rate = config.gain_per_s * reading.pitch_rad / self._linkage.rate_ratio(_reached(self._linkage, reading))
+        return SeatCommand(t_s=reading.t_s, rate_m_s=_limited(rate, config.seat, self._linkage, reading))
+
+
+def _reached(linkage: SeatLinkage, reading: SeatReading) -> float:
+    """Return the measured stroke, or the nearest end of the actuator [m]."""
+    low, high = linkage.stroke_range
+    return min(max(reading.stroke_m, low), high)
+
+
+def _limited(rate_m_s: float, seat: Seat, linkage: SeatLinkage, reading: SeatReading) -> float:
+    """Return a rate within the actuator's limit; zero against an end of its stroke."""
+    low, high = linkage.stroke_range
+    at_end = (reading.stroke_m >= high and rate_m_s > 0.0) or (reading.stroke_m <= low and rate_m_s < 0.0)
+    return 0.0 if at_end else min(max(rate_m_s, -seat.max_rate_m_s), seat.max_rate_m_s)
 
 
 QUIET_RAD_S, QUIET_S = 1.0 * DEG, 0.3
@@ -76,13 +84,8 @@ class PitchFeedForward:
         self._t_s = imu.t_s
         self._smooth_rad_s += (pitch_rate - self._smooth_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHING_S))
         lead = self._smooth_rad_s + (self._seat.lag_s / SMOOTHING_S) * (pitch_rate - self._smooth_rad_s)
-        low, high = self._linkage.stroke_range
-        stroke = min(max(seat.stroke_m, low), high)
-        limit = self._seat.max_rate_m_s
-        rate = levelling.rate_m_s + lead / self._linkage.rate_ratio(stroke)
-        if (stroke >= high and rate > 0.0) or (stroke <= low and rate < 0.0):
-            rate = 0.0
-        return SeatCommand(t_s=imu.t_s, rate_m_s=min(max(rate, -limit), limit))
+        rate = levelling.rate_m_s + lead / self._linkage.rate_ratio(_reached(self._linkage, seat))
+        return SeatCommand(t_s=imu.t_s, rate_m_s=_limited(rate, self._seat, self._linkage, seat))
 
 
 class _Turned:

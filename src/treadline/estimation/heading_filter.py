@@ -229,7 +229,7 @@ class HeadingFilter:
         self._apply_correction(seen)
         since_s = 0.0 if self._seen_s is None else seen.t_s - self._seen_s
         self._carry_without_gyro(seen.t_s)
-        later = self._turn_since(seen.t_s)
+        age_s, later = self._since(seen.t_s)
         turned = self._turned - later
         frozen = self._frame is not None and (seen.heading_rad, seen.sigma_rad) == (self._frame.heading_rad, self._frame.sigma_rad)
         self._frame = seen
@@ -240,7 +240,7 @@ class HeadingFilter:
             > self._config.frozen_rad
         ):
             return
-        heading = wrap(seen.heading_rad + later - self._filters.moments.bias * self._age(seen.t_s))
+        heading = wrap(seen.heading_rad + later - self._filters.moments.bias * age_s)
         variance = max(seen.sigma_rad, self._config.vision_floor_rad) ** 2
         own = self._scatter.own(seen.t_s, wrap(seen.heading_rad - turned), math.sqrt(variance))
         white, shared = max(own, OWN_LEAST) * variance + self._config.vibration_sigma_rad**2, (1.0 - own) * variance
@@ -257,8 +257,7 @@ class HeadingFilter:
         if accepted:
             self._rejected.accepted(seen.t_s, seen.heading_rad, turned)
             self._seen_s = seen.t_s
-            self._disagreement = 0.0
-            self._faults.clear("disagreement")
+            self._clear_disagreement()
         if drift is not None:
             self._correct_drift(drift, seen.t_s)
         elif not accepted:
@@ -295,9 +294,12 @@ class HeadingFilter:
         self._filters.shift(drift.error, drift.covariance)
         self._drifts.clear()
         self._rejected.clear()
+        self._clear_disagreement()
+        self._report_fault("drift", t_s, f"gyro drifts by {drift.rate_rad_s / DEG:+.1f} °/s since {drift.began_s:.2f} s")
+
+    def _clear_disagreement(self) -> None:
         self._disagreement = 0.0
         self._faults.clear("disagreement")
-        self._report_fault("drift", t_s, f"gyro drifts by {drift.rate_rad_s / DEG:+.1f} °/s since {drift.began_s:.2f} s")
 
     def _report_fault(self, kind: HeadingFault, t_s: float, cause: str, for_s: float | None = None) -> None:
         self._faults.report(kind, t_s, t_s + (self._config.report_s if for_s is None else for_s), cause)
@@ -319,20 +321,15 @@ class HeadingFilter:
             self._t_s = t_s
 
     def _reinitialise(self, seen: HeadingMeasurement, heading: float, white: float, shared: float, turned: float) -> None:
-        known = self._seen_s is not None
-        self._filters.start(heading, white, shared, known=known)
+        self._filters.start(heading, white, shared, known=self._seen_s is not None)
         self._drifts.clear()
         self._rejected.restart(seen.t_s, seen.heading_rad, turned)
         self._seen_s = seen.t_s
-        self._disagreement = 0.0
-        self._faults.clear("disagreement")
+        self._clear_disagreement()
 
-    def _age(self, t_s: float) -> float:
-        """Return the age of a frame, limited by the stored gyro history."""
+    def _since(self, t_s: float) -> tuple[float, float]:
+        """Return the age of a frame, limited by the stored gyro history, and the turn by the gyro since it was taken."""
         then = self._memory.at(t_s)
-        return 0.0 if self._t_s is None or t_s >= self._t_s or then is None else self._t_s - max(t_s, then[0])
-
-    def _turn_since(self, t_s: float) -> float:
-        """Return the turn by the gyro since a frame was taken."""
-        then = self._memory.at(t_s)
-        return 0.0 if self._t_s is None or t_s >= self._t_s or then is None else self._turned - then[1]
+        if self._t_s is None or t_s >= self._t_s or then is None:
+            return 0.0, 0.0
+        return self._t_s - max(t_s, then[0]), self._turned - then[1]

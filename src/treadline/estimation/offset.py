@@ -15,6 +15,7 @@ import numpy as np
 
 from treadline.core.angles import DEG, rotation_of, wrap
 from treadline.core.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
+from treadline.estimation.camera_mount import PAIRED_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,16 +24,10 @@ class AberrationRule:
 
     jump_rad: float = 5.0 * DEG
 
-    def is_aberration(self, seen_rad: float, expected_rad: float) -> bool:
-        """Whether a measured heading deviates from the expected heading by more than the threshold."""
-        return abs(wrap(seen_rad - expected_rad)) > self.jump_rad
-
 
 OFFSET_SIGMA_RAD = 0.5 * DEG
 """Declared standard deviation [rad]; the method provides none."""
 COAST_S = 0.5
-PAIRED_S = 0.05
-"""Largest time between a frame and its yaw sample [s]."""
 MEMORY_S = 1.0
 """Largest age of a late frame [s]."""
 
@@ -100,7 +95,7 @@ class OffsetEstimator:
         if yaw is None:
             return
         self._frame_s = seen.t_s
-        if self._offset is not None and self._rule.is_aberration(seen.heading_rad, wrap(yaw + self._offset)):
+        if self._offset is not None and abs(wrap(seen.heading_rad - wrap(yaw + self._offset))) > self._rule.jump_rad:
             self.rejected_count += 1
             return
         self._offset = heading_offset(seen.heading_rad, yaw)

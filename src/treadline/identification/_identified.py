@@ -366,13 +366,7 @@ class Identified(Printable):
             dropped=found.fitting.data.dropped,
             candidates=[
                 CandidateScore(
-                    method=scored.candidate.method,
-                    lags=scored.candidate.lags,
-                    order=scored.candidate.order,
-                    step=scored.candidate.step,
-                    constants=scored.candidate.constants,
-                    error=finite_or_none(scored.error),
-                    chosen=scored.candidate == found.candidate,
+                    **asdict(scored.candidate), error=finite_or_none(scored.error), chosen=scored.candidate == found.candidate
                 )
                 for scored in found.scores
             ],

@@ -13,7 +13,7 @@ import heapq
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from treadline.core.signals import Event, HeadingMeasurement, ImuSample
 from treadline.io.cdr import seconds_of
 from treadline.io.decode import EVENTS, HEADINGS, LOOKED, OURS, CdrReader, calibration, imu, picture
 from treadline.io.mcap_read import BROKEN, has_arrivals
-from treadline.io.topics import Calibrate, Frames, Topics, as_logged, packets, reader_of, roles, survey
+from treadline.io.topics import Calibrate, Frames, as_logged, packets, reader_of, roles, survey
 
 BELTS = "/tracks/state"
 HORIZON_S = 1.0
@@ -72,7 +72,7 @@ class SensorLog:
         """Number of dropped messages by topic and reason."""
         self.ended: str | None = None
         """Why the recording ended before its last message, if it did."""
-        self._roles = {name: role for role, name in _named(self.topics) if name is not None}
+        self._roles = {name: role for role, name in asdict(self.topics).items() if name is not None}
         used = [self.found[name] for name in self._roles]
         self._origin_ns = min(item.stamp_ns for item in used)
         self._has_arrivals = has_arrivals(path) or self._is_ours()
@@ -209,7 +209,3 @@ class SensorLog:
         if self.ended is None:
             self.ended = cause
             self._aside(Event(t_s=max(t_s, 0.0), name="ended", cause=cause))
-
-
-def _named(topics: Topics) -> list[tuple[str, str | None]]:
-    return [(role, getattr(topics, role)) for role in ("depth", "color", "info", "imu", "accel", "headings")]

@@ -7,7 +7,7 @@ equal candidates. ``--topics`` overrides the assignment. Frames are assembled fr
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +34,6 @@ class TopicSummary:
     """Summary of one topic of a log."""
 
     kind: str
-    encoding: str
     count: int
     first_ns: int
     last_ns: int
@@ -128,7 +127,6 @@ def _first(topic: RecordedTopic, logged_ns: int, data: bytes) -> TopicSummary:
     stamp_ns = logged_ns + round(t_s * 1e9)
     return TopicSummary(
         kind=kind,
-        encoding=topic.encoding,
         count=1,
         first_ns=logged_ns,
         last_ns=logged_ns,
@@ -264,8 +262,16 @@ PAIR_S = 0.02
 """Largest time between a depth image and its colour image [s]: two thirds of a frame period at 30 Hz."""
 PLAUSIBLE_M = (0.05, 100.0)
 """Plausible range of the median depth of a frame [m]; outside, the depth unit is wrong by a factor of 1000."""
-NO_RETURN = 65535
 BGR = ("bgr8", "bgra8", "8UC3")
+
+MOUNT = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
+"""Names of the mount of a camera, which CameraInfo messages lack."""
+
+
+def with_mount(camera: PinholeCamera, mount: PinholeCamera) -> PinholeCamera:
+    """Return a camera with the mount of another."""
+    return replace(camera, **{name: getattr(mount, name) for name in MOUNT})
+
 
 Calibrate = Callable[[PinholeCamera | None, tuple[int, int]], PinholeCamera | None]
 """Function from the log's calibration (None without one) and image size (width, height) to the calibration to use."""
@@ -361,11 +367,11 @@ def depth_metres(image: Picture, unit_m: float, millimetres: str = "--set camera
     Raises:
         ImageError: If the median depth is implausible.
     """
-    counts, nothing = image.pixels, np.float32(np.nan)
+    counts = image.pixels
     if counts.dtype.kind == "u":
-        depth = np.where((counts > 0) & (counts < NO_RETURN), counts * np.float32(unit_m), nothing)
+        depth = metres(counts, unit_m)
     else:
-        depth = np.where(np.isfinite(counts) & (counts > 0.0), counts, nothing)
+        depth = np.where(np.isfinite(counts) & (counts > 0.0), counts, np.float32(np.nan))
     some = depth[::4, ::4]
     some = some[some > 0.0]
     middle = float(np.median(some)) if some.size else None
@@ -373,6 +379,12 @@ def depth_metres(image: Picture, unit_m: float, millimetres: str = "--set camera
         remedy = f"{millimetres} is for millimetres" if counts.dtype.kind == "u" else "32FC1 must be in metres"
         raise ImageError(f"the median depth at {image.t_s:.3f} s is {middle:.3g} m: wrong unit? {remedy}")
     return depth.astype(np.float32, copy=False)
+
+
+def metres(counts: np.ndarray, unit_m: float) -> Float32[np.ndarray, "h w"]:
+    """Return depth counts of 16 bits in metres; 0 and 65535 mean no return."""
+    known = (counts > 0) & (counts < 65535)
+    return np.where(known, counts * np.float32(unit_m), np.float32(np.nan)).astype(np.float32)
 
 
 def rgb_pixels(image: Picture) -> UInt8[np.ndarray, "h w 3"]:

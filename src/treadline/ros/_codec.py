@@ -2,7 +2,6 @@
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,7 @@ from treadline.io.decode import (
 from treadline.io.messages import Message, Writer, joints, messages_of
 from treadline.io.messages import status as status_message
 from treadline.io.scene_messages import BASE, FramePose, frames_message, odometry_message
-from treadline.io.topics import PAIR_S, Frames, Topics
+from treadline.io.topics import PAIR_S, Frames, Topics, with_mount
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
 from treadline.ros._node_signals import Beat, Clock, GuardState, JointAngles, Mounts, VelocityCommand
@@ -116,16 +115,7 @@ class Decoder:
 
     def _mounted(self, camera: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
         del size
-        if camera is None or self._mount is None:
-            return camera
-        mount = self._mount
-        return replace(
-            camera,
-            mount_pitch_rad=mount.mount_pitch_rad,
-            mount_roll_rad=mount.mount_roll_rad,
-            mount_yaw_rad=mount.mount_yaw_rad,
-            mount_m=mount.mount_m,
-        )
+        return camera if camera is None or self._mount is None else with_mount(camera, self._mount)
 
 
 def _odometry_messages(channel: str, odometry: Odometry, writer: Writer) -> list[Message]:
@@ -230,6 +220,10 @@ def _drive(r: CdrReader) -> VelocityCommand:
 
 _KNOWN = {name: read for name, (_, read) in (OURS | BETWEEN).items()}
 _READERS: dict[str, dict[str, Callable[[CdrReader], Any]]] = {
+    **{
+        channel: {topic.name: _KNOWN[topic.name] for topic in form.topics if topic.read and topic.name in _KNOWN}
+        for channel, form in on.CHANNELS.items()
+    },
     on.CLOCK: {on.CLOCK: lambda r: Clock(t_s=r.time())},
     on.TWIST: {on.TWIST: _drive},
     on.ODOM: {on.ODOM: _odometry},
@@ -241,23 +235,5 @@ _READERS: dict[str, dict[str, Callable[[CdrReader], Any]]] = {
     on.CAMERA_MAP: {f"{on.CAMERA_MAP}/detail": _KNOWN[f"{on.MAP}/detail"]},
     on.TRACKS_PROPOSED: {on.TRACKS_PROPOSED: _KNOWN[on.TRACKS_CMD]},
     on.SEAT_PROPOSED: {on.SEAT_PROPOSED: _KNOWN[on.SEAT_CMD]},
-    **{
-        channel: {topic.name: _KNOWN[topic.name] for topic in on.CHANNELS[channel].topics if topic.read and topic.name in _KNOWN}
-        for channel in (
-            on.IMU,
-            on.TRACKS,
-            on.SEAT,
-            on.FLIPPER,
-            on.OPERATOR,
-            on.QUALITY,
-            on.MEASURED,
-            on.MAP,
-            on.ESTIMATE,
-            on.PLAN,
-            on.TRACKS_CMD,
-            on.SEAT_CMD,
-            on.FLIPPER_CMD,
-            on.TRUTH,
-        )
-    },
 }
+"""Reader of each topic of a channel: that of a log's topic of this name, or one for messages that only nodes exchange."""

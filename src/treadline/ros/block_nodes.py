@@ -40,8 +40,8 @@ ODOM_TICKS = 5
 """Ticks between two odometry messages: 20 Hz."""
 MOUNTS_S = 1.0
 """Interval between two messages of the sensors' mounts: a transport may not keep a message for later subscribers."""
-PLAN_TIMEOUT_S = 0.1
-"""Validity of a plan's flipper rate: without a newer plan the flipper stops."""
+FLIPPER_TIMEOUT_S = 0.1
+"""Validity of a flipper rate in a plan or a command [s]: it is repeated at each tick; without a newer one the flipper stops."""
 
 
 @runtime_checkable
@@ -383,7 +383,7 @@ class GuardNode:
 
     def _drive_flipper(self, t_s: float) -> None:
         plan = self._plan
-        fresh = plan is not None and t_s - plan.t_s <= PLAN_TIMEOUT_S
+        fresh = plan is not None and t_s - plan.t_s <= FLIPPER_TIMEOUT_S
         flipper = self._guard.pass_flipper(plan.flipper if plan is not None and fresh else None)
         if flipper is None and self._flipper_runs:
             self._publish(on.FLIPPER_CMD, FlipperCommand(t_s=t_s, rate_rad_s=0.0))

@@ -23,14 +23,13 @@ from treadline.core.signals import (
 from treadline.guard.stop_latch import Button
 from treadline.mission import seat_now
 from treadline.ros import channels as on
+from treadline.ros.block_nodes import FLIPPER_TIMEOUT_S
 
 COMMAND_TIMEOUT_S = 0.3
 """Command timeout of the watchdog at the actuator [s]: without a command for longer the plant brakes by itself."""
 LOST_S = 1.0
 """Command timeout after which the guard counts as dead [s]. Its successor does not know why it held: the brake stays on until a
 person re-arms."""
-FLIPPER_TIMEOUT_S = 0.1
-"""Validity of a flipper command [s]: it is repeated at each tick."""
 TRUTH_TICKS = 10
 """Ticks between two messages of the ground truth, for people and tests; no node subscribes."""
 CHANNEL_OF: dict[type, str] = {

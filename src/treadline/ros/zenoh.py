@@ -76,8 +76,12 @@ class ZenohTransport(WireTransport):
         return config
 
     def _key(self, topic: str, kind: str) -> str:
+        return "/".join((str(self._domain), topic.lstrip("/"), *self._type(kind)))
+
+    def _type(self, kind: str) -> tuple[str, str]:
+        """Return the name of a message type in DDS, and its hash."""
         package, _, name = kind.split("/")
-        return f"{self._domain}/{topic.lstrip('/')}/{package}::msg::dds_::{name}_/{self._store.hash_rihs01(kind)}"
+        return f"{package}::msg::dds_::{name}_", self._store.hash_rihs01(kind)
 
     def _token(self, entity: int, what: str, about: tuple[str, ...]) -> Any:
         """Return a liveliness token for a node (NN), publisher (MP) or subscriber (MS)."""
@@ -86,14 +90,8 @@ class ZenohTransport(WireTransport):
         return self._session.liveliness().declare_token(key)
 
     def _about(self, topic: str, kind: str, depth: int, *, kept: bool = False) -> tuple[str, ...]:
-        package, _, name = kind.split("/")
         # Quality of service in the format of rmw_zenoh: reliability, durability, history and depth; defaults stay empty.
-        return (
-            topic.replace("/", "%"),
-            f"{package}::msg::dds_::{name}_",
-            self._store.hash_rihs01(kind),
-            f":{TRANSIENT_LOCAL if kept else ''}:,{depth}:,:,:,,",
-        )
+        return topic.replace("/", "%"), *self._type(kind), f":{TRANSIENT_LOCAL if kept else ''}:,{depth}:,:,:,,"
 
     def _advertise(self, topic: str, kind: str, channel: Channel) -> None:
         # Not express: zenoh batches the messages of a tick on a busy link, which saves subscribers one wake-up per message.

@@ -31,10 +31,8 @@ from treadline.io.topics import (
     reader_of,
     rgb_pixels,
     survey,
+    with_mount,
 )
-
-MOUNT = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
-"""Names of the mount of a camera, which CameraInfo messages lack."""
 
 
 class FramesOfLog:
@@ -196,7 +194,7 @@ class FramesOfLog:
 
     def _named(self, number: int, frame: RgbdFrame, has_colour: bool) -> NamedFrame:
         if self._mount is not None:
-            frame = replace(frame, camera=replace(frame.camera, **{name: getattr(self._mount, name) for name in MOUNT}))
+            frame = replace(frame, camera=with_mount(frame.camera, self._mount))
         return NamedFrame(
             name=f"{number:06d}",
             frame=frame,

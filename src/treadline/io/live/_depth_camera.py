@@ -116,12 +116,6 @@ def one_line(error: Exception) -> str:
     return " ".join(str(error).split())[:200]
 
 
-def metres(counts: np.ndarray, unit_m: float) -> Float32[np.ndarray, "h w"]:
-    """Return depth counts of 16 bits in metres; 0 and 65535 mean no return."""
-    known = (counts > 0) & (counts < 65535)
-    return np.where(known, counts * np.float32(unit_m), np.float32(np.nan)).astype(np.float32)
-
-
 def rotation_or_none(R: Any) -> Float[np.ndarray, "3 3"] | None:
     """Return a rotation from a vendor's calibration; None if the matrix is not set (zeros) or no rotation."""
     matrix = np.array(R, dtype=float).reshape(3, 3)

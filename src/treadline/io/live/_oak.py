@@ -10,12 +10,12 @@ from treadline.core.errors import CameraError
 from treadline.io.live._depth_camera import (
     CameraImages,
     VendorCamera,
-    metres,
     no_frame,
     not_opened,
     rotation_or_none,
     vendor_package,
 )
+from treadline.io.topics import metres
 
 SIZE_PX = (640, 400)
 """Width and height of the stereo images: half the resolution of the OV9282 sensors."""

@@ -14,12 +14,12 @@ from treadline.io.live._depth_camera import (
     WIDTH_PX,
     CameraImages,
     VendorCamera,
-    metres,
     not_opened,
     rotation_or_none,
     undistortion,
     vendor_package,
 )
+from treadline.io.topics import metres
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 """Names of the distortion coefficients in OpenCV's order."""

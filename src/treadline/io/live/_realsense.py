@@ -11,10 +11,10 @@ from treadline.io.live._depth_camera import (
     WIDTH_PX,
     CameraImages,
     VendorCamera,
-    metres,
     not_opened,
     vendor_package,
 )
+from treadline.io.topics import metres
 
 
 class RealSenseCamera(VendorCamera):

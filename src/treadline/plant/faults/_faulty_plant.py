@@ -37,16 +37,19 @@ class FaultyPlant:
     """
 
     def __init__(self, plant: TruthPlant, faults: Sequence[Fault], seed: int, acts: Sequence[OperatorAct] = ()) -> None:
-        physical = [fault.kind for fault in faults if fault.kind in PHYSICAL]
         self._chair = plant if isinstance(plant, Breakable) else None
-        if physical and self._chair is None:
-            raise SettingsError(f"fault.kind '{physical[0]}': this plant cannot be broken, only a simulated chair can")
+        for fault in faults:
+            self._check(fault)
         self._plant = plant
         self._given = tuple(faults)
         self._faults: list[Fault] = []
         self._seed = seed
         self._acts = tuple(acts)
         self._reset()
+
+    def _check(self, fault: Fault) -> None:
+        if fault.kind in PHYSICAL and self._chair is None:
+            raise SettingsError(f"fault.kind '{fault.kind}': this plant cannot be broken, only a simulated chair can")
 
     def _reset(self) -> None:
         self._tick = 0
@@ -71,8 +74,7 @@ class FaultyPlant:
         Raises:
             SettingsError: If the fault damages the chair itself, and the wrapped plant does not support damage.
         """
-        if fault.kind in PHYSICAL and self._chair is None:
-            raise SettingsError(f"fault.kind '{fault.kind}': this plant cannot be broken, only a simulated chair can")
+        self._check(fault)
         self._faults.append(fault)
         self._sensors.add(fault, self._tick * TICK_S)
         self._meet(self._tick * TICK_S)

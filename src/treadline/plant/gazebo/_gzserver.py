@@ -35,12 +35,10 @@ BUILD = "build it with ros/gazebo/environment.sh (root, once), or take the Docke
 PROTOCOL, MAJOR = 1, 11
 ORDERS, COLUMNS = 8, 22
 """Number of doubles in a command and in an answer, as in ``ros/gazebo/lockstep.cc``."""
-T, POSITION, ORIENTATION, VELOCITY, RATE, SEAT, FLIPPER, FLIPPER_TORQUE, CONTACTS, REACH = 0, 1, 4, 8, 11, 14, 15, 16, 17, 18
+T, POSITION, ORIENTATION, SEAT, FLIPPER, FLIPPER_TORQUE, REACH = 0, 1, 4, 14, 15, 16, 18
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 START_S = 180.0
-"""Timeout for loading a world [s], on a machine with other load."""
-ANSWER_S = 180.0
-"""Timeout of an answer [s]."""
+"""Timeout for loading a world, and of an answer [s], on a machine with other load."""
 TRIES = 3
 """Number of attempts to start: another process can take a free port before gzserver does."""
 
@@ -160,7 +158,7 @@ class GazeboServer:
             if reason := self._refusal():
                 raise GazeboError(f"gzserver does not load the plugin: {reason}; {BUILD}")
             try:
-                self._socket = socket.create_connection(("127.0.0.1", port), timeout=ANSWER_S)
+                self._socket = socket.create_connection(("127.0.0.1", port), timeout=START_S)
             except OSError:
                 time.sleep(0.05)
                 continue

@@ -72,8 +72,7 @@ def body_poses(
     poses: dict[BodyName, Float[np.ndarray, "4 4"]] = {"chair": np.eye(4)}
     if chair.seat is not None:
         poses["seat"] = _turned(whole.seat.origin_m, seat_rad)
-        slider, bar = (linkage_poses(chair, loading, seat_rad)[name] for name in ("slider", "bar"))
-        poses["slider"], poses["bar"] = slider, bar
+        poses |= linkage_poses(chair, loading, seat_rad)
     if whole.flipper is not None:
         angle = math.radians(chair.tracks.approach_angle_deg) if flipper_rad is None else flipper_rad
         poses["flipper"] = _turned(whole.flipper.origin_m, -angle)

@@ -14,7 +14,19 @@ from jaxtyping import Float
 from treadline.core.angles import DEG, rotation_y
 from treadline.scenario.chair import ChairDescription, Seat, Size
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.appearance._mesh import Mesh, MeshPart, box, capsule, cylinder, extrusion, merged, part, rounded_box, tube
+from treadline.vehicle.appearance._mesh import (
+    BodyName,
+    Mesh,
+    MeshPart,
+    box,
+    capsule,
+    cylinder,
+    extrusion,
+    merged,
+    part,
+    rounded_box,
+    tube,
+)
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.static_stability import payload_com, payload_origin
 
@@ -73,7 +85,7 @@ def seat_parts(chair: ChairDescription, loading: Chair) -> tuple[MeshPart, ...]:
     return tuple(parts)
 
 
-def linkage_poses(chair: ChairDescription, loading: Chair, seat_rad: float) -> dict[str, Float[np.ndarray, "4 4"]]:
+def linkage_poses(chair: ChairDescription, loading: Chair, seat_rad: float) -> dict[BodyName, Float[np.ndarray, "4 4"]]:
     """Return the poses of slider and bar of the seat linkage in B at a seat angle.
 
     Raises:
