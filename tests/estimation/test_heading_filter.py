@@ -141,12 +141,6 @@ def test_noise_and_bias_leave_less_than_0_15_degrees(climbs: list[Climb]) -> Non
     assert max(errors) <= 0.15
 
 
-def test_two_minutes_with_their_last_quarter_unseen_leave_less_than_0_15_degrees(climbs: list[Climb]) -> None:
-    errors = np.array([rms(climb.errors_deg(since_s=2.0)) for climb in climbs])
-    # The design target, over all seeds; a single seed's gap is the subject of the next test.
-    assert rms(errors) <= 0.15
-
-
 def test_on_a_vibrating_chassis_thirty_seconds_without_vision_stay_within_half_a_degree(shaken: list[Climb]) -> None:
     # The target for the worst case. Sigma at the end is 0.12°: 0.09 from the bias, 0.07 from its drift, 0.03 from the start.
     assert max(np.abs(climb.errors_deg(since_s=2.0)).max() for climb in shaken) <= 0.5
@@ -176,13 +170,6 @@ def deviations(climb: Climb) -> list[float]:
         for estimate, truth in zip(climb.estimates[200::100], climb.truth[200::100].tolist(), strict=True)
         if estimate is not None
     ]
-
-
-def test_the_declared_sigma_covers_the_error(climbs: list[Climb]) -> None:
-    ratios = [ratio for climb in climbs for ratio in deviations(climb)]
-    # 95 % of a normal distribution lie within 1.96 sigma. Errors a second apart are correlated, and no frame has less than
-    # its smallest sigma: from 90 % to all but one in a hundred.
-    assert 0.90 <= np.mean(np.abs(ratios) < 1.96) <= 0.99
 
 
 def test_sigma_is_consistent_for_random_walk_and_for_vibration(climbs: list[Climb], shaken: list[Climb]) -> None:
@@ -461,21 +448,20 @@ def test_a_gyro_sample_that_is_not_a_number_changes_nothing() -> None:
         assert poisoned.estimates[-1] == clean.estimates[-1]
 
 
-@pytest.mark.parametrize("stamp", [np.nan, np.inf])
-def test_a_stamp_that_is_not_a_number_changes_nothing(stamp: float) -> None:
+@pytest.mark.parametrize(
+    "meaningless",
+    [
+        *(gyro(stamp, 0.1) for stamp in (np.nan, np.inf)),
+        *(seen(stamp, 0.3) for stamp in (np.nan, np.inf)),
+        *(seen(0.01, value) for value in (np.nan, np.inf)),
+        *(seen(0.01, 0.1, sigma) for sigma in (np.nan, 0.0, -1.0, 1e300)),
+    ],
+)
+def test_a_signal_without_meaning_changes_nothing(meaningless: ImuSample | HeadingMeasurement) -> None:
     heading = HeadingFilter()
     heading.step(gyro(0.0, 0.1))
     before = heading.step(seen(0.0, 0.2))
-    assert heading.step(gyro(stamp, 0.1)) == before
-    assert heading.step(seen(stamp, 0.3)) == before
-
-
-@pytest.mark.parametrize(("value", "sigma"), [(np.nan, 0.01), (np.inf, 0.01), (0.1, np.nan), (0.1, 0.0), (0.1, -1.0), (0.1, 1e300)])
-def test_a_heading_without_meaning_changes_nothing(value: float, sigma: float) -> None:
-    heading = HeadingFilter()
-    heading.step(gyro(0.0, 0.1))
-    before = heading.step(seen(0.0, 0.2))
-    assert heading.step(seen(0.01, value, sigma)) == before
+    assert heading.step(meaningless) == before
 
 
 def test_gyro_stamps_that_repeat_or_go_back_are_dropped() -> None:
@@ -567,13 +553,6 @@ def test_without_a_gyro_vision_carries_the_heading_for_a_second_and_says_when_it
     assert last is not None
     # The stamp does not advance, so a reader of the estimate detects its age.
     assert last.t_s <= 11.0
-
-
-def test_a_gyro_that_comes_back_is_used_at_once() -> None:
-    climb = Climb(6, seconds=30.0, imu=lambda t, rate: None if within(t, 10.0, 5.0) else rate)
-    late = climb.errors_deg(since_s=17.0)
-    # Two seconds of frames average to 0.1°; four sigma.
-    assert np.abs(late).max() < 0.4
 
 
 def test_a_frame_from_the_future_does_not_stop_the_filter() -> None:

@@ -290,16 +290,17 @@ def test_a_log_without_intrinsics_is_refused_unless_they_are_given(recording, tm
     assert len(frames) == 5
 
 
-def test_a_camera_that_was_never_calibrated_is_refused(recording, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("size", "focal_px", "word"), [((6, 4), 0.0, "never calibrated"), ((12, 8), 9.0, "sizes differ")], ids=["unset", "size"]
+)
+def test_a_calibration_that_is_unset_or_of_another_size_is_refused(
+    recording, tmp_path: Path, size: tuple[int, int], focal_px: float, word: str
+) -> None:
     log = fill(recording(), leave=("info",))
-    log.calibration(NAMES["info"], 0.0, PinholeCamera(width_px=6, height_px=4, fx_px=0.0, fy_px=0.0, cx_px=0.0, cy_px=0.0))
-    assert "never calibrated" in refusal(log.write(tmp_path / "log.mcap"))
-
-
-def test_a_calibration_of_another_size_is_refused(recording, tmp_path: Path) -> None:
-    log = fill(recording(), leave=("info",))
-    log.calibration(NAMES["info"], 0.0, PinholeCamera(width_px=12, height_px=8, fx_px=9.0, fy_px=9.0, cx_px=5.0, cy_px=3.0))
-    assert "sizes differ" in refusal(log.write(tmp_path / "log.mcap"))
+    width, height = size
+    camera = PinholeCamera(width_px=width, height_px=height, fx_px=focal_px, fy_px=focal_px, cx_px=0.0, cy_px=0.0)
+    log.calibration(NAMES["info"], 0.0, camera)
+    assert word in refusal(log.write(tmp_path / "log.mcap"))
 
 
 def test_images_that_change_their_size_are_refused(recording, tmp_path: Path) -> None:

@@ -100,8 +100,9 @@ def node(
     finally:
         wire.close()
     lost = dict(wire.inbox.lost)
-    left_out = made.left_out if isinstance(made, RecorderNode) else None
-    summary = [f"{name}: done" + (f", lost {lost}" if lost else ""), *([] if left_out is None else [left_out])]
+    summary = [f"{name}: done" + (f", lost {lost}" if lost else "")]
+    if isinstance(made, RecorderNode) and made.left_out is not None:
+        summary.append(made.left_out)
     return Answer(values={"node": name, "lost": lost}, summary=summary)
 
 

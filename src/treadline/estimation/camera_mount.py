@@ -20,12 +20,6 @@ from treadline.core.angles import DEG, rotation_of, rotation_x, rotation_y, rota
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, PinholeCamera, StairAxes
 from treadline.core.signals import ImuSample, TrackReading
 
-PITCH, ROLL, YAW = 0, 1, 2
-TILT = slice(3, 5)
-BELTS = slice(5, 7)
-TREADS = 7
-"""Index of the unknown slope of the treads; before it the mount's angles, the IMU's tilt about x_B and y_B, and the
-components of the nosing plane's normal along x_B and y_B."""
 STEP_RAD = 1e-6
 """Step of the finite differences [rad]: far above rounding, small against the curvature."""
 BISQUARE = 4.685
@@ -228,17 +222,19 @@ def solve_mount(frames: Float[np.ndarray, "k 16"], config: MountConfig) -> Mount
     score_covariance = (scores.T @ scores + shared + shared.T) * (count / (count - 5.0)) * (freedom / (freedom - 2.0)) + prior
     P = np.linalg.solve(H, np.linalg.solve(H, score_covariance).T)
     sigma = np.sqrt(np.maximum(np.diag(P), np.diag(np.linalg.inv(H))))
-    yaw_known = bool(sigma[YAW] <= config.yaw_known_rad)
+    pitch, roll, yaw, tilt_x, tilt_y, *_ = x.tolist()
+    pitch_sigma, roll_sigma, yaw_sigma, tilt_x_sigma, tilt_y_sigma, *_ = sigma.tolist()
+    yaw_known = yaw_sigma <= config.yaw_known_rad
     return MountEstimate(
         t_s=float(frames[-1, 0]),
-        pitch_rad=float(x[PITCH]),
-        roll_rad=float(x[ROLL]),
-        pitch_sigma_rad=float(sigma[PITCH]),
-        roll_sigma_rad=float(sigma[ROLL]),
-        yaw_rad=float(x[YAW]) if yaw_known else None,
-        yaw_sigma_rad=float(sigma[YAW]) if yaw_known else None,
-        imu_tilt_rad=(float(x[TILT][0]), float(x[TILT][1])),
-        imu_tilt_sigma_rad=(float(sigma[TILT][0]), float(sigma[TILT][1])),
+        pitch_rad=pitch,
+        roll_rad=roll,
+        pitch_sigma_rad=pitch_sigma,
+        roll_sigma_rad=roll_sigma,
+        yaw_rad=yaw if yaw_known else None,
+        yaw_sigma_rad=yaw_sigma if yaw_known else None,
+        imu_tilt_rad=(tilt_x, tilt_y),
+        imu_tilt_sigma_rad=(tilt_x_sigma, tilt_y_sigma),
         frame_count=int(np.count_nonzero(weights.min(axis=1) > 0.0)),
     )
 
@@ -255,21 +251,25 @@ def _prior(config: MountConfig) -> tuple[Float[np.ndarray, " 8"], Float[np.ndarr
 def _residuals(x: Float[np.ndarray, " 8"], frames: Float[np.ndarray, "k 16"]) -> Float[np.ndarray, "k 4"]:
     """Return the residuals [rad].
 
+    The unknowns are the mount's pitch, roll and yaw, the IMU's tilt about x_B and y_B, the components of the nosing plane's normal
+    along x_B and y_B, and the slope of the treads.
+
     The normal relative to z_B, about the edge and across it; the edge relative to horizontal; the treads' down direction relative
     to the IMU's.
     """
-    R_BC = rotation_z(x[YAW]) @ rotation_y(x[PITCH]) @ rotation_x(x[ROLL]) @ CAMERA_AXES_IN_CHAIR
+    pitch, roll, yaw, tilt_x, tilt_y, belts_x, belts_y, treads = x
+    R_BC = rotation_z(yaw) @ rotation_y(pitch) @ rotation_x(roll) @ CAMERA_AXES_IN_CHAIR
     edge, down, normal = (frames[:, at : at + 3] @ R_BC.T for at in (1, 4, 7))
     gravity = frames[:, 10:13]
-    gravity = gravity + np.cross(np.array([x[TILT][0], x[TILT][1], 0.0]), gravity)
+    gravity = gravity + np.cross(np.array([tilt_x, tilt_y, 0.0]), gravity)
     level = edge[:, :2] / np.linalg.norm(edge[:, :2], axis=1, keepdims=True)
-    off = normal[:, :2] - x[BELTS]
+    off = normal[:, :2] - np.array([belts_x, belts_y])
     return np.column_stack(
         [
             off[:, 1] * level[:, 0] - off[:, 0] * level[:, 1],
             off[:, 0] * level[:, 0] + off[:, 1] * level[:, 1],
             np.einsum("ki,ki->k", edge, gravity),
-            np.einsum("ki,ki->k", edge, np.cross(down, gravity)) - x[TREADS],
+            np.einsum("ki,ki->k", edge, np.cross(down, gravity)) - treads,
         ]
     )
 

@@ -35,7 +35,13 @@ def check_records(records: list[InputOutputRecord], *, parts: bool = False) -> U
         PeriodMismatch: If records have different periods.
     """
     check_alike(records, parts=parts)
-    return _check_movement(records)
+    names, m = channel_names(records[0]), records[0].u.shape[1]
+    units = units_of(records)
+    for j, (name, deviation) in enumerate(zip(names, units.scale, strict=True)):
+        if not deviation > 1e-12 * abs(float(units.shift[j])):
+            kind = "input" if j < m else "output"
+            raise PoorExcitation(f"{kind} '{name}' is constant; give a record in which it moves")
+    return units
 
 
 def check_integers(**numbers: object) -> None:
@@ -119,16 +125,6 @@ def _check_finite(record: InputOutputRecord, where: str, *, parts: bool) -> None
             raise NotFinite(f"{where}column '{name}' holds Inf at sample {int(np.flatnonzero(np.isinf(column))[0])}")
     if not parts:
         check_gaps(gaps, len(record), where)
-
-
-def _check_movement(records: list[InputOutputRecord]) -> Units:
-    names, m = channel_names(records[0]), records[0].u.shape[1]
-    units = units_of(records)
-    for j, (name, deviation) in enumerate(zip(names, units.scale, strict=True)):
-        if not deviation > 1e-12 * abs(float(units.shift[j])):
-            kind = "input" if j < m else "output"
-            raise PoorExcitation(f"{kind} '{name}' is constant; give a record in which it moves")
-    return units
 
 
 def check_independent(data: Gram, names: tuple[str, ...]) -> None:

@@ -168,7 +168,10 @@ def _by_method(
     fitting: Fitting, evidence: Evidence, method: str, options: IdentificationOptions, warnings: list[str]
 ) -> FittedSystem:
     """Return the model by a single named method."""
-    choice, candidate = evidence.choice, _candidate(method, evidence.lags, options.lags, evidence.choice.order, fitting.data)
+    choice, used = evidence.choice, evidence.lags
+    if method == "pbsid" and options.lags is None:
+        used = min(max(used, PBSID_LAGS, choice.order), fitting.data.lags)
+    candidate = Candidate(method=method, lags=used, order=choice.order)
     if (
         options.order is None
         and candidate.method == "pbsid"
@@ -200,12 +203,6 @@ def _by_deconvolution(fitting: Fitting, order: int | None, warnings: list[str]) 
         evidence=Evidence(lags=0, observer=observer, svd=svd, structural=None, noise=None, choice=choice),
         warnings=warnings,
     )
-
-
-def _candidate(method: str, used: int, lags: int | None, order: int, data: Gram) -> Candidate:
-    if method == "pbsid" and lags is None:
-        used = min(max(used, PBSID_LAGS, order), data.lags)
-    return Candidate(method=method, lags=used, order=order)
 
 
 def _model_or_raise(fitting: Fitting, candidate: Candidate) -> Affine:

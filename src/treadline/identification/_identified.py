@@ -338,7 +338,8 @@ class Identified(Printable):
         started = time.perf_counter()
         found, model = self._found, self.model
         scores = validation_scores(model, self.judged)
-        delays = [d + shift for d, shift in zip(self._delays(), self._shifts, strict=True)]
+        delays = input_delays(found.evidence.observer) * (1 if self._differential is None else len(self._shifts))
+        delays = [d + shift for d, shift in zip(delays, self._shifts, strict=True)]
         support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
         warnings = [*found.warnings, *self._dead_time_warning(delays), *self._excitation_warning(support)]
         warnings += validation_warnings(scores, model, self.fitted, self.judged)
@@ -373,10 +374,6 @@ class Identified(Printable):
             warnings=warnings,
             seconds=self._seconds + time.perf_counter() - started,
         )
-
-    def _delays(self) -> list[int]:
-        delays = input_delays(self._found.evidence.observer)
-        return delays if self._differential is None else delays * len(self._shifts)
 
     def _dead_time_warning(self, delays: Sequence[int]) -> list[str]:
         late = [

@@ -50,7 +50,10 @@ def realised(observer: ObserverMarkov, svd: HankelSvd, order: int, *, correlated
     Raises:
         PoorExcitation: If the order is above the rank of the data.
     """
-    A, B, C = _by_correlations(observer, svd, order) if correlated else realise(svd, order)
+    if correlated:
+        A, B, C = realise_correlated(correlations(observer, svd)[1], svd.matrix, order, *observer.D.shape)
+    else:
+        A, B, C = realise(svd, order)
     # At the observer's equilibrium C x = 0, so the offsets enter through the last column of D only.
     u0, y0 = _rest(observer)
     return Affine(
@@ -60,13 +63,6 @@ def realised(observer: ObserverMarkov, svd: HankelSvd, order: int, *, correlated
         D=np.column_stack([observer.D, y0 - observer.D @ u0]),
         K=observer_gain(A, C, observer),
     )
-
-
-def _by_correlations(
-    observer: ObserverMarkov, svd: HankelSvd, order: int
-) -> tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "n m"], Float[np.ndarray, "p n"]]:
-    _, correlated = correlations(observer, svd)
-    return realise_correlated(correlated, svd.matrix, order, *observer.D.shape)
 
 
 def correlations(observer: ObserverMarkov, svd: HankelSvd) -> tuple[Float[np.ndarray, "count p m"], HankelSvd]:

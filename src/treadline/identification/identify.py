@@ -22,7 +22,6 @@ from treadline.identification._from_gram import from_gram, gram_with_half, prove
 from treadline.identification._gram import Gram, Units
 from treadline.identification._identified import TESTED_SAMPLES_MIN, FittedSystem, Identified, whole_samples
 from treadline.identification._input_structure import (
-    DifferentialInput,
     find_differential_input,
     input_delays,
     with_delays,
@@ -66,7 +65,10 @@ def identify(
     shifts = _dead_time(fitted, options, units)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
     data, half = gram_with_half(moved, replace(options, lags=1) if method == "deconvolution" else options, units)
-    differential = _differential_input(moved, data, options) if method == "best" else None
+    differential = None
+    if method == "best":
+        check_independent(data, channel_names(moved[0]))
+        differential = find_differential_input(moved, data, options.lags, options.feedthrough)
     taken = moved if differential is None else differential.difference(moved)
     data_pair = (data, half) if differential is None else gram_with_half(taken, options, differential.units(taken, data.units))
     found = from_gram(
@@ -90,11 +92,6 @@ def identify(
         gram=found.fitting.data if differential is None else data,
         differential=differential,
     )
-
-
-def _differential_input(moved: Sequence[InputOutputRecord], data: Gram, options: IdentificationOptions) -> DifferentialInput | None:
-    check_independent(data, channel_names(moved[0]))
-    return find_differential_input(moved, data, options.lags, options.feedthrough)
 
 
 def _stable(found: FittedSystem) -> Affine:

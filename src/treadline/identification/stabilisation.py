@@ -6,7 +6,6 @@ spurious pole varies with the order. The tolerances are customary in modal analy
 compared with the nearest pole of the next lower order.
 """
 
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,22 +38,22 @@ class StabilisationDiagram:
     """Whether such a pole is also within 5 % in damping."""
 
 
-def stabilisation(
-    state_matrix: Callable[[int], Float[np.ndarray, "n n"]],
-    orders: Iterable[int],
-    dt_s: float,
-) -> StabilisationDiagram:
-    """Return the stabilisation diagram of the models ``A = state_matrix(order)``.
+def stabilisation_of_svd(svd: HankelSvd, dt_s: float, most: int = ORDER_MOST) -> StabilisationDiagram:
+    """Return the stabilisation diagram of ERA's models of orders 1 … ``most`` from one decomposed Hankel matrix.
+
+    In a balanced realisation the state matrix of a lower order is the leading block of a higher order's.
 
     Args:
-        state_matrix: Function from an order to the state matrix.
-        orders: Orders in ascending order; each is compared with the previous.
+        svd: Decomposed Hankel matrix.
         dt_s: Sampling period of the models [s].
+        most: Highest order.
     """
+    rank = min(most, int(np.sum(svd.s > ROUNDING * svd.s[0])))
+    A = svd.system_matrix(rank)
     columns: list[Float[np.ndarray, "5 k"]] = [np.empty((5, 0))]
     below = np.empty((2, 0))
-    for order in orders:
-        here = modes(np.linalg.eigvals(state_matrix(order)).astype(complex), dt_s)
+    for order in range(1, rank + 1):
+        here = modes(np.linalg.eigvals(A[:order, :order]).astype(complex), dt_s)
         close = _change(here[0], below[0]) <= FREQUENCY_TOLERANCE
         damped = close & (_change(here[1], below[1]) <= DAMPING_TOLERANCE)
         columns.append(np.vstack([np.full(here.shape[1], order), here, close.any(axis=1), damped.any(axis=1)]))
@@ -82,13 +81,3 @@ def modes(poles: Complex[np.ndarray, " n"], dt_s: float) -> Float[np.ndarray, "2
 def _change(here: Float[np.ndarray, " k"], below: Float[np.ndarray, " j"]) -> Float[np.ndarray, "k j"]:
     """Return the relative distance of each value from each value of the next lower order."""
     return np.abs(here[:, None] - below) / np.maximum(np.abs(below), 1e-300)
-
-
-def stabilisation_of_svd(svd: HankelSvd, dt_s: float, most: int = ORDER_MOST) -> StabilisationDiagram:
-    """Return the stabilisation diagram of ERA's models of orders 1 … ``most`` from one decomposed Hankel matrix.
-
-    In a balanced realisation the state matrix of a lower order is the leading block of a higher order's.
-    """
-    rank = min(most, int(np.sum(svd.s > ROUNDING * svd.s[0])))
-    A = svd.system_matrix(rank)
-    return stabilisation(lambda order: A[:order, :order], range(1, rank + 1), dt_s)

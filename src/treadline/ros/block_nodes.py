@@ -70,7 +70,22 @@ class Node(Protocol):
         """Do what is due at this time."""
 
 
-class CameraNode:
+class _AdmittingNode:
+    """Base of the nodes that admit readings by their clock."""
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._admission = ReadingAdmission(config)
+
+    def advance(self, t_s: float) -> None:
+        """Set the clock."""
+        self._admission.advance(t_s)
+
+    def tick(self, t_s: float) -> None:
+        """Set the clock; nothing else is due."""
+        self.advance(t_s)
+
+
+class CameraNode(_AdmittingNode):
     """``RgbdFrame -> FrameQuality, HeadingMeasurement, StairMap, Event``; the paper's ``/depth``.
 
     A camera that measures by itself publishes no frames; its measurements are passed on if they are admitted.
@@ -84,7 +99,7 @@ class CameraNode:
         self._detector = detector
         self._swept_half_m = swept_half_m
         self._block = CameraBlock(detector, swept_half_m)
-        self._admission = ReadingAdmission(config)
+        super().__init__(config)
 
     def listen(self, transport: Transport) -> None:
         """Subscribe to frames or measurements, and to the readings of gravity and travel."""
@@ -95,14 +110,6 @@ class CameraNode:
         transport.subscribe(on.CAMERA_QUALITY, self._take_quality)
         transport.subscribe(on.CAMERA_HEADING, self._pass)
         transport.subscribe(on.CAMERA_MAP, self._pass)
-
-    def advance(self, t_s: float) -> None:
-        """Set the clock."""
-        self._admission.advance(t_s)
-
-    def tick(self, t_s: float) -> None:
-        """Set the clock; nothing is due."""
-        self.advance(t_s)
 
     def warm_up(self, camera: PinholeCamera, *, rises: bool) -> None:
         """Look at synthetic frames of a staircase, so that all kernels are compiled before the first real frame.
@@ -144,7 +151,7 @@ DETECTED: dict[type, str] = {FrameQuality: on.QUALITY, HeadingMeasurement: on.ME
 """Channel of each output of the camera block."""
 
 
-class HeadingNode:
+class HeadingNode(_AdmittingNode):
     """``ImuSample, TrackReading, HeadingMeasurement -> HeadingEstimate, HeadingHealth``.
 
     ``Odometry, JointAngles, Mounts`` are published for others.
@@ -168,7 +175,7 @@ class HeadingNode:
         linkage: SeatLinkage | None = None,
     ) -> None:
         self._estimator = estimator
-        self._admission = ReadingAdmission(config)
+        super().__init__(config)
         self._reckoning = DeadReckoning()
         self._linkage = linkage
         self._joints: dict[str, float] = {}
@@ -185,10 +192,6 @@ class HeadingNode:
         transport.subscribe(on.MEASURED, self._step)
         transport.subscribe(on.SEAT, self._take_seat)
         transport.subscribe(on.FLIPPER, self._take_flipper)
-
-    def advance(self, t_s: float) -> None:
-        """Set the clock."""
-        self._admission.advance(t_s)
 
     def tick(self, t_s: float) -> None:
         """Publish the filter's health where it has changed, and the mounts at their interval."""
@@ -235,7 +238,7 @@ class HeadingNode:
             self._publish(on.ESTIMATE, estimate)
 
 
-class SeatNode:
+class SeatNode(_AdmittingNode):
     """``SeatReading, ImuSample -> SeatCommand``: the control loop of the seat."""
 
     name = "seat"
@@ -244,21 +247,13 @@ class SeatNode:
 
     def __init__(self, leveller: SeatLeveller, config: GuardConfig) -> None:
         self._block = SeatBlock(leveller)
-        self._admission = ReadingAdmission(config)
+        super().__init__(config)
 
     def listen(self, transport: Transport) -> None:
         """Subscribe to the seat's state and the chassis' IMU."""
         self._publish = transport.publish
         transport.subscribe(on.IMU, self._take_imu)
         transport.subscribe(on.SEAT, self._take_seat)
-
-    def advance(self, t_s: float) -> None:
-        """Set the clock."""
-        self._admission.advance(t_s)
-
-    def tick(self, t_s: float) -> None:
-        """Set the clock; nothing is due."""
-        self.advance(t_s)
 
     def _take_imu(self, sample: ImuSample) -> None:
         if self._admission.admit(sample):
@@ -269,7 +264,7 @@ class SeatNode:
             self._publish(on.SEAT_PROPOSED, self._block.step(reading))
 
 
-class DriverNode:
+class DriverNode(_AdmittingNode):
     """``HeadingEstimate, StairMap, readings -> MotionPlan, TrackCommand``: planner and belt controller."""
 
     name = "driver"
@@ -278,7 +273,7 @@ class DriverNode:
 
     def __init__(self, planner: Planner, driver: Driver, config: GuardConfig) -> None:
         self._block = DriverBlock(planner, driver)
-        self._admission = ReadingAdmission(config)
+        super().__init__(config)
         self._estimate: HeadingEstimate | None = None
         self._holding: str | None = None
 
@@ -290,10 +285,6 @@ class DriverNode:
         transport.subscribe(on.MAP, self._block.update)
         transport.subscribe(on.ESTIMATE, self._take_estimate)
         transport.subscribe(on.GUARD, self._take_guard)
-
-    def advance(self, t_s: float) -> None:
-        """Set the clock."""
-        self._admission.advance(t_s)
 
     def tick(self, t_s: float) -> None:
         """Publish the plan, and proposed belt speeds where they are due."""

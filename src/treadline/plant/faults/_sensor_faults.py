@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import accumulate
 from operator import itemgetter
-from typing import get_args
+from typing import Any, get_args
 
 import cv2
 import numpy as np
@@ -77,20 +77,27 @@ class SensorFault:
         return np.random.default_rng([*self._stream, round(t_s / TICK_S)])
 
 
-def _lost(kinds: tuple[type, ...], _: SensorFault, reading: Reading) -> Passed:
-    return () if isinstance(reading, kinds) else (reading,)
+Corruption = Callable[[SensorFault, Any], Passed]
+"""Function from a reading to the readings that replace it."""
 
 
-def _stuck(kinds: tuple[type, ...], fault_model: SensorFault, reading: Reading) -> Passed:
+def _only(kinds: type | tuple[type, ...], corrupt: Corruption, fault_model: SensorFault, reading: Reading) -> Passed:
+    """Apply a fault to readings of some types; the others pass unmodified."""
+    return corrupt(fault_model, reading) if isinstance(reading, kinds) else (reading,)
+
+
+def _lost(_: SensorFault, __: Reading) -> Passed:
+    return ()
+
+
+def _stuck(fault_model: SensorFault, reading: Reading) -> Passed:
     """Repeat the last reading before the fault, or the first during the fault, with new stamps."""
-    if not isinstance(reading, kinds):
-        return (reading,)
     return (restamped(fault_model.last.setdefault(type(reading), reading), reading.t_s),)
 
 
 def _killed(fault_model: SensorFault, reading: Reading) -> Passed:
     """Suppress camera readings if the perception process is stopped; other processes do not affect sensors."""
-    return _lost(CAMERA_READINGS if fault_model.fault.size == Process.PERCEPTION else (), fault_model, reading)
+    return _only(CAMERA_READINGS if fault_model.fault.size == Process.PERCEPTION else (), _lost, fault_model, reading)
 
 
 def _dark(fault_model: SensorFault, reading: Reading) -> Passed:
@@ -127,17 +134,13 @@ def _holes(fault_model: SensorFault, reading: Reading) -> Passed:
     return (reading,)
 
 
-def _imu_nan(_: SensorFault, reading: Reading) -> Passed:
-    if not isinstance(reading, ImuSample):
-        return (reading,)
+def _imu_nan(_: SensorFault, reading: ImuSample) -> Passed:
     nothing = np.full(3, np.nan)
     return (replace(reading, orientation=np.full(4, np.nan), angular_velocity_rad_s=nothing, linear_acceleration_m_s2=nothing),)
 
 
-def _imu_bias(fault_model: SensorFault, reading: Reading) -> Passed:
+def _imu_bias(fault_model: SensorFault, reading: ImuSample) -> Passed:
     """Add a constant rate or a jump to the gyro, and the corresponding yaw to the attitude."""
-    if not isinstance(reading, ImuSample):
-        return (reading,)
     since_s, size = reading.t_s - fault_model.fault.at_s, fault_model.fault.size * DEG
     if abs(fault_model.fault.size) < JUMP_LEAST_DEG:
         rate, turned = size, size * (since_s + TICK_S)
@@ -147,10 +150,8 @@ def _imu_bias(fault_model: SensorFault, reading: Reading) -> Passed:
     return (_turning(reading, rate, turned),)
 
 
-def _gyro_ramp(fault_model: SensorFault, reading: Reading) -> Passed:
+def _gyro_ramp(fault_model: SensorFault, reading: ImuSample) -> Passed:
     """Add a rate that grows linearly to the gyro, and the corresponding yaw to the attitude."""
-    if not isinstance(reading, ImuSample):
-        return (reading,)
     since_s = reading.t_s - fault_model.fault.at_s
     growth = fault_model.fault.size * DEG / fault_model.fault.for_s
     return (_turning(reading, growth * since_s, 0.5 * growth * since_s * (since_s + TICK_S)),)
@@ -163,9 +164,7 @@ def _turning(reading: ImuSample, rate_rad_s: float, turned_rad: float) -> ImuSam
     return replace(reading, orientation=orientation, angular_velocity_rad_s=wrong)
 
 
-def _person_stops(fault_model: SensorFault, reading: Reading) -> Passed:
-    if not isinstance(reading, OperatorInput):
-        return (reading,)
+def _person_stops(fault_model: SensorFault, reading: OperatorInput) -> Passed:
     return (replace(reading, dead_man=False) if fault_model.fault.size == 1.0 else replace(reading, stop=True),)
 
 
@@ -175,20 +174,20 @@ def _clock_back(fault_model: SensorFault, reading: Reading) -> Passed:
     return (earlier, earlier)
 
 
-CORRUPTIONS: dict[FaultKind, Callable[[SensorFault, Reading], Passed]] = {
-    "camera_frozen": partial(_stuck, CAMERA_READINGS),
+CORRUPTIONS: dict[FaultKind, Corruption] = {
+    "camera_frozen": partial(_only, CAMERA_READINGS, _stuck),
     "depth_holes": _holes,
     "camera_dark": _dark,
-    "camera_lost": partial(_lost, CAMERA_READINGS),
-    "imu_bias": _imu_bias,
-    "gyro_ramp": _gyro_ramp,
-    "imu_stuck": partial(_stuck, (ImuSample,)),
-    "imu_nan": _imu_nan,
-    "imu_lost": partial(_lost, (ImuSample,)),
-    "readings_lost": partial(_lost, (TrackReading, SeatReading, FlipperReading)),
+    "camera_lost": partial(_only, CAMERA_READINGS, _lost),
+    "imu_bias": partial(_only, ImuSample, _imu_bias),
+    "gyro_ramp": partial(_only, ImuSample, _gyro_ramp),
+    "imu_stuck": partial(_only, ImuSample, _stuck),
+    "imu_nan": partial(_only, ImuSample, _imu_nan),
+    "imu_lost": partial(_only, ImuSample, _lost),
+    "readings_lost": partial(_only, (TrackReading, SeatReading, FlipperReading), _lost),
     "process_killed": _killed,
-    "operator_stop": _person_stops,
-    "link_lost": partial(_lost, (OperatorInput,)),
+    "operator_stop": partial(_only, OperatorInput, _person_stops),
+    "link_lost": partial(_only, OperatorInput, _lost),
     "clock_back": _clock_back,
 }
 """Functions of the faults, in order of application: ``_dark`` uses the remaining depth; the clock is last, because the other faults
