@@ -239,8 +239,8 @@ def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence
     steps = [
         {
             "steers": exchange.plan.turn_m_s is None,
-            "heading_rad": _number(exchange.estimate, "heading_rad"),
-            "heading_rate_rad_s": _number(exchange.estimate, "heading_rate_rad_s"),
+            "heading_rad": _json_number(getattr(exchange.estimate, "heading_rad", math.nan)),
+            "heading_rate_rad_s": _json_number(getattr(exchange.estimate, "heading_rate_rad_s", math.nan)),
             "speed_m_s": _json_number(exchange.plan.speed_m_s),
             "target_heading_rad": _json_number(exchange.plan.heading_rad),
             "min_inner_speed_ratio": _json_number(inner_ratio_of(exchange.plan)),
@@ -257,10 +257,6 @@ def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence
         "self_test": {"tolerance_m_s": TOLERANCE_M_S, "log": steps},
     }
     return {"heading_controller.json": json.dumps(values, indent=1, allow_nan=False) + "\n"}
-
-
-def _number(estimate: HeadingEstimate | None, name: str) -> float | None:
-    return None if estimate is None else _json_number(float(getattr(estimate, name)))
 
 
 def _json_number(value: float) -> float | None:

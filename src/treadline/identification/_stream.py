@@ -141,13 +141,10 @@ def _start(chunks: Iterator[_Chunk], lags: int | None, order: int | None) -> _St
 
 def _joined(chunks: Sequence[_Chunk]) -> list[InputOutputRecord]:
     """Return the chunks joined into unbroken parts of experiments."""
-    parts: list[list[_Chunk]] = []
+    records: list[InputOutputRecord] = []
     for chunk in chunks:
-        if chunk.goes_on and parts:
-            parts[-1].append(chunk)
-        else:
-            parts.append([chunk])
-    return [joined_in_time([chunk.record for chunk in together]) for together in parts]
+        records = _with(records, chunk)
+    return records
 
 
 def _with(records: list[InputOutputRecord], chunk: _Chunk) -> list[InputOutputRecord]:

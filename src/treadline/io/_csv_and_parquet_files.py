@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float64, Int, Shaped
 
 from treadline.core.errors import LogFormatError, ShapeMismatch
-from treadline.io._tables import NANOSECONDS, SECONDS, TIMESTAMPS, Log, Table, check_count, clock_of, missing, seconds_of
+from treadline.io._tables import NANOSECONDS, SECONDS, TIMESTAMPS, Log, Table, check_count, clock_of, missing
 
 BLOCK_ROWS = 65_536
 """Number of lines per block: 5 MB with five columns."""
@@ -55,7 +55,7 @@ class CsvLog(Log):
         self._size = max(file.stat().st_size, 1)
 
     def __iter__(self) -> Iterator[Table]:
-        rows = origin = self._done = 0
+        rows, self._done, self._origin = 0, 0, None
         with self._file.open("rb") as raw, TextIOWrapper(raw, encoding="utf-8-sig", errors="surrogateescape") as text:
             line, head = 1, _block(self._file, text, 1)
             while head == ["\n"]:
@@ -67,20 +67,9 @@ class CsvLog(Log):
             line += 1
             while block:
                 values, ticks, marks = _cells(sheet, block, line)
-                if rows == 0 and ticks is not None and ticks.dtype.kind == "i" and len(ticks):
-                    origin = int(ticks[0])
                 rows, line = rows + len(values), line + len(block)
                 self._done = raw.tell()
-                yield Table(
-                    file=self._file,
-                    names=self._wanted,
-                    values=values,
-                    clock=sheet.clock,
-                    t_s=None if ticks is None else seconds_of(ticks, origin),
-                    marks=marks,
-                    spot=":{}",
-                    header=tuple(sheet.header),
-                )
+                yield self._table(values, sheet.clock, ticks, marks, spot=":{}", header=tuple(sheet.header))
                 block = _block(self._file, text, BLOCK_ROWS)
         check_count(self._file, rows)
 
@@ -242,24 +231,15 @@ class ParquetLog(Log):
                 raise missing(self._file, name, there)
         clock = clock_of(there, self._wanted)
         columns = [*self._wanted, *([clock] if clock else [])]
-        self._size, self._done, origin = max(file.metadata.num_rows, 1), 0, 0
+        self._size, self._done, self._origin = max(file.metadata.num_rows, 1), 0, None
         for batch in file.iter_batches(BLOCK_ROWS, columns=list(dict.fromkeys(columns)), use_threads=False):
             values = np.empty((len(batch), len(self._wanted)))
             for j, name in enumerate(self._wanted):
                 values[:, j] = _numbers(self._file, name, batch.column(name))
             ticks = None if clock is None else _ticks(self._file, clock, batch.column(clock))
-            if ticks is not None and ticks.dtype.kind == "i" and self._done == 0:
-                origin = int(ticks[0])
             first = self._done
             self._done += len(batch)
-            yield Table(
-                file=self._file,
-                names=self._wanted,
-                values=values,
-                clock=clock,
-                t_s=None if ticks is None else seconds_of(ticks, origin),
-                marks=np.arange(first + 1, self._done + 1),
-            )
+            yield self._table(values, clock, ticks, np.arange(first + 1, self._done + 1))
         check_count(self._file, self._done)
 
 

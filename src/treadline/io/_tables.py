@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float64, Shaped
@@ -73,6 +74,7 @@ class Log:
         self._file = file
         self._wanted = wanted
         self._size, self._done = 1, 0
+        self._origin: int | None = None
 
     def __iter__(self) -> Iterator[Table]:
         """Yield the tables in the order of the rows."""
@@ -82,6 +84,15 @@ class Log:
     def fraction(self) -> float:
         """Fraction of the file read so far."""
         return self._done / self._size
+
+    def _table(
+        self, values: Float64[np.ndarray, "n k"], clock: str | None, ticks: np.ndarray | None, marks: np.ndarray, **more: Any
+    ) -> Table:
+        """Return the next table of the file; integer ticks are nanoseconds, counted from the first of the file."""
+        if ticks is not None and ticks.dtype.kind == "i" and self._origin is None and len(ticks):
+            self._origin = int(ticks[0])
+        t_s = None if ticks is None else seconds_of(ticks, self._origin or 0)
+        return Table(file=self._file, names=self._wanted, values=values, clock=clock, t_s=t_s, marks=marks, **more)
 
 
 def clock_of(there: Sequence[str], wanted: Sequence[str]) -> str | None:
