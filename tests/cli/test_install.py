@@ -39,9 +39,9 @@ def requirements() -> list[Requirement]:
     return [Requirement(line) for line in lines if not line.startswith("treadline[")]
 
 
-@pytest.mark.parametrize("requirement", requirements(), ids=lambda requirement: str(requirement.name))
-def test_the_lock_has_an_admitted_version_of_each_requirement(requirement: Requirement) -> None:
-    assert requirement.specifier.contains(LOCKED[requirement.name.lower()]), "run make lock PYTHON=python3.11"
+def test_the_lock_has_an_admitted_version_of_each_requirement() -> None:
+    missing = [str(item) for item in requirements() if not item.specifier.contains(LOCKED.get(item.name.lower(), "0"))]
+    assert missing == [], "run make lock PYTHON=python3.11"
 
 
 def test_the_progress_counts_packages_found_and_installed(install: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
