@@ -143,6 +143,9 @@ class App:
             ValueError: If a value is no number.
         """
         session = self._session
+        if "dead_man" in said:  # without waiting for an update: a late report is a released switch
+            session.report(dead_man=said["dead_man"] is True, ahead=float(said["ahead"]), turn=float(said["turn"]))
+            return
         with self._lock:
             if "t_s" in said and math.isfinite(t_s := float(said["t_s"])):
                 session.playing &= session.is_live  # a recording stays there
@@ -153,8 +156,6 @@ class App:
                 session.set_speed(float(said["speed"]))
             elif "width_px" in said:
                 self.fit(float(said["width_px"]))
-            elif "dead_man" in said:
-                session.report(dead_man=said["dead_man"] is True, ahead=float(said["ahead"]), turn=float(said["turn"]))
 
     def state(self) -> dict[str, Any]:
         """Return what the page's timeline and handset show."""
