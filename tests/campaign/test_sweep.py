@@ -152,7 +152,6 @@ def test_an_incomplete_last_line_is_run_again_and_a_damaged_line_is_rejected(sma
     [
         (lambda header, line: header + line.replace(b'"arrived"', b'"held"'), "the checksum does not match"),
         (lambda header, line: header + line.replace(b'"crc32": "', b'"crc32": "0'), "the checksum does not match"),
-        (lambda header, _: header + b"[1, 2]\n", "the line has no checksum"),
     ],
 )
 def test_a_damaged_journal_line_is_rejected(tmp_path: Path, damaged: Callable[[bytes, bytes], bytes], message: str) -> None:

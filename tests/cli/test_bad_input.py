@@ -85,7 +85,6 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
         ("record", ["--out", "run", "--duration", "-1"], "--duration is -1; it must be above 0"),
         # A list that begins with a minus is a value, not an option: what follows it is what is refused.
         ("see", ["a.png", "b.png", "--gravity", "-0.05,0.8,0.6"], "--camera"),
-        ("frames", ["--out", "run", "--heading", "-35,95"], "--heading is -35,95"),
         ("tune", ["none.json", "--state-weight", "-1,1"], "none.json: no such file"),
         ("climb", ["paper-28"], "climb requires --out; see treadline climb --help"),
         ("export", ["--to", "c"], "export requires --out"),
@@ -164,12 +163,6 @@ def test_tune_refuses_weights_that_mean_nothing(run, tmp_path: Path, model_path:
     out = tmp_path / "controller.json"
     assert_refused(run("tune", model_path, *options, "--out", out), word)
     assert not out.exists()
-
-
-def test_identify_out_that_is_a_folder_says_so(run, tmp_path: Path) -> None:
-    path = tmp_path / "record.csv"
-    path.write_text("\n".join(record_text()) + "\n")
-    assert_refused(run("identify", path, "--method", "okid-era", "--order", "1", "--out", tmp_path), "is a folder; give a file")
 
 
 def test_tune_does_not_write_over_its_model(run, tmp_path: Path, model_path: Path) -> None:

@@ -377,17 +377,13 @@ def test_a_faulty_run_folder_is_one_line_and_leaves_nothing(run, blind: Path, tm
     [
         (["{run}"], "--out"),
         (["--out", "{new}"], "log"),
-        (["{run}", "--out", "{run}"], "not empty"),
         (["{run}", "--out", "{run}", "--force"], "own folder"),
         (["{run}/log.mcap", "--out", "{run}", "--force"], "own folder"),
         (["{run}", "--out", "{run}/series.csv"], "is a file"),
         (["{run}/nowhere", "--out", "{new}"], "no such file"),
         (["{run}/series.csv", "--out", "{new}"], "not a message log"),
-        (["{run}", "--set", "filter.gait=1", "--out", "{new}"], "filter.gate"),
-        (["{run}", "--set", "vision=eyes", "--out", "{new}"], "robust"),
         (["{run}", "--topics", "depth=/nowhere", "--out", "{new}"], "no such topic"),
         (["{run}", "--topics", "sonar=/imu", "--out", "{new}"], "--topics"),
-        (["{run}", "--set", "controller=none.json", "--out", "{new}"], "none.json"),
     ],
 )
 def test_bad_arguments_are_one_line(run, blind: Path, tmp_path: Path, arguments: list[str], word: str) -> None:

@@ -10,7 +10,6 @@ from treadline.core.angles import DEG
 from treadline.io.runs import read_series
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair, Start
-from treadline.scenario.shipped_files import shipped_controller
 from treadline.vehicle.tracks import minimum_track_length
 from treadline.vehicle.verdict import check
 
@@ -73,17 +72,6 @@ def test_its_head_stays_level_to_44_degrees_as_the_wheelchairs_seat_does() -> No
     low, high = check(standing(0.17, 0.29, 3.0), read_chair("rescue")).seat_range_deg
     assert low < -5.0
     assert high > 33.0
-
-
-def test_its_controller_is_its_own(run, tmp_path: Path) -> None:
-    assert shipped_controller("rescue").vehicle == "rescue"
-    scenario = tmp_path / "rescue.toml"
-    scenario.write_text(FLIGHT.format(heading=0, camera="kinect1"))
-    wheelchairs = tmp_path / "wheelchair.json"
-    shipped_controller("wheelchair").save(wheelchairs)
-    outcome = run("climb", scenario, "--controller", wheelchairs, "--out", tmp_path / "run")
-    assert outcome.code == 2
-    assert "'wheelchair'" in outcome.err
 
 
 @pytest.mark.parametrize(("heading_deg", "camera"), [(30, "kinect1"), (-30, "statistical")])

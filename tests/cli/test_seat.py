@@ -48,10 +48,3 @@ def test_a_seat_whose_stroke_ends_before_level_is_answered_with_1(run, tmp_path:
     assert outcome.code == 1
     assert outcome.values["settle_s"] is None
     assert outcome.values["steady_error_deg"] > 1.0
-
-
-def test_seat_names_what_it_cannot_read(run, tmp_path: Path) -> None:
-    outcome = run("seat", tmp_path / "none.toml", "--out", tmp_path / "run")
-    assert outcome.code == 2
-    assert "none.toml" in outcome.err
-    assert not (tmp_path / "run").exists()

@@ -426,7 +426,7 @@ def test_many_frames_tell_how_far_they_are(run, folder: Path) -> None:
             (folder / f"f{number:02d}_{kind}.png").write_bytes(data)
     outcome = run("see", folder, "--json")
     assert len(outcome.values["frames"]) == 21
-    assert "21 frames" in outcome.err
+    assert "21 of 21: f19" in outcome.err
 
 
 def floor() -> Float[np.ndarray, "h w"]:

@@ -86,11 +86,6 @@ def test_a_recording_cannot_be_controlled(run: Any, folder: Path) -> None:
     assert_refused(view(run, folder, "--set", "stair.steps=12"), "--set", "is a recording")
 
 
-def test_a_changed_scenario_is_checked_as_its_file_is(run: Any) -> None:
-    assert_refused(view(run, "up-28", "--set", "stair.slop_deg=30"), "stair.slop_deg", "did you mean")
-    assert_refused(view(run, "up-28", "--set", "stair.slope_deg=95"), "slope_deg", "95")
-
-
 @pytest.mark.parametrize("opened", [False, webbrowser.Error("could not locate runnable browser")])
 def test_without_a_browser_the_page_is_served_all_the_same(
     run: Any, folder: Path, monkeypatch: pytest.MonkeyPatch, opened: Any

@@ -73,16 +73,6 @@ def test_the_same_seed_gives_the_same_bytes_and_another_does_not(run, tmp_path: 
         assert same != (tmp_path / "c" / file).read_bytes()
 
 
-def test_a_slope_that_friction_forbids_is_refused_before_anything_moves(run, tmp_path: Path) -> None:
-    scenario = tmp_path / "steep.toml"
-    scenario.write_text('[stair]\nslope_deg = 33\n[start]\nplace = "flight"\n')
-    outcome = run("climb", scenario, "--out", tmp_path / "run", "--json")
-    assert outcome.code == 1, outcome.err
-    assert outcome.values["verdict"] == "refused"
-    assert outcome.values["reasons"]
-    assert not (tmp_path / "run").exists()
-
-
 WHOLE = """
 [stair]
 slope_deg = {slope}

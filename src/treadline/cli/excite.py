@@ -60,25 +60,14 @@ def excite(
             image_every=1 if log_images else 0,
             watch=lambda tick: progress.at(tick.t_s, samples * period),
         )
-    if len(excited.record) == 0:
-        return Answer(
-            values={"samples": 0, "heading_range_deg": None, "record": None, "verdict": excited.run.verdict},
-            summary=[f"no sample: {excited.run.verdict} ({excited.run.cause}); see {out}"],
-            code=1,
-        )
-    heading = excited.record.y[:, 0] / DEG
-    whole = len(excited.record) == samples
-    ended = "" if whole else f" ({excited.run.verdict}: {excited.run.cause})"
+    record, ran = excited.record, f"{excited.run.verdict} ({excited.run.cause})"
+    values = {"samples": len(record), "heading_range_deg": None, "record": None, "verdict": excited.run.verdict}
+    if len(record) == 0:
+        return Answer(values=values, summary=[f"no sample: {ran}; see {out}"], code=1)
+    heading, path = record.y[:, 0] / DEG, out / "record.csv"
+    ended = "" if len(record) == samples else f" ({excited.run.verdict}: {excited.run.cause})"
     return Answer(
-        values={
-            "samples": len(excited.record),
-            "heading_range_deg": [float(heading.min()), float(heading.max())],
-            "record": str(out / "record.csv"),
-            "verdict": excited.run.verdict,
-        },
-        summary=[
-            f"{len(excited.record)} samples{ended}, heading within {heading.min():+.1f}…{heading.max():+.1f}°; "
-            f"written to {out / 'record.csv'}"
-        ],
-        code=0 if whole else 1,
+        values=values | {"heading_range_deg": [float(heading.min()), float(heading.max())], "record": str(path)},
+        summary=[f"{len(record)} samples{ended}, heading within {heading.min():+.1f}…{heading.max():+.1f}°; written to {path}"],
+        code=0 if len(record) == samples else 1,
     )

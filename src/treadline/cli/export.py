@@ -5,24 +5,22 @@
 """
 
 from pathlib import Path
-from typing import get_args
+from typing import Literal
 
-from treadline.cli._arguments import Force, choice, claim
+from treadline.cli._arguments import Force, claim
 from treadline.cli._output import Answer
 from treadline.core.errors import SettingsError
-
-TARGETS = ("c", "ros", "json", "layouts")
 
 
 def export(
     source: Path | None = None,
     /,
     *,
-    to: str,
+    to: Literal["c", "ros", "json", "layouts"],
     out: Path,
     chair: str | None = None,
-    allocation: str = "climb-safe",
-    reconstruct: str | None = None,
+    allocation: Literal["climb-safe", "paper"] = "climb-safe",
+    reconstruct: Literal["observer", "static"] | None = None,
     speed: float = 0.2,
     force: Force = False,
 ) -> Answer:
@@ -42,19 +40,15 @@ def export(
         reconstruct: State reconstruction: observer, or static for Eq. (11b). Default: as in the controller file.
         speed: Climb speed in m/s: an input of every step in C, a setting in the other formats.
     """
-    choice("--to", to, TARGETS)
     if to == "layouts":
         return _layouts(source, out, force=force)
     if source is None:
         raise SettingsError(f"export --to {to} needs a controller file: treadline export SOURCE --to {to} --out {out}")
     from treadline.control import ControllerConfig
-    from treadline.control.c_export import Target, exported
-    from treadline.core.models import ControllerDesign, Reconstruct, write_whole
+    from treadline.control.c_export import exported
+    from treadline.core.models import ControllerDesign, write_whole
     from treadline.scenario.chair import read_chair
 
-    target = choice("--to", to, get_args(Target))
-    shared = choice("--allocation", allocation, ("climb-safe", "paper"))
-    chosen = None if reconstruct is None else choice("--reconstruct", reconstruct, get_args(Reconstruct))
     claim(out, force=force)
     if not 0.0 < speed <= 0.3:
         raise SettingsError(f"--speed is {speed}; it must be above 0 and at most 0.3 m/s")
@@ -63,11 +57,11 @@ def export(
     config = ControllerConfig(
         climb_speed_m_s=speed,
         max_speed_m_s=limit_m_s,
-        allocation=shared,
-        reconstruct=chosen,
+        allocation=allocation,
+        reconstruct=reconstruct,
         period_s=design.period_s,
     )
-    files = exported(target, design, config)
+    files = exported(to, design, config)
     for name, text in files.items():
         write_whole(out / name, text)
     return Answer(
@@ -85,7 +79,6 @@ def _layouts(source: Path | None, out: Path, *, force: bool) -> Answer:
         raise SettingsError(f"export --to layouts takes no source, and {source} is given; a layout shows any run's log")
     claim(out, force=force)
     files = {path.name: path.read_text(encoding="utf-8") for path in sorted((DATA / "layouts").iterdir())}
-    out.mkdir(parents=True, exist_ok=True)
     for name, text in files.items():
         write_whole(out / name, text)
     return Answer(
@@ -98,7 +91,7 @@ def model(
     scenario: str,
     /,
     *,
-    to: str,
+    to: Literal["mjcf", "urdf", "sdf"],
     out: Path,
     chair_only: bool = False,
     mesh_url: str | None = None,
@@ -130,7 +123,6 @@ def model(
     from treadline.vehicle.staircase import build_staircase
     from treadline.vehicle.start_pose import standing
 
-    choice("--to", to, ("mjcf", "urdf", "sdf"))
     claim(out, force=force, kind="file")
     settings = read_scenario(scenario)
     chair, loading = read_chair(settings.chair.model), settings.chair
@@ -145,7 +137,6 @@ def model(
         text, files = drawn_urdf(
             chair, loading, settings.belts, f"{meshes.name}/" if mesh_url is None else f"{mesh_url.rstrip('/')}/"
         )
-        meshes.mkdir(parents=True, exist_ok=True)
         for name, data in files.items():
             write_whole(meshes / name, data)
     elif to == "sdf" and chair_only:

@@ -102,17 +102,8 @@ class IdentifyOptions:
         """
         from treadline.identification import IdentificationOptions
 
-        return IdentificationOptions(
-            order=self.order,
-            lags=self.lags,
-            method=self.method,
-            delays=self.dead_time,
-            solver=self.solver,
-            stable=self.stable,
-            validation=validation,
-            prior=prior,
-            forgetting=self.forgetting,
-        )
+        same = {name: getattr(self, name) for name in ("order", "lags", "method", "solver", "stable", "forgetting")}
+        return IdentificationOptions(**same, delays=self.dead_time, validation=validation, prior=prior)
 
 
 DEFAULTS = IdentifyOptions()

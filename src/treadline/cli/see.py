@@ -143,12 +143,10 @@ def _with_progress(seen: Iterator[dict[str, Any]], count: int | None) -> Iterato
     if count is None or count < MANY:
         yield from seen
         return
-    every = max(1, count // 20)
-    with Progress("see", count // every) as progress:
-        for number, item in enumerate(seen, start=1):
+    with Progress("see", count) as progress:
+        for item in seen:
             yield item
-            if number % every == 0 and number // every <= count // every:
-                progress.done(f"{number} of {count} frames")
+            progress.done(item["name"])
 
 
 def _line(seen: dict[str, Any]) -> str:

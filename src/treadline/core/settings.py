@@ -8,7 +8,7 @@ import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar, TypeVar
+from typing import ClassVar, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
@@ -25,6 +25,10 @@ class Settings(BaseModel):
 
     alternatives: ClassVar[Pairs] = ()
     """Pairs of keys that cannot stand next to each other, because they give the same value in two ways."""
+
+    def changed(self, **tables: Mapping[str, object]) -> Self:
+        """Return the settings with values of some tables replaced. The values are not checked."""
+        return self.model_copy(update={name: getattr(self, name).model_copy(update=values) for name, values in tables.items()})
 
     @model_validator(mode="before")
     @classmethod

@@ -6,6 +6,7 @@ place (``vehicle.quasi_static``), which knows nothing of the simulator.
 """
 
 import math
+from contextlib import closing
 from typing import Any
 
 from treadline.core.angles import DEG
@@ -35,15 +36,8 @@ def rows(seed: int) -> list[dict[str, Any]]:
 
 def row(heading_deg: int, difference_m_s: float, seed: int, open_plant: Opener = open_mujoco) -> dict[str, Any]:
     """Return simulated and theoretical yaw rate of one start; the left belt is faster, which turns the chair back to straight."""
-    scenario = turn(FIG10_SLOPE, heading_deg, UNTIL_S)
-    scenario = scenario.model_copy(
-        update={
-            "chair": scenario.chair.model_copy(update={"belt_mismatch": 0.0}),
-            "control": scenario.control.model_copy(update={"vision": "truth"}),
-        }
-    )
-    plant = open_plant(scenario, seed)
-    try:
+    scenario = turn(FIG10_SLOPE, heading_deg, UNTIL_S).changed(chair={"belt_mismatch": 0.0}, control={"vision": "truth"})
+    with closing(open_plant(scenario, seed)) as plant:
         plant.start()
         plant.write(
             TrackCommand(t_s=0.0, left_m_s=SLOW_M_S + difference_m_s, right_m_s=SLOW_M_S), SeatCommand(t_s=0.0, rate_m_s=0.0)
@@ -52,8 +46,6 @@ def row(heading_deg: int, difference_m_s: float, seed: int, open_plant: Opener =
         first = plant.truth()[-1]
         plant.advance(UNTIL_S)
         last = plant.truth()[-1]
-    finally:
-        plant.close()
     return {
         "slope_deg": FIG10_SLOPE,
         "heading_deg": heading_deg,

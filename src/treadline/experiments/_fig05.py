@@ -3,6 +3,7 @@
 Paper: Algorithm 1, Fig. 5, Eq. (1)-(4).
 """
 
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -43,14 +44,11 @@ def see_stages(figures: Path, seed: int) -> dict[str, Any]:
 
 def first_frame(seed: int, open_plant: Opener = open_mujoco) -> tuple[RgbdFrame, Float[np.ndarray, " 3"], float]:
     """Return the figure's frame, gravity in the camera's frame, and the true heading [rad]."""
-    plant = open_plant(turn(FIG10_SLOPE, HEADING_DEG, 1.0), seed)
-    try:
+    with closing(open_plant(turn(FIG10_SLOPE, HEADING_DEG, 1.0), seed)) as plant:
         plant.start()
         plant.advance(0.0)
         readings = plant.read()
         true_heading_rad = plant.truth()[0].heading_rad
-    finally:
-        plant.close()
     frame = next(reading for reading in readings if isinstance(reading, RgbdFrame))
     imu = next(reading for reading in readings if isinstance(reading, ImuSample))
     return frame, frame.camera.R_BC.T @ rotation_of(imu.orientation).T @ np.array([0.0, 0.0, -1.0]), true_heading_rad

@@ -102,7 +102,6 @@ def turn_jobs(plan: ReproducePlan, controller: ControllerDesign, runs: Path, all
             "slope_deg": slope,
             "friction": friction,
             "start_heading_deg": start,
-            "loop": "closed",
             "camera": "rendered" if rendered else "statistical",
         }
         made.append(

@@ -1,6 +1,6 @@
 """Scores of a replay: differences to the recorded signals, and to ground truth where a simulator wrote the log.
 
-The mission receives none of these signals. Sums are updated per tick; recorded signals are buffered for one second at most.
+The mission receives none of these signals. Recorded signals are buffered for one second at most.
 """
 
 import math
@@ -35,26 +35,6 @@ SAME_S = 0.5 * TICK_S
 """Largest difference of two stamps of the same tick [s]."""
 
 
-@dataclass(slots=True)
-class RunningDifference:
-    """Root mean square and largest magnitude of a sequence of differences."""
-
-    count: int = 0
-    squares: float = 0.0
-    largest: float = 0.0
-
-    def add(self, difference: float) -> None:
-        """Add one difference."""
-        self.count += 1
-        self.squares += difference * difference
-        self.largest = max(self.largest, abs(difference))
-
-    @property
-    def rms_deg(self) -> float | None:
-        """Root mean square [°] of differences in radians; None without any."""
-        return (self.squares / self.count) ** 0.5 / DEG if self.count else None
-
-
 COLUMNS = (
     "t_s",
     "estimate_deg",
@@ -85,7 +65,7 @@ class ReplayScores:
     _truths: Recent[Truth] = field(default_factory=Recent)
     _seat_pitch_rad: float = float("nan")
     _columns: dict[str, "array[float]"] = field(default_factory=lambda: {name: array("d") for name in COLUMNS})
-    _differences: defaultdict[str, RunningDifference] = field(default_factory=lambda: defaultdict(RunningDifference))
+    _differences: defaultdict[str, "array[float]"] = field(default_factory=lambda: defaultdict(lambda: array("d")))
     _brakes: int = 0
 
     def note(self, signal: Signal) -> None:
@@ -118,17 +98,17 @@ class ReplayScores:
         truth, recorded = self._at(Truth, tick.t_s), self._at(HeadingEstimate, tick.t_s)
         estimate = tick.estimate
         if estimate is not None and recorded is not None:
-            self._differences["recorded"].add(wrap(estimate.heading_rad - recorded.heading_rad))
+            self._differences["recorded"].append(wrap(estimate.heading_rad - recorded.heading_rad))
         if truth is not None:
             if estimate is not None:
-                self._differences["estimate"].add(wrap(estimate.heading_rad - truth.heading_rad))
+                self._differences["estimate"].append(wrap(estimate.heading_rad - truth.heading_rad))
             if recorded is not None:
-                self._differences["recorded to truth"].add(wrap(recorded.heading_rad - truth.heading_rad))
+                self._differences["recorded to truth"].append(wrap(recorded.heading_rad - truth.heading_rad))
             self._truths.add(truth.t_s, truth)
             for seen in self._now:
                 exposed = self._truths.at(seen.t_s)
                 if exposed is not None and abs(seen.t_s - exposed.t_s) < SAME_S:
-                    self._differences["vision"].add(wrap(seen.heading_rad - exposed.heading_rad))
+                    self._differences["vision"].append(wrap(seen.heading_rad - exposed.heading_rad))
         self._compare_commands(tick)
         self._row(tick, truth)
         self._now.clear()
@@ -139,13 +119,13 @@ class ReplayScores:
         """Return the scores; None where the log holds no reference."""
         of = self._differences
         return self._as_estimated() | {
-            "rms_difference_deg": of["recorded"].rms_deg,
-            "rms_error_deg": of["estimate"].rms_deg,
-            "recorded_rms_error_deg": of["recorded to truth"].rms_deg,
-            "vision_rms_error_deg": of["vision"].rms_deg,
-            "largest_command_gap_m_s": of["tracks"].largest if of["tracks"].count else None,
-            "largest_seat_gap_m_s": of["seat"].largest if of["seat"].count else None,
-            "commands_compared": of["tracks"].count // 2,
+            "rms_difference_deg": _rms_deg(of["recorded"]),
+            "rms_error_deg": _rms_deg(of["estimate"]),
+            "recorded_rms_error_deg": _rms_deg(of["recorded to truth"]),
+            "vision_rms_error_deg": _rms_deg(of["vision"]),
+            "largest_command_gap_m_s": max(map(abs, of["tracks"]), default=None),
+            "largest_seat_gap_m_s": max(map(abs, of["seat"]), default=None),
+            "commands_compared": len(of["tracks"]) // 2,
             "brakes_differ": self._brakes,
         }
 
@@ -176,11 +156,11 @@ class ReplayScores:
     def _compare_commands(self, tick: Tick) -> None:
         tracks, seat = self._at(TrackCommand, tick.t_s), self._at(SeatCommand, tick.t_s)
         if tracks is not None:
-            self._differences["tracks"].add(tick.tracks.left_m_s - tracks.left_m_s)
-            self._differences["tracks"].add(tick.tracks.right_m_s - tracks.right_m_s)
+            self._differences["tracks"].append(tick.tracks.left_m_s - tracks.left_m_s)
+            self._differences["tracks"].append(tick.tracks.right_m_s - tracks.right_m_s)
             self._brakes += tracks.brake != tick.tracks.brake
         if seat is not None:
-            self._differences["seat"].add(tick.seat.rate_m_s - seat.rate_m_s)
+            self._differences["seat"].append(tick.seat.rate_m_s - seat.rate_m_s)
 
     def _row(self, tick: Tick, truth: Truth | None) -> None:
         recorded, command, estimate = self._at(HeadingEstimate, tick.t_s), self._last.get(TrackCommand), tick.estimate
@@ -207,3 +187,8 @@ class ReplayScores:
             row = math.ceil(seen.t_s / TICK_S - ROUNDING_TICKS)
             if 0 <= row <= self.ticks:
                 self._columns["seen_deg"][row] = seen.heading_rad / DEG
+
+
+def _rms_deg(differences_rad: "array[float]") -> float | None:
+    """Return the root mean square [°]; None without differences."""
+    return (sum(value * value for value in differences_rad) / len(differences_rad)) ** 0.5 / DEG if differences_rad else None

@@ -29,11 +29,11 @@ from treadline.mission.mission_blocks import build_blocks, guard_config, heading
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import Cruise
 from treadline.perception import DetectorConfig
+from treadline.run.excitation_run import PERIOD_S
 from treadline.scenario.camera_file import MOUNT_ANGLES, CameraFile
 from treadline.scenario.scenario import Control, DriveSettings
 from treadline.scenario.shipped_files import shipped_controller
 
-CONTROL_RATE_PERIOD_S = 0.25
 INTRINSICS = ("fx_px", "fy_px", "cx_px", "cy_px")
 MOUNT = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
 CAMERA = ("width", "height", *INTRINSICS, "depth_unit_m", *MOUNT_ANGLES, "mount_m")
@@ -232,7 +232,7 @@ def _keys_of(base: MissionConfig) -> dict[str, Key]:
         "detector": _detector(base),
         "filter": FilterConfig(),
         "offset": AberrationRule(),
-        "guard": guard_config(base, CONTROL_RATE_PERIOD_S),
+        "guard": guard_config(base, PERIOD_S),
     }
     found: dict[str, Key] = {
         key: (*typed, MEANINGS.get(key) or written.get(key.rpartition(".")[2], "")) for key, typed in keys.items()

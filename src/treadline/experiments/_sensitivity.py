@@ -9,8 +9,9 @@ from typing import Any
 
 from treadline.core.models import read_json
 from treadline.experiments.plan import CONTROLLER_GROUND, FIG10_SLOPE, GROUNDS, SLOPES_DEG, Ground
+from treadline.scenario.shipped_files import DATA
 
-SENSITIVITY = Path(__file__).parents[1] / "data" / "sensitivity.json"
+SENSITIVITY = DATA / "sensitivity.json"
 MAIN_SOURCES = ("step", "stiffness", "friction")
 """Sources of uncertainty next to each figure of ``results.json``."""
 Changes = dict[str, dict[str, Any]]

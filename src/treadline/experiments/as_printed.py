@@ -73,8 +73,7 @@ def facts() -> dict[str, Any]:
 
 def as_printed_turn(duration_s: float) -> Scenario:
     """Return the turn from +30° at 28° in which the printed controller drives: Eq. (11b), belts clipped at their limit."""
-    scenario = turn(FIG10_SLOPE, 30, duration_s, allocation="paper")
-    return scenario.model_copy(update={"control": scenario.control.model_copy(update={"reconstruct": "static"})})
+    return turn(FIG10_SLOPE, 30, duration_s, allocation="paper").changed(control={"reconstruct": "static"})
 
 
 def job(plan: ReproducePlan, runs: Path) -> RunJob:

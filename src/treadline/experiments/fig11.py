@@ -16,21 +16,19 @@ from treadline.io.runs import write_result
 from treadline.mission.belt_controllers import ConstantSpeed
 from treadline.run.recorded_run import recorded_run
 from treadline.run.resolve import resolve
-from treadline.run.run_scores import Trace, settling_time
+from treadline.run.run_scores import STEADY_FROM_S, Trace, settling_time
 from treadline.scenario.scenario import Scenario
 
 DURATION_S = 40.0
 """Fig. 11's time axis."""
-STEADY_FROM_S = 20.0
 SETTLED_RAD = 1.0 * DEG
 
 
 def at_rest(scenario: Scenario) -> Scenario:
     """Return a scenario's chair standing on its flight, the seat parallel to the chassis."""
-    control = scenario.control.model_copy(update={"loop": "open", "vision": "truth"})
-    start = scenario.start.model_copy(update={"seat": "chassis", "place": "flight"})
-    drive = scenario.drive.model_copy(update={"direction": "up", "duration_s": DURATION_S})
-    return scenario.model_copy(update={"control": control, "start": start, "drive": drive, "fault": ()})
+    control, start = {"loop": "open", "vision": "truth"}, {"seat": "chassis", "place": "flight"}
+    standing = scenario.changed(control=control, start=start, drive={"direction": "up", "duration_s": DURATION_S})
+    return standing.model_copy(update={"fault": ()})
 
 
 def level_seat(folder: Path, seed: int, scenario: Scenario | None = None) -> dict[str, Any]:

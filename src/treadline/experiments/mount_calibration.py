@@ -7,7 +7,6 @@ detector receives no gravity: gravity transformed by the assumed mount would con
 import json
 from collections import Counter, deque
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ import numpy as np
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
-from treadline.core.errors import ImageError, LogFormatError
+from treadline.core.errors import LogFormatError
 from treadline.core.models import write_whole
 from treadline.core.ports import Reading
 from treadline.core.settings import settings_of
@@ -119,14 +118,13 @@ class MountStudy:
         self._nominal = source.base.chair.camera_at()
         self._given = camera
         self._used: PinholeCamera | None = None
-        with _mount_remedies():
-            self._recording = SensorLog(
-                source.log,
-                named=topics,
-                sealed=source.sealed,
-                depth_unit_m=self._depth_unit_m,
-                calibrate=self._calibrate,
-            )
+        self._recording = SensorLog(
+            source.log,
+            named=topics,
+            sealed=source.sealed,
+            depth_unit_m=self._depth_unit_m,
+            calibrate=self._calibrate,
+        )
         found = self._recording.topics
         if found.depth is None:
             raise LogFormatError(f"{log}: no images, which alone observe the mount; record depth (treadline climb --log-images)")
@@ -150,15 +148,14 @@ class MountStudy:
     def readings(self) -> Iterator[Reading]:
         """Yield each sensor reading after it has updated the calibration."""
         plant = ReplayPlant(self._recording.arrivals(lambda _: None))
-        with _mount_remedies():
-            plant.start()
-            tick = 0
-            while not plant.over:
-                plant.advance(tick * TICK_S)
-                for reading in plant.read():
-                    self._update(reading)
-                    yield reading
-                tick += 1
+        plant.start()
+        tick = 0
+        while not plant.over:
+            plant.advance(tick * TICK_S)
+            for reading in plant.read():
+                self._update(reading)
+                yield reading
+            tick += 1
 
     def calibration(self) -> CalibrationStudy:
         """Return the result so far."""
@@ -249,12 +246,3 @@ class MountStudy:
         intrinsics = {name: getattr(camera, name) for name in ("fx_px", "fy_px", "cx_px", "cy_px")}
         sizes = {"width": camera.width_px, "height": camera.height_px, "depth_unit_m": self._depth_unit_m}
         return settings_of(sizes | intrinsics | mount, CameraFile, where=str(self._log))
-
-
-@contextmanager
-def _mount_remedies() -> Iterator[None]:
-    """Adapt the remedies in error messages: a replay sets the camera by --set, this command by a file."""
-    try:
-        yield
-    except (ImageError, LogFormatError) as error:
-        raise type(error)(str(error).replace("--set camera.", "--camera FILE with ")) from None

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from treadline.core import paper
 from treadline.run.excitation_run import long_enough
-from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.scenario.scenario import Chair, DriveSettings, Scenario, Sensors, Stair, Start
 
 SLOPES_DEG = (25, 28, 30)
 STARTS_DEG = (30, -30)
@@ -104,17 +104,12 @@ FIG10_SLOPE = int(paper.FIG10_SLOPE_DEG)
 def excitation(ground: Ground) -> Scenario:
     """Return the scenario of an excitation with random track speeds (Section VI.B)."""
     scenario = _flight(ground.slope_deg, heading_deg=0.0, duration_s=300.0, mismatch=0.005)
-    return _with_friction(scenario, ground.friction)
-
-
-def _with_friction(scenario: Scenario, friction: Friction) -> Scenario:
-    """Return the scenario with another friction."""
-    return scenario.model_copy(update={"stair": scenario.stair.model_copy(update={"friction": friction})})
+    return scenario.changed(stair={"friction": ground.friction})
 
 
 def without_images(scenario: Scenario) -> Scenario:
     """Return the scenario with the statistical camera: heading and map with the stair detector's errors, nothing rendered."""
-    return scenario.model_copy(update={"sensors": scenario.sensors.model_copy(update={"camera": "statistical"})})
+    return scenario.changed(sensors={"camera": "statistical"})
 
 
 def turn(
@@ -122,9 +117,7 @@ def turn(
 ) -> Scenario:
     """Return a start at ±30° (Fig. 10, Table II)."""
     scenario = _flight(slope_deg, heading_deg=float(start_deg), duration_s=duration_s, mismatch=0.005)
-    scenario = _with_friction(scenario, friction)
-    control = Control.model_validate(scenario.control.model_dump() | {"allocation": allocation})
-    return scenario.model_copy(update={"control": control})
+    return scenario.changed(stair={"friction": friction}, control={"allocation": allocation})
 
 
 def straight(slope_deg: int, loop: str, duration_s: float) -> Scenario:
@@ -134,9 +127,8 @@ def straight(slope_deg: int, loop: str, duration_s: float) -> Scenario:
     """
     scenario = _flight(slope_deg, heading_deg=0.0, duration_s=duration_s, mismatch=0.02)
     # So wide that a drifting chair meets neither a wall nor the flight's side.
-    stair = scenario.stair.model_copy(update={"width_m": 40.0, "walls": "none"})
-    control = Control.model_validate({"loop": loop, "vision": "truth" if loop == "open" else "robust"})
-    return scenario.model_copy(update={"control": control, "stair": stair})
+    stair = {"width_m": 40.0, "walls": "none"}
+    return scenario.changed(stair=stair, control={"loop": loop, "vision": "truth" if loop == "open" else "robust"})
 
 
 def _flight(slope_deg: int, *, heading_deg: float, duration_s: float, mismatch: float) -> Scenario:

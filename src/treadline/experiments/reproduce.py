@@ -6,6 +6,7 @@ for its identification are being made.
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -188,15 +189,12 @@ def _median(values: list[float]) -> float:
 
 def _physics_real_time_factor() -> float:
     """Return simulated seconds per CPU second with the physics alone: median of five spans of 10 s of climbing at 28°."""
-    plant = open_plant(straight(28, "open", 60.0), seed=0)
     cpu_s = []
-    try:
+    with closing(open_plant(straight(28, "open", 60.0), seed=0)) as plant:
         plant.start()
         for from_s in (0.0, 10.0, 20.0, 30.0, 40.0, 50.0):
             plant.write(TrackCommand(t_s=from_s, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=from_s, rate_m_s=0.0))
             started = time.process_time()
             plant.advance(from_s + 10.0)
             cpu_s.append(time.process_time() - started)
-    finally:
-        plant.close()
     return 10.0 / _median(cpu_s[1:])  # in the first span caches and branch predictors warm up

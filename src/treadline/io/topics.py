@@ -162,8 +162,8 @@ def roles(where: Path, found: Mapping[str, TopicSummary], named: Mapping[str, st
     info = named.get("info") or info_topic(found, depth, color)
     if info is None and not calibrated:
         raise LogFormatError(
-            f"{where}: no intrinsics: no CameraInfo next to {depth}; name one (--topics info=…) or --set camera.fx_px, fy_px, "
-            "cx_px and cy_px"
+            f"{where}: no intrinsics: no CameraInfo next to {depth}; name one (--topics info=…) or give --camera FILE with "
+            "fx_px, fy_px, cx_px and cy_px"
         )
     if info is not None:
         _check_size(where, found, info, depth, "name the calibration of that image: --topics info=…")
@@ -357,7 +357,9 @@ class Frames:
         return RgbdFrame(t_s=depth.t_s, rgb=rgb, depth_m=depth_metres(depth, self._unit_m), camera=camera)
 
 
-def depth_metres(image: Picture, unit_m: float, millimetres: str = "--set camera.depth_unit_m=0.001") -> Float32[np.ndarray, "h w"]:
+def depth_metres(
+    image: Picture, unit_m: float, millimetres: str = "--camera FILE with depth_unit_m=0.001"
+) -> Float32[np.ndarray, "h w"]:
     """Return the depth in metres, NaN where nothing returned.
 
     Args:

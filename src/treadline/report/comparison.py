@@ -18,6 +18,7 @@ from treadline.core.errors import SettingsError
 from treadline.io.runs import COMPLETED
 from treadline.report._results import PAPER_FRICTION, BeltRun, Cell, Moves, Results, Straight, read_part
 from treadline.report.labels import suffix
+from treadline.scenario.shipped_files import DATA
 
 REACHED, NO_TARGET, QUICK = "reached", "–", "quick run: not judged"
 TABLE_SLOPES = {float(slope) for slope, _ in paper.TABLE_II}
@@ -73,10 +74,9 @@ class FigureRow:
     """Change of the figure with step size, stiffness and friction, in words; empty where it was not measured."""
 
 
-_TABLE_FILE = Path(__file__).parents[1] / "data" / "reproduction_figures.toml"
 TABLE = {
     kind: tuple(Figure(**entry) for entry in entries)
-    for kind, entries in tomllib.loads(_TABLE_FILE.read_text(encoding="utf-8")).items()
+    for kind, entries in tomllib.loads((DATA / "reproduction_figures.toml").read_text(encoding="utf-8")).items()
 }
 """Figures by the kind of group that they are computed from, in the order of ``_groups``."""
 

@@ -118,9 +118,4 @@ def long_enough(scenario: Scenario, duration_s: float, spare_m: float = 3.0) -> 
     stair = scenario.stair
     pitch_m = float(np.hypot(stair.rise_m, stair.run_m))
     needed = scenario.start.step + 2 + int(np.ceil((1.1 * duration_s * scenario.drive.speed_m_s + spare_m) / pitch_m))
-    return scenario.model_copy(
-        update={
-            "stair": stair.model_copy(update={"steps": max(stair.steps, needed)}),
-            "drive": scenario.drive.model_copy(update={"duration_s": duration_s}),
-        }
-    )
+    return scenario.changed(stair={"steps": max(stair.steps, needed)}, drive={"duration_s": duration_s})

@@ -206,8 +206,7 @@ def with_seat_shifted(chair: ChairDescription, shift_m: float) -> ChairDescripti
     if chair.seat is None:
         return chair
     x, y, z = chair.seat.hinge_m
-    seat = chair.seat.model_copy(update={"hinge_m": (x + shift_m, y, z)})
-    return chair.model_copy(update={"seat": seat})
+    return chair.changed(seat={"hinge_m": (x + shift_m, y, z)})
 
 
 def ready(
@@ -223,7 +222,7 @@ def ready(
         return scenario, None, None
     shift_m = report.proposed_seat_shift_m
     if shift_m is not None and abs(shift_m - scenario.chair.seat_shift_m) <= SEAT_SHIFT_M:
-        moved = scenario.model_copy(update={"chair": scenario.chair.model_copy(update={"seat_shift_m": shift_m})})
+        moved = scenario.changed(chair={"seat_shift_m": shift_m})
         if check(moved, chair).verdict == "go":
             was = scenario.chair.seat_shift_m
             return moved, None, f"seat shifted by {(shift_m - was) * 1000.0:+.0f} mm along the chair: {report.reasons[0]}"

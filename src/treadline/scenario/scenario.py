@@ -318,7 +318,7 @@ def scenario_of(tables: Mapping[str, object], path: Path, *, where: str) -> Scen
         raise SettingsError(f"{where}: {error}") from None
     if found.parent == CHAIRS:
         return scenario
-    return scenario.model_copy(update={"chair": scenario.chair.model_copy(update={"model": str(found)})})
+    return scenario.changed(chair={"model": str(found)})
 
 
 def shipped_scenarios() -> dict[str, Path]:
