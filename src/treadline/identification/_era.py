@@ -6,6 +6,7 @@ The Hankel matrix holds only the system's Markov parameters; including the obser
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -33,7 +34,7 @@ Triplets = tuple[Float[np.ndarray, "a k"], Float[np.ndarray, " k"], Float[np.nda
 """Singular triplets U, s and V'."""
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
+@dataclass(kw_only=True, eq=False)
 class HankelSvd:
     """Lazy decomposition H = U diag(s) V' and the Markov parameters of H and the shifted H'."""
 
@@ -46,17 +47,14 @@ class HankelSvd:
     """Number of block columns."""
     rank: int = RANK_MOST
     """Number of singular values computed for a large H; a small H is decomposed completely."""
-    _values: Float[np.ndarray, " k"] | None = None
     _led: dict[int, Triplets] = field(default_factory=dict)
-    _whole: Triplets | None = None
 
-    @property
+    @cached_property
     def s(self) -> Float[np.ndarray, " k"]:
         """Singular values."""
-        if self._values is None:
-            alone = self._whole is None and self._is_dense  # without vectors, a third of the time
-            self._values = np.linalg.svd(self.matrix, compute_uv=False) if alone else self._all()[1]
-        return self._values
+        if self._is_decomposed or not self._is_dense:
+            return self._whole[1]
+        return np.linalg.svd(self.matrix, compute_uv=False)  # without vectors, a third of the time
 
     def leading(self, order: int) -> Triplets:
         """Return the leading singular values and vectors; repeated calls with one order give the same signs.
@@ -65,12 +63,12 @@ class HankelSvd:
             PoorExcitation: If the order is above the rank.
         """
         if order not in self._led:
-            first = self._whole is None and not self._led and self._is_dense
+            first = not self._is_decomposed and not self._led and self._is_dense
             self._led[order] = (leading_by_square(self.matrix, order) if first else None) or self._cut(order)
         return self._led[order]
 
     def _cut(self, order: int) -> Triplets:
-        U, s, Vt = self._all()
+        U, s, Vt = self._whole
         if order > s.size or s[order - 1] <= NO_RANK * s[0]:
             raise self.refusal(order)
         return U[:, :order], s[:order], Vt[:order]
@@ -80,12 +78,12 @@ class HankelSvd:
         rank = int(np.sum(self.s > NO_RANK * self.s[0]))
         return PoorExcitation(f"order {order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
 
-    def _all(self) -> Triplets:
-        if self._whole is None:
-            self._whole = self._decomposed()
-        return self._whole
+    @property
+    def _is_decomposed(self) -> bool:
+        return "_whole" in vars(self)
 
-    def _decomposed(self) -> Triplets:
+    @cached_property
+    def _whole(self) -> Triplets:
         if self._is_dense:
             return np.linalg.svd(self.matrix, full_matrices=False)
         turned = self.markov.transpose(0, 2, 1)

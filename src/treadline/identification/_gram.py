@@ -108,14 +108,8 @@ class Gram:
         with written_whole(path) as part, part.open("wb") as file:
             np.savez(
                 file,
-                lags=self.lags,
-                dt_s=self.dt_s,
-                sums=self.sums,
-                count=self.count,
-                dropped=self.dropped,
-                shift=self.units.shift,
-                scale=self.units.scale,
-                input_count=self.units.input_count,
+                **{name: getattr(self, name) for name in _SAVED},
+                **{name: getattr(self.units, name) for name in _SAVED_UNITS},
                 names=np.array(self.names, dtype=np.str_),
             )
 
@@ -128,7 +122,7 @@ class Gram:
         """
         try:
             with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-                values = {name: file[name] for name in _SAVED}
+                values = {name: file[name] for name in (*_SAVED, *_SAVED_UNITS)}
                 names = tuple(str(name) for name in file["names"]) if "names" in file else ()
         except FileNotFoundError:
             raise LogFormatError(f"{path}: no such file") from None
@@ -154,7 +148,7 @@ class Gram:
         )
 
 
-_SAVED = ("lags", "dt_s", "sums", "count", "dropped", "shift", "scale", "input_count")
+_SAVED, _SAVED_UNITS = ("lags", "dt_s", "sums", "count", "dropped"), ("shift", "scale", "input_count")
 
 
 def _sound(values: dict[str, np.ndarray]) -> bool:

@@ -52,7 +52,7 @@ def open_bag(path: Path) -> Bag:
         raise SettingsError(f"{path}: is there already; give another name")
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        return _RosBag(path, *_OPENERS[path.suffix](path))
+        return _RosBag(path)
     except ImportError:
         raise TreadlineError(f"{path}: '{path.suffix}' needs rosbags: pip install '.[ros]' in treadline's folder") from None
 
@@ -60,12 +60,10 @@ def open_bag(path: Path) -> Bag:
 class _RosBag:
     """A bag under a temporary name until it is whole."""
 
-    def __init__(self, path: Path, temporary: Path, writer: Any, connect: Callable[[str, str], Any], kind: type[CdrWriter]) -> None:
-        self._path = path
-        self._temporary = temporary
-        self._writer = writer
-        self._connect = connect
-        self._kind = kind
+    def __init__(self, path: Path) -> None:
+        self._path, self._temporary = path, path.with_name(path.name + ".part")
+        self._writer, self._store, self._kind = _OPENERS[path.suffix](self._temporary)
+        self._writer.open()
         self._connections: dict[str, Any] = {}
         self._closed = False
 
@@ -73,7 +71,7 @@ class _RosBag:
         time_ns = nanoseconds_of(signal.t_s if taken_s is None else taken_s)
         for topic, kind, data in _messages(signal, self._kind):
             if topic not in self._connections:
-                self._connections[topic] = self._connect(topic, kind)
+                self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
             self._writer.write(self._connections[topic], time_ns, data)
 
     def close(self) -> None:
@@ -95,34 +93,32 @@ def _messages(signal: Any, writer: type[CdrWriter] = CdrWriter) -> list[Message]
     return messages_of(signal, writer=writer) if channel is None else encoded(channel, signal, ros1=writer is Ros1Writer)
 
 
-def _ros1(path: Path) -> tuple[Path, Any, Callable[[str, str], Any], type[CdrWriter]]:
+Opened = tuple[Any, Any, type[CdrWriter]]
+"""Writer of rosbags, its store of types, and the writer of messages."""
+
+
+def _ros1(temporary: Path) -> Opened:
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS1_NOETIC)
     if on.FRAMES not in store.types:
         store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", on.FRAMES))
-    temporary = path.with_name(path.name + ".part")
     temporary.unlink(missing_ok=True)
     writer = Writer(temporary)
     writer.set_compression(Writer.CompressionFormat.LZ4)
-    writer.open()
-    return temporary, writer, lambda topic, kind: writer.add_connection(topic, kind, typestore=store), Ros1Writer
+    return writer, store, Ros1Writer
 
 
-def _ros2(path: Path) -> tuple[Path, Any, Callable[[str, str], Any], type[CdrWriter]]:
+def _ros2(temporary: Path) -> Opened:
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.ROS2_JAZZY)
-    temporary = path.with_name(path.name + ".part")
     shutil.rmtree(temporary, ignore_errors=True)
-    writer = Writer(temporary, version=9, storage_plugin=StoragePlugin.SQLITE3)
-    writer.open()
-    return temporary, writer, lambda topic, kind: writer.add_connection(topic, kind, typestore=store), CdrWriter
+    return Writer(temporary, version=9, storage_plugin=StoragePlugin.SQLITE3), get_typestore(Stores.ROS2_JAZZY), CdrWriter
 
 
-_OPENERS: dict[str, Callable[[Path], tuple[Path, Any, Callable[[str, str], Any], type[CdrWriter]]]] = {".bag": _ros1, ".db3": _ros2}
+_OPENERS: dict[str, Callable[[Path], Opened]] = {".bag": _ros1, ".db3": _ros2}
 
 
 INPUTS = ("left_m_s", "right_m_s")

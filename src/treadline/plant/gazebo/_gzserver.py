@@ -196,8 +196,7 @@ class GazeboServer:
         return GazeboError(f"{what}: {self._reason()}; run it again")
 
     def _refusal(self) -> str | None:
-        lines = self._lines()
-        return next((line for line in lines if "Failed to load plugin" in line), None)
+        return next((line for line in self._lines() if "Failed to load plugin" in line), None)
 
     def _reason(self) -> str:
         """Return the last error message in the log."""
