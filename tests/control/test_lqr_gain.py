@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from treadline.control import lqr_gain
-from treadline.control.reconstruct import static_reconstruction
+from treadline.control.lqr import static_reconstruction
 from treadline.core import paper
 from treadline.core.errors import NotDefinite, NotInvertible, NotStabilisable, ShapeMismatch
 

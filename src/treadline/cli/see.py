@@ -112,17 +112,17 @@ def see(
 def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, out: Path | None) -> Answer:
     """Evaluate the frames of a source; a single frame answers for itself, several with a summary."""
     from treadline.core.camera_images import SeveralFrames
-    from treadline.io.frames.results import HeadingTable, Summary
+    from treadline.io.frames.results import Summary, heading_table
     from treadline.perception.frame_evaluation import see_frames
 
     summary, seen = Summary(), list[dict[str, Any]]()
     with ExitStack() as stack:
-        table = None if headings is None else stack.enter_context(HeadingTable(headings))
+        table = None if headings is None else stack.enter_context(heading_table(headings))
         for values in _with_progress(see_frames(frames, method=method, out=out, threshold=rule), frames.count):
             summary.add(values)
             seen.append(values)
             if table is not None:
-                table.write(values)
+                table(values)
     notes = [*(f"warning: {warning}" for warning in frames.warnings), *_warnings(seen)]
     if isinstance(frames, SeveralFrames) and len(seen) == 1:
         (values,) = seen
@@ -190,7 +190,7 @@ def _see_live(
     """
     from treadline.core.camera_images import gravity_of
     from treadline.core.processes import Terminated, deferred
-    from treadline.io.frames.results import HeadingTable, Summary
+    from treadline.io.frames.results import Summary, heading_table
     from treadline.io.live import camera_by_name
     from treadline.io.live.stream import LiveFrames
     from treadline.perception.frame_evaluation import FrameEvaluator, write_seen
@@ -208,14 +208,14 @@ def _see_live(
     with ExitStack() as stack:
         stack.enter_context(_stdout_on_stderr())
         stack.callback(line.end)
-        table = None if headings is None else stack.enter_context(HeadingTable(headings))
+        table = None if headings is None else stack.enter_context(heading_table(headings))
         try:
             for named in frames:
                 with deferred():  # an interrupt inside compiled code would be wrapped in another exception
                     sight, last = evaluator.evaluate(named)
                     summary.add(last)
                     if table is not None:
-                        table.write(last)
+                        table(last)
                     if picture is not None and time.monotonic() - drawn_s >= PICTURE_S:
                         write_seen(named, sight, picture)
                         drawn_s = time.monotonic()

@@ -23,7 +23,7 @@ from treadline.control.heading_controller import (
     HeadingController,
     inner_ratio_of,
 )
-from treadline.control.reconstruct import static_reconstruction
+from treadline.control.lqr import static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE
 from treadline.core.models import ControllerDesign
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand

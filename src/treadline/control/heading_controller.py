@@ -13,8 +13,7 @@ from jaxtyping import Float
 
 from treadline.control._observer import Observer
 from treadline.control.belt_allocation import INNER_RATIO_CLIMBING, BeltLimits, back_safe, climb_safe, clipped
-from treadline.control.lqr import closed_loop_poles
-from treadline.control.reconstruct import static_reconstruction
+from treadline.control.lqr import closed_loop_poles, static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE, RADIUS_LIMIT, SIGMA_Y
 from treadline.core.errors import NotStabilisable, PeriodMismatch, ShapeMismatch
 from treadline.core.models import ControllerDesign, Reconstruct

@@ -1,14 +1,16 @@
-"""LQR: the gain that trades heading error against belt speed (Eq. 10, 11a, 13, 14)."""
+"""LQR: the gain that trades heading error against belt speed (Eq. 10, 11a, 13, 14), and the state from one output (Eq. 11b)."""
 
 import numpy as np
 from jaxtyping import Complex, Float
 
 from treadline.core.arrays import matrix
-from treadline.core.errors import NotDefinite, NotFinite, NotStabilisable, ShapeMismatch
+from treadline.core.errors import NotDefinite, NotFinite, NotInvertible, NotStabilisable, ShapeMismatch
 from treadline.core.models import ControllerDesign
 
 SYMMETRY = 1e-9
 """Relative asymmetry of a weight attributed to rounding."""
+CONDITION_LIMIT = 1e6
+"""Condition number above which one unit in the last place of a 16-bit sensor changes the state by its own size."""
 
 
 def lqr_gain(
@@ -92,3 +94,22 @@ def spectral_radius(A: Float[np.ndarray, "n n"]) -> float:
 def closed_loop_poles(design: ControllerDesign) -> Complex[np.ndarray, " n"]:
     """Return the eigenvalues of ``A - BK``."""
     return np.asarray(np.linalg.eigvals(design.model.A - design.model.B @ design.K), dtype=complex)
+
+
+def static_reconstruction(
+    C: Float[np.ndarray, "p n"], D: Float[np.ndarray, "p m"], K: Float[np.ndarray, "m n"]
+) -> Float[np.ndarray, "n p"]:
+    """Return the matrix that gives the state from an output: ``x_k = (C - DK)^-1 y_k``.
+
+    Paper: Eq. (11b). Exists only with as many outputs as states; the noise is not filtered.
+
+    Raises:
+        NotInvertible: If C - DK is not square, or close to singular.
+    """
+    if C.shape[0] != C.shape[1]:
+        raise NotInvertible(f"C - DK is {C.shape[0]}×{C.shape[1]}: Eq. (11b) needs as many outputs as states; use the observer")
+    M = C - D @ K
+    condition = float(np.linalg.cond(M))
+    if not condition < CONDITION_LIMIT:
+        raise NotInvertible(f"C - DK is singular to working precision (condition {condition:.1e}); use the observer")
+    return np.asarray(np.linalg.inv(M))

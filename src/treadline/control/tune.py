@@ -14,8 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.control._observer import kalman_gain, with_disturbance
-from treadline.control.lqr import closed_loop_poles, lqr_gain
-from treadline.control.reconstruct import static_reconstruction
+from treadline.control.lqr import closed_loop_poles, lqr_gain, static_reconstruction
 from treadline.core.angles import DEG
 from treadline.core.errors import NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
 from treadline.core.models import ControllerDesign, LinearModel, Reconstruct

@@ -157,12 +157,7 @@ class TurnHistory:
         """Return the last sample at or before a time, or the oldest sample; None if the history is empty."""
         if not self._turned:
             return None
-        then = self._turned[0]
-        for sample in self._turned:
-            if sample[0] > t_s + 1e-9:
-                break
-            then = sample
-        return then
+        return max((sample for sample in self._turned if sample[0] <= t_s + 1e-9), default=self._turned[0])
 
 
 ONSET, HEADING, BIAS, SCALE, SHARED, EXPLAINED, INFORMATION, SUM, WEIGHT, GYRO_ANGLE, ODOMETRY_ANGLE, COUNT = range(12)

@@ -118,11 +118,9 @@ def more_accurate(one: AngleEstimate | None, other: AngleEstimate | None) -> Ang
     """Return each angle from the estimate with the smaller interval."""
     if one is None or other is None:
         return one or other
-    pitch = one if one.pitch_half_rad <= other.pitch_half_rad else other
-    roll = one if one.roll_half_rad <= other.roll_half_rad else other
-    return AngleEstimate(
-        pitch_rad=pitch.pitch_rad, roll_rad=roll.roll_rad, pitch_half_rad=pitch.pitch_half_rad, roll_half_rad=roll.roll_half_rad
-    )
+    pitch = min(one, other, key=lambda item: item.pitch_half_rad)
+    roll = min(one, other, key=lambda item: item.roll_half_rad)
+    return replace(pitch, roll_rad=roll.roll_rad, roll_half_rad=roll.roll_half_rad)
 
 
 def difference(one: AngleEstimate, other: AngleEstimate) -> AngleEstimate:

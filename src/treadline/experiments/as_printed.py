@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.control import lqr_gain
-from treadline.control.reconstruct import static_reconstruction
+from treadline.control.lqr import static_reconstruction
 from treadline.core import paper
 from treadline.core.angles import DEG
 from treadline.core.models import ControllerDesign, LinearModel

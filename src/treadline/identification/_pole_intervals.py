@@ -233,11 +233,8 @@ def of_refined(
     system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"], units: Units
 ) -> ConfidenceIntervals | None:
     """Return the intervals of an output-error model; None for data too short to estimate them."""
-    found = _curvature(system, experiments, fixed)
-    if found is None:
-        return None
-    ways, root = found
-    return ConfidenceIntervals(system=system, ways=ways.along(root), units=units)
+    ways = _spread(system, experiments, fixed)
+    return None if ways is None else ConfidenceIntervals(system=system, ways=ways, units=units)
 
 
 def of_predicting(
@@ -245,11 +242,9 @@ def of_predicting(
 ) -> ConfidenceIntervals | None:
     """Return the intervals of a prediction-error model; its experiments have the outputs as additional inputs."""
     p, K = len(system.C), system.K
-    found = _curvature(system.predictor(), experiments, np.hstack([fixed, np.ones((p, p), dtype=bool)]))
-    if found is None or K is None:
+    w = _spread(system.predictor(), experiments, np.hstack([fixed, np.ones((p, p), dtype=bool)]))
+    if w is None or K is None:
         return None
-    ways, root = found
-    w = ways.along(root)
     dK, dD = w.B[:, -p:], w.D[:, :-p]
     moved = Directions(
         A=w.A + np.einsum("npk,pm->nmk", dK, system.C) + np.einsum("np,pmk->nmk", K, w.C),
@@ -260,10 +255,8 @@ def of_predicting(
     return ConfidenceIntervals(system=system, ways=moved, units=units)
 
 
-def _curvature(
-    system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]
-) -> tuple[Directions, Float[np.ndarray, "d d"]] | None:
-    """Return the directions of a fit and a square root of their covariance."""
+def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]) -> Directions | None:
+    """Return the changes of a fit per standard normal variable, by the curvature of its cost; None for data too short."""
     ways, p = directions(system, fixed), len(system.C)
     d = ways.A.shape[2]
     total = sum(len(item.y) for item in experiments)
@@ -289,7 +282,7 @@ def _curvature(
             S += term if lag == 0 else (1.0 - lag / (memory + 1.0)) * (term + term.T)
     inverse = np.linalg.pinv(H, rcond=1e-13, hermitian=True)
     scale = total / max(sum(len(item.y) for item in kept), 1)
-    return ways, _root(inverse @ (0.5 * (S + S.T)) @ inverse / scale)
+    return ways.along(_root(inverse @ (0.5 * (S + S.T)) @ inverse / scale))
 
 
 def _recent(item: Experiment, rows: int) -> Experiment:

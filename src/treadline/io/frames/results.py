@@ -3,10 +3,10 @@
 import csv
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,41 +22,35 @@ ENDINGS = (".csv", ".jsonl")
 _NUMBER = re.compile(r"[+-]?\d+(\.\d+)?")
 
 
-class HeadingTable:
-    """File with a row per frame, written row by row, so that an interrupted run leaves a readable table."""
+@contextmanager
+def heading_table(path: Path) -> Iterator[Callable[[Mapping[str, Any]], None]]:
+    """Open a file with a row per frame, written row by row, so that an interrupted run leaves a readable table.
 
-    def __init__(self, path: Path) -> None:
-        """Choose the format by the ending of the name.
+    Yields:
+        The function that appends the row of a frame.
 
-        Raises:
-            SettingsError: If the ending is neither .csv nor .jsonl.
-        """
-        if path.suffix.lower() not in ENDINGS:
-            raise SettingsError(f"--headings {path}: unknown format '{path.suffix}'; give .csv or .jsonl")
-        self._path = path
-        self._file: IO[str] | None = None
+    Raises:
+        SettingsError: If the ending of the name is neither .csv nor .jsonl.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in ENDINGS:
+        raise SettingsError(f"--headings {path}: unknown format '{path.suffix}'; give .csv or .jsonl")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        rows = csv.writer(file)
+        if suffix == ".csv":
+            rows.writerow((*COLUMNS, *STAIR_COLUMNS))
 
-    def __enter__(self) -> "HeadingTable":
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._file = self._path.open("w", encoding="utf-8", newline="")
-        if self._path.suffix.lower() == ".csv":
-            csv.writer(self._file).writerow((*COLUMNS, *STAIR_COLUMNS))
-        return self
+        def write(values: Mapping[str, Any]) -> None:
+            if suffix == ".csv":
+                stair = values["stair"] or {}
+                row = [values.get(column) for column in COLUMNS] + [stair.get(column) for column in STAIR_COLUMNS]
+                rows.writerow(["" if cell is None else cell for cell in row])
+            else:
+                file.write(json.dumps(plain(values), allow_nan=False) + "\n")
+            file.flush()
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        if self._file is not None:
-            self._file.close()
-
-    def write(self, values: Mapping[str, Any]) -> None:
-        """Append the row of a frame."""
-        assert self._file is not None  # noqa: S101 - for the type checker
-        if self._path.suffix.lower() == ".csv":
-            stair = values["stair"] or {}
-            row = [values.get(column) for column in COLUMNS] + [stair.get(column) for column in STAIR_COLUMNS]
-            csv.writer(self._file).writerow(["" if cell is None else cell for cell in row])
-        else:
-            self._file.write(json.dumps(plain(values), allow_nan=False) + "\n")
-        self._file.flush()
+        yield write
 
 
 class Summary:
