@@ -184,20 +184,18 @@ def _copied(log: Path, out: Path, *, force: bool) -> Answer:
         raise SettingsError(f"--out {out}: is the log itself; give another")
     make_way(out, force=force)
     bag = open_bag(out)
-    aside: list[Any] = []
     count = 0
+
+    def write(signal: Any, taken_s: float | None = None) -> None:
+        nonlocal count
+        bag(signal, taken_s)
+        count += 1
+
     try:
-        for taken_s, signal in recording.arrivals(aside.append):
-            for kept in aside:
-                bag(kept)
-            bag(signal, taken_s)
-            count += 1 + len(aside)
-            aside.clear()
-        for kept in aside:
-            bag(kept)
+        for taken_s, signal in recording.arrivals(write):
+            write(signal, taken_s)
     finally:
         bag.close()
-    count += len(aside)
     dropped = dict(recording.dropped)
     lines = [f"{out}: {count} signals from {source}", *(f"  dropped {number}: {reason}" for reason, number in dropped.items())]
     return Answer(values={"out": str(out), "signals": count, "dropped": dropped}, summary=lines)

@@ -55,6 +55,7 @@ class HeadingController:
         model = design.model
         self._design = design
         self._config = config
+        self.period_s = config.period_s
         self._observer = Observer(model, design.observer_gain, BELT_DIFFERENCE, design.disturbance_gain)
         self._inverse = None
         if (config.reconstruct or design.reconstruct) == "static":
@@ -63,11 +64,6 @@ class HeadingController:
             self._observer.check()
         self._correction = np.linalg.pinv(model.A) @ design.observer_gain
         self._last: tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"], bool] | None = None
-
-    @property
-    def period_s(self) -> float:
-        """Control period [s]."""
-        return self._config.period_s
 
     def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan | None = None) -> TrackCommand:
         """Return the command for one estimate; stop without an estimate, or with implausible numbers.

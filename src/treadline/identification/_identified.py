@@ -284,6 +284,8 @@ class Identified(Printable):
         self.judged = judged
         self.gram = gram
         """Gram matrix of the data, from which a later identification can continue."""
+        self.svd = found.evidence.svd
+        """Decomposed Hankel matrix of the observer's system."""
         self._found, self._method, self._shifts, self._differential = found, method, shifts, differential
         self._seconds = time.perf_counter() - started
 
@@ -297,11 +299,6 @@ class Identified(Printable):
         rows.append(("poles", ", ".join(f"{complex(*pole):.4g}" for pole in report.poles)))
         rows += [("warning", warning) for warning in report.warnings]
         return f"model of order {report.order} with {report.lags} lags ({report.method}), period {self.model.dt_s:g} s", rows
-
-    @property
-    def svd(self) -> HankelSvd:
-        """Decomposed Hankel matrix of the observer's system."""
-        return self._found.evidence.svd
 
     @cached_property
     @one_thread()

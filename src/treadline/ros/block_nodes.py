@@ -322,17 +322,13 @@ class GuardNode:
     def __init__(self, config: GuardConfig, awaited: tuple[str, ...] = (), gauge_m: float | None = None) -> None:
         self._guard = Guard(config)
         self._gauge_m = gauge_m
-        self._missing = set(awaited)
+        self.missing = set(awaited)
+        """Awaited nodes that have not reported yet."""
         self._estimate: HeadingEstimate | None = None
         self._plan: MotionPlan | None = None
         self._flipper_runs = False
         self._t_s = 0.0
         self._last_published: str | None = None
-
-    @property
-    def missing(self) -> set[str]:
-        """Awaited nodes that have not reported yet."""
-        return self._missing
 
     def listen(self, transport: Transport) -> None:
         """Subscribe to all readings, estimates, plans and proposals."""
@@ -358,7 +354,7 @@ class GuardNode:
         """Publish the commands that may reach the chair now."""
         self._t_s = t_s
         self.advance(t_s)
-        if self._missing:
+        if self.missing:
             self._publish(on.TRACKS_CMD, TrackCommand.stop(t_s))
             return
         tracks = self._guard.step(t_s, self._estimate)
@@ -404,7 +400,7 @@ class GuardNode:
 
     def _receive(self, message: object) -> None:
         if isinstance(message, Beat) and message.node != self.name:
-            self._missing.discard(message.node)
+            self.missing.discard(message.node)
             # The beat counts at its arrival, whatever the clock of its sender.
             self._guard.beat(message.node, self._t_s)
 

@@ -42,7 +42,8 @@ class FaultyPlant:
             self._check(fault)
         self._plant = plant
         self._given = tuple(faults)
-        self._faults: list[Fault] = []
+        self.faults: list[Fault] = []
+        """Faults of the run, those added while it runs included; the list grows with ``inject``."""
         self._seed = seed
         self._acts = tuple(acts)
         self._reset()
@@ -56,15 +57,10 @@ class FaultyPlant:
         self._readings: list[Reading] = []
         self._damage = Damage()
         self._conditions = UNCHANGED
-        self._faults[:] = self._given
-        self._sensors = SensorFaults(self._faults, self._seed, self._acts)
-        self._channel = CommandChannel(self._faults)
+        self.faults[:] = self._given
+        self._sensors = SensorFaults(self.faults, self._seed, self._acts)
+        self._channel = CommandChannel(self.faults)
         self._watchdog = Watchdog()
-
-    @property
-    def faults(self) -> Sequence[Fault]:
-        """Faults of the run, those added while it runs included; the sequence grows with ``inject``."""
-        return self._faults
 
     def inject(self, fault: Fault) -> None:
         """Add a fault while the chair runs; a fault that began earlier begins now.
@@ -75,7 +71,7 @@ class FaultyPlant:
             SettingsError: If the fault damages the chair itself, and the wrapped plant does not support damage.
         """
         self._check(fault)
-        self._faults.append(fault)
+        self.faults.append(fault)
         self._sensors.add(fault, self._tick * TICK_S)
         self._meet(self._tick * TICK_S)
 
@@ -89,11 +85,6 @@ class FaultyPlant:
             raise SettingsError("friction and payload of this plant cannot be changed, only those of a simulated chair can")
         self._conditions = conditions
         self._meet(self._tick * TICK_S)
-
-    @property
-    def damage(self) -> Damage:
-        """Present damage by faults and conditions."""
-        return self._damage
 
     def start(self) -> None:
         """Put the chair at its start pose and reset all faults."""
@@ -131,7 +122,7 @@ class FaultyPlant:
 
     def _meet(self, t_s: float) -> None:
         """Apply the damage at this time, and deliver commands that are due."""
-        damage = damage_of(self._faults, t_s, self._conditions)
+        damage = damage_of(self.faults, t_s, self._conditions)
         if damage != self._damage and self._chair is not None:
             self._chair.set_damage(damage)
         self._damage = damage

@@ -49,18 +49,13 @@ class Environment:
 
     root: Path
 
-    @property
-    def is_here(self) -> bool:
-        """Whether Gazebo is installed on this system itself."""
-        return self.root == Path("/")
-
     def inside(self, path: Path) -> str:
         """Return the path of a file as seen by a program inside the root folder."""
         return "/" + str(path.relative_to(self.root))
 
     def command(self, *words: str) -> list[str]:
         """Return the command line that runs a program inside the root folder."""
-        return list(words) if self.is_here else [shutil.which("chroot") or "chroot", str(self.root), *words]
+        return list(words) if self.root == Path("/") else [shutil.which("chroot") or "chroot", str(self.root), *words]
 
 
 class GazeboServer:
