@@ -139,9 +139,7 @@ class Edge(Sequencer[Stage]):
                 self._begin("lift", pitch)
             case "lift" if not self._turns_back and (self._touches(pitch, dt_s) or pitch > self._lifted_rad - CLOSE_RAD):
                 self._stage = "settle"
-            case "press" | "lift" | "settle" if self._turns_back or (
-                self._stage != "settle" and self._waited_s > config.patience_s
-            ):
+            case "press" | "lift" | "settle" if self._gives_up():
                 self._begin("lower", pitch)
             case "settle" | "leave" if pitch > self._lifted_rad + PROPPED_RAD:
                 self._stage = "barred"

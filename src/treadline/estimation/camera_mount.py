@@ -91,7 +91,6 @@ class MountEstimate:
     yaw_sigma_rad: float | None
     imu_tilt_rad: tuple[float, float]
     """Rotation about x_B and y_B from the IMU's down direction to the true one [rad]."""
-    imu_tilt_sigma_rad: tuple[float, float]
     frame_count: int
     """Number of frames with nonzero weight."""
 
@@ -223,7 +222,7 @@ def solve_mount(frames: Float[np.ndarray, "k 16"], config: MountConfig) -> Mount
     P = np.linalg.solve(H, np.linalg.solve(H, score_covariance).T)
     sigma = np.sqrt(np.maximum(np.diag(P), np.diag(np.linalg.inv(H))))
     pitch, roll, yaw, tilt_x, tilt_y, *_ = x.tolist()
-    pitch_sigma, roll_sigma, yaw_sigma, tilt_x_sigma, tilt_y_sigma, *_ = sigma.tolist()
+    pitch_sigma, roll_sigma, yaw_sigma, *_ = sigma.tolist()
     yaw_known = yaw_sigma <= config.yaw_known_rad
     return MountEstimate(
         t_s=float(frames[-1, 0]),
@@ -234,7 +233,6 @@ def solve_mount(frames: Float[np.ndarray, "k 16"], config: MountConfig) -> Mount
         yaw_rad=yaw if yaw_known else None,
         yaw_sigma_rad=yaw_sigma if yaw_known else None,
         imu_tilt_rad=(tilt_x, tilt_y),
-        imu_tilt_sigma_rad=(tilt_x_sigma, tilt_y_sigma),
         frame_count=int(np.count_nonzero(weights.min(axis=1) > 0.0)),
     )
 

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float
+from jaxtyping import Bool, Float
 from scipy.special import gammaincinv
 
 from treadline.identification._affine import Affine
@@ -99,32 +99,22 @@ class ConfidenceIntervals:
         Args:
             omega: Frequencies [rad per sample].
         """
-        _, magnitude = self._responses(omega)
-        return magnitude * self._gain_units()
-
-    def response(self, omega: Float[np.ndarray, " w"]) -> Complex[np.ndarray, "w p m"]:
-        """Return the frequency response in the record's units."""
-        G, _ = self._responses(omega)
-        return G * self._gain_units()
-
-    def _responses(self, omega: Float[np.ndarray, " w"]) -> tuple[Complex[np.ndarray, "w p m"], Float[np.ndarray, "w p m"]]:
         s, w, m = self.system, self.ways, self.units.input_count
         B, D, n = s.B[:, :m], s.D[:, :m], s.order
-        G = np.empty((len(omega), len(s.C), m), dtype=complex)
-        std = np.empty(G.shape)
+        std = np.empty((len(omega), len(s.C), m))
         for at, frequency in enumerate(omega):
             Phi = np.linalg.inv(np.exp(1j * frequency) * np.eye(n) - s.A)
             left, right = s.C @ Phi, Phi @ B
-            G[at] = s.C @ right + D
+            G = s.C @ right + D
             change = (
                 np.einsum("pn,nmk,mj->pjk", left, w.A, right, optimize=True)
                 + np.einsum("pnk,nj->pjk", w.C, right, optimize=True)
                 + np.einsum("pn,njk->pjk", left, w.B[:, :m], optimize=True)
                 + w.D[:, :m]
             )
-            along = np.conj(G[at]) / np.maximum(np.abs(G[at]), 1e-300)
+            along = np.conj(G) / np.maximum(np.abs(G), 1e-300)
             std[at] = np.linalg.norm((along[:, :, None] * change).real, axis=2)
-        return G, std
+        return std * self._gain_units()
 
     def _gain_units(self) -> Float[np.ndarray, "p m"]:
         return self.units.output_scale[:, None] / self.units.input_scale

@@ -12,7 +12,6 @@ from treadline.ros.channels import CHANNELS, Channel
 
 
 class _Subscriber(NamedTuple):
-    channel: str
     decoder: Decoder
     take: Callable[[Any], object]
 
@@ -103,7 +102,7 @@ class WireTransport:
             if not topic.read:
                 continue
             first = topic.name not in self._takers
-            self._takers.setdefault(topic.name, []).append(_Subscriber(channel, decoder, take))
+            self._takers.setdefault(topic.name, []).append(_Subscriber(decoder, take))
             depth = self.spare * spec.depth
             self.inbox.expect(topic.name, depth)
             if first:
@@ -116,7 +115,7 @@ class WireTransport:
             if message is None:
                 return count
             topic, data = message
-            for _, decoder, take in self._takers[topic]:
+            for decoder, take in self._takers[topic]:
                 signal = decoder.signal(topic, data)
                 if signal is not None:
                     take(signal)

@@ -192,7 +192,6 @@ class CloudMessage(NamedTuple):
     """Points of one message."""
 
     t_s: float
-    frame_id: str
     width: int
     height: int
     """Number of rows; 1 for an unorganised cloud."""
@@ -206,7 +205,7 @@ def point_cloud(r: CdrReader) -> CloudMessage:
     Raises:
         LogFormatError: If the declared sizes contradict each other.
     """
-    t_s, frame_id = r.stamp()
+    t_s, _ = r.stamp()
     height, width, count = r.uint32(), r.uint32(), r.uint32()
     if count > 64:  # usual clouds have four to nine
         raise LogFormatError(f"a cloud declares {count} fields; at most 64 are read")
@@ -229,4 +228,4 @@ def point_cloud(r: CdrReader) -> CloudMessage:
     )
     rows = np.frombuffer(data, np.uint8).reshape(height, row_step)[:, : width * step]
     values = np.ascontiguousarray(rows).reshape(-1).view(kind) if width * height else np.zeros(0, kind)
-    return CloudMessage(t_s, frame_id, width, height, values)
+    return CloudMessage(t_s, width, height, values)
