@@ -35,7 +35,7 @@ def mount(
         out: Calibration file to write. Default: camera.toml.
     """
     from treadline.cli._output import Share
-    from treadline.experiments.mount_calibration import MountStudy
+    from treadline.experiments.mount_calibration import MountStudy, write_calibration
     from treadline.io.topics import parse_topics
     from treadline.scenario.camera_file import read_camera
 
@@ -45,11 +45,10 @@ def mount(
     with Share("mount", lambda: study.share) as progress:
         for _ in progress.of(study.readings()):
             pass
-    found = study.calibration()
-    values = found.summary()
-    if found.reason is not None:
-        return Answer(values=values | {"path": None}, summary=[f"no mount: {found.reason}"], code=1)
-    found.write(out)
+    values, found = study.result()
+    if values["reason"] is not None:
+        return Answer(values=values | {"path": None}, summary=[f"no mount: {values['reason']}"], code=1)
+    write_calibration(out, values, found)
     return Answer(values=values | {"path": str(out)}, summary=_lines(values, log, out))
 
 

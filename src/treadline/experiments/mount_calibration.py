@@ -1,4 +1,4 @@
-"""Camera mount calibration from a recording: ``RgbdFrame | ImuSample | TrackReading -> CalibrationStudy``, written as camera.toml.
+"""Camera mount calibration from a recording: ``RgbdFrame | ImuSample | TrackReading -> values, camera.toml``.
 
 The log is read as in a replay. The IMU must be on the chair: an IMU on the camera turns with the mount and does not observe it. The
 detector receives no gravity: gravity transformed by the assumed mount would confirm the assumption.
@@ -7,7 +7,7 @@ detector receives no gravity: gravity transformed by the assumed mount would con
 import json
 from collections import Counter, deque
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,67 +36,15 @@ TURNED_RAD = 5.0 * DEG
 few frames of the first turn determine the yaw, and one bump changed it by a degree (a climb that was square after two seconds)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CalibrationStudy:
-    """Result of a mount calibration from one recording."""
-
-    camera: CameraFile
-    """Camera calibration with the nominal mount."""
-    estimate: MountEstimate | None
-    reason: str | None
-    """Reason for a missing estimate."""
-    frames: int
-    """Number of frames in the recording."""
-    counted: int
-    """Number of frames used in the estimate, or usable ones if there is no estimate."""
-    left_out: dict[str, int]
-    """Number of unused frames by reason."""
-    dropped: dict[str, int]
-    """Number of unusable messages by topic and reason."""
-    topics: dict[str, str | None]
-    """Topic of each role."""
-
-    @property
-    def calibrated(self) -> CameraFile:
-        """Calibration with the estimated mount angles; an angle without an estimate stays nominal."""
-        found = {f"mount_{name}_deg": round(value, 4) for name in ANGLES if (value := self._deg(name)) is not None}
-        return self.camera.model_copy(update=found)
-
-    def summary(self) -> dict[str, Any]:
-        """Return the study as JSON values."""
-        angles = {f"{name}_deg": self._deg(name) for name in ANGLES}
-        sigmas = {f"{name}_sigma_deg": self._deg(f"{name}_sigma") for name in ANGLES}
-        change = {
-            name: None if (value := angles[f"{name}_deg"]) is None else value - getattr(self.camera, f"mount_{name}_deg")
-            for name in ANGLES
-        }
-        return {
-            "accepted": self.estimate is not None,
-            "reason": self.reason,
-            **angles,
-            **sigmas,
-            "change_deg": change,
-            "frames": self.frames,
-            "counted": self.counted,
-            "left_out": self.left_out,
-            "dropped": self.dropped,
-            "topics": self.topics,
-        }
-
-    def write(self, path: Path) -> None:
-        """Write the calibration with the estimated mount."""
-        values = self.summary()
-        known = ", ".join(
-            f"{name} ±{1.96 * values[f'{name}_sigma_deg']:.3f}" for name in ANGLES if values[f"{name}_sigma_deg"] is not None
-        )
-        lines = [f"# Mount estimated from {values['counted']} frames: {known} degrees (95 %); other angles are unchanged."]
-        # Numbers, strings and lists of JSON are also valid TOML.
-        table = self.calibrated.model_dump(mode="json", exclude_none=True)
-        write_whole(path, "\n".join([*lines, *(f"{key} = {json.dumps(value)}" for key, value in table.items())]) + "\n")
-
-    def _deg(self, name: str) -> float | None:
-        value = getattr(self.estimate, f"{name}_rad", None)
-        return None if value is None else value / DEG
+def write_calibration(path: Path, values: dict[str, Any], camera: CameraFile) -> None:
+    """Write a calibration with the estimated mount, as ``MountStudy.result`` returns both."""
+    known = ", ".join(
+        f"{name} ±{1.96 * values[f'{name}_sigma_deg']:.3f}" for name in ANGLES if values[f"{name}_sigma_deg"] is not None
+    )
+    lines = [f"# Mount estimated from {values['counted']} frames: {known} degrees (95 %); other angles are unchanged."]
+    # Numbers, strings and lists of JSON are also valid TOML.
+    table = camera.model_dump(mode="json", exclude_none=True)
+    write_whole(path, "\n".join([*lines, *(f"{key} = {json.dumps(value)}" for key, value in table.items())]) + "\n")
 
 
 class MountStudy:
@@ -157,8 +105,8 @@ class MountStudy:
                 yield reading
             tick += 1
 
-    def calibration(self) -> CalibrationStudy:
-        """Return the result so far."""
+    def result(self) -> tuple[dict[str, Any], CameraFile]:
+        """Return the result so far as JSON values, and the calibration; an angle without an estimate stays nominal."""
         config = MountConfig(camera=self._nominal if self._used is None else self._used)
         left_out, estimate = Counter(self._left_out), self._estimate
         reason = None
@@ -176,16 +124,27 @@ class MountStudy:
             left_out["outlier"] = kept - estimate.frame_count
             left_out["after the last solution"] = self._used_count - self._solved
             left_out[f"older than the last {config.memory_frames} usable frames"] = self._solved - kept
-        return CalibrationStudy(
-            camera=self._camera_file(config.camera),
-            estimate=estimate,
-            reason=reason,
-            frames=self._frames,
-            counted=self._used_count if estimate is None else estimate.frame_count,
-            left_out={why: count for why, count in left_out.most_common() if count > 0},
-            dropped=dict(self._recording.dropped),
-            topics=asdict(self._recording.topics),
-        )
+        nominal = self._camera_file(config.camera)
+
+        def degrees(name: str) -> float | None:
+            value = getattr(estimate, f"{name}_rad", None)
+            return None if value is None else value / DEG
+
+        known = {name: angle for name in ANGLES if (angle := degrees(name)) is not None}
+        values = {
+            "accepted": estimate is not None,
+            "reason": reason,
+            **{f"{name}_deg": known.get(name) for name in ANGLES},
+            **{f"{name}_sigma_deg": degrees(f"{name}_sigma") for name in ANGLES},
+            "change_deg": dict.fromkeys(ANGLES)
+            | {name: angle - getattr(nominal, f"mount_{name}_deg") for name, angle in known.items()},
+            "frames": self._frames,
+            "counted": self._used_count if estimate is None else estimate.frame_count,
+            "left_out": {why: count for why, count in left_out.most_common() if count > 0},
+            "dropped": dict(self._recording.dropped),
+            "topics": asdict(self._recording.topics),
+        }
+        return values, nominal.model_copy(update={f"mount_{name}_deg": round(angle, 4) for name, angle in known.items()})
 
     def _remedy(self, config: MountConfig) -> str:
         """Return the remedy for a recording that is only too short, else nothing."""

@@ -53,7 +53,9 @@ def ratio(value: float) -> str:
 
 
 def _number(value: float | None, digits: int = 2, unit: str = "") -> str:
-    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}{unit}"
+    if value is None:
+        return "–"
+    return f"{value:.2e}" if abs(value) >= 1e5 else f"{round(value, digits) + 0.0:.{digits}f}{unit}"
 
 
 def json_in_page(value: Any) -> str:

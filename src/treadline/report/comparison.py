@@ -143,13 +143,16 @@ def _row(entry: Figure, values: Values, results: Results) -> FigureRow:
     }
     if target is None:
         return FigureRow(**row)
-    row["target"] = f"{'≥' if entry.at_least else '≤'} {target:g}{suffix(entry.unit)}"
+    gap = None if not known else target - value if entry.at_least else value - target
     if results.quick and entry.from_runs:
-        return FigureRow(**row, verdict=QUICK)
-    if not known or values.get("early"):
-        return FigureRow(**row, verdict="missed: a run ended early" if values.get("early") else "missed")
-    gap = target - value if entry.at_least else value - target
-    return FigureRow(**row, verdict=REACHED if gap <= 0.0 else f"missed by {_rounded(gap, 2)}{suffix(entry.unit)}")
+        verdict = QUICK
+    elif values.get("early"):
+        verdict = "missed: a run ended early"
+    elif gap is None:
+        verdict = "missed"
+    else:
+        verdict = REACHED if gap <= 0.0 else f"missed by {_rounded(gap, 2)}{suffix(entry.unit)}"
+    return FigureRow(**row, target=f"{'≥' if entry.at_least else '≤'} {target:g}{suffix(entry.unit)}", verdict=verdict)
 
 
 def _written(value: float, unit: str) -> str:

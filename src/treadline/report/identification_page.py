@@ -115,14 +115,14 @@ class _Page:
         self.values["given_samples"] = sum(len(record) for record in self.records)
         self.values["given_records"] = len(self.records)
         fit, ahead = self.said.fit_percent, self.said.one_step_vaf_percent
-        self.values["fits"] = [(item, _number(fit.get(item.name)), _number(ahead.get(item.name))) for item in self.outputs]
+        self.values["fits"] = [(item, fit.get(item.name), ahead.get(item.name)) for item in self.outputs]
         self.values["extra"] = {
             "delays [samples]": ", ".join(map(str, self.said.delays)),
             "order the inputs excite": self.said.excitation_order,
         }
         if self.said.mirrored:
             self.values["extra"]["the inputs act by"] = "their difference alone"
-        self.values["gap"] = _number(self.said.gap)
+        self.values["gap"] = self.said.gap
         tried = self.said.candidates
         self.values["candidates"] = [item for k, item in enumerate(tried) if k < CANDIDATES_MOST or item.chosen]
         degrees, radians = ([c.name for c in (*self.inputs, *self.outputs) if mark in (c.unit or "")] for mark in ("°", "rad"))
@@ -249,9 +249,3 @@ def _pole_row(pole: complex, radius: float | None, dt_s: float) -> dict[str, str
         "time_constant": "∞" if abs(decay) < 1e-12 else f"{dt_s / abs(decay):.4g}",
         "remark": remark,
     }
-
-
-def _number(value: float | None) -> str:
-    if value is None:
-        return "–"
-    return f"{value:.2e}" if abs(value) >= 1e5 else f"{round(value, 2) + 0.0:.2f}"

@@ -89,27 +89,26 @@ def run_episode(
     """
     scenario = setup.scenario
     recorder = _EpisodeRecorder(scenario, setup.seed, sink)
-    refusal = "; ".join(setup.rejections) if setup.is_full_traversal and setup.rejections else None
-    if refusal is None and blocks is None:
-        blocks = setup.build_blocks()
+    refusal = "; ".join(setup.rejections) if setup.is_full_traversal else ""
+    blocks = None if refusal else blocks or setup.build_blocks()
     if setup.seat_shift is not None:
         recorder.log(Event(t_s=0.0, name="seat_shifted", cause=setup.seat_shift), 0.0)
-    if refusal is not None:
+    if refusal:
         recorder.log(Event(t_s=0.0, name="refused", cause=refusal), 0.0)
     plant = plant or setup.open_plant()
     faults = setup.scenario.fault if faults is None else faults
+    over: tuple[str, str | None] = ("refused", refusal)
     started = time.process_time() - compiling().spent_s
     try:
-        if blocks is None or refusal is not None:
+        if blocks is None:
             plant.start()
             recorder.collect(plant)
-            over: tuple[str, str | None] = ("refused", refusal)
         else:
             ending = Ending(setup.scenario, setup.mission.chair, attended=attended)
             over = _drive(ending, plant, blocks, recorder, watch, after_hold_s, faults)
     except SimulationDiverged as error:
         # A start that is refused may also be one in which no chair can be put down.
-        over = ("diverged", str(error)) if refusal is None else ("refused", refusal)
+        over = over if refusal else ("diverged", str(error))
     finally:
         plant.close()
     return recorder.result(over, time.process_time() - compiling().spent_s - started)
