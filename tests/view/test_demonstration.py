@@ -1,6 +1,8 @@
 """The demonstration: the shipped recording, and the offer to run it live."""
 
+import time
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import pytest
@@ -9,7 +11,7 @@ from treadline.playback import read_recording
 from treadline.scenario.scenario import read_scenario
 from treadline.view.demonstration import RECORDING, SCENARIO, LiveOffer, open_demonstration
 
-from .conftest import FakeWorker, a_run, session_of
+from .conftest import a_run, session_of
 
 
 def test_the_shipped_recording_is_small_and_of_the_present_format() -> None:
@@ -42,31 +44,32 @@ def test_a_recording_that_does_not_repeat_stops_at_its_end() -> None:
     assert not session.playing
 
 
-def test_the_live_run_is_offered_once_the_short_run_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Test: a worker that says nothing, and then that it has ended. Expected: the state in words, and then the offer."""
-    orders: list[Any] = []
+def test_the_live_run_is_offered_once_the_kernels_are_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Test: a compilation that waits, then ends. Expected: the state in words, then the offer; closing ends the process."""
+    begun, may_end, commands = Event(), Event(), []
 
-    class Compiling(FakeWorker):
-        def __init__(self, order: Any) -> None:
-            super().__init__()
-            orders.append(order)
-            self.said: list[Any] = []
+    class Compiling:
+        def __init__(self, command: list[str], **_: Any) -> None:
+            commands.append(command)
+            begun.set()
 
-        def receive(self) -> list[Any]:
-            return self.said
+        def wait(self) -> None:
+            may_end.wait(10.0)
 
-    worker = Compiling(None)
-    monkeypatch.setattr("treadline.view.demonstration.Worker", lambda order: orders.append(order) or worker)
+        def terminate(self) -> None:
+            commands.append(["terminated"])
+
+    monkeypatch.setattr("treadline.view.demonstration.subprocess.Popen", Compiling)
     monkeypatch.setattr("treadline.view.demonstration.FIRST_PICTURE_S", 0.0)
     offer = LiveOffer()
     assert not offer.is_ready
     assert "The recording plays" in offer.status
     offer.begin()
-    while len(orders) < 2:
-        pass
+    assert begun.wait(10.0)
     assert not offer.is_ready
-    assert "s so far" in offer.status
-    worker.said = [("ticks", None), ("end", ("time_up", None))]
-    assert offer.is_ready
+    may_end.set()
+    while not offer.is_ready:
+        time.sleep(0.01)
     assert "The simulator is ready" in offer.status
     offer.close()
+    assert [command[-1] for command in commands] == ["compile", "terminated"]

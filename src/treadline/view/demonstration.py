@@ -1,13 +1,12 @@
 """Demonstration: the shipped recording of a climb, and the offer to run it live. ``-> Session``, ``compilation -> status``."""
 
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
 
-from treadline.scenario.scenario import Start, read_scenario
-from treadline.view._feed import FASTEST
-from treadline.view._messages import Order
-from treadline.view._process import Worker
+from treadline.core.processes import killed_with_starter
 from treadline.view._session import Session
 from treadline.view.opening import open_live, open_recorded
 
@@ -20,8 +19,6 @@ FIRST_PHASE = "mount"
 
 FIRST_PICTURE_S = 5.0
 """Time from the first page to the start of compiling [s]: the browser draws its first picture with the whole processor."""
-WARM_UP_S = 6.0
-"""Duration of the run that compiles [s], as of the job of ``treadline compile``: the chair turns, climbs and tracks nosings."""
 
 
 def open_demonstration() -> Session:
@@ -38,12 +35,12 @@ def open_demonstration() -> Session:
 
 
 class LiveOffer:
-    """Offer to run the scenario live, as soon as a short run in a process of its own has compiled the kernels."""
+    """Offer to run the scenario live, as soon as ``treadline compile`` has ended in a process of its own."""
 
     def __init__(self) -> None:
         self._timer = threading.Timer(FIRST_PICTURE_S, self._compile)
         self._timer.daemon = True
-        self._worker: Worker | None = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._began_s = 0.0
         self._ended: str | None = None
 
@@ -52,18 +49,17 @@ class LiveOffer:
         self._timer.start()
 
     def _compile(self) -> None:
-        scenario = read_scenario(SCENARIO)
-        update = {"start": Start(place="flight", step=4), "drive": scenario.drive.model_copy(update={"duration_s": WARM_UP_S})}
+        """Compile, and wait for the end: the process ends with the thread that started it."""
         self._began_s = time.monotonic()
-        self._worker = Worker(Order(scenario=scenario.model_copy(update=update), seed=0, speed=FASTEST))
+        command = [sys.executable, "-m", "treadline", "compile"]
+        nothing, with_this = subprocess.DEVNULL, killed_with_starter()
+        self._process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing, preexec_fn=with_this)  # noqa: S603, PLW1509 - prctl alone
+        self._process.wait()
+        self._ended = f"{time.monotonic() - self._began_s:.0f} s"
 
     @property
     def is_ready(self) -> bool:
         """Whether the kernels are compiled, or compiling has failed, so that the run itself would say why."""
-        if self._worker is not None and self._ended is None:
-            ends = [value for kind, value in self._worker.receive() if kind in ("end", "error")]
-            if ends or not self._worker.is_alive:
-                self._ended = f"{time.monotonic() - self._began_s:.0f} s"
         return self._ended is not None
 
     @property
@@ -71,10 +67,8 @@ class LiveOffer:
         """State of the compilation in a sentence."""
         if self.is_ready:
             return f"The simulator is ready (compiled in {self._ended})."
-        said = f": {time.monotonic() - self._began_s:.0f} s so far" if self._worker is not None else ""
-        return (
-            f"The recording plays; meanwhile the simulator is compiled for this machine, once, which takes a minute or two{said}."
-        )
+        said = f": {time.monotonic() - self._began_s:.0f} s so far" if self._process is not None else ""
+        return f"The recording plays; meanwhile the simulator is compiled for this machine, once, which takes about a minute{said}."
 
     def open(self) -> Session:
         """Return the live session, whose simulation starts at once."""
@@ -83,5 +77,5 @@ class LiveOffer:
     def close(self) -> None:
         """End the process."""
         self._timer.cancel()
-        if self._worker is not None:
-            self._worker.close()
+        if self._process is not None:
+            self._process.terminate()
