@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -22,21 +21,12 @@ SHADES = {"tread": 190, "riser": 90}
 DOWN_W = np.array([0.0, 0.0, -1.0])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WarmUpPose:
-    """Pose of the chair before, on, or at the end of a flight."""
-
-    from_foot_m: float
-    """Horizontal distance from the first nosing to mid-track [m], positive on the flight."""
-    pitched: bool
-    """Whether the chair lies on the flight."""
-    heading_rad: float
-    steps: int = STEPS
-
-
-VIEWS = tuple(
-    WarmUpPose(from_foot_m=from_foot_m, pitched=pitched, heading_rad=heading_deg * DEG, steps=steps)
-    for (from_foot_m, pitched, steps), heading_deg in itertools.product(
+View = tuple[float, bool, int, float]
+"""Pose of the chair: horizontal distance from the first nosing to mid-track [m], positive on the flight; whether the chair lies on
+the flight; number of steps; heading [rad]."""
+VIEWS: tuple[View, ...] = tuple(
+    (*place, heading_deg * DEG)
+    for place, heading_deg in itertools.product(
         ((-1.6, False, STEPS), (-1.0, False, STEPS), (0.9, True, STEPS), (1.2, True, 6)), (0.0, 8.0)
     )
 )
@@ -61,19 +51,20 @@ def stair_frames(camera: PinholeCamera, *, rises: bool) -> Iterator[tuple[RgbdFr
 
 
 def _frame(
-    camera: PinholeCamera, view: WarmUpPose, rng: np.random.Generator, *, rises: bool
+    camera: PinholeCamera, view: View, rng: np.random.Generator, *, rises: bool
 ) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
+    from_foot_m, pitched, steps, heading_rad = view
     towards = math.copysign(1.0, float(camera.R_BC[0, 2]))  # the rear camera looks back
     up = 1.0 if rises else -1.0
     slope_rad = math.atan2(RISE_M, RUN_M)
     # A chair on a flight has its front uphill, whichever way it looks.
-    R_WB = rotation_z(view.heading_rad) @ rotation_y(-slope_rad if view.pitched else 0.0)
-    height_m = up * RISE_M * view.from_foot_m / RUN_M if view.pitched else 0.0
-    p_WC = R_WB @ np.array(camera.mount_m) + np.array([towards * view.from_foot_m, 0.0, height_m])
+    R_WB = rotation_z(heading_rad) @ rotation_y(-slope_rad if pitched else 0.0)
+    height_m = up * RISE_M * from_foot_m / RUN_M if pitched else 0.0
+    p_WC = R_WB @ np.array(camera.mount_m) + np.array([towards * from_foot_m, 0.0, height_m])
     v, u = np.mgrid[0 : camera.height_px, 0 : camera.width_px]
     rays_C = camera.pixel_to_point(u, v)
     rays_W = rays_C @ (R_WB @ camera.R_BC).T
-    depth_m, shade = _cast(towards * rays_W[..., 0], rays_W[..., 2], towards * p_WC[0], p_WC[2], up * RISE_M, view.steps)
+    depth_m, shade = _cast(towards * rays_W[..., 0], rays_W[..., 2], towards * p_WC[0], p_WC[2], up * RISE_M, steps)
     depth_m = np.where(depth_m < RANGE_M, depth_m, np.nan)
     depth_m += NOISE * depth_m**2 * rng.standard_normal(depth_m.shape)
     grey = np.clip(shade + 4.0 * rng.standard_normal(shade.shape), 0.0, 255.0).astype(np.uint8)
