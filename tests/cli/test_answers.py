@@ -81,7 +81,7 @@ def test_doctor_tells_optional_parts_from_required_ones(run, monkeypatch: pytest
     done = run("doctor")
     assert done.code == 0
     lines = done.out.splitlines()
-    assert re.fullmatch(r"all required parts are there; \d+ optional ones? (is|are) missing", lines[-1])
+    assert re.fullmatch(r"missing: 0 required, [1-9]\d* optional", lines[-1])
     row = next(k for k, line in enumerate(lines) if line.startswith("  pyarrow"))
     assert lines[row].split()[1:3] == ["missing", "identify"]  # what it enables; how to get it has a line of its own
     assert lines[row + 1].split(":", 1) == [f"{'':27}to get it", "   pip install '.[parquet]'"]
@@ -89,7 +89,7 @@ def test_doctor_tells_optional_parts_from_required_ones(run, monkeypatch: pytest
     assert (required["mujoco-core"], required["pyarrow"], required["rospy"], required["Gazebo"]) == (True, False, False, False)
     without("scipy")
     done = run("doctor")
-    assert (done.code, done.out.splitlines()[-1].split(";")[0]) == (1, "1 required part is missing")
+    assert (done.code, done.out.splitlines()[-1].split(",")[0]) == (1, "missing: 1 required")
 
 
 def shell(line: str, **environment: str) -> subprocess.CompletedProcess[str]:

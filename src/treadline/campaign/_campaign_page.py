@@ -63,7 +63,7 @@ def write_page(
         views={index: Markup(view) for index, view in (views or {}).items()},  # noqa: S704 - drawn by this package
         colours=COLOURS,
         up=name,
-        up_with_unit=_with_unit(name, _unit(summary["score"])),
+        up_with_unit=_titled(name, summary["score"]),
         scores=[_score_row(name, score) for name, score in summary["scores"].items()],
     )
     write_whole(folder / "report.html", page)
@@ -105,13 +105,13 @@ def _chart(rows: Sequence[Row], drawn: Sequence[str], score: str) -> dict[str, A
     if key is None:
         return None
     shown = [row for row in scored if _is_number(row.get(key))]
-    titles = (_with_unit(key, _unit(key)), _with_unit(score_name(score), _unit(score)))
+    titles = (_titled(key, key), _titled(score_name(score), score))
     return _scatter(shown, (key, score), titles, lambda verdict: 6.0 if verdict == "fell" else 3.0)[0] | {"key": key}
 
 
 def _frontier(rows: Sequence[Row], found: Frontier) -> dict[str, Any]:
     """Return the chart of all runs over the two quantities that separate failures best, with the contours of their share."""
-    across, up = (_with_unit(key, _unit(key)) for key in found.keys)
+    across, up = (_titled(key, key) for key in found.keys)
     chart, axes = _scatter(rows, found.keys, (across, up), lambda verdict: 3.0 if verdict in ARRIVED else 5.0)
     lines = {level: "".join(_path(line, axes) for line in contour) for level, contour in found.contours.items()}
     return chart | {"names": found.keys, "lines": {level: line for level, line in lines.items() if line}}
@@ -195,5 +195,5 @@ def _unit(key: str) -> str:
     return score_unit(key) or score_unit(key.rstrip(".0123456789"))
 
 
-def _with_unit(name: str, unit: str) -> str:
-    return f"{name} [{unit}]" if unit else name
+def _titled(name: str, key: str) -> str:
+    return f"{name} [{unit}]" if (unit := _unit(key)) else name

@@ -68,8 +68,6 @@ class SweepPlan:
         least = generation_size(self.runs) if self.adversarial else 1
         if self.runs < least:
             raise SettingsError(f"--runs is {self.runs}; at least {least}")
-        if self.seed < 0:
-            raise SettingsError(f"--seed is {self.seed}; at least 0")
         if self.adversarial and not self.spec.dimension:
             raise SettingsError(f"{self.spec.path}: no random draws, so there is nothing to search; add a draw")
 

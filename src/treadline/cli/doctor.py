@@ -38,22 +38,12 @@ def doctor() -> Answer:
         if not part["installed"]:
             lines.append(f"  {'':24} to get it:   {part['remedy']}")
     missing, optional = (sum(not part["installed"] for part in parts if part["required"] is kind) for kind in (True, False))
-    lines.append(_there(missing, optional))
+    lines.append(f"missing: {missing} required, {optional} optional")
     return Answer(
         values={"parts": parts, "treadline": __version__, "python": sys.version.split()[0]},
         summary=lines,
         code=1 if missing else 0,
     )
-
-
-def _there(missing: int, optional: int) -> str:
-    """Return the last line: the required parts, and the optional ones, which nobody need have."""
-    required = "all required parts are there" if not missing else f"{missing} required {_are(missing)} missing"
-    return required + (f"; {optional} optional {_are(optional, 'one')} missing" if optional else "")
-
-
-def _are(count: int, what: str = "part") -> str:
-    return f"{what} is" if count == 1 else f"{what}s are"
 
 
 def _part(name: str, module: str, enables: str, remedy: str, *, required: bool) -> dict[str, object]:

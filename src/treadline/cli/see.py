@@ -123,7 +123,8 @@ def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None
             seen.append(values)
             if table is not None:
                 table(values)
-    notes = [*(f"warning: {warning}" for warning in frames.warnings), *_warnings(seen)]
+    found = dict.fromkeys(item["warning"] for item in seen if item["accepted"] and item["warning"] is not None)
+    notes = [f"warning: {warning}" for warning in (*frames.warnings, *found)]
     if isinstance(frames, SeveralFrames) and len(seen) == 1:
         (values,) = seen
         return Answer(
@@ -170,13 +171,6 @@ def _line(seen: dict[str, Any]) -> str:
 
 def _step_text(stair: dict[str, Any]) -> str:
     return f"rise {1e3 * stair['rise_m']:.0f} mm, run {1e3 * stair['run_m']:.0f} mm"
-
-
-def _warnings(seen: list[dict[str, Any]]) -> list[str]:
-    """Return the warnings about the calibration, each once for all frames."""
-    return [
-        f"warning: {warning}" for warning in {item["warning"]: None for item in seen if item["accepted"]} if warning is not None
-    ]
 
 
 def _see_live(
@@ -226,9 +220,8 @@ def _see_live(
             raise
         except KeyboardInterrupt:
             pass  # Ctrl-C is how a person ends a live view
-    notes = [f"warning: {warning}" for warning in frames.warnings]
-    if last.get("warning") is not None:
-        notes.append(f"warning: {last['warning']}")
+    warnings = (*frames.warnings, last.get("warning"))
+    notes = [f"warning: {warning}" for warning in warnings if warning is not None]
     pictures = [] if picture is None else [f"newest picture: {picture}"]
     return Answer(
         values={"camera": device.name, "summary": summary.values, "last": last or None, "warnings": frames.warnings},

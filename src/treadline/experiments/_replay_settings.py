@@ -122,31 +122,28 @@ class ReplaySettings:
                 return None
             logged = PinholeCamera(width_px=size[0], height_px=size[1], **given)
         sizes = {f"{side}_px": self.values[f"camera.{side}"] or getattr(logged, f"{side}_px") for side in ("width", "height")}
-        return self._mounted(replace(logged, **given, **sizes))
+        return self._mounted(replace(logged, **sizes))
 
     def _mounted(self, camera: PinholeCamera) -> PinholeCamera:
+        """Return a camera on the chair's mount, with the values that are set."""
         nominal = self.mission.chair.camera_at()
-        return replace(camera, **self.changed_fields({name: getattr(nominal, name) for name in MOUNT}, "camera"))
+        mount: dict[str, Any] = {name: getattr(nominal, name) for name in MOUNT}
+        mounted: PinholeCamera = self.changed(replace(camera, **mount), "camera")
+        return mounted
 
     def changed(self, config: Any, table: str) -> Any:
-        """Return a block's settings with the keys of a table that are set.
+        """Return a block's settings with the keys of a table that are set; angles in radians.
 
         The other values are not converted to degrees and back, which would change their last bits.
         """
-        return replace(config, **self.changed_fields({item.name: getattr(config, item.name) for item in fields(config)}, table))
-
-    def changed_fields(self, values: dict[str, Any], table: str) -> dict[str, Any]:
-        """Return fields by name, with the keys of a table that are set; angles in radians."""
         changed = {}
-        for name, value in values.items():
-            key = f"{table}.{name.replace('_rad', '_deg')}"
+        for name in (item.name for item in fields(config)):
+            value, given = getattr(config, name), self.given.get(f"{table}.{name.replace('_rad', '_deg')}")
             if is_dataclass(value):
                 changed[name] = self.changed(value, f"{table}.{name}")
-            elif self.given.get(key) is None:
-                changed[name] = value
-            else:
-                changed[name] = self.given[key] * DEG if "_rad" in name else self.given[key]
-        return changed
+            elif given is not None:
+                changed[name] = given * DEG if "_rad" in name else given
+        return replace(config, **changed)
 
     def as_tables(self) -> dict[str, Any]:
         """Return the values as nested tables, with the name of the controller."""

@@ -202,9 +202,9 @@ def _table_two(results: Results) -> Iterator[tuple[str, Values]]:
     for along, across in sorted({tuple(cell.friction) for cell in results.table2}):
         cells = [cell for cell in results.table2 if cell.friction == [along, across]]
         on_paper = cells[0].friction == PAPER_FRICTION
-        slopes = _distinct([cell.slope_deg for cell in cells])
+        slopes = sorted({cell.slope_deg for cell in cells})
         common = {"friction": f"friction {along:g}/{across:g}", "part": f"table2/{along:g}-{across:g}"}
-        for start in _distinct([cell.start_heading_deg for cell in cells])[::-1]:
+        for start in sorted({cell.start_heading_deg for cell in cells})[::-1]:
             yield "table2, start", common | _average([cell for cell in cells if cell.start_heading_deg == start], start)
         for slope in slopes:
             here = [cell for cell in cells if cell.slope_deg == slope]
@@ -222,7 +222,7 @@ def _means(cells: Sequence[Cell]) -> Values:
     """Return the means of some cells over their slopes; a cell whose runs all ended early has none."""
     headings = [cell.rms_heading_deg for cell in cells if cell.rms_heading_deg is not None]
     yaws = [cell.rms_yaw_deg for cell in cells if cell.rms_yaw_deg is not None]
-    slopes = _distinct([cell.slope_deg for cell in cells if cell.rms_heading_deg is not None])
+    slopes = sorted({cell.slope_deg for cell in cells if cell.rms_heading_deg is not None})
     return {
         "slopes": _listed(slopes) or "no slope",
         "rms_heading_deg": float(np.mean(headings)) if headings else None,
@@ -253,7 +253,7 @@ def _average(cells: Sequence[Cell], start_deg: float) -> Values:
 def _worst(cells: Sequence[Cell]) -> Values:
     """Return roll-back and settling time of the worst start on one slope."""
     times = [cell.settle_s for cell in cells]
-    starts = _distinct([cell.start_heading_deg for cell in cells])[::-1]
+    starts = sorted({cell.start_heading_deg for cell in cells})[::-1]
     return {
         "slope": cells[0].slope_deg,
         "roll_back_m": max(cell.roll_back_m for cell in cells),
@@ -318,7 +318,7 @@ def _published_turns(cells: Sequence[Cell], slopes: Sequence[float]) -> Iterator
 def _lug_groups(runs: Sequence[BeltRun]) -> Iterator[tuple[str, Values]]:
     """Yield comfort and roll-back with lugs next to those with smooth belts: turns by slope, then whole traversals."""
     turns, whole = ([run for run in runs if run.is_turn is turn] for turn in (True, False))
-    slopes = _distinct([run.slope_deg for run in turns])
+    slopes = sorted({run.slope_deg for run in turns})
     by_slope = [([run for run in turns if run.slope_deg == slope], f" in the turn at {slope:g}°") for slope in slopes]
     courses = sorted({run.course for run in whole})
     by_course = [([run for run in whole if run.course == course], f", {course}") for course in courses]
@@ -399,10 +399,6 @@ def _models(results: Results) -> Iterator[tuple[str, Values]]:
     main = results.fig08
     share = f"{main.yaw_rate_vaf_percent:.0f} %"
     yield "fig08", {"slope": main.slope_deg, "share": share, "conditions": main.conditions}
-
-
-def _distinct(values: Sequence[float]) -> list[float]:
-    return sorted(set(values))
 
 
 def _listed(degrees: Sequence[float]) -> str:

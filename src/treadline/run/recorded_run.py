@@ -47,7 +47,8 @@ def recorded_run(
         TreadlineError: Before anything is written, if the setup cannot be run.
     """
     blocks = None if setup.is_full_traversal and setup.rejections else setup.build_blocks()
-    more: dict[str, Any] = {**setup.manifest()}
+    plugins = setup.mission.plugins.sources()
+    more: dict[str, Any] = {"plugins": plugins} if plugins else {}
     if blocks is not None:
         more["guard"] = asdict(blocks.guard.config)  # plots draw the limits that applied
     return write_run(folder, setup, more, setup.mission.controller, blocks=blocks, image_every=image_every, watch=watch)

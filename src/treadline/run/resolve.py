@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -112,11 +113,6 @@ class Setup:
         if self.rejections and has_none and self.mission.loop == "closed":
             raise SettingsError(f"check refuses this scenario: {'; '.join(self.rejections)}")
 
-    def manifest(self) -> dict[str, dict[str, str]]:
-        """Return the plug-ins of the run for its manifest, by kind; empty without plug-ins."""
-        sources = self.mission.plugins.sources()
-        return {"plugins": sources} if sources else {}
-
 
 def resolve(
     scenario: str | Path | Scenario,
@@ -158,7 +154,9 @@ def resolve(
         mission = replace(mission, chair=with_seat_shifted(chair, run.chair.seat_shift_m))
     is_shipped = design is None and plugins.controller is None and driver is None
     if is_shipped and given.control.loop == "closed":
-        mission = replace(mission, controller=_shipped(chair.name, is_needed=not rejections))
+        # A rejected scenario needs no controller.
+        with suppress(SettingsError) if rejections else nullcontext():
+            mission = replace(mission, controller=shipped_controller(chair.name))
     return Setup(
         scenario=run,
         seed=seed,
@@ -227,16 +225,6 @@ def ready(
             was = scenario.chair.seat_shift_m
             return moved, None, f"seat shifted by {(shift_m - was) * 1000.0:+.0f} mm along the chair: {report.reasons[0]}"
     return scenario, "; ".join(report.reasons), None
-
-
-def _shipped(vehicle: str, *, is_needed: bool) -> ControllerDesign | None:
-    """Return the shipped controller; None where none is shipped and the scenario is rejected anyway, for other reasons."""
-    try:
-        return shipped_controller(vehicle)
-    except SettingsError:
-        if is_needed:
-            raise
-        return None
 
 
 def resolved_blocks(
