@@ -329,6 +329,8 @@ class Recent(Generic[T]):
         """Return the value whose stamp is nearest to ``t_s``, the newest of several; None before the first value."""
         nearest, least_s = None, math.inf
         for stamp_s, value in reversed(self._values):
+            if stamp_s == t_s:
+                return value  # a frame is exposed at a tick, where the other sensors are read
             if abs(stamp_s - t_s) < least_s:
                 nearest, least_s = value, abs(stamp_s - t_s)
         return nearest

@@ -5,6 +5,7 @@ Only the types used in the logs; readers of ROS 2 (and the tests' independent de
 
 import struct
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -35,9 +36,9 @@ class MessageForm:
     def pack(self, t_s: float, *numbers: Sequence[float]) -> bytes:
         """Return the message with all times set to one time, and each group of numbers to its values."""
         data = bytearray(self._data)
-        stamp = divmod(nanoseconds_of(t_s), 1_000_000_000)
+        stamp = _stamp(t_s)
         for at in self._times:
-            _TIME.pack_into(data, at, *stamp)
+            data[at : at + 8] = stamp
         for (pack_into, at), values in zip(self._packers, numbers, strict=True):
             pack_into(data, at, *values)
         return bytes(data)
@@ -104,7 +105,7 @@ class CdrWriter:
     def time(self, t_s: float) -> None:
         """Append the part of a std_msgs/Header before the frame name."""
         self._align(4)
-        self._data += _TIME.pack(*divmod(nanoseconds_of(t_s), 1_000_000_000))
+        self._data += _stamp(t_s)
 
     def open_time(self) -> None:
         """Append a time that ``MessageForm.pack`` sets."""
@@ -158,6 +159,13 @@ def seconds_of(time_ns: int) -> float:
     return time_ns / 1e9 if rest else ticks * TICK_S
 
 
+@lru_cache(maxsize=16)  # all signals of a tick have the same few times
 def nanoseconds_of(t_s: float) -> int:
     """Return a mission time in nanoseconds."""
     return round(t_s * 1e9)
+
+
+@lru_cache(maxsize=16)
+def _stamp(t_s: float) -> bytes:
+    """Return a mission time as a builtin_interfaces/Time."""
+    return _TIME.pack(*divmod(nanoseconds_of(t_s), 1_000_000_000))
