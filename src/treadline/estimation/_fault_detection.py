@@ -62,6 +62,8 @@ class ActiveFaults:
 
     def most_severe(self, t_s: float) -> DetectedFault | None:
         """Return the most severe active fault."""
+        if not self._found:
+            return None
         return next((self._found[kind] for kind in get_args(HeadingFault) if self.is_active(kind, t_s)), None)
 
 

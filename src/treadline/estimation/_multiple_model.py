@@ -107,10 +107,11 @@ class MultipleModelKalmanFilter:
         """Integrate the gyro rate over ``dt``; return the error transition matrix."""
         model = self._model
         keep = math.exp(-dt / model.shared_s)
-        F: Float[np.ndarray, "4 4"] = kernels.propagate(
+        F: Float[np.ndarray, "4 4"]
+        F, moments = kernels.propagate(
             self._x, self._P, self._weights, self._walk, rate_rad_s, dt, model.bias_walk_rad_s2**2, keep, self._shared
         )
-        self._update_moments()
+        self.moments = MixtureMoments(*moments)
         return F
 
     def widen(self, variance: float) -> None:
@@ -143,5 +144,4 @@ class MultipleModelKalmanFilter:
         self._update_moments()
 
     def _update_moments(self) -> None:
-        heading, bias, scale, walk, variance, vision, vision_variance = kernels.moments(self._x, self._P, self._weights, self._walk)
-        self.moments = MixtureMoments(wrap(heading), bias, scale, math.sqrt(walk), variance, wrap(vision), vision_variance)
+        self.moments = MixtureMoments(*kernels.moments(self._x, self._P, self._weights, self._walk))

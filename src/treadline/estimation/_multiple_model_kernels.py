@@ -1,5 +1,6 @@
 """Compiled kernels of the multiple-model Kalman filter, called at 100 Hz."""
 
+import math
 from typing import no_type_check
 
 import numpy as np
@@ -13,20 +14,17 @@ STATES = 4
 @njit(cache=True)
 @no_type_check
 def moments(x, P, weights, walk):
-    """Return heading, bias, scale, variance of walk and heading, predicted vision heading and its variance.
-
-    Each is the weighted mean over the noise levels; variances include the spread between levels.
-    """
+    """Return the fields of ``MixtureMoments``: weighted means over the noise levels, variances with the spread between levels."""
     heading, shown = x[:, 0], x[:, 0] + x[:, 3]
     among, shown_among = heading - dot(weights, heading), shown - dot(weights, shown)
     shown_P = P[:, 0, 0] + 2.0 * P[:, 0, 3] + P[:, 3, 3]
     return (
-        heading[0] + dot(weights, heading - heading[0]),
+        (heading[0] + dot(weights, heading - heading[0]) + math.pi) % math.tau - math.pi,
         dot(weights, x[:, 1]),
         dot(weights, x[:, 2]),
-        dot(weights, walk),
+        math.sqrt(dot(weights, walk)),
         dot(weights, P[:, 0, 0] + among * among),
-        shown[0] + dot(weights, shown - shown[0]),
+        (shown[0] + dot(weights, shown - shown[0]) + math.pi) % math.tau - math.pi,
         dot(weights, shown_P + shown_among * shown_among),
     )
 
@@ -34,7 +32,9 @@ def moments(x, P, weights, walk):
 @njit(cache=True)
 @no_type_check
 def propagate(x, P, weights, walk, rate, dt, bias_walk, keep, shared):
-    """Propagate each level by the gyro rate, updating ``x`` and ``P`` in place. Return the error transition matrix.
+    """Propagate each level by the gyro rate, updating ``x`` and ``P`` in place.
+
+    Return the error transition matrix, and ``moments``.
 
     Args:
         x, P: States and covariances per level.
@@ -62,4 +62,4 @@ def propagate(x, P, weights, walk, rate, dt, bias_walk, keep, shared):
         P[level, 0, 0] += walk[level] * dt
         P[level, 1, 1] += bias_walk * dt
         P[level, 3, 3] += (1.0 - keep * keep) * shared
-    return F
+    return F, moments(x, P, weights, walk)

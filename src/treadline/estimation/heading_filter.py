@@ -99,6 +99,7 @@ class HeadingFilter:
         self._turned = 0.0
         self._disagreement = 0.0
         self._faults = ActiveFaults()
+        self._latest: HeadingEstimate | None = None
         self.rejected_count = 0
 
     def step(self, signal: ImuSample | HeadingMeasurement | TrackReading) -> HeadingEstimate | None:
@@ -113,7 +114,9 @@ class HeadingFilter:
                 self._correct(signal)
             case TrackReading():
                 self._update_belts(signal)
-        return self._estimate()
+                return self._latest  # belts do not move the heading
+        self._latest = self._estimate()
+        return self._latest
 
     @property
     def health(self) -> HeadingHealth | None:
@@ -136,15 +139,13 @@ class HeadingFilter:
     def _estimate(self) -> HeadingEstimate | None:
         if self._seen_s is None or self._t_s is None:
             return None
-        fresh = self._t_s - self._seen_s <= self._config.coast_s
+        moments, fresh = self._filters.moments, self._t_s - self._seen_s <= self._config.coast_s
         return HeadingEstimate(
             t_s=self._t_s,
-            heading_rad=self._filters.moments.heading,
+            heading_rad=moments.heading,
             # Without a gyro no rate is available.
-            heading_rate_rad_s=self._rate - self._filters.moments.bias if self._t_s == self._imu_s else 0.0,
-            sigma_rad=math.sqrt(
-                self._filters.moments.variance + self._config.vibration_sigma_rad**2 + self._config.systematic_sigma_rad**2
-            ),
+            heading_rate_rad_s=self._rate - moments.bias if self._t_s == self._imu_s else 0.0,
+            sigma_rad=math.sqrt(moments.variance + self._config.vibration_sigma_rad**2 + self._config.systematic_sigma_rad**2),
             source="vision" if fresh else "gyro",
         )
 
