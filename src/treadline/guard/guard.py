@@ -192,23 +192,21 @@ class Guard:
     # Readings
 
     def _is_new(self, signal: Reading | FrameQuality) -> bool:
-        new = self._admission.is_new(signal)
-        stamps = self._admission.timestamps
-        self._latch.hold(
-            self._now(math.nan), CauseKind.CLOCK, stamps.leap
-        )  # stamped by the guard's clock, not by the clock that leapt
-        self._report_rejection()
-        return new
+        if self._admission.is_new(signal):
+            return True
+        # Stamped by the guard's clock, not by the clock that leapt.
+        self._latch.hold(self._now(math.nan), CauseKind.CLOCK, self._admission.timestamps.leap)
+        return self._reject()
 
     def _is_timely(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan | TrackCommand) -> bool:
-        timely = self._admission.timestamps.accept(type(signal).__name__, signal.t_s)
-        self._report_rejection()
-        return timely
+        return self._admission.timestamps.accept(type(signal).__name__, signal.t_s) or self._reject()
 
-    def _report_rejection(self) -> None:
+    def _reject(self) -> bool:
+        """Report a stamp that was not accepted; return False."""
         rejection = self._admission.timestamps.rejection
         if rejection is not None:
             self._latch.report(self._now(math.nan), "rejected", rejection)
+        return False
 
     def _update(self, signal: Reading) -> None:
         match signal:

@@ -89,21 +89,8 @@ class Tick:
     """Whether the belt controller computed a new command at this tick."""
 
 
-def _no_log(signal: Signal, taken_s: float) -> None:
-    del signal, taken_s
-
-
 GuardMessage = StairMap | HeadingHealth | MotionPlan
 """Messages to the guard that carry a stamp of their own."""
-
-
-def _as_made(message: GuardMessage) -> GuardMessage:
-    return message
-
-
-def _never(t_s: float) -> bool:
-    del t_s
-    return False
 
 
 class Mission:
@@ -121,9 +108,9 @@ class Mission:
         self,
         plant: Plant,
         blocks: Blocks,
-        log: Callable[[Signal, float], None] = _no_log,
-        is_dead: Callable[[float], bool] = _never,
-        restamp: Callable[[GuardMessage], GuardMessage] = _as_made,
+        log: Callable[[Signal, float], None] = lambda _signal, _taken_s: None,
+        is_dead: Callable[[float], bool] = lambda _t_s: False,
+        restamp: Callable[[GuardMessage], GuardMessage] = lambda message: message,
     ) -> None:
         """Wire the blocks and start the plant."""
         self._plant = plant
@@ -149,7 +136,7 @@ class Mission:
         self._plant.advance(t_s)
         self._guard.advance(t_s)
         for reading in self._plant.read():
-            self._record(reading)
+            self._log(reading, self._t_s)
             if self._guard.admit(reading):
                 self._take(reading)
 
@@ -177,7 +164,7 @@ class Mission:
                 self._seat = self._guard.pass_seat(self._leveller.step(signal))
             case RgbdFrame():
                 for detected in self._camera.step(signal, self._guard.admit):
-                    self._record(detected)
+                    self._log(detected, self._t_s)
                     if not isinstance(detected, Event):
                         self._take(detected)
             case HeadingMeasurement():
@@ -206,23 +193,20 @@ class Mission:
             self._guard.propose(command)
         return self._driver.is_due and plan.turn_m_s is None
 
-    def _record(self, signal: Signal) -> None:
-        self._log(signal, self._t_s)
-
     def _report(self, tracks: TrackCommand, flipper: FlipperCommand | None, plan: MotionPlan, *, proposed: bool) -> None:
         """Log the results of the tick."""
         if self._estimate is not None:
-            self._record(self._estimate)
+            self._log(self._estimate, self._t_s)
         belts = (tracks.left_m_s, tracks.right_m_s)
         if proposed or tracks.brake or plan.turn_m_s is not None or belts != self._belts:
-            self._record(tracks)  # each change of the belt command, also during a ramp of the guard
+            self._log(tracks, self._t_s)  # each change of the belt command, also during a ramp of the guard
         self._belts = belts
         if flipper is not None:
-            self._record(flipper)
+            self._log(flipper, self._t_s)
         if self._leveller is not None:
-            self._record(self._seat)
+            self._log(self._seat, self._t_s)
         if plan.phase != self._phase:
             self._phase = plan.phase
-            self._record(Event(t_s=plan.t_s, name=plan.phase, cause=plan.cause))
+            self._log(Event(t_s=plan.t_s, name=plan.phase, cause=plan.cause), self._t_s)
         for event in self._guard.take_events():
-            self._record(event)
+            self._log(event, self._t_s)

@@ -80,7 +80,7 @@ class Actuators:
         """
         rate = 0.0 if flipper is None else flipper.rate_rad_s
         command = (tracks.left_m_s, tracks.right_m_s, float(tracks.brake), seat.rate_m_s, rate)
-        if not all(math.isfinite(value) for value in command):
+        if not all(map(math.isfinite, command)):
             raise SimulationDiverged(f"a command is not finite at {tracks.t_s:.2f} s: {command}")
         self.command[:] = command
 

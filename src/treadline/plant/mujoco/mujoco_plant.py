@@ -57,7 +57,7 @@ class MujocoPlant(InstrumentedPlant):
         streams = np.random.default_rng(seed).spawn(8)
         self._scenario = scenario
         self._chair = chair
-        self._physics = physics
+        self._physics, self._substeps = physics, physics.substeps
         self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
         direction = 1 if scenario.drive.direction == "up" else -1
         camera = make_camera(scenario, self.staircase, chair, statistical_rng=streams[3], render_rng=streams[4])
@@ -272,7 +272,7 @@ class MujocoPlant(InstrumentedPlant):
             model.body_ipos[self._seat_body],
             data.xfrc_applied[self._seat_body],
             data.xmat[self._seat_body],
-            self._physics.substeps,
+            self._substeps,
             (self._physics.tolerance_m_s2, self._physics.max_solves),
             belt_side,
             self._drives.motor,
@@ -303,7 +303,7 @@ class MujocoPlant(InstrumentedPlant):
             SimulationDiverged: If the result is numerically invalid.
         """
         began_s = self._data.time
-        expected_s = began_s + ticks * self._physics.substeps * self._physics.timestep_s
+        expected_s = began_s + ticks * self._substeps * self._physics.timestep_s
         fault = kernels.advance(ticks, friction, log, *self._memory)
         in_time = abs(self._data.time - expected_s) <= 1e-6 * max(1.0, expected_s)
         if fault == kernels.SOUND and in_time:
@@ -354,7 +354,7 @@ class MujocoPlant(InstrumentedPlant):
             flipper_torque_n_m=numbers[kernels.FLIPPER_TORQUE],
             reach_m=row[kernels.SUPPORT : kernels.SUPPORT + 4],
             contact_force_share=numbers[kernels.FORCE_MAX] / self._weight_n,
-            airborne_share=numbers[kernels.AIRBORNE] / self._physics.substeps,
+            airborne_share=numbers[kernels.AIRBORNE] / self._substeps,
             contact_residual_m_s2=numbers[kernels.RESIDUAL],
             hull_contacts=int(numbers[kernels.HULL]),
             traction_n=row[kernels.TRACTION : kernels.TRACTION + 2],
