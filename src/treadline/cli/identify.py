@@ -127,7 +127,8 @@ def identify(
     try:
         found = _streamed(logs, options) if _in_chunks(logs, options) else _whole(logs, options)
     except TooFewSamples as error:
-        raise TooFewSamples(f"{_titled(logs)}: {error}{_share_kept(options)}") from None
+        kept = "" if options.validate is None else f"; --validate {options.validate:g} keeps that share of each record back"
+        raise TooFewSamples(f"{_titled(logs)}: {error}{kept}") from None
     return _answer(found, options, _written(found, logs, options, out))
 
 
@@ -258,10 +259,6 @@ def _counted(found: "Identified") -> str:
     given, report = sum(len(record) for record in found.fitted), found.report
     windows = f"{report.samples} windows fitted, {report.dropped} omitted for gaps"
     return f"{given} samples; {windows}" if report.samples <= given else windows
-
-
-def _share_kept(asked: IdentifyOptions) -> str:
-    return "" if asked.validate is None else f"; --validate {asked.validate:g} keeps that share of each record back"
 
 
 def _write_page(found: "Identified", path: Path, logs: Sequence[Path]) -> None:

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -61,10 +61,11 @@ def sweep(
     from treadline.core.processes import default_workers
     from treadline.io.runs import JOURNAL, remove
     from treadline.run.resolve import resolved_blocks
+    from treadline.run.run_scores import Scores
 
     if workers is not None and workers < 1:
         raise SettingsError(f"--workers is {workers}; at least 1")
-    choice("--score", score, scores())
+    choice("--score", score, [field.name for field in fields(Scores) if field.name != "phases"])
     if resume and force:
         raise SettingsError("give --resume or --force, not both: one continues the sweep in the folder, the other replaces it")
     claim(out, force=force, resume=resume)
@@ -100,26 +101,18 @@ def sweep(
         raise
     values = summary | {"run": str(out), "seed": seed, "sampling": sampling}
     worst = summary["worst"][0]
+    figure = f"{worst[score]:.4g}" if isinstance(worst[score], float) else worst[score]
     rate = summary["traversals_per_cpu_hour"]
     return Answer(
         values=values,
         summary=[
             *lines(summary),
-            f"worst: run {worst['index']:04d} {worst['verdict']}, {score} {_short(worst[score])}; repeat it with",
+            f"worst: run {worst['index']:04d} {worst['verdict']}, {score} {figure}; repeat it with",
             f"  {worst['replay']}",
             f"results: {out}/runs.csv; report: {summary['report']}" + (f"; {rate:.0f} runs per CPU hour" if rate else ""),
         ],
         code=int(has_failures(summary)),
     )
-
-
-def scores() -> tuple[str, ...]:
-    """Return the names of the scores of a traversal that are numbers."""
-    from dataclasses import fields
-
-    from treadline.run.run_scores import Scores
-
-    return tuple(field.name for field in fields(Scores) if field.name != "phases")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,10 +137,6 @@ class RunScenario:
         builder = RecordingBuilder(setup.mission.chair, setup.scenario, seed=seed)
         summary = run_episode(setup, sink=builder, after_hold_s=watched_s).summary()
         return summary | view_of(builder.build())
-
-
-def _short(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def _spoken(duration_s: float) -> str:

@@ -110,7 +110,7 @@ class JobPool:
         """Queue jobs; return a function that waits for the jobs and returns their results in order."""
         if self._workers is None:
             return lambda: list(self._in_this_process(jobs))
-        futures = [self._workers.submit(_run, job) for job in jobs]
+        futures = [self._workers.submit(job.run) for job in jobs]
         self._open |= {future: job.title for future, job in zip(futures, jobs, strict=True)}
         self._report_running()
         for future in futures:
@@ -158,7 +158,3 @@ def _begin_worker() -> None:
     """Let Ctrl-C and the end of the parent process end a worker at once, without a traceback: the parent reports the interrupt."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     end_with_parent()
-
-
-def _run(job: Job[R]) -> R:
-    return job.run()

@@ -132,12 +132,9 @@ def _asked(command: str) -> tuple[str, str]:
         return "", ""
     if words[:1] != ["treadline"] or len(words) < 2:
         return "", ""
-    plain = [word for before, word in pairwise(words[1:]) if not word.startswith("-") and not _takes_next(before)]
+    valued = {word for word in words if word.startswith("--") and "=" not in word} - FLAGS
+    plain = [word for before, word in pairwise(words[1:]) if not word.startswith("-") and before not in valued]
     return words[1], plain[0] if plain else ""
-
-
-def _takes_next(word: str) -> bool:
-    return word.startswith("--") and "=" not in word and word not in FLAGS
 
 
 def _ending(verb: str, result: RunResult) -> str:

@@ -31,15 +31,10 @@ class _ExcitationDriver:
 
     def __init__(self, excitation: Excitation, period_s: float) -> None:
         self._excitation = excitation
-        self._period_s = period_s
-        self._t_s: list[float] = []
+        self.period_s = period_s
+        self.t_s: list[float] = []
         self._u: list[tuple[float, float]] = []
         self._y: list[tuple[float, float]] = []
-
-    @property
-    def period_s(self) -> float:
-        """Sampling period [s]."""
-        return self._period_s
 
     def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
         """Return the next random speeds; the recorded outputs precede their effect."""
@@ -47,7 +42,7 @@ class _ExcitationDriver:
         heading = 0.0 if estimate is None else estimate.heading_rad
         left, right = self._excitation.step(heading)
         if estimate is not None:
-            self._t_s.append(t_s)
+            self.t_s.append(t_s)
             self._u.append((left, right))
             self._y.append((estimate.heading_rad, estimate.heading_rate_rad_s))
         return TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right)
@@ -57,15 +52,10 @@ class _ExcitationDriver:
         return InputOutputRecord(
             u=np.array(self._u[:samples]).reshape(-1, len(INPUTS)),
             y=np.array(self._y[:samples]).reshape(-1, len(OUTPUTS)),
-            dt_s=self._period_s,
+            dt_s=self.period_s,
             input_names=INPUTS,
             output_names=OUTPUTS,
         )
-
-    @property
-    def first_t_s(self) -> float:
-        """Time of the first sample [s]."""
-        return self._t_s[0] if self._t_s else 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,7 +97,7 @@ def excite(
         run = run_episode(setup, watch=watch)
     else:
         run = write_run(folder, setup, {"excitation": asdict(config)}, image_every=image_every, watch=watch)
-    excited = Excited(record=driver.record(samples), first_t_s=driver.first_t_s, run=run)
+    excited = Excited(record=driver.record(samples), first_t_s=driver.t_s[0] if driver.t_s else 0.0, run=run)
     if folder is not None:
         write_record(folder / RECORD, excited.record, excited.first_t_s)
     return excited
