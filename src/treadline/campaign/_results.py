@@ -74,7 +74,7 @@ def summarise(rows: Sequence[Row], drawn: Sequence[str], choices: Sequence[str],
         "causes": dict(Counter(_kind(row) for row in rows if row["verdict"] != "arrived").most_common(20)),
         "scores": _scores([row for row in rows if row["verdict"] != "refused"], drawn),
         "score": score,
-        "worst": [_short(row, score) for row in worst(rows, score)],
+        "worst": [{name: row.get(name) for name in ("index", "seed", "verdict", "cause", score)} for row in worst(rows, score)],
     }
 
 
@@ -142,10 +142,6 @@ def _figures(rows: Sequence[Row], name: str) -> dict[str, Any] | None:
         "worst": float(values[bad]),
         "worst_run": found[bad]["index"],
     }
-
-
-def _short(row: Row, score: str) -> dict[str, Any]:
-    return {name: row.get(name) for name in ("index", "seed", "verdict", "cause", score)}
 
 
 def write_tables(folder: Path, rows: Sequence[Row]) -> list[Path]:

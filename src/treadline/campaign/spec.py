@@ -140,10 +140,6 @@ def scenario_toml(scenario: Scenario, note: str) -> str:
         tables = value if isinstance(value, tuple) else (value,)
         for one in tables:
             lines += ["", f"[[{table}]]" if isinstance(value, tuple) else f"[{table}]"]
-            lines += _keys(one)
+            # JSON writes strings, numbers, true and false as TOML does; numbers by repr, without loss.
+            lines += [f"{key} = {json.dumps(value)}" for key, value in one.items()]
     return "\n".join(lines) + "\n"
-
-
-def _keys(table: Mapping[str, Any]) -> list[str]:
-    # JSON writes strings, numbers, true and false as TOML does; numbers by repr, without loss.
-    return [f"{key} = {json.dumps(value)}" for key, value in table.items()]

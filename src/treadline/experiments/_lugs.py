@@ -42,19 +42,14 @@ SCORES = {
 """Key of a row and the run score that it holds."""
 
 
-def _on_belts(scenario: Scenario, belts: Belts) -> Scenario:
-    """Return the scenario with other belts and the statistical camera."""
-    return without_images(scenario).model_copy(update={"belts": belts})
-
-
 def lugged_turn(slope_deg: int, belts: Belts) -> Scenario:
-    """Return the turn from 30° on a slope."""
-    return _on_belts(turn(slope_deg, START_DEG, TURN_S), belts)
+    """Return the turn from 30° on a slope, with the statistical camera."""
+    return without_images(turn(slope_deg, START_DEG, TURN_S)).model_copy(update={"belts": belts})
 
 
 def lugged_traversal(belts: Belts) -> Scenario:
-    """Return the whole traversal."""
-    return _on_belts(read_scenario(TRAVERSAL), belts)
+    """Return the whole traversal, with the statistical camera."""
+    return without_images(read_scenario(TRAVERSAL)).model_copy(update={"belts": belts})
 
 
 def jobs(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> list[RunJob]:

@@ -63,7 +63,6 @@ class Excited:
     """Record of an excitation, and its run."""
 
     record: InputOutputRecord
-    first_t_s: float
     run: Traverse
 
 
@@ -97,9 +96,9 @@ def excite(
         run = run_episode(setup, watch=watch)
     else:
         run = write_run(folder, setup, {"excitation": asdict(config)}, image_every=image_every, watch=watch)
-    excited = Excited(record=driver.record(samples), first_t_s=driver.t_s[0] if driver.t_s else 0.0, run=run)
+    excited = Excited(record=driver.record(samples), run=run)
     if folder is not None:
-        write_record(folder / RECORD, excited.record, excited.first_t_s)
+        write_record(folder / RECORD, excited.record, driver.t_s[0] if driver.t_s else 0.0)
     return excited
 
 
