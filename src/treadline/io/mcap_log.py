@@ -82,15 +82,20 @@ class RunLog:
             signal: Signal with a stamp ``t_s``.
             taken_s: Mission time at which the signal was taken [s]; the stamp where it is left out.
         """
+        with deferred():
+            self.add(self.encoded(signal), signal.t_s, taken_s)
+
+    def encoded(self, signal: Any) -> list[Message]:
+        """Return the messages of a signal; none for a frame that is not kept."""
         if isinstance(signal, RgbdFrame):
             self._frames += 1
             if self._image_every == 0 or (self._frames - 1) % self._image_every:
-                return
+                return []
             self.kept_frame_s = signal.t_s
-        self.add(self._messages(signal), signal.t_s, taken_s)
+        return self._messages(signal)
 
     def add(self, messages: Sequence[Message], stamp_s: float, taken_s: float | None = None) -> None:
-        """Write encoded messages with one stamp.
+        """Write encoded messages with one stamp; the caller defers interrupts to the end.
 
         Args:
             taken_s: Mission time at which the messages were made [s]; the stamp where it is left out.
@@ -99,11 +104,10 @@ class RunLog:
         taken_ns = stamp_ns if taken_s is None or taken_s == stamp_s else nanoseconds_of(taken_s)
         channels, counts, write = self._channels, self._counts, self._writer.add_message
         try:
-            with deferred():
-                for topic, kind, data in messages:
-                    channel = channels.get(topic) or self._channel(topic, kind)
-                    write(channel, taken_ns, data, stamp_ns, counts[channel])
-                    counts[channel] += 1
+            for topic, kind, data in messages:
+                channel = channels.get(topic) or self._channel(topic, kind)
+                write(channel, taken_ns, data, stamp_ns, counts[channel])
+                counts[channel] += 1
         except OSError as error:
             raise self._unwritable(error) from None
 

@@ -150,8 +150,6 @@ class StairTracker:
                     self._see_across(signal)
                 else:
                     self._see(signal)
-            case _:
-                pass
         if self._next is not None and not isinstance(signal, StairMap):
             self._next.heading_rad = self.heading_rad
             self._next.update(signal)

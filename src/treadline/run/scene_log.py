@@ -109,7 +109,8 @@ class SceneLog:
         self._measured: HeadingMeasurement | None = None
         self._phase: tuple[str, str | None] = ("", None)
         self._waiting: list[tuple[Signal | Truth, float | None]] = []
-        self._begin(chair, loading, belts, staircase, backwards=backwards)
+        with deferred():
+            self._begin(chair, loading, belts, staircase, backwards=backwards)
 
     def __enter__(self) -> "SceneLog":
         return self
@@ -138,7 +139,7 @@ class SceneLog:
 
     def _write(self, signal: Signal | Truth, taken_s: float | None) -> None:
         """Write one signal, and the messages of the scene that follow from it."""
-        self._log(signal, taken_s)
+        self._log.add(self._log.encoded(signal), signal.t_s, taken_s)
         match signal:
             case ImuSample():
                 self._reckoning.update(signal)
@@ -159,15 +160,14 @@ class SceneLog:
                 self._has_truth = True
                 if _is_due(signal.t_s, SCENE_TICKS):
                     self._place(signal.t_s, taken_s, signal)
-            case _:
-                pass
 
     def saw(self, frame: RgbdFrame, seen: object) -> None:
         """Write the image with the detection of a frame whose images are kept."""
         self._flush()
         if frame.t_s == self._log.kept_frame_s and isinstance(seen, FrameResult) and seen.sight is not None:
             image = jpeg(overlay(frame, seen.sight))
-            self._log.add([compressed_message("/camera/overlay/compressed", frame.t_s, "camera", image)], frame.t_s)
+            with deferred():
+                self._log.add([compressed_message("/camera/overlay/compressed", frame.t_s, "camera", image)], frame.t_s)
 
     def _begin(
         self, chair: ChairDescription, loading: Chair, belts: Belts | None, staircase: Staircase | None, *, backwards: bool
