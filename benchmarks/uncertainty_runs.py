@@ -21,10 +21,7 @@ from treadline.core.models import ControllerDesign, write_whole
 from treadline.core.ports import TruthPlant
 from treadline.core.printing import plain
 from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.experiments import _dead_zone as dead_zone
-from treadline.experiments import _fig05 as fig05
-from treadline.experiments import _lugs as lugs
-from treadline.experiments import as_printed, fig11, plan
+from treadline.experiments import _dead_zone, _fig05, _lugs, as_printed, fig11, plan
 from treadline.experiments._sensitivity import MAIN_SOURCES
 from treadline.identification import IdentificationOptions, identify
 from treadline.mission.belt_controllers import ConstantSpeed
@@ -228,7 +225,7 @@ def _straight(loop: str) -> Callable[[Variation], Outcome]:
 
 
 def _lugged_turn(slope_deg: int) -> Callable[[Variation], Outcome]:
-    return _scored(lambda: lugs.lugged_turn(slope_deg, LUGS))
+    return _scored(lambda: _lugs.lugged_turn(slope_deg, LUGS))
 
 
 def _seat(variation: Variation) -> Outcome:
@@ -238,16 +235,16 @@ def _seat(variation: Variation) -> Outcome:
     return ("ok", fig11.seat_figures(run.trace)) if run.verdict == "time_up" else (f"{run.verdict}: {run.cause}", {})
 
 
-def _dead_zone(variation: Variation) -> Outcome:
+def _yaw_rates(variation: Variation) -> Outcome:
     opener = _opener(variation)
-    starts = itertools.product(dead_zone.HEADINGS_DEG, dead_zone.DIFFERENCES_M_S)
-    rows = [dead_zone.row(heading, difference, variation.seed, opener) for heading, difference in starts]
+    starts = itertools.product(_dead_zone.HEADINGS_DEG, _dead_zone.DIFFERENCES_M_S)
+    rows = [_dead_zone.row(heading, difference, variation.seed, opener) for heading, difference in starts]
     return "ok", {f"yaw_rate_{row['heading_deg']}_{row['difference_m_s']:g}": row["yaw_rate_deg_s"] for row in rows}
 
 
 def _seen(variation: Variation) -> Outcome:
     """Return the error of the robust heading on the frame of Fig. 5; None where the frame is rejected."""
-    frame, gravity_C, true_heading_rad = fig05.first_frame(variation.seed, _opener(variation))
+    frame, gravity_C, true_heading_rad = _fig05.first_frame(variation.seed, _opener(variation))
     heading_rad = StairDetector().look(frame, gravity_C).heading_rad
     return "ok", {"robust_error_deg": None if heading_rad is None else (heading_rad - true_heading_rad) / DEG}
 
@@ -331,7 +328,7 @@ RUNS: dict[str, Callable[[Variation], Outcome]] = {
 """Runs that are made in each variation."""
 LUG_RUNS: dict[str, Callable[[Variation], Outcome]] = {
     **{f"turn-{slope}-lugs": _lugged_turn(slope) for slope in plan.SLOPES_DEG},
-    "up-28-lugs": _scored(lambda: lugs.lugged_traversal(LUGS), ARRIVED),
+    "up-28-lugs": _scored(lambda: _lugs.lugged_traversal(LUGS), ARRIVED),
 }
 """Runs with lugs, made in the variations of the main sources and of the lugs' phase."""
 SIDE_RUNS: dict[str, Callable[[Variation], Outcome]] = {
@@ -343,7 +340,7 @@ SIDE_RUNS: dict[str, Callable[[Variation], Outcome]] = {
         as_printed.paper_controller(plan.TABLE_SPEED_M_S),
     ),
     "seat-28": _seat,
-    "dead-zone-28": _dead_zone,
+    "dead-zone-28": _yaw_rates,
     "frame-28": _seen,
 }
 """Runs behind figures without a target, made in the variations of the main sources alone: step, stiffness, friction."""
