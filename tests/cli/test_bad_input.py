@@ -135,13 +135,6 @@ def test_a_bad_record_names_its_file_and_place(run, tmp_path: Path, case: str) -
     assert not out.exists()
 
 
-def test_a_constant_input_excites_nothing(run, tmp_path: Path) -> None:
-    path = tmp_path / "record.csv"
-    lines = [RECORD_HEADER] + [f"{0.25 * k},0.2,0.2,{0.001 * np.sin(k)},{0.001 * np.cos(k)}" for k in range(300)]
-    path.write_text("\n".join(lines) + "\n")
-    assert_refused(run("identify", path, "--out", tmp_path / "model.json"), "left_m_s")
-
-
 @pytest.fixture
 def model_path(tmp_path: Path) -> Path:
     path = tmp_path / "model.json"

@@ -44,31 +44,23 @@ def interrupted(
     return subprocess.CompletedProcess(arguments, started.returncode, out, err)
 
 
-def test_an_interrupted_climb_leaves_a_readable_log_and_its_manifest(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("by", "code", "said"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "asked to end")], ids=["INT", "TERM"]
+)
+def test_an_ended_climb_leaves_a_readable_log_and_its_manifest(tmp_path: Path, by: int, code: int, said: str) -> None:
     scenario, out = tmp_path / "long.toml", tmp_path / "run"
     scenario.write_text(LONG)
     out.mkdir()
     for name in ("manifest.json", "result.json", "series.csv", "report.html", "notes.txt"):
         (out / name).write_text("{}")  # of an earlier run, and a file of somebody else's
-    done = interrupted(["climb", str(scenario), "--out", str(out), "--force"], out / "log.mcap.part", after_s=6.0)
-    assert done.returncode == 130, done.stderr
+    done = interrupted(["climb", str(scenario), "--out", str(out), "--force"], out / "log.mcap.part", after_s=6.0, by=(by,))
+    assert done.returncode == code, done.stderr
     assert done.stdout == ""
     assert "Traceback" not in done.stderr
-    assert done.stderr.splitlines()[-1].startswith("treadline: interrupted")
+    assert done.stderr.splitlines()[-1].startswith(f"treadline: {said}")
     assert json.loads((out / "manifest.json").read_text())["seed"] == 0
-    truth = [signal_ for signal_ in read_log(out / "log.mcap") if isinstance(signal_, Truth)]
-    assert truth
-    assert sorted(path.name for path in out.iterdir()) == ["log.mcap", "manifest.json", "notes.txt", "run-controller.json"]
-
-
-def test_a_climb_that_is_asked_to_end_leaves_a_readable_log(tmp_path: Path) -> None:
-    scenario, out = tmp_path / "long.toml", tmp_path / "run"
-    scenario.write_text(LONG)
-    done = interrupted(["climb", str(scenario), "--out", str(out)], out / "log.mcap.part", after_s=6.0, by=(signal.SIGTERM,))
-    assert done.returncode == 143, done.stderr
-    assert "Traceback" not in done.stderr
-    assert done.stderr.splitlines()[-1].startswith("treadline: asked to end")
     assert any(isinstance(signal_, Truth) for signal_ in read_log(out / "log.mcap"))
+    assert sorted(path.name for path in out.iterdir()) == ["log.mcap", "manifest.json", "notes.txt", "run-controller.json"]
 
 
 def test_many_interrupts_while_it_is_still_loading_are_one_line(tmp_path: Path) -> None:

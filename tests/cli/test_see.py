@@ -101,11 +101,6 @@ def test_a_recorded_frame_gives_the_heading_and_all_keys(run, folder: Path) -> N
     assert seen["ms"] > 0.0
 
 
-def test_a_frame_without_gravity_is_read_too(run, folder: Path) -> None:
-    seen = run("see", *pair(folder), "--json").values
-    assert seen["heading_deg"] == pytest.approx(HEADING_DEG, abs=0.5)
-
-
 def test_the_yaw_of_the_mount_is_taken_from_the_calibration(run, folder: Path) -> None:
     (folder / "camera.toml").write_text(CAMERA + "mount_yaw_deg = 5.0\n")
     seen = run("see", *pair(folder), "--json").values

@@ -12,26 +12,25 @@ from treadline.cli import VERBS, main
 from treadline.cli._output import start_line
 
 
-def test_a_long_command_is_announced_once(capsys: pytest.CaptureFixture[str]) -> None:
-    with start_line(["--debug", "climb", "paper-28"], after_s=0.05):
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--debug", "climb", "paper-28"], "treadline climb: running; Ctrl-C stops it\n"),
+        (["view", "runs/a", "--export", "run.html"], "treadline view: writing run.html; Ctrl-C stops it\n"),
+        (["view", "runs/a", "--export=run.html"], "treadline view: writing run.html; Ctrl-C stops it\n"),
+    ],
+)
+def test_a_long_command_is_announced_once_with_the_file_that_it_writes(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with start_line(words, after_s=0.05):
         deadline_s = time.monotonic() + 10.0  # a busy machine schedules the timer late
         error = ""
         while not error and time.monotonic() < deadline_s:
             time.sleep(0.01)
             error += capsys.readouterr().err
-    assert error == "treadline climb: running; Ctrl-C stops it\n"
+    assert error == said
     assert capsys.readouterr().err == ""
-
-
-@pytest.mark.parametrize("option", [["--export", "run.html"], ["--export=run.html"]])
-def test_a_command_that_writes_a_file_names_it(option: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with start_line(["view", "runs/a", *option], after_s=0.05):
-        deadline_s = time.monotonic() + 10.0
-        error = ""
-        while not error and time.monotonic() < deadline_s:
-            time.sleep(0.01)
-            error += capsys.readouterr().err
-    assert error == "treadline view: writing run.html; Ctrl-C stops it\n"
 
 
 def test_a_short_command_is_not_announced(capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,6 +13,8 @@ import treadline.cli.sweep as verb
 sys.path.insert(0, str(Path(__file__).parents[1] / "campaign"))  # spawned processes find what flies by its module's name
 import flown
 
+from .conftest import assert_refused
+
 SPEC = """
 [stair]
 slope_deg = 25
@@ -74,17 +76,13 @@ def test_a_run_that_failed_is_exit_code_1(run: Callable, spec: Path, tmp_path: P
     ],
 )
 def test_bad_options_are_one_line(run: Callable, spec: Path, tmp_path: Path, options: list, words: str) -> None:
-    done = run("sweep", spec, *options, "--out", tmp_path / "out")
-    assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1)
-    assert words in done.err
+    assert_refused(run("sweep", spec, *options, "--out", tmp_path / "out"), words)
     assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_that_cannot_be_made_asks_for_another(run: Callable, spec: Path, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    done = run("sweep", spec, "--runs", 2, "--out", tmp_path / "file" / "out")
-    assert (done.code, len(done.err.splitlines())) == (2, 1)
-    assert "give another --out" in done.err
+    assert_refused(run("sweep", spec, "--runs", 2, "--out", tmp_path / "file" / "out"), "give another --out")
 
 
 def test_a_cluster_that_does_not_answer_is_one_line(
@@ -93,8 +91,7 @@ def test_a_cluster_that_does_not_answer_is_one_line(
     pytest.importorskip("distributed", reason="Dask is an extra")
     monkeypatch.setattr("treadline.campaign._cluster.ANSWERS_WITHIN_S", 0.5)
     done = run("sweep", spec, "--runs", 3, "--cluster", "tcp://127.0.0.1:9", "--out", tmp_path / "out")
-    assert (done.code, len(done.err.splitlines())) == (2, 1)
-    assert "no Dask scheduler answers" in done.err
+    assert_refused(done, "no Dask scheduler answers")
     assert not (tmp_path / "out").exists()
 
 
@@ -103,10 +100,7 @@ def test_without_dask_a_cluster_says_how_to_get_it(
 ) -> None:
     monkeypatch.setitem(sys.modules, "dask", None)
     done = run("sweep", spec, "--runs", 3, "--cluster", "local", "--out", tmp_path / "out")
-    assert (done.code, done.err) == (
-        2,
-        "treadline: --cluster needs Dask: pip install '.[cluster]' in treadline's folder, or leave it out for a pool here\n",
-    )
+    assert_refused(done, "--cluster needs Dask: pip install '.[cluster]' in treadline's folder, or leave it out for a pool here\n")
 
 
 def test_a_traversal_can_be_repeated_by_the_command_that_it_names(run: Callable, spec: Path, tmp_path: Path) -> None:
