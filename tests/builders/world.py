@@ -202,7 +202,6 @@ class World(Place):
         """Return the rate that the planner asks of a flipper, now and square to the stair."""
         self.planner.update(flipper(self.t_s, angle_rad, torque_n_m))
         asked = self.planner.step(self.t_s, estimate(self.t_s)).flipper
-        assert asked is not None
         return float(asked.rate_rad_s)
 
     def tick(self) -> MotionPlan:

@@ -176,7 +176,6 @@ def test_the_interval_of_block_means_covers_19_of_20() -> None:
         for k in range(6):
             means.add(float(k), *(rng.normal(size=2) * DEG))
         found = means.estimate(0.0, 0.0)
-        assert found is not None
         inside += abs(found.roll_rad) <= found.roll_half_rad
     # Five blocks: the factor sqrt 2 · 1.96 = 2.77 against Student's 2.776; three sigma of a binomial share.
     assert 0.93 <= inside / 1000 <= 0.97

@@ -135,7 +135,6 @@ def test_it_turns_square_on_the_landing_before_it_backs(heading_deg: float) -> N
     assert abs(world.heading_rad) < 1.0 * DEG
     assert all(plan.speed_m_s == 0.0 for plan in world.plans)
     behind = re.search(r"edge (\d\.\d\d) m behind", plan.cause)
-    assert behind is not None
     # The first maps of a turn are a tick older than its heading.
     assert float(behind[1]) == pytest.approx(world.x_m - EDGE_M - PIVOT_M, abs=0.015)
 
@@ -284,7 +283,6 @@ def test_a_chair_that_leans_on_its_flipper_planner_is_let_down_gently_from_it() 
     ):
         world.planner.update(flipper(world.t_s, angle_rad, torque_n_m))
         lift = world.planner._lift(world.t_s)
-        assert lift is not None
         assert lift.rate_rad_s == rate_rad_s
 
 
@@ -359,7 +357,6 @@ def test_a_step_that_is_seen_to_be_missing_while_the_chair_is_lifted_turns_it_ba
     plan = held(world, without(2, "edge"))
     assert plan.phase == "edge"
     assert edge.made[0].stages == ("lower", "barred")
-    assert plan.hold is not None
     assert plan.hold.startswith("a step is missing: 0.6")
     assert "; it stands" in plan.hold
 
@@ -369,7 +366,6 @@ def test_a_step_that_is_seen_to_be_missing_too_late_to_turn_back_stops_the_chair
     world = Landing()
     plan = held(world, without(2, "edge"))
     assert plan.phase == "edge"
-    assert plan.hold is not None
     assert "; it stands" not in plan.hold
     assert (plan.speed_m_s, plan.flipper) == (0.0, None)
 
@@ -429,7 +425,6 @@ def test_a_chair_is_not_backed_onto_a_flight_that_it_has_not_seen(edge: type[Scr
 
     plan = held(world, short)
     assert edge.made[0].stages == ("lower", "barred")
-    assert plan.hold is not None
     assert plan.hold.startswith("no more of the flight is in view than the chair needs to lie on, nor its end; it stands")
 
 
@@ -457,7 +452,6 @@ def test_a_step_that_is_seen_to_be_missing_under_the_rear_stops_the_chair_too() 
     where._drop(behind[-1])
     where._fit_shape()
     missing = world.planner._missing(CONFIG.gap_m)
-    assert missing is not None
     assert "behind the rear pulley" in missing
 
 
@@ -534,7 +528,6 @@ def test_it_leaves_the_stair_only_with_its_flipper_planner_lifted(stuck_s: float
         assert plan.phase == "arrived"
         assert 0.0 < stood_s < 2.5
         return
-    assert plan.hold is not None
     assert "flipper does not rise" in plan.hold
     assert plan.phase == "leave"
     assert world.x_m + PIVOT_M - RUN_M > 0.0

@@ -43,7 +43,6 @@ def test_the_driver_speaks_when_it_is_due_and_a_fall_does_not_wait_for_it() -> N
     assert belts(proposals.step(plan(0.0), KNOWN, held=False, due=True)) == (0.18, 0.22)
     assert proposals.step(plan(0.01), KNOWN, held=False, due=False) is None
     falls = proposals.step(plan(0.02, pitch_feedforward_m_s=-0.1), KNOWN, held=False, due=False)
-    assert falls is not None
     assert (belts(falls), falls.t_s) == ((0.08, 0.12), 0.02)
     assert proposals.step(plan(0.03, pitch_feedforward_m_s=-0.1), KNOWN, held=False, due=False) is None
     assert belts(proposals.step(plan(0.04), KNOWN, held=False, due=False)) == (0.18, 0.22)
@@ -82,7 +81,6 @@ def test_what_the_driver_said_before_the_plan_turned_is_void() -> None:
 def test_belts_that_are_to_stand_stand(pitch_feedforward_m_s: float) -> None:
     """Test: no heading is known, so the driver stops. Expected result: no fall moves the belts."""
     asked = Proposals(Steering()).step(plan(0.0, pitch_feedforward_m_s=pitch_feedforward_m_s), None, held=False, due=True)
-    assert asked is not None
     assert (belts(asked), asked.brake) == ((0.0, 0.0), True)
 
 
@@ -98,5 +96,4 @@ def test_a_driver_that_repeats_itself_grows_old_whatever_falls() -> None:
     asked = [proposals.step(plan(t_s), KNOWN, held=False, due=True) for t_s in (0.25, 0.5)]
     assert [command.t_s for command in asked if command is not None] == [0.25, 0.25]
     falls = proposals.step(plan(0.6, pitch_feedforward_m_s=0.1), KNOWN, held=False, due=False)
-    assert falls is not None
     assert falls.t_s == pytest.approx(0.35)

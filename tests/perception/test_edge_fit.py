@@ -144,7 +144,6 @@ def test_down_is_found_among_treads_risers_and_walls(pitch_deg: float, heading_d
     families = [(down, 60), (turn @ np.array([0.0, 0.0, 1.0]), 150), (turn @ np.array([1.0, 0.0, 0.0]), 80)]
     normals = np.vstack([np.tile(normal, (count, 1)) for normal, count in families]) + 0.02 * rng.standard_normal((290, 3))
     found = down_of_treads(normals / np.linalg.norm(normals, axis=1, keepdims=True), AHEAD)
-    assert found is not None
     # 0.02 rad on each block, 60 blocks: 0.2° is the standard error of their median.
     assert np.arccos(min(1.0, float(found @ down))) < 1.0 * DEG
 

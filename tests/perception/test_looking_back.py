@@ -52,7 +52,6 @@ def test_a_chair_the_other_way_round_gets_the_same_stair(scene: str) -> None:
         assert (here.left_wall_m, here.right_wall_m) == pytest.approx((there.right_wall_m, there.left_wall_m))
         assert here.obstacle_m == pytest.approx(there.obstacle_m)
         assert here.slope_rad == pytest.approx(there.slope_rad)
-        assert front.edge_direction_C is not None
         assert back.edge_direction_C == pytest.approx(-front.edge_direction_C)  # right of the one is left of the other
         obstacles += here.obstacle_m is not None
         walls += here.left_wall_m is not None

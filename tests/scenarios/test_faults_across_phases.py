@@ -53,7 +53,6 @@ def test_7_a_gyro_that_begins_to_drift_where_no_stair_is_in_view(direction: str,
     the chair all the time, or by a heading that a chair which is left alone would not have; true heading within 5°."""
     run = ride(fault("imu_bias", 1.0, at_s=at_s), place="flight", direction=direction, step=step)
     assert run.verdict == "held", run.cause
-    assert run.cause is not None
     assert run.cause.endswith(("with the heading from the gyro alone", "the chair has turned, or the gyro errs"))
     assert float(np.abs(run.trace["heading_rad"]).max()) <= 5.0 * DEG
     stands_still(run)
@@ -64,7 +63,6 @@ def test_15_friction_too_low_to_climb() -> None:
     test, backed off to the floor, never slid by more than 50 mm."""
     run = ride(fault("low_friction", 0.88, at_s=0.0), place="floor", until_s=40.0)
     assert run.verdict == "refused", run.cause
-    assert run.cause is not None
     assert "friction" in run.cause
     backed_s = next(t_s for t_s, phase in run.scores.phases if phase == "back_off")
     forth = run.trace["x_m"][: round(backed_s / TICK_S)]
@@ -76,7 +74,6 @@ def test_19_a_seat_that_does_not_follow_over_the_crest() -> None:
     """Test: the seat's actuator is dead from before the crest on. Expected result: HOLD, seat within 10°."""
     run = ride(fault("seat_stuck", at_s=WAITS_S + 1.0), place="flight")
     assert run.verdict == "held", run.cause
-    assert run.cause is not None
     assert "seat" in run.cause
     assert float(np.abs(run.trace["seat_pitch_rad"]).max()) <= SEAT
     stands_still(run)
@@ -117,7 +114,6 @@ def test_18_a_flipper_planner_that_is_stuck_in_line_on_the_way_down() -> None:
     as the chair left the stair it would drop off the last nosing (47 °/s)."""
     run = ride(fault("flipper_stuck", at_s=WAITS_S + 3.3), place="flight", direction="down", step=7)
     assert run.verdict == "held", run.cause
-    assert run.cause is not None
     assert "flipper does not rise" in run.cause
     assert run.scores.max_pitch_rate_deg_s <= PITCH_RATE / DEG
     stands_still(run)
@@ -129,7 +125,6 @@ def test_25_something_on_the_level_beyond_the_stair(direction: str, step: int, a
     HOLD for what stands in the way, 0.3 m before it."""
     run = ride(fault("obstacle", 1.2, at_s=at_s), place="flight", direction=direction, step=step)
     assert run.verdict == "held", run.cause
-    assert run.cause is not None
     assert run.cause.startswith("obstacle 0.3")
     stands_still(run)
 

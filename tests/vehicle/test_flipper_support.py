@@ -20,7 +20,6 @@ HEAVY_N = 9.81 * 180.0
 
 
 def with_torque(torque_n_m: float) -> ChairDescription:
-    assert FLIPPERS.flipper is not None
     return FLIPPERS.model_copy(update={"flipper": FLIPPERS.flipper.model_copy(update={"torque_n_m": torque_n_m})})
 
 

@@ -44,7 +44,6 @@ def test_a_camera_that_looks_past_the_stair_is_refused_with_the_pitches_that_see
     (reason,) = report.reasons
     assert reason.startswith(f"fewer than 2 nosings are in view of the {name.replace('_', ' ')} from the start")
     found = re.search(rf"{name}\.pitch_deg is {pitch_deg:g} in the chair's file: give (-?\d+) to (-?\d+)$", reason)
-    assert found is not None
     low, high = int(found[1]), int(found[2])
     for pitch in (low, (low + high) // 2, high):
         assert judge(mounted(name, pitch_deg=float(pitch)), **tables).verdict == "go"

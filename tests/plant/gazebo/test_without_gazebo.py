@@ -65,13 +65,11 @@ def test_the_world_holds_the_chair_whole_and_the_plugin_that_drives_it() -> None
     chair = read_chair("wheelchair")
     staircase = build_staircase(SCENARIO.stair, np.random.default_rng(0))
     world = fromstring(world_sdf(SCENARIO, staircase, chair, plugin="/p.so", port=1234)).find("world")  # noqa: S314 - our own
-    assert world is not None
     model = next(model for model in world.iter("model") if model.get("name") == "wheelchair")
     assert {link.get("name") for link in model.iter("link")} == {"chair", "seat", "flipper"}
     belts = {shape.get("name") for shape in model.iter("collision")}
     assert {name.split("_")[0] for name in belts if name} == {"left", "right"}
     plugin = model.find("plugin")
-    assert plugin is not None
     assert (plugin.get("filename"), plugin.findtext("port")) == ("/p.so", "1234")
     assert float(plugin.findtext("seat_start") or "nan") == pytest.approx(math.atan2(0.16, 0.30))
     assert float(plugin.findtext("flipper_start") or "nan") == pytest.approx(math.radians(40.0))

@@ -521,7 +521,6 @@ def test_a_box_stands_on_the_ground_ahead_of_the_end_that_leads(place: str, dire
     asked = asked.model_copy(update={"start": Start.model_validate({"place": place, "step": 8})})
     bare, _ = opened(asked)
     box = bare._around.box
-    assert box is not None
     low = box.centre_W[2] - box.half_m[2]
     heights = [0.0, *(step.z_m for step in bare.staircase.steps)]
     assert min(abs(low - height) for height in heights) < 1e-9

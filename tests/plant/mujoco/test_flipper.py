@@ -51,7 +51,6 @@ def turn(
 
 
 def with_flipper(**changes: object) -> ChairDescription:
-    assert ARMED.flipper is not None
     return ARMED.model_copy(update={"flipper": ARMED.flipper.model_copy(update=changes)})
 
 

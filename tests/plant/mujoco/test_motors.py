@@ -22,7 +22,6 @@ WEIGHT_N = Loading(chair=CHAIR, payload_kg=50.0).weight_n
 
 
 def with_motor(**changes: float) -> ChairDescription:
-    assert CHAIR.motor is not None
     return CHAIR.model_copy(update={"motor": CHAIR.motor.model_copy(update=changes)})
 
 
@@ -68,7 +67,6 @@ def test_a_motor_that_is_too_weak_is_driven_back_down_30_degrees() -> None:
     assert speed[-1] < -0.3
     # Newton for chair and moving mass together: (2 · 120 - 377) / (77 + 2 · 25) = -1.08 m/s² once the contacts have settled; hops
     # over nosings cost a part of it.
-    assert CHAIR.motor is not None
     mass = WEIGHT_N / 9.81 + 2.0 * CHAIR.motor.moving_mass_kg
     expected = (2.0 * 120.0 - WEIGHT_N * 0.5) / mass
     assert (speed[100] - speed[20]) / 0.8 == pytest.approx(expected, rel=0.25)
@@ -189,7 +187,6 @@ def test_a_hot_motor_gives_its_continuous_force() -> None:
 
 
 def test_an_empty_battery_engages_the_brakes() -> None:
-    assert CHAIR.battery is not None
     empty = CHAIR.model_copy(update={"battery": CHAIR.battery.model_copy(update={"capacity_wh": 0.05})})
     truth, _ = drive(empty, seconds=3.0)
     # 0.05 Wh are 180 J, about a second of climbing.

@@ -42,7 +42,6 @@ def test_the_heading_is_the_angle_between_nosings_and_chair(scene: str) -> None:
     for seed in range(8):
         seen = view(seed, scenes=(scene,), rock_deg=1.0, **IDEAL)
         truth = seen.stair
-        assert truth is not None
         e_B = seen.true_camera.R_BC @ truth.edge_C
         # ψ = atan2(-e·forward, e·right); the chair's right is -y.
         assert truth.heading_rad == pytest.approx(np.arctan2(-e_B[0], -e_B[1]), abs=1e-12)
@@ -63,7 +62,6 @@ def test_a_chair_that_turns_left_has_a_growing_heading(sign: float) -> None:
     for scene in ("up", "down"):
         seen = view(3, scenes=(scene,), heading_deg=(sign * 20.0, sign * 20.0), **IDEAL)
         truth = seen.stair
-        assert truth is not None
         assert truth.heading_rad == pytest.approx(sign * 20.0 * DEG, abs=1e-9)
         # Turned left, a chair is nearer to the right end of a nosing: pointing right, the edge comes towards it.
         assert np.sign((seen.true_camera.R_BC @ truth.edge_C)[0]) == -sign
@@ -75,7 +73,6 @@ def test_nosings_in_view_stand_where_the_picture_shows_an_edge(scene: str) -> No
     for seed in range(6):
         seen = view(seed, scenes=(scene,), heading_deg=(-15.0, 15.0), **IDEAL)
         truth = seen.stair
-        assert truth is not None
         points = points_B(seen).reshape(-1, 3)
         points = points[np.isfinite(points).all(axis=1)]
         for nosing in truth.nosings_B[truth.nosing_in_view]:
@@ -91,7 +88,6 @@ def test_nosings_in_view_stand_where_the_picture_shows_an_edge(scene: str) -> No
 def test_nosings_are_a_step_apart(scene: str) -> None:
     seen = view(5, scenes=(scene,), heading_deg=(0.0, 0.0), **IDEAL)
     truth = seen.stair
-    assert truth is not None
     gaps = np.linalg.norm(np.diff(truth.nosings_B, axis=0), axis=1)
     np.testing.assert_allclose(gaps, np.hypot(truth.rise_m, truth.run_m), atol=1e-9)
     assert (np.diff(truth.nosings_B[:, 0]) > 0.0).all()
@@ -103,7 +99,6 @@ def test_walls_are_as_far_as_the_picture_shows(scene: str) -> None:
     for seed in range(10):
         seen = view(seed, scenes=(scene,), walls=("both",), **IDEAL)
         truth = seen.stair
-        assert truth is not None
         # Along the nosings, which run square to the walls.
         aside = points_B(seen).reshape(-1, 3) @ (seen.true_camera.R_BC @ truth.edge_C)
         aside = aside[np.isfinite(aside)]
@@ -131,7 +126,6 @@ def test_an_obstacle_is_as_far_as_the_picture_shows() -> None:
         points = points_B(seen)[shows(seen, "bag")]
         points = points[(np.abs(points[:, 1]) < half) & (points[:, 2] > 0.06)]
         if len(points) > 200:
-            assert truth.obstacle_m is not None
             # The ground truth has a resolution of a centimetre, and includes sides out of view.
             assert truth.obstacle_m <= points[:, 0].min() + 0.01
             checked += truth.obstacle_m == pytest.approx(points[:, 0].min(), abs=0.02)
@@ -224,7 +218,6 @@ def test_a_drive_shows_one_flight_from_one_camera() -> None:
     assert len({truth.slope_rad for truth in truths if truth is not None}) == 1
     assert len({seen.true_camera for seen in views}) == 1
     for i, (seen, truth) in enumerate(zip(views, truths, strict=True)):
-        assert truth is not None
         assert seen.frame.t_s == pytest.approx(0.1 * i)
         assert truth.heading_rad == pytest.approx(0.05 * i)
         # The IMU's error stays as it is in the chair, to first order in half a degree.
@@ -232,8 +225,6 @@ def test_a_drive_shows_one_flight_from_one_camera() -> None:
         assert np.arccos(np.clip(measured @ true, -1.0, 1.0)) < 0.51 * DEG
     # The stair comes nearer by as much as the chair goes, along the flight.
     at_start, later = (drive.view(0.0, drive.pose(along_m=distance_m, heading_rad=0.0)).stair for distance_m in (0.0, 0.1))
-    assert at_start is not None
-    assert later is not None
     assert at_start.nosings_B[-1, 0] - later.nosings_B[-1, 0] == pytest.approx(0.1)
 
 
@@ -256,7 +247,6 @@ def square_view(seed: int, **recipe: object) -> View:
 def tread_front(seen: View, index: int, y_m: float) -> float:
     """Return where a visible nosing begins at a distance to the left of the chair, in the chair's level frame [m]."""
     truth = seen.stair
-    assert truth is not None
     up = -seen.true_camera.R_BC @ seen.true_gravity_C
     forward = np.cross(np.array([0.0, 1.0, 0.0]), up)
     points = points_B(seen).reshape(-1, 3)
@@ -269,7 +259,6 @@ def tread_front(seen: View, index: int, y_m: float) -> float:
 @pytest.mark.parametrize("bow_m", [0.05, 0.15, -0.05])
 def test_a_bowed_nosing_is_a_parabola_with_its_middle_in_place(bow_m: float) -> None:
     seen = square_view(1, bow_m=(bow_m, bow_m), lateral_m=(0.0, 0.0), width_m=(1.2, 1.2), walls=("none",), height_px=1080)
-    assert seen.stair is not None
     assert seen.stair.bow_m == bow_m
     index = int(np.flatnonzero(seen.stair.nosing_in_view)[1])
     for y_m in (0.0, 0.2, -0.2, 0.35):
@@ -280,7 +269,6 @@ def test_a_bowed_nosing_is_a_parabola_with_its_middle_in_place(bow_m: float) -> 
 
 def test_the_truth_of_a_bowed_nosing_lies_on_the_surface_beside_the_middle() -> None:
     seen = square_view(2, bow_m=(0.15, 0.15), lateral_m=(0.3, 0.3), width_m=(1.2, 1.2), walls=("none",), heading_deg=(12.0, 12.0))
-    assert seen.stair is not None
     points = points_B(seen).reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)]
     near = seen.stair.nosings_B[seen.stair.nosing_in_view & (seen.stair.nosings_B[:, 0] < 2.0)]
@@ -291,7 +279,6 @@ def test_the_truth_of_a_bowed_nosing_lies_on_the_surface_beside_the_middle() -> 
 def test_a_narrow_flight_ends_with_a_drop_at_each_side() -> None:
     seen = square_view(3, width_m=(0.45, 0.45), walls=("none",), lateral_m=(0.05, 0.05))
     truth = seen.stair
-    assert truth is not None
     assert (truth.left_side, truth.right_side) == ("open", "open")
     assert truth.width_m == pytest.approx(0.45)
     assert truth.left_edge_m + 0.05 == pytest.approx(0.225)
@@ -305,7 +292,6 @@ def test_a_narrow_flight_ends_with_a_drop_at_each_side() -> None:
 def test_bands_along_the_edges_have_no_depth(band_m: float) -> None:
     plain, holed = (square_view(5, sensor="kinect1", open_risers=True, edge_holes_m=m, height_px=480) for m in (0.0, band_m))
     truth = plain.stair
-    assert truth is not None
     assert truth.share == pytest.approx(holed.stair.share if holed.stair else 0.0, abs=0.002)
     points = points_B(plain)
     nosing = truth.nosings_B[truth.nosing_in_view][1]
@@ -322,8 +308,6 @@ def test_bands_along_the_edges_have_no_depth(band_m: float) -> None:
 @pytest.mark.parametrize("treads", ["grating", "glass", "glass_strips"])
 def test_the_truth_of_a_stair_does_not_depend_on_what_its_treads_are_made_of(treads: str) -> None:
     solid, through = (square_view(6, open_risers=True, treads=word, walls=("none",)) for word in ("solid", treads))
-    assert solid.stair is not None
-    assert through.stair is not None
     assert through.stair.share == solid.stair.share
     assert through.stair.treads_in_view == solid.stair.treads_in_view
     np.testing.assert_array_equal(through.stair.nosing_in_view, solid.stair.nosing_in_view)
@@ -335,7 +319,6 @@ def test_the_truth_of_a_stair_does_not_depend_on_what_its_treads_are_made_of(tre
 
 def test_a_runner_is_8_mm_higher_than_its_treads() -> None:
     seen = square_view(7, runner=True, lateral_m=(0.0, 0.0), walls=("none",))
-    assert seen.stair is not None
     up = -seen.true_camera.R_BC @ seen.true_gravity_C
     heights = (points_B(seen) - seen.stair.nosings_B[seen.stair.nosing_in_view][0]) @ up
     assert np.mean(np.abs(heights - 0.008) < 1e-5) > 0.03
@@ -344,7 +327,6 @@ def test_a_runner_is_8_mm_higher_than_its_treads() -> None:
 
 def test_steps_of_a_curved_flight_turn_by_run_over_radius() -> None:
     seen = square_view(8, radius_m=(4.0, 4.0), walls=("none",), run_m=(0.28, 0.28))
-    assert seen.stair is not None
     assert abs(seen.stair.curvature_1_m) == pytest.approx(0.25)
     step_of = np.array([*seen.kinds, ""])[np.where(seen.exact.face >= 0, seen.exact.face // 6, -1)]
     assert (step_of == "step").mean() > 0.15
@@ -357,7 +339,6 @@ def test_steps_of_a_curved_flight_turn_by_run_over_radius() -> None:
 
 def test_winders_turn_a_quarter_ahead_of_a_straight_part() -> None:
     seen = square_view(9, winder_radius_m=(0.7, 0.7), walls=("both",))
-    assert seen.stair is not None
     assert abs(seen.stair.curvature_1_m) == pytest.approx(1.0 / 0.7)
     # A flight walled on both sides has no gap between the pieces of its walls.
     assert np.isnan(seen.exact.depth_m).mean() < 0.01
