@@ -96,13 +96,6 @@ def coulomb_error_m_s2(model: mujoco.MjModel, data: mujoco.MjData, qacc: np.ndar
     return float(_violation(rows.W, rows.kind, rows.bound, force / rows.scale, slack))
 
 
-def apply_contacts(model: mujoco.MjModel, data: mujoco.MjData, solution: ContactSolution) -> None:
-    """Write a solution where ``mj_fwdConstraint`` writes its own, so that an integrator can follow."""
-    data.qacc[:] = solution.qacc
-    data.efc_force[:] = solution.force
-    data.qfrc_constraint[:] = data.efc_J.reshape(data.nefc, model.nv).T @ solution.force if data.nefc else 0.0
-
-
 def _problem(model: mujoco.MjModel, data: mujoco.MjData) -> _Problem:
     if mujoco.mj_isSparse(model):
         raise ValueError("the Gauss-Seidel oracle reads a dense Jacobian; set jacobian=dense")

@@ -82,7 +82,6 @@ def theory_from(
     friction: tuple[float, float],
     belts: tuple[float, float],
     duration_s: float,
-    step_s: float = THEORY_STEP_S,
 ) -> QuasiStaticRun:
     """Return the quasi-static run that begins in a pose of the plant."""
     slope = slope_deg * DEG
@@ -99,7 +98,7 @@ def theory_from(
         duration_s,
         heading_rad=heading,
         nosing_ahead_m=edge_m - place,
-        step_s=step_s,
+        step_s=THEORY_STEP_S,
     )
 
 

@@ -1,21 +1,9 @@
-"""Physics steps of the shipped plant in Python, stage by stage, with the Gauss-Seidel solver in place of MuJoCo's.
-
-Nothing of the compiled loop is used. Belts keep the speeds of ``set_belts``: the drives' lag belongs to the plant's tick.
-"""
+"""Stages of a physics step of the shipped plant in Python, up to contact. Nothing of the compiled loop is used."""
 
 import mujoco
 import numpy as np
-from oracles.gauss_seidel import ContactSolution, apply_contacts, solve_contacts
 
 from treadline.plant.mujoco import MujocoPlant
-
-
-def set_belts(plant: MujocoPlant, left_m_s: float, right_m_s: float) -> None:
-    """Give the belts' surfaces their speeds at once: three pulleys turn, two flat runs move."""
-    radius = plant._chair.tracks.pulley_radius_m
-    for geoms, speed in zip(plant._belts, (left_m_s, right_m_s), strict=True):
-        plant._model.geom_surfacevel[geoms[:3], 5] = speed / radius
-        plant._model.geom_surfacevel[geoms[3:], 0] = -speed
 
 
 def stages_before_contact(plant: MujocoPlant) -> None:
@@ -32,25 +20,6 @@ def stages_before_contact(plant: MujocoPlant) -> None:
     mujoco.mj_fwdVelocity(model, data)
     mujoco.mj_fwdActuation(model, data)
     mujoco.mj_fwdAcceleration(model, data)
-
-
-def coulomb_step(plant: MujocoPlant, tolerance_m_s2: float = 1e-4) -> ContactSolution:
-    """Advance by one physics step under Coulomb friction, and return the step's contact forces."""
-    stages_before_contact(plant)
-    solution = solve_contacts(plant._model, plant._data, tolerance_m_s2)
-    apply_contacts(plant._model, plant._data, solution)
-    mujoco.mj_implicit(plant._model, plant._data)
-    return solution
-
-
-def coulomb_run(plant: MujocoPlant, duration_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pose (x, y, z, quaternion) after every step of a run at constant belt speeds, and the sum of normal forces."""
-    steps = round(duration_s / plant._model.opt.timestep)
-    pose, normal = np.empty((steps, 7)), np.empty(steps)
-    for k in range(steps):
-        solution = coulomb_step(plant)
-        pose[k], normal[k] = plant._data.qpos[:7], solution.force[solution.normal].sum()
-    return pose, normal
 
 
 def _turn_to_belts(plant: MujocoPlant) -> None:
