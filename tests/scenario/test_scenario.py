@@ -50,10 +50,6 @@ def test_a_slope_is_another_way_to_write_the_rise(slope_deg: float, run_m: float
     ("text", "message"),
     [
         ("[stair]\nslope_deg = 90", "stair.slope_deg: must be a number from 5 to 45 (got 90)"),
-        ("[stair]\nslope_deg = 0.01", "stair.slope_deg: must be a number from 5 to 45 (got 0.01)"),
-        ("[stair]\nslope_deg = nan", "stair.slope_deg: must be a number from 5 to 45 (got nan)"),
-        ('[stair]\nslope_deg = "28"', "stair.slope_deg: must be a number from 5 to 45 (got '28')"),
-        ("[stair]\nslope_deg = true", "stair.slope_deg: must be a number from 5 to 45 (got true)"),
         ("[stair]\nslope_deg = 28\nrun_m = 9", "stair.run_m: must be a number from 0.15 to 0.6 (got 9)"),
         (
             "[stair]\nslope_deg = 45\nrun_m = 0.6",

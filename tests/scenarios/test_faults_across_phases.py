@@ -3,6 +3,8 @@
 ``benchmarks/faults.py`` has each fault in each phase. The camera is the one without images.
 """
 
+from functools import partial
+
 import faulty_runs
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from faulty_runs import TICK_S, hold_s, stands_still
 
 from treadline.core.angles import DEG
 from treadline.run.episode import Traverse
-from treadline.scenario.faults import Fault, Process
+from treadline.scenario.faults import Process
 
 WAITS_S = 3.0
 """Until the flipper of a chair that wakes up on a flight is laid, up to 0.2 s more or less."""
@@ -20,25 +22,9 @@ PITCH_RATE = 20.0 * DEG
 SEAT = 10.0 * DEG
 
 
-def fault(kind: str, value: float = 0.0, *, at_s: float, for_s: float = 1000.0) -> Fault:
-    return faulty_runs.fault(kind, value, at_s=at_s, for_s=for_s)
-
-
-def ride(
-    *faults: Fault, place: str, direction: str = "up", step: int = 3, until_s: float = 30.0, heavy: bool = False, seed: int = 0
-) -> Traverse:
-    """Drive on eight steps until the end, or until two seconds after a hold; crest and edge borrow the margin of the flipper."""
-    return faulty_runs.ride(
-        *faults,
-        place=place,
-        direction=direction,
-        step=step,
-        until_s=until_s,
-        after_s=2.0,
-        steps=8,
-        heavy=heavy,
-        seed=seed,
-    )
+fault = partial(faulty_runs.fault, for_s=1000.0)
+ride = partial(faulty_runs.ride, direction="up", step=3, until_s=30.0, after_s=2.0, steps=8)
+"""Drive on eight steps until the end, or until two seconds after a hold; crest and edge borrow the margin of the flipper."""
 
 
 def pitches(run: Traverse, t_s: float, phase: str) -> None:

@@ -4,6 +4,8 @@ The camera is the one without images. Each run waits for its flipper, drives on 
 seconds before something fails, and is watched for three after it holds.
 """
 
+from functools import partial
+
 import faulty_runs
 import numpy as np
 import pytest
@@ -21,8 +23,7 @@ WAITS_S = 3.1
 AT_S = WAITS_S + 4.0
 
 
-def fault(kind: str, value: float = 0.0, *, for_s: float = 3.0) -> Fault:
-    return faulty_runs.fault(kind, value, at_s=AT_S, for_s=for_s)
+fault = partial(faulty_runs.fault, at_s=AT_S, for_s=3.0)
 
 
 def ride(*faults: Fault, direction: str = "up", after_s: float = 3.0) -> Traverse:

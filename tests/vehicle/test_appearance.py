@@ -12,15 +12,7 @@ import treadline
 from treadline.core.angles import rotation_y
 from treadline.scenario.chair import ChairDescription, Payload, read_chair
 from treadline.scenario.scenario import Belts, Chair, Stair
-from treadline.vehicle.appearance import (
-    BeltPath,
-    MeshPart,
-    body_poses,
-    chair_parts,
-    lug_part,
-    lug_poses,
-    stair_parts,
-)
+from treadline.vehicle.appearance import BeltPath, MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.staircase import as_designed
 from treadline.vehicle.tracks import pulley_centres

@@ -12,10 +12,6 @@ from treadline.scenario.chair import read_chair
 from treadline.vehicle.tracks import pulley_centres
 
 
-def test_a_chair_may_be_a_file_of_ones_own_with_a_key_of_the_previous_release(tmp_path: Path) -> None:
-    assert read_chair(changed_chair(tmp_path, "\nlever_arm_m = ", "\narm_m = ")) == read_chair("wheelchair")
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -50,6 +46,11 @@ def test_a_chair_may_be_a_file_of_ones_own_with_a_key_of_the_previous_release(tm
         ),
         ("slope_deg = 32.0", "slope_deg = 0.56", "rating.slope_deg: must be a number from 5 to 45 (got 0.56); did you mean 32.1, "),
         ("[tracks]", "[track]", "track: unknown table; did you mean [tracks]? (and 1 more)"),
+        (
+            "range_deg = [-75.0, 60.0]",
+            "range_deg = [-75.0, 30.0]",
+            "tracks.approach_angle_deg is 40, where the flipper rests; flipper.range_deg is -75 to 30",
+        ),
         ("hold_n = 6000.0\n", "", "seat: give push_n, no_load_m_s and hold_n together, or none"),
         ("[camera]", "[camera]\nzoom = 2", "camera.zoom: unknown key; known here: "),
     ],

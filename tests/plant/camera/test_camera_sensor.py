@@ -39,8 +39,9 @@ def wall(distance_m: float) -> Float[np.ndarray, "h w"]:
     return np.full((CALIBRATION.height_px, CALIBRATION.width_px), distance_m)
 
 
-@pytest.mark.parametrize(("distance_m", "sigma_mm"), [(1.0, 1.4), (2.0, 5.7), (3.0, 12.8)])
+@pytest.mark.parametrize(("distance_m", "sigma_mm"), [(1.0, 1.4), (2.0, 5.7), (3.0, 12.8), (4.0, 22.8)])
 def test_a_wall_is_as_noisy_as_a_kinect_shows_it(distance_m: float, sigma_mm: float) -> None:
+    """Khoshelham and Elberink 2012: σ_Z = 1.425e-5 Z² cm (about 1.4 mm at 1 m, 4 cm at 5 m)."""
     # Steps of 1/8 px are coarser than the noise, so the spread depends on where between two steps the wall falls:
     # averaged over a step it is the sum of both, within the tolerance of 20 %.
     step_m = 0.125 * distance_m**2 / DISPARITY_PX_M
@@ -125,13 +126,6 @@ def test_planes_fit_a_kinect_2_frame_as_tightly_as_recorded_ones(
     inside = (found[:, 0] * DISPARITY_PX_M < 0.16) & (found[:, 1] > near_m) & (found[:, 1] < far_m)
     # Lower quartile to median of two recorded frames of a carpeted stair, by distance.
     assert recorded_mm[0] < float(np.median(found[inside, 0] * found[inside, 1] ** 2)) * 1e3 < recorded_mm[1]
-
-
-def test_the_same_seed_gives_the_same_bytes() -> None:
-    first, second, other = frame(7), frame(7), frame(8)
-    assert first.depth_m.tobytes() == second.depth_m.tobytes()
-    assert first.rgb.tobytes() == second.rgb.tobytes()
-    assert first.depth_m.tobytes() != other.depth_m.tobytes()
 
 
 def test_consecutive_frames_have_fresh_noise() -> None:

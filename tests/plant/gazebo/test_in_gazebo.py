@@ -16,11 +16,7 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.errors import GazeboError
-from treadline.core.signals import (
-    ImuSample,
-    SeatCommand,
-    TrackCommand,
-)
+from treadline.core.signals import ImuSample, SeatCommand, TrackCommand
 from treadline.plant.gazebo import GazeboPlant, find_environment, open_gazebo
 from treadline.plant.mujoco import open_plant
 from treadline.run.episode import traverse

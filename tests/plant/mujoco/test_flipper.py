@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from treadline.core.angles import DEG
-from treadline.core.errors import SettingsError
 from treadline.core.ports import Reading, Truth
 from treadline.core.signals import FlipperCommand, FlipperReading, SeatCommand, TrackCommand
 from treadline.io.messages import messages_of
@@ -16,7 +15,6 @@ from treadline.plant.mujoco._mjcf_scene import scene_xml
 from treadline.run.episode import traverse
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Stair, Start
-from treadline.scenario.shipped_files import CHAIRS
 from treadline.vehicle.staircase import build_staircase
 from treadline.vehicle.static_stability import centre_of_mass
 
@@ -166,14 +164,6 @@ def test_the_centre_of_mass_follows_the_flipper() -> None:
     assert down[2] < ahead[2] < rest[2]
     # 3 kg of 76.9 kg, half of 0.45 m away.
     assert ahead[2] - down[2] == pytest.approx(3.0 / 76.9 * 0.225 * np.sin(60.0 * DEG), rel=1e-6)
-
-
-def test_a_flipper_that_rests_outside_its_range_is_refused(tmp_path_factory: pytest.TempPathFactory) -> None:
-    text = (CHAIRS / "wheelchair.toml").read_text(encoding="utf-8")
-    path = tmp_path_factory.mktemp("chairs") / "short.toml"
-    path.write_text(text.replace("range_deg = [-75.0, 60.0]", "range_deg = [-75.0, 30.0]"), encoding="utf-8")
-    with pytest.raises(SettingsError, match=r"approach_angle_deg is 40, where the flipper rests; flipper\.range_deg is -75 to 30"):
-        read_chair(str(path))
 
 
 def test_a_mission_logs_its_flipper() -> None:

@@ -140,16 +140,11 @@ def test_a_symmetric_chair_keeps_its_heading_for_five_minutes(slope_deg: float) 
 
 
 @pytest.mark.parametrize("slope_deg", [33.0, 35.0])
-def test_a_stair_steeper_than_friction_allows_cannot_be_climbed(slope_deg: float) -> None:
-    samples = held(plant_on(slope_deg), 0.2, 0.2, 5.0)
-    assert samples[-1].x_m < samples[0].x_m
-
-
-@pytest.mark.parametrize(("slope_deg", "friction"), [(33.0, (0.8, 0.65)), (35.0, (0.8, 0.65))])
-def test_more_friction_climbs_the_same_stair(slope_deg: float, friction: tuple[float, float]) -> None:
-    samples = held(plant_on(slope_deg, friction=friction), 0.2, 0.2, 5.0)
+def test_a_stair_steeper_than_friction_allows_cannot_be_climbed_and_with_more_it_can(slope_deg: float) -> None:
+    little, more = (held(plant_on(slope_deg, friction), 0.2, 0.2, 5.0) for friction in ((0.62, 0.5), (0.8, 0.65)))
+    assert little[-1].x_m < little[0].x_m
     # Belt travel is 1 m less the drive's lag of 0.15 s; a tenth may be slip.
-    assert samples[-1].x_m - samples[0].x_m > 0.87
+    assert more[-1].x_m - more[0].x_m > 0.87
 
 
 def test_a_payload_behind_the_hinge_makes_the_chair_rear_up() -> None:

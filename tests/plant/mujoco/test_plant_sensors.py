@@ -11,11 +11,7 @@ from oracles.plant_runs import plant_on
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError, SimulationDiverged
-from treadline.core.signals import (
-    ImuSample,
-    SeatCommand,
-    TrackCommand,
-)
+from treadline.core.signals import ImuSample, SeatCommand, TrackCommand
 from treadline.plant.mujoco import MujocoPlant, open_plant
 
 
