@@ -1,8 +1,23 @@
-"""Chair files with single values changed."""
+"""Chairs with single values changed, and what the check says of them."""
 
 from pathlib import Path
+from typing import Any
 
+from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import CHAIRS
+from treadline.vehicle.verdict import CheckReport, check
+
+CHAIR = read_chair("wheelchair")
+
+
+def judge(chair: ChairDescription = CHAIR, /, **tables: dict[str, Any]) -> CheckReport:
+    return check(Scenario.model_validate(tables), chair)
+
+
+def with_piece(piece: str, **values: object) -> ChairDescription:
+    """Return the wheelchair with values of one of its tables replaced."""
+    return CHAIR.model_copy(update={piece: getattr(CHAIR, piece).model_copy(update=values)})
 
 
 def changed_chair(folder: Path, old: str, new: str) -> str:

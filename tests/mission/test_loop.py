@@ -132,6 +132,14 @@ def counting_mission(
     return Mission(plant, blocks, lambda signal, _: log(signal)), estimator, leveller
 
 
+def drive(ticks: int, plant: RecordedPlant, *blocks: Any, **options: Any) -> Counting:
+    """Run a mission for some ticks, and return its detector and estimator."""
+    mission, detector, _ = counting_mission(plant, *blocks, **options)
+    for _ in range(ticks):
+        mission.tick()
+    return detector
+
+
 def test_each_block_runs_at_its_own_rate() -> None:
     mission, estimator, leveller = counting_mission(RecordedPlant(stream(2.0)))
     ticks = [mission.tick() for _ in range(200)]
@@ -153,9 +161,7 @@ def test_a_tick_acts_on_what_was_read_in_the_same_tick() -> None:
 def test_a_seats_rate_counts_for_a_tenth_of_a_second() -> None:
     """Test: seat readings end at 0.2 s. Expected result: the last rate is written up to 0.3 s, and then rest."""
     plant = RecordedPlant([reading for reading in stream(1.0) if not isinstance(reading, SeatReading) or reading.t_s <= 0.2])
-    mission, _, _ = counting_mission(plant)
-    for _ in range(50):
-        mission.tick()
+    drive(50, plant)
     rates = [seat.rate_m_s for _, seat in plant.written]
     assert rates == [0.01] * 31 + [0.0] * 19
 
@@ -169,9 +175,7 @@ def test_what_the_guard_makes_of_an_old_command_is_in_the_log() -> None:
 
     logged: list[Any] = []
     plant = RecordedPlant(stream(1.5))
-    mission, _, _ = counting_mission(plant, driver=Dying(0.2, 0.25), log=logged.append)
-    for _ in range(150):
-        mission.tick()
+    drive(150, plant, driver=Dying(0.2, 0.25), log=logged.append)
     recorded = [(signal.left_m_s, signal.brake) for signal in logged if isinstance(signal, TrackCommand)]
     written = [(tracks.left_m_s, tracks.brake) for tracks, _ in plant.written]
     assert {value for value, _ in recorded} == {value for value, _ in written}
@@ -184,9 +188,7 @@ def test_a_nan_from_the_imu_is_silence_slows_at_once_and_holds_after_a_second() 
         imu(reading.t_s, np.nan) if isinstance(reading, ImuSample) and reading.t_s > 0.5 else reading for reading in stream(1.7)
     ]
     plant = RecordedPlant(readings)
-    mission, _, _ = counting_mission(plant)
-    for _ in range(170):
-        mission.tick()
+    drive(170, plant)
     # Hazard 6: 50 ms to detect, then vision alone for a second at 0.10 m/s.
     assert plant.written[60][0].left_m_s == pytest.approx(0.1)
     assert next(k for k, (tracks, _) in enumerate(plant.written) if tracks.brake) in range(150, 160)
@@ -209,9 +211,7 @@ def test_the_plans_flipper_passes_the_guard_and_no_flipper_stays_none() -> None:
     moving = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1, flipper=FlipperCommand(t_s=0.0, rate_rad_s=0.2))
     still = MotionPlan(t_s=0.1, phase="climb", speed_m_s=0.1)
     plant = RecordedPlant(stream(0.2))
-    mission, _, _ = counting_mission(plant, Scripted(moving, still))
-    for _ in range(20):
-        mission.tick()
+    drive(20, plant, Scripted(moving, still))
     assert plant.flippers[0] == FlipperCommand(t_s=0.0, rate_rad_s=0.2)
     assert plant.flippers[-1] is None
 
@@ -220,9 +220,7 @@ def test_the_guard_holds_with_the_cause_of_a_plan_that_ends() -> None:
     lost = MotionPlan(t_s=0.1, phase="search", speed_m_s=0.0, turn_m_s=0.0, hold="no stair in view, to neither side")
     plant, recorded = RecordedPlant(stream(0.3)), []
     go = MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0, turn_m_s=0.1)
-    mission, _, _ = counting_mission(plant, Scripted(go, lost), log=recorded.append)
-    for _ in range(30):
-        mission.tick()
+    drive(30, plant, Scripted(go, lost), log=recorded.append)
     assert plant.written[-1][0].brake
     assert [event.cause for event in recorded if isinstance(event, Event) and event.name == "hold"] == [lost.hold]
 
@@ -232,9 +230,7 @@ def test_each_phase_is_reported_once_with_its_cause() -> None:
         MotionPlan(t_s=0.1 * k, phase=phase, speed_m_s=0.2, cause=phase) for k, phase in enumerate(("search", "climb", "crest"))
     ]  # type: ignore[arg-type]
     recorded: list[Signal] = []
-    mission, _, _ = counting_mission(RecordedPlant(stream(0.3)), Scripted(*plans), log=recorded.append)
-    for _ in range(30):
-        mission.tick()
+    drive(30, RecordedPlant(stream(0.3)), Scripted(*plans), log=recorded.append)
     phases = [signal for signal in recorded if isinstance(signal, Event) and signal.cause in ("search", "climb", "crest")]
     assert [(event.name, event.t_s) for event in phases] == [("search", 0.0), ("climb", 0.1), ("crest", 0.2)]
 
@@ -249,9 +245,7 @@ def frame(t_s: float, brightness: int) -> RgbdFrame:
 
 def test_a_frame_that_repeats_itself_is_not_looked_at() -> None:
     readings = [*stream(0.35), frame(0.1, 200), frame(0.2, 200), frame(0.3, 210)]
-    mission, detector, _ = counting_mission(RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)))
-    for _ in range(35):
-        mission.tick()
+    detector = drive(35, RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)))
     assert detector.calls.count("RgbdFrame") == 2
 
 
@@ -263,9 +257,7 @@ def test_the_planner_gets_what_it_needs_and_no_frame() -> None:
         stair(0.06, [(1.0, 0.0, 0.16), (1.3, 0.0, 0.32)], left_seen_m=1.0, right_seen_m=1.0),
     ]
     planner = Scripted(MotionPlan(t_s=0.0, phase="drive", speed_m_s=0.2))
-    mission, _, _ = counting_mission(RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)), planner)
-    for _ in range(10):
-        mission.tick()
+    drive(10, RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)), planner)
     assert set(planner.inputs) == {"ImuSample", "TrackReading", "FlipperReading", "StairMap"}
 
 

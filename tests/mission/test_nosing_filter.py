@@ -68,6 +68,10 @@ class Drive:
                 self.tracker.update(seen)
             yield seen
 
+    def on(self, end_m: float) -> None:
+        """Drive to a place."""
+        list(self.to(end_m))
+
     def start_at(self, x_m: float) -> None:
         """Place the chair."""
         self.x_m = x_m
@@ -136,8 +140,7 @@ def test_squared_errors_agree_with_their_declared_variance(*, up: bool) -> None:
     for seed in range(8):
         drive = begun(Drive(np.random.default_rng([seed, 30]), up=up), from_m=2.5)
         for end_m in (-0.7, 0.3) if up else (RUN_M * (STEPS - 1) + 0.7, RUN_M * (STEPS - 1) - 0.6):
-            for _ in drive.to(end_m):
-                pass
+            drive.on(end_m)
             error, sigma = drive.errors()
             near = (np.abs(drive.tracker.ahead_m()) < 2.0) & np.isfinite(sigma)
             squares.append(float(np.mean((error[near] / sigma[near]) ** 2)))
@@ -164,8 +167,7 @@ def test_nine_frames_of_ten_refused_keep_the_map_and_widen_it_in_between(*, up: 
 @pytest.mark.parametrize(("dx_m", "dz_m"), [(0.06, 0.0), (0.0, 0.05), (-0.05, -0.05)])
 def test_a_wrong_frame_moves_the_map_of_a_chair_that_stands_by_less_than_a_sound_one_errs(dx_m: float, dz_m: float) -> None:
     drive = begun(Drive(np.random.default_rng([8, 30])))
-    for _ in drive.to(-1.5):
-        pass
+    drive.on(-1.5)
     wrong = drive.look()
     before = np.array(drive.tracker.ahead_m())
     wrong.nosings_B[:, 0] += dx_m
@@ -179,8 +181,7 @@ def test_a_last_riser_30_mm_higher_stays_one_and_hardly_moves_the_shape() -> Non
     """Test: the last of ten nosings is 30 mm too high. Expected result: its height within 3 mm, and the rise within 5 mm: an end of
     the lattice that is 30 mm off turns the line through the nosings around it by a few millimetres a step."""
     drive = begun(Drive(np.random.default_rng([9, 30]), top_m=0.03, slip=0.02))
-    for _ in drive.to(RUN_M * (STEPS - 1) - 0.7):
-        pass
+    drive.on(RUN_M * (STEPS - 1) - 0.7)
     assert drive.tracker.top_ends
     assert drive.tracker.top_above_m() == pytest.approx(drive.steps[-1, 1] - drive.z_m, abs=3e-3)
     assert drive.tracker.rise_m == pytest.approx(RISE_M, abs=5e-3)
@@ -203,8 +204,7 @@ def test_a_flight_is_tracked_from_five_metres_to_the_landing() -> None:
 def test_a_noisier_camera_is_followed() -> None:
     """Test: errors three times those of the model, from 2.5 m. Expected result: the same ten nosings, none twice."""
     drive = begun(Drive(np.random.default_rng([11, 30]), noise=3.0, slip=0.03), from_m=2.5)
-    for _ in drive.to(RUN_M * (STEPS - 1) - 0.5):
-        pass
+    drive.on(RUN_M * (STEPS - 1) - 0.5)
     ahead = drive.tracker.ahead_m()
     assert len(ahead) == STEPS
     assert min(np.diff(ahead)) > 0.7 * RUN_M
@@ -220,8 +220,7 @@ def test_the_cost_of_a_map_does_not_grow_with_the_nosings_passed() -> None:
         calls[at] += event in ("call", "c_call")
 
     for at in (30, 280):
-        for _ in drive.to(at * RUN_M):
-            pass
+        drive.on(at * RUN_M)
         error, sigma = drive.errors()
         assert np.isfinite(sigma).sum() <= (VIEW_M["up"][1] + 1.0) / RUN_M + 1
         seen, calls[at] = drive.look(), 0
@@ -235,12 +234,10 @@ def test_the_cost_of_a_map_does_not_grow_with_the_nosings_passed() -> None:
 def test_a_chair_that_rolls_back_finds_the_nosings_that_it_had_passed() -> None:
     """Test: 2.4 m up a flight and 2.1 m back. Expected result: no nosing twice, and errors within three deviations."""
     drive = begun(Drive(np.random.default_rng([15, 30]), slip=0.02, count=20), from_m=2.5)
-    for _ in drive.to(2.4):
-        pass
+    drive.on(2.4)
     before, sigma = drive.errors()
     assert np.isinf(sigma).sum() == 5  # those more than 0.98 m below mid-track, 0.3 m apart
-    for _ in drive.to(0.3):
-        pass
+    drive.on(0.3)
     error, sigma = drive.errors()
     assert len(error) == len(before)
     assert np.isinf(sigma).sum() == 0

@@ -5,22 +5,9 @@ import re
 from typing import Any
 
 import pytest
+from chairs import CHAIR, judge, with_piece
 
-from treadline.scenario.chair import CameraMount, ChairDescription, read_chair
-from treadline.scenario.scenario import Scenario
-from treadline.vehicle.verdict import CheckReport, check
-
-CHAIR = read_chair("wheelchair")
-
-
-def judge(chair: ChairDescription = CHAIR, /, **tables: dict[str, Any]) -> CheckReport:
-    return check(Scenario.model_validate(tables), chair)
-
-
-def mounted(name: str = "camera", **values: object) -> ChairDescription:
-    mount: CameraMount = getattr(CHAIR, name)
-    return CHAIR.model_copy(update={name: mount.model_copy(update=values)})
-
+from treadline.scenario.chair import read_chair
 
 DOWN: dict[str, dict[str, Any]] = {"start": {"place": "landing"}, "drive": {"direction": "down"}}
 
@@ -40,23 +27,23 @@ def test_the_count_is_that_of_a_pinhole_camera() -> None:
 def test_a_camera_that_looks_past_the_stair_is_refused_with_the_pitches_that_see_it(
     name: str, tables: dict[str, Any], pitch_deg: float
 ) -> None:
-    report = judge(mounted(name, pitch_deg=pitch_deg), **tables)
+    report = judge(with_piece(name, pitch_deg=pitch_deg), **tables)
     (reason,) = report.reasons
     assert reason.startswith(f"fewer than 2 nosings are in view of the {name.replace('_', ' ')} from the start")
     found = re.search(rf"{name}\.pitch_deg is {pitch_deg:g} in the chair's file: give (-?\d+) to (-?\d+)$", reason)
     low, high = int(found[1]), int(found[2])
     for pitch in (low, (low + high) // 2, high):
-        assert judge(mounted(name, pitch_deg=float(pitch)), **tables).verdict == "go"
+        assert judge(with_piece(name, pitch_deg=float(pitch)), **tables).verdict == "go"
     for pitch in (low - 5, high + 5):
-        assert judge(mounted(name, pitch_deg=float(pitch)), **tables).verdict == "refuse"
+        assert judge(with_piece(name, pitch_deg=float(pitch)), **tables).verdict == "refuse"
 
 
 def test_a_rear_camera_that_looks_ahead_is_refused() -> None:
-    (reason,) = judge(mounted("rear_camera", yaw_deg=0.0, pitch_deg=0.0), **DOWN).reasons
+    (reason,) = judge(with_piece("rear_camera", yaw_deg=0.0, pitch_deg=0.0), **DOWN).reasons
     assert "no pitch of its mount would do: correct rear_camera.position_m, yaw_deg" in reason
     # On the flight it sees nosings, but those above.
     (reason,) = judge(
-        mounted("rear_camera", yaw_deg=0.0), start={"place": "flight", "step": 8}, drive={"direction": "down"}
+        with_piece("rear_camera", yaw_deg=0.0), start={"place": "flight", "step": 8}, drive={"direction": "down"}
     ).reasons
     assert "fewer than 2 nosings" in reason
 
@@ -96,14 +83,14 @@ def test_steps_that_the_detector_does_not_accept_are_refused(rise_m: float, run_
 
 
 def test_an_open_loop_looks_at_nothing() -> None:
-    report = judge(mounted(pitch_deg=-35.0), control={"loop": "open"})
+    report = judge(with_piece("camera", pitch_deg=-35.0), control={"loop": "open"})
     assert (report.verdict, report.nosings_in_view) == ("go", None)
 
 
 @pytest.mark.parametrize("sensors", [{"camera": "statistical"}, {"camera": "ideal"}, {"image_height_px": 480}])
 def test_every_camera_model_shares_the_geometry(sensors: dict[str, Any]) -> None:
-    assert judge(mounted(pitch_deg=-35.0), sensors=sensors).verdict == "refuse"
-    assert judge(mounted(pitch_deg=-35.0), control={"vision": "truth"}, sensors=sensors).verdict == "refuse"
+    assert judge(with_piece("camera", pitch_deg=-35.0), sensors=sensors).verdict == "refuse"
+    assert judge(with_piece("camera", pitch_deg=-35.0), control={"vision": "truth"}, sensors=sensors).verdict == "refuse"
 
 
 def test_a_chair_without_flipper_or_rear_camera_comes_down_no_stair() -> None:

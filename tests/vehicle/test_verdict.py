@@ -5,6 +5,7 @@ import re
 from typing import Any
 
 import pytest
+from chairs import CHAIR, judge, with_piece
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,16 +16,6 @@ from treadline.scenario.scenario import SEAT_SHIFT_M, DriveSettings, Scenario, S
 from treadline.scenario.shipped_files import CHAIRS
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.verdict import CheckReport, check
-
-CHAIR = read_chair("wheelchair")
-
-
-def judge(chair: ChairDescription = CHAIR, /, **tables: dict[str, Any]) -> CheckReport:
-    return check(Scenario.model_validate(tables), chair)
-
-
-def with_piece(piece: str, **values: object) -> ChairDescription:
-    return CHAIR.model_copy(update={piece: getattr(CHAIR, piece).model_copy(update=values)})
 
 
 def assert_refused_only_for(report: CheckReport, *words: str) -> str:

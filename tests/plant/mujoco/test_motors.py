@@ -77,8 +77,7 @@ def test_a_motor_that_is_too_weak_is_driven_back_down_30_degrees() -> None:
 
 
 def test_a_motor_settles_where_its_line_meets_a_load_that_grows_with_speed() -> None:
-    numbers, state = a_drive(), np.zeros(motors.ELECTRIC)
-    state[motors.VOLTAGE], state[motors.CHARGE] = 24.0, 1.0
+    numbers, state = a_drive()
     asked = np.zeros(2)
     # A damper of 2 kN·s/m on each belt.
     for _ in range(300):
@@ -96,9 +95,7 @@ def test_a_motor_settles_where_its_line_meets_a_load_that_grows_with_speed() -> 
 
 def test_a_motor_against_more_than_its_stall_force_stalls_and_turns_its_power_into_heat() -> None:
     # On 30° each belt carries 189 N: a stall force of 150 N at 24 V cannot hold, and a brake is what does.
-    numbers = a_drive(peak_force_n=150.0, continuous_force_n=150.0)
-    state = np.zeros(motors.ELECTRIC)
-    state[motors.VOLTAGE], state[motors.CHARGE] = 24.0, 1.0
+    numbers, state = a_drive(peak_force_n=150.0, continuous_force_n=150.0)
     state[motors.TRACTION : motors.OLD_TRACTION + 2] = 189.0
     asked = np.array([0.001, 0.001])
     motors.limit_belts((0.0, 0.0), asked, (False, False), numbers, state)
@@ -108,17 +105,18 @@ def test_a_motor_against_more_than_its_stall_force_stalls_and_turns_its_power_in
     assert state[motors.POWER] == pytest.approx(2.0 * 187.5, rel=0.05)
 
 
-def a_drive(**changes: float) -> Float[np.ndarray, " n"]:
-    """Return the constants of the wheelchair's motors."""
+def a_drive(**changes: float) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return the constants of the wheelchair's motors, and their state at rest with a full battery."""
     from treadline.plant._actuators import Actuators
 
-    return Actuators(Scenario(chair=Chair(payload_kg=50.0)), with_motor(**changes)).motor
+    state = np.zeros(motors.ELECTRIC)
+    state[motors.VOLTAGE], state[motors.CHARGE] = 24.0, 1.0
+    return Actuators(Scenario(chair=Chair(payload_kg=50.0)), with_motor(**changes)).motor, state
 
 
 @pytest.mark.parametrize("carried_share", [0.3, 1.0, 2.0])
 def test_a_gripping_chair_of_another_mass_than_assumed_is_stable(carried_share: float) -> None:
-    numbers, state = a_drive(), np.zeros(motors.ELECTRIC)
-    state[motors.VOLTAGE], state[motors.CHARGE] = 24.0, 1.0
+    numbers, state = a_drive()
     mass, load = carried_share * numbers[motors.CARRIED_KG], 1000.0
     asked, speeds = np.zeros(2), []
     for _ in range(80):
@@ -160,8 +158,7 @@ def test_the_battery_gives_at_least_the_work_of_the_belts(speed: float) -> None:
 
 
 def test_the_voltage_sags_by_current_times_resistance() -> None:
-    numbers, state = a_drive(), np.zeros(motors.ELECTRIC)
-    state[motors.CHARGE] = 1.0
+    numbers, state = a_drive()
     motors.draw(500.0, numbers, state)
     current = 500.0 / state[motors.VOLTAGE]
     assert state[motors.VOLTAGE] == pytest.approx(26.6 - 0.05 * current, rel=1e-12)
@@ -170,8 +167,7 @@ def test_the_voltage_sags_by_current_times_resistance() -> None:
 
 
 def test_a_hot_motor_gives_its_continuous_force() -> None:
-    numbers, state = a_drive(thermal_time_s=1.0), np.zeros(motors.ELECTRIC)
-    state[motors.CHARGE], state[motors.VOLTAGE] = 1.0, 24.0
+    numbers, state = a_drive(thermal_time_s=1.0)
     forces = []
     for _ in range(300):
         state[motors.TRACTION : motors.TRACTION + 2] = state[motors.OLD_TRACTION : motors.OLD_TRACTION + 2] = 700.0
@@ -232,7 +228,6 @@ def test_a_screw_that_is_too_weak_lets_the_seat_sink_and_the_shipped_one_holds()
 
 
 def test_a_flipper_motor_loses_its_torque_with_speed() -> None:
-    assert CHAIR.flipper is not None
     peaks = []
     for no_load in (60.0, None):
         chair = CHAIR.model_copy(update={"flipper": CHAIR.flipper.model_copy(update={"no_load_deg_s": no_load})})
