@@ -119,6 +119,14 @@ class Climb:
         )
 
 
+def begun(heading_rad: float = 0.1, rate_rad_s: float = 0.0) -> HeadingFilter:
+    """Return a filter that has had a sample and a frame at 0 s."""
+    heading = HeadingFilter()
+    heading.step(gyro(0.0, rate_rad_s))
+    heading.step(seen(0.0, heading_rad))
+    return heading
+
+
 def within(t_s: float, start_s: float, seconds: float) -> bool:
     return start_s <= t_s < start_s + seconds
 
@@ -286,8 +294,7 @@ def test_implausible_gyro_samples_do_not_hide_a_vision_error() -> None:
     )
     (began_s,) = {t_s for t_s, kind in climb.faults if kind == "disagreement"}
     assert 10.0 < began_s < 10.6
-    health = climb.filter.health
-    assert (health.fault, health.since_s) == ("disagreement", began_s)
+    assert (climb.filter.health.fault, climb.filter.health.since_s) == ("disagreement", began_s)
 
 
 @pytest.mark.parametrize(("seed", "step_deg_s"), [(1, 1.0), (2, -2.0), (1, 5.0)])
@@ -334,8 +341,7 @@ def test_a_wrong_first_frame_is_replaced_after_four_seconds() -> None:
 def test_a_gyro_that_repeats_itself_while_the_belts_run_is_stuck() -> None:
     climb = Climb(2, seconds=20.0, has_belts=True, imu=lambda t, rate: rate if t < 10.0 else 0.003)
     assert climb.faults[0] == (pytest.approx(10.2, abs=0.011), "stuck")
-    health = climb.filter.health
-    assert "0.172 °/s" in health.cause
+    assert "0.172 °/s" in climb.filter.health.cause
     # As with a silent gyro: vision carries the heading for a second, then the stamp stops.
     assert climb.estimates[-10].t_s <= 11.3
 
@@ -351,17 +357,12 @@ def standing(heading: HeadingFilter, from_s: float, to_s: float, rate: float, be
 
 
 def test_a_repeating_gyro_on_a_standing_chair_is_accepted() -> None:
-    heading = HeadingFilter()
-    heading.step(gyro(0.0, 0.0))
-    heading.step(seen(0.0, 0.1))
-    assert set(standing(heading, IMU_S, 2.0, 0.0, 0.0)) == {None}
+    assert set(standing(begun(), IMU_S, 2.0, 0.0, 0.0)) == {None}
 
 
 def test_a_stuck_gyro_stays_stuck_under_a_chair_that_stops_for_it() -> None:
     """Test: the gyro sticks while the belts run, and they then stop. Expected result: stuck until the reading changes."""
-    heading = HeadingFilter()
-    heading.step(gyro(0.0, 0.01))
-    heading.step(seen(0.0, 0.1))
+    heading = begun(rate_rad_s=0.01)
     assert "stuck" in standing(heading, 0.01, 0.5, 0.02, 0.2)
     assert set(standing(heading, 0.5, 2.0, 0.02, 0.0)) == {"stuck"}
     heading.step(gyro(2.0, 0.021))
@@ -478,9 +479,7 @@ def test_frame_stamps_that_repeat_or_go_back_are_dropped() -> None:
 
 
 def test_a_frame_older_than_the_filters_memory_is_dropped() -> None:
-    heading = HeadingFilter()
-    heading.step(gyro(0.0, 0.0))
-    before = heading.step(seen(0.0, 0.1))
+    heading = begun()
     for k in range(1, 301):
         before = heading.step(gyro(k * IMU_S, 0.0))
     assert heading.step(seen(1.9, 0.101)) == before
@@ -512,10 +511,7 @@ def test_unobserved_motion_increases_the_uncertainty(gap_s: float) -> None:
 
 
 def test_jitter_of_the_gyro_clock_does_not_increase_the_uncertainty() -> None:
-    steady, jittery = HeadingFilter(), HeadingFilter()
-    for heading in (steady, jittery):
-        heading.step(gyro(0.0, 0.0))
-        heading.step(seen(0.0, 0.1))
+    steady, jittery = begun(), begun()
     for k in range(1, 101):
         a = steady.step(gyro(0.04 * k, 0.0))
         b = jittery.step(gyro(0.04 * k + (0.004 if k % 2 and k < 100 else 0.0), 0.0))
@@ -553,9 +549,7 @@ def test_before_the_first_frame_there_is_no_heading() -> None:
 
 
 def test_headings_on_both_sides_of_half_a_turn_are_neighbours() -> None:
-    heading = HeadingFilter()
-    heading.step(gyro(0.0, 0.0))
-    heading.step(seen(0.0, np.pi - 0.002))
+    heading = begun(np.pi - 0.002)
     heading.step(gyro(0.01, 0.0))
     estimate = heading.step(seen(0.01, -np.pi + 0.002))
     # Between two frames 0.004 rad apart, across the discontinuity.
@@ -585,10 +579,7 @@ def test_a_frame_stamped_long_after_the_first_gyro_sample_does_not_shut_out_the_
 
 
 def test_a_gyro_clock_that_leaps_ahead_does_not_spin_the_heading() -> None:
-    heading = HeadingFilter()
-    heading.step(gyro(0.0, 0.2))
-    heading.step(seen(0.0, 0.1))
-    estimate = heading.step(gyro(1e4, 0.2))
+    estimate = begun(rate_rad_s=0.2).step(gyro(1e4, 0.2))
     # One second of the rate is integrated, and sigma is half a turn: the heading is unknown.
     assert abs(estimate.heading_rad - 0.1) <= 0.2 + 1e-9
     assert estimate.sigma_rad == pytest.approx(np.pi, rel=0.01)
@@ -625,8 +616,7 @@ def test_a_corrected_mount_moves_the_heading_and_not_the_gyro_bias(*, declared: 
         assert estimate is not None or k == 0
         if estimate is not None and t_s >= 20.0:
             errors.append(abs(estimate.heading_rad - truth))
-            health = estimator.health
-            biases.append(abs(health.bias_rad_s))
+            biases.append(abs(estimator.health.bias_rad_s))
     assert max(errors) < worst_rad
     if declared:
         assert max(biases) < 0.05 * DEG

@@ -2,6 +2,7 @@
 
 import math
 
+from chairs import CHAIR, with_piece
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -18,15 +19,9 @@ MEASURED_M = 0.01
 MEASURED_RAD = 1.0 * DEG
 SHAPE_SIGMAS = 3.0
 
-CHAIR = read_chair("wheelchair")
-
 
 def refusal(rise_m: float, run_m: float, payload_kg: float = 50.0, chair: ChairDescription = CHAIR) -> str | None:
     return reject_reason(chair, payload_kg, rise_m, run_m, math.atan2(rise_m, run_m))
-
-
-def with_seat(**changes: object) -> ChairDescription:
-    return CHAIR.model_copy(update={"seat": CHAIR.seat.model_copy(update=changes)})
 
 
 @settings(derandomize=True, max_examples=40)
@@ -74,7 +69,7 @@ def test_a_track_at_its_limit_is_not_refused_by_a_centimetre_of_noise() -> None:
 
 
 def test_a_stair_beyond_the_seats_stroke_is_refused_with_both_angles() -> None:
-    chair = with_seat(stroke_m=(CHAIR.seat.stroke_m[0], 0.06))
+    chair = with_piece("seat", stroke_m=(CHAIR.seat.stroke_m[0], 0.06))
     answer = refusal(0.16, 0.30, chair=chair)
     assert answer.startswith("the stair is 28.1° steep, the seat stays level to 1")
     assert "lengthen its stroke" in answer
@@ -82,7 +77,7 @@ def test_a_stair_beyond_the_seats_stroke_is_refused_with_both_angles() -> None:
 
 def test_a_chair_that_would_tip_is_refused_with_its_margin() -> None:
     x, y, z = CHAIR.seat.hinge_m
-    answer = refusal(0.16, 0.16 / math.tan(30.0 * DEG), 110.0, with_seat(hinge_m=(x - 0.15, y, z)))
+    answer = refusal(0.16, 0.16 / math.tan(30.0 * DEG), 110.0, with_piece("seat", hinge_m=(x - 0.15, y, z)))
     assert "the tipping margin would be" in answer
     assert "below 7°" in answer
     assert "shift the seat or take less payload" in answer
@@ -95,12 +90,12 @@ def test_sitting_further_back_never_turns_a_no_into_a_yes(back_m: float, payload
     rise_m = 0.14
     run_m = rise_m / math.tan(slope_deg * DEG)
     if refusal(rise_m, run_m, payload_kg) is not None:
-        assert refusal(rise_m, run_m, payload_kg, with_seat(hinge_m=(x - back_m, y, z))) is not None
+        assert refusal(rise_m, run_m, payload_kg, with_piece("seat", hinge_m=(x - back_m, y, z))) is not None
 
 
 def test_the_noise_of_a_frames_mean_does_not_refuse_what_the_seat_can() -> None:
     # A degree is three standard deviations of the mean slope.
-    chair = with_seat(stroke_m=(CHAIR.seat.stroke_m[0], 0.08))
+    chair = with_piece("seat", stroke_m=(CHAIR.seat.stroke_m[0], 0.08))
     reach = SeatLinkage(chair.seat).angle_range[1]
     answer = reject_reason(chair, 0.0, 0.12, 0.25, reach + 0.9 * DEG)
     assert answer is None or "lengthen" not in answer

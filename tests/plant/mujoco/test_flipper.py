@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from chairs import with_piece
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth
@@ -46,10 +47,6 @@ def turn(
     plant.advance(end_s)
     readings = list(plant.read())
     return [reading for reading in readings if isinstance(reading, FlipperReading)], list(plant.truth()), readings
-
-
-def with_flipper(**changes: object) -> ChairDescription:
-    return ARMED.model_copy(update={"flipper": ARMED.flipper.model_copy(update=changes)})
 
 
 def test_a_chair_without_a_flipper_is_the_chair_it_was() -> None:
@@ -120,7 +117,7 @@ def test_the_flipper_lifts_the_chair_off_the_landing_and_its_tip_drives() -> Non
 
 
 def test_a_weak_motor_gives_way_and_owes_nothing_afterwards() -> None:
-    plant = standing(with_flipper(torque_n_m=40.0))
+    plant = standing(with_piece("flipper", torque_n_m=40.0))
     pressed, truth, _ = turn(plant, -25.0, 0.0, 4.0)
     # Lifting a loaded chair by its nose takes some 100 N·m.
     assert abs(truth[-1].pitch_rad) < 0.5 * DEG
@@ -133,7 +130,7 @@ def test_a_weak_motor_gives_way_and_owes_nothing_afterwards() -> None:
 def test_a_dead_motor_brakes_rising_and_falls_freely() -> None:
     fastest = {}
     for damping in (0.0, 250.0):
-        plant = standing(with_flipper(lost_damping_n_m_s_rad=damping))
+        plant = standing(with_piece("flipper", lost_damping_n_m_s_rad=damping))
         turn(plant, -25.0, 0.0, 2.6)
         plant.lose_flipper_motor()
         flippers, truth, _ = turn(plant, -25.0, 2.6, 5.6)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from chairs import CHAIR, with_piece
 from jaxtyping import Float
 from oracles.plant_runs import held, plant_on
 
@@ -13,16 +14,11 @@ from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.plant import _motors_and_battery_kernels as motors
 from treadline.plant.mujoco import open_plant
 from treadline.plant.mujoco.mujoco_plant import MujocoPlant
-from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Control, Realism, Scenario, Stair, Start
 from treadline.vehicle.loading import Loading
 
-CHAIR = read_chair("wheelchair")
 WEIGHT_N = Loading(chair=CHAIR, payload_kg=50.0).weight_n
-
-
-def with_motor(**changes: float) -> ChairDescription:
-    return CHAIR.model_copy(update={"motor": CHAIR.motor.model_copy(update=changes)})
 
 
 def drive(
@@ -62,7 +58,7 @@ def test_a_load_within_the_limits_leaves_the_belts_as_they_are_without_limits() 
 
 def test_a_motor_that_is_too_weak_is_driven_back_down_30_degrees() -> None:
     # Each belt needs half of W sin 30° = 189 N; the motor gives 120.
-    truth, plant = drive(with_motor(peak_force_n=120.0, continuous_force_n=100.0), slope_deg=30.0, seconds=1.5)
+    truth, plant = drive(with_piece("motor", peak_force_n=120.0, continuous_force_n=100.0), slope_deg=30.0, seconds=1.5)
     speed = 0.5 * (column(truth, "left_m_s") + column(truth, "right_m_s"))
     assert speed[-1] < -0.3
     # Newton for chair and moving mass together: (2 · 120 - 377) / (77 + 2 · 25) = -1.08 m/s² once the contacts have settled; hops
@@ -111,7 +107,7 @@ def a_drive(**changes: float) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray
 
     state = np.zeros(motors.ELECTRIC)
     state[motors.VOLTAGE], state[motors.CHARGE] = 24.0, 1.0
-    return Actuators(Scenario(chair=Chair(payload_kg=50.0)), with_motor(**changes)).motor, state
+    return Actuators(Scenario(chair=Chair(payload_kg=50.0)), with_piece("motor", **changes)).motor, state
 
 
 @pytest.mark.parametrize("carried_share", [0.3, 1.0, 2.0])
@@ -133,7 +129,7 @@ def test_a_gripping_chair_of_another_mass_than_assumed_is_stable(carried_share: 
 
 def test_a_brake_weaker_than_the_load_slips_through_and_a_stronger_one_holds() -> None:
     def braked(hold_n: float) -> list[Truth]:
-        chair = CHAIR.model_copy(update={"drives": CHAIR.drives.model_copy(update={"brake_hold_n": hold_n})})
+        chair = with_piece("drives", brake_hold_n=hold_n)
         return drive(chair, speed=0.0, brake=True, seconds=1.5)[0]
 
     # Each belt carries 177 N.
@@ -183,7 +179,7 @@ def test_a_hot_motor_gives_its_continuous_force() -> None:
 
 
 def test_an_empty_battery_engages_the_brakes() -> None:
-    empty = CHAIR.model_copy(update={"battery": CHAIR.battery.model_copy(update={"capacity_wh": 0.05})})
+    empty = with_piece("battery", capacity_wh=0.05)
     truth, _ = drive(empty, seconds=3.0)
     # 0.05 Wh are 180 J, about a second of climbing.
     assert column(truth, "left_m_s").max() > 0.1
@@ -193,7 +189,7 @@ def test_an_empty_battery_engages_the_brakes() -> None:
 
 def seat_after(seconds: float, *, rate: float, **seat: float) -> tuple[float, float, MujocoPlant]:
     """Return the seat's angle [deg] before and after its actuator is driven at a rate, a passenger of 120 kg sitting 0.3 m back."""
-    chair = CHAIR.model_copy(update={"seat": CHAIR.seat.model_copy(update=seat)})
+    chair = with_piece("seat", **seat)
     scenario = Scenario(
         stair=Stair(walls="none"),
         chair=Chair(payload_kg=120.0, payload_offset_m=(-0.3, 0.0, 0.0)),
@@ -230,7 +226,7 @@ def test_a_screw_that_is_too_weak_lets_the_seat_sink_and_the_shipped_one_holds()
 def test_a_flipper_motor_loses_its_torque_with_speed() -> None:
     peaks = []
     for no_load in (60.0, None):
-        chair = CHAIR.model_copy(update={"flipper": CHAIR.flipper.model_copy(update={"no_load_deg_s": no_load})})
+        chair = with_piece("flipper", no_load_deg_s=no_load)
         plant = open_plant(Scenario(stair=Stair(walls="none"), control=Control(vision="truth")), 0, chair=chair)
         plant.start()
         # Raised in the air: 30 °/s is half of the rate without load.
