@@ -202,32 +202,13 @@ def test_a_turn_seen_by_vision_determines_the_gyro_scale() -> None:
     assert 0.005 < scales[1] - scales[0] < 0.025
 
 
-@dataclass
-class Shared:
-    """Errors shared by neighbouring frames: 0.25° with a correlation time of some seconds, and 0.1° independent per frame."""
-
-    seed: int
-    memory_s: float
-    _rng: np.random.Generator = field(init=False)
-    _error: float = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._rng = np.random.default_rng(self.seed)
-        self._error = 0.25 * DEG * self._rng.normal()
-
-    def frame(self, t_s: float, heading: float) -> Frame:
-        """Return the heading as measured by vision."""
-        keep = np.exp(-FRAME_S / self.memory_s)
-        self._error = keep * self._error + 0.25 * DEG * np.sqrt(1.0 - keep**2) * self._rng.normal()
-        return t_s, heading + self._error + 0.1 * DEG * self._rng.normal()
-
-
 def test_sigma_does_not_average_errors_shared_by_frames() -> None:
     squares, sigmas = [], []
     for seed in range(3):
         for memory_s in (8.0, 1e9):
-            shared = Shared(seed, memory_s)
-            rng = np.random.default_rng(seed)
+            # Errors shared by neighbouring frames: 0.25° with a correlation time of some seconds, and 0.1° independent per frame.
+            rng, vision, keep = np.random.default_rng(seed), np.random.default_rng(seed), math.exp(-FRAME_S / memory_s)
+            error = 0.25 * DEG * vision.normal()
             held = HeadingFilter()
             for k in range(6000):
                 t_s = k * IMU_S
@@ -235,7 +216,8 @@ def test_sigma_does_not_average_errors_shared_by_frames() -> None:
                 estimate = held.step(gyro(t_s, 0.1 / 3.0 * math.cos(t_s / 3.0) + 0.035 * DEG * rng.normal()))
                 if k % TICKS_PER_FRAME == 0:
                     # Declared: the total error of a frame.
-                    estimate = held.step(seen(*shared.frame(t_s, heading), sigma_rad=0.27 * DEG))
+                    error = keep * error + 0.25 * DEG * math.sqrt(1.0 - keep**2) * vision.normal()
+                    estimate = held.step(seen(t_s, heading + error + 0.1 * DEG * vision.normal(), sigma_rad=0.27 * DEG))
                 if k % 100 == 99 and estimate is not None:
                     squares.append(((estimate.heading_rad - heading) / estimate.sigma_rad) ** 2)
                     sigmas.append(estimate.sigma_rad)

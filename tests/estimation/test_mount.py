@@ -84,7 +84,6 @@ class Drive:
         estimate = None
         for signal in self.signals():
             estimate = self.calibrator.step(signal)
-        assert estimate is not None
         return estimate
 
     def errors_rad(self, estimate: MountEstimate) -> tuple[float, float]:

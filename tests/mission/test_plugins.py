@@ -38,11 +38,10 @@ number = 3
 """
 
 
-class Own:
-    """A controller."""
+class WithoutPeriod:
+    """No driver: nobody knows when to call it."""
 
     follows_plan = True
-    period_s = 0.1
 
     def __init__(self, config: MissionConfig) -> None:
         self.config = config
@@ -52,23 +51,16 @@ class Own:
         return TrackCommand.stop(t_s)
 
 
+class Own(WithoutPeriod):
+    """A controller."""
+
+    period_s = 0.1
+
+
 class OnOneFlight(Own):
     """A controller that has the flight for itself."""
 
     follows_plan = False
-
-
-class WithoutPeriod:
-    """No driver: nobody knows when to call it."""
-
-    follows_plan = True
-
-    def __init__(self, config: MissionConfig) -> None:
-        del config
-
-    def step(self, estimate: object, t_s: float, plan: object) -> TrackCommand:
-        del estimate, plan
-        return TrackCommand.stop(t_s)
 
 
 class Blind:
@@ -150,19 +142,12 @@ def test_a_class_is_found_in_a_module_of_the_working_directory_and_in_a_file(
 
 def test_an_entry_point_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     entries = EntryPoints([EntryPoint(name="steady", value=f"{__name__}:Own", group="treadline.controllers")])
-    monkeypatch.setitem(sys.modules, __name__, sys.modules.get(__name__) or _this_module())
     monkeypatch.setattr("treadline.mission.plugins.entry_points", lambda group: entries.select(group=group))
     assert load_plugin("controller", "steady").__name__ == "Own"
     with pytest.raises(SettingsError, match=r"'?steadi.*installed: steady.*did you mean 'steady'"):
         load_plugin("controller", "steadi")
     with pytest.raises(SettingsError, match=r"group treadline\.detectors"):
         load_plugin("detector", "steady")
-
-
-def _this_module() -> Any:
-    from types import SimpleNamespace
-
-    return SimpleNamespace(Own=Own)
 
 
 @pytest.mark.parametrize(

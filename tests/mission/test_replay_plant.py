@@ -83,7 +83,6 @@ def test_an_imu_in_the_cameras_axes_is_turned_into_the_chairs() -> None:
     R_WB = rotation_z(0.3) @ rotation_y(-28 * DEG)
     plant = ReplayPlant(on_time([imu(0.0, R_WB=R_WB, turned=camera.R_BC)]), camera.R_BC)
     ((back,),) = played(plant, 1)
-    assert isinstance(back, ImuSample)
     np.testing.assert_allclose(rotation_of(back.orientation), R_WB, atol=1e-12)
     np.testing.assert_allclose(back.angular_velocity_rad_s, [0.1, 0.2, 0.3], atol=1e-12)
     np.testing.assert_allclose(back.linear_acceleration_m_s2, 9.81 * (R_WB.T @ UP), atol=1e-12)
@@ -95,5 +94,4 @@ def test_an_imu_without_attitude_gets_one_from_gravity(turned: np.ndarray | None
     sample = imu(0.0, R_WB=R_WB, turned=turned)
     bare = replace(sample, orientation=np.zeros(4))
     ((back,),) = played(ReplayPlant(on_time([bare]), turned), 1)
-    assert isinstance(back, ImuSample)
     np.testing.assert_allclose(rotation_of(back.orientation).T @ UP, R_WB.T @ UP, atol=1e-9)

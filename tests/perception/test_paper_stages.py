@@ -49,7 +49,6 @@ def test_every_nosing_becomes_one_line_at_its_row_and_stages_only_take_away() ->
 def test_the_answer_carries_box_count_and_six_pictures() -> None:
     sight = PAPER.look(banded(0.0), stages=True)
     assert sight.edge_count == len(NOSINGS)
-    assert sight.box_px is not None
     u0, v0, u1, v1 = sight.box_px
     assert (v0, v1) == pytest.approx((40, 200), abs=2)
     assert u1 - u0 > 300

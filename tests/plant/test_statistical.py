@@ -53,10 +53,7 @@ def camera(staircase: Staircase, *, rear: bool = False, seed: int = 5, exact: bo
 
 
 def report(eye: StatisticalCamera, pose: Pose) -> tuple[HeadingMeasurement, StairMap]:
-    heading, stair_map = eye.look(1.5, *pose)
-    assert isinstance(heading, HeadingMeasurement)
-    assert isinstance(stair_map, StairMap)
-    return heading, stair_map
+    return eye.look(1.5, *pose)
 
 
 def rendered(staircase: Staircase, pose: Pose, *, rear: bool) -> StairDetection:
@@ -93,7 +90,6 @@ def test_exact_is_where_a_rendered_frame_sees_it(where: str, *, rear: bool) -> N
     pose = poses(staircase)[where]
     sight = rendered(staircase, pose, rear=rear)
     heading, stair_map = report(camera(staircase, rear=rear, exact=True), pose)
-    assert sight.heading_rad is not None
     assert heading.heading_rad == pytest.approx(sight.heading_rad, abs=0.5 * DEG)
     assert stair_map.direction == sight.stair_map.direction
     assert stair_map.ends == sight.stair_map.ends

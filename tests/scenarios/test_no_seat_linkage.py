@@ -96,7 +96,7 @@ def test_check_reports_no_seat_range_and_refuses_a_seat_shift(robot: Callable[..
     assert heavy.proposed_seat_shift_m is None
 
 
-def test_a_whole_climb_arrives_without_seat_commands(robot: Callable[..., Path], tmp_path: Path, capsys) -> None:
+def test_a_whole_climb_arrives_without_seat_commands(robot: Callable[..., Path], tmp_path: Path) -> None:
     folder = tmp_path / "run"
     run = recorded_run(folder, resolve(scenario_of(robot()), seed=4))
     assert run.verdict == "arrived", run.cause
@@ -110,7 +110,6 @@ def test_a_whole_climb_arrives_without_seat_commands(robot: Callable[..., Path],
     page = (folder / "report.html").read_text()
     assert page.count("no seat linkage") == 2  # RMS and largest
     assert run_command("replay", folder, "--out", tmp_path / "again") == 0
-    capsys.readouterr()
 
 
 @pytest.mark.parametrize("model", ["wheelchair", "wheelchair-fixed"])
@@ -157,7 +156,7 @@ def test_model_files_fix_the_payload_to_the_chassis(robot: Callable[..., Path]) 
     assert 'name="load_joint" type="fixed"' in sdf_model(chair, loading, friction=(0.62, 0.5))
 
 
-def test_a_sweep_of_a_robot_summarises_without_the_seat(robot: Callable[..., Path], tmp_path: Path, capsys, monkeypatch) -> None:
+def test_a_sweep_of_a_robot_summarises_without_the_seat(robot: Callable[..., Path], tmp_path: Path, monkeypatch) -> None:
     path = robot()
     text = f'[chair]\nmodel = "{path}"\npayload_kg = 30.0\n[sensors]\ncamera = "statistical"\n[drive]\nduration_s = 1.0\n'
     (tmp_path / "sweep.toml").write_text(text + '[[draw]]\nkey = "start.heading_deg"\nuniform = [-5, 5]\n')
@@ -166,19 +165,12 @@ def test_a_sweep_of_a_robot_summarises_without_the_seat(robot: Callable[..., Pat
     run_command("sweep", tmp_path / "sweep.toml", "--runs", 2, "--workers", 1, "--seed", 5, "--out", out)
     assert len((out / "runs.csv").read_text().splitlines()) == 3
     assert "seat_max_deg" not in json.loads((out / "summary.json").read_text())["scores"]
-    capsys.readouterr()
 
 
-def test_levelling_a_robot_without_a_seat_is_refused(robot: Callable[..., Path], tmp_path: Path, capsys) -> None:
+def test_levelling_a_robot_without_a_seat_is_refused(robot: Callable[..., Path], tmp_path: Path) -> None:
     (tmp_path / "climb.toml").write_text(f'[chair]\nmodel = "{robot()}"\npayload_kg = 30.0\n')
     with pytest.raises(SettingsError, match="has no seat linkage"):
-        app(
-            ["seat", str(tmp_path / "climb.toml"), "--out", str(tmp_path / "seat")],
-            exit_on_error=False,
-            print_error=False,
-            result_action="return_value",
-        )
-    capsys.readouterr()
+        run_command("seat", tmp_path / "climb.toml", "--out", tmp_path / "seat")
 
 
 def test_the_open_questions_of_an_own_robot_are_answered_in_order(robot: Callable[..., Path]) -> None:

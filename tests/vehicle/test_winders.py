@@ -33,7 +33,6 @@ def build(**keys: Any) -> Staircase:
 
 
 def plan_of(staircase: Staircase) -> Winders:
-    assert staircase.winders is not None
     return staircase.winders
 
 
