@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from chairs import with_piece
 from scipy.optimize import linprog
 
 from treadline.mission.entry_check import reject_reason
@@ -19,10 +20,6 @@ HEAVY_N = 9.81 * 180.0
 """A chair with a heavy passenger."""
 
 
-def with_torque(torque_n_m: float) -> ChairDescription:
-    return FLIPPERS.model_copy(update={"flipper": FLIPPERS.flipper.model_copy(update={"torque_n_m": torque_n_m})})
-
-
 def with_tracks(chair: ChairDescription, **tracks: float) -> ChairDescription:
     return chair.model_copy(update={"tracks": chair.tracks.model_copy(update=tracks)})
 
@@ -35,7 +32,10 @@ def test_a_flipper_lengthens_the_track_and_a_raised_fixed_section_does_not() -> 
 
 @pytest.mark.parametrize("pitch_m", [0.25, 0.34, 0.42, 0.5])
 def test_the_support_grows_with_the_torque_from_the_flat_run_to_the_whole_track(pitch_m: float) -> None:
-    found = [worst_support(with_torque(torque), pitch_m, HEAVY_N).front_m for torque in (1e-9, 50.0, 100.0, 200.0, 1e4)]
+    found = [
+        worst_support(with_piece("flipper", torque_n_m=torque), pitch_m, HEAVY_N).front_m
+        for torque in (1e-9, 50.0, 100.0, 200.0, 1e4)
+    ]
     assert found == sorted(found)
     # At the worst phase a nosing lies √(pitch · torque / weight), some micrometres, ahead of the flipper's axis.
     assert found[0] == pytest.approx(0.5 * 0.95 - pitch_m, abs=1e-5)
@@ -58,7 +58,7 @@ def test_the_support_is_the_least_of_the_furthest_centres_of_pressure(pitch_m: f
         best = linprog(-nosings, A_ub=[levers * weight_n], b_ub=[torque_n_m], A_eq=[np.ones_like(nosings)], b_eq=[1.0])
         furthest.append(-best.fun)
     # Another grid of phases: the edge moves by at most a step of the grid, a 400th of a pitch.
-    found = worst_support(with_torque(torque_n_m), pitch_m, weight_n).front_m
+    found = worst_support(with_piece("flipper", torque_n_m=torque_n_m), pitch_m, weight_n).front_m
     assert min(furthest) - pitch_m / 400 <= found <= min(furthest) + 1e-9
 
 
