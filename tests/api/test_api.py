@@ -12,13 +12,15 @@ from typing import Any, get_type_hints
 
 import numpy as np
 import pytest
+from frame_files import points_of_frame, write_calibration, write_pcd
 from scenes import ViewRecipe, draw_view
+from systems import system
 
 import treadline as tl
 from treadline import api
 from treadline.core.camera_images import NamedFrame
 from treadline.core.errors import ImageError, RecordError, SettingsError, TreadlineError
-from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.core.models import InputOutputRecord
 from treadline.scenario.scenario import Scenario
 
 PUBLIC = {
@@ -141,11 +143,8 @@ def test_a_camera_may_be_a_file(tmp_path: Path) -> None:
     view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",), heading_deg=(10.0, 20.0)))
     camera = view.frame.camera
     angles = {name: np.degrees(getattr(camera, f"mount_{name}_rad")) for name in ("pitch", "roll", "yaw")}
-    lines = [f"width = {camera.width_px}", f"height = {camera.height_px}"]
-    lines += [f"{name} = {float(getattr(camera, name))!r}" for name in ("fx_px", "fy_px", "cx_px", "cy_px")]
-    lines += [f"mount_{name}_deg = {float(value)!r}" for name, value in angles.items()]
-    path = tmp_path / "camera.toml"
-    path.write_text("\n".join(lines) + "\n")
+    mount = "".join(f"mount_{name}_deg = {value}\n" for name, value in angles.items())
+    path = write_calibration(tmp_path / "camera.toml", camera, mount)
     one, other = (tl.detect_stair(view.frame.depth_m, given, view.gravity_C) for given in (camera, str(path)))
     assert one.heading_rad == pytest.approx(other.heading_rad, abs=1e-9)  # degrees and back
 
@@ -153,11 +152,7 @@ def test_a_camera_may_be_a_file(tmp_path: Path) -> None:
 def test_frames_of_files_go_into_the_detector(tmp_path: Path) -> None:
     view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",), heading_deg=(10.0, 20.0)))
     camera, z = view.frame.camera, view.frame.depth_m
-    v, u = np.indices(z.shape)
-    points = np.stack([(u - camera.cx_px) / camera.fx_px * z, (v - camera.cy_px) / camera.fy_px * z, z], axis=-1).reshape(-1, 3)
-    header = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {z.shape[1]}\nHEIGHT {z.shape[0]}\n"
-    body = points.astype("<f4").tobytes()
-    (tmp_path / "a.pcd").write_bytes(f"{header}POINTS {len(points)}\nDATA binary\n".encode() + body)
+    write_pcd(tmp_path / "a.pcd", points_of_frame(view.frame), (camera.width_px, camera.height_px))
     (named,) = tl.read_frames(tmp_path / "a.pcd")
     found = tl.detect_stair(named, camera, view.gravity_C)
     assert found.heading_rad == tl.detect_stair(z, camera, view.gravity_C).heading_rad
@@ -207,10 +202,7 @@ def test_every_result_prints_as_a_table_in_a_terminal_and_in_a_notebook() -> Non
 
 
 def test_what_is_printed_in_a_notebook_is_escaped() -> None:
-    model = LinearModel(
-        A=np.eye(1), B=np.eye(1), C=np.eye(1), D=np.eye(1), dt_s=1.0, input_offset=np.zeros(1), output_offset=np.zeros(1),
-        input_names=("<script>",),
-    )  # fmt: skip
+    model = system(np.eye(1), np.eye(1), np.eye(1), input_names=("<script>",))
     assert "&lt;script&gt;" in model._repr_html_()
 
 

@@ -5,10 +5,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.angles import DEG, rotation_z
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception.plane_segmentation import Ends, Line, Surface
 from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Stair
+from treadline.vehicle.staircase import build_staircase
 
 # Literals, so that a changed value in the code is noticed here.
 BEYOND = 1
@@ -50,3 +53,11 @@ def frame_of(
     R_WC = R_WB @ camera.R_BC
     made = Camera(scene, camera, rng=np.random.default_rng(seed), **options)
     return made.frame(0.0, R_WC, p_WB + R_WB @ np.array(camera.mount_m)), R_WC.T @ DOWN_W
+
+
+def on_a_flight(seed: int, heading_deg: float, **options: Any) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
+    """Return a frame seen from a flight of 28°, and down in C."""
+    rng = np.random.default_rng(seed)
+    staircase = build_staircase(Stair(slope_deg=28.0), rng)
+    R_WB = staircase.R_WS @ rotation_z(heading_deg * DEG)
+    return frame_of(staircase, CAMERA, R_WB, staircase.p_WS + staircase.R_WS @ np.array([1.0, 0.0, 0.0]), rng, **options)

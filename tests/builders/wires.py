@@ -1,6 +1,10 @@
-"""A wire on which a test speaks."""
+"""A wire on which a test speaks, and a log as another decoder reads it."""
 
+from pathlib import Path
 from typing import Any
+
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 from treadline.ros import channels as on
 from treadline.ros._codec import encoded
@@ -30,3 +34,13 @@ class Air(WireTransport):
 
     def _kinds(self, topic: str) -> list[str]:
         return [self.kinds[topic]] if topic in self.kinds else []
+
+
+def decoded(log: Path) -> dict[str, list[Any]]:
+    """Return the messages of a log by topic, read by Foxglove's decoder of ROS 2."""
+    found: dict[str, list[Any]] = {}
+    with log.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        for _, channel, _, message in reader.iter_decoded_messages():
+            found.setdefault(channel.topic, []).append(message)
+    return found

@@ -12,6 +12,7 @@ import numpy as np
 
 from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y, rotation_z
 from treadline.core.camera_images import StairAxes
+from treadline.core.ports import Truth
 from treadline.core.signals import (
     FlipperReading,
     FrameQuality,
@@ -106,6 +107,11 @@ def stair(t_s: float, nosings_B: Sequence[Any], **changes: Any) -> StairMap:
         "obstacle_m": None,
     }
     return StairMap(t_s=t_s, nosings_B=np.array(places, dtype=float).reshape(-1, 3), **{**values, **changes})
+
+
+def truth(t_s: float, **values: float) -> Truth:
+    """Return a ground truth that is zero but for what is given."""
+    return Truth(**(dict.fromkeys(Truth.__slots__, 0.0) | values | {"t_s": t_s}))
 
 
 def frame(t_s: float, **changes: Any) -> FrameQuality:

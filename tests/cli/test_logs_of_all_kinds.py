@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.writer import Writer
+from bags import bag
 from scipy.io import savemat
-
-from treadline.io.cdr import CdrWriter
 
 ROWS = 300
 
@@ -35,17 +33,8 @@ def write_parquet(path: Path) -> None:
 
 def write_mcap(path: Path) -> None:
     table = columns()
-    with path.open("wb") as file:
-        writer = Writer(file)
-        writer.start()
-        schema = writer.register_schema("test_msgs/msg/Number", "ros2msg", b"float64 data")
-        channels = {name: writer.register_channel(f"/{name}", "cdr", schema) for name in table if name != "t_s"}
-        for k in range(ROWS):
-            for name, channel in channels.items():
-                message = CdrWriter()
-                message.doubles(float(table[name][k]))
-                writer.add_message(channel, k * 250_000_000, message.message(), 0)
-        writer.finish()
+    times = table.pop("t_s").tolist()
+    bag(path, **{name: list(zip(times, values.tolist(), strict=True)) for name, values in table.items()})
 
 
 WRITERS = {

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import RecordedDrive, ViewRecipe
+from world import belts, imu_at
 
-from treadline.core.angles import DEG, quaternion_of
+from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.signals import HeadingMeasurement, ImuSample, TrackReading
 from treadline.io.mcap_log import RunLog
@@ -44,13 +45,8 @@ def drive(log: Path, heading_rad: Callable[[float], float]) -> Path:
             t_s = k * IMU_S
             pose = road.pose(0.2 * t_s, heading_rad(t_s))
             rate = np.array([0.0, 0.0, (heading_rad(t_s + IMU_S) - heading_rad(t_s)) / IMU_S])
-            force = 9.81 * pose.R_WB[2]
-            write(
-                ImuSample(
-                    t_s=t_s, orientation=quaternion_of(pose.R_WB), angular_velocity_rad_s=rate, linear_acceleration_m_s2=force
-                )
-            )
-            write(TrackReading(t_s=t_s, left_m_s=0.2, right_m_s=0.2, brake_on=False))
+            write(imu_at(t_s, pose.R_WB, rate))
+            write(belts(t_s))
             if k % round(1.0 / IMU_S) == 0:
                 write(road.view(t_s, pose).frame)
     return log

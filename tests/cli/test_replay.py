@@ -1,6 +1,7 @@
 """``treadline replay``: an unchanged run repeats itself bit for bit; settings change what they name; bad logs are one line."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -335,22 +336,8 @@ def test_the_keys_are_listed(run, blind: Path) -> None:
     assert run("replay", blind, "--keys", "--json").values["keys"]["control.speed_m_s"] == "0.2"
 
 
-def cut(run: Path, share: float) -> None:
-    data = (run / "log.mcap").read_bytes()
-    (run / "log.mcap").write_bytes(data[: int(len(data) * share)])
-
-
-def change_a_byte(run: Path) -> None:
-    data = bytearray((run / "log.mcap").read_bytes())
-    data[len(data) // 2] ^= 1
-    (run / "log.mcap").write_bytes(data)
-
-
 FAULTS: dict[str, tuple[Callable[[Path], Any], str]] = {
-    "cut in half": (lambda run: cut(run, 0.5), "log.mcap"),
-    "without its end": (lambda run: cut(run, 0.9999), "log.mcap"),
-    "empty": (lambda run: (run / "log.mcap").write_bytes(b""), "log.mcap"),
-    "a changed byte": (change_a_byte, "log.mcap"),
+    "cut in half": (lambda run: os.truncate(run / "log.mcap", (run / "log.mcap").stat().st_size // 2), "log.mcap"),
     "no log": (lambda run: (run / "log.mcap").unlink(), "no log.mcap"),
     "a manifest of something else": (lambda run: (run / "manifest.json").write_text("{}"), "settings"),
     "a manifest that is no JSON": (lambda run: (run / "manifest.json").write_text("{"), "manifest.json:1"),

@@ -45,7 +45,6 @@ def standing(rise_m: float, run_m: float, payload_kg: float) -> Scenario:
 
 def test_it_weighs_20_kg_with_flipper_and_head() -> None:
     robot = read_chair("rescue")
-    assert robot.flipper is not None
     # 0.5 kg is the empty head's.
     assert robot.masses.chassis_kg + robot.flipper.mass_kg + 0.5 == pytest.approx(20.0)
 

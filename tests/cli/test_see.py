@@ -9,16 +9,13 @@ import cv2
 import numpy as np
 import pytest
 from jaxtyping import Float
+from surfaces import on_a_flight
 
 from treadline.cli import main
-from treadline.core.angles import DEG, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.io.frames import read_frame
-from treadline.plant.sensors.camera import Camera
 from treadline.scenario.camera_file import read_camera
-from treadline.scenario.chair import read_chair
-from treadline.scenario.scenario import Stair
-from treadline.vehicle.staircase import build_staircase
 
 from .conftest import Outcome, assert_refused
 
@@ -36,18 +33,6 @@ mount_pitch_deg = 40.0
 KINECT2 = Path(__file__).parents[3] / "shared" / "data" / "vision" / "kinect2"
 
 
-def rendered(seed: int) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
-    """Return a frame seen from a flight of 28°, and down in C."""
-    rng = np.random.default_rng(seed)
-    staircase = build_staircase(Stair(slope_deg=28.0), rng)
-    calibration = read_chair("wheelchair").camera_at(240)
-    R_WB = staircase.R_WS @ rotation_z(HEADING_DEG * DEG)
-    p_WB = staircase.p_WS + staircase.R_WS @ np.array([1.0, 0.0, 0.0])
-    R_WC = R_WB @ calibration.R_BC
-    frame = Camera(staircase, calibration, rng=rng).frame(0.0, R_WC, p_WB + R_WB @ np.array(calibration.mount_m))
-    return frame, R_WC.T @ np.array([0.0, 0.0, -1.0])
-
-
 def write_pair(folder: Path, name: str, frame: RgbdFrame) -> tuple[Path, Path]:
     rgb, depth = folder / f"{name}_rgb.png", folder / f"{name}_depth.png"
     cv2.imwrite(str(rgb), cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR))
@@ -62,7 +47,7 @@ def write_depth(path: Path, counts: Float[np.ndarray, "h w"]) -> None:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder with one good pair, a, its calibration and gravity."""
-    frame, down = rendered(1)
+    frame, down = on_a_flight(1, HEADING_DEG)
     write_pair(tmp_path, "a", frame)
     (tmp_path / "camera.toml").write_text(CAMERA)
     (tmp_path / "gravity.csv").write_text("name,x,y,z\na," + ",".join(f"{part:.6f}" for part in down) + "\n")
@@ -167,7 +152,7 @@ def test_the_six_stages_and_what_was_seen_are_written(run, folder: Path) -> None
 
 
 def test_a_folder_is_read_frame_by_frame(run, folder: Path) -> None:
-    frame, _ = rendered(2)
+    frame, _ = on_a_flight(2, HEADING_DEG)
     write_pair(folder, "b", frame)
     (folder / "notes.txt").write_text("not a frame")
     outcome = run("see", folder, "--json")

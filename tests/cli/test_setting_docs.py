@@ -6,6 +6,8 @@ from treadline.core.setting_docs import meanings, tables_of
 from treadline.scenario.operator_actions import OperatorAct
 from treadline.scenario.scenario import Scenario, Stair, StepOverride, read_scenario, scenario_of, shipped_scenarios
 
+from .conftest import assert_refused
+
 
 def test_what_is_listed_is_a_scenario_of_defaults(run, tmp_path) -> None:
     outcome = run("check", "--keys")
@@ -47,10 +49,7 @@ def test_a_fault_as_listed_is_one(run, tmp_path) -> None:
 
 
 def test_check_without_a_scenario_says_what_it_needs(run) -> None:
-    outcome = run("check")
-    assert outcome.code == 2
-    assert "--keys" in outcome.err
-    assert outcome.err.count("\n") == 1
+    assert_refused(run("check"), "--keys")
 
 
 def test_a_meaning_is_the_docstring_under_its_field() -> None:

@@ -1,17 +1,13 @@
 """Allocation of the controller's demand to the belts."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from treadline.control.belt_allocation import (
-    BeltLimits,
-    back_safe,
-    climb_safe,
-    clipped,
-    inner_speed_ratio,
-)
+from treadline.control.belt_allocation import BeltLimits, back_safe, climb_safe, clipped, inner_speed_ratio
 from treadline.core.angles import DEG
 
 ROUNDING = 1e-12
@@ -61,10 +57,11 @@ def test_steering_does_not_depend_on_the_demanded_common_speed(mean: float, half
     assert abs((given_m_s[1] - given_m_s[0]) - 2.0 * half) < 1e-9
 
 
+@pytest.mark.parametrize("safe", [climb_safe, back_safe])
 @settings(deadline=None, derandomize=True)
 @given(half=st.floats(min_value=-1e3, max_value=1e3), climb=climb_m_s)
-def test_saturation_keeps_the_direction_of_turn(half: float, climb: float) -> None:
-    given_m_s = climb_safe(np.array([-half, half]), limits(climb))
+def test_saturation_keeps_the_direction_of_turn(safe: Any, half: float, climb: float) -> None:
+    given_m_s = safe(np.array([-half, half]), limits(climb))
     assert (given_m_s[1] - given_m_s[0]) * half >= 0.0
 
 
@@ -104,10 +101,3 @@ def test_backing_down_steering_is_kept_up_to_half_the_pace_and_turns_the_same_wa
     given_m_s = back_safe(np.array([-half, half]), limits(climb))
     # Right minus left turns left, in both directions of travel.
     assert abs((given_m_s[1] - given_m_s[0]) - 2.0 * half) < ROUNDING
-
-
-@settings(deadline=None, derandomize=True)
-@given(half=st.floats(min_value=-1e3, max_value=1e3), climb=climb_m_s)
-def test_backing_down_saturation_keeps_the_direction_of_turn(half: float, climb: float) -> None:
-    given_m_s = back_safe(np.array([-half, half]), limits(climb))
-    assert (given_m_s[1] - given_m_s[0]) * half >= 0.0

@@ -25,6 +25,14 @@ class Summit(Chassis):
     def __init__(self, ahead_m: float, *, pitch_deg: float = 28.0, payload_kg: float = 50.0) -> None:
         super().__init__(Crest(CrestConfig(chair=CHAIR, payload_kg=payload_kg), ahead_m), ahead_m, pitch_deg)
 
+    @classmethod
+    def leading(cls) -> "Summit":
+        """Return a chair whose tip carries and whose centre of mass has passed the nosing."""
+        chair = cls(0.6)
+        chair.run(6.0)
+        chair.until("lead", tip_n=120.0)
+        return chair
+
     def stopped(self, tip_n: float) -> float:
         del tip_n
         return max(self.angle_rad, -75.0 * DEG)
@@ -176,9 +184,7 @@ def test_it_leads_only_when_the_tip_carries_and_the_centre_of_mass_has_passed() 
 
 
 def test_a_tip_that_unloads_in_the_lead_is_pressed_down_again() -> None:
-    chair = Summit(0.6)
-    chair.run(6.0)
-    chair.until("lead", tip_n=120.0)
+    chair = Summit.leading()
     chair.run(0.3, tip_n=140.0)
     command = chair.run(0.5)
     assert command.stage == "carry"
@@ -188,9 +194,7 @@ def test_a_tip_that_unloads_in_the_lead_is_pressed_down_again() -> None:
 def test_a_tip_supported_by_friction_is_ignored_while_the_chair_follows() -> None:
     """Test: almost no motor torque, and the pitch follows the reference. Expected result: the reference continues, no faster than
     the tip may slide."""
-    chair = Summit(0.6)
-    chair.run(6.0)
-    chair.until("lead", tip_n=120.0)
+    chair = Summit.leading()
     while chair.pitch_deg > 8.5:
         before_rad, pitch_rad = chair.sequence._lead_rad, chair.pitch_deg * DEG
         command = chair.run(0.01, tip_n=10.0)
@@ -204,9 +208,7 @@ def test_a_tip_supported_by_friction_is_ignored_while_the_chair_follows() -> Non
 def test_a_chair_that_neither_leans_on_the_tip_nor_follows_is_lowered_slowly() -> None:
     """Test: the reference starts, the tip unloads, and the pitch stays. Expected result: once the pitch lags by more than the
     compliance of servo and flipper, the reference slows to the waiting rate, so that a chair that tips after all falls less."""
-    chair = Summit(0.6)
-    chair.run(6.0)
-    chair.until("lead", tip_n=120.0)
+    chair = Summit.leading()
     leads_rad_s = []
     while chair.sequence._stage == "lead":
         before_rad = chair.sequence._lead_rad
@@ -239,9 +241,7 @@ def test_with_an_unloaded_tip_the_chair_waits_before_the_nosing() -> None:
 
 
 def test_a_chair_on_the_landing_is_detected_by_its_flipper_despite_a_gravity_error() -> None:
-    chair = Summit(0.6)
-    chair.run(6.0)
-    chair.until("lead", tip_n=120.0)
+    chair = Summit.leading()
     chair.pitch_deg = 2.0  # error of gravity: the chair is horizontal
     assert chair.run(0.9).stage == "lead"
     assert chair.run(0.3).stage == "land"
@@ -264,9 +264,7 @@ def test_a_loaded_tip_under_a_horizontal_chair_does_not_move_the_nosing(pitch_de
 
 
 def test_level_it_stows_the_flipper_and_ends_when_the_rear_has_left_the_nosing() -> None:
-    chair = Summit(0.6)
-    chair.run(6.0)
-    chair.until("lead", tip_n=120.0)
+    chair = Summit.leading()
     chair.pitch_deg = 0.3
     assert chair.run(0.1, tip_n=140.0).stage == "land"
     assert chair.run(15.0).stage == "done"

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from systems import system
 
 from treadline.control import tune
 from treadline.control.tune import design_warning, heading_response
@@ -13,15 +14,8 @@ from treadline.experiments.as_printed import paper_model
 
 def found_model() -> LinearModel:
     """Return the model identified by ``best`` from 1000 samples on paper-28; in its basis a common belt speed is cheap."""
-    return LinearModel(
-        A=np.array([[0.16771, -0.2971], [-0.08549, 0.95563]]),
-        B=np.array([[8.6903, -8.68665], [4.65157, -5.26269]]),
-        C=np.array([[0.00696, -0.02333], [-0.03306, -0.01104]]),
-        D=np.zeros((2, 2)),
-        dt_s=0.25,
-        input_offset=np.full(2, 0.2),
-        output_offset=np.zeros(2),
-    )
+    A, B = [[0.16771, -0.2971], [-0.08549, 0.95563]], [[8.6903, -8.68665], [4.65157, -5.26269]]
+    return system(A, B, [[0.00696, -0.02333], [-0.03306, -0.01104]], dt_s=0.25, input_offset=np.full(2, 0.2))
 
 
 def test_a_gain_on_the_mean_of_the_belts_gives_a_warning() -> None:

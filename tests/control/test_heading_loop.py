@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import world
 from jaxtyping import Float
+from systems import system
 
 from treadline.control import ControllerConfig, HeadingController, closed_loop_poles, tune
 from treadline.control._observer import Observer
@@ -35,15 +36,7 @@ def chair_model() -> LinearModel:
     A, B = np.eye(2), np.zeros((2, 2))
     for _ in range(fine):
         A, B = A1 @ A, A1 @ B + B1
-    return LinearModel(
-        A=A,
-        B=B,
-        C=np.eye(2),
-        D=np.zeros((2, 2)),
-        dt_s=PERIOD_S,
-        input_offset=np.full(2, 0.2),
-        output_offset=np.zeros(2),
-    )
+    return system(A, B, np.eye(2), dt_s=PERIOD_S, input_offset=np.full(2, 0.2))
 
 
 @dataclass
@@ -107,10 +100,13 @@ def test_without_the_disturbance_the_same_belt_leaves_an_error() -> None:
     assert abs(headings[-1]) > 0.04
 
 
+def observer_of_the_chair() -> Observer:
+    design = tune(chair_model())
+    return Observer(design.model, design.observer_gain, BELT_DIFFERENCE, design.disturbance_gain)
+
+
 def test_observer_finds_the_state_from_a_wrong_start() -> None:
-    model = chair_model()
-    design = tune(model)
-    observer = Observer(design.model, design.observer_gain, BELT_DIFFERENCE, design.disturbance_gain)
+    model, observer = chair_model(), observer_of_the_chair()
     rng = np.random.default_rng(7)
     x = np.array([20.0 * DEG, -3.0 * DEG])
     observer.start(np.array([-10.0 * DEG, 0.0]))
@@ -124,9 +120,7 @@ def test_observer_finds_the_state_from_a_wrong_start() -> None:
 
 
 def test_observer_learns_a_constant_belt_difference() -> None:
-    model = chair_model()
-    design = tune(model)
-    observer = Observer(design.model, design.observer_gain, BELT_DIFFERENCE, design.disturbance_gain)
+    model, observer = chair_model(), observer_of_the_chair()
     x, u = np.zeros(2), np.full(2, 0.2)
     for _ in range(600):
         observer.update(u, model.C @ x, learn=True)
@@ -135,14 +129,18 @@ def test_observer_learns_a_constant_belt_difference() -> None:
     assert observer.disturbance == pytest.approx(0.02, abs=1e-6)
 
 
+def held_for_20_s(heading_deg: float) -> HeadingController:
+    """Return a controller whose chair did not turn for 20 s."""
+    driver = controller()
+    for k in range(round(20.0 / PERIOD_S)):
+        driver.step(estimate(heading_deg * DEG, 0.0, k * PERIOD_S), k * PERIOD_S)
+    return driver
+
+
 @pytest.mark.parametrize("start_deg", [40.0, -40.0])
 def test_twenty_seconds_of_saturation_cause_no_windup(start_deg: float) -> None:
-    driver, chair = controller(), Chair(np.array([start_deg * DEG, 0.0]))
     # The stair holds the chair at 40°: the belts are saturated and the innovation persists.
-    held = chair.state.copy()
-    for k in range(round(20.0 / PERIOD_S)):
-        driver.step(estimate(float(held[0]), 0.0, k * PERIOD_S), k * PERIOD_S)
-    headings = run(driver, chair, 20.0)
+    headings = run(held_for_20_s(start_deg), Chair(np.array([start_deg * DEG, 0.0])), 20.0)
     # Requirement: recovery with an overshoot below 2°.
     assert np.min(np.sign(start_deg) * headings) > -2.0
     assert abs(headings[-1]) < 0.1
@@ -150,9 +148,7 @@ def test_twenty_seconds_of_saturation_cause_no_windup(start_deg: float) -> None:
 
 @pytest.mark.parametrize("held_deg", [1.0, 3.0, -6.0, 10.0])
 def test_a_chair_held_below_saturation_does_not_exceed_the_disturbance_limit(held_deg: float) -> None:
-    driver = controller()
-    for k in range(round(20.0 / PERIOD_S)):
-        driver.step(estimate(held_deg * DEG, 0.0, k * PERIOD_S), k * PERIOD_S)
+    driver = held_for_20_s(held_deg)
     headings = run(driver, Chair(np.array([held_deg * DEG, 0.0])), 30.0)
     # The limit of 0.2 m/s is 2.6° of heading in this loop (its gain from disturbance to heading); without the limit it was 7.5°.
     assert np.min(np.sign(held_deg) * headings) > -2.8
@@ -164,9 +160,7 @@ def test_suspended_steering_resets_the_disturbance(held_deg: float) -> None:
     """Test: the belts skid and the chair does not turn; the plan suspends steering, then resumes. Expected result: the response of
     a new controller.
     """
-    driver = controller()
-    for k in range(round(20.0 / PERIOD_S)):
-        driver.step(estimate(held_deg * DEG, 0.0, k * PERIOD_S), k * PERIOD_S)
+    driver = held_for_20_s(held_deg)
     alone = MotionPlan(t_s=20.0, phase="climb", speed_m_s=0.2, turn_m_s=0.0)
     assert driver.step(estimate(held_deg * DEG), 20.0, alone) == TrackCommand.stop(20.0)
     after, new = (run(steers, Chair(np.array([held_deg * DEG, 0.0])), 30.0) for steers in (driver, controller()))

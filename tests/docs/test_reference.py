@@ -7,6 +7,8 @@ import tomllib
 from pathlib import Path
 from types import ModuleType
 
+from scripts import module_of
+
 from treadline.cli import VERBS
 from treadline.scenario.scenario import shipped_scenarios
 
@@ -14,12 +16,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 def _tool(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, DOCS / "tools" / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module_of(DOCS / "tools" / f"{name}.py")
 
 
 def test_the_committed_schema_is_the_one_of_the_settings_classes() -> None:

@@ -5,11 +5,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from processes import alive, wait_for
 
 from treadline.experiments._job_pool import JobPool, run_jobs
 
@@ -81,22 +81,10 @@ def test_workers_of_a_killed_parent_end_by_themselves(tmp_path: Path) -> None:
     script = tmp_path / "parent.py"
     script.write_text(PARENT)
     root = Path(__file__).parents[2]
-    environment = os.environ | {"PYTHONPATH": str(root)}
+    environment = os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{root / 'tests' / 'builders'}"}
     parent = subprocess.Popen([sys.executable, script, tmp_path / "worker"], env=environment)
-    until(lambda: len(list(tmp_path.glob("worker.*"))) == 2)
+    wait_for(lambda: len(list(tmp_path.glob("worker.*"))) == 2)
     workers = [int(note.suffix[1:]) for note in tmp_path.glob("worker.*")]
     parent.send_signal(signal.SIGKILL)
     parent.wait(30.0)
-    until(lambda: not any(alive(worker) for worker in workers))
-
-
-def until(condition: Callable[[], bool]) -> None:
-    limit = time.monotonic() + 60.0
-    while not condition() and time.monotonic() < limit:
-        time.sleep(0.05)
-    assert condition()
-
-
-def alive(pid: int) -> bool:
-    stat = Path(f"/proc/{pid}/stat")
-    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
+    wait_for(lambda: not any(alive(worker) for worker in workers))

@@ -172,7 +172,6 @@ def test_residuals_without_power_at_a_mode_do_not_widen_its_interval() -> None:
     errors, radii = [], []
     for seed in range(12):
         found = fit(record_of(true, seed, 2000, 0.01), order=4, method="okid-era").intervals
-        assert found is not None
         poles = np.linalg.eigvals(found.system.A)
         errors += np.abs(poles[:, None] - np.linalg.eigvals(A)).min(axis=1).tolist()
         radii += found.pole_radii().tolist()
@@ -184,7 +183,6 @@ def test_residuals_without_power_at_a_mode_do_not_widen_its_interval() -> None:
 
 def test_the_report_contains_the_intervals_of_the_model(draw: Draw) -> None:
     found = fit(draw(0, noise=0.1, samples=400), order=2)
-    assert found.intervals is not None
     assert found.report.pole_ci95 == pytest.approx(found.intervals.pole_radii().tolist())
     np.testing.assert_allclose(gain(model_of(found.intervals)), gain(found.model), rtol=1e-9)
 
@@ -194,8 +192,6 @@ def test_intervals_follow_the_units_of_the_record(draw: Draw) -> None:
     into, out = np.array([1e3, 1e-2]), np.array([1e-4, 1e2])
     other = InputOutputRecord(u=record.u * into, y=record.y * out, dt_s=1.0)
     plain, scaled = (fit(item, order=2, method="okid-era").intervals for item in (record, other))
-    assert plain is not None
-    assert scaled is not None
     np.testing.assert_allclose(scaled.pole_radii(), plain.pole_radii(), rtol=1e-6)
     np.testing.assert_allclose(scaled.impulse(STEPS), plain.impulse(STEPS) * out[:, None] / into, rtol=1e-6)
     np.testing.assert_allclose(scaled.frequency(OMEGA), plain.frequency(OMEGA) * out[:, None] / into, rtol=1e-6)
@@ -213,6 +209,5 @@ def test_the_interval_of_the_impulse_response_matches_the_scatter_over_many_reco
 
 def test_an_exact_model_has_vanishing_intervals(draw: Draw) -> None:
     found = fit(draw(7), order=2)
-    assert found.intervals is not None
     # Without noise only rounding remains.
     assert found.intervals.pole_radii().max() < 1e-6

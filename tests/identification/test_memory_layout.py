@@ -23,7 +23,6 @@ def test_matrices_cut_from_a_larger_one_compile_no_second_kernel() -> None:
 @pytest.mark.parametrize("A", [np.diag([0.5, 0.2]), np.array([[0.5, 0.2], [-0.2, 0.5]])], ids=["real poles", "complex poles"])
 def test_poles_of_both_kinds_compile_one_kernel(A: np.ndarray) -> None:
     modes = modes_of(Affine(A=A, B=np.ones((2, 1)), C=np.ones((1, 2)), D=np.zeros((1, 1))))
-    assert modes is not None
     assert modes.real.flags.writeable
     assert modes.imag.flags.writeable  # numpy's imaginary part of a real array is read-only: another type
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 from scipy.linalg import block_diag
-from systems import STEPS, fit, markov_error, oscillation, system
+from systems import STEPS, fit, markov_error, oscillation, system, white_record
 
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import Affine, modes_of
@@ -217,13 +217,9 @@ def affine(model: LinearModel) -> Affine:
 
 def simulated(true: LinearModel, seed: int, samples: int, noise: float) -> tuple[InputOutputRecord, float]:
     """Return a record under white inputs and the Cramér–Rao bound on the RMS error of the Markov parameters."""
-    rng = np.random.default_rng(seed)
-    u = rng.standard_normal((samples, 2))
-    y = simulate(true, u, np.zeros(true.order))
-    size = noise * y.std(axis=0)
-    y = y + size * rng.standard_normal(y.shape)
-    run = Experiment(u=np.column_stack([u, np.ones(samples)]), y=y, there=np.ones(samples, dtype=bool))
-    return InputOutputRecord(u=u, y=y, dt_s=1.0), cramer_rao(affine(true), run, size)
+    record = white_record(true, seed, samples, noise)
+    run = Experiment(u=np.column_stack([record.u, np.ones(samples)]), y=record.y, there=np.ones(samples, dtype=bool))
+    return record, cramer_rao(affine(true), run, noise * simulate(true, record.u, np.zeros(true.order)).std(axis=0))
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.1])

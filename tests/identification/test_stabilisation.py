@@ -10,11 +10,7 @@ from systems import oscillation, system
 
 from treadline.core.models import LinearModel
 from treadline.identification._era import HankelSvd, realise
-from treadline.identification.stabilisation import (
-    StabilisationDiagram,
-    modes,
-    stabilisation_of_svd,
-)
+from treadline.identification.stabilisation import StabilisationDiagram, modes, stabilisation_of_svd
 from treadline.identification.validate import impulse_response
 
 DT_S = 0.02

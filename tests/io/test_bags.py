@@ -5,58 +5,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mcap.writer import CompressionType, Writer
+from bags import SECOND, Channel, bag, cdr
+from mcap.writer import Writer
 
 from treadline.core.errors import LogFormatError, NotFinite, RecordError, TreadlineError
 from treadline.core.models import InputOutputRecord
 from treadline.io.records import read_record
-
-SECOND = 1_000_000_000
-FLOAT = "float64 data"
-STAMPED = "\n".join(
-    [
-        "std_msgs/Header header",
-        "float64 data",
-        "string note",
-        "=" * 80,
-        "MSG: std_msgs/Header",
-        "builtin_interfaces/Time stamp",
-        "string frame_id",
-        "=" * 80,
-        "MSG: builtin_interfaces/Time",
-        "int32 sec",
-        "uint32 nanosec",
-    ]
-)
-Channel = list[tuple[float, float]]
-"""Time in seconds and value of each message."""
-
-
-def cdr(value: float, stamp_s: float | None) -> bytes:
-    from treadline.io.cdr import CdrWriter
-
-    w = CdrWriter()
-    if stamp_s is not None:
-        w.stamp(stamp_s, "a")
-    w.doubles(value)
-    if stamp_s is not None:
-        w.string("x")
-    return w.message()
-
-
-def bag(path: Path, *, stamps: dict[str, list[float]] | None = None, **channels: Channel) -> Path:
-    """Write one topic per channel; those in ``stamps`` carry a header."""
-    with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD, enable_data_crcs=True)
-        writer.start()
-        for name, channel in channels.items():
-            headers = (stamps or {}).get(name)
-            schema = writer.register_schema(f"test_msgs/msg/{name.title()}", "ros2msg", (STAMPED if headers else FLOAT).encode())
-            key = writer.register_channel(f"/{name}", "cdr", schema)
-            for k, (t_s, value) in enumerate(channel):
-                writer.add_message(key, round(t_s * SECOND), cdr(value, headers[k] if headers else None), 0)
-        writer.finish()
-    return path
 
 
 def one_topic(path: Path, kind: str, language: str, definition: str, messages: list[bytes], encoding: str = "cdr") -> Path:

@@ -39,13 +39,6 @@ def test_chunks_end_to_end_are_the_record(written, record: InputOutputRecord, ki
 
 @pytest.mark.usefixtures("tiny_blocks")
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_record_is_the_same_whatever_the_blocks(written, record: InputOutputRecord, kind: str) -> None:
-    log = written(kind, record)
-    assert read_record(log.path, log.inputs, log.outputs).u.tobytes() == record.u.tobytes()
-
-
-@pytest.mark.usefixtures("tiny_blocks")
-@pytest.mark.parametrize("kind", KINDS)
 def test_the_fraction_grows_to_one_and_a_second_pass_is_the_first(written, record: InputOutputRecord, kind: str) -> None:
     reader = chunks_of(written(kind, record), rows=5)
     for _ in range(2):

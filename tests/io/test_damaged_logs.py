@@ -2,6 +2,7 @@
 
 import tracemalloc
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -34,9 +35,7 @@ def damaged(data: bytes, seed: int) -> Iterator[bytes]:
 
 @pytest.fixture
 def short(record: InputOutputRecord) -> InputOutputRecord:
-    return InputOutputRecord(
-        u=record.u[:12], y=record.y[:12], dt_s=0.25, input_names=record.input_names, output_names=record.output_names
-    )
+    return replace(record, u=record.u[:12], y=record.y[:12])
 
 
 @pytest.mark.parametrize("damaged_kind", [*CHECKSUMMED, *BARE])

@@ -237,22 +237,19 @@ def test_a_folder_that_holds_no_log_is_refused(tmp_path: Path) -> None:
 # Caps
 
 
-@pytest.mark.parametrize("kind", ["mcap", "mcap lz4", "mcap bare", "bag bz2", "bag lz4"])
-def test_a_chunk_that_unpacks_beyond_the_cap_is_refused(
-    written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch, kind: str
+@pytest.mark.parametrize(
+    ("kind", "cap", "most", "words"),
+    [
+        *((kind, "MAX_CHUNK_BYTES", 1000, "1000") for kind in ("mcap", "mcap lz4", "mcap bare", "bag bz2", "bag lz4")),
+        *((kind, "MAX_MESSAGES", 10, "more than 10 messages") for kind in ("mcap", "bag", "db3")),
+    ],
+)
+def test_a_log_beyond_a_cap_is_refused(
+    written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch, kind: str, cap: str, most: int, words: str
 ) -> None:
     log = written(kind, record)
-    monkeypatch.setattr(mcap_read, "MAX_CHUNK_BYTES", 1000)
-    refused(log.path, log.inputs, log.outputs, "1000")
-
-
-@pytest.mark.parametrize("kind", ["mcap", "bag", "db3"])
-def test_more_messages_than_the_cap_are_refused(
-    written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch, kind: str
-) -> None:
-    log = written(kind, record)
-    monkeypatch.setattr(mcap_read, "MAX_MESSAGES", 10)
-    refused(log.path, log.inputs, log.outputs, "more than 10 messages")
+    monkeypatch.setattr(mcap_read, cap, most)
+    refused(log.path, log.inputs, log.outputs, words)
 
 
 def test_a_decompression_bomb_in_a_bag_is_not_unpacked(written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
-from mcap_ros2.decoder import DecoderFactory
+from wires import decoded
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError, TreadlineError
@@ -125,11 +125,7 @@ def test_time_comes_back_to_the_nanosecond(tmp_path: Path, t_s: float) -> None:
 
 
 def test_another_decoder_of_ros_2_reads_the_same_numbers(log: Path) -> None:
-    first: dict[str, Any] = {}
-    with log.open("rb") as file:
-        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for _, channel, _, message in reader.iter_decoded_messages():
-            first.setdefault(channel.topic, message)
+    first = {topic: messages[0] for topic, messages in decoded(log).items()}
     imu, image, estimate = SIGNALS[0], SIGNALS[1], SIGNALS[3]
     assert first["/imu"].orientation.w == imu.orientation[0]
     assert first["/imu"].orientation.z == imu.orientation[3]

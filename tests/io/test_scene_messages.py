@@ -2,12 +2,11 @@
 
 import struct
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
+from wires import decoded
 
 from treadline.io.cdr import CdrWriter, Ros1Writer
 from treadline.io.mcap_log import KEPT, RunLog
@@ -50,11 +49,9 @@ def log(tmp_path: Path) -> Path:
 
 
 def test_a_decoder_of_ros_2_reads_frames_markers_and_images(log: Path) -> None:
-    read: dict[str, Any] = {}
+    read = {topic: messages[-1] for topic, messages in decoded(log).items()}
     with log.open("rb") as file:
-        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for _, channel, _, message in reader.iter_decoded_messages():
-            read[channel.topic] = message
+        reader = make_reader(file)
         assert [(item.name, item.metadata) for item in reader.iter_metadata()] == [("treadline", {"seed": "3"})]
     (moved,) = read["/tf_static"].transforms
     assert (moved.header.frame_id, moved.child_frame_id, moved.transform.translation.z) == ("odom", "base_link", 3.0)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from world import imu
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError, SettingsError, TreadlineError
@@ -77,13 +78,7 @@ def test_readings_of_our_own_logs_are_due_at_their_arrival_and_of_others_at_thei
     with RunLog(path) as log:
         for k in range(8):
             t_s = 0.01 * k
-            sample = ImuSample(
-                t_s=t_s,
-                orientation=np.array([1.0, 0.0, 0.0, 0.0]),
-                angular_velocity_rad_s=np.zeros(3),
-                linear_acceleration_m_s2=np.array(WEIGHT),
-            )
-            log(sample, t_s)
+            log(imu(t_s), t_s)
             if k == 5:
                 log(HeadingMeasurement(t_s=0.02, heading_rad=0.1, sigma_rad=0.01, edge_count=3), t_s)
     due = list(SensorLog(path).arrivals(lambda _: None))

@@ -7,20 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import world
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Truth
-from treadline.core.signals import (
-    Event,
-    FlipperReading,
-    HeadingEstimate,
-    ImuSample,
-    SeatReading,
-    StairMap,
-    TrackCommand,
-    TrackReading,
-)
+from treadline.core.signals import Event, HeadingEstimate, SeatReading, StairMap, TrackCommand
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import begin_run, write_result
 from treadline.scenario.scenario import Chair, Scenario, Stair
@@ -32,27 +24,14 @@ CAMERA = PinholeCamera(width_px=5, height_px=3, fx_px=4.5, fy_px=4.25, cx_px=2.0
 
 def truth(k: int) -> Truth:
     t_s = 0.01 * k
-    values = dict.fromkeys(("heading_rate_rad_s", "pitch_rate_rad_s", "friction_use"), 0.0)
-    return Truth(
-        t_s=t_s,
-        heading_rad=0.1 * math.sin(t_s),
-        yaw_rad=0.2,
-        pitch_rad=20.0 * DEG,
-        roll_rad=2.0 * DEG,
-        seat_pitch_rad=1.0 * DEG,
-        x_m=0.2 * t_s,
-        y_m=0.0,
-        left_m_s=0.2,
-        right_m_s=0.25,
-        stability_margin_rad=0.3,
-        passenger_x_m=0.0,
-        passenger_y_m=0.0,
-        passenger_z_m=1.0,
-        chassis_x_m=1.0 + 0.2 * t_s,
-        chassis_y_m=0.1,
-        chassis_z_m=0.5,
-        **values,
-    )
+    tilt = {"yaw_rad": 0.2, "pitch_rad": 20.0 * DEG, "roll_rad": 2.0 * DEG, "seat_pitch_rad": 1.0 * DEG}
+    place = {"x_m": 0.2 * t_s, "passenger_z_m": 1.0, "chassis_x_m": 1.0 + 0.2 * t_s, "chassis_y_m": 0.1, "chassis_z_m": 0.5}
+    moves = {"left_m_s": 0.2, "right_m_s": 0.25, "stability_margin_rad": 0.3, "heading_rad": 0.1 * math.sin(t_s)}
+    return world.truth(t_s, **tilt, **place, **moves)
+
+
+def stair_map(t_s: float) -> StairMap:
+    return world.stair(t_s, [(0.8, 0.0, 0.2), (1.1, 0.0, 0.36)], right_wall_m=0.7)
 
 
 def signals_of_a_run(ticks: int = TICKS) -> list[tuple[Any, float]]:
@@ -60,17 +39,11 @@ def signals_of_a_run(ticks: int = TICKS) -> list[tuple[Any, float]]:
     found: list[tuple[Any, float]] = [(Event(t_s=0.0, name="search", cause="start"), 0.0)]
     for k in range(ticks):
         t_s = 0.01 * k
-        imu = ImuSample(
-            t_s=t_s,
-            orientation=np.array([math.cos(0.1), 0.0, -math.sin(0.1), 0.0]),
-            angular_velocity_rad_s=np.array([0.0, -0.02, 0.0]),
-            linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
-        )
         found += [
-            (imu, t_s),
+            (world.imu(t_s, 0.2, rates_rad_s=(0.0, -0.02, 0.0)), t_s),
             (SeatReading(t_s=t_s, pitch_rad=0.01, stroke_m=0.1), t_s),
-            (TrackReading(t_s=t_s, left_m_s=0.2, right_m_s=0.2, brake_on=False), t_s),
-            (FlipperReading(t_s=t_s, angle_rad=0.01 * k, torque_n_m=1.0), t_s),
+            (world.belts(t_s), t_s),
+            (world.flipper(t_s, 0.01 * k, 1.0), t_s),
         ]
         if k >= 5:
             source: Any = "vision" if k % 2 else "gyro"
@@ -86,21 +59,6 @@ def signals_of_a_run(ticks: int = TICKS) -> list[tuple[Any, float]]:
     found.append((Event(t_s=0.2, name="climb", cause="nosings found"), 0.2))
     found.append((Event(t_s=0.3, name="hold", cause="operator"), 0.3))
     return found
-
-
-def stair_map(t_s: float) -> StairMap:
-    return StairMap(
-        t_s=t_s,
-        direction="up",
-        nosings_B=np.array([[0.8, 0.0, 0.2], [1.1, 0.0, 0.36]]),
-        rise_m=0.16,
-        run_m=0.3,
-        slope_rad=0.5,
-        ends=False,
-        left_wall_m=None,
-        right_wall_m=0.7,
-        obstacle_m=None,
-    )
 
 
 @pytest.fixture

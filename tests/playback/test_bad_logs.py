@@ -45,15 +45,11 @@ def test_a_flipped_byte_is_refused_or_changes_nothing(written: Written) -> None:
                 assert read_recording(log).p_WB.tobytes() == whole.p_WB.tobytes()
 
 
-def test_an_empty_log_is_refused(tmp_path: Path) -> None:
-    with RunLog(tmp_path / "empty.mcap"):
-        pass
-    assert "no signals to play" in refused(tmp_path / "empty.mcap")
-
-
-def test_a_log_with_nothing_that_moves_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("signals", [(), (OperatorInput(t_s=0.0),)], ids=["empty", "nothing that moves"])
+def test_a_log_without_anything_to_play_is_refused(tmp_path: Path, signals: tuple[OperatorInput, ...]) -> None:
     with RunLog(tmp_path / "quiet.mcap") as log:
-        log(OperatorInput(t_s=0.0))
+        for signal in signals:
+            log(signal)
     assert "no signals to play" in refused(tmp_path / "quiet.mcap")
 
 

@@ -286,11 +286,9 @@ def test_the_record_of_a_run_names_missed_nosings_with_their_times() -> None:
     pose = attitude_of(np.zeros(100), np.full(100, SLOPE_RAD), np.zeros(100))
     placed = {"p_WB": np.tile(p_WB, (100, 1)), "quat_WB": pose}
     record = nosing_record(of_pitch(np.zeros(100), scenario=SCENARIO, maps=maps, **placed))
-    assert record is not None
     assert record.missed() == {6: (0.2, 0.4)}
     assert record.verdict() == "2 of 4 frames with a perceived stair missed a nosing: nosing 6 in 2 frames (0.20 s to 0.40 s)"
     none = nosing_record(of_pitch(np.zeros(100), scenario=SCENARIO, maps=maps[:1], **placed))
-    assert none is not None
     assert none.verdict() == "no nosing was missed in 1 frame with a perceived stair"
     assert nosing_record(of_pitch(np.zeros(100), maps=maps)) is None
 
@@ -313,7 +311,6 @@ def standing(payload_m: tuple[float, float, float]) -> Recording:
 def test_a_shifted_load_tips_the_chair_towards_itself(payload_m: tuple[float, float, float], direction: str) -> None:
     recording = standing(payload_m)
     margins = margins_at(recording, 0)
-    assert margins is not None
     logged = replace(recording, margin_rad=np.array([margins.worst]))
     assert tipping_direction(logged, 0) == direction
 
@@ -346,7 +343,6 @@ def test_the_margins_are_those_of_the_simulator() -> None:
     deviations = []
     for k in range(50, len(samples), 5):
         margins = margins_at(recording, k)
-        assert margins is not None
         deviations.append(abs(margins.worst - recording.margin_rad[k]))
     assert np.quantile(deviations, 0.9) < 0.1 * DEG
     assert tipping_direction(recording, len(samples) - 1) == "backward"

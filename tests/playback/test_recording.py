@@ -131,7 +131,6 @@ def test_the_stair_of_a_recording_is_the_one_of_the_plant() -> None:
     """Test: a stair with jitter. Expected: the plant's nosings; another seed gives others."""
     plant = open_plant(SCENARIO, 3)
     staircase = built(signals_of_a_run()).staircase
-    assert staircase is not None
     np.testing.assert_array_equal(staircase.nosings_W, plant.staircase.nosings_W)
     assert not np.array_equal(staircase.nosings_W, as_designed(SCENARIO.stair).nosings_W)
     plant.close()

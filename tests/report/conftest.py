@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 from climb_picture import HEADLESS
 from PIL import Image
+from world import stair, truth
 
 from treadline.core.angles import DEG, rotation_y
 from treadline.core.ports import Truth
-from treadline.core.signals import Event, HeadingEstimate, StairMap, TrackCommand
+from treadline.core.signals import Event, HeadingEstimate, TrackCommand
 from treadline.io.mcap_log import RunLog
 from treadline.playback import Limits, Recording, RecordingBuilder
 from treadline.scenario.chair import read_chair
@@ -103,31 +104,12 @@ def truths_of_a_climb(seconds: float) -> list[Truth]:
     found = []
     for k in range(round(100 * seconds)):
         t_s = 0.01 * k
-        place = np.array([0.5 + 0.2 * t_s * math.cos(SLOPE_RAD), 0.0, 0.28 + 0.2 * t_s * math.sin(SLOPE_RAD)])
-        heading = 3.0 * DEG * math.cos(t_s)
-        truth = Truth(
-            t_s=t_s,
-            heading_rad=heading,
-            yaw_rad=0.0,
-            heading_rate_rad_s=0.0,
-            pitch_rad=SLOPE_RAD,
-            roll_rad=0.0,
-            pitch_rate_rad_s=0.02 * math.sin(5.0 * t_s),
-            x_m=0.2 * t_s,
-            y_m=0.0,
-            seat_pitch_rad=0.0,
-            left_m_s=0.2,
-            right_m_s=0.21,
-            stability_margin_rad=(12.0 + 4.0 * math.cos(2.0 * t_s)) * DEG,
-            friction_use=0.8,
-            passenger_x_m=place[0],
-            passenger_y_m=0.0,
-            passenger_z_m=place[2] + 0.8,
-            chassis_x_m=place[0],
-            chassis_y_m=place[1],
-            chassis_z_m=place[2],
-        )
-        found.append(truth)
+        x_m, z_m = 0.5 + 0.2 * t_s * math.cos(SLOPE_RAD), 0.28 + 0.2 * t_s * math.sin(SLOPE_RAD)
+        place = {"x_m": 0.2 * t_s, "passenger_x_m": x_m, "passenger_z_m": z_m + 0.8, "chassis_x_m": x_m, "chassis_z_m": z_m}
+        moves = {"left_m_s": 0.2, "right_m_s": 0.21, "pitch_rate_rad_s": 0.02 * math.sin(5.0 * t_s), "friction_use": 0.8}
+        margin_rad = (12.0 + 4.0 * math.cos(2.0 * t_s)) * DEG
+        turn = {"heading_rad": 3.0 * DEG * math.cos(t_s), "pitch_rad": SLOPE_RAD, "stability_margin_rad": margin_rad}
+        found.append(truth(t_s, **place, **moves, **turn))
     return found
 
 
@@ -148,10 +130,10 @@ def climbing(*, seconds: float = 6.0, cause: str = HOSTILE) -> Recording:
     nosings_W = as_designed(scenario.stair).nosings_W
     builder(Event(t_s=0.0, name="climb", cause=cause), 0.0)
     builder(Event(t_s=0.5 * seconds, name="crest", cause="end of the flight in view"), 0.5 * seconds)
-    for k, truth in enumerate(truths_of_a_climb(seconds)):
-        t_s, heading = truth.t_s, truth.heading_rad
-        place = np.array([truth.chassis_x_m, truth.chassis_y_m, truth.chassis_z_m])
-        builder(truth, t_s)
+    for k, true in enumerate(truths_of_a_climb(seconds)):
+        t_s, heading = true.t_s, true.heading_rad
+        place = np.array([true.chassis_x_m, true.chassis_y_m, true.chassis_z_m])
+        builder(true, t_s)
         builder(
             HeadingEstimate(t_s=t_s, heading_rad=heading + 0.2 * DEG, heading_rate_rad_s=0.0, sigma_rad=0.15 * DEG, source="vision")
         )
@@ -159,24 +141,8 @@ def climbing(*, seconds: float = 6.0, cause: str = HOSTILE) -> Recording:
         if k % 10 == 0:
             ahead = [i for i in range(4, 8) if i != 5]
             nosings_B = (nosings_W[ahead] - place) @ rotation_y(-SLOPE_RAD)
-            builder(seen(t_s, nosings_B), t_s + 0.06)
+            builder(stair(t_s, nosings_B, rise_m=0.16, run_m=0.3, slope_rad=SLOPE_RAD), t_s + 0.06)
     return builder.build(verdict="arrived")
-
-
-def seen(t_s: float, nosings_B: np.ndarray) -> StairMap:
-    """Return a stair map with nosings and nothing else."""
-    return StairMap(
-        t_s=t_s,
-        direction="up",
-        nosings_B=nosings_B,
-        rise_m=0.16,
-        run_m=0.3,
-        slope_rad=SLOPE_RAD,
-        ends=False,
-        left_wall_m=None,
-        right_wall_m=None,
-        obstacle_m=None,
-    )
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from jaxtyping import Float
+from systems import system, white_record
 
 from treadline.core.arrays import decimated
 from treadline.core.errors import TreadlineError
@@ -94,21 +95,16 @@ def outline_of(page: str) -> Outline:
     return outline
 
 
-def model_with(A: Float[np.ndarray, "n n"], inputs: Sequence[str], outputs: Sequence[str], dt_s: float = 0.25) -> LinearModel:
+def model_with(A: Float[np.ndarray, "n n"], inputs: Sequence[str], outputs: Sequence[str]) -> LinearModel:
     rng = np.random.default_rng(1)
     n, m, p = len(A), len(inputs), len(outputs)
-    return LinearModel(
-        A=A,
-        B=rng.standard_normal((n, m)),
-        C=rng.standard_normal((p, n)),
-        D=np.zeros((p, m)),
-        dt_s=dt_s,
-        input_offset=np.full(m, 0.2),
-        output_offset=np.zeros(p),
-        observer_gain=0.1 * rng.standard_normal((n, p)),
-        input_names=tuple(inputs),
-        output_names=tuple(outputs),
-    )
+    B, C, K = rng.standard_normal((n, m)), rng.standard_normal((p, n)), 0.1 * rng.standard_normal((n, p))
+    names = {"input_names": tuple(inputs), "output_names": tuple(outputs)}
+    return system(A, B, C, dt_s=0.25, input_offset=np.full(m, 0.2), observer_gain=K, **names)
+
+
+def record_of(model: LinearModel, samples: int = 400, seed: int = 0) -> InputOutputRecord:
+    return white_record(model, seed, samples, noise=0.01)
 
 
 def found_with(model: LinearModel, **changes: Any) -> Found:
@@ -140,14 +136,6 @@ def found_with(model: LinearModel, **changes: Any) -> Found:
         seconds=0.01,
     )
     return Found(model=model, report=replace(report, **changes), intervals=FakeIntervals(*model.D.shape))
-
-
-def record_of(model: LinearModel, samples: int = 400, seed: int = 0) -> InputOutputRecord:
-    """Return what a model answers to random inputs, with a little noise."""
-    rng = np.random.default_rng(seed)
-    u = 0.2 + rng.standard_normal((samples, model.B.shape[1]))
-    y = validate.simulate(model, u, np.zeros(model.order))
-    return InputOutputRecord(u=u, y=y + 0.01 * y.std(axis=0) * rng.standard_normal(y.shape), dt_s=model.dt_s)
 
 
 def page_of(tmp_path: Path, found: Any, judged: list[InputOutputRecord] | None = None, **more: Any) -> str:

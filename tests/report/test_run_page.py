@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import world
 
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.ports import Truth
@@ -42,9 +43,8 @@ def titles_of(folder: Path, **options: Any) -> list[str]:
 
 
 def truth_at(t_s: float) -> Truth:
-    values = {item.name: 0.0 for item in fields(Truth)}
     rocks = {"pitch_rate_rad_s": math.sin(3.0 * t_s), "passenger_x_m": 0.2 * t_s, "passenger_z_m": 0.01 * math.sin(9.0 * t_s)}
-    return Truth(**(values | rocks | {"t_s": t_s}))
+    return world.truth(t_s, **rocks)
 
 
 def changed(path: Path, **values: Any) -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from world import stair
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
@@ -21,7 +22,6 @@ from treadline.core.signals import (
     OperatorInput,
     SeatCommand,
     SeatReading,
-    StairMap,
     TrackCommand,
     TrackReading,
 )
@@ -36,20 +36,9 @@ CAMERA = PinholeCamera(
 )
 DEPTH = np.linspace(0.5, 3.0, 48, dtype=np.float32).reshape(6, 8)
 DEPTH[2, 3] = np.nan
-MAP = StairMap(
-    t_s=T_S,
-    direction="down",
-    nosings_B=np.array([[-0.1, 0.0, 0.01], [-0.4, 0.001, -0.17]]),
-    rise_m=0.17,
-    run_m=0.3,
-    slope_rad=0.5,
-    ends=True,
-    left_wall_m=None,
-    right_wall_m=0.6,
-    obstacle_m=None,
-    left_seen_m=-0.1,
-    right_seen_m=0.55,
-)
+PLACES_B = [(-0.1, 0.0, 0.01), (-0.4, 0.001, -0.17)]
+SIDES_M = {"right_wall_m": 0.6, "left_seen_m": -0.1, "right_seen_m": 0.55}
+MAP = stair(T_S, PLACES_B, direction="down", rise_m=0.17, slope_rad=0.5, ends=True, **SIDES_M)
 SIGNALS = [
     (on.CLOCK, Clock(t_s=T_S)),
     (on.TWIST, VelocityCommand(speed_m_s=0.2, turn_rad_s=-0.1)),

@@ -20,7 +20,6 @@ def test_each_list_of_debian_packages_holds_the_shorter_one() -> None:
     node, who installs the third can run all that the page shows."""
     page = next(line for line in (ROOT / "docs" / "ros.md").read_text().splitlines() if line.startswith("apt-get install"))
     tests = re.search(r"^ROS1 := ((?:.*\\\n)*.*)", (ROOT / "Makefile").read_text(), re.MULTILINE)
-    assert tests is not None
     assert packages(INSTALL) <= packages(page) <= packages(tests[1])
 
 

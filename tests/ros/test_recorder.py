@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from world import estimate
 
-from treadline.core.signals import HeadingEstimate, TrackCommand
+from treadline.core.signals import TrackCommand
 from treadline.io.records import read_record
 from treadline.io.runs import RECORD
 from treadline.ros import channels as on
@@ -24,10 +25,7 @@ def test_of_the_stretches_between_missed_rows_the_longest_is_kept(
     recorder.listen(air)
     for k in range(40):
         air.publish(on.TRACKS_CMD, TrackCommand(t_s=0.25 * k, left_m_s=float(k), right_m_s=0.0))
-        air.publish(
-            on.ESTIMATE,
-            HeadingEstimate(t_s=0.25 * k, heading_rad=0.01 * k, heading_rate_rad_s=0.0, sigma_rad=0.01, source="vision"),
-        )
+        air.publish(on.ESTIMATE, estimate(0.25 * k, 0.01 * k))
         if k not in missed:
             recorder.tick(0.25 * k)
     recorder.close()

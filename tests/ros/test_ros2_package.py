@@ -1,8 +1,6 @@
 """The ament package against a stub of rclpy's API: its life cycle, its topics, and the graph it makes."""
 
-import importlib.util
 import sys
-import time
 import tomllib
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -12,6 +10,8 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 import pytest
+from processes import wait_for
+from scripts import module_of
 
 import treadline
 from treadline.ros import channels as on
@@ -151,21 +151,14 @@ def test_lifecycle_nodes_make_a_graph_whose_guard_holds_for_one_that_is_deactiva
     for node in nodes.values():
         assert node.on_activate(None) == "SUCCESS"
     try:
-        wait(lambda: times[-1] > 0.6)
+        wait_for(lambda: times[-1] > 0.6, 180.0)
         assert states[-1].holding is None
         assert nodes["driver"].on_deactivate(None) == "SUCCESS"
-        wait(lambda: states[-1].holding is not None)
+        wait_for(lambda: states[-1].holding is not None, 180.0)
     finally:
         for node in nodes.values():
             assert node.on_shutdown(None) == "SUCCESS"
     assert "errors" not in bus.parameters
-
-
-def wait(done: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 180.0
-    while not done():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def test_bad_settings_leave_a_node_unconfigured_and_are_reported(bus: Bus) -> None:
@@ -218,11 +211,7 @@ def test_the_launch_file_starts_every_node(monkeypatch: pytest.MonkeyPatch) -> N
         module = ModuleType(name)
         module.__dict__.update(parts)
         monkeypatch.setitem(sys.modules, name, module)
-    spec = importlib.util.spec_from_file_location("graph_launch", PACKAGE / "launch" / "graph.launch.py")
-    assert spec is not None
-    assert spec.loader is not None
-    launch = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(launch)
+    launch = module_of(PACKAGE / "launch" / "graph.launch.py")
     actions = launch.generate_launch_description()
     started = [action for action in actions if type(action).__name__ == "LifecycleNode"]
     assert tuple(action.options["name"] for action in started) == NAMES

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from world import truth
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
@@ -9,13 +10,11 @@ from treadline.run._ending import Ending, SlideWatch
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 
-STILL = dict.fromkeys(Truth.__slots__, 0.0)
-
 
 def ride(x_m: np.ndarray, belts_m_s: float, *, pitch_deg: float = 28.0, heading_deg: float = 0.0) -> list[Truth]:
     """Return the truth of a chair that goes through these places, a tick apart, its belts at one speed."""
     moved = {"left_m_s": belts_m_s, "right_m_s": belts_m_s, "pitch_rad": pitch_deg * DEG, "heading_rad": heading_deg * DEG}
-    return [Truth(**(STILL | moved | {"t_s": 0.01 * k, "x_m": float(x)})) for k, x in enumerate(x_m)]
+    return [truth(0.01 * k, x_m=float(x), **moved) for k, x in enumerate(x_m)]
 
 
 def slid(samples: list[Truth], *, upward: bool = True) -> float:

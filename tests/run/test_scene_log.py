@@ -10,12 +10,13 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
+from wires import decoded
+from world import belts, imu
 
 import treadline
 from treadline.core.angles import attitude_of, rotation_of, rotation_y
 from treadline.core.ports import Truth
-from treadline.core.signals import ImuSample, MotionPlan, TrackReading
+from treadline.core.signals import MotionPlan
 from treadline.io.mcap_log import KEPT, RunLog
 from treadline.io.mcap_read import read_log
 from treadline.run.recorded_run import recorded_run
@@ -43,19 +44,9 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return _recorded(tmp_path_factory.mktemp("scene") / "run")
 
 
-def _messages(log: Path) -> dict[str, list[Any]]:
-    """Return the messages of a log by topic."""
-    found: dict[str, list[Any]] = {}
-    with log.open("rb") as file:
-        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for _, channel, _, message in reader.iter_decoded_messages():
-            found.setdefault(channel.topic, []).append(message)
-    return found
-
-
 @pytest.fixture(scope="module")
 def messages(run_folder: Path) -> dict[str, list[Any]]:
-    return _messages(run_folder / "log.mcap")
+    return decoded(run_folder / "log.mcap")
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +160,7 @@ def test_plans_are_kept_at_ten_hertz_and_where_the_phase_is_new(messages: dict[s
     with RunLog(tmp_path / "log.mcap") as log, SceneLog(log, chair, Chair()) as scene:
         for k, phase in enumerate(["climb"] * 5 + ["crest"] * 5):
             scene.plan(MotionPlan(t_s=0.01 * k, phase=phase, speed_m_s=0.2))
-    names = [message.status[0].name for message in _messages(tmp_path / "log.mcap")["/plan"]]
+    names = [message.status[0].name for message in decoded(tmp_path / "log.mcap")["/plan"]]
     assert names == ["climb", "crest"]
 
 
@@ -177,15 +168,9 @@ def test_a_recording_without_ground_truth_has_the_odometry_as_its_root(tmp_path:
     with RunLog(tmp_path / "log.mcap") as log, SceneLog(log, read_chair("wheelchair"), Chair()) as scene:
         for k in range(11):
             t_s = 0.01 * k
-            level = ImuSample(
-                t_s=t_s,
-                orientation=np.array([1.0, 0.0, 0.0, 0.0]),
-                angular_velocity_rad_s=np.zeros(3),
-                linear_acceleration_m_s2=np.array([0.0, 0.0, 9.81]),
-            )
-            scene(level, t_s)
-            scene(TrackReading(t_s=t_s, left_m_s=0.5, right_m_s=0.5, brake_on=False), t_s)
-    moved = [message.transforms[0] for message in _messages(tmp_path / "log.mcap")["/tf"]]
+            scene(imu(t_s), t_s)
+            scene(belts(t_s, 0.5, 0.5), t_s)
+    moved = [message.transforms[0] for message in decoded(tmp_path / "log.mcap")["/tf"]]
     assert [item.header.frame_id for item in moved] == ["odom"] * 2  # after 50 and 100 ms
     assert moved[-1].transform.translation.x == pytest.approx(0.05)  # 0.5 m/s for 0.1 s
 

@@ -1,6 +1,7 @@
 """Live runs: the loop does the same with and without a viewer, and a run can be repeated to the bit."""
 
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,11 @@ RENDERED = SHORT.model_copy(update={"sensors": Sensors(), "drive": DriveSettings
 """Some frames with images and the detector."""
 
 
+def keep(logged: list[str], signal: Any, taken_s: float) -> None:
+    if isinstance(signal, LOGGED):
+        logged.append(f"{taken_s!r} {signal!r}")
+
+
 def viewed(order: Order, commands: dict[int, list[Any]] | None = None, *, roomy: bool = True) -> tuple[Feed, list[str]]:
     """Run an order in this process with a viewer that takes everything, or one that takes nothing before the end."""
     feed, logged, calls = Feed.live(order, read_chair(order.scenario.chair.model)), [], [0]
@@ -53,11 +59,7 @@ def viewed(order: Order, commands: dict[int, list[Any]] | None = None, *, roomy:
         calls[0] += 1
         return (commands or {}).get(calls[0], [])
 
-    def log(signal: Any, taken_s: float) -> None:
-        if isinstance(signal, LOGGED):
-            logged.append(f"{taken_s!r} {signal!r}")
-
-    LiveRun(replace(order, speed=0.0), send, receive, log).run()
+    LiveRun(replace(order, speed=0.0), send, receive, partial(keep, logged)).run()
     return feed, logged
 
 
@@ -74,13 +76,8 @@ def bits(feed: Feed, rows: Any = slice(None)) -> dict[str, bytes]:
 
 def alone(scenario: Scenario, seed: int) -> list[str]:
     """Run a scenario without any viewer."""
-    logged = []
-
-    def log(signal: Any, taken_s: float) -> None:
-        if isinstance(signal, LOGGED):
-            logged.append(f"{taken_s!r} {signal!r}")
-
-    run_episode(resolve(scenario, None, seed), sink=log)
+    logged: list[str] = []
+    run_episode(resolve(scenario, None, seed), sink=partial(keep, logged))
     return logged
 
 
@@ -200,7 +197,6 @@ def test_contact_forces_carry_the_chair_and_do_not_change_the_run(run: Feed) -> 
     weight_n = sum(body.mass_kg for body in vehicle(read_chair(loading.model), loading).bodies) * GRAVITY_M_S2
     assert np.linalg.norm(total_n) == pytest.approx(weight_n * np.cos(SHORT.stair.slope_rad), rel=0.1)
     found = feed.contacts_at(1.0)
-    assert found is not None
     assert found.points_W.shape == found.forces_W.shape == (len(found.points_W), 3)
 
 

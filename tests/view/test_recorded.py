@@ -1,19 +1,18 @@
 """Recorded runs in the viewer: the same as during the run, and images with what the detector finds in them."""
 
 import io
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+from world import stair, truth
 
 from treadline.core.angles import rotation_of
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.models import ControllerDesign
-from treadline.core.ports import Truth
-from treadline.core.signals import StairMap
 from treadline.io.cdr import nanoseconds_of
 from treadline.io.runs import LOG
 from treadline.io.scene_messages import compressed_message
@@ -143,33 +142,21 @@ def write_bag(path: Path, *, compressed: bool) -> None:
     bag = open_bag(path)
     for k in range(31):
         t_s = begun_s + 0.01 * k
-        bag(replace(STILL, t_s=t_s), t_s)
+        bag(truth(t_s), t_s)
         if k == 10:
-            bag(replace(MAP, t_s=t_s), t_s)
+            bag(stair(t_s, [(1.0, 0.0, 0.16)]), t_s)
         if k % 10 == 0 and k < 30:
             rgb = np.full((24, 32, 3), COLOURS[k // 10], dtype=np.uint8)
             if not compressed:
                 bag(RgbdFrame(t_s=t_s, rgb=rgb, depth_m=np.ones((24, 32), np.float32), camera=SMALL), t_s)
                 continue
             topic, kind, data = compressed_message("/camera/image/compressed", t_s, "camera", as_jpeg(rgb, 32))
-            bag._connections[topic] = bag._connections.get(topic) or bag._connect(topic, kind)
-            bag._writer.write(bag._connections[topic], nanoseconds_of(t_s), data)
+            connection = bag._connections.get(topic) or bag._writer.add_connection(topic, kind, typestore=bag._store)
+            bag._connections[topic] = connection
+            bag._writer.write(connection, nanoseconds_of(t_s), data)
     bag.close()
 
 
-STILL = Truth(**dict.fromkeys((item.name for item in fields(Truth) if item.type in (float, "float")), 0.0))
-MAP = StairMap(
-    t_s=0.0,
-    direction="up",
-    nosings_B=np.array([[1.0, 0.0, 0.16]]),
-    rise_m=0.16,
-    run_m=0.3,
-    slope_rad=0.5,
-    ends=False,
-    left_wall_m=None,
-    right_wall_m=None,
-    obstacle_m=None,
-)
 SMALL = PinholeCamera(width_px=32, height_px=24, fx_px=30.0, fy_px=30.0, cx_px=15.5, cy_px=11.5)
 
 

@@ -83,7 +83,6 @@ def test_a_pressed_button_is_released_by_itself(attended: Session, clock: list[f
 def test_each_change_is_a_fault_with_the_value_that_the_form_fills_in(choice: str) -> None:
     change = CHANGES[choice]
     fault = fault_of(choice, change.default, 2.0)
-    assert fault is not None
     assert (fault.kind, fault.size) == (change.kind, change.sign * change.default)
     assert (fault.for_s == 2.0) == (not change.stays)
     assert meaning(choice)
@@ -94,12 +93,10 @@ def test_every_fault_has_a_name_and_wet_steps_are_offered_first() -> None:
     assert FAULTS.keys() == EXTENTS.keys()
     assert not any("_" in name for name in CHANGES)
     wet = fault_of(FORKS[0], CHANGES[FORKS[0]].default, 1.0)
-    assert wet is not None
     assert (wet.kind, wet.size) == ("low_friction", 0.5)
     assert said_of(FORKS[0], 0.5, 1.0) == "wet steps, friction × 0.5"
     assert fault_of(NOTHING, 0.0, 1.0) is None
     twice = fault_of("friction of the right belt", 2.0, 1.0)
-    assert twice is not None
     assert (twice.kind, twice.size) == ("track_slip", -2.0)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from frame_files import write_pcd
 
 from treadline.cli import main
 from treadline.core.errors import TreadlineError
@@ -13,13 +14,6 @@ from treadline.io.frames import read_frames
 from treadline.io.frames._cloud_files import point_cloud, read_cloud
 from treadline.io.mcap_log import RunLog
 from treadline.io.topics import CdrReader
-
-
-def write_pcd(path: Path, points: np.ndarray, size: tuple[int, int], scale: float = 1.0) -> Path:
-    header = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {size[0]}\nHEIGHT {size[1]}\n"
-    body = (scale * points).astype("<f4").tobytes()
-    path.write_bytes(f"{header}POINTS {len(points)}\nDATA binary\n".encode() + body)
-    return path
 
 
 def test_a_cloud_is_an_answer_with_its_exit_code(rendered, points, capsys, tmp_path: Path) -> None:

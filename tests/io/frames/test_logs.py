@@ -133,7 +133,6 @@ def test_a_calibration_of_another_size_is_refused(walk, frame, calibration_file,
     right = calibration_file(tmp_path / "right.toml", frame.camera)
     (first, *_) = read_frames(path, camera=right)
     assert first.mount_known
-    assert first.frame is not None
     assert first.frame.camera.mount_pitch_rad == pytest.approx(np.deg2rad(40.0))
 
 

@@ -3,7 +3,6 @@
 The fakes answer as the documented interfaces do. Where a vendor's package is installed, its names are compared with those in use.
 """
 
-import importlib.util
 import json
 import os
 import sys
@@ -14,6 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from scripts import module_of
 
 from treadline.cli import main
 from treadline.core.camera_images import PinholeCamera
@@ -27,17 +27,7 @@ FORCE_C = np.array([0.0, -9.0, -4.0]) * 9.80665 / np.linalg.norm([0.0, -9.0, -4.
 """Specific force in the camera frame of a camera that looks 24° down."""
 
 
-def _fakes() -> Any:
-    spec = importlib.util.spec_from_file_location("fake_vendors", Path(__file__).with_name("fake_vendors.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    made = importlib.util.module_from_spec(spec)
-    sys.modules["fake_vendors"] = made
-    spec.loader.exec_module(made)
-    return made
-
-
-fakes = _fakes()
+fakes: Any = module_of(Path(__file__).with_name("fake_vendors.py"))
 PACKAGES = {"realsense": "pyrealsense2", "orbbec": "pyorbbecsdk", "oak": "depthai"}
 SIZES = {"realsense": (640, 480), "orbbec": (640, 480), "oak": (640, 400)}
 

@@ -1,0 +1,19 @@
+"""Other processes and what they do in their own time."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+
+def wait_for(condition: Callable[[], bool], within_s: float = 60.0) -> None:
+    """Wait until something is so, and fail if it does not become so."""
+    limit = time.monotonic() + within_s
+    while not condition() and time.monotonic() < limit:
+        time.sleep(0.02)
+    assert condition()
+
+
+def alive(pid: int) -> bool:
+    """Return whether a process runs; one that ended and that nobody asked about does not."""
+    stat = Path(f"/proc/{pid}/stat")
+    return stat.exists() and stat.read_text().rpartition(")")[2].split()[0] != "Z"
