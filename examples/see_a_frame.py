@@ -8,7 +8,7 @@ from treadline.plant.sensors.camera import stair_frames
 
 seed = int(sys.argv[1]) if len(sys.argv) > 1 else 1
 headings = (-30.0 * DEG, 30.0 * DEG)
-(view,) = stair_frames(Scenario(), sensor="kinect1", count=1, seed=seed, heading_rad=headings)
+(view,) = stair_frames(tl.Scenario(), sensor="kinect1", count=1, seed=seed, heading_rad=headings)
 found = tl.detect_stair(view.frame.depth_m, view.frame.camera, view.gravity_C)
 print(found)
 if not found.accepted:
