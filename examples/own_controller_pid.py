@@ -35,6 +35,4 @@ class HeadingPid:
 
 
 if __name__ == "__main__":
-    print(
-        tl.climb(tl.Scenario.model_validate({"stair": {"steps": 6}, "sensors": {"camera": "statistical"}}), controller=HeadingPid)
-    )
+    print(tl.climb("default", HeadingPid, set={"stair.steps": 6, "sensors.camera": "statistical"}))

@@ -20,7 +20,7 @@ def test_a_manifest_says_how_to_repeat_the_run(tmp_path: Path, monkeypatch: pyte
     assert manifest["settings"] == {"stair": {"rise_m": 0.16}}
     assert manifest["seed"] == 7
     assert manifest["command"] == "treadline climb paper-28 --out run"
-    assert {"python", "treadline", "numpy", "scipy", "mujoco"} <= set(manifest["versions"])
+    assert {"python", "treadline", "numpy", "scipy", "mujoco-core"} <= set(manifest["versions"])
 
 
 def test_a_command_is_for_a_shell_and_names_no_folder_of_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -50,7 +50,7 @@ WRITTEN = (
 """Files written by a run and its report, besides the manifest."""
 SERIES_EVERY = 10
 """Decimation of series.csv: every tenth sample of 100 Hz, sufficient for plots."""
-PACKAGES = ("treadline", "numpy", "scipy", "numba", "mujoco", "opencv-python-headless", "matplotlib", "mcap")
+PACKAGES = ("treadline", "numpy", "scipy", "numba", "mujoco-core", "opencv-python-headless", "matplotlib", "mcap")
 """Packages whose versions are recorded."""
 
 
