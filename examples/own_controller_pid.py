@@ -35,4 +35,4 @@ class HeadingPid:
 
 
 if __name__ == "__main__":
-    print(tl.climb("default", HeadingPid, set={"stair.steps": 6, "sensors.camera": "statistical"}))
+    print(tl.climb("up-28", HeadingPid, set={"stair.steps": 6, "sensors.camera": "statistical"}))
