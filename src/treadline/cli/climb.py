@@ -7,9 +7,6 @@ from treadline.cli._arguments import Force, Set, claim, set_values
 from treadline.cli._output import Answer, SimulatedTime
 from treadline.cli.compile import report_compiling
 
-DONE = ("arrived", "end_of_flight", "time_up")
-"""Verdicts with exit code 0."""
-
 
 def climb(
     scenario: str,
@@ -41,6 +38,8 @@ def climb(
         seed: Random seed. The same seed gives byte-identical results.
         log_images: Keep every frame in the log (about 1.7 MB per second at 320×240).
     """
+    from treadline.io.runs import COMPLETED
+
     claim(out, force=force)
     report_compiling()
     with SimulatedTime("climb") as progress:
@@ -75,5 +74,5 @@ def climb(
             f"{scores.min_stability_margin_deg:.1f}°, below 7° for {scores.seconds_below_7_deg:.2f} s",
             f"run folder: {out} (treadline report {out} draws it)",
         ],
-        code=0 if run.verdict in DONE else 1,
+        code=0 if run.verdict in COMPLETED else 1,
     )

@@ -64,6 +64,10 @@ class PinholeCamera:
         return np.stack(np.broadcast_arrays(x, y, depth_m), axis=-1)
 
 
+MOUNT_FIELDS = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
+"""Fields of a ``PinholeCamera`` that describe its mount on the chair."""
+
+
 @lru_cache(maxsize=64)
 def _turned(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndarray, "3 3"]:
     """Return the rotation of a mount; cached, because each frame of a camera needs the same matrix."""

@@ -27,7 +27,9 @@ Reconstruct = Literal["observer", "static"]
 Provenance = dict[str, Any]
 """Origin of a model: command, versions, seeds, fit. JSON values only."""
 
-LOG_SUFFIXES = (".csv", ".txt", ".tsv", ".npz", ".parquet", ".mcap", ".bag", ".db3")
+BAG_SUFFIXES = (".mcap", ".bag", ".db3")
+"""Suffixes of message logs."""
+LOG_SUFFIXES = (".csv", ".txt", ".tsv", ".npz", ".parquet", *BAG_SUFFIXES)
 """Suffixes of logs, from which models are identified; a .mat file holds a log or a model."""
 RUN_VALUES = 10
 """Least output values per estimated initial state for a free-run score: the state estimate uses a tenth of them."""

@@ -13,9 +13,9 @@ from typing import Any
 
 from pydantic_core import PydanticUndefined
 
+from treadline.core._setting_errors import Place, allowed_at
 from treadline.core.overrides import table_of
 from treadline.core.printing import UNITS, unit_ending
-from treadline.core.setting_errors import Place, allowed_at
 from treadline.core.settings import Settings
 
 

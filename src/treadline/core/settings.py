@@ -101,7 +101,7 @@ def settings_of(tables: Mapping[str, object], model: type[S], *, where: str, fil
     try:
         return model.model_validate(tables)
     except ValidationError as error:
-        from treadline.core.setting_errors import message_of  # most files need none of it
+        from treadline.core._setting_errors import message_of  # most files need none of it
 
         text = None if file is None else text_of(file, "a settings file")
         raise SettingsError(message_of(error, model, where, text)) from None

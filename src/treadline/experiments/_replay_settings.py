@@ -15,7 +15,7 @@ from numpy import ndarray
 from pydantic import Field, create_model
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import PinholeCamera
+from treadline.core.camera_images import MOUNT_FIELDS, PinholeCamera
 from treadline.core.errors import SettingsError, closest
 from treadline.core.models import ControllerDesign
 from treadline.core.overrides import parse_items, put
@@ -35,7 +35,6 @@ from treadline.scenario.scenario import Control, DriveSettings
 from treadline.scenario.shipped_files import shipped_controller
 
 INTRINSICS = ("fx_px", "fy_px", "cx_px", "cy_px")
-MOUNT = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
 CAMERA = ("width", "height", *INTRINSICS, "depth_unit_m", *MOUNT_ANGLES, "mount_m")
 """Keys of a calibration file that stand in place of the log's values, or of the chair file's."""
 MEANINGS = {
@@ -127,7 +126,7 @@ class ReplaySettings:
     def _mounted(self, camera: PinholeCamera) -> PinholeCamera:
         """Return a camera on the chair's mount, with the values that are set."""
         nominal = self.mission.chair.camera_at()
-        mount: dict[str, Any] = {name: getattr(nominal, name) for name in MOUNT}
+        mount: dict[str, Any] = {name: getattr(nominal, name) for name in MOUNT_FIELDS}
         mounted: PinholeCamera = self.changed(replace(camera, **mount), "camera")
         return mounted
 

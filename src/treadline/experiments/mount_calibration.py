@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import MOUNT_FIELDS, PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.models import write_whole
 from treadline.core.ports import Reading
@@ -30,7 +30,6 @@ from treadline.scenario.camera_file import CameraFile
 ANGLES = ("pitch", "roll", "yaw")
 GOOD_SHARE = 0.5
 """Smallest share of used frames at which a longer recording is proposed as the remedy."""
-MOUNT = (*(f"mount_{name}_rad" for name in ANGLES), "mount_m")
 TURNED_RAD = 5.0 * DEG
 """Smallest range between the 10th and 90th percentile of the headings at which the yaw is reported [rad]. In a smaller range the
 few frames of the first turn determine the yaw, and one bump changed it by a degree (a climb that was square after two seconds)."""
@@ -193,7 +192,7 @@ class MountStudy:
         if known is None:
             return None
         given = set() if self._given is None else {name.replace("_deg", "_rad") for name in self._given.model_fields_set}
-        mount: dict[str, Any] = {name: getattr(self._nominal, name) for name in MOUNT if name not in given}
+        mount: dict[str, Any] = {name: getattr(self._nominal, name) for name in MOUNT_FIELDS if name not in given}
         self._used = replace(known, **mount)
         return self._used
 

@@ -64,10 +64,10 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: R
     runs, figures = out / "runs", out / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     first, second = excitations(plan, runs), _steerless(plan, out)
-    placeholder = as_printed.paper_controller(0.2)
-    drives = len(_drives(plan, placeholder, runs))
-    # Each excitation, drive and run of the first phase has a page, and so have the seat and the printed controller.
-    progress.begin(2 * (len(first) + len(second) + drives) - 2)
+    third = _drives(plan, as_printed.paper_controller(0.2), runs)  # as many runs as with the controller still to be tuned
+    jobs: list[Job[Any]] = [*first, *second, *third]
+    pages_of_runs = sum(isinstance(job, ExciteJob | RunJob) for job in jobs) + 1  # and the page of the seat's run
+    progress.begin(len(jobs) + pages_of_runs)
 
     with JobPool(workers, progress.done, progress.running) as pool:
         excited, steerless = pool.begin(first), pool.begin(second)

@@ -175,21 +175,14 @@ class _Topics:
         data = _inflated(chunk)
         if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
             raise ValueError("the checksum of a chunk is wrong")
-        at, end = 0, len(data)
-        while at < end:
-            opcode, length = _PREFIX.unpack_from(data, at)
-            start = at + _PREFIX.size
-            at = start + length
-            if at > end:
-                raise ValueError("a record is longer than its chunk")
+        for opcode, start, end in _extents(data, 0):
             if opcode == Opcode.MESSAGE:
                 channel, _, logged_ns, _ = _MESSAGE.unpack_from(data, start)
                 topic = self._topics[channel]
                 if topic is not None:
-                    yield topic, logged_ns, data[start + _MESSAGE.size : at]
+                    yield topic, logged_ns, data[start + _MESSAGE.size : end]
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                kind = Schema if opcode == Opcode.SCHEMA else Channel
-                yield from self.message(kind.read(ReadDataStream(BytesIO(data[start:at]))))
+                yield from self.message(_parsed(opcode, data[start:end]))
 
 
 _KINDS: dict[int, Callable[[ReadDataStream, int], McapRecord]] = {
@@ -197,41 +190,47 @@ _KINDS: dict[int, Callable[[ReadDataStream, int], McapRecord]] = {
     Opcode.CHANNEL: lambda stream, _: Channel.read(stream),
     Opcode.MESSAGE: Message.read,
     Opcode.CHUNK: lambda stream, _: Chunk.read(stream),
+    Opcode.DATA_END: lambda stream, _: DataEnd.read(stream),
 }
-"""Parsers of the records that hold or declare messages. Indexes are skipped: parsing them takes longer than the messages."""
+"""Parsers of the records that are read. Indexes are skipped: parsing them takes longer than the messages."""
+
+
+def _parsed(opcode: int, content: bytes) -> McapRecord:
+    return _KINDS[opcode](ReadDataStream(BytesIO(content)), len(content))
 
 
 def _records(data: mmap.mmap, *, sealed: bool) -> Iterator[McapRecord]:
     """Yield the chunks of a file, and the records outside chunks unless ``sealed``."""
     if data[: len(MCAP0_MAGIC)] != MCAP0_MAGIC:
         raise ValueError("it does not begin as an MCAP file")
-    for opcode, at, start, end in _extents(data):
-        if opcode in _KINDS:
-            record = _KINDS[opcode](ReadDataStream(BytesIO(data[start:end])), end - start)
-            if sealed:
-                _check_sealed(record)
-            if not sealed or isinstance(record, Chunk):
-                yield record
-        elif opcode == Opcode.DATA_END:
-            _check_data(data, at, DataEnd.read(ReadDataStream(BytesIO(data[start:end]))).data_section_crc, sealed=sealed)
+    for opcode, start, end in _extents(data, len(MCAP0_MAGIC)):
+        if opcode == Opcode.FOOTER and data[end:] == MCAP0_MAGIC:
+            return
+        if opcode not in _KINDS:
+            continue
+        record = _parsed(opcode, data[start:end])
+        if isinstance(record, DataEnd):
+            _check_data(data, start - _PREFIX.size, record.data_section_crc, sealed=sealed)
+            continue
+        if sealed:
+            _check_sealed(record)
+        if not sealed or isinstance(record, Chunk):
+            yield record
+    raise ValueError("it does not end as an MCAP file")
 
 
-def _extents(data: mmap.mmap) -> Iterator[tuple[int, int, int, int]]:
-    """Yield opcode, place, and start and end of the content of each record up to the footer."""
-    at = len(MCAP0_MAGIC)
-    while True:
+def _extents(data: bytes | mmap.mmap, at: int) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, and start and end of the content, of each record of a chunk or of a file from a place on."""
+    whole = len(data)
+    while at < whole:
         opcode, length = _PREFIX.unpack_from(data, at)
         start = at + _PREFIX.size
+        at = start + length
         if length > MAX_CHUNK_BYTES:
             raise ValueError(f"a record of {length} bytes; at most {MAX_CHUNK_BYTES} are read")
-        if start + length > len(data):
-            raise ValueError("a record is longer than the file")
-        yield opcode, at, start, start + length
-        at = start + length
-        if opcode == Opcode.FOOTER:
-            break
-    if data[at:] != MCAP0_MAGIC:
-        raise ValueError("it does not end as an MCAP file")
+        if at > whole:
+            raise ValueError("a record is longer than what holds it")
+        yield opcode, start, at
 
 
 def _check_sealed(record: McapRecord) -> None:

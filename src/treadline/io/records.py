@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from treadline.core.errors import LogFormatError, SettingsError
-from treadline.core.models import LOG_SUFFIXES, InputOutputRecord, write_whole
+from treadline.core.models import BAG_SUFFIXES, LOG_SUFFIXES, InputOutputRecord, write_whole
 from treadline.io._tables import (
     MOST_ROWS,
     Log,
@@ -40,8 +40,6 @@ TIME = "t_s"
 """Name of the time column of a record."""
 DELIMITED = (".csv", ".txt", ".tsv")
 """Suffixes of delimited text files."""
-BAGS = (".mcap", ".bag", ".db3")
-"""Suffixes of message logs."""
 
 
 def read_record(
@@ -72,7 +70,7 @@ def read_record(
     check_period(period_s)
     file = _file_of(path)
     wanted = (*inputs, *outputs)
-    if file.is_dir() or file.suffix.lower() in BAGS:
+    if file.is_dir() or file.suffix.lower() in BAG_SUFFIXES:
         from treadline.io._bag_columns import read_bag
 
         try:
@@ -233,7 +231,7 @@ def _file_of(path: Path) -> Path:
     for name in (RECORD, LOG):
         if (path / name).exists():
             return path / name
-    if any(item.suffix in BAGS for item in path.iterdir()):
+    if any(item.suffix in BAG_SUFFIXES for item in path.iterdir()):
         return path
     raise LogFormatError(
         f"{path}: a folder without {RECORD}, {LOG} or a bag (.zstd: unpack it); give a log, or a folder written by excite"

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import MOUNT_FIELDS, PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
 from treadline.io._tables import listed
 from treadline.io.decode import HEADINGS, IMU, OURS, CdrReader, Picture, Ros1Reader, calibration, heading_of_image, imu
@@ -264,13 +264,10 @@ PLAUSIBLE_M = (0.05, 100.0)
 """Plausible range of the median depth of a frame [m]; outside, the depth unit is wrong by a factor of 1000."""
 BGR = ("bgr8", "bgra8", "8UC3")
 
-MOUNT = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
-"""Names of the mount of a camera, which CameraInfo messages lack."""
-
 
 def with_mount(camera: PinholeCamera, mount: PinholeCamera) -> PinholeCamera:
-    """Return a camera with the mount of another."""
-    return replace(camera, **{name: getattr(mount, name) for name in MOUNT})
+    """Return a camera with the mount of another: CameraInfo messages have none."""
+    return replace(camera, **{name: getattr(mount, name) for name in MOUNT_FIELDS})
 
 
 Calibrate = Callable[[PinholeCamera | None, tuple[int, int]], PinholeCamera | None]

@@ -12,7 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from treadline.core.errors import SettingsError, TreadlineError
-from treadline.core.models import InputOutputRecord
+from treadline.core.models import BAG_SUFFIXES, InputOutputRecord
 from treadline.core.ports import Transport
 from treadline.core.signals import TICK_S, HeadingEstimate, TrackCommand
 from treadline.io.cdr import CdrWriter, Ros1Writer, nanoseconds_of
@@ -164,7 +164,7 @@ class RecorderNode:
     def __init__(self, out: Path | None, period_s: float, *, frames: bool = True) -> None:
         if out is None:
             raise SettingsError("the recorder needs --out: a run folder, or a file that ends in .mcap, .bag or .db3")
-        self._folder = out if out.suffix not in (".mcap", ".bag", ".db3") else None
+        self._folder = out if out.suffix not in BAG_SUFFIXES else None
         if self._folder is not None:
             clear_run(self._folder)
             self._folder.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.core.errors import LogFormatError, SettingsError
-from treadline.core.models import ControllerDesign, json_of
+from treadline.core.models import BAG_SUFFIXES, ControllerDesign, json_of
 from treadline.io.mcap_read import has_arrivals, run_metadata
 from treadline.io.runs import LOG, RUN_CONTROLLER
 from treadline.playback import manifest_of, read_recording, run_folder_of
@@ -16,14 +16,11 @@ from treadline.view._messages import ImageOrder, Order
 from treadline.view._process import Worker
 from treadline.view._session import Session
 
-LOGS = (".mcap", ".bag", ".db3")
-"""File names of logs end like this; every other file is a scenario."""
-
 
 def is_recorded(target: str) -> bool:
-    """Return whether a target is a recorded run: a folder, or a file with the name of a log."""
+    """Return whether a target is a recorded run: a folder, or a file with the name of a log; every other file is a scenario."""
     path = Path(target)
-    return path.is_dir() or path.suffix in LOGS
+    return path.is_dir() or path.suffix in BAG_SUFFIXES
 
 
 def open_live(

@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from treadline.core.camera_images import FrameSource, NamedFrame, PinholeCamera, SeveralFrames, gravity_of, gravity_table
 from treadline.core.errors import ImageError, SettingsError
+from treadline.core.models import BAG_SUFFIXES
 from treadline.io.frames._cloud_files import ENDINGS, read_cloud
 from treadline.io.frames._image_files import is_photo, nominal_camera, read_frame
 from treadline.io.frames.point_cloud import UNITS, Axes, FrameOptions, cloud_image
-from treadline.io.records import BAGS
 from treadline.scenario.camera_file import CameraFile, read_camera
 
 COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
@@ -75,7 +75,7 @@ def _opened(path: Path, depth: Path | None, options: FrameOptions) -> FrameSourc
         named, warning = _cloud(path, options)
         return SeveralFrames([named], [] if warning is None else [warning])
     endings = {item.suffix for item in path.iterdir()} if path.is_dir() else {path.suffix.lower()}
-    if not endings.isdisjoint(BAGS):
+    if not endings.isdisjoint(BAG_SUFFIXES):
         from treadline.io.frames._recorded_frames import FramesOfLog
 
         return FramesOfLog(path, replace(options, mount=_mount_of_run(path)))
