@@ -16,7 +16,7 @@ from systems import Experiment, driven, equation_12, in_closed_loop, light_dampi
 from tables import Row, table
 
 from treadline.core import paper
-from treadline.core.angles import rms
+from treadline.core.arrays import rms
 from treadline.identification import IdentificationOptions, identify
 
 STEPS = 20

@@ -19,7 +19,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_of, rotation_y
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_of, rotation_y
 from treadline.core.signals import TICK_S, SeatCommand, TrackCommand
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.plant.mujoco import _step_kernels as kernels

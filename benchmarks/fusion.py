@@ -16,7 +16,9 @@ from typing import Protocol
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, quaternion_of, rms, rotation_of, rotation_y, rotation_z, wrap
+from treadline.core.angles import DEG, wrap
+from treadline.core.arrays import rms
+from treadline.core.rotations import quaternion_of, rotation_of, rotation_y, rotation_z
 from treadline.core.signals import TICK_S, HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 from treadline.estimation import HeadingFilter, OffsetEstimator
 from treadline.estimation.offset import AberrationRule

@@ -32,7 +32,8 @@ from scenes import STAIRLESS_SCENES, RecordedDrive, StairTruth, View, ViewRecipe
 from scenes.recipe import STEPPED_SCENES
 from scenes.scores import wilson
 
-from treadline.core.angles import DEG, rotation_of
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_of
 from treadline.core.signals import StairMap
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
 from treadline.io.frames import read_frame
@@ -323,7 +324,9 @@ def nosings(pairs: list[tuple[StairMap, StairTruth]]) -> tuple[list[float], int,
     for found, truth in pairs:
         if not len(truth.nosings_B):
             continue
-        ahead = found.nosings_B[found.nosings_B[:, 0] > 0.1]  # the truth knows none behind the chair's middle
+        ahead = np.array([place for place in found.nosings_B if place[0] > 0.1]).reshape(
+            -1, 3
+        )  # the truth knows none behind the chair's middle
         asked_for = truth.nosing_in_view & (truth.nosings_B[:, 0] < SEEN_M)
         gaps = np.linalg.norm(ahead[:, None, ::2] - truth.nosings_B[None, :, ::2], axis=2)
         told += len(gaps)

@@ -19,7 +19,8 @@ from scenes.flight import draw_flight
 from statistical import AS_BUILT, CHAIR, DOWN_W, FLAT_M, pose_at, tilt_of
 from tables import table
 
-from treadline.core.angles import DEG, quaternion_of, rotation_y
+from treadline.core.angles import DEG
+from treadline.core.rotations import quaternion_of, rotation_y
 from treadline.core.signals import ImuSample, StairMap, TrackReading
 from treadline.mission.stair_tracker import StairTracker
 from treadline.perception import StairDetector

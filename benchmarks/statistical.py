@@ -23,7 +23,8 @@ from scenes import SceneCamera, ViewRecipe
 from scenes.flight import TiltedFlight, draw_flight
 from scipy.stats import ks_2samp, norm, rankdata
 
-from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.perception import StairDetector
 from treadline.plant.sensors.camera import TEXTURES
@@ -333,7 +334,7 @@ def _add(
 
 
 def _add_nosings(add: Callable[..., None], kind: int, seen: Visibility, told: StairMap) -> None:
-    apart = told.nosings_B[:, None, ::2] - seen.nosings_B[None, :, ::2]
+    apart = np.array(told.nosings_B)[:, None, ::2] - seen.nosings_B[None, :, ::2]
     gaps = np.linalg.norm(apart, axis=2)
     rows, columns = reported_cell(seen)
     away = -1.0 if seen.nosings_B[0, 0] < 0.0 else 1.0

@@ -9,7 +9,8 @@ from jaxtyping import Float
 
 from scenes.clutter import RAIL_INSET_M, RAIL_M
 from scenes.recipe import PLACES_M, Range, ViewRecipe, drawn
-from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.plant.sensors.camera.solids import SceneBox, part_of, solids_of
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.stair_solids import TREAD_THICKNESS_M, WALL_HEIGHT_M, stair_boxes

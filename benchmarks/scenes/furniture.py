@@ -10,7 +10,8 @@ from collections.abc import Callable
 import numpy as np
 
 from scenes.placing import BEECH, CARDBOARD, WHITE, legged, oblique_wall, turned
-from treadline.core.angles import DEG, rotation_y
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_y
 from treadline.plant.sensors.camera.solids import Rgb, SceneBox, beam, upright
 
 GALVANISED: Rgb = (150.0, 154.0, 158.0)

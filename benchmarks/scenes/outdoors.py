@@ -6,7 +6,8 @@ from collections.abc import Callable
 import numpy as np
 
 from scenes.placing import BEECH, WHITE, legged, oblique_wall, turned
-from treadline.core.angles import DEG, rotation_y
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_y
 from treadline.plant.sensors.camera.solids import Rgb, SceneBox, beam, upright
 
 ASPHALT: Rgb = (78.0, 78.0, 80.0)

@@ -11,7 +11,8 @@ import numpy as np
 
 from scenes import furniture, outdoors
 from scenes.placing import BEECH, CARDBOARD, WALL_M, WHITE, legged, oblique_wall, turned
-from treadline.core.angles import DEG, rotation_y
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_y
 from treadline.plant.sensors.camera.solids import Rgb, SceneBox, beam, upright
 
 BOOKS: tuple[Rgb, ...] = ((120.0, 40.0, 40.0), (40.0, 70.0, 110.0), (60.0, 100.0, 60.0), (190.0, 180.0, 150.0))

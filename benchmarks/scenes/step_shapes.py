@@ -7,7 +7,7 @@ import numpy as np
 
 from scenes.camera import Film
 from scenes.recipe import ViewRecipe
-from treadline.core.angles import rotation_z
+from treadline.core.rotations import rotation_z
 from treadline.plant.sensors.camera.solids import Rgb, SceneBox, part_of, placed_in
 
 PIECES = 12

@@ -24,9 +24,10 @@ from scenes.ground_truth import StairTruth, stair_truth
 from scenes.recipe import STAIR_SCENES, Range, ViewRecipe, drawn
 from scenes.rooms import room
 from scenes.setting import Setting, stair_setting
-from treadline.core.angles import DEG, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import SettingsError
+from treadline.core.rotations import rotation_z
 from treadline.plant.sensors.camera import ExactView
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import ChairDescription, read_chair

@@ -10,9 +10,10 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from treadline.core.angles import DEG, quaternion_of, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import StairAxes
 from treadline.core.ports import Truth
+from treadline.core.rotations import quaternion_of, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import (
     FlipperReading,
     FrameQuality,
@@ -256,7 +257,7 @@ class World(Place):
 
 def steeper(seen: StairMap) -> StairMap:
     """Return the map of a flight with rise 0.20 m and run 0.27 m in the place of another one, for a chair on the level."""
-    nosings = seen.nosings_B.copy()
+    nosings = np.array(seen.nosings_B)
     nosings[:, 0] = nosings[0, 0] + (nosings[:, 0] - nosings[0, 0]) * 0.27 / RUN_M
     nosings[:, 2] *= 0.20 / RISE_M
     return replace(seen, nosings_B=nosings, rise_m=0.20, run_m=0.27, slope_rad=math.atan2(0.20, 0.27))

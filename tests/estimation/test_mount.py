@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from world import belts, imu_at, stair_axes
 
-from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, StairAxes
+from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.core.signals import ImuSample
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate, calibrated
 
@@ -207,4 +208,4 @@ def test_without_an_imu_or_with_one_that_is_not_a_number_there_is_no_estimate() 
             if isinstance(signal, StairAxes):
                 assert calibrator.step(signal) is None
             elif spoil is not None:
-                calibrator.step(replace(signal, orientation=spoil * signal.orientation))
+                calibrator.step(replace(signal, orientation=[spoil * q for q in signal.orientation]))

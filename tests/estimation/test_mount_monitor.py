@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from world import belts, imu, imu_at, stair_axes
 
-from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, StairAxes
+from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.core.signals import Event
 from treadline.estimation import MountMonitor
 from treadline.estimation._mount_monitor import BlockMeans, mount_angles

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, levelling, quaternion_of, rotation_about, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.rotations import levelling, quaternion_of, rotation_about, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import ImuSample
 from treadline.estimation.tilt import Tilt
 

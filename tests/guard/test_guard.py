@@ -317,9 +317,8 @@ def test_an_imu_that_says_no_number_is_as_good_as_lost(field: str, bad: float) -
     def spoil(reading: Any) -> Any:
         if not isinstance(reading, ImuSample):
             return reading
-        values = getattr(reading, field).copy()
-        values[1] = bad
-        return replace(reading, **{field: values})
+        first, _, *rest = getattr(reading, field)
+        return replace(reading, **{field: (first, bad, *rest)})
 
     drive.spoil = spoil
     assert drive.until_held(2.0) == about(1.0)

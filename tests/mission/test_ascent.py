@@ -180,10 +180,13 @@ def rising_by(rise_m: float, until_m: float = 0.0) -> Callable[[StairMap], Stair
     """Return a camera that measures another rise, nosings included, while the nearest nosing is beyond ``until_m``."""
 
     def measured(seen: StairMap) -> StairMap:
-        if not len(seen.nosings_B) or seen.nosings_B[0, 0] < until_m:
+        if not len(seen.nosings_B) or seen.nosings_B[0][0] < until_m:
             return seen
         return replace(
-            seen, nosings_B=seen.nosings_B * [1.0, 1.0, rise_m / RISE_M], rise_m=rise_m, slope_rad=math.atan2(rise_m, RUN_M)
+            seen,
+            nosings_B=np.array(seen.nosings_B) * [1.0, 1.0, rise_m / RISE_M],
+            rise_m=rise_m,
+            slope_rad=math.atan2(rise_m, RUN_M),
         )
 
     return measured
@@ -363,7 +366,7 @@ def test_it_drives_at_the_stair_slower_near_it_with_the_flipper_lowered_and_test
 
 def test_a_touch_begins_the_mount_whatever_the_map_says() -> None:
     def far_off(seen: StairMap) -> StairMap:
-        return replace(seen, nosings_B=seen.nosings_B + np.array([0.6, 0.0, 0.0]))
+        return replace(seen, nosings_B=[(x + 0.6, y, z) for x, y, z in seen.nosings_B])
 
     world = Foot(spoil=far_off)
     world.run("mount")
@@ -427,7 +430,7 @@ def test_a_side_seen_earlier_counts_when_it_leaves_the_view() -> None:
     """Test: treads were in view to 0.8 m from 1 m away, and to 0.25 m near the flight. Expected result: the chair mounts."""
 
     def spoil(seen: StairMap) -> StairMap:
-        near_m = 0.8 if seen.nosings_B[0, 0] > 1.2 else 0.25
+        near_m = 0.8 if seen.nosings_B[0][0] > 1.2 else 0.25
         return replace(seen, left_seen_m=near_m, right_seen_m=near_m)
 
     world = Foot(spoil=spoil)
@@ -490,7 +493,7 @@ def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase() -> None:
     def flicker(seen: StairMap) -> StairMap | None:
         kept = rng.random(len(seen.nosings_B)) < 0.8
         error = np.array([0.01, 0.0, 0.01]) * rng.normal(size=3)
-        return None if rng.random() < 0.2 else replace(seen, nosings_B=seen.nosings_B[kept] + error, ends=False)
+        return None if rng.random() < 0.2 else replace(seen, nosings_B=np.array(seen.nosings_B)[kept] + error, ends=False)
 
     world = Foot(heading_rad=10.0 * DEG, spoil=flicker)
     world.run("climb")
@@ -499,7 +502,7 @@ def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase() -> None:
 
 def test_a_false_nosing_seen_once_does_not_begin_the_mount() -> None:
     def ghost(seen: StairMap) -> StairMap:
-        nearer = seen.nosings_B[:1] - np.array([RUN_M, 0.0, RISE_M])
+        nearer = np.array(seen.nosings_B)[:1] - np.array([RUN_M, 0.0, RISE_M])
         return replace(seen, nosings_B=np.vstack([nearer, seen.nosings_B])) if world.maps == 12 else seen
 
     world = Foot(spoil=ghost)
@@ -543,8 +546,9 @@ def test_belts_that_only_slip_on_the_first_nosing_end_the_mount_backed_off_and_r
 
 def test_a_missing_step_stops_the_chair_for_good_before_it() -> None:
     def lacks_the_fifth(seen: StairMap) -> StairMap:
-        heights = seen.nosings_B[:, 0] * math.sin(world.pitch_rad) + seen.nosings_B[:, 2] * math.cos(world.pitch_rad) + world.z_m
-        return replace(seen, nosings_B=seen.nosings_B[np.abs(heights - 5 * RISE_M) > 0.05])
+        places = np.array(seen.nosings_B)
+        heights = places[:, 0] * math.sin(world.pitch_rad) + places[:, 2] * math.cos(world.pitch_rad) + world.z_m
+        return replace(seen, nosings_B=np.array(seen.nosings_B)[np.abs(heights - 5 * RISE_M) > 0.05])
 
     world = Foot(steps=10, spoil=lacks_the_fifth)
     assert world.until_held().startswith("a step is missing: 0.68 m from nosing to nosing")

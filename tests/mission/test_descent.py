@@ -323,11 +323,11 @@ def without(missing: int, from_phase: str = "", reach: float = 3.2) -> Callable[
         c, s = math.cos(world.pitch_rad), math.sin(world.pitch_rad)
         edge = edge_x * c + edge_z * s
         pitch_m = math.hypot(RISE_M, RUN_M) if world.pitch_rad > 0.0 else RUN_M
-        below = np.round((edge - seen.nosings_B[:, 0]) / pitch_m)
-        kept = (below != missing) & (seen.nosings_B[:, 0] > -reach)
+        below = np.round((edge - np.array(seen.nosings_B)[:, 0]) / pitch_m)
+        kept = (below != missing) & (np.array(seen.nosings_B)[:, 0] > -reach)
         if from_phase and phase in ("search", "align", "approach") and from_phase not in world.phases:
             kept &= below < 2
-        return replace(seen, nosings_B=seen.nosings_B[kept], ends=False)
+        return replace(seen, nosings_B=np.array(seen.nosings_B)[kept], ends=False)
 
     return spoil
 
@@ -377,8 +377,8 @@ def test_nosings_that_are_missed_from_afar_are_not_missing(before_m: float, shar
         rng = np.random.default_rng(seed)
 
         def miss(seen: StairMap, rng: np.random.Generator = rng) -> StairMap:
-            kept = (seen.nosings_B[:, 0] > -1.6) | (rng.random(len(seen.nosings_B)) > share)
-            return replace(seen, nosings_B=seen.nosings_B[kept], ends=seen.ends and bool(kept[-1]))
+            kept = (np.array(seen.nosings_B)[:, 0] > -1.6) | (rng.random(len(seen.nosings_B)) > share)
+            return replace(seen, nosings_B=np.array(seen.nosings_B)[kept], ends=seen.ends and bool(kept[-1]))
 
         world = Landing(x_m=EDGE_M + before_m, spoil=miss)
         world.run("edge")
@@ -391,8 +391,8 @@ def test_a_nosing_that_no_frame_shows_from_afar_is_not_missing(before_m: float) 
     """Test: a sound flight, of which no map shows what lies between 1.9 and 2.2 m. Expected result: the chair comes to the edge."""
 
     def hide(seen: StairMap) -> StairMap:
-        far = -seen.nosings_B[:, 0]
-        return replace(seen, nosings_B=seen.nosings_B[(far < 1.9) | (far > 2.2)])
+        far = -np.array(seen.nosings_B)[:, 0]
+        return replace(seen, nosings_B=np.array(seen.nosings_B)[(far < 1.9) | (far > 2.2)])
 
     world = Landing(x_m=EDGE_M + before_m, spoil=hide)
     world.run("edge")
@@ -420,7 +420,7 @@ def test_a_chair_is_not_backed_onto_a_flight_that_it_has_not_seen(edge: type[Scr
     seen_m = 1.0
 
     def short(_: World, seen: StairMap) -> StairMap:
-        return replace(seen, nosings_B=seen.nosings_B[seen.nosings_B[:, 0] > EDGE_M - world.x_m - seen_m], ends=False)
+        return replace(seen, nosings_B=[place for place in seen.nosings_B if place[0] > EDGE_M - world.x_m - seen_m], ends=False)
 
     plan = held(world, short)
     assert edge.made[0].stages == ("lower", "barred")
@@ -481,7 +481,9 @@ def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase(edge: type[Sc
         kept[:1] = True
         error = np.array([0.01, 0.0, 0.01]) * rng.normal(size=3)
         return (
-            None if rng.random() < 0.2 else replace(seen, nosings_B=seen.nosings_B[kept] + error, ends=seen.ends and bool(kept[-1]))
+            None
+            if rng.random() < 0.2
+            else replace(seen, nosings_B=np.array(seen.nosings_B).reshape(-1, 3)[kept] + error, ends=seen.ends and bool(kept[-1]))
         )
 
     world = Landing(heading_rad=-10.0 * DEG, spoil=flicker)
@@ -492,7 +494,7 @@ def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase(edge: type[Sc
 
 def test_a_false_nosing_seen_once_beyond_the_edge_moves_nothing(edge: type[Script]) -> None:
     def ghost(seen: StairMap) -> StairMap:
-        nearer = seen.nosings_B[:1] + np.array([RUN_M, 0.0, RISE_M])
+        nearer = np.array(seen.nosings_B)[:1] + np.array([RUN_M, 0.0, RISE_M])
         return replace(seen, nosings_B=np.vstack([nearer, seen.nosings_B])) if 0.25 < world.t_s < 0.35 else seen
 
     world = Landing(spoil=ghost)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from world import imu
 
-from treadline.core.angles import DEG, rotation_y
+from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.rotations import rotation_y
 from treadline.core.signals import HeadingMeasurement, ImuSample, StairMap
 from treadline.guard import GuardConfig
 from treadline.mission._blocks import CameraBlock, GravityAtExposure

@@ -10,8 +10,9 @@ import pytest
 from scenes import RecordedDrive, ViewRecipe
 from world import belts, imu_at
 
-from treadline.core.angles import DEG, rotation_x, rotation_y
+from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
+from treadline.core.rotations import rotation_x, rotation_y
 from treadline.core.signals import Event, HeadingMeasurement, ImuSample, StairMap, TrackReading
 from treadline.guard import GuardConfig
 from treadline.mission._blocks import CameraBlock

@@ -4,7 +4,7 @@ import json
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from types import FrameType
 
@@ -168,11 +168,9 @@ def test_nine_frames_of_ten_refused_keep_the_map_and_widen_it_in_between(*, up: 
 def test_a_wrong_frame_moves_the_map_of_a_chair_that_stands_by_less_than_a_sound_one_errs(dx_m: float, dz_m: float) -> None:
     drive = begun(Drive(np.random.default_rng([8, 30])))
     drive.on(-1.5)
-    wrong = drive.look()
+    seen = drive.look()
     before = np.array(drive.tracker.ahead_m())
-    wrong.nosings_B[:, 0] += dx_m
-    wrong.nosings_B[:, 2] += dz_m
-    drive.tracker.update(wrong)
+    drive.tracker.update(replace(seen, nosings_B=[(x + dx_m, y, z + dz_m) for x, y, z in seen.nosings_B]))
     near = before < 3.0
     np.testing.assert_allclose(np.array(drive.tracker.ahead_m())[near], before[near], atol=5e-3)
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from world import imu_at
 
-from treadline.core.angles import DEG, rotation_of, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.ports import Reading
+from treadline.core.rotations import rotation_of, rotation_y, rotation_z
 from treadline.core.signals import ImuSample, OperatorInput
 from treadline.mission.replay_plant import ReplayPlant
 

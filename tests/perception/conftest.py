@@ -7,8 +7,8 @@ import pytest
 from jaxtyping import Float
 from surfaces import frame_of
 
-from treadline.core.angles import rotation_z
 from treadline.core.camera_images import RgbdFrame
+from treadline.core.rotations import rotation_z
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import build_staircase

@@ -7,7 +7,8 @@ import pytest
 from jaxtyping import Float
 from surfaces import CAMERA, line_between, surface
 
-from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._gravity_direction import down_of_treads
 from treadline.perception._step_parts import NosingObservation

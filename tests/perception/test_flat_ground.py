@@ -7,8 +7,9 @@ import pytest
 from jaxtyping import Float
 from surfaces import LEG_HALF_M, frame_of
 
-from treadline.core.angles import DEG, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
+from treadline.core.rotations import rotation_y, rotation_z
 from treadline.perception.flat_ground import obstacle_on_flat_ground
 from treadline.plant.sensors.camera.solids import SceneBox, solids_of
 from treadline.scenario.chair import read_chair

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from treadline.core.angles import DEG, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import rotation_z
 from treadline.perception.paper.printed_heading import delta_d, delta_x, heading_about, heading_as_printed, heading_of_edge, world_x
 
 A, CENTRE = 1.0 / 575.0, 320.0

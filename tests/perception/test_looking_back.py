@@ -9,8 +9,10 @@ from jaxtyping import Float
 from scenes import View, ViewRecipe, draw_view
 from surfaces import frame_of
 
-from treadline.core.angles import DEG, rms, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.arrays import rms
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.rotations import rotation_z
 from treadline.perception import StairDetection, StairDetector
 from treadline.perception.overlay import overlay
 from treadline.scenario.chair import read_chair
@@ -47,7 +49,7 @@ def test_a_chair_the_other_way_round_gets_the_same_stair(scene: str) -> None:
         assert back.heading_rad == pytest.approx(front.heading_rad, abs=1e-9)
         assert back.sigma_rad == pytest.approx(front.sigma_rad, rel=1e-9)
         there, here = front.stair_map, back.stair_map
-        np.testing.assert_allclose(here.nosings_B, there.nosings_B * AROUND, atol=1e-9)
+        np.testing.assert_allclose(here.nosings_B, np.array(there.nosings_B) * AROUND, atol=1e-9)
         assert (here.direction, here.ends) == (there.direction, there.ends)
         assert (here.left_wall_m, here.right_wall_m) == pytest.approx((there.right_wall_m, there.left_wall_m))
         assert here.obstacle_m == pytest.approx(there.obstacle_m)
@@ -101,10 +103,10 @@ def test_nosings_behind_the_chair_are_where_they_are(level: bool, behind_m: floa
         assert seen.direction == "down"
         assert not seen.ends
         assert seen.obstacle_m is None
-        assert (np.diff(seen.nosings_B[:, 0]) < 0.0).all()
-        assert seen.nosings_B[0, 0] < 0.0
-        assert np.abs(seen.nosings_B[:, 1]).max() < 1e-9
-        gaps = np.linalg.norm(seen.nosings_B[:, None] - true[None], axis=2)
+        assert (np.diff(np.array(seen.nosings_B)[:, 0]) < 0.0).all()
+        assert np.array(seen.nosings_B)[0, 0] < 0.0
+        assert np.abs(np.array(seen.nosings_B)[:, 1]).max() < 1e-9
+        gaps = np.linalg.norm(np.array(seen.nosings_B)[:, None] - true[None], axis=2)
         assert gaps.min(axis=1).max() < 0.05
         if level:  # the edge itself is the first
             assert int(gaps[0].argmin()) == 0
@@ -123,7 +125,7 @@ def test_the_floor_behind_the_last_nosing_ends_the_flight() -> None:
         frame, down, true = backing(seed, 0.1, behind_m=3.2, level=False)
         seen = DETECTOR.look(frame, down).stair_map
         if seen is not None:
-            gaps = np.linalg.norm(seen.nosings_B[-1] - true, axis=1)
+            gaps = np.linalg.norm(np.array(seen.nosings_B)[-1] - true, axis=1)
             reported.append(seen.ends)
             assert not seen.ends or int(gaps.argmin()) == len(true) - 1
     assert sum(reported) >= 11

@@ -8,8 +8,9 @@ import pytest
 from jaxtyping import Float, Float32
 from surfaces import CAMERA, frame_of
 
-from treadline.core.angles import DEG, rotation_x, rotation_y
+from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
+from treadline.core.rotations import rotation_x, rotation_y
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.plant.sensors.camera.solids import solids_of, upright
 from treadline.scenario.scenario import Stair

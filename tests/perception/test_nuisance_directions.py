@@ -8,7 +8,8 @@ from jaxtyping import Float
 from scenes import ViewRecipe, draw_view
 from surfaces import CAMERA, ends_at, line_between, surface
 
-from treadline.core.angles import DEG, rotation_x, rotation_y
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_x, rotation_y
 from treadline.perception._nuisance import MOTION, SPREAD, drift_of, turns_of_line, turns_of_surface
 from treadline.perception.plane_segmentation import End, surface_blocks
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from treadline.core.angles import DEG, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.rotations import rotation_y, rotation_z
 from treadline.perception import StairDetector
 
 RISE_M, RUN_M, WIDTH_M = 0.17, 0.28, 1.2

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rms
+from treadline.core.angles import DEG
+from treadline.core.arrays import rms
 from treadline.core.errors import ImageError, ShapeMismatch
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.scenario.scenario import Stair

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from surfaces import LEG_HALF_M, frame_of
 
-from treadline.core.angles import rotation_y
+from treadline.core.rotations import rotation_y
 from treadline.perception import _free_ground_kernels as point_kernels
 from treadline.perception import _stair_map as stair_map
 from treadline.perception.detector import DetectorConfig, StairDetector

@@ -8,7 +8,8 @@ from scenes.recipe import ROOM_SCENES, ViewRecipe
 from scenes.views import StairTruth, draw_view
 from sights import sights
 
-from treadline.core.angles import DEG, rms
+from treadline.core.angles import DEG
+from treadline.core.arrays import rms
 from treadline.core.signals import StairMap
 from treadline.perception import StairDetector
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from treadline.core.angles import quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.rotations import quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.plant.sensors import _pose_kernels as kernels
 from treadline.plant.sensors._instruments import chair_numbers
 from treadline.scenario.chair import read_chair

@@ -11,9 +11,10 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from treadline.core.angles import DEG, attitude_of, rotation_of
+from treadline.core.angles import DEG
 from treadline.core.errors import SimulationDiverged
 from treadline.core.ports import Reading, TruthPlant
+from treadline.core.rotations import attitude_of, rotation_of
 from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,
@@ -67,7 +68,7 @@ def climb(plant: TruthPlant, until_s: float, *, stride_s: float = 0.25, left: fl
 def printed(readings: list[Reading]) -> list[str]:
     """Return readings to the last bit."""
     return [
-        repr((r.t_s, *r.orientation.tolist(), *r.angular_velocity_rad_s.tolist(), *r.linear_acceleration_m_s2.tolist()))
+        repr((r.t_s, *r.orientation, *r.angular_velocity_rad_s, *r.linear_acceleration_m_s2))
         if isinstance(r, ImuSample)
         else repr(r)
         for r in readings

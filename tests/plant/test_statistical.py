@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_z
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.perception import StairDetection, StairDetector
 from treadline.perception.lattice_kernels import RISE_M, RUN_M
@@ -94,8 +95,8 @@ def test_exact_is_where_a_rendered_frame_sees_it(where: str, *, rear: bool) -> N
     assert stair_map.direction == sight.stair_map.direction
     assert stair_map.ends == sight.stair_map.ends
     # The three nearest, used by a plan: farther nosings may be reported by one camera only.
-    near = np.abs(stair_map.nosings_B[:3, 0])
-    apart = np.abs(near[:, None] - np.abs(sight.stair_map.nosings_B[:, 0]))
+    near = np.abs(np.array(stair_map.nosings_B)[:3, 0])
+    apart = np.abs(near[:, None] - np.abs(np.array(sight.stair_map.nosings_B)[:, 0]))
     np.testing.assert_array_less(apart.min(axis=1), 0.010)
     for name in ("left_seen_m", "right_seen_m"):
         assert getattr(stair_map, name) == pytest.approx(getattr(sight.stair_map, name), abs=SEEN_M)
@@ -127,8 +128,8 @@ def test_a_rear_camera_sees_the_flight_fall_behind() -> None:
     staircase = stair()
     _, stair_map = report(camera(staircase, rear=True, exact=True), on_the_flight(staircase, 1.5))
     assert stair_map.direction == "down"
-    assert (np.diff(stair_map.nosings_B[:, 0]) < 0.0).all()
-    assert stair_map.nosings_B[0, 0] < 0.0
+    assert (np.diff(np.array(stair_map.nosings_B)[:, 0]) < 0.0).all()
+    assert np.array(stair_map.nosings_B)[0, 0] < 0.0
     assert stair_map.ends
 
 
@@ -165,7 +166,7 @@ def test_no_nosing_is_reported_beyond_the_sensors_range() -> None:
     staircase = stair()
     for along in np.arange(0.5, 5.0, 0.3):
         answer = camera(staircase, exact=True).look(0.0, *on_the_flight(staircase, float(along)))
-        assert all(abs(part.nosings_B[-1, 0]) < 4.0 + 0.5 for part in answer if isinstance(part, StairMap))
+        assert all(abs(np.array(part.nosings_B)[-1, 0]) < 4.0 + 0.5 for part in answer if isinstance(part, StairMap))
 
 
 def test_errors_are_correlated_within_a_run_and_independent_between_runs() -> None:

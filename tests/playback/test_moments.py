@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.core.angles import DEG, attitude_of, rotation_y
+from treadline.core.angles import DEG
+from treadline.core.rotations import attitude_of, rotation_y
 from treadline.core.signals import Event, FrameQuality, SeatCommand, TrackCommand
 from treadline.plant.mujoco import open_plant
 from treadline.playback import (

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from treadline.core.angles import DEG, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
+from treadline.core.rotations import rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import HeadingEstimate, ImuSample, SeatCommand, TrackCommand
 from treadline.io.columns import read_contents
 from treadline.io.mcap_read import read_log

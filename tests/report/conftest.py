@@ -15,8 +15,9 @@ from climb_picture import HEADLESS
 from PIL import Image
 from world import stair, truth
 
-from treadline.core.angles import DEG, rotation_y
+from treadline.core.angles import DEG
 from treadline.core.ports import Truth
+from treadline.core.rotations import rotation_y
 from treadline.core.signals import Event, HeadingEstimate, TrackCommand
 from treadline.io.mcap_log import RunLog
 from treadline.playback import Limits, Recording, RecordingBuilder

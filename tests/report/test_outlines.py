@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drawings.paper_figures import ABOVE
 
-from treadline.core.angles import rotation_x, rotation_z
+from treadline.core.rotations import rotation_x, rotation_z
 from treadline.report.side_view import SIDE, Loop, silhouettes
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from world import belts, imu
 
-from treadline.core.angles import rotation_of
+from treadline.core.rotations import rotation_of
 from treadline.core.signals import FlipperReading, SeatReading
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.odometry import DeadReckoning, Odometry

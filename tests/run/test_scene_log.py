@@ -14,8 +14,8 @@ from wires import decoded
 from world import belts, imu
 
 import treadline
-from treadline.core.angles import attitude_of, rotation_of, rotation_y
 from treadline.core.ports import Truth
+from treadline.core.rotations import attitude_of, rotation_of, rotation_y
 from treadline.core.signals import MotionPlan
 from treadline.io.mcap_log import KEPT, RunLog
 from treadline.io.mcap_read import read_log

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import treadline
-from treadline.core.angles import rotation_y
+from treadline.core.rotations import rotation_y
 from treadline.scenario.chair import ChairDescription, Payload, read_chair
 from treadline.scenario.scenario import Belts, Chair, Stair
 from treadline.vehicle.appearance import BeltPath, MeshPart, body_poses, chair_parts, lug_part, lug_poses, stair_parts

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.core.angles import rotation_x, rotation_y, rotation_z
+from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.plant.mujoco._mjcf_scene import model_xml
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario, Stair, Start

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from treadline.core.angles import DEG, attitude_of, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import attitude_of, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import build_staircase

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from treadline.core.angles import rotation_z
+from treadline.core.rotations import rotation_z
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import open_plant
 from treadline.scenario.chair import read_chair

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.static_stability import centre_of_mass, seat_mass_kg, static_margins

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from treadline.core.angles import rotation_z
+from treadline.core.rotations import rotation_z
 from treadline.run.resolve import ready
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario

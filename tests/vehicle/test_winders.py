@@ -10,7 +10,8 @@ import pytest
 from pydantic import ValidationError
 from scipy.optimize import linprog
 
-from treadline.core.angles import DEG, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_z
 from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
 from treadline.plant.mujoco import open_plant
 from treadline.plant.sensors.camera.solids import solids_of

@@ -9,10 +9,10 @@ import pytest
 from PIL import Image
 from world import stair, truth
 
-from treadline.core.angles import rotation_of
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.models import ControllerDesign
+from treadline.core.rotations import rotation_of
 from treadline.io.cdr import nanoseconds_of
 from treadline.io.runs import LOG
 from treadline.io.scene_messages import compressed_message

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.campaign._pool import TIMES, VIEW, Row
-from treadline.core.angles import rms
+from treadline.core.arrays import rms
 from treadline.core.models import write_whole, written_whole
 from treadline.io.runs import COMPLETED
 

@@ -79,7 +79,7 @@ class PitchFeedForward:
 
     def step(self, imu: ImuSample, seat: SeatReading, levelling: SeatCommand) -> SeatCommand:
         """Return the leveller's rate plus the rate that keeps a level seat level."""
-        pitch_rate = -float(imu.angular_velocity_rad_s[1])
+        pitch_rate = -imu.angular_velocity_rad_s[1]
         dt_s = 0.0 if self._t_s is None else max(imu.t_s - self._t_s, 0.0)
         self._t_s = imu.t_s
         self._smooth_rad_s += (pitch_rate - self._smooth_rad_s) * (1.0 - math.exp(-dt_s / SMOOTHING_S))
@@ -121,14 +121,14 @@ class PitchLeveller:
     def step(self, reading: SeatReading, imu: ImuSample | None) -> SeatCommand:
         """Return the command for one reading; without a fresh IMU sample only the feedback loop acts."""
         levelling = self._leveller.step(reading)
-        if imu is None or abs(imu.t_s - reading.t_s) > FRESH_S or not math.isfinite(float(imu.angular_velocity_rad_s[1])):
+        if imu is None or abs(imu.t_s - reading.t_s) > FRESH_S or not math.isfinite(imu.angular_velocity_rad_s[1]):
             return levelling
         led = self._feed_forward.step(imu, reading, levelling)
         return led if self._manoeuvres(imu) else levelling
 
     def _manoeuvres(self, imu: ImuSample) -> bool:
         """Whether the chair pitches in one direction instead of rocking."""
-        rate_rad_s = float(imu.angular_velocity_rad_s[1])
+        rate_rad_s = imu.angular_velocity_rad_s[1]
         up_lately, down_lately = self._lately.step(imu.t_s, rate_rad_s)
         rocked = min(self._longer.step(imu.t_s, rate_rad_s))
         return abs(up_lately - down_lately) > QUIET_RAD_S * QUIET_S and rocked < ROCKS_RAD

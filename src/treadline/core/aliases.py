@@ -61,7 +61,7 @@ PLACES = {
     "sim.plant": "plant.mujoco.mujoco_plant",
 }
 """Present place of each former module name, both within ``treadline``."""
-FURTHER = {"mission.config": "mission.mission_blocks", "signals": "core.camera_images"}
+FURTHER = {"angles": "core.rotations", "mission.config": "mission.mission_blocks", "signals": "core.camera_images"}
 """Further place of a module that was split: what the present place lacks is found there."""
 
 

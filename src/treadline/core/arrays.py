@@ -89,3 +89,8 @@ def decimated(
     edges = np.linspace(0, len(values), columns, endpoint=False).astype(int)
     low, high = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
     return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()
+
+
+def rms(values: Float[np.ndarray, " n"]) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))

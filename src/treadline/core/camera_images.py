@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8
 from numpy.typing import ArrayLike
 
-from treadline.core.angles import rotation_x, rotation_y, rotation_z
 from treadline.core.errors import ImageError
 from treadline.core.printing import Brief
+from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 
 CAMERA_AXES_IN_CHAIR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation of C in B for a camera facing straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""

@@ -13,16 +13,18 @@ positive anticlockwise seen from above.
 
 import math
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 from numbers import Real
-from typing import Generic, Literal, TypeVar
-
-import numpy as np
-from jaxtyping import Float
+from typing import Any, Generic, Literal, TypeVar
 
 from treadline.core import paper
 from treadline.core.angles import tilt_of
-from treadline.core.arrays import shaped
+from treadline.core.errors import RecordError, ShapeMismatch
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+"""Unit quaternion (w, x, y, z)."""
 
 TICK_S = 1.0 / paper.IMU_RATE_HZ
 """Base period of mission and plant [s]: the sample period of the IMU."""
@@ -41,30 +43,48 @@ def on_the_tick(period_s: float) -> bool:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+def _numbers(name: str, given: Iterable[Any], count: int) -> tuple[Any, ...]:
+    """Return so many numbers, of an array or another sequence, as a tuple of floats.
+
+    Raises:
+        RecordError: If one is not a number.
+        ShapeMismatch: If there are more or fewer.
+    """
+    try:
+        values = tuple(map(float, given))
+    except (TypeError, ValueError):
+        raise RecordError(f"{name} is {given!r}; wanted {count} numbers") from None
+    if len(values) != count:
+        raise ShapeMismatch(f"{name} has {len(values)} numbers; wanted {count}")
+    return values
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ImuSample:
-    """One sample of the chair's IMU, expressed in the chair frame B."""
+    """One sample of the chair's IMU, expressed in the chair frame B. Arrays are accepted, and kept as tuples.
+
+    Raises:
+        RecordError: If a field is not of numbers.
+        ShapeMismatch: If a field has another length.
+    """
 
     t_s: float
-    orientation: Float[np.ndarray, " 4"]
-    """Unit quaternion (w, x, y, z) of B in a horizontal frame whose yaw has an arbitrary zero and drifts."""
-    angular_velocity_rad_s: Float[np.ndarray, " 3"]
-    linear_acceleration_m_s2: Float[np.ndarray, " 3"]
+    orientation: Quaternion
+    """Attitude of B in a horizontal frame whose yaw has an arbitrary zero and drifts."""
+    angular_velocity_rad_s: Vector
+    linear_acceleration_m_s2: Vector
     """Specific force [m/s²]: +g along z at rest on horizontal ground."""
 
     @property
     def pitch_rad(self) -> float:
         """Pitch of the chair from horizontal [rad], front up positive."""
-        return tilt_of(self.orientation.tolist())[0]
+        return tilt_of(self.orientation)[0]
 
     def __post_init__(self) -> None:
-        try:
-            shapes = self.orientation.shape, self.angular_velocity_rad_s.shape, self.linear_acceleration_m_s2.shape
-        except AttributeError:
-            shapes = None
-        if shapes != ((4,), (3,), (3,)):
-            for name, size in (("orientation", 4), ("angular_velocity_rad_s", 3), ("linear_acceleration_m_s2", 3)):
-                object.__setattr__(self, name, shaped(name, getattr(self, name), (size,), f"{size} numbers"))
+        for name, count in (("orientation", 4), ("angular_velocity_rad_s", 3), ("linear_acceleration_m_s2", 3)):
+            given = getattr(self, name)
+            if type(given) is not tuple or len(given) != count:
+                object.__setattr__(self, name, _numbers(name, given, count))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,14 +142,19 @@ class HeadingMeasurement:
     correction changed with this frame. Earlier headings had this error."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StairMap:
-    """Map of the stair ahead measured from one frame, in the chair frame B."""
+    """Map of the stair ahead measured from one frame, in the chair frame B. Arrays are accepted, and kept as tuples.
+
+    Raises:
+        RecordError: If a nosing is not of numbers.
+        ShapeMismatch: If a nosing has not three coordinates.
+    """
 
     t_s: float
     direction: Literal["up", "down"]
     """Direction of the flight ahead: rising or falling."""
-    nosings_B: Float[np.ndarray, "n 3"]
+    nosings_B: tuple[Vector, ...]
     """Intersections of the visible nosings with the chair's middle plane (y = 0), nearest first [m]."""
     rise_m: float
     run_m: float
@@ -157,6 +182,10 @@ class StairMap:
     side before it enters the flight."""
     right_seen_m: float | None = None
     """The same on the right [m]."""
+
+    def __post_init__(self) -> None:
+        if type(self.nosings_B) is not tuple:
+            object.__setattr__(self, "nosings_B", tuple(_numbers("a nosing", place, 3) for place in self.nosings_B))
 
     @property
     def width_m(self) -> float | None:

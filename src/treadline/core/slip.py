@@ -1,11 +1,6 @@
-"""Slip of the belts on a stair, defined once for the guard and for what is shown: ``belt travel, movement -> slip ratio``."""
+"""Slip of the belts on a stair, for the guard and the plots: ``belt travel, movement -> slip ratio``, of numbers or arrays."""
 
-from typing import TypeVar
-
-import numpy as np
-from jaxtyping import Float
-
-T = TypeVar("T", float, Float[np.ndarray, " n"])
+from typing import Any
 
 DRIVEN_LEAST_M = 0.03
 """Smallest belt travel in a window of which a slip ratio is given [m]; below, noise of the nosings would count as slip."""
@@ -19,7 +14,7 @@ def slower_belt_m_s(left_m_s: float, right_m_s: float) -> float:
     return min(left_m_s, right_m_s, key=abs)
 
 
-def slip_ratio(off_m: T, driven_m: T) -> T:
+def slip_ratio(off_m: Any, driven_m: Any) -> Any:
     """Return the slip ratio: the part of the slower belt's travel that the chair does not follow, forwards or backwards.
 
     Args:

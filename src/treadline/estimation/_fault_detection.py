@@ -86,7 +86,7 @@ class StuckGyroDetector:
 
     def __init__(self, rule: StuckRule) -> None:
         self._rule = rule
-        self._rates: list[float] = []
+        self._rates: tuple[float, ...] = ()
         self._since_s = 0.0
         self._moved_s: float | None = None
         self._moves_since_s = 0.0
@@ -104,7 +104,7 @@ class StuckGyroDetector:
 
         A detected fault persists after the chair stops, until the gyro reading changes.
         """
-        rates = sample.angular_velocity_rad_s.tolist()
+        rates = sample.angular_velocity_rad_s
         if not self._rates or max(abs(a - b) for a, b in zip(rates, self._rates, strict=True)) > self._rule.same_rad_s:
             self._rates, self._since_s, self._stuck_since_s = rates, sample.t_s, None
         moved_s = self._moved_s

@@ -19,8 +19,9 @@ from statistics import median
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_of
+from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, StairAxes
+from treadline.core.rotations import rotation_of
 from treadline.core.signals import Event, ImuSample, TrackReading
 from treadline.estimation.camera_mount import STANDING_M_S, MountConfig
 
@@ -236,7 +237,7 @@ class MountMonitor:
         self._bound_roll(found[1], axes.down_sigma_rad)
         if not axes.down_sigma_rad <= TREADS_SIGMA_RAD:
             return True, []
-        complete = self._add(axes, found, up_B, sample.angular_velocity_rad_s)
+        complete = self._add(axes, found, up_B, np.array(sample.angular_velocity_rad_s))
         return True, self._report(axes.t_s) if complete else []
 
     def _bound_roll(self, roll_rad: float, down_sigma_rad: float) -> None:

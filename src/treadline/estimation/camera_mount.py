@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.core.angles import DEG, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, PinholeCamera, StairAxes
+from treadline.core.rotations import rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import ImuSample, TrackReading
 
 STEP_RAD = 1e-6
@@ -131,12 +132,13 @@ class MountCalibrator:
         return self._estimate
 
     def _update(self, sample: ImuSample) -> None:
-        finite = np.isfinite(sample.orientation).all() and np.isfinite(sample.angular_velocity_rad_s).all()
+        finite = all(map(math.isfinite, (*sample.orientation, *sample.angular_velocity_rad_s)))
         newer = not self._imu_samples or sample.t_s > self._imu_samples[-1][0]
-        length = float(np.linalg.norm(sample.orientation))
+        orientation = np.array(sample.orientation)
+        length = float(np.linalg.norm(orientation))
         if not (finite and math.isfinite(sample.t_s) and newer and abs(length - 1.0) < UNIT):
             return
-        self._imu_samples.append((sample.t_s, -rotation_of(sample.orientation / length)[2], sample.angular_velocity_rad_s))
+        self._imu_samples.append((sample.t_s, -rotation_of(orientation / length)[2], np.array(sample.angular_velocity_rad_s)))
 
     def _add_frame(self, axes: StairAxes) -> None:
         gravity_B = self._gravity_at(axes.t_s)

@@ -150,7 +150,7 @@ class HeadingFilter:
         )
 
     def _predict(self, sample: ImuSample) -> None:
-        t_s, rate = sample.t_s, float(sample.angular_velocity_rad_s[2])
+        t_s, rate = sample.t_s, sample.angular_velocity_rad_s[2]
         if not (math.isfinite(t_s) and math.isfinite(rate)):
             return
         if self._imu_s is not None and not t_s > self._imu_s:
@@ -177,7 +177,7 @@ class HeadingFilter:
             self._faults.clear("stuck")
             return False
         if not self._faults.is_active("stuck", sample.t_s):
-            rate = float(sample.angular_velocity_rad_s[2]) / DEG
+            rate = sample.angular_velocity_rad_s[2] / DEG
             self._report_fault("stuck", sample.t_s, f"gyro reading constant at {rate:.3f} °/s for {same_s:.2f} s", math.inf)
             # The motion since the gyro stuck is unobserved.
             self._move_unobserved(same_s)
@@ -186,7 +186,7 @@ class HeadingFilter:
     def _is_implausible(self, sample: ImuSample) -> bool:
         """Whether a sample exceeds the gyro's range or the turn rate that the belts can cause; such a sample is rejected."""
         belts, limits = self._belts, self._config
-        measured = float(sample.angular_velocity_rad_s[2])
+        measured = sample.angular_velocity_rad_s[2]
         if abs(measured) > FULL_SCALE_RAD_S:
             self._report_fault(
                 "jump", sample.t_s, f"gyro reads {measured / DEG:+.0f} °/s, beyond its range of {FULL_SCALE_RAD_S / DEG:.0f}"

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from treadline.core.angles import DEG, rotation_of, wrap
+from treadline.core.angles import DEG, wrap
+from treadline.core.rotations import rotation_of
 from treadline.core.signals import HeadingEstimate, HeadingMeasurement, ImuSample, TrackReading
 from treadline.estimation.camera_mount import PAIRED_S
 
@@ -78,7 +79,7 @@ class OffsetEstimator:
 
     def _update(self, sample: ImuSample) -> None:
         R = rotation_of(sample.orientation)
-        rate = float(sample.angular_velocity_rad_s[2])
+        rate = sample.angular_velocity_rad_s[2]
         finite = math.isfinite(sample.t_s) and math.isfinite(rate) and bool(np.isfinite(R).all())
         if not finite or (self._t_s is not None and not sample.t_s > self._t_s):
             return

@@ -7,7 +7,7 @@ integrated gyro rate: its zero is arbitrary and it drifts, as documented for ``I
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import levelling, quaternion_of, rotation_about, rotation_of
+from treadline.core.rotations import levelling, quaternion_of, rotation_about, rotation_of
 from treadline.core.signals import ImuSample
 
 BLEND_S = 2.0
@@ -28,7 +28,7 @@ class Tilt:
 
     def step(self, sample: ImuSample) -> Float[np.ndarray, " 4"] | None:
         """Return the orientation after one more sample, or None before the first valid force."""
-        force, rate = sample.linear_acceleration_m_s2, sample.angular_velocity_rad_s
+        force, rate = np.array(sample.linear_acceleration_m_s2), np.array(sample.angular_velocity_rad_s)
         if not np.isfinite(rate).all():
             return None  # the next time step covers this sample's interval
         length = float(np.linalg.norm(force))

@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_of
+from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
+from treadline.core.rotations import rotation_of
 from treadline.core.signals import ImuSample
 from treadline.experiments.plan import FIG10_SLOPE, turn
 from treadline.perception import DetectorConfig, StairDetector

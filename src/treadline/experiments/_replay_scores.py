@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rms, wrap
+from treadline.core.angles import DEG, wrap
+from treadline.core.arrays import rms
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from treadline.core import paper
-from treadline.core.angles import DEG, rms
+from treadline.core.angles import DEG
+from treadline.core.arrays import rms
 from treadline.experiments.plan import turn
 from treadline.io.runs import write_result
 from treadline.mission.belt_controllers import ConstantSpeed

@@ -100,8 +100,7 @@ class ReadingAdmission:
         """Return whether the content of a new reading is acceptable."""
         match signal:
             case ImuSample():
-                orientation, rates = signal.orientation.tolist(), signal.angular_velocity_rad_s.tolist()
-                return finite(*orientation, *rates, *signal.linear_acceleration_m_s2.tolist())
+                return finite(*signal.orientation, *signal.angular_velocity_rad_s, *signal.linear_acceleration_m_s2)
             case TrackReading():
                 usable = finite(signal.left_m_s, signal.right_m_s)
                 if usable:
@@ -114,13 +113,13 @@ class ReadingAdmission:
             case FrameQuality():
                 return self.frames.accept_frame(signal)
             case HeadingMeasurement():
-                value = (signal.heading_rad, signal.sigma_rad)
+                heading = (signal.heading_rad, signal.sigma_rad)
                 sound = finite(signal.heading_rad, signal.correction_rad) and signal.sigma_rad > 0.0
-                return sound and self.frames.accept_measurement("heading", value, self._travel.travel_m)
+                return sound and self.frames.accept_measurement("heading", heading, self._travel.travel_m)
             case StairMap():
                 if not is_finite_map(signal):
                     return False
-                value = (*signal.nosings_B.ravel().tolist(), signal.obstacle_m)
+                value = (*signal.nosings_B, signal.obstacle_m)
                 # Two maps without any nosing are equal although the camera is not frozen.
                 return self.frames.accept_measurement("map", value if len(value) > 1 else signal.t_s, self._travel.travel_m)
             case _:
@@ -142,6 +141,6 @@ def is_finite_map(stair: StairMap) -> bool:
         stair.rise_m,
         stair.run_m,
         stair.slope_rad,
-        *stair.nosings_B.ravel().tolist(),
+        *(value for place in stair.nosings_B for value in place),
         *(value for value in maybe if value is not None),
     )

@@ -234,7 +234,7 @@ class Guard:
                 pass  # images are judged by their FrameQuality
 
     def _update_motion(self, sample: ImuSample) -> None:
-        orientation, pitch_rate = sample.orientation.tolist(), -float(sample.angular_velocity_rad_s[1])
+        orientation, pitch_rate = sample.orientation, -sample.angular_velocity_rad_s[1]
         self._senses.imu(sample.t_s)
         self._blind.update_motion(sample.t_s, orientation, pitch_rate)
         if self._config.watches_motion and self._config.needs_heading:
@@ -269,7 +269,7 @@ class Guard:
         self._direction = stair.direction
         sign = 1.0 if stair.direction == "up" else -1.0
         travel_m, slow_travel_m = self._belts.travel.at(stair.t_s)
-        places = [(sign * x, z) for x, _, z in stair.nosings_B.tolist()]
+        places = [(sign * x, z) for x, _, z in stair.nosings_B]
         self._ahead.look(stair, places, sign * travel_m)
         # In other phases the chair pitches, or is on flat ground, and nosings do not pass at belt speed.
         plan = self._plan

@@ -217,12 +217,13 @@ def calibration(r: CdrReader) -> tuple[float, PinholeCamera]:
 def imu(r: CdrReader) -> ImuSample:
     """Return the sample in a sensor_msgs/Imu; an orientation marked as not measured is a zero quaternion."""
     t_s, _ = r.stamp()
-    values = np.array(r.doubles(4 + 9 + 3 + 9 + 3))
+    values = r.doubles(4 + 9 + 3 + 9 + 3)
+    x, y, z, w, covariance = values[:5]
     return ImuSample(
         t_s=t_s,
-        orientation=np.zeros(4) if values[4] == -1.0 else values[[3, 0, 1, 2]],
-        angular_velocity_rad_s=values[13:16],
-        linear_acceleration_m_s2=values[25:28],
+        orientation=(0.0, 0.0, 0.0, 0.0) if covariance == -1.0 else (w, x, y, z),
+        angular_velocity_rad_s=(values[13], values[14], values[15]),
+        linear_acceleration_m_s2=(values[25], values[26], values[27]),
     )
 
 
@@ -386,12 +387,13 @@ def _plan(r: CdrReader) -> MotionPlan:
 
 def _stair_map(r: CdrReader) -> StairMap:
     t_s, direction, values = _named(r)
-    nosings = [[values.pop(f"nosing{i}_{axis}_m") for axis in "xyz"] for i in range(int(values.pop("nosings")))]
+    names = (f"nosing{i}" for i in range(int(values.pop("nosings"))))
+    nosings = [(values.pop(f"{name}_x_m"), values.pop(f"{name}_y_m"), values.pop(f"{name}_z_m")) for name in names]
     seen = {name: values.pop(name, None) for name in MAYBE_OF_MAP}
     return StairMap(
         t_s=t_s,
         direction=one_of(Literal["up", "down"], direction),
-        nosings_B=np.array(nosings).reshape(-1, 3),
+        nosings_B=tuple(nosings),
         rise_m=values["rise_m"],
         run_m=values["run_m"],
         slope_rad=values["slope_rad"],

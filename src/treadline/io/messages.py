@@ -212,8 +212,8 @@ def _imu_form(writer: Writer) -> MessageForm:
 
 
 def _imu(sample: ImuSample, topic: str, writer: Writer) -> list[Message]:
-    qw, *q = sample.orientation.tolist()
-    rate, force = sample.angular_velocity_rad_s.tolist(), sample.linear_acceleration_m_s2.tolist()
+    qw, *q = sample.orientation
+    rate, force = sample.angular_velocity_rad_s, sample.linear_acceleration_m_s2
     return [(topic, "sensor_msgs/msg/Imu", _imu_form(writer).pack(sample.t_s, (*q, qw), rate, force))]
 
 
@@ -265,14 +265,14 @@ def _stair_map(stair: StairMap, topic: str, writer: Writer) -> list[Message]:
     w = writer()
     w.stamp(stair.t_s, "chair")
     w.uint32(len(stair.nosings_B))
-    for place in stair.nosings_B.tolist():
+    for place in stair.nosings_B:
         w.doubles(*place, 0.0, 0.0, 0.0, 1.0)
     # Quantities without a measurement are left out, so that no number encodes "unknown".
     maybe = {name: getattr(stair, name) for name in MAYBE_OF_MAP}
     maybe |= {f"{name}_open": None if side is None else float(side == "open") for name, side in _sides(stair)}
     known = {"rise_m": stair.rise_m, "run_m": stair.run_m, "slope_rad": stair.slope_rad, "ends": float(stair.ends)}
     known |= {name: value for name, value in maybe.items() if value is not None} | {"nosings": float(len(stair.nosings_B))}
-    for i, place in enumerate(stair.nosings_B.tolist()):
+    for i, place in enumerate(stair.nosings_B):
         known |= {f"nosing{i}_{axis}_m": value for axis, value in zip("xyz", place, strict=True)}
     detail = joints(topic + "/detail", stair.t_s, tuple(known), tuple(known.values()), (), stair.direction, writer)
     return [(topic, "geometry_msgs/msg/PoseArray", w.message()), detail]

@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.signals import Vector
 from treadline.io.cdr import CdrWriter, MessageForm
 from treadline.io.messages import Message, Writer
 from treadline.vehicle.appearance import MeshPart
@@ -31,7 +32,7 @@ class FramePose:
     parent: str
     child: str
     place_m: tuple[float, ...]
-    quaternion: Float[np.ndarray, " 4"]
+    quaternion: Sequence[float] | Float[np.ndarray, " 4"]
     """Rotation (w, x, y, z)."""
 
 
@@ -77,7 +78,7 @@ def _frames_form(names: tuple[tuple[str, str], ...], writer: Writer) -> MessageF
 
 def _numbers(pose: FramePose) -> tuple[float, ...]:
     """Return position and rotation (x, y, z, w) of a pose."""
-    qw, *q = pose.quaternion.tolist()
+    qw, *q = map(float, pose.quaternion)
     return (*pose.place_m, *q, qw)
 
 
@@ -86,12 +87,12 @@ def odometry_message(
     t_s: float,
     pose: FramePose,
     speed_m_s: float,
-    angular_velocity_rad_s: Float[np.ndarray, " 3"],
+    angular_velocity_rad_s: Vector,
     writer: Writer = CdrWriter,
 ) -> Message:
     """Return an Odometry message; covariances are zeros: unknown."""
     form = _odometry_form(pose.parent, pose.child, writer)
-    return topic, ODOMETRY, form.pack(t_s, _numbers(pose), (speed_m_s,), angular_velocity_rad_s.tolist())
+    return topic, ODOMETRY, form.pack(t_s, _numbers(pose), (speed_m_s,), angular_velocity_rad_s)
 
 
 @lru_cache(maxsize=64)  # a log has one

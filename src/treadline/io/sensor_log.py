@@ -17,8 +17,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.ports import Reading
 from treadline.core.signals import Event, HeadingMeasurement, ImuSample
@@ -95,7 +93,7 @@ class SensorLog:
         size = (0, 0) if self.topics.depth is None else self.found[self.topics.depth].size
         self._frames = Frames(self.topics, size, self._unit_m, self._calibrate, self._unpaired)
         self._given_s = 0.0
-        self._force = np.zeros(3)
+        self._force = (0.0, 0.0, 0.0)
         count = 0
         for topic, logged_ns, data in packets(self._path, self._wants, sealed=self._sealed):
             try:
@@ -174,7 +172,7 @@ class SensorLog:
     def _finite(self, name: str, signal: Reading) -> bool:
         match signal:
             case ImuSample():
-                finite = bool(np.isfinite(signal.orientation).all() and np.isfinite(signal.angular_velocity_rad_s).all())
+                finite = all(map(math.isfinite, (*signal.orientation, *signal.angular_velocity_rad_s)))
             case HeadingMeasurement():
                 finite = math.isfinite(signal.heading_rad) and math.isfinite(signal.sigma_rad)
             case _:

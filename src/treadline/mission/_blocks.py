@@ -17,9 +17,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import rotation_of, wrap
+from treadline.core.angles import wrap
 from treadline.core.camera_images import PinholeCamera, RgbdFrame, StairAxes
 from treadline.core.errors import ImageError
+from treadline.core.rotations import rotation_of
 from treadline.core.signals import (
     ROUNDING_S,
     TICK_S,

@@ -42,7 +42,7 @@ class TipOverFeedforward:
         """Update with one IMU sample."""
         dt_s = 0.0 if math.isnan(self._imu_s) else max(imu.t_s - self._imu_s, 0.0)
         self._imu_s = imu.t_s
-        self.rate_rad_s += (float(imu.angular_velocity_rad_s[1]) - self.rate_rad_s) * (1.0 - math.exp(-dt_s / TIME_CONSTANT_S))
+        self.rate_rad_s += (imu.angular_velocity_rad_s[1] - self.rate_rad_s) * (1.0 - math.exp(-dt_s / TIME_CONSTANT_S))
 
     def step(self, t_s: float, *, allowed: bool) -> float:
         """Return the speed added to both belts at this tick [m/s], positive uphill.

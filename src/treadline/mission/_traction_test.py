@@ -69,7 +69,7 @@ class TractionTest:
             self._began_s = self._t_s = signal.t_s
         since, dt_s = signal.t_s - self._began_s, signal.t_s - self._t_s
         self._t_s = signal.t_s
-        push = float(signal.linear_acceleration_m_s2[0]) - GRAVITY_M_S2 * math.sin(signal.pitch_rad)
+        push = signal.linear_acceleration_m_s2[0] - GRAVITY_M_S2 * math.sin(signal.pitch_rad)
         if 0.5 * self._config.rest_s < since <= self._config.rest_s:
             self._rest_sum += push
             self._pitch_rad = signal.pitch_rad

@@ -140,7 +140,7 @@ class Traversal:
         match signal:
             case ImuSample():
                 dt_s = 0.0 if self._imu is None else signal.t_s - self._imu.t_s
-                self._turned_rad += dt_s * float(signal.angular_velocity_rad_s[2])
+                self._turned_rad += dt_s * signal.angular_velocity_rad_s[2]
                 self._imu = signal
                 self._tip_over.update(signal)
                 self._where.update(signal)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.signals import ImuSample, TrackReading
+from treadline.core.signals import ImuSample, Quaternion, TrackReading, Vector
 from treadline.mission._nosing_filter import PITCHED_RAD
 
 GAP_S = 0.2
@@ -22,10 +22,10 @@ class Odometry:
 
     t_s: float
     p_OB: Float[np.ndarray, " 3"]
-    orientation: Float[np.ndarray, " 4"]
+    orientation: Quaternion
     """The IMU's quaternion (w, x, y, z) of B in O: its yaw drifts."""
     speed_m_s: float
-    angular_velocity_rad_s: Float[np.ndarray, " 3"]
+    angular_velocity_rad_s: Vector
 
 
 class DeadReckoning:
@@ -44,7 +44,7 @@ class DeadReckoning:
         """Return the odometry after a belt reading; None before the first attitude."""
         if self._imu is None:
             return None
-        w, x, y, z = self._imu.orientation.tolist()
+        w, x, y, z = self._imu.orientation
         forward_W = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
         speed_m_s = _speed(reading, pitched=abs(forward_W[2]) > math.sin(PITCHED_RAD))
         passed_s = 0.0 if self._t_s is None else reading.t_s - self._t_s

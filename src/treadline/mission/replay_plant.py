@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import quaternion_of, rotation_of
 from treadline.core.ports import Reading
+from treadline.core.rotations import quaternion_of, rotation_of
 from treadline.core.signals import FlipperCommand, ImuSample, SeatCommand, TrackCommand
 from treadline.estimation.tilt import Tilt
 
@@ -68,16 +68,16 @@ class ReplayPlant:
     def _attitude_of(self, sample: ImuSample) -> ImuSample | None:
         """Return a sample in the chair's frame with an orientation, or None while there can be none."""
         R_BI = self._R_BI
-        given = abs(float(sample.orientation @ sample.orientation) - 1.0) < UNIT
+        given = abs(sum(q * q for q in sample.orientation) - 1.0) < UNIT
         if R_BI is not None:
-            turned = quaternion_of(rotation_of(sample.orientation) @ R_BI.T) if given else sample.orientation
+            turned = tuple(quaternion_of(rotation_of(sample.orientation) @ R_BI.T).tolist()) if given else sample.orientation
             sample = replace(
                 sample,
                 orientation=turned,
-                angular_velocity_rad_s=R_BI @ sample.angular_velocity_rad_s,
-                linear_acceleration_m_s2=R_BI @ sample.linear_acceleration_m_s2,
+                angular_velocity_rad_s=tuple((R_BI @ sample.angular_velocity_rad_s).tolist()),
+                linear_acceleration_m_s2=tuple((R_BI @ sample.linear_acceleration_m_s2).tolist()),
             )
         if given:
             return sample
         orientation = self._tilt.step(sample)
-        return None if orientation is None else replace(sample, orientation=orientation)
+        return None if orientation is None else replace(sample, orientation=tuple(orientation.tolist()))

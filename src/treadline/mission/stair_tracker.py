@@ -282,7 +282,7 @@ class StairTracker:
         """Return whether a map shows another flight, across a landing."""
         way = 1.0 if seen.direction == "up" else -1.0
         if not self._known:
-            return self.pitch_rad > PITCHED_RAD and -way * float(seen.nosings_B[0, 2]) > OFF_BELTS_M
+            return self.pitch_rad > PITCHED_RAD and -way * seen.nosings_B[0][2] > OFF_BELTS_M
         edge, (x_m, z_m), shift_m = self._known[-1 if way > 0.0 else 0], self._places(seen)[0], self._filter.shift_m
         far_m, up_m = way * (x_m + shift_m[0] - edge.x_m), way * (z_m + shift_m[1] - edge.z_m)
         return far_m > LANDING_RUNS * self.run_m and up_m < LANDING_SLOPE * self.rise_m / self.run_m * far_m
@@ -301,7 +301,7 @@ class StairTracker:
     def _see(self, seen: StairMap) -> None:
         self.map_count += 1
         since_s, self.map_s = seen.t_s - self.map_s, seen.t_s
-        distances_m = np.abs(seen.nosings_B[:, 0]).tolist()
+        distances_m = [abs(x) for x, _, _ in seen.nosings_B]
         self._shape.update((seen.run_m, seen.rise_m), distances_m, self._filter.ran_m)
         self.left_wall_m, self.right_wall_m = seen.left_wall_m, seen.right_wall_m
         if self.map_count == 1:
@@ -338,7 +338,7 @@ class StairTracker:
         """Return the nosings (x, z) of a map by odometry alone [m], by the chair's pose at the exposure, nearest first."""
         exposed = self._poses.at(seen.t_s) or self._pose()
         c, s, across = math.cos(exposed.pitch_rad), math.sin(exposed.pitch_rad), math.cos(exposed.heading_rad)
-        return [(exposed.x_m + (x * c - z * s) * across, exposed.z_m + x * s + z * c) for x, _, z in seen.nosings_B.tolist()]
+        return [(exposed.x_m + (x * c - z * s) * across, exposed.z_m + x * s + z * c) for x, _, z in seen.nosings_B]
 
     def _pose(self) -> _Pose:
         return _Pose(self._odometry_x_m, self._odometry_y_m, self._odometry_z_m, self.pitch_rad, self.heading_rad)

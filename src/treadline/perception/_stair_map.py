@@ -85,7 +85,7 @@ def map_of(
     return StairMap(
         t_s=frame.t_s,
         direction=shape.direction,
-        nosings_B=nosings[np.argsort(way * nosings[:, 0])],
+        nosings_B=tuple(map(tuple, nosings[np.argsort(way * nosings[:, 0])].tolist())),
         rise_m=shape.rise_m,
         run_m=shape.run_m,
         slope_rad=shape.slope_rad,

@@ -175,7 +175,7 @@ def _stair(shape: StairShape, seen: StairMap | None) -> dict[str, Any]:
     }
     if seen is not None:
         measures |= {
-            "nosings_m": seen.nosings_B.tolist(),
+            "nosings_m": [list(place) for place in seen.nosings_B],
             "ends": seen.ends,
             "left_wall_m": seen.left_wall_m,
             "right_wall_m": seen.right_wall_m,

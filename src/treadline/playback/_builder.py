@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, attitude_of
+from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
+from treadline.core.rotations import attitude_of
 from treadline.core.signals import (
     TICK_S,
     Event,
@@ -95,8 +96,8 @@ class SignalCollector:
         """Take one signal; kinds that a recording does not hold are ignored."""
         match signal:
             case ImuSample():
-                rate_rad_s = float(signal.angular_velocity_rad_s[1])
-                self._rows[ImuSample].append((signal.t_s, *signal.orientation.tolist(), rate_rad_s))
+                rate_rad_s = signal.angular_velocity_rad_s[1]
+                self._rows[ImuSample].append((signal.t_s, *signal.orientation, rate_rad_s))
             case Event():
                 self._others.events.append(signal)
             case StairMap():
@@ -304,8 +305,9 @@ class RecordingBuilder(SignalCollector):
             if not len(t_s) or seen.t_s < t_s[0] - TICK_S:
                 continue
             k = int(np.clip(np.searchsorted(t_s, seen.t_s + 0.5 * TICK_S, side="right") - 1, 0, len(t_s) - 1))
-            nosings_W = in_world(seen.nosings_B, p_WB[k], quat_WB[k])
-            placed = PerceivedStair(t_s=seen.t_s, taken_s=taken_s, nosings_B=seen.nosings_B, nosings_W=nosings_W, ends=seen.ends)
+            nosings_B = np.array(seen.nosings_B).reshape(-1, 3)
+            nosings_W = in_world(nosings_B, p_WB[k], quat_WB[k])
+            placed = PerceivedStair(t_s=seen.t_s, taken_s=taken_s, nosings_B=nosings_B, nosings_W=nosings_W, ends=seen.ends)
             found.append(placed)
             if is_final:
                 self._maps.append(placed)

@@ -15,7 +15,8 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.core.angles import DEG, rotation_of
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_of
 from treadline.core.signals import Event
 from treadline.io.columns import read_contents
 from treadline.io.decode import CdrReader

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.core.angles import rotation_of
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import rotation_of
 from treadline.playback._recording import PerceivedStair, Recording
 from treadline.vehicle.staircase import Staircase
 

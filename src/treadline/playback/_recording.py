@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.core.angles import rotation_of
+from treadline.core.rotations import rotation_of
 from treadline.core.signals import Event, Phase
 from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
 from treadline.scenario.chair import ChairDescription

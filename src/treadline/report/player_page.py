@@ -15,8 +15,9 @@ import numpy as np
 from markupsafe import Markup
 from PIL import Image
 
-from treadline.core.angles import DEG, rotation_of
+from treadline.core.angles import DEG
 from treadline.core.models import write_whole
+from treadline.core.rotations import rotation_of
 from treadline.playback import (
     Findings,
     FrameNosings,
@@ -259,7 +260,7 @@ def nosing_lines_in(recording: Recording, seen: PerceivedStair | None) -> list[l
     heading = heading if math.isfinite(heading) else 0.0
     across = 0.4 * np.array([math.sin(heading), math.cos(heading), 0.0])
     found = []
-    for nosing in seen.nosings_B:
+    for nosing in np.array(seen.nosings_B).reshape(-1, 3):
         ends = [camera.R_BC.T @ (nosing + side * across - np.array(camera.mount_m)) for side in (1.0, -1.0)]
         if all(end[2] > 0.1 for end in ends):
             pixels = [(camera.cx_px + camera.fx_px * e[0] / e[2], camera.cy_px + camera.fy_px * e[1] / e[2]) for e in ends]

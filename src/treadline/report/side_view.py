@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.core.angles import rotation_of
+from treadline.core.rotations import rotation_of
 from treadline.playback import Recording
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import BodyName, Colour, MeshPart, body_poses, chair_parts, colour, lug_part, lug_poses

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from treadline.core.angles import quaternion_of
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError
+from treadline.core.rotations import quaternion_of
 from treadline.core.signals import Event, HeadingFault, HeadingHealth
 from treadline.io.cdr import CdrWriter, Ros1Writer, nanoseconds_of
 from treadline.io.decode import (
@@ -134,13 +134,14 @@ def _sensors(camera: PinholeCamera) -> list[FramePose]:
 def _odometry(r: CdrReader) -> Odometry:
     t_s, _ = r.stamp()
     r.string()
-    values = np.array(r.doubles(7 + 36 + 6 + 36))
+    values = r.doubles(7 + 36 + 6 + 36)
+    x, y, z, w = values[3:7]
     return Odometry(
         t_s=t_s,
-        p_OB=values[:3],
-        orientation=values[[6, 3, 4, 5]],
-        speed_m_s=float(values[43]),
-        angular_velocity_rad_s=values[46:49],
+        p_OB=np.array(values[:3]),
+        orientation=(w, x, y, z),
+        speed_m_s=values[43],
+        angular_velocity_rad_s=(values[46], values[47], values[48]),
     )
 
 

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.rotations import rotation_y, rotation_z
 
 RISE_M, RUN_M, STEPS = 0.16, 0.30, 9
 """A flight of 28°, as the shipped scenarios have it."""

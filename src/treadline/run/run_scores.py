@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.core.angles import DEG, rms
+from treadline.core.angles import DEG
+from treadline.core.arrays import rms
 from treadline.core.ports import Truth
 from treadline.core.printing import Brief
 from treadline.core.signals import TICK_S

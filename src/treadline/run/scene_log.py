@@ -13,10 +13,11 @@ from types import TracebackType
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, attitude_of, quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.processes import deferred
+from treadline.core.rotations import attitude_of, quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import (
     PERIOD_ROUNDING_S,
     TICK_S,
@@ -229,7 +230,7 @@ class SceneLog:
         heading = 0.0 if measured is None or measured.t_s != stair.t_s else measured.heading_rad
         left = SEEN_HALF_M if stair.left_edge_m is None else stair.left_edge_m
         right = SEEN_HALF_M if stair.right_edge_m is None else stair.right_edge_m
-        ends = _nosing_ends(stair.nosings_B, heading, (left, right)).reshape(-1, 3)
+        ends = _nosing_ends(np.array(stair.nosings_B), heading, (left, right)).reshape(-1, 3)
         return Marker(
             frame="chair",
             name="seen",

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_y
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle._start_view import StartView

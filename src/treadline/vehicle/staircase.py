@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_y, rotation_z, wrap
+from treadline.core.angles import DEG, wrap
+from treadline.core.rotations import rotation_y, rotation_z
 from treadline.scenario.stair import Friction, Stair, StepOverride, place_of
 
 SIGN_OF_TURN = {"none": 0, "left": 1, "right": -1}

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import rotation_y, rotation_z
+from treadline.core.rotations import rotation_y, rotation_z
 from treadline.scenario.chair import Tracks
 from treadline.scenario.scenario import Start
 from treadline.vehicle.staircase import Staircase, Step

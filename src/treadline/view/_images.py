@@ -77,7 +77,7 @@ def shown(frame: RgbdFrame, detection: Detection, taken_s: float, *, with_pictur
     else:
         reason, summary = None, f"heading from {measurement.edge_count} nosings"
     if stair is not None:
-        more["nosings_B"] = stair.nosings_B
+        more["nosings_B"] = np.array(stair.nosings_B).reshape(-1, 3)
     if found is not None and found.parts is not None:
         more["planes_B"] = {name: planes_of(getattr(found.parts, name), frame.camera) for name in ("treads", "risers")}
     if with_picture:

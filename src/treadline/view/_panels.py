@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 
-from treadline.core.angles import rotation_of
+from treadline.core.rotations import rotation_of
 from treadline.playback import SILENT_S, Moment, holding_at, in_runs, perceived_text
 from treadline.report.labels import PHASES as PHASE_TERMS
 from treadline.report.labels import TERMS

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, quaternion_of, rotation_of, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.rotations import quaternion_of, rotation_of, rotation_z
 from treadline.playback import HALF_LINE_M, Recording, support_at
 from treadline.report.plot_table import SIGNS
 from treadline.scenario.scenario import Belts

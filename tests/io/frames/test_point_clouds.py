@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from treadline.core.angles import DEG, rotation_x, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.errors import ImageError
+from treadline.core.rotations import rotation_x, rotation_z
 from treadline.io.frames.point_cloud import AXES, PointCloud, cloud_image
 from treadline.perception import StairDetector
 

@@ -8,7 +8,8 @@ import pytest
 from jaxtyping import Float
 from scenes.clutter import worn_step
 
-from treadline.core.angles import DEG, quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.rotations import quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import SceneBox, beam, solids_of, upright
 from treadline.scenario.chair import read_chair

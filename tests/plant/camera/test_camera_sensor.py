@@ -5,8 +5,9 @@ import pytest
 from jaxtyping import Float, Float32
 from scenes import ViewRecipe, draw_view
 
-from treadline.core.angles import DEG, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
+from treadline.core.rotations import rotation_z
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import Shadow, upright
 from treadline.scenario.chair import read_chair

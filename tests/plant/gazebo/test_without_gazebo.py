@@ -15,9 +15,9 @@ import pytest
 
 from treadline.cli import main
 from treadline.cli.reproduce import reproduce
-from treadline.core.angles import rotation_of
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import GazeboError, SettingsError
+from treadline.core.rotations import rotation_of
 from treadline.experiments.gazebo import compared
 from treadline.plant.gazebo import Environment, GazeboPlant, find_environment
 from treadline.plant.gazebo import _gzserver as server

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_of, rotation_y, rotation_z, wrap
+from treadline.core.angles import DEG, wrap
+from treadline.core.rotations import rotation_of, rotation_y, rotation_z
 from treadline.core.signals import TICK_S, ImuSample
 from treadline.plant.sensors.imu import IMUS, Imu
 

@@ -7,8 +7,9 @@ import pytest
 from jaxtyping import Float
 from oracles.plant_runs import STILL, held, plant_on
 
-from treadline.core.angles import DEG, quaternion_of, rotation_of, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.ports import Truth
+from treadline.core.rotations import quaternion_of, rotation_of, rotation_z
 from treadline.core.signals import TrackCommand
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Stair, Start

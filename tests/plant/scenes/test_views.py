@@ -5,8 +5,9 @@ import pytest
 from jaxtyping import Bool, Float
 from scenes import CLUTTER, STAIR_SCENES, STAIRLESS_SCENES, RecordedDrive, View, ViewRecipe, draw_view
 
-from treadline.core.angles import DEG, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
+from treadline.core.rotations import rotation_z
 from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair

@@ -13,8 +13,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.ports import Reading, TruthPlant
+from treadline.core.rotations import rotation_z
 from treadline.core.signals import FrameQuality, StairMap
 from treadline.plant.sensors._instruments import CameraModel
 from treadline.plant.sensors.camera import Camera

@@ -17,9 +17,10 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, UInt8
 
-from treadline.core.angles import DEG, quaternion_of, rotation_of, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Reading
+from treadline.core.rotations import quaternion_of, rotation_of, rotation_z
 from treadline.core.signals import (
     ROUNDING_S,
     TICK_S,
@@ -135,8 +136,8 @@ def _holes(fault_model: SensorFault, reading: Reading) -> Passed:
 
 
 def _imu_nan(_: SensorFault, reading: ImuSample) -> Passed:
-    nothing = np.full(3, np.nan)
-    return (replace(reading, orientation=np.full(4, np.nan), angular_velocity_rad_s=nothing, linear_acceleration_m_s2=nothing),)
+    nothing = (math.nan, math.nan, math.nan)
+    return (replace(reading, orientation=(math.nan, *nothing), angular_velocity_rad_s=nothing, linear_acceleration_m_s2=nothing),)
 
 
 def _imu_bias(fault_model: SensorFault, reading: ImuSample) -> Passed:
@@ -160,8 +161,8 @@ def _gyro_ramp(fault_model: SensorFault, reading: ImuSample) -> Passed:
 def _turning(reading: ImuSample, rate_rad_s: float, turned_rad: float) -> ImuSample:
     """Return a sample with an additional false rotation about the chair's z axis."""
     orientation = quaternion_of(rotation_z(turned_rad) @ rotation_of(reading.orientation))
-    wrong = reading.angular_velocity_rad_s + np.array([0.0, 0.0, rate_rad_s])
-    return replace(reading, orientation=orientation, angular_velocity_rad_s=wrong)
+    x, y, z = reading.angular_velocity_rad_s
+    return replace(reading, orientation=tuple(orientation.tolist()), angular_velocity_rad_s=(x, y, z + rate_rad_s))
 
 
 def _person_stops(fault_model: SensorFault, reading: OperatorInput) -> Passed:

@@ -11,8 +11,9 @@ from xml.etree.ElementTree import Element, tostring
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_of
+from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError, SimulationDiverged
+from treadline.core.rotations import rotation_of
 from treadline.core.signals import TICK_S
 from treadline.plant import _actuator_lag_and_slew_kernels as kernels
 from treadline.plant._actuators import Actuators

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import quaternion_of
+from treadline.core.rotations import quaternion_of
 from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S, FLIPPER_STIFFNESS_N_M_RAD
 from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
 from treadline.plant.mujoco.contact._parameters import NOMINAL, Physics

@@ -15,9 +15,10 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, quaternion_of, rotation_of
+from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError, SimulationDiverged
 from treadline.core.ports import Reading
+from treadline.core.rotations import quaternion_of, rotation_of
 from treadline.core.signals import TICK_S
 from treadline.plant import _actuator_lag_and_slew_kernels as drives
 from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD, Actuators

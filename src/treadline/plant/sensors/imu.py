@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, levelling, quaternion_of, rotation_about, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.rotations import levelling, quaternion_of, rotation_about, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import TICK_S, ImuSample
 from treadline.plant.sensors import _imu_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2
@@ -132,7 +133,13 @@ class Imu:
             self._memory,
             sample,
         )
-        return ImuSample(t_s=t_s, orientation=sample[:4], angular_velocity_rad_s=sample[4:7], linear_acceleration_m_s2=sample[7:])
+        qw, qx, qy, qz, gx, gy, gz, ax, ay, az = sample.tolist()
+        return ImuSample(
+            t_s=t_s,
+            orientation=(qw, qx, qy, qz),
+            angular_velocity_rad_s=(gx, gy, gz),
+            linear_acceleration_m_s2=(ax, ay, az),
+        )
 
 
 def _figures(errors: ImuErrors) -> Float[np.ndarray, " n"]:

@@ -65,7 +65,7 @@ class StatisticalCamera:
             StairMap(
                 t_s=t_s,
                 direction=seen.direction,
-                nosings_B=nosings,
+                nosings_B=tuple(map(tuple, nosings.tolist())),
                 rise_m=seen.rise_m,
                 run_m=seen.run_m,
                 slope_rad=math.atan2(seen.rise_m, seen.run_m),
@@ -165,7 +165,7 @@ class _Errors:
             StairMap(
                 t_s=t_s,
                 direction=seen.direction,
-                nosings_B=nosings,
+                nosings_B=tuple(map(tuple, nosings.tolist())),
                 rise_m=pitch * math.sin(slope),
                 run_m=pitch * math.cos(slope),
                 slope_rad=slope,

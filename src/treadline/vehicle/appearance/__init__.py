@@ -12,7 +12,7 @@ import math
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import rotation_y
+from treadline.core.rotations import rotation_y
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance._belts import BeltPath, lug_part, lug_poses, resting_lugs, track_parts

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import rotation_y
+from treadline.core.rotations import rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import LUGS_MM, Belts
 from treadline.vehicle.appearance._mesh import (

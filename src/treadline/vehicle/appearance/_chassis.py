@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from treadline.core.angles import DEG, rotation_x, rotation_y, rotation_z
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.scenario.chair import CameraMount, ChairDescription
 from treadline.vehicle.appearance._mesh import Mesh, MeshPart, box, cylinder, extrusion, merged, part, rounded_box, tube
 from treadline.vehicle.appearance._seat import carries_person, linkage_y_m

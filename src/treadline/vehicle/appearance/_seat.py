@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_y
+from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_y
 from treadline.scenario.chair import ChairDescription, Seat, Size
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance._mesh import (

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from treadline.core.angles import DEG, rotation_of
+from treadline.core.angles import DEG
 from treadline.core.ports import Truth
+from treadline.core.rotations import rotation_of
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics, open_plant
 from treadline.plant.mujoco import _step_kernels as kernels

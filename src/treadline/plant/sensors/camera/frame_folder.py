@@ -11,10 +11,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import DEG, rotation_z
+from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.models import write_whole
+from treadline.core.rotations import rotation_z
 from treadline.plant.sensors.camera.ray_camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario

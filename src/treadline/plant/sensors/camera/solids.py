@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.angles import rotation_z
+from treadline.core.rotations import rotation_z
 from treadline.vehicle.stair_solids import Box
 
 Rgb = tuple[float, float, float]
