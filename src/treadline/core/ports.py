@@ -14,6 +14,7 @@ from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,
     FrameQuality,
+    FreeGround,
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
@@ -33,9 +34,11 @@ Reading = (
     | HeadingMeasurement
     | StairMap
     | FrameQuality
+    | FreeGround
     | OperatorInput
 )
-"""Readings from a plant. A camera with its own detector gives ``FrameQuality``, ``HeadingMeasurement`` and ``StairMap``."""
+"""Readings from a plant. A camera with its own detector gives ``FrameQuality``, ``HeadingMeasurement``, ``StairMap``
+and ``FreeGround``."""
 
 
 @runtime_checkable

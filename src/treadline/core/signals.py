@@ -212,6 +212,36 @@ class FrameQuality:
     """Distance from mid-track to the nearest obstacle on the ground ahead of the camera [m]; None if free or not evaluated."""
 
 
+View = Literal["front", "rear"]
+"""Viewing direction of a camera: that of the chair's x axis, or the opposite."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeGround:
+    """Ground ahead of a camera, from one frame: how far it was seen, and where it ends.
+
+    Ground bears the chair on its present level: floor, landing, or what rises from them (a riser, a wall). It ends at a drop: the
+    uppermost nosing of a falling flight, the rim of a landing or a dock, a kerb. Distances are horizontal, from mid-track in the
+    viewing direction, and hold over the whole width that the chair sweeps. Ground that was not seen is not free.
+    """
+
+    t_s: float
+    view: View
+    blind_m: float
+    """Distance from which on ground can be in view [m]; nearer ground is below the image."""
+    seen_m: float
+    """Distance up to which ground was seen without a gap from ``blind_m`` on [m]; ``blind_m`` if none was seen."""
+    end_m: float | None = None
+    """Distance of the nearest point of the edge where the ground ends [m]; None if no end is in view."""
+    end_sigma_m: float | None = None
+    """Standard deviation of ``end_m`` [m]; None without an end."""
+    direction_rad: float | None = None
+    """Rotation of that edge about the vertical [rad]: zero square to the viewing direction, positive anticlockwise seen from above.
+    None if the edge does not cross the whole width."""
+    direction_sigma_rad: float | None = None
+    """Standard deviation of ``direction_rad`` [rad]; None without it."""
+
+
 Source = Literal["vision", "gyro"]
 """Sensor behind a heading estimate: vision, or the gyro between accepted vision measurements."""
 

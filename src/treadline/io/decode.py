@@ -20,6 +20,7 @@ from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,
     FrameQuality,
+    FreeGround,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
@@ -32,9 +33,10 @@ from treadline.core.signals import (
     StairMap,
     TrackCommand,
     TrackReading,
+    View,
 )
 from treadline.io.cdr import HEADER, seconds_of
-from treadline.io.messages import MAYBE_OF_MAP, TRUTH_NAMES
+from treadline.io.messages import MAYBE_OF_GROUND, MAYBE_OF_MAP, TRUTH_NAMES
 
 
 class CdrReader:
@@ -362,6 +364,12 @@ def _quality(r: CdrReader) -> FrameQuality:
     )
 
 
+def _ground(r: CdrReader) -> FreeGround:
+    t_s, view, values = _named(r)
+    maybe = {name: values.get(name) for name in MAYBE_OF_GROUND}
+    return FreeGround(t_s=t_s, view=one_of(View, view), blind_m=values["blind_m"], seen_m=values["seen_m"], **maybe)
+
+
 def _plan(r: CdrReader) -> MotionPlan:
     found = status(r)
     values = found.values
@@ -434,6 +442,7 @@ OURS: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
 """Topics of a run log except images: message type and reader."""
 LOOKED: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     "/camera/quality": (JOINTS, _quality),
+    "/ground": (JOINTS, _ground),
     "/stair/map/detail": (JOINTS, _stair_map),
 }
 """Topics of frame results besides the heading, for logs without images and for cameras with their own detector."""

@@ -21,6 +21,7 @@ from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,
     FrameQuality,
+    FreeGround,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
@@ -284,6 +285,18 @@ def _quality(quality: FrameQuality, topic: str, writer: Writer) -> list[Message]
     return [joints(topic, quality.t_s, tuple(values), tuple(values.values()), (), "camera", writer)]
 
 
+MAYBE_OF_GROUND = ("end_m", "end_sigma_m", "direction_rad", "direction_sigma_rad")
+"""Numbers of the ground ahead that a frame may not show."""
+
+
+def _ground(ground: FreeGround, topic: str, writer: Writer) -> list[Message]:
+    maybe = {name: getattr(ground, name) for name in MAYBE_OF_GROUND}
+    known = {"blind_m": ground.blind_m, "seen_m": ground.seen_m} | {
+        name: value for name, value in maybe.items() if value is not None
+    }
+    return [joints(topic, ground.t_s, tuple(known), tuple(known.values()), (), ground.view, writer)]
+
+
 def _plan(plan: MotionPlan, topic: str, writer: Writer) -> list[Message]:
     numbers = {"speed_m_s": plan.speed_m_s, "turn_m_s": plan.turn_m_s, "heading_rad": plan.heading_rad}
     numbers |= {"min_inner_speed_ratio": plan.min_inner_speed_ratio, "pitch_feedforward_m_s": plan.pitch_feedforward_m_s}
@@ -357,6 +370,7 @@ _WRITERS: dict[type, tuple[str, Callable[[Any, str, Writer], list[Message]]]] = 
     ImuSample: ("/imu", _imu),
     RgbdFrame: ("/camera", _frame),
     FrameQuality: ("/camera/quality", _quality),
+    FreeGround: ("/ground", _ground),
     HeadingMeasurement: ("/stair/heading_measured", _measurement),
     HeadingEstimate: ("/stair/heading", _estimate),
     StairMap: ("/stair/map", _stair_map),

@@ -28,7 +28,7 @@ from treadline.playback._recording import SLIP_WINDOW_S, Recording
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import EXTENTS, Fault, payload_shift_m
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.stair_solids import above_ground_m
+from treadline.vehicle.stair_solids import ground_m, stair_surfaces
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.static_stability import centre_of_mass
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M, Margins, Support, tipping_margins
@@ -442,10 +442,12 @@ def support_at(
         share = np.clip((nosings - start) @ (end - start) / max(float(np.dot(end - start, end - start)), 1e-12), 0.0, 1.0)
         touched |= np.linalg.norm(nosings - start - share[:, None] * (end - start), axis=1) - radius_m < CONTACT_M
     reach = nosings[touched, 0].tolist()
+    surfaces = stair_surfaces(staircase)
     # A pulley's lowest point is below its axis in W.
     for (x, z), within_m in zip(axes, (CONTACT_M, CONTACT_M, TIP_GAP_M), strict=True):
         ends_B = np.array([[x, side * 0.5 * tracks.gauge_m, z] for side in (-1.0, 1.0)])
-        if (above_ground_m(staircase, p_WB + ends_B @ R_WB.T) - radius_m <= within_m).any():
+        ends_W = p_WB + ends_B @ R_WB.T
+        if (ends_W[:, 2] - ground_m(surfaces, ends_W) - radius_m <= within_m).any():
             reach.append(float(x - radius_m * R_WB[2, 0]))
     if not reach:
         return None

@@ -333,7 +333,8 @@ class GuardNode:
     def listen(self, transport: Transport) -> None:
         """Subscribe to all readings, estimates, plans and proposals."""
         self._publish = transport.publish
-        for channel in (on.IMU, on.TRACKS, on.SEAT, on.FLIPPER, on.OPERATOR, on.QUALITY, on.CAMERA_HEADING, on.CAMERA_MAP):
+        drives, own = (on.IMU, on.TRACKS, on.SEAT, on.FLIPPER, on.OPERATOR), (on.CAMERA_HEADING, on.CAMERA_MAP)
+        for channel in (*drives, on.QUALITY, on.GROUND, *own):
             transport.subscribe(channel, self._admit)
         for channel in (on.MEASURED, on.MAP, on.HEALTH):
             transport.subscribe(channel, self._guard.on_message)

@@ -15,6 +15,7 @@ CAMERA = "/camera"
 CAMERA_HEADING, CAMERA_MAP, CAMERA_QUALITY = "/camera/stair/heading", "/camera/stair/map", "/camera/stair/quality"
 """Channels of a camera that measures by itself and delivers no images."""
 QUALITY = "/camera/quality"
+GROUND = "/ground"
 MEASURED = "/stair/heading_measured"
 MAP = "/stair/map"
 ESTIMATE = "/stair/heading"
@@ -87,6 +88,7 @@ CHANNELS: dict[str, Channel] = {
     CAMERA_MAP: _with_detail(CAMERA_MAP, "geometry_msgs/msg/PoseArray", 10),
     CAMERA_QUALITY: _one(CAMERA_QUALITY, JOINTS, 10),
     QUALITY: _one(QUALITY, JOINTS, 10),
+    GROUND: _one(GROUND, JOINTS, 10),
     MEASURED: _with_detail(MEASURED, POSE, 10),
     MAP: _with_detail(MAP, "geometry_msgs/msg/PoseArray", 10),
     ESTIMATE: _with_detail(ESTIMATE, POSE, 1),

@@ -11,6 +11,7 @@ from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,
     FrameQuality,
+    FreeGround,
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
@@ -40,6 +41,7 @@ CHANNEL_OF: dict[type, str] = {
     OperatorInput: on.OPERATOR,
     RgbdFrame: on.CAMERA,
     FrameQuality: on.CAMERA_QUALITY,
+    FreeGround: on.GROUND,
     HeadingMeasurement: on.CAMERA_HEADING,
     StairMap: on.CAMERA_MAP,
 }

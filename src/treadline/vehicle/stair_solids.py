@@ -95,17 +95,16 @@ def stair_surfaces(staircase: Staircase) -> Float[np.ndarray, "N 7"]:
     )
 
 
-def above_ground_m(staircase: Staircase, points_W: Float[np.ndarray, "n 3"], sunk_m: float = 0.0) -> Float[np.ndarray, " n"]:
-    """Return the height of points above the highest floor, tread or landing below them [m]; inf where there is none.
+def ground_m(surfaces: Float[np.ndarray, "N 7"], points_W: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+    """Return the height of the highest floor, tread or landing not above each point [m]; -inf where there is none.
 
     Args:
-        sunk_m: Largest height of the ground above a point that lies in it.
+        surfaces: Tops as ``stair_surfaces`` returns them.
     """
-    x, y, c, s, half_length, half_width, height = stair_surfaces(staircase).T
+    x, y, c, s, half_length, half_width, height = surfaces.T
     dx, dy = points_W[:, :1] - x, points_W[:, 1:2] - y
-    inside = (np.abs(dx * c + dy * s) <= half_length) & (np.abs(dy * c - dx * s) <= half_width)
-    below = inside & (height <= points_W[:, 2:] + sunk_m)
-    return np.asarray(points_W[:, 2] - np.where(below, height, -np.inf).max(axis=1))
+    below = (np.abs(dx * c + dy * s) <= half_length) & (np.abs(dy * c - dx * s) <= half_width) & (height <= points_W[:, 2:])
+    return np.asarray(np.where(below, height, -np.inf).max(axis=1))
 
 
 def _treads(staircase: Staircase, flight: int) -> list[Box]:

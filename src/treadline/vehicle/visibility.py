@@ -136,7 +136,7 @@ class Geometry:
         if abs(heading) > HEADING_LIMIT_RAD:
             return None
         points = (self._edges_W - p_WC) @ R_WC
-        margins = np.where(self._hidden(p_WC), OUTSIDE_PX, np.sort(self._margins(points), axis=1)[:, -self._best])
+        margins = np.where(self._hidden(p_WC), OUTSIDE_PX, np.sort(margins_px(self._camera, points), axis=1)[:, -self._best])
         row = self._row(margins > -BEYOND_PX, up=up)
         if len(row) < LEAST_NOSINGS:
             return None
@@ -165,7 +165,7 @@ class Geometry:
         self, row: Int[np.ndarray, " k"], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], aside_m: float
     ) -> tuple[VisibleSide, VisibleSide]:
         """Return the sides at +y and -y, from the nosings of one flight."""
-        shown = self._margins((self._fine_W[row] - p_WC) @ R_WC) > 0.0
+        shown = margins_px(self._camera, (self._fine_W[row] - p_WC) @ R_WC) > 0.0
         walls = self._staircase.walls
         sides = []
         for sign, name in ((1.0, "left"), (-1.0, "right")):
@@ -175,15 +175,6 @@ class Geometry:
             kind: Literal["wall", "open"] = "wall" if walls in (name, "both") else "open"
             sides.append(VisibleSide(seen_m=seen_m, edge_m=end_m if seen_m > end_m - END_SEEN_M else None, kind=kind))
         return sides[0], sides[1]
-
-    def _margins(self, points_C: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
-        """Return the distance of points from the image border [px], positive inside."""
-        camera = self._camera
-        z = np.maximum(points_C[..., 2], 1e-6)
-        u = np.abs(camera.fx_px * points_C[..., 0] / z + camera.cx_px - 0.5 * (camera.width_px - 1))
-        v = np.abs(camera.fy_px * points_C[..., 1] / z + camera.cy_px - 0.5 * (camera.height_px - 1))
-        inside = np.minimum(0.5 * camera.width_px - u, 0.5 * camera.height_px - v)
-        return np.where(points_C[..., 2] > 0.1, np.maximum(inside, OUTSIDE_PX), OUTSIDE_PX)
 
     def _hidden(self, p_WC: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, " n"]:
         """Return the mask of nosings hidden by the steps in front, in the profile of the flight."""
@@ -227,7 +218,7 @@ class Geometry:
     def _shown(
         self, places_W: list[tuple[float, float, float]], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]
     ) -> bool:
-        return float((self._margins((np.array(places_W) - p_WC) @ R_WC) > 0.0).mean()) > END_SHARE
+        return float((margins_px(self._camera, (np.array(places_W) - p_WC) @ R_WC) > 0.0).mean()) > END_SHARE
 
     def _walls(
         self, flight: int, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], p_WB: Float[np.ndarray, " 3"]
@@ -251,12 +242,21 @@ class Geometry:
         return left if staircase.walls in ("left", "both") else None, right if staircase.walls in ("right", "both") else None
 
 
-def geometry_of(staircase: Staircase, calibration: PinholeCamera) -> "Geometry | TurningGeometry":
+def margins_px(camera: PinholeCamera, points_C: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
+    """Return the distance of points from the border of a camera's image [px], positive inside."""
+    z = np.maximum(points_C[..., 2], 1e-6)
+    u = np.abs(camera.fx_px * points_C[..., 0] / z + camera.cx_px - 0.5 * (camera.width_px - 1))
+    v = np.abs(camera.fy_px * points_C[..., 1] / z + camera.cy_px - 0.5 * (camera.height_px - 1))
+    inside = np.minimum(0.5 * camera.width_px - u, 0.5 * camera.height_px - v)
+    return np.where(points_C[..., 2] > 0.1, np.maximum(inside, OUTSIDE_PX), OUTSIDE_PX)
+
+
+def geometry_of(staircase: Staircase, calibration: PinholeCamera) -> "Geometry | _TurningGeometry":
     """Return the visibility model of a staircase, with or without turning flights."""
-    return (TurningGeometry if staircase.turn_rad else Geometry)(staircase, calibration)
+    return (_TurningGeometry if staircase.turn_rad else Geometry)(staircase, calibration)
 
 
-class TurningGeometry:
+class _TurningGeometry:
     """Visibility model of a staircase with turning flights: each flight without occlusion by the others."""
 
     def __init__(self, staircase: Staircase, calibration: PinholeCamera) -> None:

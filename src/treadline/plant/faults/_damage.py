@@ -22,7 +22,7 @@ from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import SceneBox, Shadow, beam
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.faults import Conditions, Fault, FaultKind, payload_shift_m
-from treadline.vehicle.stair_solids import stair_surfaces
+from treadline.vehicle.stair_solids import ground_m, stair_surfaces
 from treadline.vehicle.staircase import Staircase
 
 PHYSICAL: tuple[FaultKind, ...] = (
@@ -246,8 +246,5 @@ def _ground_m(staircase: Staircase, p_W: Float[np.ndarray, " 3"]) -> float:
     """Return the height of the ground at a place [m]; with turning flights, on the nearest flight below."""
     if not staircase.turn_rad:
         return max((step.z_m for step in staircase.steps if step.x_m <= p_W[0] and not step.missing), default=0.0)
-    x, y, c, s, half_length, half_width, height = stair_surfaces(staircase).T
-    along, across = c * (p_W[0] - x) + s * (p_W[1] - y), c * (p_W[1] - y) - s * (p_W[0] - x)
-    below = (np.abs(along) <= half_length) & (np.abs(across) <= half_width)
-    below &= height <= p_W[2] + max(step.rise_m for step in staircase.steps)
-    return float(height[below].max(initial=0.0))
+    top_W = p_W + np.array([0.0, 0.0, max(step.rise_m for step in staircase.steps)])
+    return max(float(ground_m(stair_surfaces(staircase), top_W[None])[0]), 0.0)

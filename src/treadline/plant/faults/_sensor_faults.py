@@ -26,6 +26,7 @@ from treadline.core.signals import (
     TICK_S,
     FlipperReading,
     FrameQuality,
+    FreeGround,
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
@@ -37,7 +38,7 @@ from treadline.plant.sensors.camera import RenderedFrame
 from treadline.scenario.faults import Fault, FaultKind, Process
 from treadline.scenario.operator_actions import REPORT_S, OperatorAct, does
 
-CAMERA_READINGS = (RgbdFrame, FrameQuality, HeadingMeasurement, StairMap)
+CAMERA_READINGS = (RgbdFrame, FrameQuality, HeadingMeasurement, StairMap, FreeGround)
 """Types of camera readings."""
 HEARTBEAT_TICKS = round(REPORT_S / TICK_S)
 """Report period of the operator's handset [ticks]."""
@@ -115,7 +116,7 @@ def _dark(fault_model: SensorFault, reading: Reading) -> Passed:
                 reading, brightness=min(reading.brightness * factor, 1.0), contrast=reading.contrast * min(factor, 1 / factor)
             )
             return (replace(faded, valid_share=0.0) if blind else faded,)
-        case HeadingMeasurement() | StairMap() if blind:
+        case HeadingMeasurement() | StairMap() | FreeGround() if blind:
             return ()
     return (reading,)
 
@@ -130,7 +131,7 @@ def _holes(fault_model: SensorFault, reading: Reading) -> Passed:
             return (RenderedFrame(t_s=reading.t_s, depth_m=depth_m, camera=reading.camera, painter=partial(_colours, reading)),)
         case FrameQuality():
             return (replace(reading, valid_share=(1.0 - share) * reading.valid_share),)
-        case HeadingMeasurement() | StairMap() if fault_model.chance(reading.t_s).random() < share:
+        case HeadingMeasurement() | StairMap() | FreeGround() if fault_model.chance(reading.t_s).random() < share:
             return ()
     return (reading,)
 

@@ -28,9 +28,10 @@ from treadline.core.signals import (
 )
 from treadline.plant._actuators import Actuators
 from treadline.plant.sensors import _pose_kernels as kernels
+from treadline.plant.sensors._free_ground import SIGMA_M, GroundAhead
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.imu import IMUS, Imu
-from treadline.plant.sensors.statistical_camera import StatisticalCamera
+from treadline.plant.sensors.statistical_camera import EXACT_PLACE_M, StatisticalCamera
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Realism, Scenario
 from treadline.vehicle.stair_solids import stair_surfaces
@@ -377,7 +378,10 @@ def make_camera(
     sensors, stair, vision = scenario.sensors, scenario.stair, scenario.control.vision
     calibration = chair.camera_at(sensors.image_height_px, rear=scenario.drive.direction == "down")
     if vision == "truth" or sensors.camera == "statistical":
-        return StatisticalCamera(staircase, calibration, statistical_rng, exact=vision == "truth")
+        exact = vision == "truth"
+        # A generator of its own: headings and maps are as without the ground.
+        ground = GroundAhead(staircase, chair, calibration, statistical_rng.spawn(1)[0], EXACT_PLACE_M if exact else SIGMA_M)
+        return StatisticalCamera(staircase, calibration, statistical_rng, exact=exact, ground=ground)
     return Camera(staircase, calibration, kind=sensors.camera, texture=stair.texture, light=stair.light, rng=render_rng)
 
 

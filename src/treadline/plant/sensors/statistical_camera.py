@@ -1,14 +1,15 @@
 """Statistical camera: the output of a stair detector, simulated without images.
 
-``(t, pose) -> HeadingMeasurement and StairMap, or nothing``. ``visibility.py`` computes the nosings, walls and flight ends
-in view. With ``exact`` they are reported almost without error, for ``vision = "truth"``; otherwise with the errors of the detector
-on rendered frames of full traversals: the same rates of rejection and misses, error sizes, and correlation between frames. The
-parameters are in ``data/cameras/statistical.json``; ``benchmarks/statistical.py`` fits them and validates them on other runs.
+``(t, pose) -> HeadingMeasurement and StairMap, or nothing; FreeGround``. ``visibility.py`` computes the nosings, walls and flight
+ends in view. With ``exact`` they are reported almost without error, for ``vision = "truth"``; otherwise with the errors of the
+detector on rendered frames of full traversals: the same rates of rejection and misses, error sizes, and correlation between frames.
+The parameters are in ``data/cameras/statistical.json``; ``benchmarks/statistical.py`` fits them and validates them on other runs.
 """
 
 import json
 import math
 from bisect import bisect
+from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -18,7 +19,8 @@ from jaxtyping import Float, Int
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
-from treadline.core.signals import HeadingMeasurement, StairMap
+from treadline.core.signals import FreeGround, HeadingMeasurement, StairMap
+from treadline.plant.sensors._free_ground import GroundAhead
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.visibility import DETECTED_RUN_M, LEAST_NOSINGS, Visibility, Wall, geometry_of
 
@@ -32,50 +34,86 @@ COUNTS = (2, 3, 4, 6)
 """Lower limits of the classes of reported-nosing count."""
 
 
+Detected = tuple[HeadingMeasurement | StairMap | FreeGround, ...]
+"""Output of the detector for one frame; empty if it rejects the frame and does not measure the ground."""
+
+
 class StatisticalCamera:
     """Camera model with the output of a stair detector.
 
     Args:
         exact: Report the visible stair with negligible noise.
+        ground: Measurement of the ground ahead; None reports none.
     """
 
-    def __init__(self, staircase: Staircase, calibration: PinholeCamera, rng: np.random.Generator, *, exact: bool = False) -> None:
+    def __init__(
+        self,
+        staircase: Staircase,
+        calibration: PinholeCamera,
+        rng: np.random.Generator,
+        *,
+        exact: bool = False,
+        ground: GroundAhead | None = None,
+    ) -> None:
         self._geometry = geometry_of(staircase, calibration)
         self._rng = rng
         kind = "open" if staircase.open_risers else "closed"
         self._errors = None if exact else _Errors(kind, len(staircase.steps), rng)
+        self._ground = ground
 
-    def look(
-        self, t_s: float, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
-    ) -> tuple[HeadingMeasurement | StairMap, ...]:
-        """Return heading and map of one instant; nothing if the detector would reject the frame."""
+    def look(self, t_s: float, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Detected:
+        """Return heading and map of one instant, if the detector would accept the frame, and the ground ahead."""
         seen = self._geometry.visibility(R_WB, p_WB)
         if self._errors is not None:
-            return self._errors.report(t_s, seen, R_WB, p_WB)
-        if seen is None or int(seen.seen.sum()) < LEAST_NOSINGS:
-            return ()
-        return self._exact_report(t_s, seen)
+            stair = self._errors.report(t_s, seen, R_WB, p_WB)
+        else:
+            stair = () if seen is None or int(seen.seen.sum()) < LEAST_NOSINGS else self._exact_report(t_s, seen)
+        return stair if self._ground is None else (*stair, self._ground.look(t_s, R_WB, p_WB))
 
-    def _exact_report(self, t_s: float, seen: Visibility) -> tuple[HeadingMeasurement | StairMap, ...]:
+    def _exact_report(self, t_s: float, seen: Visibility) -> Detected:
         nosings = seen.nosings_B[seen.seen]
         nosings[:, ::2] += EXACT_PLACE_M * self._rng.standard_normal((len(nosings), 2))
         heading = seen.heading_rad + EXACT_SIGMA_RAD * float(self._rng.standard_normal())
-        return (
-            HeadingMeasurement(t_s=t_s, heading_rad=heading, sigma_rad=EXACT_SIGMA_RAD, edge_count=len(nosings)),
-            StairMap(
-                t_s=t_s,
-                direction=seen.direction,
-                nosings_B=tuple(map(tuple, nosings.tolist())),
-                rise_m=seen.rise_m,
-                run_m=seen.run_m,
-                slope_rad=math.atan2(seen.rise_m, seen.run_m),
-                ends=seen.ends and seen.last == int(seen.numbers[seen.seen][-1]),
-                left_wall_m=seen.left.free_m if seen.left and seen.left.share > LEAST_WALL else None,
-                right_wall_m=seen.right.free_m if seen.right and seen.right.share > LEAST_WALL else None,
-                obstacle_m=None,
-                **_sides(seen),
-            ),
-        )
+        walls = [wall.free_m if wall and wall.share > LEAST_WALL else None for wall in (seen.left, seen.right)]
+        slope = math.atan2(seen.rise_m, seen.run_m)
+        ends = seen.ends and seen.last == int(seen.numbers[seen.seen][-1])
+        return _report(t_s, seen, (heading, EXACT_SIGMA_RAD), nosings, (seen.rise_m, seen.run_m, slope), walls, ends=ends)
+
+
+def _report(
+    t_s: float,
+    seen: Visibility,
+    heading: tuple[float, float],
+    nosings_B: Float[np.ndarray, "k 3"],
+    shape: tuple[float, float, float],
+    walls_m: Sequence[float | None],
+    *,
+    ends: bool,
+) -> Detected:
+    """Return heading and map of a frame.
+
+    Args:
+        heading: Heading and its standard deviation [rad].
+        shape: Rise [m], run [m] and slope [rad].
+        walls_m: Free width to the wall on the left and on the right [m]; None without a wall.
+    """
+    (heading_rad, sigma_rad), (rise_m, run_m, slope_rad), (left_m, right_m) = heading, shape, walls_m
+    return (
+        HeadingMeasurement(t_s=t_s, heading_rad=heading_rad, sigma_rad=sigma_rad, edge_count=len(nosings_B)),
+        StairMap(
+            t_s=t_s,
+            direction=seen.direction,
+            nosings_B=tuple(map(tuple, nosings_B.tolist())),
+            rise_m=rise_m,
+            run_m=run_m,
+            slope_rad=slope_rad,
+            ends=ends,
+            left_wall_m=left_m,
+            right_wall_m=right_m,
+            obstacle_m=None,
+            **_sides(seen),
+        ),
+    )
 
 
 def _sides(seen: Visibility) -> dict[str, Any]:
@@ -135,7 +173,7 @@ class _Errors:
 
     def report(
         self, t_s: float, seen: Visibility | None, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
-    ) -> tuple[HeadingMeasurement | StairMap, ...]:
+    ) -> Detected:
         """Return the simulated detector output for the visible stair."""
         # The reference point is a metre ahead of the chair, so that a rotation decorrelates the errors like a translation.
         normal = self._wander.at(p_WB + R_WB[:, 0])
@@ -155,27 +193,14 @@ class _Errors:
         pitch = math.hypot(seen.rise_m, seen.run_m) + self._value(table["pitch"][cell], latent["pitch"])
         sigma = self._value(table["heading"][cell]["sigma"], latent["sigma"])
         strain = self._value(table["heading"][cell]["strain"], latent["heading"])
-        return (
-            HeadingMeasurement(
-                t_s=t_s,
-                heading_rad=seen.heading_rad + strain * sigma ** table["heading"][cell]["power"],
-                sigma_rad=sigma,
-                edge_count=len(which),
-            ),
-            StairMap(
-                t_s=t_s,
-                direction=seen.direction,
-                nosings_B=tuple(map(tuple, nosings.tolist())),
-                rise_m=pitch * math.sin(slope),
-                run_m=pitch * math.cos(slope),
-                slope_rad=slope,
-                ends=latent["ends"] < table["ends"][end_class(seen, int(seen.numbers[which[-1]]))],
-                left_wall_m=self._wall(table["wall"], seen.left, latent["left"], latent["where"]),
-                right_wall_m=self._wall(table["wall"], seen.right, latent["right"], -latent["where"]),
-                obstacle_m=None,
-                **_sides(seen),
-            ),
-        )
+        heading = seen.heading_rad + strain * sigma ** table["heading"][cell]["power"]
+        walls = [
+            self._wall(table["wall"], wall, latent[name], sign * latent["where"])
+            for wall, name, sign in ((seen.left, "left", 1.0), (seen.right, "right", -1.0))
+        ]
+        ends = latent["ends"] < table["ends"][end_class(seen, int(seen.numbers[which[-1]]))]
+        shape = (pitch * math.sin(slope), pitch * math.cos(slope), slope)
+        return _report(t_s, seen, (heading, sigma), nosings, shape, walls, ends=ends)
 
     def _value(self, quantiles: list[float], normal: float) -> float:
         """Return the quantile of a normal variable by linear interpolation, constant beyond the grid."""
