@@ -7,10 +7,10 @@ Things that stand on the ground hide nothing here: what rises bears.
 import math
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from treadline.core.camera_images import PinholeCamera
-from treadline.core.signals import FreeGround
+from treadline.core.signals import FreeGround, View
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.stair import RISE_M
 from treadline.vehicle.stair_solids import ground_m, stair_surfaces
@@ -18,15 +18,12 @@ from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.visibility import margins_px
 
 RANGE_M = 2.0
-"""Largest distance from mid-track at which ground is measured [m]: a pixel row of a Kinect covers 17 mm of floor there, and as
-much again at 2.6 m."""
+"""Largest distance from mid-track at which ground is measured [m]: a pixel row of a Kinect covers 15 mm of floor there."""
 SIGMA_M = 0.010
-"""Standard deviation of the measured end of the ground [m]: that of a falling flight's nosing at 2 to 2.5 m depth, the most of the
-range, in ``data/cameras/statistical.json``."""
-GRAIN_M = 0.01
-"""Distance between two points along the viewing direction [m]: one standard deviation."""
+"""Standard deviation of the measured end of the ground [m], and distance between two points: that of a falling flight's nosing in
+2.0 to 2.5 m depth, the furthest of the range, in ``data/cameras/statistical.json``."""
 LINES = 5
-"""Number of lines of points over the swept width: at 30° of heading an edge is cut within 5 cm of its nearest point."""
+"""Number of lines of points over the swept width, 0.2 m apart: a right-angled corner between two of them is 0.1 m nearer at most."""
 
 
 class GroundAhead:
@@ -46,12 +43,13 @@ class GroundAhead:
     ) -> None:
         self._surfaces = stair_surfaces(staircase)
         self._camera, self._rng, self._sigma_m = calibration, rng, sigma_m
-        self._way = 1.0 if calibration.R_BC[0, 2] > 0.0 else -1.0
+        self._view: View = "front" if calibration.R_BC[0, 2] > 0.0 else "rear"
+        self._way = 1.0 if self._view == "front" else -1.0
         self._pulley_B = np.array([self._way * 0.5 * chair.tracks.flat_run_m, 0.0, chair.tracks.pulley_radius_m])
-        self._half_m = chair.swept_half_m
-        self._far_m = np.arange(0.5 * chair.tracks.flat_run_m, RANGE_M, GRAIN_M)
-        far, aside = np.meshgrid(self._far_m, np.linspace(-self._half_m, self._half_m, LINES), indexing="ij")
-        self._points = np.stack([far.ravel(), aside.ravel()], axis=1)
+        self._width_m = 2.0 * chair.swept_half_m
+        self._far_m = np.arange(0.5 * chair.tracks.flat_run_m, RANGE_M, SIGMA_M)
+        asides_m = self._width_m * np.linspace(-0.5, 0.5, LINES)
+        self._points = np.stack(np.meshgrid(self._far_m, asides_m, indexing="ij"), axis=-1).reshape(-1, 2)
 
     def look(self, t_s: float, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> FreeGround:
         """Return the ground ahead at a pose of the chair."""
@@ -59,44 +57,42 @@ class GroundAhead:
         places = p_WB[:2] + self._points @ np.array([ahead, [-ahead[1], ahead[0]]])
         x, y, _, _, half_length, half_width, _ = self._surfaces.T
         near = self._surfaces[np.hypot(x - p_WB[0], y - p_WB[1]) < RANGE_M + np.hypot(half_length, half_width)]
-        level = float(ground_m(near, (p_WB + R_WB @ self._pulley_B)[None])[0])
-        if not math.isfinite(level):  # the pulley is beyond the end
-            level = float(p_WB[2])
+        level_m = float(ground_m(near, (p_WB + R_WB @ self._pulley_B)[None])[0])
+        if not math.isfinite(level_m):  # the leading pulley is beyond the end
+            level_m = float(p_WB[2])
         # No flight rises by more than 45°: what is higher belongs to another flight, above this one.
-        tops = ground_m(near, np.column_stack([places, level + self._points[:, 0]]))
-        bears = (tops > level - RISE_M[0]).reshape(-1, LINES)
-        seen = self._in_image(places, level, R_WB, p_WB).reshape(-1, LINES).all(axis=1)
-        return self._measured(t_s, seen, bears)
+        tops_m = ground_m(near, np.column_stack([places, level_m + self._points[:, 0]]))
+        points_B = (np.column_stack([places, np.full(len(places), level_m)]) - p_WB) @ R_WB
+        margins = margins_px(self._camera, (points_B - self._camera.mount_m) @ self._camera.R_BC)
+        seen = np.asarray(np.all(margins.reshape(-1, LINES) > 0.0, axis=1))
+        return self._measured(t_s, seen, (tops_m > level_m - RISE_M[0]).reshape(-1, LINES))
 
-    def _in_image(
-        self, places: Float[np.ndarray, "n 2"], level: float, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
-    ) -> Float[np.ndarray, " n"]:
-        camera = self._camera
-        points_B = (np.column_stack([places, np.full(len(places), level)]) - p_WB) @ R_WB
-        return np.asarray(margins_px(camera, (points_B - camera.mount_m) @ camera.R_BC) > 0.0)
+    def _measured(self, t_s: float, seen: Bool[np.ndarray, " n"], bears: Bool[np.ndarray, "n k"]) -> FreeGround:
+        """Return the measurement of one frame; each takes the same number of random draws.
 
-    def _measured(self, t_s: float, seen: Float[np.ndarray, " n"], bears: Float[np.ndarray, "n k"]) -> FreeGround:
-        """Return the measurement of one frame; each takes the same number of random draws."""
+        Args:
+            seen: Whether the whole width is in the image, by distance.
+            bears: Whether ground bears each point.
+        """
         noise, turn_noise = self._rng.standard_normal(2).tolist()
-        first = int(seen.argmax()) if seen.any() else len(seen) - 1
-        whole = seen & bears.all(axis=1)
-        stop = first + int((~whole[first:]).argmax()) if not whole[first:].all() else len(seen) - 1
-        near_m, far_m = float(self._far_m[first]), float(self._far_m[stop])
-        view = "front" if self._way > 0.0 else "rear"
-        if stop == first or whole[stop] or not seen[stop]:
-            return FreeGround(t_s=t_s, view=view, blind_m=near_m, seen_m=far_m)
-        ends = np.where(bears[first:].all(axis=0), np.inf, self._far_m[first + (~bears[first:]).argmax(axis=0)])
-        right_m, *_, left_m = ends.tolist()
-        turn_sigma_rad = math.sqrt(2.0) * self._sigma_m / (2.0 * self._half_m)
-        crosses = math.isfinite(right_m) and math.isfinite(left_m)
-        end_m = max(far_m - 0.5 * GRAIN_M + self._sigma_m * noise, near_m)
+        first = int(np.argmax(seen)) if np.any(seen) else len(seen) - 1
+        lost = ~(seen & bears.all(axis=1))[first:]
+        last = first + int(np.argmax(lost)) if lost.any() else len(seen) - 1
+        blind_m, seen_m = float(self._far_m[first]), float(self._far_m[last])
+        if last == first or not lost.any() or not seen[last]:
+            return FreeGround(t_s=t_s, view=self._view, blind_m=blind_m, seen_m=seen_m)
+        end_m = max(seen_m - 0.5 * SIGMA_M + self._sigma_m * noise, blind_m)
+        drops = ~bears[first:]
+        right_m, left_m = (float(self._far_m[first + int(np.argmax(drops[:, line]))]) for line in (0, -1))
+        crosses = bool(drops[:, 0].any() and drops[:, -1].any())
+        sigma_rad = math.sqrt(2.0) * self._sigma_m / self._width_m
         return FreeGround(
             t_s=t_s,
-            view=view,
-            blind_m=near_m,
+            view=self._view,
+            blind_m=blind_m,
             seen_m=end_m,
             end_m=end_m,
             end_sigma_m=self._sigma_m,
-            direction_rad=math.atan2(right_m - left_m, 2.0 * self._half_m) + turn_sigma_rad * turn_noise if crosses else None,
-            direction_sigma_rad=turn_sigma_rad if crosses else None,
+            direction_rad=math.atan2(right_m - left_m, self._width_m) + sigma_rad * turn_noise if crosses else None,
+            direction_sigma_rad=sigma_rad if crosses else None,
         )
