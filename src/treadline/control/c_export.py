@@ -6,13 +6,14 @@ controller, so that the copy can be verified on the target.
 
 import json
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Float
+from jinja2 import Environment, FileSystemLoader
 
 from treadline.control._observer import DISTURBANCE_LIMIT
 from treadline.control.belt_allocation import INNER_RATIO_BACKING, INNER_RATIO_CLIMBING, MAX_MEAN_M_S, inner_speed_ratio
@@ -66,7 +67,7 @@ def exported(
         config: Limits, allocation and period.
         log: Test data of the copy; a rehearsal on the design's own model when left out.
     """
-    writers: dict[Target, Callable[..., dict[str, str]]] = {"c": c_files, "ros": ros_files, "json": json_files}
+    writers: dict[Target, Callable[..., dict[str, str]]] = {"c": _c_files, "ros": _ros_files, "json": _json_files}
     return writers[target](design, config, rehearsal(design, config) if log is None else log)
 
 
@@ -112,42 +113,35 @@ def _seen(k: int, t_s: float, y: Float[np.ndarray, " 2"]) -> HeadingEstimate | N
     return HeadingEstimate(t_s=t_s, heading_rad=heading, heading_rate_rad_s=float(y[1]), sigma_rad=0.002, source="vision")
 
 
-def c_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
+def _c_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
     """Return the controller as C99: source, header, constants, and a test that replays the log."""
-    return {path.name: path.read_text(encoding="utf-8") for path in sorted(SOURCES.glob("heading_*.[ch]"))} | {
-        "heading_numbers.h": _numbers(design, config),
-        "heading_log.h": _log(log),
-    }
+    written = {name: _written(name, design, config, log) for name in ("heading_numbers.h", "heading_log.h")}
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted(SOURCES.glob("heading_*.[ch]"))} | written
 
 
-def _numbers(design: ControllerDesign, config: ControllerConfig) -> str:
-    macros = {
-        "HEADING_STATES": str(design.model.order),
-        "HEADING_PERIOD_S": repr(design.period_s),
-        "HEADING_MAX_SPEED_M_S": repr(config.max_speed_m_s),
-        "HEADING_MAX_MEAN_M_S": repr(MAX_MEAN_M_S),
-        "HEADING_SLOWEST_CLIMBING": repr(INNER_RATIO_CLIMBING),
-        "HEADING_SLOWEST_BACKING": repr(INNER_RATIO_BACKING),
-        "HEADING_FASTEST_TURN_RAD_S": repr(FASTEST_TURN_RAD_S),
-        "HEADING_DISTURBANCE_LIMIT_M_S": repr(DISTURBANCE_LIMIT),
-        "HEADING_YAW_RATE_SIGMA_RAD_S": repr(YAW_RATE_SIGMA_RAD_S),
-        "HEADING_CLIMB_SAFE": str(int(config.allocation == "climb-safe")),
-        "HEADING_STATIC": str(int(is_static(design, config))),
-        "HEADING_LEARNS": str(int(design.disturbance_gain is not None)),
-    } | {f"HEADING_{name.upper()}": _braces(matrix) for name, matrix in matrices(design, config).items()}
-    lines = [f"#define {name} {value}" for name, value in macros.items()]
-    return _guarded("HEADING_NUMBERS_H", f"The controller of '{design.vehicle}'.", lines)
+def _written(name: str, design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> str:
+    """Return a file from its template."""
+    engine = Environment(loader=FileSystemLoader(SOURCES), trim_blocks=True, keep_trailing_newline=True, autoescape=False)  # noqa: S701 - C and YAML
+    engine.filters["json"] = json.dumps
+    return engine.get_template(f"{name}.j2").render(
+        settings=_settings_of(design, config),
+        states=design.model.order,
+        learns=design.disturbance_gain is not None,
+        matrices=_matrices(design, config),
+        tolerance_m_s=TOLERANCE_M_S,
+        log=[_row(exchange) for exchange in log],
+    )
 
 
-def is_static(design: ControllerDesign, config: ControllerConfig) -> bool:
+def _is_static(design: ControllerDesign, config: ControllerConfig) -> bool:
     """Whether the state is reconstructed from one output (Eq. 11b) instead of an observer."""
     return (config.reconstruct or design.reconstruct) == "static"
 
 
-def matrices(design: ControllerDesign, config: ControllerConfig) -> dict[str, Float[np.ndarray, "..."]]:
+def _matrices(design: ControllerDesign, config: ControllerConfig) -> dict[str, Float[np.ndarray, "..."]]:
     """Return the matrices of the controller under the names of the equations."""
     model = design.model
-    if is_static(design, config):
+    if _is_static(design, config):
         inverse = static_reconstruction(model.C, model.D, design.K)
         return {"K": design.K, "inverse": inverse, "output_offset": model.output_offset}
     found = {
@@ -164,77 +158,26 @@ def matrices(design: ControllerDesign, config: ControllerConfig) -> dict[str, Fl
     return found if design.disturbance_gain is None else found | {"disturbance_gain": design.disturbance_gain}
 
 
-def _braces(matrix: Float[np.ndarray, "..."]) -> str:
-    """Return an array as a C initialiser; doubles keep all digits."""
-    return repr(matrix.tolist()).replace("[", "{").replace("]", "}")
-
-
-def _log(log: Sequence[Exchange]) -> str:
-    rows = ",\n    ".join(_row(exchange) for exchange in log)
-    return _guarded(
-        "HEADING_LOG_H",
-        "Inputs and responses of treadline's controller.",
-        [
-            f"#define HEADING_TOLERANCE_M_S {TOLERANCE_M_S!r}",
-            f"#define HEADING_LOG_LENGTH {len(log)}",
-            "static const struct {",
-            "    heading_input input; /* has an estimate, steers; heading, rate, speed, target heading, inner speed ratio */",
-            "    heading_command answer;",
-            "} HEADING_LOG[HEADING_LOG_LENGTH] = {",
-            f"    {rows},",
-            "};",
-        ],
-    )
-
-
-def _row(exchange: Exchange) -> str:
+def _row(exchange: Exchange) -> tuple[bool, bool, str, str, bool]:
+    """Return whether a period has an estimate and steers, the other inputs and the belt speeds as C, and the brake."""
     seen, plan, answer = exchange.estimate, exchange.plan, exchange.answer
     heading, rate = (0.0, 0.0) if seen is None else (seen.heading_rad, seen.heading_rate_rad_s)
     steps = ", ".join(_literal(value) for value in (heading, rate, plan.speed_m_s, plan.heading_rad, inner_ratio_of(plan)))
     outputs = ", ".join(_literal(value) for value in (answer.left_m_s, answer.right_m_s))
-    return f"{{{{{_truth(seen is not None)}, {_truth(plan.turn_m_s is None)}, {steps}}}, {{{outputs}, {_truth(answer.brake)}}}}}"
+    return seen is not None, plan.turn_m_s is None, steps, outputs, answer.brake
 
 
 def _literal(value: float) -> str:
     return repr(float(value)) if math.isfinite(value) else "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "-INFINITY"
 
 
-def _truth(value: bool) -> str:
-    return "true" if value else "false"
-
-
-def _guarded(guard: str, what: str, lines: Iterable[str]) -> str:
-    body = "\n".join(lines)
-    return f"/* {what} Written by `treadline export`; do not edit. */\n#ifndef {guard}\n#define {guard}\n\n{body}\n\n#endif\n"
-
-
-TOPICS = {
-    "heading": "/stair/heading",
-    "imu": "/imu",
-    "tracks": "/tracks/cmd",
-    "tracks_state": "/tracks/state",
-    "diagnostics": "/diagnostics",
-}
-"""Topics of the graph in Fig. 7."""
-
-
-def ros_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
+def _ros_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
     """Return a parameter file for the controller's node; ROS parameters are flat lists, so matrices are stored row by row."""
-    del log
-    lines = [
-        f"# The heading controller of '{design.vehicle}'. Written by `treadline export`. Matrices row by row; SI units.",
-        "# ROS 2: --params-file heading_controller.yaml. ROS 1: rosparam load heading_controller.yaml.",
-        "heading_controller:",
-        "  ros__parameters:",
-    ]
-    lines += [f"    {name}: {json.dumps(value)}" for name, value in settings_of(design, config).items()]
-    lines += ["    topics:", *(f"      {name}: {topic}" for name, topic in TOPICS.items())]
-    lines += ["    gains:", f"      states: {design.model.order}"]
-    lines += [f"      {name}: {matrix.ravel().tolist()!r}" for name, matrix in matrices(design, config).items()]
-    return {"heading_controller.yaml": "\n".join(lines) + "\n"}
+    name = "heading_controller.yaml"
+    return {name: _written(name, design, config, log)}
 
 
-def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
+def _json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
     """Return design, settings and log in one file."""
     steps = [
         {
@@ -251,8 +194,8 @@ def json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence
         for exchange in log
     ]
     values = {
-        "settings": settings_of(design, config),
-        "matrices": {name: matrix.tolist() for name, matrix in matrices(design, config).items()},
+        "settings": _settings_of(design, config),
+        "matrices": {name: matrix.tolist() for name, matrix in _matrices(design, config).items()},
         "provenance": design.provenance,
         "self_test": {"tolerance_m_s": TOLERANCE_M_S, "log": steps},
     }
@@ -264,12 +207,12 @@ def _json_number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def settings_of(design: ControllerDesign, config: ControllerConfig) -> dict[str, Any]:
+def _settings_of(design: ControllerDesign, config: ControllerConfig) -> dict[str, Any]:
     """Return the settings of the controller."""
     return {
         "vehicle": design.vehicle,
         **asdict(config),
-        "reconstruct": "static" if is_static(design, config) else "observer",
+        "reconstruct": "static" if _is_static(design, config) else "observer",
         "max_mean_m_s": MAX_MEAN_M_S,
         "slowest_climbing": INNER_RATIO_CLIMBING,
         "slowest_backing": INNER_RATIO_BACKING,
