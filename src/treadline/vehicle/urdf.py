@@ -6,16 +6,19 @@ without mass is part of its parent. Numbers, elements and rotations are written 
 
 import math
 from collections.abc import Sequence
-from xml.etree.ElementTree import Element, SubElement, indent, tostring
+from functools import cache
+from typing import Any
+from xml.etree.ElementTree import fromstring, indent, tostring
 
 import numpy as np
 from jaxtyping import Float
+from jinja2 import Environment, PackageLoader, Template
 
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR
 from treadline.scenario.chair import CameraMount, ChairDescription, Point
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import LINKAGE_BODIES, MeshPart, chair_parts, resting_lugs
-from treadline.vehicle.bodies import Body, Hinge, Shape, vehicle
+from treadline.vehicle.bodies import vehicle
 
 
 def text(*values: float) -> str:
@@ -23,17 +26,17 @@ def text(*values: float) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
-def child(parent: Element, tag: str, content: str | None = None, **attributes: str) -> Element:
-    """Append an element and return it."""
-    element = SubElement(parent, tag, attributes)
-    element.text = content
-    return element
-
-
-def document(root: Element) -> str:
-    """Return a complete file."""
+def document(template: str, /, **values: Any) -> str:
+    """Return a complete file from its template."""
+    root = fromstring(_template(template).render(**values))  # noqa: S314 - our own text, and elements of the caller
     indent(root)
     return '<?xml version="1.0"?>\n' + tostring(root, encoding="unicode") + "\n"
+
+
+@cache
+def _template(name: str) -> Template:
+    engine = Environment(loader=PackageLoader("treadline", "vehicle"), autoescape=True)
+    return engine.get_template(name, globals={"row": lambda *values: text(*np.hstack(values)), "half_pi": 0.5 * math.pi})
 
 
 def roll_pitch_yaw(R: Float[np.ndarray, "3 3"]) -> Point:
@@ -44,9 +47,6 @@ def roll_pitch_yaw(R: Float[np.ndarray, "3 3"]) -> Point:
     return math.atan2(float(R[2, 1]), float(R[2, 2])), pitch, math.atan2(float(R[1, 0]), float(R[0, 0]))
 
 
-COLOURS = {"left": "0.15 0.15 0.15 1", "right": "0.15 0.15 0.15 1", None: "0.4 0.5 0.6 0.4"}
-
-
 def urdf(chair: ChairDescription, loading: Chair, drawn: Sequence[MeshPart] = (), mesh_url: str = "") -> str:
     """Return a chair with its payload as URDF.
 
@@ -54,25 +54,21 @@ def urdf(chair: ChairDescription, loading: Chair, drawn: Sequence[MeshPart] = ()
         drawn: Parts to draw; without parts the collision shapes are drawn.
         mesh_url: Prefix of the parts' mesh files.
     """
-    whole = vehicle(chair, loading)
-    robot = Element("robot", name=whole.name)
-    child(robot, "link", name="base_link")  # a root with inertia is refused by KDL
-    _link(robot, whole.chassis, drawn, mesh_url)
-    _joint(robot, "base_link", whole.chassis.name)
-    for body in whole.bodies[1:]:
-        _link(robot, body, drawn, mesh_url)
-        if body.hinge is None:
-            _joint(robot, whole.chassis.name, body.name, xyz=text(*body.origin_m))
-        else:
-            _turning(robot, body, body.hinge)
-    for body in whole.bodies:
-        for shape in body.shapes:
-            if shape.kind == "cylinder":
-                _pulley(robot, body, shape, hidden=bool(drawn))
-    _camera(robot, whole.chassis.name, "camera", chair.camera)
-    if chair.rear_camera is not None:
-        _camera(robot, whole.chassis.name, "rear_camera", chair.rear_camera)
-    return document(robot)
+    mounts = {"camera": chair.camera, "rear_camera": chair.rear_camera}
+    return document(
+        "chair.urdf.j2",
+        whole=vehicle(chair, loading),
+        drawn=drawn,
+        mesh_url=mesh_url,
+        rgba=lambda part: text(*(round(share, 4) for share in (*part.colour, part.opacity))),
+        cameras=[(name, mount, _angles(mount)) for name, mount in mounts.items() if mount is not None],
+        optical_rad=roll_pitch_yaw(CAMERA_AXES_IN_CHAIR),
+    )
+
+
+def _angles(mount: CameraMount) -> list[float]:
+    """Return roll, pitch and yaw of a camera [rad]."""
+    return [math.radians(angle) for angle in (mount.roll_deg, mount.pitch_deg, mount.yaw_deg)]
 
 
 def drawn_urdf(chair: ChairDescription, loading: Chair, belts: Belts | None, mesh_url: str) -> tuple[str, dict[str, bytes]]:
@@ -96,71 +92,3 @@ def _stl(part: MeshPart) -> bytes:
     triangles["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     header = f"treadline {part.name}".encode().ljust(80)[:80]
     return header + np.uint32(len(corners)).tobytes() + triangles.tobytes()
-
-
-def _link(robot: Element, body: Body, drawn: Sequence[MeshPart], mesh_url: str) -> None:
-    """Write a body with its boxes and meshes; its pulleys are separate links."""
-    link = child(robot, "link", name=body.name)
-    inertial = child(link, "inertial")
-    child(inertial, "origin", xyz=text(*body.com_m), rpy="0 0 0")
-    child(inertial, "mass", value=text(body.mass_kg))
-    ixx, iyy, izz = body.inertia
-    child(inertial, "inertia", ixx=text(ixx), iyy=text(iyy), izz=text(izz), ixy="0", ixz="0", iyz="0")
-    for shape in body.shapes:
-        if shape.kind == "box":
-            _shape(link, shape, hidden=bool(drawn))
-    for part in drawn:
-        if part.body == body.name:
-            element = child(link, "visual", name=part.name)
-            child(child(element, "geometry"), "mesh", filename=f"{mesh_url}{part.name}.stl")
-            rgba = text(*(round(share, 4) for share in (*part.colour, part.opacity)))
-            child(child(element, "material", name=part.name), "color", rgba=rgba)
-
-
-def _shape(link: Element, shape: Shape, *, hidden: bool) -> None:
-    for tag in ("collision",) if hidden else ("visual", "collision"):
-        element = child(link, tag, name=shape.name)
-        is_box = shape.kind == "box"
-        # URDF's cylinder stands along z: a quarter turn about x lays it along y.
-        turn = text(0.0, -shape.nose_up_rad, 0.0) if is_box else text(0.5 * math.pi, 0.0, 0.0)
-        child(element, "origin", xyz=text(*shape.centre_m) if is_box else "0 0 0", rpy=turn)
-        geometry = child(element, "geometry")
-        if is_box:
-            child(geometry, "box", size=text(*(2.0 * half for half in shape.half_m)))
-        else:
-            child(geometry, "cylinder", radius=text(shape.half_m[0]), length=text(2.0 * shape.half_m[1]))
-        if tag == "visual":
-            material = child(element, "material", name="drawn" if shape.belt is None else "belt")
-            child(material, "color", rgba=COLOURS[shape.belt])
-
-
-def _joint(robot: Element, parent: str, name: str, *, kind: str = "fixed", xyz: str = "0 0 0", rpy: str = "0 0 0") -> Element:
-    joint = child(robot, "joint", name=f"{name}_joint", type=kind)
-    child(joint, "parent", link=parent)
-    child(joint, "child", link=name)
-    child(joint, "origin", xyz=xyz, rpy=rpy)
-    return joint
-
-
-def _turning(robot: Element, body: Body, hinge: Hinge) -> None:
-    joint = _joint(robot, body.parent or "base_link", body.name, kind="revolute", xyz=text(*body.origin_m))
-    child(joint, "axis", xyz=text(*hinge.axis))
-    low, high = hinge.range_rad
-    effort = 1000.0 if hinge.torque_n_m is None else hinge.torque_n_m  # URDF requires a number
-    child(joint, "limit", lower=text(low), upper=text(high), effort=text(effort), velocity=text(hinge.max_rate_rad_s))
-
-
-def _pulley(robot: Element, body: Body, shape: Shape, *, hidden: bool) -> None:
-    """Write a pulley as a massless link fixed to chassis or flipper; its mass is part of the body's."""
-    name = f"{shape.name}_pulley"
-    _shape(child(robot, "link", name=name), shape, hidden=hidden)
-    _joint(robot, body.name, name, xyz=text(*shape.centre_m))
-
-
-def _camera(robot: Element, parent: str, name: str, mount: CameraMount) -> None:
-    """Write a camera's frames in ROS convention: ``_link`` looks along x, ``_optical_frame`` along z."""
-    angles = (math.radians(angle) for angle in (mount.roll_deg, mount.pitch_deg, mount.yaw_deg))
-    child(robot, "link", name=f"{name}_link")
-    _joint(robot, parent, f"{name}_link", xyz=text(*mount.position_m), rpy=text(*angles))
-    child(robot, "link", name=f"{name}_optical_frame")
-    _joint(robot, f"{name}_link", f"{name}_optical_frame", rpy=text(*roll_pitch_yaw(CAMERA_AXES_IN_CHAIR)))

@@ -6,7 +6,7 @@ those of the MuJoCo plant.
 
 from collections.abc import Iterator
 from functools import partial
-from xml.etree.ElementTree import Element, tostring
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
 from jaxtyping import Float
@@ -25,7 +25,7 @@ from treadline.scenario.scenario import Belts, Scenario
 from treadline.vehicle.sdf import sdf_world
 from treadline.vehicle.staircase import Staircase, build_staircase
 from treadline.vehicle.start_pose import standing
-from treadline.vehicle.urdf import child, text
+from treadline.vehicle.urdf import text
 
 STEPS = 10
 """Number of 1 ms steps per tick."""
@@ -197,24 +197,25 @@ def world_sdf(scenario: Scenario, staircase: Staircase, chair: ChairDescription,
 
 def plugin_sdf(chair: ChairDescription, *, plugin: str, port: int, seat_rad: float) -> str:
     """Return the ``<plugin>`` element of a chair."""
-    element = Element("plugin", name="treadline", filename=plugin)
-    child(element, "body", "chair")
-    for side in ("left", "right"):
-        # Both belts are parts of the same bodies; the plugin distinguishes them by the names of their shapes.
-        child(element, f"{side}_track", "chair")
-        if chair.flipper is not None:
-            child(element, f"{side}_flipper", "flipper")
-    child(element, "tracks_separation", text(chair.tracks.gauge_m))
-    # Table I: 3.07 rad/s at ±1 m/s is the speed difference of the belts divided by the gauge.
-    child(element, "steering_efficiency", "1")
-    child(element, "max_linear_speed", text(chair.drives.max_speed_m_s))
-    child(element, "solver_tolerance", text(SOLVER_TOLERANCE))
-    # Placeholder, set before the first step: the plugin can only modify existing elements.
-    child(element, "track_mu", "1")
-    child(element, "track_mu2", "1")
-    child(element, "seat_start", text(seat_rad))
+    # Both belts are parts of the same bodies; the plugin distinguishes them by the names of their shapes.
+    belts = {"left_track": "chair", "right_track": "chair"}
+    flipper = {}
     if chair.flipper is not None:
-        child(element, "flipper_start", text(chair.tracks.approach_angle_deg * DEG))
-        child(element, "flipper_torque", text(chair.flipper.torque_n_m))
-    child(element, "port", str(port))
+        belts |= {"left_flipper": "flipper", "right_flipper": "flipper"}
+        flipper["flipper_start"] = text(chair.tracks.approach_angle_deg * DEG)
+        flipper["flipper_torque"] = text(chair.flipper.torque_n_m)
+    drive = {
+        "tracks_separation": text(chair.tracks.gauge_m),
+        # Table I: 3.07 rad/s at ±1 m/s is the speed difference of the belts divided by the gauge.
+        "steering_efficiency": "1",
+        "max_linear_speed": text(chair.drives.max_speed_m_s),
+        "solver_tolerance": text(SOLVER_TOLERANCE),
+        # Placeholder, set before the first step: the plugin can only modify existing elements.
+        "track_mu": "1",
+        "track_mu2": "1",
+    }
+    element = Element("plugin", name="treadline", filename=plugin)
+    settings = {"body": "chair"} | belts | drive | {"seat_start": text(seat_rad)} | flipper | {"port": str(port)}
+    for name, value in settings.items():
+        SubElement(element, name).text = value
     return tostring(element, encoding="unicode")
