@@ -17,6 +17,13 @@ class Air(WireTransport):
     def __init__(self, kinds: dict[str, str] | None = None) -> None:
         super().__init__()
         self.kinds = kinds or {}
+        self.sent: list[tuple[str, Any]] = []
+        """What was published: channel and signal."""
+
+    def publish(self, channel: str, signal: Any) -> None:
+        """Publish, and keep the signal."""
+        super().publish(channel, signal)
+        self.sent.append((channel, signal))
 
     def say(self, channel: str, signal: Any) -> None:
         """Put a signal into the inbox, as another node would."""

@@ -1,10 +1,12 @@
 """What a node cannot work with is told in one line, with what to do."""
 
+import itertools
 import json
 import re
 import sys
 from pathlib import Path
 from threading import Event as Flag
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,6 +15,7 @@ from wires import Air
 from treadline.cli import doctor, main
 from treadline.core.errors import TreadlineError
 from treadline.core.signals import SeatReading
+from treadline.guard import GuardConfig
 from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.replay_plant import ReplayPlant
@@ -20,7 +23,8 @@ from treadline.ros import channels as on
 from treadline.ros import node_process as process
 from treadline.ros import ros1
 from treadline.ros._node_signals import Clock
-from treadline.ros.block_nodes import SeatNode
+from treadline.ros.block_nodes import GuardNode, SeatNode
+from treadline.ros.lockstep import InProcess
 from treadline.ros.node_process import NodeRunner, run_plant
 from treadline.ros.plant_node import PlantNode
 from treadline.ros.wire import Inbox
@@ -79,19 +83,42 @@ def test_a_topic_that_does_not_come(kinds: dict[str, str], said: str) -> None:
         runner.run(Flag())
 
 
-def test_stamps_of_another_clock() -> None:
-    air = Air()
-    runner = NodeRunner(seat(), air)
+@pytest.mark.parametrize(
+    ("stamp_s", "said"),
+    [
+        (1.7e9, r"stamped 1700000000.000 s where the clock shows 1.000 s: stamps of another clock; --clock wall is for drivers"),
+        (2.0, r"stamped 2.000 s where the clock shows 1.000 s: clocks that differ; set those of all machines by one server"),
+    ],
+    ids=["another clock", "1 s ahead"],
+)
+def test_clocks_that_differ_at_the_start(capsys: Any, monkeypatch: pytest.MonkeyPatch, stamp_s: float, said: str) -> None:
+    """Test: a sensor stamps by another clock for 2 s. Expected result: the node goes on and moves nothing; one line says why, its
+    heartbeat keeps the guard waiting, and the node ends with the line where its patience ends."""
+    wall = itertools.count(50.0, 0.005)
+    monkeypatch.setattr(process, "time", SimpleNamespace(monotonic=lambda: next(wall), time=lambda: 1.0))
+    air = Air({"/seat/state": on.JOINTS})
+    runner = NodeRunner(seat(), air, patience_s=0.1)
     air.say(on.CLOCK, Clock(t_s=1.0))
-    air.say(on.SEAT, SeatReading(t_s=1.7e9, pitch_rad=0.0, stroke_m=0.2))
-    with pytest.raises(
-        TreadlineError, match=r"^/seat/state: stamped 1700000000.000 s where the clock shows 1.000 s: .* another clock"
-    ):
+    for _ in range(200):
+        air.say(on.SEAT, SeatReading(t_s=stamp_s, pitch_rad=0.0, stroke_m=0.2))
+        air.deliver(0.0)
+        runner.beat(next(wall))
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert re.match(f"treadline: seat: /seat/state: {said}", lines[0])
+    assert not [signal for channel, signal in air.sent if channel == on.SEAT_PROPOSED]
+    beat = next(signal for channel, signal in reversed(air.sent) if channel == on.DIAGNOSTICS)
+    guard = GuardNode(GuardConfig(), awaited=("seat",))
+    bus = InProcess()
+    guard.listen(bus)
+    bus.publish(on.DIAGNOSTICS, beat)
+    assert guard.waits_for.startswith(f"waits for seat (/seat/state: stamped {stamp_s:.3f} s")
+    with pytest.raises(TreadlineError, match=rf"^seat: nothing on /seat/state after 0 s: /seat/state: {said}"):
         runner.run(Flag())
 
 
 def test_a_guard_that_is_never_ready() -> None:
-    node = PlantNode(ReplayPlant([]))
+    node = PlantNode(ReplayPlant([]), GuardConfig())
     with pytest.raises(TreadlineError, match=r"^plant: the guard is not ready after 0 s: not heard; start the missing nodes$"):
         run_plant(node, Air(), stop=Flag(), patience_s=0.1)
 

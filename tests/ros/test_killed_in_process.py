@@ -139,10 +139,10 @@ class Bench:
 
 
 def test_what_was_asked_of_the_flipper_is_forgotten_with_the_guard_that_asked() -> None:
-    """Test: the guard lowers the flipper and dies; half a second later one speaks that says nothing of the flipper. Expected
-    result: the flipper runs no longer than its command is fresh, and not again."""
+    """Test: the guard lowers the flipper and dies; half a second later a person re-arms, and one speaks that says nothing of the
+    flipper. Expected result: the flipper runs no longer than its command is fresh, and not again."""
     transport, bench = InProcess(), Bench()
-    node = PlantNode(bench)
+    node = PlantNode(bench, GuardConfig())
     node.listen(transport)
     lowers = FlipperCommand(t_s=0.1, rate_rad_s=-0.3)
     transport.publish(on.FLIPPER_CMD, lowers)
@@ -151,13 +151,14 @@ def test_what_was_asked_of_the_flipper_is_forgotten_with_the_guard_that_asked() 
     assert bench.told[-1] == (drives, lowers)
     node.tick(0.5)
     assert bench.told[-1][1] is None
+    transport.publish(on.OPERATOR, OperatorInput(t_s=0.5, rearm=True))
     transport.publish(on.TRACKS_CMD, replace(drives, t_s=0.5))
     assert bench.told[-1] == (replace(drives, t_s=0.5), None)
 
 
 def test_a_brake_that_stayed_on_is_let_go_by_a_press_and_by_no_button_that_is_stuck() -> None:
     transport, bench = InProcess(), Bench()
-    node = PlantNode(bench)
+    node = PlantNode(bench, GuardConfig())
     node.listen(transport)
     transport.publish(on.OPERATOR, OperatorInput(t_s=0.0, rearm=True))
     for k in range(3):
@@ -167,6 +168,7 @@ def test_a_brake_that_stayed_on_is_let_go_by_a_press_and_by_no_button_that_is_st
         assert bench.told[-1][0].brake == (k > 0)
         transport.publish(on.OPERATOR, OperatorInput(t_s=drives.t_s, rearm=True))
     for said in ({"rearm": False}, {"rearm": True, "stop": True}, {"rearm": False}, {"rearm": True}):
-        transport.publish(on.OPERATOR, OperatorInput(t_s=5.0, **said))
-        transport.publish(on.TRACKS_CMD, replace(drives, t_s=5.0))
+        transport.publish(on.OPERATOR, OperatorInput(t_s=4.0, **said))
+        drives = replace(drives, t_s=drives.t_s + 0.01)
+        transport.publish(on.TRACKS_CMD, drives)
         assert bench.told[-1][0].brake == (said != {"rearm": True})

@@ -18,6 +18,7 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
+    PlantState,
     SeatCommand,
     SeatReading,
     StairMap,
@@ -36,6 +37,7 @@ Reading = (
     | FrameQuality
     | FreeGround
     | OperatorInput
+    | PlantState
 )
 """Readings from a plant. A camera with its own detector gives ``FrameQuality``, ``HeadingMeasurement``, ``StairMap``
 and ``FreeGround``."""
@@ -43,7 +45,12 @@ and ``FreeGround``."""
 
 @runtime_checkable
 class Plant(Protocol):
-    """A chair on its tracks: MuJoCo, Gazebo, a recorded log or hardware."""
+    """A chair on its tracks: MuJoCo, Gazebo, a recorded log or hardware.
+
+    Two attributes are optional. ``virtual_time = True`` states that time advances in ``advance`` alone, however long the loop
+    takes; any other plant is taken to run on the wall clock, and a loop that stands still for 0.3 s of it holds the chair.
+    ``brake()`` brakes the belts at once; a second thread calls it while ``advance``, ``read`` or ``write`` does not return.
+    """
 
     def start(self) -> None:
         """Put the chair at its start pose, at ``t_s = 0``, belts at rest."""

@@ -14,7 +14,7 @@ positive anticlockwise seen from above.
 import math
 from collections import deque
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, Generic, Literal, TypeVar
 
@@ -127,6 +127,15 @@ class OperatorInput:
     dead_man: bool = True
     stop: bool = False
     rearm: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantState:
+    """State of the watchdog at the actuators."""
+
+    t_s: float
+    fault: str | None
+    """Reason for which the plant braked by itself; None without one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -295,6 +304,8 @@ class TrackCommand:
     left_m_s: float
     right_m_s: float
     brake: bool = False
+    sender: str = field(default="chair", compare=False)
+    """Frame name of the message: the id of the guard that sent the command; ``chair`` in one process."""
 
     @classmethod
     def stop(cls, t_s: float) -> "TrackCommand":
@@ -308,6 +319,8 @@ class SeatCommand:
 
     t_s: float
     rate_m_s: float
+    sender: str = field(default="chair", compare=False)
+    """Frame name of the message: the id of the guard that sent the command; ``chair`` in one process."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -316,6 +329,8 @@ class FlipperCommand:
 
     t_s: float
     rate_rad_s: float
+    sender: str = field(default="chair", compare=False)
+    """Frame name of the message: the id of the guard that sent the command; ``chair`` in one process."""
 
 
 Phase = Literal[
@@ -359,8 +374,8 @@ class Event:
     t_s: float
     name: str
     """Name: ``hold``, ``rearmed``, ``slow``, ``resumed``, ``re-referenced``, ``vision_dim``, ``vision_clear``, ``seat_shifted``,
-    ``refused``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, or the phase entered; ``dropped`` and ``ended`` in a recording. Other
-    publishers on the topic use other names."""
+    ``refused``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, ``dropped``, ``clock``, or the phase entered; ``ended`` in a
+    recording. Other publishers on the topic use other names."""
     cause: str
     """Observation behind the event, with its value."""
 

@@ -7,6 +7,8 @@ guard computes with plain numbers, is independent of planner and driver, and mak
 
 from treadline.guard._admission import ReadingAdmission
 from treadline.guard._guard_config import TIPPING, GuardConfig
+from treadline.guard._last_guard import LastGuard
+from treadline.guard._loop_watchdog import STANDSTILL_S, LoopWatchdog
 from treadline.guard.guard import Guard
 
-__all__ = ["TIPPING", "Guard", "GuardConfig", "ReadingAdmission"]
+__all__ = ["STANDSTILL_S", "TIPPING", "Guard", "GuardConfig", "LastGuard", "LoopWatchdog", "ReadingAdmission"]

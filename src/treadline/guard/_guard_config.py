@@ -11,6 +11,10 @@ class GuardConfig:
 
     belt_limit_m_s: float = 1.0
     """Largest speed of one belt [m/s]: Table I, v_system(max)."""
+    seat_limit_m_s: float = 0.06
+    """Largest rate of the seat actuator [m/s], from the chair file; zero without a seat linkage."""
+    flipper_limit_rad_s: float = 30.0 * DEG
+    """Largest rate of the flipper [rad/s], from the chair file; zero without a flipper."""
     cruise_limit_m_s: float = 0.30
     """Largest mean belt speed of a chair square to the stair [m/s]: it can stop within one step."""
     turn_limit_m_s: float = 0.55

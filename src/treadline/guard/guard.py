@@ -131,6 +131,10 @@ class Guard:
         """Record the heartbeat of a process; its next ones are then expected."""
         self._processes.heard(process, t_s)
 
+    def hold(self, cause: str) -> None:
+        """Hold for a fault that readings do not show: a loop that stood still, or a second guard."""
+        self._latch.hold(self._now(math.nan), CauseKind.LATE, cause)
+
     def propose(self, command: TrackCommand) -> None:
         """Update with the driver's command; a command older than the last one is ignored."""
         if not finite(command.t_s, command.left_m_s, command.right_m_s):

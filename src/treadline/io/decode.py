@@ -27,6 +27,7 @@ from treadline.core.signals import (
     MotionPlan,
     OperatorInput,
     Phase,
+    PlantState,
     SeatCommand,
     SeatReading,
     Source,
@@ -283,25 +284,30 @@ def _event(r: CdrReader) -> Event:
     return Event(t_s=found.t_s, name=found.name, cause=found.message)
 
 
-def _belts(r: CdrReader) -> tuple[float, float, float, bool]:
-    t_s, _, places, speeds = _joints(r)
+def _plant_state(r: CdrReader) -> PlantState:
+    found = status(r)
+    return PlantState(t_s=found.t_s, fault=found.message if found.level else None)
+
+
+def _belts(r: CdrReader) -> tuple[float, str, float, float, bool]:
+    t_s, frame, places, speeds = _joints(r)
     left, right, _ = _counted(speeds, 3)
-    return t_s, left, right, bool(_counted(places, 3)[2])
+    return t_s, frame, left, right, bool(_counted(places, 3)[2])
 
 
 def _track_command(r: CdrReader) -> TrackCommand:
-    t_s, left, right, brake = _belts(r)
-    return TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right, brake=brake)
+    t_s, sender, left, right, brake = _belts(r)
+    return TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right, brake=brake, sender=sender)
 
 
 def _track_reading(r: CdrReader) -> TrackReading:
-    t_s, left, right, brake = _belts(r)
+    t_s, _, left, right, brake = _belts(r)
     return TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=brake)
 
 
 def _flipper_command(r: CdrReader) -> FlipperCommand:
-    t_s, _, _, rates = _joints(r)
-    return FlipperCommand(t_s=t_s, rate_rad_s=_counted(rates, 1)[0])
+    t_s, sender, _, rates = _joints(r)
+    return FlipperCommand(t_s=t_s, rate_rad_s=_counted(rates, 1)[0], sender=sender)
 
 
 def _flipper_reading(r: CdrReader) -> FlipperReading:
@@ -311,8 +317,8 @@ def _flipper_reading(r: CdrReader) -> FlipperReading:
 
 
 def _seat_command(r: CdrReader) -> SeatCommand:
-    t_s, _, _, speeds = _joints(r)
-    return SeatCommand(t_s=t_s, rate_m_s=_counted(speeds, 1)[0])
+    t_s, sender, _, speeds = _joints(r)
+    return SeatCommand(t_s=t_s, rate_m_s=_counted(speeds, 1)[0], sender=sender)
 
 
 def _seat_reading(r: CdrReader) -> SeatReading:
@@ -434,6 +440,7 @@ OURS: dict[str, tuple[str, Callable[[CdrReader], Any]]] = {
     "/arm/cmd": (JOINTS, _flipper_command),  # logs of release 0.1
     "/arm/state": (JOINTS, _flipper_reading),
     "/operator": (JOINTS, _operator),
+    "/plant/state": ("diagnostic_msgs/msg/DiagnosticArray", _plant_state),
     "/stair/heading/detail": (JOINTS, _estimate),
     HEADINGS: (JOINTS, _measurement),
     EVENTS: ("diagnostic_msgs/msg/DiagnosticArray", _event),

@@ -27,6 +27,7 @@ from treadline.core.signals import (
     ImuSample,
     MotionPlan,
     OperatorInput,
+    PlantState,
     SeatCommand,
     SeatReading,
     StairMap,
@@ -306,9 +307,22 @@ def _plan(plan: MotionPlan, topic: str, writer: Writer) -> list[Message]:
     return [status(topic, plan.t_s, (int(plan.hold is not None), plan.phase, plan.cause, "plan"), values, "chair", writer)]
 
 
-def _tracks(topic: str, t_s: float, belts: tuple[float, float], *, brake: bool, writer: Writer) -> list[Message]:
-    names, places = ("left", "right", "brake"), (0.0, 0.0, float(brake))
-    return [joints(topic, t_s, names, places, (*belts, 0.0), "chair", writer)]
+def _track_command(command: TrackCommand, topic: str, writer: Writer) -> list[Message]:
+    belts = (command.left_m_s, command.right_m_s)
+    return [_tracks(topic, command.t_s, belts, command.sender, writer, brake=command.brake)]
+
+
+def _track_reading(reading: TrackReading, topic: str, writer: Writer) -> list[Message]:
+    return [_tracks(topic, reading.t_s, (reading.left_m_s, reading.right_m_s), "chair", writer, brake=reading.brake_on)]
+
+
+def _tracks(topic: str, t_s: float, belts: tuple[float, float], frame: str, writer: Writer, *, brake: bool) -> Message:
+    return joints(topic, t_s, ("left", "right", "brake"), (0.0, 0.0, float(brake)), (*belts, 0.0), frame, writer)
+
+
+def _plant_state(state: PlantState, topic: str, writer: Writer) -> list[Message]:
+    header = (0 if state.fault is None else 2, "plant", state.fault or "", "plant")
+    return [status(topic, state.t_s, header, {}, "chair", writer)]
 
 
 def _event(event: Event, topic: str, writer: Writer) -> list[Message]:
@@ -377,14 +391,15 @@ _WRITERS: dict[type, tuple[str, Callable[[Any, str, Writer], list[Message]]]] = 
     MotionPlan: ("/plan", _plan),
     Event: ("/diagnostics", _event),
     Truth: ("/truth", _truth),
-    TrackCommand: ("/tracks/cmd", lambda s, t, w: _tracks(t, s.t_s, (s.left_m_s, s.right_m_s), brake=s.brake, writer=w)),
-    TrackReading: ("/tracks/state", lambda s, t, w: _tracks(t, s.t_s, (s.left_m_s, s.right_m_s), brake=s.brake_on, writer=w)),
-    SeatCommand: ("/seat/cmd", lambda s, t, w: [joints(t, s.t_s, ("stroke",), (), (s.rate_m_s,), "chair", w)]),
+    TrackCommand: ("/tracks/cmd", _track_command),
+    TrackReading: ("/tracks/state", _track_reading),
+    PlantState: ("/plant/state", _plant_state),
+    SeatCommand: ("/seat/cmd", lambda s, t, w: [joints(t, s.t_s, ("stroke",), (), (s.rate_m_s,), s.sender, w)]),
     SeatReading: (
         "/seat/state",
         lambda s, t, w: [joints(t, s.t_s, ("stroke", "pitch"), (s.stroke_m, s.pitch_rad), (), "chair", w)],
     ),
-    FlipperCommand: ("/flipper/cmd", lambda s, t, w: [joints(t, s.t_s, ("flipper",), (), (s.rate_rad_s,), "chair", w)]),
+    FlipperCommand: ("/flipper/cmd", lambda s, t, w: [joints(t, s.t_s, ("flipper",), (), (s.rate_rad_s,), s.sender, w)]),
     FlipperReading: (
         "/flipper/state",
         lambda s, t, w: [joints(t, s.t_s, ("angle", "torque"), (s.angle_rad, s.torque_n_m), (), "chair", w)],

@@ -5,6 +5,7 @@ from typing import Any
 from treadline.control import ControllerConfig, HeadingController
 from treadline.control.seat_leveller import LevellerConfig, PitchLeveller
 from treadline.core import paper
+from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.estimation import HeadingFilter, OffsetEstimator
 from treadline.guard import Guard, GuardConfig
@@ -136,6 +137,8 @@ def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True)
     tracks = chair.tracks
     return GuardConfig(
         belt_limit_m_s=chair.drives.max_speed_m_s,
+        seat_limit_m_s=0.0 if chair.seat is None else chair.seat.max_rate_m_s,
+        flipper_limit_rad_s=0.0 if chair.flipper is None else chair.flipper.max_rate_deg_s * DEG,
         drive_lag_s=chair.drives.lag_s,
         drive_acceleration_m_s2=chair.drives.max_acceleration_m_s2,
         front_m=chair.reach_m,

@@ -1,5 +1,6 @@
 """Signals as ROS messages and back, channel by channel: the same fields for ROS 1 and ROS 2."""
 
+import struct
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -7,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
-from treadline.core.errors import ImageError
+from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.rotations import quaternion_of
 from treadline.core.signals import Event, HeadingFault, HeadingHealth
 from treadline.io.cdr import CdrWriter, Ros1Writer, nanoseconds_of
@@ -41,6 +42,9 @@ AHEAD = 8
 MILLIMETRE = 0.001
 """Depth per count of a 16-bit depth image [m], the convention of ROS drivers."""
 
+BROKEN = (ImageError, ValueError, LookupError, ArithmeticError, struct.error)
+"""Errors of a reader that the bytes of a message cause: text that is no UTF-8, missing names, numbers out of range."""
+
 
 def encoded(channel: str, signal: Any, *, ros1: bool) -> list[Message]:
     """Return the messages that hold a signal."""
@@ -60,7 +64,7 @@ def encoded(channel: str, signal: Any, *, ros1: bool) -> list[Message]:
             status_fields = (int(signal.state != "ready"), signal.node, signal.state, NODE)
             return [status_message(channel, signal.t_s, status_fields, {}, signal.node, writer)]
         case GuardState():
-            status_fields = (0 if signal.holding is None else 2, "guard", signal.holding or "", "guard")
+            status_fields = (0 if signal.holding is None else 2, "guard", signal.holding or "", signal.sender)
             return [status_message(channel, signal.t_s, status_fields, {}, "guard", writer)]
         case Odometry():
             return _odometry_messages(channel, signal, writer)
@@ -85,7 +89,6 @@ class Decoder:
         self._channel = channel
         self._reader: type[CdrReader] = Ros1Reader if ros1 else CdrReader
         self._mount = mount
-        self._seen = False
         self._readers: dict[str, Callable[[CdrReader], Any]] = _READERS.get(channel, {})
         if channel == on.CAMERA:
             color, depth, info = (topic.name for topic in on.CHANNELS[channel].topics)
@@ -101,17 +104,16 @@ class Decoder:
         """Return the signal that a message completes, or None.
 
         Raises:
-            LogFormatError: If a message is broken or not of ours.
-            ImageError: If not even the first frame can be used.
+            LogFormatError: If the bytes are no message of this topic, or an image cannot be used. Errors of other kinds are errors
+                of this program.
         """
+        read, reader = self._readers[topic], self._reader
         try:
-            signal = self._readers[topic](self._reader(data))
-        except ImageError:
-            if not self._seen:
-                raise
-            return None  # a camera that has worked may falter: without frames the guard holds
-        self._seen = self._seen or isinstance(signal, RgbdFrame)
-        return signal
+            return read(reader(data))
+        except LogFormatError as error:
+            raise LogFormatError(f"{topic}: {error}") from None
+        except BROKEN as error:
+            raise LogFormatError(f"{topic}: {' '.join(str(error).split())[:200] or type(error).__name__}") from None
 
     def _mounted(self, camera: PinholeCamera | None, size: tuple[int, int]) -> PinholeCamera | None:
         del size
@@ -211,7 +213,7 @@ def _diagnosis(r: CdrReader) -> Beat | Event:
 
 def _guard_state(r: CdrReader) -> GuardState:
     received = status(r)
-    return GuardState(t_s=received.t_s, holding=received.message if received.level else None)
+    return GuardState(t_s=received.t_s, holding=received.message if received.level else None, sender=received.hardware)
 
 
 def _drive(r: CdrReader) -> VelocityCommand:

@@ -28,6 +28,8 @@ class GuardState:
 
     t_s: float
     holding: str | None
+    sender: str = "chair"
+    """Id of the guard."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from uuid import uuid4
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
@@ -57,18 +58,18 @@ def node_of(
     Raises:
         SettingsError: If there is no such node, or it lacks what it needs.
     """
+    blocks = build_blocks(config)
+    limits: GuardConfig = guard_config(config, blocks.driver.period_s)
     if name == "plant":
         if plant is None:
             raise SettingsError("the plant node needs a plant; on a real chair its drivers take its place")
-        return PlantNode(plant())
-    blocks = build_blocks(config)
-    limits: GuardConfig = guard_config(config, blocks.driver.period_s)
+        return PlantNode(plant(), limits)
     match name:
         case "guard":
             awaited = tuple(
                 other for other in driving_nodes(config.chair) if other != "guard" and not (stick and other == "driver")
             )
-            return GuardNode(limits, awaited, config.chair.tracks.gauge_m if stick else None)
+            return GuardNode(limits, awaited, config.chair.tracks.gauge_m if stick else None, sender=f"guard-{uuid4().hex[:8]}")
         case "camera":
             node = CameraNode(blocks.detector, limits, blocks.swept_half_m)
             node.warm_up(mount_of(config), rises=config.direction == "up")

@@ -4,6 +4,7 @@ Paper: Fig. 7. ``plant`` (simulator or drivers) ─► ``camera`` and ``heading`
 ``seat`` in parallel. The nodes compute nothing: the blocks are those of ``mission.loop``.
 """
 
+from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
@@ -313,27 +314,36 @@ class GuardNode:
         config: Limits of the guard.
         awaited: Nodes without which the chair does not start; the belts are braked until each has reported.
         gauge_m: Distance between the tracks [m], where ``/cmd_vel`` drives (a joystick or another planner); else the driver drives.
+        sender: Id of this guard in its commands, by which the plant and other guards tell two guards on one bus.
     """
 
     name = "guard"
     publishes = (on.TRACKS_CMD, on.SEAT_CMD, on.FLIPPER_CMD, on.GUARD)
     needs = ()
 
-    def __init__(self, config: GuardConfig, awaited: tuple[str, ...] = (), gauge_m: float | None = None) -> None:
+    def __init__(
+        self, config: GuardConfig, awaited: tuple[str, ...] = (), gauge_m: float | None = None, sender: str = "chair"
+    ) -> None:
         self._guard = Guard(config)
         self._gauge_m = gauge_m
-        self.missing = set(awaited)
-        """Awaited nodes that have not reported yet."""
+        self._sender = sender
+        self._waits_for = dict.fromkeys(awaited, "")
         self._estimate: HeadingEstimate | None = None
         self._plan: MotionPlan | None = None
         self._flipper_runs = False
         self._t_s = 0.0
         self._last_published: str | None = None
 
+    @property
+    def waits_for(self) -> str:
+        """Awaited nodes that are not ready yet, each with its reason; empty if all are ready."""
+        nodes = (f"{name} ({reason})" if reason else name for name, reason in sorted(self._waits_for.items()))
+        return "waits for " + ", ".join(nodes) if self._waits_for else ""
+
     def listen(self, transport: Transport) -> None:
         """Subscribe to all readings, estimates, plans and proposals."""
         self._publish = transport.publish
-        drives, own = (on.IMU, on.TRACKS, on.SEAT, on.FLIPPER, on.OPERATOR), (on.CAMERA_HEADING, on.CAMERA_MAP)
+        drives, own = (on.IMU, on.TRACKS, on.SEAT, on.FLIPPER, on.OPERATOR, on.PLANT), (on.CAMERA_HEADING, on.CAMERA_MAP)
         for channel in (*drives, on.QUALITY, on.GROUND, *own):
             transport.subscribe(channel, self._admit)
         for channel in (on.MEASURED, on.MAP, on.HEALTH):
@@ -346,6 +356,7 @@ class GuardNode:
             transport.subscribe(on.TWIST, self._take_velocity)
         transport.subscribe(on.SEAT_PROPOSED, self._take_seat)
         transport.subscribe(on.DIAGNOSTICS, self._receive)
+        transport.subscribe(on.GUARD, self._check_other)
 
     def advance(self, t_s: float) -> None:
         """Set the clock."""
@@ -355,28 +366,40 @@ class GuardNode:
         """Publish the commands that may reach the chair now."""
         self._t_s = t_s
         self.advance(t_s)
-        if self.missing:
-            self._publish(on.TRACKS_CMD, TrackCommand.stop(t_s))
+        if self._waits_for:
+            self._command(on.TRACKS_CMD, TrackCommand.stop(t_s))
             return
         tracks = self._guard.step(t_s, self._estimate)
         self._drive_flipper(t_s)
-        self._publish(on.TRACKS_CMD, tracks)
+        self._command(on.TRACKS_CMD, tracks)
         self._report_state()
         for event in self._guard.take_events():
             self._publish(on.DIAGNOSTICS, event)
 
     def repeat_state(self) -> None:
         """Publish again whether the guard holds, for later subscribers."""
-        self._publish(on.GUARD, GuardState(t_s=self._t_s, holding=self._guard.holding))
+        self._publish(on.GUARD, GuardState(t_s=self._t_s, holding=self._guard.holding, sender=self._sender))
+
+    def hold(self, cause: str) -> None:
+        """Hold for a fault of this process or of the plant's."""
+        self._guard.hold(cause)
+        self._report_state()
+
+    def _command(self, channel: str, command: TrackCommand | SeatCommand | FlipperCommand) -> None:
+        self._publish(channel, replace(command, sender=self._sender))
+
+    def _check_other(self, state: GuardState) -> None:
+        if state.sender != self._sender:
+            self.hold(f"another guard, {state.sender}, is on this bus beside {self._sender}; stop one of them")
 
     def _drive_flipper(self, t_s: float) -> None:
         plan = self._plan
         fresh = plan is not None and t_s - plan.t_s <= FLIPPER_TIMEOUT_S
         flipper = self._guard.pass_flipper(plan.flipper if plan is not None and fresh else None)
         if flipper is None and self._flipper_runs:
-            self._publish(on.FLIPPER_CMD, FlipperCommand(t_s=t_s, rate_rad_s=0.0))
+            self._command(on.FLIPPER_CMD, FlipperCommand(t_s=t_s, rate_rad_s=0.0))
         elif flipper is not None:
-            self._publish(on.FLIPPER_CMD, flipper)
+            self._command(on.FLIPPER_CMD, flipper)
         self._flipper_runs = flipper is not None
 
     def _admit(self, reading: Reading) -> None:
@@ -397,11 +420,14 @@ class GuardNode:
         self._guard.propose(TrackCommand(t_s=self._t_s, left_m_s=speed - half_m_s, right_m_s=speed + half_m_s))
 
     def _take_seat(self, command: SeatCommand) -> None:
-        self._publish(on.SEAT_CMD, self._guard.pass_seat(command))
+        self._command(on.SEAT_CMD, self._guard.pass_seat(command))
 
     def _receive(self, message: object) -> None:
         if isinstance(message, Beat) and message.node != self.name:
-            self.missing.discard(message.node)
+            if message.state == "ready":
+                self._waits_for.pop(message.node, None)
+            elif message.node in self._waits_for:
+                self._waits_for[message.node] = message.state
             # The beat counts at its arrival, whatever the clock of its sender.
             self._guard.beat(message.node, self._t_s)
 

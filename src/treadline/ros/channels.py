@@ -11,6 +11,7 @@ TRACKS = "/tracks/state"
 SEAT = "/seat/state"
 FLIPPER = "/flipper/state"
 OPERATOR = "/operator"
+PLANT = "/plant/state"
 CAMERA = "/camera"
 CAMERA_HEADING, CAMERA_MAP, CAMERA_QUALITY = "/camera/stair/heading", "/camera/stair/map", "/camera/stair/quality"
 """Channels of a camera that measures by itself and delivers no images."""
@@ -76,6 +77,7 @@ CHANNELS: dict[str, Channel] = {
     SEAT: _one(SEAT, JOINTS, SECOND),
     FLIPPER: _one(FLIPPER, JOINTS, SECOND),
     OPERATOR: _one(OPERATOR, JOINTS, 10),
+    PLANT: _one(PLANT, STATUS, 10),
     CAMERA: Channel(
         topics=(
             Topic(name="/camera/color/image_raw", kind=IMAGE),

@@ -65,7 +65,7 @@ class LockStep:
         """Connect the nodes; those ``beside`` only subscribe, and ``mount`` is published for viewers."""
         self.transport: Transport = InProcess()
         self.guard = GuardNode(config)
-        self._plant = PlantNode(plant)
+        self._plant = PlantNode(plant, config)
         driver = DriverNode(blocks.planner, blocks.driver, config)
         heading = HeadingNode(blocks.estimator, config, mount)
         camera = CameraNode(blocks.detector, config, blocks.swept_half_m)

@@ -5,13 +5,15 @@ pace, and waits for nodes that fall behind: a busy machine slows the simulation,
 """
 
 import math
+import sys
 import time
 from collections.abc import Callable
 from threading import Event as Flag
 from typing import Any, Literal
 
 from treadline.core.errors import TreadlineError
-from treadline.core.signals import TICK_S
+from treadline.core.signals import TICK_S, Event
+from treadline.guard import LoopWatchdog
 from treadline.ros import channels as on
 from treadline.ros._node_signals import Beat, Clock
 from treadline.ros.block_nodes import GuardNode, Node
@@ -21,12 +23,13 @@ from treadline.ros.wire import WireTransport
 BEAT_S = 0.2
 """Interval of the heartbeat [s]."""
 SILENT_S = 0.6
-"""Silence of ``/clock`` after which the guard counts time by itself [s]: a stopped simulator must not stop the guard."""
+"""Silence of ``/clock`` after which the guard holds [s]: the plant waits ``STUCK_S`` for nodes that are behind."""
 LEAPT_S = 0.1
 """A wall clock that steps back by less is waited for [s]; by more, the node follows it, and the guard holds for the leap. A message
 further ahead of the node's clock shows that the node was kept from running."""
-SLEPT_S = 0.1
-"""A guard that was kept from running for longer does not know which node was silent meanwhile [s]."""
+APART_S = 0.75
+"""Distance of a sensor's stamps from the node's clock, and its duration, above which their clocks differ [s]: half as much again as
+the longest camera latency that a scenario accepts."""
 PATIENCE_S = 60.0
 """Startup timeout for required channels [s]."""
 LAG_S = 0.05
@@ -35,8 +38,10 @@ BEHIND_S = 0.35
 """The same for any other node, by its last heartbeat [s]."""
 STUCK_S = 0.5
 """Longest wait of a simulated plant for a node that is behind [s]; then it continues without that node."""
+ANSWER_S = 1.5 * TICK_S
+"""Lag of the guard behind the plant from which an answer is due [s]: of a guard that keeps up it is one tick."""
 OTHER_CLOCK_S = 10.0
-"""Distance of a first stamp from the clock beyond which the stamp belongs to another clock [s]."""
+"""Distance of stamps from the clock above which they belong to a clock of another kind, simulated or the wall's [s]."""
 POLL_S = 0.005
 
 ClockKind = Literal["sim", "wall"]
@@ -52,10 +57,13 @@ class NodeRunner:
         self._patience_s = patience_s
         self._t_s = 0.0
         self._clock_at: float | None = None
-        self._last_s = 0.0
         self._beat_at = -math.inf
         self._received: set[str] = set()
-        self._began = self._turned_at = time.monotonic()
+        self._apart_at: dict[str, float] = {}
+        self._clock_faults: dict[str, str] = {}
+        self._began = time.monotonic()
+        self._watchdog = LoopWatchdog(self._hold)
+        transport.on_broken = lambda reason: self._report("dropped", reason)
         transport.announce(on.DIAGNOSTICS)
         for channel in node.publishes:
             transport.announce(channel)
@@ -71,29 +79,26 @@ class NodeRunner:
         """
         self._began = time.monotonic()
         looked = False
-        while not stop.is_set():
-            self._transport.deliver(POLL_S)
-            self._turn()
-            if not looked and time.monotonic() - self._began > self._patience_s:
-                looked = True
-                self._check_required()
+        with self._watchdog:
+            while not stop.is_set():
+                self._watchdog.begin("the delivery of messages")
+                self._transport.deliver(POLL_S)
+                self._turn()
+                if not looked and time.monotonic() - self._began > self._patience_s:
+                    looked = True
+                    self._check_required()
 
     def _turn(self) -> None:
         """Tick where no message does it, and publish the heartbeat."""
         now = time.monotonic()
-        slept, self._turned_at = now - self._turned_at > SLEPT_S, now
         if not self._sim:
             t_s = math.floor(time.time() / TICK_S) * TICK_S
             if t_s > self._t_s or t_s < self._t_s - LEAPT_S:
                 self._tick(t_s)
-        elif not isinstance(self._node, GuardNode) or self._clock_at is None:
-            pass
-        elif slept and self._t_s <= self._last_s:
-            self._clock_at = now - SLEPT_S
-        elif now - self._clock_at > SILENT_S:
-            t_s = self._last_s + math.floor((now - self._clock_at) / TICK_S) * TICK_S
-            if t_s > self._t_s:
-                self._tick(t_s)
+        elif self._clock_at is not None and now - self._clock_at > SILENT_S:
+            self._hold(f"no /clock for {now - self._clock_at:.1f} s: the simulated plant stands still")
+            self._clock_at = now
+            self._tick(self._t_s)
         self.beat(now)
 
     def beat(self, now: float) -> None:
@@ -101,56 +106,70 @@ class NodeRunner:
         if now - self._beat_at < BEAT_S:
             return
         self._beat_at = now
-        state = "ready"
+        state = next(iter(self._clock_faults.values()), "ready")
         if isinstance(self._node, GuardNode):
-            missing = self._node.missing
-            state = f"waits for {', '.join(sorted(missing))}" if missing else "ready"
-            if missing:
+            state = self._node.waits_for or state
+            if self._node.waits_for:
                 self._node.tick(self._t_s)
             else:
                 self._node.repeat_state()
         self._transport.publish(on.DIAGNOSTICS, Beat(t_s=self._t_s, node=self._node.name, state=state))
 
+    def _hold(self, cause: str) -> None:
+        if isinstance(self._node, GuardNode):
+            self._node.hold(cause)
+
+    def _report(self, name: str, cause: str) -> None:
+        self._transport.publish(on.DIAGNOSTICS, Event(t_s=self._t_s, name=name, cause=f"{self._node.name}: {cause}"))
+
     def _take_clock(self, clock: Clock) -> None:
-        self._clock_at, self._last_s = time.monotonic(), clock.t_s
+        self._clock_at = time.monotonic()
         self._tick(clock.t_s)
 
     def _tick(self, t_s: float) -> None:
+        self._watchdog.begin("a tick")
         self._t_s = t_s
         self._node.tick(t_s)
 
     def _receive(self, channel: str, signal: Any) -> None:
-        """Update the node's clock where a stamp is far ahead of it; compare the first stamp of a sensor with the clock."""
-        if getattr(signal, "t_s", -math.inf) - self._t_s > LEAPT_S:
-            self._catch_up()
-        if channel in self._received:
+        """Update the node's clock where a stamp is far ahead of it; compare the stamps of a sensor with the clock at the start."""
+        t_s = getattr(signal, "t_s", -math.inf)
+        now_s = self._t_s
+        if t_s - now_s > LEAPT_S:
+            now_s = self._catch_up()
+        if channel in self._received or (self._sim and self._clock_at is None):
             return
-        known = not self._sim or self._clock_at is not None
-        if channel in on.SENSORS:
-            now_s = self._t_s if self._sim else time.time()
-            apart_s = signal.t_s - now_s
-            if known and abs(apart_s) > OTHER_CLOCK_S:
-                remedy = (
-                    "--clock wall is for drivers that stamp with the wall's" if self._sim else "--clock sim is for a simulator's"
-                )
-                raise TreadlineError(
-                    f"{channel}: stamped {signal.t_s:.3f} s where the clock shows {now_s:.3f} s: stamps of another clock; {remedy}"
-                )
-        if known:
+        if channel not in on.SENSORS or abs(t_s - now_s) <= APART_S:
             self._received.add(channel)
+            self._clock_faults.pop(channel, None)
+            return
+        lasts_s = time.monotonic() - self._apart_at.setdefault(channel, time.monotonic())
+        if lasts_s > APART_S and channel not in self._clock_faults:
+            fault = f"{channel}: stamped {t_s:.3f} s where the clock shows {now_s:.3f} s: {self._remedy(t_s - now_s)}"
+            self._clock_faults[channel] = fault
+            sys.stderr.write(f"treadline: {self._node.name}: {fault}\n")
+            self._report("clock", fault)
 
-    def _catch_up(self) -> None:
+    def _remedy(self, apart_s: float) -> str:
+        if abs(apart_s) < OTHER_CLOCK_S:
+            return "clocks that differ; set those of all machines by one server (chrony, ntpd)"
+        other = "--clock wall is for drivers that stamp with the wall's" if self._sim else "--clock sim is for a simulator's"
+        return f"stamps of another clock; {other}"
+
+    def _catch_up(self) -> float:
         """Set the node's clock to now: messages that came while the process did not run are newer than its last tick."""
-        now: Clock | None = self._transport.newest(on.CLOCK) if self._sim else Clock(t_s=time.time())
-        if now is not None:
-            self._node.advance(now.t_s)
+        newest = self._transport.newest(on.CLOCK) if self._sim else Clock(t_s=time.time())
+        if newest is None:
+            return self._t_s
+        self._node.advance(newest.t_s)
+        return float(newest.t_s)
 
     def _check_required(self) -> None:
         after = f"after {self._patience_s:.0f} s"
         for channels in self._node.needs:
             if any(channel in self._received for channel in channels):
                 continue
-            why = self._transport.trouble(channels[0])
+            why = self._clock_faults.get(channels[0]) or self._transport.trouble(channels[0])
             if why is None and self._sim and self._clock_at is None:
                 break
             raise TreadlineError(f"{self._node.name}: nothing on {channels[0]} {after}: {why or 'it is published, and silent'}")
@@ -159,6 +178,8 @@ class NodeRunner:
                 f"{self._node.name}: no /clock {after}: start a simulated plant (treadline node plant), "
                 "or give --clock wall for real drivers"
             )
+        if isinstance(self._node, GuardNode) and self._node.waits_for:
+            sys.stderr.write(f"treadline: guard: {self._node.waits_for} {after}; start the missing nodes\n")
 
 
 class _Subscriptions:
@@ -187,7 +208,7 @@ def run_plant(
     stop: Flag,
     pace: float = 1.0,
     duration_s: float = math.inf,
-    patience_s: float = 60.0,
+    patience_s: float = PATIENCE_S,
 ) -> float:
     """Run a simulated plant by the wall clock; return the simulated time at its end [s].
 
@@ -208,18 +229,25 @@ def run_plant(
         runner.beat(time.monotonic())
         if time.monotonic() - began > patience_s:
             raise TreadlineError(f"plant: the guard is not ready after {patience_s:.0f} s: {peers.guard}; start the missing nodes")
-    due = time.monotonic()
+    due = asked = time.monotonic()
     tick, t_s = 0, 0.0
-    while not stop.is_set() and t_s < duration_s:
-        t_s = tick * TICK_S
-        node.tick(t_s)
-        transport.publish(on.CLOCK, Clock(t_s=t_s))
-        due = max(due + TICK_S / pace, time.monotonic() - TICK_S)
-        waits_from = time.monotonic()
-        while (now := time.monotonic()) < due or peers.keep_waiting(t_s, now - waits_from):
-            runner.beat(now)
-            transport.deliver(min(POLL_S, max(due - now, 0.001)))
-        tick += 1
+    with LoopWatchdog(node.trip, node.brake) as watchdog:
+        while not stop.is_set() and t_s < duration_s:
+            watchdog.begin("plant.advance")
+            t_s = tick * TICK_S
+            node.tick(t_s)
+            transport.publish(on.CLOCK, Clock(t_s=t_s))
+            waits_from = time.monotonic()
+            due = max(due + TICK_S / pace, waits_from - TICK_S)
+            if t_s - node.commanded_s < ANSWER_S:
+                asked = waits_from
+            while (now := time.monotonic()) < due or peers.keep_waiting(t_s, now - waits_from):
+                watchdog.begin("the delivery of messages")
+                if t_s - node.commanded_s >= ANSWER_S:
+                    node.hear_nothing(now - asked)
+                runner.beat(now)
+                transport.deliver(min(POLL_S, max(due - now, 0.001)))
+            tick += 1
     return t_s
 
 

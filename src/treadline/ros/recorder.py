@@ -129,6 +129,7 @@ LOGGED = (
     on.SEAT,
     on.FLIPPER,
     on.OPERATOR,
+    on.PLANT,
     on.CAMERA,
     on.QUALITY,
     on.MEASURED,

@@ -7,6 +7,7 @@ from threading import Condition
 from typing import Any, NamedTuple
 
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.errors import LogFormatError
 from treadline.ros._codec import Decoder, encoded
 from treadline.ros.channels import CHANNELS, Channel
 
@@ -76,7 +77,12 @@ class WireTransport:
         self._mount = mount
         self._takers: dict[str, list[_Subscriber]] = {}
         self._announced: set[str] = set()
+        self._failing: dict[str, str] = {}
         self.inbox = Inbox()
+        self.broken: Counter[str] = Counter()
+        """Number of messages dropped because their bytes could not be read, by topic."""
+        self.on_broken: Callable[[str], object] = lambda _reason: None
+        """Receives topic and reason of the first broken message of each series."""
         self.spare = 1
         """Factor on the depth of each channel."""
 
@@ -114,24 +120,43 @@ class WireTransport:
             message = self.inbox.get(timeout_s if count == 0 else 0.0)
             if message is None:
                 return count
-            topic, data = message
-            for decoder, take in self._takers[topic]:
-                signal = decoder.signal(topic, data)
-                if signal is not None:
-                    take(signal)
+            self._take(*message)
         return BATCH
 
+    def _take(self, topic: str, data: bytes) -> None:
+        """Deliver one message; a broken one is dropped and counted."""
+        for decoder, take in self._takers[topic]:
+            try:
+                signal = decoder.signal(topic, data)
+            except LogFormatError as error:
+                self._drop(topic, str(error))
+                return
+            if signal is not None:
+                take(signal)
+        self._failing.pop(topic, None)
+
+    def _drop(self, topic: str, reason: str) -> None:
+        self.broken[topic] += 1
+        if topic not in self._failing:
+            self._failing[topic] = reason
+            self.on_broken(reason)
+
     def newest(self, channel: str) -> Any | None:
-        """Return the last signal received on a channel of one topic, whether processed or queued; None before the first."""
+        """Return the last signal received on a channel of one topic, whether processed or queued; None if broken or before it."""
         (topic,) = CHANNELS[channel].topics
         data = self.inbox.newest.get(topic.name)
-        return None if data is None else Decoder(channel, ros1=self.ros1, mount=self._mount).signal(topic.name, data)
+        try:
+            return None if data is None else Decoder(channel, ros1=self.ros1, mount=self._mount).signal(topic.name, data)
+        except LogFormatError:
+            return None
 
     def trouble(self, channel: str) -> str | None:
-        """Return why a channel has no messages (wrong type, no publisher), if the transport reports it; otherwise None."""
+        """Return why a channel has no messages (broken, wrong type, no publisher), as far as it is known; otherwise None."""
         for topic in CHANNELS[channel].topics:
             if not topic.read:
                 continue
+            if topic.name in self._failing:
+                return self._failing[topic.name]
             kinds = self._kinds(topic.name)
             wrong = [kind for kind in kinds if kind != topic.kind]
             if wrong:

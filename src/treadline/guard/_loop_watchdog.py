@@ -1,0 +1,83 @@
+"""Watchdog of a loop, by the monotonic clock: a loop that stands still for 0.3 s is a fault, whatever holds it up.
+
+The loop reports each step before it begins. A thread brakes the plant out of band while the step does not return; the loop itself
+learns of its standstill at the next step, before it commands anything.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Condition, Thread
+
+STANDSTILL_S = 0.3
+"""Longest standstill of a loop, and longest silence of the guard at the actuators [s]: more than a control period of 0.25 s, and
+within the 0.8 s of rows 11 and 22 less the stopping time of the belts."""
+
+
+class LoopWatchdog:
+    """Watch over a loop while its ``with`` block runs; outside of it ``begin`` does nothing.
+
+    Args:
+        latch: Receives the cause, in the loop's own thread, at the first step after a standstill.
+        brake: Brakes the plant; called in another thread during a standstill.
+    """
+
+    def __init__(self, latch: Callable[[str], object], brake: Callable[[], object] | None = None) -> None:
+        self._latch, self._brake = latch, brake
+        self._change = Condition()
+        self._step = "its start"
+        self._since_s: float | None = None
+        self._is_running = self._is_braked = False
+
+    def __enter__(self) -> "LoopWatchdog":
+        """Begin to watch, once the kernels of the run are compiled."""
+        self._is_running, self._since_s = True, time.monotonic()
+        if self._brake is not None:
+            Thread(target=self._watch, name="loop watchdog", daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Stop watching."""
+        with self._change:
+            self._is_running = False
+            self._change.notify()
+
+    def begin(self, step: str) -> None:
+        """Report the step that the loop is about to begin; latch if the step before took too long."""
+        if not self._is_running:
+            return
+        now_s = time.monotonic()
+        with self._change:
+            before, since_s, stood = self._step, self._since_s, self._is_braked
+            self._step, self._since_s, self._is_braked = step, now_s, False
+        if since_s is not None and (stood or now_s - since_s > STANDSTILL_S):
+            self._latch(f"the loop stood still for {now_s - since_s:.1f} s in {before}")
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Announce a pause, by the viewer for one: its time does not count."""
+        self.begin("a pause")
+        with self._change:
+            self._since_s = None
+        yield
+        with self._change:
+            self._since_s = time.monotonic()
+
+    def _watch(self) -> None:
+        """Brake once in each standstill."""
+        while self._stands():
+            if self._brake is not None:
+                self._brake()
+
+    def _stands(self) -> bool:
+        """Wait for a standstill; return False at the end of the run."""
+        with self._change:
+            while self._is_running:
+                left_s = STANDSTILL_S
+                if self._since_s is not None and not self._is_braked:
+                    left_s += self._since_s - time.monotonic()
+                if left_s <= 0.0:
+                    self._is_braked = True
+                    return True
+                self._change.wait(left_s)
+        return False

@@ -1,0 +1,81 @@
+"""No bytes on any topic end a node: a broken message is dropped and counted, and the first of a series is reported."""
+
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from node_messages import SIGNALS
+from wires import Air
+
+from treadline.core.errors import LogFormatError
+from treadline.core.signals import Event
+from treadline.guard import GuardConfig
+from treadline.ros import channels as on
+from treadline.ros._codec import Decoder, encoded
+from treadline.ros.block_nodes import GuardNode
+from treadline.ros.node_process import NodeRunner
+
+COUNT = 1000
+"""Mutated messages of each channel and wire."""
+VALUES = [struct.pack("<I", n) for n in (0, 1, 0x7FFFFFFF, 0xFFFFFFFF)]
+NUMBERS = [struct.pack("<d", x) for x in (float("nan"), float("inf"), -1e308, 5e-324, -1.0)]
+
+
+def mutated(data: bytes, rng: np.random.Generator) -> bytes:
+    """Return a message that is cut, lengthened, overwritten with bytes, counts or numbers, or has its middle left out."""
+    at = int(rng.integers(len(data)))
+    match int(rng.integers(6)):
+        case 0:
+            return data[:at]
+        case 1:
+            return data + rng.bytes(int(rng.integers(1, 40)))
+        case 2:
+            return data[:at] + rng.bytes(int(rng.integers(1, 5))) + data[at + 4 :]
+        case 3:
+            return data[: at & ~3] + VALUES[int(rng.integers(len(VALUES)))] + data[(at & ~3) + 4 :]
+        case 4:
+            return data[: at & ~3] + NUMBERS[int(rng.integers(len(NUMBERS)))] + data[(at & ~3) + 8 :]
+        case _:
+            return data[:at] + data[at + int(rng.integers(1, 9)) :]
+
+
+@pytest.mark.parametrize("ros1", [True, False], ids=["ROS 1", "ROS 2"])
+@pytest.mark.parametrize(("channel", "signal"), SIGNALS, ids=[f"{channel} {type(signal).__name__}" for channel, signal in SIGNALS])
+def test_mutated_bytes_are_a_signal_or_a_format_error(channel: str, signal: Any, *, ros1: bool) -> None:
+    rng = np.random.default_rng(39)
+    decoder = Decoder(channel, ros1=ros1)
+    read = {topic.name for topic in on.CHANNELS[channel].topics if topic.read}
+    messages = [(topic, data) for topic, _, data in encoded(channel, signal, ros1=ros1) if topic in read]
+    broken = 0
+    for k in range(COUNT):
+        topic, data = messages[k % len(messages)]
+        try:
+            decoder.signal(topic, mutated(data, rng))
+        except LogFormatError:
+            broken += 1
+    assert broken > 0.05 * COUNT
+
+
+def test_a_programming_error_in_a_reader_is_not_taken_for_a_broken_message() -> None:
+    decoder = Decoder(on.SEAT, ros1=False)
+    with pytest.raises(TypeError):
+        decoder.signal("/seat/state", None)  # type: ignore[arg-type]
+
+
+def test_broken_messages_are_counted_and_the_first_of_a_series_is_reported() -> None:
+    """Test: the guard's node gets 3 messages whose first name is no text (GUARD §1, hole 2), a sound one, a broken one. Expected
+    result: the node goes on, 4 are counted, and two events say which topic."""
+    wire = Air()
+    runner = NodeRunner(GuardNode(GuardConfig()), wire)
+    command = next(signal for channel, signal in SIGNALS if channel == on.TRACKS_PROPOSED)
+    ((topic, _, data),) = encoded(on.TRACKS_PROPOSED, command, ros1=False)
+    broken = data.replace(b"left", b"\xff\xff\xff\xff")
+    for message in (broken, broken, broken, data, broken):
+        wire.inbox.put(topic, message)
+        assert wire.deliver(0.0) == 1
+    runner.beat(1.0)
+    assert wire.broken == {topic: 4}
+    events = [signal for channel, signal in wire.sent if channel == on.DIAGNOSTICS and isinstance(signal, Event)]
+    assert [event.name for event in events] == ["dropped", "dropped"]
+    assert events[0].cause.startswith(f"guard: {topic}: ")
