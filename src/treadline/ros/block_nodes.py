@@ -314,7 +314,7 @@ class GuardNode:
         config: Limits of the guard.
         awaited: Nodes without which the chair does not start; the belts are braked until each has reported.
         gauge_m: Distance between the tracks [m], where ``/cmd_vel`` drives (a joystick or another planner); else the driver drives.
-        sender: Id of this guard in its commands, by which the plant and other guards tell two guards on one bus.
+        sender: Id of this guard in its commands; another id on the bus is a second guard.
     """
 
     name = "guard"
@@ -390,7 +390,7 @@ class GuardNode:
 
     def _check_other(self, state: GuardState) -> None:
         if state.sender != self._sender:
-            self.hold(f"another guard, {state.sender}, is on this bus beside {self._sender}; stop one of them")
+            self.hold(f"another guard, {state.sender}, is on the bus of {self._sender}; stop one of them")
 
     def _drive_flipper(self, t_s: float) -> None:
         plan = self._plan
