@@ -14,9 +14,6 @@ from treadline.guard._obstacle_monitor import OBSTACLE_MAPS, SAME_M
 FLAT_RAD = 5.0 * DEG
 """Largest pitch of a chair on a floor, a landing or a ramp [rad]: ramps for wheelchairs rise by 1:12, 4.8°, and no flight is
 flatter than 5° (``scenario.stair``)."""
-END_CLEAR_M = 0.3
-"""Distance of the leading pulley to keep from the end of the ground [m], in addition to the stopping distance: as from an obstacle
-(row 25)."""
 DEVIATIONS = 2.0
 """Standard deviations of the measured end that are added to that distance: 95 % of a normal variable's errors are smaller."""
 ENTERS: tuple[Phase, ...] = ("approach", "edge")
@@ -39,12 +36,8 @@ class DropMonitor:
         self._end_count = self._nosing_count = 0
         self._flat_s: float | None = None
         """Time since which the chair has been on flat ground; None on a flight."""
-        self._turned_rad = 0.0
-        """Turn by the belts since the chair last knew only the ground under it: without skid, at least the turn itself [rad]."""
-
-    def turn(self, apart_m: float) -> None:
-        """Update with a difference of the belts' travel, right minus left."""
-        self._turned_rad += apart_m / self._config.gauge_m
+        self._heading_rad = math.inf
+        """Heading for which the known ground holds."""
 
     def update_motion(self, t_s: float, pitch_rad: float) -> None:
         """Update with the pitch of one IMU sample."""
@@ -60,9 +53,9 @@ class DropMonitor:
             self._way, self._seen_m = way, -math.inf
             self._forget_end()
         place_m = way * travel_m
-        # The belts bridge a gap of half their flat run without tipping: the strip below the image may not be seen.
-        joins = place_m + ground.blind_m - self._known_m[way] <= self._pulley_m
-        if joins and ground.seen_m > ground.blind_m:
+        # Ground on the same level behind a strip below the image: a chair bridges a gap as long as its reach from mid-track.
+        strip_m, reach_m = place_m + ground.blind_m - self._known_m[way], self._config.front_m if way > 0.0 else self._config.rear_m
+        if strip_m <= reach_m and ground.seen_m > ground.blind_m:
             self._seen_m = place_m + ground.seen_m
             self._known_m[way] = max(self._known_m[way], self._seen_m)
         if ground.end_m is not None:
@@ -78,7 +71,7 @@ class DropMonitor:
             self._nosing_m = ahead_m[0] - travel_m
             self._nosing_count += 1
 
-    def cause(self, t_s: float, travel_m: float, speed_m_s: float, phase: Phase | None) -> str | None:
+    def cause(self, t_s: float, travel_m: float, speed_m_s: float, phase: Phase | None, heading_rad: float) -> str | None:
         """Return why the chair may not go on over flat ground; None if it may, or if it is on a flight.
 
         Args:
@@ -86,14 +79,15 @@ class DropMonitor:
             travel_m: Belt travel, negative backwards.
             speed_m_s: Commanded mean belt speed.
             phase: Phase of the plan.
+            heading_rad: Heading; infinite if unknown.
         """
-        self._drive(travel_m)
+        self._drive(travel_m, heading_rad)
         way, on_flight = math.copysign(1.0, speed_m_s), self._flat_s is None and phase in FLIGHT
         if speed_m_s == 0.0 or on_flight or (way == self._way and phase in ENTERS and self._is_confirmed):
             return None
         pulley_m, stopping_m = way * travel_m + self._pulley_m, abs(speed_m_s) * self._config.stopping_s
         ends_m, known_m = self._end_m - pulley_m, self._known_m[way] - pulley_m
-        if way == self._way and self._end_count >= OBSTACLE_MAPS and ends_m < END_CLEAR_M + stopping_m:
+        if way == self._way and self._end_count >= OBSTACLE_MAPS and ends_m < self._config.obstacle_clear_m + stopping_m:
             return f"the ground ends {ends_m:.2f} m from the belts' leading pulley"
         # A chair that has just come down onto flat ground has not seen it yet.
         if self._flat_s is not None and known_m < stopping_m and t_s - self._flat_s > self._config.frame_timeout_s:
@@ -106,17 +100,17 @@ class DropMonitor:
         """Whether the guard's own maps show a falling flight's nosing at the end of the ground."""
         return self._nosing_count >= OBSTACLE_MAPS and abs(self._nosing_m - self._end_m) < SAME_M
 
-    def _drive(self, travel_m: float) -> None:
+    def _drive(self, travel_m: float, heading_rad: float) -> None:
         """Add the ground under the belts to the known ground; a chair that has turned knows no other ground behind it.
 
         An edge is past once the chair has tipped over it onto a flight.
         """
-        turned = abs(self._turned_rad) > self._config.turning_rad
+        turned = not abs(heading_rad - self._heading_rad) <= self._config.turning_rad
         for way in self._known_m:
             under_m = way * travel_m + self._pulley_m
             self._known_m[way] = under_m if turned else max(self._known_m[way], under_m)
         if turned:
-            self._turned_rad = 0.0
+            self._heading_rad = heading_rad
             self._known_m[self._way] = max(self._known_m[self._way], self._seen_m)
         if self._flat_s is None and self._way * travel_m + self._pulley_m > self._end_m:
             self._forget_end()
