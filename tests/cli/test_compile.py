@@ -40,3 +40,31 @@ def test_what_is_compiled_is_not_compiled_again(run: Run, marker: Path, monkeypa
     assert run("compile", "--json").values["compiled"]
     assert marker.exists()
     assert not run("compile", "--json").values["compiled"]
+
+
+class DamagedKernel:
+    name = "treadline.plant.kernels.step"
+
+    def __init__(self) -> None:
+        self.error: Exception | None = ValueError("wrong checksum")
+
+    def state(self) -> bool | Exception:
+        return self.error or False
+
+    def remove(self, error: Exception) -> None:
+        assert error is self.error
+        self.error = None
+
+
+def test_a_damaged_kernel_is_named_by_doctor_and_made_again_by_compile(
+    run: Run, marker: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kernel = DamagedKernel()
+    monkeypatch.setattr("treadline.core.kernel_cache.kernel_caches", lambda: [kernel])
+    monkeypatch.setattr(module, "GROUPS", {"one": os.getpid, "other": os.getppid})
+    marker.touch()
+    assert "damaged: treadline.plant.kernels.step; to mend them: treadline compile\n" in run("doctor").out
+    assert run("doctor", "--json").values["kernels"] == {"loaded": [], "damaged": [kernel.name], "missing": []}
+    answer = run("compile", "--json").values
+    assert (answer["compiled"], answer["mended"]) == (True, [kernel.name])
+    assert "damaged" not in run("doctor").out

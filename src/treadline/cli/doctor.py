@@ -29,7 +29,10 @@ EXTRAS = (
 
 
 def doctor() -> Answer:
-    """Say what is installed, what is missing, what each missing part would enable and how to get it."""
+    """Say what is installed, what is missing, what each missing part would enable and how to get it.
+
+    Each compiled kernel is loaded from disk; damaged ones are named.
+    """
     parts = [_part(*row, required=True) for row in PARTS]
     parts += [*(_part(*row, required=False) for row in EXTRAS), _rospy(), _gazebo()]
     lines = [f"treadline {__version__} on Python {platform.python_version()}, {platform.system()} {platform.machine()}"]
@@ -38,12 +41,31 @@ def doctor() -> Answer:
         if not part["installed"]:
             lines.append(f"  {'':24} to get it:   {part['remedy']}")
     missing, optional = (sum(not part["installed"] for part in parts if part["required"] is kind) for kind in (True, False))
-    lines.append(f"missing: {missing} required, {optional} optional")
+    kernels, said = _kernels()
+    lines += [*said, f"missing: {missing} required, {optional} optional"]
     return Answer(
-        values={"parts": parts, "treadline": __version__, "python": sys.version.split()[0]},
+        values={"parts": parts, "kernels": kernels, "treadline": __version__, "python": sys.version.split()[0]},
         summary=lines,
         code=1 if missing else 0,
     )
+
+
+def _kernels() -> tuple[dict[str, list[str]], list[str]]:
+    """Return the compiled kernels that are on disk, damaged and not compiled yet, and lines for people."""
+    try:
+        from treadline.core.kernel_cache import kernel_caches
+    except ImportError:  # numba is among the missing parts
+        return {}, []
+    found: dict[str, list[str]] = {"loaded": [], "damaged": [], "missing": []}
+    for kernel in kernel_caches():
+        state = kernel.state()
+        found["damaged" if isinstance(state, Exception) else "loaded" if state else "missing"].append(kernel.name)
+    lines = [
+        f"  {'compiled kernels':24} {len(found['loaded'])} loaded, {len(found['missing'])} compiled when they are first called"
+    ]
+    if found["damaged"]:
+        lines.append(f"  {'':24} damaged: {', '.join(found['damaged'])}; to mend them: treadline compile")
+    return found, lines
 
 
 def _part(name: str, module: str, enables: str, remedy: str, *, required: bool) -> dict[str, object]:

@@ -19,6 +19,9 @@ import numba
 from llvmlite import binding
 from numba.core.event import Event, Listener, register
 
+from treadline.core.errors import TreadlineError
+from treadline.core.kernel_cache import REMEDY, kernel_sources
+
 SUFFIX = ".nbs"
 """Suffix of the marker: removing numba's files ``*.nb?`` removes the marker too."""
 LONG_S = 1.0
@@ -79,21 +82,16 @@ def compiling() -> CompileTimer:
 
 
 def marker_path() -> Path:
-    """Return the marker's path; its name changes with the kernels' sources, the compiler and the processor."""
-    place: Any = numba.njit(cache=True)(marker_path).stats.cache_path  # where numba keeps the kernels of this folder
+    """Return the marker's path; its name changes with the kernels' sources, the compiler and the processor.
+
+    Raises:
+        TreadlineError: If no folder for compiled kernels can be written.
+    """
+    try:
+        place: Any = numba.njit(cache=True)(marker_path).stats.cache_path  # where numba keeps the kernels of this folder
+    except RuntimeError:
+        raise TreadlineError(f"no folder for compiled kernels can be written: {REMEDY}") from None
     return Path(place) / f"compiled-{_fingerprint()}{SUFFIX}"
-
-
-def kernel_count() -> int:
-    """Return the number of kernels in the sources."""
-    return sum(text.count(b"\n@njit(cache=True") for text in _kernel_sources().values())
-
-
-@cache
-def _kernel_sources() -> dict[Path, bytes]:
-    """Return the text of each source file that uses numba."""
-    texts = {path: path.read_bytes() for path in sorted(Path(__file__).parents[1].rglob("*.py"))}
-    return {path: text for path, text in texts.items() if b"\nfrom numba import" in text}
 
 
 def _fingerprint() -> str:
@@ -101,7 +99,7 @@ def _fingerprint() -> str:
     host: Any = binding  # llvmlite has no type hints
     processor = [host.get_host_cpu_name(), host.get_host_cpu_features().flatten()]
     parts = [numba.__version__, llvmlite.__version__, sys.version, *processor]
-    for path in _kernel_sources():
+    for path in kernel_sources():
         source = path.stat()
         parts.append(f"{path}:{source.st_mtime_ns}:{source.st_size}")
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]

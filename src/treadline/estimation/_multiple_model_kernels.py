@@ -4,9 +4,9 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
 from treadline.core.fma import dot
+from treadline.core.kernel_cache import njit
 
 STATES = 4
 

@@ -6,7 +6,8 @@
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
+
+from treadline.core.kernel_cache import njit
 
 
 @njit(cache=True)

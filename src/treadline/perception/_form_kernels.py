@@ -4,8 +4,8 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
+from treadline.core.kernel_cache import njit
 from treadline.perception._plane_segmentation_kernels import BEFORE, BORDER_PX
 
 CUT, WALL, OPEN = 0, 1, 2

@@ -7,9 +7,9 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
 from treadline.core.fma import dot, fused
+from treadline.core.kernel_cache import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -9,9 +9,9 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
 from treadline.core.fma import dot
+from treadline.core.kernel_cache import njit
 
 LEFT_OUT = 0.05
 """Probability below which a hypothesis does not enter the moments: what the data do not determine, such as a curvature seen at one

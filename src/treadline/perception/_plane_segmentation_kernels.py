@@ -8,9 +8,9 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
 from treadline.core.fma import dot, fused
+from treadline.core.kernel_cache import njit
 
 COUNT, X, Y, XX, XY, YY, W, XW, YW, WW = range(10)
 SUMS = 10

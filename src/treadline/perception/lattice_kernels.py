@@ -13,7 +13,8 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
+
+from treadline.core.kernel_cache import njit
 
 RISE_M, RUN_M = (0.08, 0.25), (0.15, 0.52)
 """Ranges of rise and run of a step [m]."""

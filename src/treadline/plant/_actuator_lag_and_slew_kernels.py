@@ -5,8 +5,7 @@
 
 from typing import no_type_check
 
-from numba import njit
-
+from treadline.core.kernel_cache import njit
 from treadline.core.signals import TICK_S
 
 # Rows of the actuator state.

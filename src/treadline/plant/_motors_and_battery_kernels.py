@@ -24,8 +24,7 @@ sum first, because a load exceeding the limit of one belt passes to the other; t
 import math
 from typing import no_type_check
 
-from numba import njit
-
+from treadline.core.kernel_cache import njit
 from treadline.core.signals import TICK_S
 from treadline.plant._actuator_lag_and_slew_kernels import SEAT_ANGLE, STROKE, STROKE_RATE, table
 

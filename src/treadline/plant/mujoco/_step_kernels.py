@@ -7,8 +7,9 @@ checker of the tests from wrapping compiled functions.
 import math
 from typing import no_type_check
 
-from numba import njit, types
+from numba import types
 
+from treadline.core.kernel_cache import njit
 from treadline.plant._actuator_lag_and_slew_kernels import (
     BRAKED,
     FLIPPER_LOST,

@@ -7,9 +7,9 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
 from treadline.core.fma import dot, fused
+from treadline.core.kernel_cache import njit
 from treadline.core.signals import TICK_S
 from treadline.plant.sensors._pose_kernels import product, quaternion, rotation
 from treadline.scenario.chair import GRAVITY_M_S2

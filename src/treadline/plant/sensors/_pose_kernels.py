@@ -7,9 +7,9 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
 from treadline.core.fma import dot, fused
+from treadline.core.kernel_cache import njit
 
 # Parameters of a chair for ``truth``: half of the flat run, length of the approach section, pulley radius, half gauge,
 # origin of the payload's frame with seat shift, mass of seat and payload, mass and centre of the chassis, mass of the flipper.

@@ -16,8 +16,10 @@ import math
 from typing import no_type_check
 
 from llvmlite import ir
-from numba import carray, njit, types  # type: ignore[attr-defined]
+from numba import carray, types  # type: ignore[attr-defined]
 from numba.extending import intrinsic
+
+from treadline.core.kernel_cache import njit
 
 _STAGE = types.void(types.uintp, types.uintp)
 _solve = types.ExternalFunction("mj_fwdConstraint", _STAGE)

@@ -9,7 +9,7 @@ friction: a nosing is held by a lug flank and by the next lug.
 import math
 from typing import no_type_check
 
-from numba import njit
+from treadline.core.kernel_cache import njit
 
 REAR, FRONT, NOSE, FLAT, APPROACH = 0, 1, 2, 3, 4
 """Parts of a belt, in the order of the plant's geom ids."""

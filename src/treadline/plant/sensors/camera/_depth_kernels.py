@@ -10,8 +10,8 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
 
+from treadline.core.kernel_cache import njit
 from treadline.plant.sensors.camera._ray_kernels import smooth
 
 LOST, LOST_GRAZING, GRAZING = 0.002, 0.25, 0.04

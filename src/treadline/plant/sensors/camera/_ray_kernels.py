@@ -4,7 +4,8 @@ import math
 from typing import no_type_check
 
 import numpy as np
-from numba import njit
+
+from treadline.core.kernel_cache import njit
 
 NEAR_M = 0.02
 """Distance from the camera at which faces are clipped [m]."""
