@@ -48,6 +48,7 @@ class Scheduler:
     """Indices of runs whose worker never returns."""
     loop: None = None
     left: int = 0
+    most_waiting: int = 0
     handed: list[list[int]] = field(default_factory=list)
 
     def hire(self) -> None:
@@ -60,7 +61,9 @@ class Scheduler:
         return Promise(run, run_episode, episode)
 
     def batches(self, promises: list[Promise]) -> Iterator[list[Promise]]:
-        for promise in promises:
+        while promises:
+            promise = promises.pop(0)
+            self.most_waiting = max(self.most_waiting, len(promises) + 1)
             if promise.episode.index in self.deadly or self.left == 0:
                 self.left = 0
                 break
@@ -81,9 +84,10 @@ class Scheduler:
 def cluster_of(monkeypatch: pytest.MonkeyPatch) -> Any:
     def make(scheduler: Scheduler, address: str = LOCAL) -> Cluster:
         class AsCompleted:
-            def __init__(self, promises: list[Promise], loop: None) -> None:
+            def __init__(self, loop: None) -> None:
                 assert loop is scheduler.loop
-                self._batches = scheduler.batches(promises)
+                self._promises: list[Promise] = []
+                self.add, self._batches = self._promises.append, scheduler.batches(self._promises)
 
             def next_batch(self, *, block: bool) -> list[Promise]:
                 assert not block
@@ -113,6 +117,13 @@ def test_lost_workers_are_restarted_and_no_run_is_lost(small: Path, cluster_of: 
     assert [row["index"] for row in rows] == list(range(8))
     assert {row["verdict"] for row in rows} <= {"arrived", "held"}
     assert scheduler.handed == [[*range(8)], [*range(3, 8)], [*range(3, 8)], [*range(5, 8)]]
+
+
+def test_few_runs_are_submitted_at_a_time(small: Path, cluster_of: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "BLOCK", 3)
+    scheduler = Scheduler(lives=[99])
+    assert [row["index"] for row in cluster_of(scheduler).results(iter(episodes(small, 8)))] == [*range(8)]
+    assert scheduler.most_waiting == 3
 
 
 def test_a_run_that_kills_every_worker_is_run_alone_and_reported(small: Path, cluster_of: Any) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats.qmc import Sobol
 
 from treadline.campaign._sobol_sampling import points, run_seed
 from treadline.campaign.spec import Drawn, Spec, read_spec, scenario_toml
@@ -95,18 +96,27 @@ def test_outside_scenarios_violate_one_limit_each() -> None:
         assert bool(stair.missing_steps) == (label == "missing steps")
 
 
+def cube(*sampled: Any) -> np.ndarray:
+    return np.array(list(points(*sampled)))
+
+
+def test_sobol_points_are_those_of_one_long_draw() -> None:
+    whole = Sobol(3, scramble=True, rng=7).random_base2(13)
+    np.testing.assert_array_equal(cube("sobol", 3, 7, 5000), whole[:5000])
+
+
 @pytest.mark.parametrize("sampling", ["random", "sobol"])
 @given(fewer=st.integers(1, 40), more=st.integers(0, 100), seed=st.integers(0, 2**40))
 @settings(max_examples=25)
 def test_run_k_does_not_depend_on_the_number_of_runs(sampling: Any, fewer: int, more: int, seed: int) -> None:
-    short, long = (points(sampling, 7, seed, count) for count in (fewer, fewer + more))
+    short, long = (cube(sampling, 7, seed, count) for count in (fewer, fewer + more))
     np.testing.assert_array_equal(short, long[:fewer])
     assert ((long >= 0.0) & (long < 1.0)).all()
 
 
 def test_every_seed_and_run_has_a_different_point_and_seed() -> None:
     for sampling in ("random", "sobol"):
-        one, other = points(sampling, 3, 1, 64), points(sampling, 3, 2, 64)
+        one, other = cube(sampling, 3, 1, 64), cube(sampling, 3, 2, 64)
         assert not np.isin(one, other).any()
     assert len({run_seed(seed, index) for seed in range(30) for index in range(30)}) == 900
 
@@ -114,7 +124,7 @@ def test_every_seed_and_run_has_a_different_point_and_seed() -> None:
 def test_sobol_leaves_fewer_gaps_than_chance() -> None:
     from scipy.stats.qmc import discrepancy
 
-    sobol, chance = (discrepancy(points(sampling, 6, 3, 256)) for sampling in ("sobol", "random"))
+    sobol, chance = (discrepancy(cube(sampling, 6, 3, 256)) for sampling in ("sobol", "random"))
     assert sobol < 0.3 * chance
 
 

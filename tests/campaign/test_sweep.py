@@ -1,22 +1,26 @@
 """Whole sweeps: identical results for any executor, and no run lost after any interruption."""
 
 import csv
+import gc
 import json
 import os
 import resource
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+import tracemalloc
+import zlib
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import flown
+import numpy as np
 import pytest
 from processes import alive, wait_for
 
 from treadline.campaign._journal import Journal
-from treadline.campaign._pool import EpisodeRunner, Pool, Row
+from treadline.campaign._pool import Episode, EpisodeRunner, Pool, Row, run_one
 from treadline.campaign.spec import read_spec
 from treadline.campaign.sweep import SweepPlan, replay_command, run_sweep
 from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
@@ -24,7 +28,18 @@ from treadline.io.runs import JOURNAL
 from treadline.scenario.scenario import read_scenario
 
 HERE = Path(__file__).parent
-ROW: Row = {"index": 0, "seed": 7, "verdict": "arrived", "cause": "the landing"}
+
+
+def run(index: int) -> Row:
+    """Return the row of a run of the sweep with seed 1."""
+    seed = int(np.random.SeedSequence([1, index, 1]).generate_state(1)[0])
+    return {"index": index, "seed": seed, "verdict": "arrived", "cause": "the landing"}
+
+
+def sealed(row: Row) -> bytes:
+    """Return a line of a journal with the checksum of its text."""
+    text = json.dumps(row)
+    return f'{text[:-1]}, "crc32": "{zlib.crc32(text.encode()):08x}"}}\n'.encode()
 
 
 def sweep(
@@ -73,14 +88,52 @@ def test_parquet_holds_what_csv_holds(small: Path, tmp_path: Path) -> None:
         assert {key: "" if value is None else str(value) for key, value in typed.items()} == as_text
 
 
-def test_dask_gives_the_same_bytes(small: Path, tmp_path: Path) -> None:
+def test_dask_gives_the_same_bytes_with_a_killed_worker(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed", reason="Dask is an extra")
     from treadline.campaign._cluster import LOCAL, Cluster
 
     plan = SweepPlan(spec=read_spec(small), runs=40, seed=1)
     sweep(plan, tmp_path / "pool")
-    sweep(plan, tmp_path / "dask", runners=Cluster(flown.quick, LOCAL, 2))
+    monkeypatch.setenv("DIES_ONCE", str(tmp_path / "died"))
+    sweep(plan, tmp_path / "dask", runners=Cluster(flown.killed_once, LOCAL, 2))
+    assert (tmp_path / "died").exists()  # a worker was killed, and its run repeated
     assert results(tmp_path / "pool") == results(tmp_path / "dask")
+
+
+def test_a_process_has_one_run_at_a_time_and_no_other_is_drawn(small: Path) -> None:
+    plan, drawn = SweepPlan(spec=read_spec(small), runs=40), []
+    with Pool(flown.quick, 2) as pool:
+        episodes = (drawn.append(k) or plan.episode(k, point) for k, point in enumerate(plan.first_points()))
+        for ended, _row in enumerate(pool.results(episodes)):
+            assert len(drawn) - ended <= 2
+
+
+class InProcess(Pool):
+    """Executor without processes, which counts the runs that are in memory."""
+
+    most = 0
+
+    def results(self, episodes: Iterable[Episode]) -> Iterator[Row]:
+        for number, episode in enumerate(episodes):
+            if number % 20 == 0:
+                self.most = max(self.most, sum(isinstance(kept, Episode) for kept in gc.get_objects()))
+            yield run_one(flown.quick, episode)
+
+
+def test_memory_does_not_grow_with_the_number_of_runs(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Test: 200 runs and 600, with 32 rows in memory. Expected: one episode in memory, and 100 kB for more runs; a row has 2 kB."""
+    for module in ("_results", "_campaign_page", "_sobol_sampling"):
+        monkeypatch.setattr(f"treadline.campaign.{module}.BLOCK", 32)
+    peaks, most = [], []
+    for runs in (60, 200, 600):  # the first sweep imports
+        executor = InProcess(flown.quick, 1)
+        tracemalloc.start()
+        sweep(SweepPlan(spec=read_spec(small), runs=runs, sampling="sobol"), tmp_path / f"{runs}", runners=executor)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        most.append(executor.most)
+        tracemalloc.stop()
+    assert len(set(most)) == 1
+    assert peaks[2] - peaks[1] < 100_000
 
 
 def test_a_failing_run_is_a_row_and_affects_no_other_run(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,58 +201,66 @@ def test_an_incomplete_last_line_is_run_again_and_a_damaged_line_is_rejected(sma
 
 
 @pytest.mark.parametrize(
-    ("damaged", "message"),
+    ("line", "message"),
     [
-        (lambda header, line: header + line.replace(b'"arrived"', b'"held"'), "the checksum does not match"),
-        (lambda header, line: header + line.replace(b'"crc32": "', b'"crc32": "0'), "the checksum does not match"),
+        (sealed(run(1)).replace(b'"arrived"', b'"held"'), "the checksum does not match"),
+        (sealed(run(1)).replace(b'"crc32": "', b'"crc32": "0'), "the checksum does not match"),
+        (json.dumps(run(1)).encode() + b"\n", "the line has no checksum"),
+        (sealed(run(0)), "run 0 is there twice"),
+        (sealed(run(1) | {"index": -1}), "no run has the index -1"),
+        (sealed(run(1) | {"index": True}), "no run has the index True"),
+        (sealed(run(1) | {"index": 2}), r"run 2 has the seed \d+, in this sweep \d+"),
+        (sealed(run(9) | {"seed": 7}), r"run 9 has the seed 7, in this sweep \d+"),
+        (sealed({"index": 1, "seed": run(1)["seed"]}), "run 1 has no verdict"),
     ],
 )
-def test_a_damaged_journal_line_is_rejected(tmp_path: Path, damaged: Callable[[bytes, bytes], bytes], message: str) -> None:
-    with Journal(tmp_path, {"seed": 1}, resume=False) as journal:
-        journal.add(ROW)
-    (tmp_path / JOURNAL).write_bytes(damaged(*(tmp_path / JOURNAL).read_bytes().splitlines(keepends=True)))
-    with pytest.raises(LogFormatError, match=rf"journal\.jsonl:2: {message}"):
-        Journal(tmp_path, {"seed": 1}, resume=True)
+def test_a_journal_line_that_is_not_a_run_of_the_sweep_is_rejected(tmp_path: Path, line: bytes, message: str) -> None:
+    with Journal(tmp_path, {"seed": 1}, 5, resume=False) as journal:
+        journal.add(run(0))
+    with (tmp_path / JOURNAL).open("ab") as file:
+        file.write(line)
+    remedy = "remove the line to run it again, or give another --out"
+    with pytest.raises(LogFormatError, match=rf"journal\.jsonl:3: {message}; {remedy}$"):
+        Journal(tmp_path, {"seed": 1}, 5, resume=True)
 
 
 def test_a_journal_is_locked_against_a_second_sweep(tmp_path: Path) -> None:
-    with Journal(tmp_path, {"seed": 1}, resume=False), pytest.raises(SettingsError, match="another sweep is writing it"):
-        Journal(tmp_path, {"seed": 1}, resume=True)
+    with Journal(tmp_path, {"seed": 1}, 5, resume=False), pytest.raises(SettingsError, match="another sweep is writing it"):
+        Journal(tmp_path, {"seed": 1}, 5, resume=True)
 
 
 def test_ctrl_c_between_write_and_update_loses_no_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(_: int) -> None:
         raise KeyboardInterrupt
 
-    with Journal(tmp_path, {"seed": 1}, resume=False) as journal:
+    with Journal(tmp_path, {"seed": 1}, 5, resume=False) as journal:
         with monkeypatch.context() as patch:
             patch.setattr("treadline.campaign._journal.os.fsync", interrupted)
             with pytest.raises(KeyboardInterrupt):
-                journal.add(ROW | {"index": 3})
-        assert journal.rows == {}
+                journal.add(run(3))
+        assert list(journal) == []
         journal.reload()
-        assert list(journal.rows) == [3]
+        assert list(journal) == [run(3)]
 
 
-def test_a_full_disk_keeps_the_finished_runs(tmp_path: Path) -> None:
-    row: Row = ROW | {"note": "x" * 60}
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+@pytest.mark.parametrize(("largest", "file"), [(6_000, "journal.jsonl"), (20_000, "report.html")])
+def test_a_sweep_on_a_full_disk_can_be_resumed(small: Path, tmp_path: Path, largest: int, file: str) -> None:
+    """Test: no file may grow beyond a size, at first. Expected: one line with the file, and the results of a sweep at once."""
+    plan, out = SweepPlan(spec=read_spec(small), runs=24, seed=5), tmp_path / "out"
+    sweep(plan, tmp_path / "at-once", workers=1)
+    limits, ignored = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:
-        with Journal(tmp_path, {"seed": 1}, resume=False) as journal:
-            journal.add(row)
-            resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / JOURNAL).stat().st_size + 50, hard))
-            with pytest.raises(
-                TreadlineError, match=r"cannot be written: .*; 1 runs are kept there: make room and go on with --resume"
-            ):
-                journal.add(row | {"index": 1})
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, limits[1]))
+        with pytest.raises(TreadlineError, match=rf"{file}: cannot be written: File too large") as full:
+            sweep(plan, out, workers=1)
     finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         signal.signal(signal.SIGXFSZ, ignored)
-    with Journal(tmp_path, {"seed": 1}, resume=True) as journal:
-        assert journal.rows == {0: row}
-        journal.add(row | {"index": 1})
-    assert len((tmp_path / JOURNAL).read_text().splitlines()) == 3
+    kept = len((out / JOURNAL).read_bytes().splitlines()) - 1
+    assert file != JOURNAL or f"; {kept} runs are kept there: make room and go on with --resume" in str(full.value)
+    done: list[int] = []
+    sweep(plan, out, workers=1, resume=True, done=lambda row, _: done.append(row["index"]))
+    assert (done, results(out)) == ([*range(kept, 24)], results(tmp_path / "at-once"))
 
 
 def started(spec: Path, out: Path, *options: str) -> subprocess.Popen[str]:
@@ -213,11 +274,14 @@ def started(spec: Path, out: Path, *options: str) -> subprocess.Popen[str]:
     )
 
 
-def test_ctrl_c_leaves_tables_and_a_killed_sweep_can_be_resumed(small: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("executor", [(), ("--cluster", "local")], ids=["pool", "dask"])
+def test_ctrl_c_leaves_tables_and_a_killed_sweep_can_be_resumed(small: Path, tmp_path: Path, executor: tuple[str, ...]) -> None:
+    if executor:
+        pytest.importorskip("distributed", reason="Dask is an extra")
     out, journal = tmp_path / "out", tmp_path / "out" / JOURNAL
     kept = lambda: journal.read_bytes().count(b"\n") - 1 if journal.exists() else 0  # noqa: E731
 
-    killed = started(small, out)
+    killed = started(small, out, *executor)
     wait_for(lambda: kept() >= 4)
     workers = children(killed.pid)
     killed.kill()

@@ -4,15 +4,16 @@ A campaign keeps no logs. Each run's row keeps one pose under ``VIEW``, from whi
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from treadline.campaign._pool import VIEW, Row
-from treadline.campaign._results import ARRIVED, Frontier, frontier_of, has_rms
+from treadline.campaign._pool import BLOCK, VIEW, Row
+from treadline.campaign._results import ARRIVED, Frontier, flat, frontier_of, has_rms
 from treadline.core.models import write_whole
 from treadline.playback import Recording
 from treadline.report.labels import score_name, score_unit, suffix
@@ -37,11 +38,11 @@ def write_page(
     folder: Path,
     summary: Mapping[str, Any],
     times: Mapping[str, Any],
-    rows: Sequence[Row],
+    rows: Iterable[Row],
     drawn: Sequence[str],
     views: Mapping[int, str] | None = None,
 ) -> Path:
-    """Write ``report.html`` of a campaign.
+    """Write ``report.html`` of a campaign. Its charts show the first ``BLOCK`` runs, which are a sample of the same distribution.
 
     Args:
         drawn: Columns that are not scores.
@@ -51,15 +52,17 @@ def write_page(
     from markupsafe import Markup
 
     name = score_name(summary["score"])
-    found = frontier_of(rows, drawn)
+    shown = [flat(row) for row in islice(rows, BLOCK)]
+    found = frontier_of(shown, drawn)
     engine = Environment(
         loader=PackageLoader("treadline.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     page = engine.get_template("sweep.html.j2").render(
         summary=summary,
         times=times,
-        chart=_chart(rows, drawn, summary["score"]),
-        frontier=None if found is None else _frontier(rows, found),
+        shown=len(shown),
+        chart=_chart(shown, drawn, summary["score"]),
+        frontier=None if found is None else _frontier(shown, found),
         views={index: Markup(view) for index, view in (views or {}).items()},  # noqa: S704 - drawn by this package
         colours=COLOURS,
         up=name,

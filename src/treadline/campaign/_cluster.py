@@ -7,12 +7,13 @@ import asyncio
 import logging
 import signal
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
+from itertools import islice
 from types import TracebackType
 from typing import Any
 
-from treadline.campaign._pool import LIVES, ONE_THREAD, Episode, EpisodeRunner, Row, failed, not_for_children, run_one
+from treadline.campaign._pool import BLOCK, LIVES, ONE_THREAD, Episode, EpisodeRunner, Row, failed, not_for_children, run_one
 from treadline.core.errors import SettingsError
 from treadline.io.runs import versions
 
@@ -62,7 +63,12 @@ class Cluster:
             if self._address == LOCAL:
                 with not_for_children(signal.SIGINT):
                     self._cluster = LocalCluster(
-                        n_workers=self._workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+                        n_workers=self._workers,
+                        threads_per_worker=1,
+                        processes=True,
+                        host="127.0.0.1",
+                        dashboard_address=None,
+                        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # another sweep may use Dask's default port
                     )
             self._client = Client(self._cluster or self._address, timeout=ANSWERS_WITHIN_S, set_as_default=False)
             self._check_versions()
@@ -103,38 +109,58 @@ class Cluster:
         self._close()
 
     def results(self, episodes: Iterable[Episode]) -> Iterator[Row]:
-        """Yield the row of each episode as it ends."""
-        suspects: list[Episode] = []
-        yield from self._run_all(list(episodes), suspects)
-        # All runs on a dead worker are suspects. Executed alone, a run can only kill its own worker.
-        for suspect in suspects:
-            blamed: list[Episode] = []
-            yield from self._run_all([suspect], blamed)
-            for episode in blamed:
-                yield failed(episode, "crashed", f"its process died, {LIVES} times")
+        """Yield the row of each episode as it ends; at most ``BLOCK`` episodes have been drawn and have not ended."""
+        waiting, suspects = iter(episodes), list[Episode]()
+        yield from self._run_all(waiting, suspects)
+        while suspects:
+            # All runs on a dead worker are suspects. Executed alone, a run can only kill its own worker.
+            for suspect in suspects:
+                blamed: list[Episode] = []
+                yield from self._run_all(iter([suspect]), blamed)
+                for episode in blamed:
+                    yield failed(episode, "crashed", f"its process died, {LIVES} times")
+            suspects.clear()
+            yield from self._run_all(waiting, suspects)
 
-    def _run_all(self, episodes: list[Episode], suspects: list[Episode]) -> Iterator[Row]:
-        """Yield rows; runs whose workers died become suspects, as do all remaining runs if no worker makes progress."""
-        left = {episode.index: episode for episode in episodes}
+    def _run_all(self, waiting: Iterator[Episode], suspects: list[Episode]) -> Iterator[Row]:
+        """Yield rows; runs whose workers died become suspects, as do all submitted runs if no worker makes progress."""
+        left: dict[int, Episode] = {}
         stalls = 0
-        while left and stalls < LIVES:
-            before = len(left)
-            yield from self._run_until_stalled(left, suspects)
-            stalls = stalls + 1 if len(left) == before else 0
-            if left:
-                self._restart_workers()
+        while stalls < LIVES:
+            has_progress = yield from self._run_until_stalled(left, waiting, suspects)
+            if not left:
+                return
+            stalls = 0 if has_progress else stalls + 1
+            self._restart_workers()
         suspects += left.values()
 
-    def _run_until_stalled(self, left: dict[int, Episode], suspects: list[Episode]) -> Iterator[Row]:
-        """Remove finished runs from ``left``; end when none is left, or when no worker has been busy for too long."""
+    def _run_until_stalled(
+        self, left: dict[int, Episode], waiting: Iterator[Episode], suspects: list[Episode]
+    ) -> Generator[Row, None, bool]:
+        """Submit ``left``, and waiting episodes in place of those that end; return whether any ended.
+
+        End when none is left or ``suspects`` are too many, or when no worker has been busy for too long.
+        """
         from distributed import KilledWorker, as_completed
 
-        futures = {self._client.submit(run_one, self._run_episode, episode, pure=False): index for index, episode in left.items()}
-        finished = as_completed(list(futures), loop=self._client.loop)
-        busy_s = time.monotonic()
-        while futures and time.monotonic() - busy_s < STALLED_S:
+        futures: dict[Any, int] = {}
+        finished = as_completed(loop=self._client.loop)
+
+        def submit(episodes: Iterable[Episode]) -> None:
+            for episode in episodes:
+                future = self._client.submit(run_one, self._run_episode, episode, pure=False)
+                left[episode.index], futures[future] = episode, episode.index
+                finished.add(future)
+
+        submit(list(left.values()))
+        has_progress, busy_s = False, time.monotonic()
+        while time.monotonic() - busy_s < STALLED_S:
+            submit(islice(waiting, max(BLOCK - len(left) - len(suspects), 0)))
+            if not futures:
+                break
             batch = finished.next_batch(block=False)
             for future in batch:
+                has_progress = True
                 episode = left.pop(futures.pop(future))
                 try:
                     yield future.result()
@@ -150,6 +176,7 @@ class Cluster:
             if batch or any(self._client.processing().values()):
                 busy_s = time.monotonic()
         self._client.cancel(list(futures), force=True)
+        return has_progress
 
     def _restart_workers(self) -> None:
         """Restart the workers: a nanny gives up on a worker that dies at start, without a replacement."""

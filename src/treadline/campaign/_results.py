@@ -9,21 +9,23 @@ draws every run next to it.
 """
 
 import csv
-import io
 import json
+from array import array
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from heapq import nsmallest
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
-from treadline.campaign._pool import TIMES, VIEW, Row
+from treadline.campaign._pool import BLOCK, TIMES, VIEW, Row
 from treadline.core.arrays import rms
-from treadline.core.models import write_whole, written_whole
+from treadline.core.models import written_whole
 from treadline.io.runs import COMPLETED
 
 CONFIDENCE = 0.95
@@ -54,34 +56,44 @@ def clopper_pearson(count: int, total: int, confidence: float = CONFIDENCE) -> t
     return low, high
 
 
-def summarise(rows: Sequence[Row], drawn: Sequence[str], choices: Sequence[str], score: str) -> dict[str, Any]:
-    """Return the summary of flat rows.
+def summarise(rows: Iterable[Row], drawn: Sequence[str], choices: Sequence[str], score: str) -> dict[str, Any]:
+    """Return the summary of the runs.
 
     Scores include only runs that drove: the heading of a refused chair on the floor has no meaning. Means and quantiles are those
     of completed runs, worst values those of all: a run that ended early has the scores of a shorter time.
 
     Args:
-        rows: Flat rows of all runs.
+        rows: Rows of all runs; iterated several times, so that they need not be in memory.
         drawn: Columns that are not scores.
         choices: Columns by which verdicts are counted.
         score: Score that ranks the worst runs.
     """
-    verdicts = Counter(row["verdict"] for row in rows)
+    verdicts, causes, names = Counter[str](), Counter[str](), dict[str, None]()
+    by: dict[str, dict[str, Counter[str]]] = {key: {} for key in choices}
+    for row in map(flat, rows):
+        verdicts[row["verdict"]] += 1
+        for key, values in by.items():
+            values.setdefault(str(row.get(key)), Counter())[row["verdict"]] += 1
+        if row["verdict"] != "arrived":
+            causes[_kind(row)] += 1
+        if row["verdict"] != "refused":
+            names |= dict.fromkeys(row)
+    total = verdicts.total()
     return {
-        "runs": len(rows),
-        "verdicts": {name: _share(verdicts[name], len(rows)) for name in sorted({*verdicts, "arrived", "fell"})},
-        "by": {key: _crossed(rows, key) for key in choices},
-        "causes": dict(Counter(_kind(row) for row in rows if row["verdict"] != "arrived").most_common(20)),
-        "scores": _scores([row for row in rows if row["verdict"] != "refused"], drawn),
+        "runs": total,
+        "verdicts": {name: _share(verdicts[name], total) for name in sorted({*verdicts, "arrived", "fell"})},
+        "by": {key: {value: dict(sorted(values[value].items())) for value in sorted(values)} for key, values in by.items()},
+        "causes": dict(causes.most_common(20)),
+        "scores": _scores(rows, total, [name for name in names if name not in {*drawn, *NOT_SCORES}]),
         "score": score,
         "worst": [{name: row.get(name) for name in ("index", "seed", "verdict", "cause", score)} for row in worst(rows, score)],
     }
 
 
-def worst(rows: Sequence[Row], score: str, count: int = 10) -> list[Row]:
+def worst(rows: Iterable[Row], score: str, count: int = 10) -> list[Row]:
     """Return the worst runs: falls, then failures, then by the score."""
     rank = {"fell": 0} | dict.fromkeys(FAILED[1:], 1)
-    return sorted(rows, key=lambda row: (rank.get(row["verdict"], 2), harm(row, score), row["index"]))[:count]
+    return nsmallest(count, map(flat, rows), key=lambda row: (rank.get(row["verdict"], 2), harm(row, score), row["index"]))
 
 
 def harm(row: Mapping[str, Any], score: str) -> float:
@@ -108,48 +120,60 @@ def _share(count: int, total: int) -> dict[str, Any]:
     return {"count": count, "share": count / max(total, 1), "bounds": list(clopper_pearson(count, total))}
 
 
-def _crossed(rows: Sequence[Row], key: str) -> dict[str, dict[str, int]]:
-    found = sorted({str(row.get(key)) for row in rows})
-    return {value: dict(sorted(Counter(row["verdict"] for row in rows if str(row.get(key)) == value).items())) for value in found}
-
-
 def _kind(row: Row) -> str:
     """Return a cause without its numbers, so that similar causes are counted together."""
     words = [word for word in str(row.get("cause")).split(";")[0].split() if not any(letter.isdigit() for letter in word)]
     return f"{row['verdict']}: {' '.join(words[:8])}"
 
 
-def _scores(rows: Sequence[Row], drawn: Sequence[str]) -> dict[str, dict[str, Any]]:
-    names = dict.fromkeys(name for row in rows for name in row)
-    return {name: figures for name in names if name not in {*drawn, *NOT_SCORES} and (figures := _figures(rows, name))}
+def _scores(rows: Iterable[Row], total: int, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return the statistics of the numeric columns of runs that drove, from as many columns at a time as memory may hold."""
+    scores: dict[str, dict[str, Any]] = {}
+    width = max(1, BLOCK**2 // max(total, 1))
+    for start in range(0, len(names), width):
+        columns = {name: array("d") for name in names[start : start + width]}
+        indices, completed = array("q"), bytearray()
+        for row in map(flat, rows):
+            if row["verdict"] != "refused":
+                indices.append(row["index"])
+                completed.append(row["verdict"] in COMPLETED)
+                for name, column in columns.items():
+                    value: Any = row.get(name)
+                    column.append(value if type(value) in (int, float) else np.nan)
+        for name, column in columns.items():
+            values, has_ended = np.array(column), np.frombuffer(completed, dtype=bool)
+            is_known = ~np.isnan(values)
+            if is_known.any():
+                scores[name] = _figures(name, np.array(indices)[is_known], values[is_known], values[is_known & has_ended])
+    return scores
 
 
-def _figures(rows: Sequence[Row], name: str) -> dict[str, Any] | None:
-    """Return the statistics of a numeric column, or None for another column."""
-    found = [row for row in rows if type(row.get(name)) in (int, float)]
-    if not found:
-        return None
-    values = np.array([float(row[name]) for row in found])
-    completed = values[[row["verdict"] in COMPLETED for row in found]]
+def _figures(
+    name: str, indices: Int[np.ndarray, " n"], values: Float[np.ndarray, " n"], completed: Float[np.ndarray, " m"]
+) -> dict[str, Any]:
+    """Return the statistics of a score."""
     sizes = np.abs(values) if name == DISTANCE or not lower_is_worse(name) else values
     bad = int(np.argmin(sizes) if lower_is_worse(name) else np.argmax(sizes))
     return {
-        "count": len(found),
+        "count": len(values),
         "averaged": len(completed),
         **{word: float(average(completed)) if len(completed) else None for word, average in AVERAGES.items()},
         "min": float(values.min()),
         "max": float(values.max()),
         "worst": float(values[bad]),
-        "worst_run": found[bad]["index"],
+        "worst_run": int(indices[bad]),
     }
 
 
-def write_tables(folder: Path, rows: Sequence[Row]) -> list[Path]:
+def write_tables(folder: Path, rows: Iterable[Row]) -> list[Path]:
     """Write the results in the given order and the times next to them; return the result files."""
-    results = [flat(row) for row in rows]
-    _write_csv(folder / "runs.csv", results)
-    _write_csv(folder / "times.csv", [{name: row.get(name) for name in ("index", *TIMES)} for row in rows])
-    parquet = _write_parquet(folder / "runs.parquet", results)
+    kinds: dict[str, set[type]] = {}
+    for row in map(flat, rows):
+        for name, value in row.items():
+            kinds.setdefault(name, set()).add(type(value))
+    _write_csv(folder / "runs.csv", map(flat, rows), list(kinds))
+    _write_csv(folder / "times.csv", rows, ["index", *TIMES])
+    parquet = _write_parquet(folder / "runs.parquet", rows, kinds)
     return [folder / "runs.csv", *([folder / "runs.parquet"] if parquet else [])]
 
 
@@ -169,17 +193,11 @@ def flat(row: Mapping[str, Any], prefix: str = "") -> Row:
     return values
 
 
-def _columns(rows: Sequence[Row]) -> list[str]:
-    return list(dict.fromkeys(name for row in rows for name in row))
-
-
-def _write_csv(path: Path, rows: Sequence[Row]) -> None:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    names = _columns(rows)
-    writer.writerow(names)
-    writer.writerows([[_cell(row.get(name)) for name in names] for row in rows])
-    write_whole(path, text.getvalue())
+def _write_csv(path: Path, rows: Iterable[Row], names: Sequence[str]) -> None:
+    with written_whole(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([_cell(row.get(name)) for name in names] for row in rows)
 
 
 def _cell(value: object) -> str:
@@ -188,24 +206,30 @@ def _cell(value: object) -> str:
     return "" if value is None else str(value)
 
 
-def _write_parquet(path: Path, rows: Sequence[Row]) -> bool:
+def _write_parquet(path: Path, rows: Iterable[Row], kinds: Mapping[str, set[type]]) -> bool:
+    """Write the rows, ``BLOCK`` at a time; a column of mixed numbers holds floats, one of any other mixture strings."""
     try:
         import pyarrow as pa
         from pyarrow import parquet
     except ImportError:
         return False
-    columns = {name: _of_one_kind([row.get(name) for row in rows]) for name in _columns(rows)}
-    with written_whole(path) as part:
-        parquet.write_table(pa.table(columns), part, compression="zstd")
+    types = {name: _one_type(found - {type(None)}) for name, found in kinds.items()}
+    arrow = {type(None): pa.null(), bool: pa.bool_(), int: pa.int64(), float: pa.float64(), str: pa.string()}
+    schema = pa.schema([(name, arrow[kind]) for name, kind in types.items()])
+    remaining = map(flat, rows)
+    with written_whole(path) as part, parquet.ParquetWriter(part, schema, compression="zstd") as writer:
+        while block := list(islice(remaining, BLOCK)):
+            columns = {
+                name: [None if (value := row.get(name)) is None else kind(value) for row in block] for name, kind in types.items()
+            }
+            writer.write_table(pa.table(columns, schema=schema))
     return True
 
 
-def _of_one_kind(values: list[Any]) -> list[Any]:
-    """Return a column with a single type: mixed numbers become floats, any other mixture strings."""
-    kinds = {type(value) for value in values if value is not None}
+def _one_type(kinds: set[type]) -> type:
     if kinds == {int, float}:
-        return [None if value is None else float(value) for value in values]
-    return values if len(kinds) <= 1 else [None if value is None else str(value) for value in values]
+        return float
+    return kinds.pop() if len(kinds) == 1 else str if kinds else type(None)
 
 
 ARRIVED = ("arrived", "end_of_flight")

@@ -8,29 +8,31 @@ minimum that differential evolution reached in 1000. The steps depend only on se
 from the journal.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
+from treadline.campaign._pool import BLOCK
+
 Sampling = Literal["random", "sobol"]
-Evaluate = Callable[[Float[np.ndarray, "count dimension"]], list[float]]
-"""Function from points of the cube to scores; the lowest score is the worst."""
 
 
-def points(sampling: Sampling, dimension: int, seed: int, count: int) -> Float[np.ndarray, "count dimension"]:
-    """Return the first ``count`` points; a longer list begins with a shorter one.
+def points(sampling: Sampling, dimension: int, seed: int, count: int) -> Iterator[Float[np.ndarray, " dimension"]]:
+    """Yield the first ``count`` points; a longer sequence begins with a shorter one.
 
     Sobol points are scrambled (Owen) with the seed: each is uniform alone, together they have low discrepancy.
     """
     if sampling == "sobol" and dimension:
         from scipy.stats.qmc import Sobol
 
-        whole: Float[np.ndarray, "two_to_the_n dimension"]
-        whole = Sobol(dimension, scramble=True, rng=seed).random_base2(max(count - 1, 0).bit_length())
-        return whole[:count]
-    return np.array([np.random.default_rng([seed, index]).random(dimension) for index in range(count)]).reshape(count, dimension)
+        sequence = Sobol(dimension, scramble=True, rng=seed)
+        for start in range(0, count, BLOCK):
+            yield from sequence.random(BLOCK)[: count - start]
+        return
+    for index in range(count):
+        yield np.random.default_rng([seed, index]).random(dimension)
 
 
 def run_seed(seed: int, index: int) -> int:
@@ -48,14 +50,29 @@ def budget(runs: int) -> int:
     return runs // generation_size(runs) * generation_size(runs)
 
 
-def search(first: Float[np.ndarray, "count dimension"], evaluate: Evaluate, *, generations: int, seed: int) -> None:
-    """Evaluate generation after generation, beginning with ``first``; ``evaluate`` stores the results."""
-    rng = np.random.default_rng([seed, 0, 2])
-    tried, scores = first, evaluate(first)
-    for _ in range(generations - 1):
-        elite = tried[np.argsort(scores, kind="stable")[: max(4, round(1 / 3 * len(first)))]]
+def search(
+    first: Float[np.ndarray, "count dimension"], score: Callable[[int], float | None], *, generations: int, seed: int
+) -> Iterator[Float[np.ndarray, "count dimension"]]:
+    """Yield generation after generation, beginning with ``first``.
+
+    Args:
+        first: Points of the first generation.
+        score: Returns the score of a run that has been yielded; the lowest is the worst. The search ends at a run without a score.
+        generations: Number of generations.
+        seed: Seed of the search.
+    """
+    yield first
+    rng, count = np.random.default_rng([seed, 0, 2]), len(first)
+    points, elite, worst = first, first[:0], np.empty(0)
+    for start in range(0, (generations - 1) * count, count):
+        scores = [score(index) for index in range(start, start + count)]
+        if None in scores:
+            return
+        tried, found = np.vstack([elite, points]), np.append(worst, np.array(scores, dtype=float))
+        best = np.argsort(found, kind="stable")[: max(4, round(1 / 3 * count))]
+        elite, worst = tried[best], found[best]
         # A twentieth of the cube is added to the elite's width, to prevent premature convergence.
         step = (elite.std(axis=0) + 0.05) * rng.standard_normal(first.shape)
         # Points outside are projected onto the cube's faces: the worst cases are often at the ends of ranges.
         points = np.clip(elite.mean(axis=0) + step, 0.0, 1.0)
-        tried, scores = np.vstack([tried, points]), scores + evaluate(points)
+        yield points

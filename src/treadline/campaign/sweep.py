@@ -8,9 +8,10 @@ Run k depends only on spec, seed and k, so results are identical with one proces
 """
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,11 @@ class SweepPlan:
         same |= {"options": shlex.join(self.climb_options) or None}
         return same | ({"search for": self.score, "runs": self.runs} if self.adversarial else {"search for": "nothing"})
 
+    def first_points(self) -> Iterator[Float[np.ndarray, " dimension"]]:
+        """Yield the points of the cube that no score is needed for: those of all runs, or of a search's first generation."""
+        first = generation_size(self.runs) if self.adversarial else self.runs
+        return points(self.sampling, self.spec.dimension, self.seed, first)
+
     def episode(self, index: int, point: Float[np.ndarray, " dimension"]) -> Episode:
         """Return run ``index`` at a point of the unit cube."""
         drawn = self.spec.at(point.tolist(), f"run {index}")
@@ -108,56 +114,77 @@ def run_sweep(
         begin: Called with the number of runs to execute.
         done: Called with each row as it ends and the number of remaining runs.
     """
-    count = generation_size(plan.runs) if plan.adversarial else plan.runs
-    cube = points(plan.sampling, plan.spec.dimension, plan.seed, count)
-    first = [plan.episode(index, point) for index, point in enumerate(cube)]  # all are validated before the first run
-    started: dict[int, Episode] = {}
-    with runners, Journal(folder, plan.identity, resume=resume) as journal:
+    for index, point in enumerate(plan.first_points()):
+        plan.episode(index, point)  # all are validated before the first run
+    with runners, Journal(folder, plan.identity, plan.total, resume=resume) as journal:
         _write_what_was_asked(plan, folder)
-        begin(_left(plan, journal))
-
-        def run_all(episodes: Sequence[Episode]) -> None:
-            started.update((episode.index, episode) for episode in episodes)
-            for row in runners.results([episode for episode in episodes if episode.index not in journal.rows]):
-                journal.add(row)
-                done(row, _left(plan, journal))
-
+        left = plan.total - len(journal)
+        begin(left)
         try:
-            if plan.adversarial:
-                _search(plan, cube, run_all, journal)
-            else:
-                run_all(first)
+            for generation in _generations(plan, journal):
+                missing = (plan.episode(index, point) for point, index in generation if index not in journal)
+                for row in runners.results(missing):
+                    journal.add(row)
+                    left -= 1
+                    done(row, left)
         except KeyboardInterrupt:
             journal.reload()
             with suppress(SettingsError):
-                _write_results(plan, folder, journal.rows, started)
+                _write_results(plan, folder, journal)
             raise
-        return _write_results(plan, folder, journal.rows, started)
+        return _write_results(plan, folder, journal)
 
 
-def _write_results(plan: SweepPlan, folder: Path, rows: Mapping[int, Row], episodes: Mapping[int, Episode]) -> dict[str, Any]:
+def _generations(plan: SweepPlan, journal: Journal) -> Iterator[Iterable[tuple[Float[np.ndarray, " dimension"], int]]]:
+    """Yield points with the indices of their runs: all at once, or generation after generation of a search.
+
+    The runs of a generation must be in the journal before the next one is drawn; an interrupted search ends there.
+    """
+    indices = count()
+    if not plan.adversarial:
+        yield zip(plan.first_points(), indices, strict=False)
+        return
+    first = np.array(list(plan.first_points()))
+
+    def score(index: int) -> float | None:
+        return harm(flat(journal[index]), plan.score) if index in journal else None
+
+    for generation in search(first, score, generations=plan.total // len(first), seed=plan.seed):
+        yield zip(generation, indices, strict=False)
+
+
+def _write_results(plan: SweepPlan, folder: Path, journal: Journal) -> dict[str, Any]:
     """Write tables, scenarios of the worst runs and of all that did not arrive, summary and page; return the summary."""
-    kept = [rows[index] for index in sorted(rows) if index in episodes]
-    files = write_tables(folder, kept)
+    files = write_tables(folder, journal)
     drawn = [*dict.fromkeys([draw.key for draw in plan.spec.draws]), *SHAPE]
     choices = dict.fromkeys(draw.key for draw in plan.spec.draws if draw.choice is not None and draw.key not in LISTS)
-    flat_rows = [flat(row) for row in kept]
-    summary = summarise(flat_rows, drawn, [key for key in choices if "missing" not in key], plan.score)
-    wanted = {row["index"] for row in kept if row["verdict"] != "arrived"} | {row["index"] for row in summary["worst"]}
-    for old in (folder / "scenarios").glob("*.toml"):
-        old.unlink()  # with fewer runs it was among the worst
-    for index in sorted(wanted):
-        note = f"run {index} of {plan.spec.path.name}, seed {plan.seed}: {rows[index]['verdict']}"
-        write_whole(folder / "scenarios" / f"{index:04d}.toml", scenario_toml(episodes[index].scenario, note))
+    summary = summarise(journal, drawn, [key for key in choices if "missing" not in key], plan.score)
     for row in summary["worst"]:
         row["replay"] = replay_command(folder, row, plan.climb_options)
-    cpu_s = sum(row.get("cpu_s") or 0.0 for row in kept)
-    times = {"cpu_s": cpu_s, "traversals_per_cpu_hour": 3600.0 * len(kept) / cpu_s if cpu_s else None}
+    views = _write_scenarios(plan, folder, journal, {row["index"] for row in summary["worst"]})
+    cpu_s = sum(row.get("cpu_s") or 0.0 for row in journal)
+    times = {"cpu_s": cpu_s, "traversals_per_cpu_hour": 3600.0 * summary["runs"] / cpu_s if cpu_s else None}
     write_json(folder / "summary.json", summary)
     write_json(folder / "times.json", times)
-    views = {row["index"]: thumbnail(rows[row["index"]], episodes[row["index"]].scenario) for row in summary["worst"]}
-    page = write_page(folder, summary, times, flat_rows, drawn, {index: view for index, view in views.items() if view is not None})
+    page = write_page(folder, summary, times, journal, drawn, views)
     return summary | times | {"files": [str(path) for path in files], "report": str(page)}
+
+
+def _write_scenarios(plan: SweepPlan, folder: Path, journal: Journal, worst: set[int]) -> dict[int, str]:
+    """Write the scenarios of the worst runs and of all that did not arrive; return the side views of the worst."""
+    for old in (folder / "scenarios").glob("*.toml"):
+        old.unlink()  # with fewer runs it was among the worst
+    views: dict[int, str] = {}
+    for generation in _generations(plan, journal):
+        for point, index in generation:
+            if index not in journal or ((row := journal[index])["verdict"] == "arrived" and index not in worst):
+                continue
+            scenario = plan.episode(index, point).scenario
+            note = f"run {index} of {plan.spec.path.name}, seed {plan.seed}: {row['verdict']}"
+            write_whole(folder / "scenarios" / f"{index:04d}.toml", scenario_toml(scenario, note))
+            if index in worst and (view := thumbnail(row, scenario)) is not None:
+                views[index] = view
+    return views
 
 
 def lines(summary: Mapping[str, Any]) -> list[str]:
@@ -189,28 +216,6 @@ def replay_command(folder: Path, row: Mapping[str, Any], options: Sequence[str] 
     name = f"{row['index']:04d}"
     scenario, out = folder / "scenarios" / f"{name}.toml", folder / "reruns" / name
     return shlex.join(["treadline", "climb", str(scenario), "--seed", str(row["seed"]), "--out", str(out), *options])
-
-
-def _left(plan: SweepPlan, journal: Journal) -> int:
-    return plan.total - sum(index < plan.total for index in journal.rows)
-
-
-def _search(
-    plan: SweepPlan,
-    cube: Float[np.ndarray, "count dimension"],
-    run_all: Callable[[Sequence[Episode]], None],
-    journal: Journal,
-) -> None:
-    found: list[float] = []
-
-    def evaluate(generation: Float[np.ndarray, "count dimension"]) -> list[float]:
-        episodes = [plan.episode(len(found) + i, point) for i, point in enumerate(generation)]
-        run_all(episodes)
-        scores = [harm(flat(journal.rows[episode.index]), plan.score) for episode in episodes]
-        found.extend(scores)
-        return scores
-
-    search(cube, evaluate, generations=plan.total // len(cube), seed=plan.seed)
 
 
 def _write_what_was_asked(plan: SweepPlan, folder: Path) -> None:
