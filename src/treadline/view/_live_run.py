@@ -28,10 +28,8 @@ from treadline.scenario.operator_actions import REPORT_S
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.stair_solids import Box
 from treadline.view._images import shown
-from treadline.view._messages import MESSAGES_MAX, Command, ContactForces, Handset, Obstacle, Order, Script, ShownFrame
+from treadline.view._messages import MESSAGES_MAX, SEND_S, Command, ContactForces, Handset, Obstacle, Order, Script, ShownFrame
 
-SEND_S = 0.04
-"""Interval of the messages to the viewer [s]: 25 updates a second, of which a display of 15 shows each second one or all."""
 PAUSED_S = 0.02
 """Interval at which a paused simulation looks for commands [s]."""
 RESERVE_S = 1e9

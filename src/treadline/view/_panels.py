@@ -73,7 +73,7 @@ def handset_html(session: Session) -> str:
     """Return the state of the handset and the distance travelled by the belts."""
     run = session.run
     travelled_m = 0.0 if session.feed.is_empty else float(run.belt_travel_m[run.index_at(session.cursor_s)].mean())
-    return str(_HTML.handset(session.handset, travelled_m))
+    return str(_HTML.handset(session.handset, travelled_m, session.dropped))
 
 
 def contacts_html(session: Session) -> str:

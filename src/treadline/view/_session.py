@@ -104,6 +104,8 @@ class Session:
     """What of the scene is shown, by name."""
     manual: bool = False
     handset: Handset = field(default_factory=Handset)
+    dropped: int = 0
+    """Messages of pages that could not be read."""
     _reported_at: float = 0.0
     _released: tuple[str, float] | None = None
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from treadline.core.errors import SettingsError
 from treadline.scenario.faults import EXTENTS, Conditions, FaultKind
+from treadline.view._messages import SEND_S
 from treadline.view._panels import PANELS, STYLE, legend_of_scene, terms_html, timeline_html
 from treadline.view._plots import LIVE_PLOTS, LOADING, add_plot, legend_html, plot_data
 from treadline.view._scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SHOWN, SceneView
@@ -19,8 +20,10 @@ from treadline.view._what_if import FORKS, FRICTION_MAX, FRICTION_MIN, INJECTION
 from treadline.view.demonstration import LiveOffer
 from treadline.view.server import GuardedServer
 
-SCENE_S, TEXT_S, PLOT_S = 1.0 / 25.0, 0.1, 0.4
-"""Intervals of the updates of scene, text and plots [s]."""
+TEXT_S, PLOT_S = 0.1, 0.4
+"""Intervals of the updates of text and plots [s]; the scene has that of the simulation's messages."""
+MESSAGE_MAX = 1024
+"""Largest length of a message of the page: ten times that of the handset's report."""
 NARROW_PX = 576
 """Largest width of a page that shows the panels at its lower edge [px], as in ``narrow.css``."""
 PANELS_SHARE, PLOTS_SHARE = 0.27, 0.22
@@ -136,18 +139,26 @@ class App:
 
         return handle
 
-    def take(self, said: Mapping[str, Any]) -> None:
+    def take(self, message: str | bytes) -> None:
         """Take a message of the page: a time to jump to, a button of the timeline, a speed, the page's width, or the handset.
 
-        Raises:
-            ValueError: If a value is no number.
+        Any other message is dropped and counted.
         """
+        try:
+            if len(message) > MESSAGE_MAX:
+                raise ValueError
+            self._follow(json.loads(message))
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
+            self._session.dropped += 1
+
+    def _follow(self, said: Mapping[str, Any]) -> None:
         session = self._session
         if "dead_man" in said:  # without waiting for an update: a late report is a released switch
-            session.report(dead_man=said["dead_man"] is True, ahead=float(said["ahead"]), turn=float(said["turn"]))
+            session.report(dead_man=said["dead_man"] is True, ahead=_finite(said["ahead"]), turn=_finite(said["turn"]))
             return
         with self._lock:
-            if "t_s" in said and math.isfinite(t_s := float(said["t_s"])):
+            if "t_s" in said:
+                t_s = _finite(said["t_s"])
                 session.playing &= session.is_live  # a recording stays there
                 session.seek(t_s)
             elif "press" in said:
@@ -155,7 +166,7 @@ class App:
             elif said.get("speed") in SPEEDS:
                 session.set_speed(float(said["speed"]))
             elif "width_px" in said:
-                self.fit(float(said["width_px"]))
+                self.fit(_finite(said["width_px"]))
 
     def state(self) -> dict[str, Any]:
         """Return what the page's timeline and handset show."""
@@ -259,7 +270,7 @@ class App:
             if now >= due_plots:
                 due_plots = now + PLOT_S
                 self._show_plots()
-            ended.wait(max(SCENE_S - (time.perf_counter() - now), 0.001))
+            ended.wait(max(SEND_S - (time.perf_counter() - now), 0.001))
 
     def _show_text(self) -> None:
         session = self._session
@@ -301,6 +312,12 @@ class App:
         for (legend, handle), plot in zip(self._plots, LIVE_PLOTS, strict=True):
             change(legend, "content", legend_html(plot, run, session.cursor_s, forked=fork is not None))
             handle.data = plot_data(plot, run, session.cursor_s, fork)
+
+
+def _finite(value: Any) -> float:
+    if not math.isfinite(value):
+        raise ValueError
+    return float(value)
 
 
 def change(handle: Any, name: str, value: Any) -> None:
@@ -388,10 +405,8 @@ class Stage:
         reporting = asyncio.create_task(report())
         try:
             async for message in connection:
-                self._app.take(json.loads(message))
+                self._app.take(message)
         except ConnectionClosed:
             pass  # the page is gone; the dead-man switch is released by the silence
-        except (ValueError, TypeError, KeyError):
-            await connection.close(1003, "neither a time nor a report of the handset")
         finally:
             reporting.cancel()

@@ -33,18 +33,20 @@ TOKEN_BYTES = 18
 
 CONTENT_POLICY = (
     "default-src 'self' data: blob:; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
-    "style-src 'self' 'unsafe-inline'; connect-src 'self' ws: data: blob:; img-src 'self' data: blob:; "
+    "style-src 'self' 'unsafe-inline'; connect-src 'self' ws://{host} data: blob:; img-src 'self' data: blob:; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 )
-"""Content security policy of the page: viser's client is inline and unpacks itself; nothing may be fetched from elsewhere."""
+"""Content security policy of the page: viser's client is inline and unpacks itself; nothing may be fetched from elsewhere.
+
+``host`` is the server's own address with its port, as the browser names it: for older browsers ``'self'`` is no WebSocket.
+"""
 SAFE_HEADERS = {
-    "Content-Security-Policy": CONTENT_POLICY,
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
     "Cache-Control": "no-store",
 }
-"""Headers of every answer; the token is in the address and must not leave the machine in a referrer."""
+"""Further headers of every answer; the token is in the address and must not leave the machine in a referrer."""
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """Names of this machine that are always accepted as Host on a loopback address."""
 
@@ -69,7 +71,7 @@ class AccessRules:
         if any(origin != f"http://{named[0]}" for origin in headers.get_all("Origin")):
             return "the Origin of the request is another page"
         first = path.partition("?")[0].lstrip("/").partition("/")[0]
-        if not hmac.compare_digest(first.encode(), self.token.encode()):
+        if not hmac.compare_digest(first.encode(errors="surrogateescape"), self.token.encode()):  # bytes that are not ASCII
             return "the token is missing or wrong; use the address that treadline view printed"
         return None
 
@@ -85,7 +87,7 @@ class AccessRules:
             name, port = parts.hostname, parts.port
         except ValueError:
             return False
-        if name is None or (port or 80) != self.port:
+        if name is None or (port or 80) != self.port or "@" in named or parts.netloc != named:
             return False
         if name in LOOPBACK or name == self.host:
             return True
@@ -129,19 +131,20 @@ class RequestCheck:
         def checked(connection: Any, request: Request) -> Response | None:
             refusal = self._rules.refusal(request.path, request.headers)
             if refusal is not None:
-                return _answer(HTTPStatus.FORBIDDEN, f"treadline view: {refusal}\n".encode(), "text/plain; charset=utf-8")
-            path = self._rules.inner_path(request.path)
+                own = f"{self._rules.host}:{self._rules.port}"
+                return _answer(HTTPStatus.FORBIDDEN, f"treadline view: {refusal}\n".encode(), "text/plain; charset=utf-8", own)
+            path, own = self._rules.inner_path(request.path), request.headers["Host"]
             if request.headers.get("Upgrade", "").lower() == "websocket":
                 return None
             name = path.lstrip("/")
             if name in self._files:
                 kind = "css" if name.endswith(".css") else "javascript"
-                return _answer(HTTPStatus.OK, self._files[name], f"text/{kind}; charset=utf-8")
+                return _answer(HTTPStatus.OK, self._files[name], f"text/{kind}; charset=utf-8", own)
             headers = request.headers.copy()
             if "Accept-Encoding" in headers:
                 del headers["Accept-Encoding"]  # the page is changed below
             response = answer(connection, Request(path, headers))
-            return None if response is None else self._with_files(response)
+            return None if response is None else self._with_files(response, own)
 
         return checked
 
@@ -158,7 +161,7 @@ class RequestCheck:
 
         return routed
 
-    def _with_files(self, response: Response) -> Response:
+    def _with_files(self, response: Response, host: str) -> Response:
         """Return a response with safe headers; a page loads the files."""
         kind = response.headers.get("Content-Type", "")
         body = bytes(response.body)
@@ -168,11 +171,12 @@ class RequestCheck:
                 for name in self._files
             )
             body = body.replace(b"</head>", tags.encode() + b"</head>", 1)
-        return _answer(HTTPStatus(response.status_code), body, kind)
+        return _answer(HTTPStatus(response.status_code), body, kind, host)
 
 
-def _answer(status: HTTPStatus, body: bytes, kind: str) -> Response:
+def _answer(status: HTTPStatus, body: bytes, kind: str, host: str) -> Response:
     headers = Headers({"Content-Type": kind, "Content-Length": str(len(body)), "Connection": "close", **SAFE_HEADERS})
+    headers["Content-Security-Policy"] = CONTENT_POLICY.format(host=host)
     return Response(status.value, status.phrase, headers, body)
 
 
