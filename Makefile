@@ -21,9 +21,9 @@ help:
 	@echo "make fast         run the tests that finish within a minute"
 	@echo "make shapes       run unit tests and one whole run per direction with array shapes checked"
 	@echo "make slow         run the tests of the first run on a machine, with an empty compile cache (minutes)"
-	@echo "make test-gazebo  run the tests in Gazebo 11, which they build first (root, once)"
-	@echo "make test-browser run the tests of the viewer in Chromium, which they install from Debian first (root, once)"
-	@echo "make test-ros1    install ROS 1 from Debian (root) and run the graph on a real roscore"
+	@echo "make test-gazebo  run the tests in Gazebo 11, which they build first (root, once; asks, unless CI=true)"
+	@echo "make test-browser run the tests of the viewer in Chromium, which they install from Debian first (root, once; asks, unless CI=true)"
+	@echo "make test-ros1    install ROS 1 from Debian (root; asks, unless CI=true) and run the graph on a real roscore"
 	@echo "make check        formatter, linter, types, import contracts"
 	@echo "make coverage     measure that the guard's own tests take each of its branches"
 	@echo "make lock         resolve all requirements anew and write their versions to requirements.lock"
@@ -95,13 +95,16 @@ $(VENV)/.browser: $(VENV)/.test
 	$(PIP) -e ".[browser]"
 	@touch $@
 
+# Asks before it installs packages of Debian.
+apt = tools/confirm.sh "apt-get installs $(1) as root" && apt-get -q update && \
+	DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends $(1)
+
 # Where Chromium is missing and only root could install it there is nothing to test.
 test-browser: $(VENV)/.browser
 	@command -v chromium >/dev/null && command -v chromedriver >/dev/null || \
 		{ [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; } || \
 		{ echo "test-browser: skipped, Chromium is not installed, and only root of a Debian can: apt-get install $(CHROMIUM)"; exit 0; }; \
-	command -v chromium >/dev/null && command -v chromedriver >/dev/null || { apt-get -q update && \
-		DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends $(CHROMIUM); } || exit 1; \
+	command -v chromium >/dev/null && command -v chromedriver >/dev/null || { $(call apt,$(CHROMIUM)); } || exit 2; \
 	TREADLINE_TEST_BROWSER=1 $(BIN)/python -m pytest tests/browser tests/report/test_player.py tests/report/test_touch.py
 
 CHROMIUM := chromium chromium-driver
@@ -111,8 +114,7 @@ ROS1 := ros-core python3-rospy python3-rosbag python3-rostest python3-roslaunch 
 test-ros1: $(VENV)/.test
 	@command -v rostest >/dev/null || { [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; } || \
 		{ echo "treadline: ROS 1 is not installed, and only root of a Debian can: apt-get install $(ROS1)" >&2; exit 2; }
-	@command -v rostest >/dev/null || { apt-get -q update && \
-		DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends $(ROS1); }
+	@command -v rostest >/dev/null || { $(call apt,$(ROS1)); }
 	TREADLINE_ROS1=1 $(BIN)/python -m pytest -n 2 tests/ros1
 
 check: $(VENV)/.dev

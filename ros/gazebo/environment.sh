@@ -1,6 +1,6 @@
 #!/bin/sh
 # Builds the environment that Gazebo 11 lives in (Debian bullseye in a folder) and compiles the plugin in it; the second call takes
-# no time. Prints the environment's root folder, everything else goes to a log. Needs root, chroot and 3 GB. Exit code 77: not here.
+# no time. Prints the environment's root folder, everything else goes to a log. Needs root, chroot and 3 GB, and asks first, unless CI=true. Exit code 77: not here.
 #   TREADLINE_GAZEBO   where to build it; ~/.cache/treadline/gazebo otherwise; / compiles the plugin for the Gazebo of this system
 #   TREADLINE_MIRROR   a Debian mirror; the one that apt uses otherwise
 set -eu
@@ -28,6 +28,8 @@ build() {
     partial=$cache/partial
     from=$(mirror)
     [ -n "$from" ] || fail "apt knows no Debian mirror here; name one: TREADLINE_MIRROR=http://HOST/debian"
+    "$here/../../tools/confirm.sh" "as root, apt-get installs debootstrap where it is missing, and debootstrap and apt-get install \
+Debian bullseye with Gazebo 11 in $root (3 GB)" || exit 2
     if ! command -v debootstrap >/dev/null; then
         echo "treadline: installs debootstrap" >&2
         { apt-get update && apt-get install --yes --no-install-recommends debootstrap; } >>"$log" 2>&1 ||

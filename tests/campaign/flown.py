@@ -40,15 +40,6 @@ def slow(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any]:
     return quick(scenario, seed, watched_s)
 
 
-def killed_once(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any]:
-    """Return the same as ``quick``, but for the first run on a dark stair, which kills its process."""
-    once = Path(os.environ["DIES_ONCE"])
-    if scenario.stair.texture == "dark" and not once.exists():
-        once.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return quick(scenario, seed, watched_s)
-
-
 def unlucky(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any]:
     """Raise in some runs; one kind of run kills its process each time, another only the first time."""
     if scenario.chair.payload_kg > DEADLY_KG:
@@ -61,4 +52,13 @@ def unlucky(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any
     if scenario.stair.texture == "carpet" and not once.exists():
         once.touch()
         os._exit(3)
+    return quick(scenario, seed, watched_s)
+
+
+def killed_once(scenario: Scenario, seed: int, watched_s: float) -> Mapping[str, Any]:
+    """Return the same as ``quick``, but for the first run on a dark stair, which kills its process."""
+    once = Path(os.environ["DIES_ONCE"])
+    if scenario.stair.texture == "dark" and not once.exists():
+        once.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
     return quick(scenario, seed, watched_s)

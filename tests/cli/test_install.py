@@ -1,6 +1,8 @@
 """Scripts of the Makefile, the lock file, and what the wheel contains."""
 
+import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -67,3 +69,41 @@ def test_the_wheel_contains_every_file_of_the_program() -> None:
     packed = {path for pattern in patterns for path in program.glob(pattern)}
     files = {path for path in program.rglob("*") if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts}
     assert files <= packed, sorted(str(path.relative_to(program)) for path in files - packed)
+
+
+TARGETS = {
+    "test-ros1": ("make", "-o", ".venv/.test", "test-ros1"),
+    "test-browser": ("make", "-o", ".venv/.browser", "test-browser"),
+    "gazebo": (str(ROOT / "ros" / "gazebo" / "environment.sh"),),
+}
+"""Commands that install as root."""
+
+
+@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize(
+    ("ci", "answer", "installs"), [("", None, False), ("", b"n\n", False), ("", b"y\n", True), ("true", None, True)]
+)
+def test_what_installs_as_root_asks_first(tmp_path: Path, target: str, ci: str, answer: bytes | None, installs: bool) -> None:
+    """Test: stubs in place of the programs; no terminal, a person at a terminal, and CI=true. Expected: nothing without a yes."""
+    pty = pytest.importorskip("pty", reason="no terminals on this system")
+    called = tmp_path / "called"
+    for name in ("apt-get", "debootstrap"):
+        (tmp_path / name).write_text(f"#!/bin/sh\necho {name} >>{called}\nexit 1\n")
+    (tmp_path / "id").write_text("#!/bin/sh\necho 0\n")
+    (tmp_path / "chroot").write_text("#!/bin/sh\n")
+    for path in tmp_path.iterdir():
+        path.chmod(0o755)
+    for name in ("make", "dirname", "mkdir", "rm"):
+        (tmp_path / name).symlink_to(str(shutil.which(name)))
+    environment = {"PATH": str(tmp_path), "CI": ci, "TREADLINE_GAZEBO": str(tmp_path / "cache"), "TREADLINE_MIRROR": "http://a"}
+    terminal, stdin = (None, subprocess.DEVNULL) if answer is None else pty.openpty()
+    if terminal is not None:
+        os.write(terminal, answer or b"")
+    done = subprocess.run(TARGETS[target], cwd=ROOT, env=environment, stdin=stdin, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert called.exists() == installs, done.stderr
+    said = [line for line in done.stderr.splitlines() if not line.startswith("make")]
+    assert re.match(r"treadline: .*apt-get installs? .*", said[0])
+    if answer is None and not installs:
+        assert len(said) == 1
+        assert said[0].endswith("set CI=true to go on")

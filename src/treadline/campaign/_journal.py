@@ -1,7 +1,7 @@
 """Journal of a sweep: one JSON line per finished run, synchronised to disk before the run counts as done.
 
-The first line identifies the sweep; runs of another sweep are rejected. Each line carries a checksum, and the seed that the sweep gives
-to the run of its index. An incomplete last line, left by a kill, is dropped.
+The first line identifies the sweep; runs of another sweep are rejected. Each line carries a checksum, and the seed that
+belongs to its index. An incomplete last line, left by a kill, is dropped.
 
 Rows stay in the file: memory holds eight bytes per run, the place of its line.
 """

@@ -15,7 +15,7 @@ from treadline.scenario.scenario import Scenario
 from treadline.vehicle.stair_solids import Box
 
 SEND_S = 0.04
-"""Interval of the messages to the viewer and of its scene [s]: 25 updates a second; a display of 15 shows each second one or all."""
+"""Interval of messages to the viewer and of its scene [s]: 25 updates a second; a display of 15 shows every second one or all."""
 MESSAGES_MAX = 50
 """Messages on the way to the viewer: two seconds' worth; a viewer further behind gets no images."""
 DEPTH_STEP = 4

@@ -145,9 +145,7 @@ class App:
         Any other message is dropped and counted.
         """
         try:
-            if len(message) > MESSAGE_MAX:
-                raise ValueError
-            self._follow(json.loads(message))
+            self._follow(json.loads(message[:MESSAGE_MAX]))  # the beginning of a longer message is not JSON
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError):
             self._session.dropped += 1
 
