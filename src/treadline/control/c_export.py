@@ -8,7 +8,6 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -28,8 +27,9 @@ from treadline.control.lqr import static_reconstruction
 from treadline.control.tune import BELT_DIFFERENCE
 from treadline.core.models import ControllerDesign
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
+from treadline.scenario.shipped_files import DATA
 
-SOURCES = Path(__file__).parents[1] / "data" / "export"
+SOURCES = DATA / "export"
 TOLERANCE_M_S = 1e-6
 """Tolerance on the copy's belt speeds [m/s]: a hundredth of a drive's resolution, a million times the rounding error."""
 REHEARSAL_STEPS = 400

@@ -19,7 +19,7 @@ from treadline.core.errors import NotStabilisable, PeriodMismatch, ShapeMismatch
 from treadline.core.models import ControllerDesign, Reconstruct
 from treadline.core.signals import PERIOD_ROUNDING_S, HeadingEstimate, MotionPlan, TrackCommand
 
-YAW_RATE_SIGMA_RAD_S = SIGMA_Y[1]
+_, YAW_RATE_SIGMA_RAD_S = SIGMA_Y
 """Standard deviation of the estimated yaw rate [rad/s]."""
 FASTEST_TURN_RAD_S = 35.0
 """Gyro full scale, 2000 °/s [rad/s]: ten times the capability of the tracks (Table I: 3.07 rad/s)."""

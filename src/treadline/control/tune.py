@@ -191,7 +191,7 @@ SIMULATED_S = 20.0
 """Duration of the simulation [s]."""
 DIVERGED_RAD = 1e6
 """Heading at which a diverging simulation ends, before overflow [rad]."""
-DIFFERENCE_ALONE = np.array([[0.5, -0.5], [-0.5, 0.5]])
+DIFFERENCE_ALONE = np.outer(BELT_DIFFERENCE, np.sign(BELT_DIFFERENCE))
 """Projection of two belt speeds on their difference."""
 
 

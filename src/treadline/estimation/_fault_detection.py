@@ -162,7 +162,10 @@ class TurnHistory:
         return max((sample for sample in self._turned if sample[0] <= t_s + 1e-9), default=self._turned[0])
 
 
-ONSET, HEADING, BIAS, SCALE, SHARED, EXPLAINED, INFORMATION, SUM, WEIGHT, GYRO_ANGLE, ODOMETRY_ANGLE, COUNT = range(12)
+_NUMBERS = ("explained", "information", "sum", "weight", "count", "gyro_angle", "odometry_angle")
+HYPOTHESIS = np.dtype([("onset_s", float), ("error", float, 4), *((number, float) for number in _NUMBERS)])
+"""Onset of a drift: the error of the filter state (heading, bias, scale, shared) that 1 rad/s of it has caused, sums, and both
+angles at the onset [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,48 +222,49 @@ class GlrDriftDetector:
 
     def clear(self) -> None:
         """Discard all onset hypotheses."""
-        self._steps = np.empty((0, 12))
+        self._steps = np.empty(0, HYPOTHESIS)
 
     def propagate(self, F: Float[np.ndarray, "4 4"], dt: float, rate_rad_s: float) -> None:
         """Propagate the signatures over ``dt`` with the bias-corrected gyro rate ``rate_rad_s``."""
         self._gyro_angle += dt * rate_rad_s
         if self._steps.size:
-            self._steps[:, HEADING : SHARED + 1] = self._steps[:, HEADING : SHARED + 1] @ F.T
+            self._steps["error"] = self._steps["error"] @ F.T
 
     def belts(self, t_s: float, difference_m_s: float) -> None:
         """Take the belt speed difference, right minus left [m/s]."""
         dt = 0.0 if self._belts_s is None else t_s - self._belts_s
         if dt > 0.1 or self._odometry_angle is None:  # after a pause the integrated prediction is no longer valid
             self._odometry_angle, dt = 0.0, 0.0
-            self._steps[:, ODOMETRY_ANGLE] = np.nan
+            self._steps["odometry_angle"] = np.nan
         self._odometry_angle += max(dt, 0.0) * self._rule.turn_per_belt_rad_m * difference_m_s
         self._belts_s = t_s
 
     def frame(self, t_s: float, innovation: float, variance: float, gain: Float[np.ndarray, " 4"]) -> Drift | None:
         """Take a frame's innovation, its variance and the Kalman gain (zero for a rejected frame); return a detected drift."""
-        if self._steps.size and t_s - self._steps[-1, ONSET] > self._rule.pause_s:
+        if self._steps.size and t_s - self._steps["onset_s"][-1] > self._rule.pause_s:
             self.clear()
-        steps = self._steps[t_s - self._steps[:, ONSET] <= self._rule.window_s]
+        steps = self._steps[t_s - self._steps["onset_s"] <= self._rule.window_s]
         # A positive state error appears as a negative innovation.
-        shown = -(steps[:, HEADING] + steps[:, SHARED])
-        steps[:, EXPLAINED] += shown * innovation / variance
-        steps[:, INFORMATION] += shown * shown / variance
-        steps[:, SUM] += innovation / variance
-        steps[:, WEIGHT] += 1.0 / variance
-        steps[:, COUNT] += 1.0
+        heading, _, _, shared = steps["error"].T
+        shown = -(heading + shared)
+        steps["explained"] += shown * innovation / variance
+        steps["information"] += shown * shown / variance
+        steps["sum"] += innovation / variance
+        steps["weight"] += 1.0 / variance
+        steps["count"] += 1.0
         drift = self._best(t_s, steps)
-        steps[:, HEADING : SHARED + 1] -= np.outer(-shown, gain)
+        steps["error"] -= np.outer(-shown, gain)
         odometry = np.nan if self._odometry_angle is None else self._odometry_angle
-        begun = np.array([[t_s, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, self._gyro_angle, odometry, 0.0]])
-        self._steps = np.concatenate([steps, begun])
+        begun = (t_s, (0.0, -1.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 0.0, self._gyro_angle, odometry)
+        self._steps = np.append(steps, np.array([begun], HYPOTHESIS))
         return drift
 
-    def _best(self, t_s: float, steps: Float[np.ndarray, "n 12"]) -> Drift | None:
-        if not (steps[:, COUNT] >= self._rule.least_count).any():
+    def _best(self, t_s: float, steps: np.ndarray) -> Drift | None:
+        if not (steps["count"] >= self._rule.least_count).any():
             return None
-        jump = float((np.square(steps[:, SUM]) / steps[:, WEIGHT]).max())
-        steps = steps[(steps[:, COUNT] >= self._rule.least_count) & (steps[:, INFORMATION] > 0.0)]
-        explained, information = steps[:, EXPLAINED].copy(), steps[:, INFORMATION].copy()
+        jump = float((np.square(steps["sum"]) / steps["weight"]).max())
+        steps = steps[(steps["count"] >= self._rule.least_count) & (steps["information"] > 0.0)]
+        explained, information = steps["explained"].copy(), steps["information"].copy()
         ramp = np.square(explained) / information
         self._add_belt_evidence(t_s, steps, ramp, explained, information)
         score = np.square(explained) / information
@@ -270,11 +274,11 @@ class GlrDriftDetector:
         rate = float(explained[best] / information[best])
         if score[best] < self._rule.threshold or not self._rule.least_rad_s <= abs(rate) <= self._rule.most_rad_s:
             return None
-        signature = steps[best, HEADING : SHARED + 1]
+        signature = steps["error"][best]
         # The step may not have been ideal, so 20 % of the rate is kept as uncertainty.
         variance = 1.0 / float(information[best]) + (0.2 * rate) ** 2
         return Drift(
-            began_s=float(steps[best, ONSET]),
+            began_s=float(steps["onset_s"][best]),
             rate_rad_s=rate,
             error=rate * signature,
             covariance=variance * np.outer(signature, signature),
@@ -283,7 +287,7 @@ class GlrDriftDetector:
     def _add_belt_evidence(
         self,
         t_s: float,
-        steps: Float[np.ndarray, "n 12"],
+        steps: np.ndarray,
         ramp: Float[np.ndarray, " n"],
         explained: Float[np.ndarray, " n"],
         information: Float[np.ndarray, " n"],
@@ -292,9 +296,9 @@ class GlrDriftDetector:
         rule = self._rule
         if self._odometry_angle is None or self._belts_s is None or t_s - self._belts_s > 0.1:
             return
-        since = np.maximum(t_s - steps[:, ONSET], 1e-3)
-        odometry = (self._odometry_angle - steps[:, ODOMETRY_ANGLE]) / since
-        difference = (self._gyro_angle - steps[:, GYRO_ANGLE]) / since - odometry
+        since = np.maximum(t_s - steps["onset_s"], 1e-3)
+        odometry = (self._odometry_angle - steps["odometry_angle"]) / since
+        difference = (self._gyro_angle - steps["gyro_angle"]) / since - odometry
         sigma = np.hypot(rule.straight_sigma_rad_s * np.sqrt(rule.belts_after_s / since), rule.turn_sigma * odometry)
         usable = (since >= rule.belts_after_s - 1e-6) & (ramp >= rule.agreeing) & np.isfinite(odometry)
         explained[usable] += (difference / sigma**2)[usable]

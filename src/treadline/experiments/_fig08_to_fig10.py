@@ -220,8 +220,8 @@ class ExciteJob:
     seed: int
     runs: Path
     """Folder of the run folders."""
-    image_every: int = 0
-    scenario: Scenario | None = None
+    image_every: int
+    scenario: Scenario | None
     """Scenario of the run; None for the excitation scenario of the ground."""
     open_plant: Opener | PlantName = "mujoco"
 

@@ -54,17 +54,6 @@ def on_the_tip(load_n: float) -> str:
     return f"{max(load_n, 0.0):.0f} N on the flipper's tip"
 
 
-def missing_step(gap: tuple[float, float], pulley: str) -> str:
-    """Return a missing step in words.
-
-    Args:
-        gap: Distances of the nearer and the further nosing before the pulley [m], negative behind the pulley.
-        pulley: Name of the pulley.
-    """
-    near_m, far_m = gap
-    return f"a step is missing: {far_m - near_m:.2f} m from nosing to nosing, the first {beside(near_m)} the {pulley} pulley"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TraversalConfig:
     """Chair, entered payload, speeds and distances common to both directions; distances along the belts."""
@@ -85,15 +74,12 @@ class TraversalConfig:
 
 
 class Traversal:
-    """Sensor state, phase and plan of one traversal.
-
-    Args:
-        chair: Chair to plan for.
-        flights: Number of flights to traverse; None continues while another flight is seen.
-    """
+    """Sensor state, phase and plan of one traversal."""
 
     DIRECTION: ClassVar[Literal["up", "down"]]
     """Direction of the flights in view of the camera in use; maps of the other direction are ignored."""
+    WAY: ClassVar[float]
+    """Sign of the speed: 1 climbing, -1 backing down."""
     ROLLING: ClassVar[frozenset[Phase]]
     """Phases that begin without a stop."""
     CATCHES: ClassVar[bool]
@@ -101,13 +87,12 @@ class Traversal:
     RIDES_RAD: ClassVar[float]
     """Angle command of a riding flipper relative to the belts [rad]; nosings push the flipper up, as a spring and damper."""
 
-    def __init__(self, chair: ChairDescription, flights: int | None) -> None:
-        tracks = chair.tracks
+    def __init__(self, config: TraversalConfig) -> None:
+        chair = config.chair
+        self._config = config
         self._flipper_planner = FlipperPlanner(chair, self.RIDES_RAD)
         self._tip_over = TipOverFeedforward()
-        self._gauge_m = tracks.gauge_m
-        self._flights = flights
-        self._pivot_m = 0.5 * tracks.flat_run_m
+        self._pivot_m = 0.5 * chair.tracks.flat_run_m
         self._half_width_m = chair.half_width_m
         self._needs_m = chair.swept_half_m + SIDE_MARGIN_M
         """Half width that the flight must have on either side of the chair's middle [m]."""
@@ -128,7 +113,7 @@ class Traversal:
     def _face_flight(self) -> None:
         """Reset everything that belongs to one flight."""
         self._where = StairTracker()
-        self._level = LevelSteering(LevelConfig(gauge_m=self._gauge_m))
+        self._level = LevelSteering(LevelConfig(gauge_m=self._config.chair.tracks.gauge_m))
         self._skid = SkidMonitor()
         self._narrow_maps = 0
         self._judged = (0, False)
@@ -191,32 +176,31 @@ class Traversal:
                 return f"the flight's {side} side {shown} {needs}: start further away, or take another way"
         return None
 
-    def _infeasible(self, chair: ChairDescription, payload_kg: float, *, enters: bool) -> str | None:
+    def _infeasible(self, *, enters: bool) -> str | None:
         """Return the reason why the chair must not enter the measured stair, once for each map; None if it may.
 
         Args:
-            chair: Chair.
-            payload_kg: Weight of the passenger.
             enters: Whether the chair is about to drive onto the flight: the measured rise and run then count as they are. Further
                 away a stair is refused only if none that may be the true one can be entered, because the measurement improves
                 on the way.
         """
-        where, judged = self._where, (self._where.map_count, enters)
+        config, where, judged = self._config, self._where, (self._where.map_count, enters)
         if judged == self._judged:
             return None
         self._judged = judged
         if enters:
-            return reject_reason(chair, payload_kg, where.rise_m, where.run_m, where.slope_rad)
-        return certain_reject_reason(chair, payload_kg, where.rise_m, where.run_m, (where.rise_sigma_m, where.run_sigma_m))
+            return reject_reason(config.chair, config.payload_kg, where.rise_m, where.run_m, where.slope_rad)
+        sigmas_m = (where.rise_sigma_m, where.run_sigma_m)
+        return certain_reject_reason(config.chair, config.payload_kg, where.rise_m, where.run_m, sigmas_m)
 
-    def _gap(self, way: float) -> tuple[float, float] | None:
-        """Return the next gap before the leading pulley: distances of its nearer and further nosing [m]; None without a gap.
-
-        Args:
-            way: 1 climbing, -1 backing down.
-        """
-        sides = [(way * low - self._pivot_m, way * high - self._pivot_m) for low, high in self._where.gaps_ahead_m()]
-        return min(((min(pair), max(pair)) for pair in sides if max(pair) > 0.0), default=None)
+    def _missing(self, within_m: float) -> str | None:
+        """Return the missing step within ``within_m`` of the leading pulley, as a reason to stop; None if there is none."""
+        sides = [(self.WAY * low - self._pivot_m, self.WAY * high - self._pivot_m) for low, high in self._where.gaps_ahead_m()]
+        gap = min(((min(pair), max(pair)) for pair in sides if max(pair) > 0.0), default=None)
+        if gap is None or gap[0] > within_m:
+            return None
+        (near_m, far_m), leading = gap, "front" if self.WAY > 0.0 else "rear"
+        return f"a step is missing: {far_m - near_m:.2f} m from nosing to nosing, the first {beside(near_m)} the {leading} pulley"
 
     def _sweep(self, t_s: float, nowhere: str) -> MotionPlan:
         """Return the plan that turns to both sides to find the stair; at the end it holds with the reason ``nowhere``."""
@@ -227,7 +211,16 @@ class Traversal:
     @property
     def _goes_on(self) -> bool:
         """Whether another flight follows the landing."""
-        return self._where.shows_another if self._flights is None else self._flights_done + 1 < self._flights
+        flights = self._config.flights
+        return self._where.shows_another if flights is None else self._flights_done + 1 < flights
+
+    def _look_on(self, t_s: float, estimate: HeadingEstimate | None, touched_rad: float) -> MotionPlan:
+        """Return the plan that drives on over a landing until the next flight is in view, or the chair's pitch shows it."""
+        config, gone_m = self._config, self.WAY * self._where.travel_m
+        if gone_m > config.look_m or self._where.pitch_rad > touched_rad:
+            view = "view" if self.WAY > 0.0 else "view behind"
+            return self._stand(t_s, f"no flight in {view} within {gone_m:.1f} m on the landing", needs_stair=False)
+        return self._plan(t_s, self.WAY * config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)
 
     def _begin_next(self, t_s: float, on_the_way: str = "") -> MotionPlan:
         """Return the plan that starts again with the flight across the landing."""

@@ -14,7 +14,7 @@ from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
 from treadline.mission._traction_test import TractionConfig, TractionTest
-from treadline.mission._traversal_base import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, missing_step, on_the_tip
+from treadline.mission._traversal_base import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, on_the_tip
 from treadline.mission.planner import PlannerInput
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
@@ -75,15 +75,17 @@ class Ascent(Traversal):
     """Planner of one traversal up: state machine of the phases in docs/decisions/0019."""
 
     DIRECTION = "up"
+    WAY = 1.0
     ROLLING = frozenset({"mount", "climb", "approach"})
     CATCHES = True
     RIDES_RAD = -0.75 * DEG
     """Flipper angle while riding, relative to the belts [rad]. A lower tip meets the next nosing as a step, which takes friction
     that the chair may not have to spare."""
 
+    _config: AscentConfig
+
     def __init__(self, config: AscentConfig) -> None:
-        super().__init__(config.chair, config.flights)
-        self._config = config
+        super().__init__(config)
         self._end = ""
         self._traction: TractionTest | None = None
         self._pulses = 0
@@ -135,7 +137,7 @@ class Ascent(Traversal):
         if estimate is not None and where.known:
             return self._begin(t_s, "align", f"stair in view, heading {estimate.heading_rad / DEG:+.1f}°")
         if self._flights_done:
-            return self._look_on(t_s, estimate)
+            return self._look_on(t_s, estimate, self._config.touched_rad)
         return self._sweep(t_s, "no stair in view, to neither side")
 
     def _align(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
@@ -143,7 +145,7 @@ class Ascent(Traversal):
             return self._stand(t_s)
         if self._level.is_square(estimate, t_s):
             where = self._where
-            if (refusal := self._infeasible(self._config.chair, self._config.payload_kg, enters=False)) is not None:
+            if (refusal := self._infeasible(enters=False)) is not None:
                 return self._begin(t_s, "refused", refusal)
             shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
             to_go_m = (where.first_ahead_m() or math.inf) - self._pivot_m
@@ -154,7 +156,7 @@ class Ascent(Traversal):
 
     def _go_at_the_stair(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         config, where = self._config, self._where
-        if (stops := self._missing() or self._stuck() or self._narrow() or self._idle(t_s)) is not None:
+        if (stops := self._missing(config.gap_m) or self._stuck() or self._narrow() or self._idle(t_s)) is not None:
             return self._stand(t_s, stops)
         first = where.first_ahead_m()
         before = math.inf if first is None else first - self._pivot_m
@@ -162,7 +164,7 @@ class Ascent(Traversal):
         enters = before < config.mount_from_m or where.pitch_rad > config.touched_rad
         if self._phase == "approach" and (side := self._open_side(enters=enters)) is not None:
             return self._stand(t_s, side)
-        if self._phase == "approach" and (refusal := self._infeasible(config.chair, config.payload_kg, enters=enters)) is not None:
+        if self._phase == "approach" and (refusal := self._infeasible(enters=enters)) is not None:
             return self._begin(t_s, "refused", refusal)
         if self._phase == "approach" and enters:
             return self._begin(t_s, "mount", f"first step {before:.2f} m ahead of the belts' front pulley")
@@ -221,14 +223,9 @@ class Ascent(Traversal):
         self._refusal = f"too little friction: {slip}, so it is below {wanted:.2f}; dry or roughen the nosings"
         return self._begin(t_s, "back_off", self._refusal)
 
-    def _missing(self) -> str | None:
-        """Return the missing step within ``gap_m`` ahead of the front pulley, as a reason to stop; None if there is none."""
-        gap = self._gap(1.0)
-        return None if gap is None or gap[0] > self._config.gap_m else missing_step(gap, "front")
-
     def _climb(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         config, where = self._config, self._where
-        if (missing := self._missing()) is not None:
+        if (missing := self._missing(config.gap_m)) is not None:
             return self._stand(t_s, missing)
         top = where.top_ahead_m()
         unseen = top is not None and top - self._pivot_m < config.unseen_end_m
@@ -297,13 +294,6 @@ class Ascent(Traversal):
         # Until the flipper's tip carries load, only the belts can soften the rocking of a chair that stops on its nosings.
         speed = command.speed_m_s + self._pitch_feedforward(t_s, estimate, allowed=command.stage == "reach")
         return self._plan(t_s, speed, turn_m_s=turn, flipper=command.flipper, needs_stair=False, hold=barred)
-
-    def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        """Return the plan that drives on over a landing until the next flight is in view."""
-        config, where = self._config, self._where
-        if where.travel_m > config.look_m or where.pitch_rad > config.touched_rad:
-            return self._stand(t_s, f"no flight in view within {where.travel_m:.1f} m on the landing", needs_stair=False)
-        return self._plan(t_s, config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)
 
     @property
     def _landing_m(self) -> float:

@@ -18,7 +18,6 @@ from treadline.mission._traversal_base import (
     Traversal,
     TraversalConfig,
     beside,
-    missing_step,
     on_the_tip,
 )
 from treadline.mission.stair_tracker import NEAR_M
@@ -71,15 +70,17 @@ class Descent(Traversal):
     """Planner of one traversal down: state machine of the phases in docs/decisions/0019."""
 
     DIRECTION = "down"
+    WAY = -1.0
     ROLLING = frozenset({"descend"})
     CATCHES = False
     RIDES_RAD = -2.5 * DEG
     """Flipper angle while riding, relative to the belts [rad]. Descending, nosings reach the flipper from the belts and leave it at
     its tip, so that they lift even a low flipper smoothly."""
 
+    _config: DescentConfig
+
     def __init__(self, config: DescentConfig) -> None:
-        super().__init__(config.chair, config.flights)
-        self._config = config
+        super().__init__(config)
 
     def _face_flight(self) -> None:
         super()._face_flight()
@@ -126,7 +127,7 @@ class Descent(Traversal):
         if estimate is not None and where.known:
             return self._begin(t_s, "align", f"flight in view behind, heading {estimate.heading_rad / DEG:+.1f}°")
         if self._flights_done:
-            return self._look_on(t_s, estimate)
+            return self._look_on(t_s, estimate, LEVEL_RAD)
         return self._sweep(t_s, "no stair in view behind, to neither side")
 
     def _align(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
@@ -135,7 +136,7 @@ class Descent(Traversal):
         if not self._level.is_square(estimate, t_s):
             return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
         config, where = self._config, self._where
-        if (refusal := self._infeasible(config.chair, config.payload_kg, enters=False)) is not None:
+        if (refusal := self._infeasible(enters=False)) is not None:
             return self._begin(t_s, "refused", refusal)
         edge = where.top_ahead_m()
         if edge is None or edge > -self._pivot_m:
@@ -157,10 +158,8 @@ class Descent(Traversal):
         enters = edge is None or -edge - self._pivot_m < self._config.enter_from_m
         if self._phase == "approach" and (stops := self._stuck() or self._narrow() or self._open_side(enters=enters)) is not None:
             return self._stand(t_s, stops)
-        if self._phase == "approach":
-            refusal = self._infeasible(self._config.chair, self._config.payload_kg, enters=enters)
-            if refusal is not None:
-                return self._begin(t_s, "refused", refusal)
+        if self._phase == "approach" and (refusal := self._infeasible(enters=enters)) is not None:
+            return self._begin(t_s, "refused", refusal)
         whole_to_m = -math.inf if edge is None else self._whole_below_edge_m - edge
         missing = self._missing(self._checked_to_m(whole_to_m) - self._pivot_m)
         if missing is not None and (self._phase == "approach" or not self._edge.turn_back()):
@@ -218,11 +217,6 @@ class Descent(Traversal):
             return self._begin(t_s, "descend", f"square within {abs(estimate.heading_rad) / DEG:.1f}°")
         return self._plan(t_s, self._config.cruise_m_s, flipper=self._lie(t_s, estimate))
 
-    def _missing(self, within_m: float) -> str | None:
-        """Return the missing step within ``within_m`` of the rear pulley, as a reason to stop; None if there is none."""
-        gap = self._gap(-1.0)
-        return None if gap is None or gap[0] > within_m else missing_step(gap, "rear")
-
     def _down(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         config, where = self._config, self._where
         if (missing := self._missing(config.gap_m)) is not None:
@@ -272,10 +266,3 @@ class Descent(Traversal):
         stays = "the flipper does not rise: as the chair left the stair, it would drop off the last nosing"
         flipper = self._lift(t_s)
         return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=flipper, needs_stair=False, hold=stays if is_late else None)
-
-    def _look_on(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        """Return the plan that backs over a landing until the next flight is in view."""
-        config, where = self._config, self._where
-        if -where.travel_m > config.look_m or where.pitch_rad > LEVEL_RAD:
-            return self._stand(t_s, f"no flight in view behind within {-where.travel_m:.1f} m on the landing", needs_stair=False)
-        return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), needs_stair=False)

@@ -63,7 +63,7 @@ class _Nosing:
 
     x_m: float
     z_m: float
-    count: int = 1
+    count: int
     missed: int = 0
     """Number of maps that showed nearer and further nosings, but not this one."""
     end_count: int = 0

@@ -3,7 +3,6 @@
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,9 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.playback import Limits, Recording
 from treadline.report.labels import suffix
+from treadline.scenario.shipped_files import DATA
 
-_DATA = Path(__file__).parents[1] / "data"
-_PALETTE = tomllib.loads((_DATA / "palette.toml").read_text(encoding="utf-8"))
+_PALETTE = tomllib.loads((DATA / "palette.toml").read_text(encoding="utf-8"))
 SIGNS: Mapping[str, Mapping[str, Any]] = _PALETTE["signs"]
 """Signs of scene, plots and texts: ``colour``, its version for ``dark`` paper, and what it ``means``."""
 
@@ -124,5 +123,5 @@ def _plot(entry: Mapping[str, Any]) -> Plot:
     return Plot(**{**entry, "curves": curves, "limit": made})
 
 
-PLOTS = tuple(_plot(entry) for entry in tomllib.loads((_DATA / "plots.toml").read_text(encoding="utf-8"))["plot"])
+PLOTS = tuple(_plot(entry) for entry in tomllib.loads((DATA / "plots.toml").read_text(encoding="utf-8"))["plot"])
 """Plots from above."""

@@ -61,7 +61,7 @@ class Body:
     inertia: Point
     """Principal moments of inertia about the centre of mass [kg·m²]."""
     hinge: Hinge | None = None
-    shapes: tuple[Shape, ...] = ()
+    shapes: tuple[Shape, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -43,11 +43,11 @@ class Step:
     """Friction along and across the belt, for the left half and the right half."""
     nosing_radius_m: float
     """Radius of the rounded front edge."""
-    y_m: float = 0.0
+    y_m: float
     """Place of the nosing's middle across its flight (F), positive to the left: not zero for winders alone."""
-    overhang_m: float = 0.0
+    overhang_m: float
     """Overhang of the tread over the riser [m]."""
-    tread_slope_rad: float = 0.0
+    tread_slope_rad: float
     """Slope of the tread [rad], positive if the tread rises towards its back."""
 
     @property
@@ -138,13 +138,13 @@ class Staircase:
     """Design friction along and across; individual values are in ``steps``."""
     floor_friction: Friction
     walls: str
-    end_wall: bool = False
+    end_wall: bool
     """Whether a wall stands across the far end of the uppermost landing."""
-    flight_count: int = 1
+    flight_count: int
     """Number of flights; winders count as the top of the flight below them."""
-    turn_rad: float = 0.0
+    turn_rad: float
     """Turn from each flight to the next, positive to the left; zero straight on."""
-    winders: Winders | None = None
+    winders: Winders | None
 
     @property
     def flights(self) -> tuple[tuple[Step, ...], ...]:

@@ -4,15 +4,15 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 from treadline.core.processes import killed_with_starter
+from treadline.scenario.shipped_files import DATA
 from treadline.view._session import Session
 from treadline.view.opening import open_live, open_recorded
 
 SCENARIO = "up-28"
 """Scenario of the recording."""
-RECORDING = Path(__file__).parents[1] / "data" / "recordings" / SCENARIO
+RECORDING = DATA / "recordings" / SCENARIO
 """Run folder without images, which ``docs/tools/demo_recording.py`` makes of a run of ``treadline climb``."""
 FIRST_PHASE = "mount"
 """Phase at whose beginning the demonstration starts: the chair begins to climb."""

@@ -17,6 +17,7 @@ from treadline.core.angles import DEG
 from treadline.core.ports import Reading, TruthPlant
 from treadline.core.rotations import rotation_z
 from treadline.core.signals import FrameQuality, StairMap
+from treadline.plant._actuator_lag_and_slew_kernels import LEFT, RIGHT
 from treadline.plant.sensors._instruments import CameraModel
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.camera.solids import SceneBox, Shadow, beam
@@ -29,7 +30,6 @@ PHYSICAL: tuple[FaultKind, ...] = (
     "track_stalled", "track_slip", "low_friction", "seat_stuck", "power_cut", "obstacle", "false_edges", "flipper_lost",
 "flipper_stuck", "payload_forward", "payload_left", "payload_up" )  # fmt: skip
 """Kinds of faults simulated by the physics."""
-LEFT, RIGHT = 0, 1
 UNCHANGED = Conditions()
 BOX_M = (0.25, 0.6, 0.5)
 """Depth, width and height of the obstacle [m]: a suitcase across both belts."""

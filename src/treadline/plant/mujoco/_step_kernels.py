@@ -156,7 +156,7 @@ def advance(
         mu: Belt friction of each geom, columns as in ``MU_LEFT``.
         coulomb: Whether contact forces are corrected, MuJoCo's number of no-slip iterations, pointers of the constraint arrays,
             acceleration, warm start of the solver, working memory.
-        lugs: Lug parameters (empty for smooth belts), travel of the belts, part of each geom, angle of a fixed approach section.
+        lugs: Lug parameters, travel of the belts, part of each geom, angle of a fixed approach section.
         grip: Remaining fraction of the friction of each geom.
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], flipper rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
@@ -232,7 +232,7 @@ def advance(
             _collide(model, data)
             chair_y = (xmat[1], xmat[4], xmat[7])
             turn_contacts(count[0], real, whole, frame, friction, surfacevel, geom, is_belt, chair_y, mu)
-            if lug.shape[0] > 0:
+            if lug.height > 0.0:
                 speed = (state[LEFT] * (1.0 + mismatch[0]), state[RIGHT] * (1.0 + mismatch[1]))
                 approach_rad = qpos[LAST] if flipper.shape[0] > 0 else fixed_rad
                 follow_lugs(count[0], real, whole, frame, surfacevel, geom, part_of, speed, approach_rad, qpos, xmat, lug, travel)

@@ -249,7 +249,7 @@ class MujocoPlant(InstrumentedPlant):
                 data.qacc_warmstart,
                 np.zeros((CONTACTS_MAX, 2)),
             ),
-            (self._lugs.numbers, self._lugs.travel_m, self._lugs.part_of, self._chair.tracks.approach_angle_deg * DEG),
+            (self._lugs.parameters, self._lugs.travel_m, self._lugs.part_of, self._chair.tracks.approach_angle_deg * DEG),
             self._is_belt,
             data.xmat[1],
             self._grip,

@@ -6,11 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Float32, Int, Int32
+
+from treadline.scenario.shipped_files import DATA
 
 Outline = Float[np.ndarray, "n 2"]
 """Closed polygon (x, z), anticlockwise with x to the right and z up."""
@@ -178,7 +179,7 @@ class MeshPart:
 @cache
 def colour(name: str) -> Colour:
     """Return a colour of ``data/palette.toml``."""
-    palette = tomllib.loads((Path(__file__).parents[2] / "data" / "palette.toml").read_text(encoding="utf-8"))
+    palette = tomllib.loads((DATA / "palette.toml").read_text(encoding="utf-8"))
     code = int(palette[name][1:], 16)
     return (code >> 16) / 255.0, (code >> 8 & 0xFF) / 255.0, (code & 0xFF) / 255.0
 

@@ -74,8 +74,7 @@ NOMINAL = Physics()
 class Lugs:
     """Parameters and state of the lugs of both belts; the compiled loop keeps references to the arrays."""
 
-    numbers: Float[np.ndarray, " n"]
-    """Lug parameters, entries as in ``_rubber_lug_kernels``; empty for smooth belts."""
+    parameters: lugs.LugParameters
     start_m: Float[np.ndarray, " 2"]
     """Initial travel of each belt [m], drawn from the seed."""
     travel_m: Float[np.ndarray, " 2"]
@@ -102,17 +101,17 @@ def fit_lugs(
     if settings.stiffness_s is not None:
         model.geom_solref[belts, 0] = settings.stiffness_s
     time_constant_s = float(model.geom_solref[belts[0, 0], 0])
-    if height == 0.0:
-        return Lugs(numbers=np.array([]), start_m=np.zeros(2), travel_m=np.zeros(2), part_of=part_of)
-    refusal = oversized_lugs(settings, tracks)
-    if refusal is not None:
-        raise SettingsError(refusal)
-    _shrink(model, belts, height)
-    numbers = np.zeros(11)
-    numbers[:5] = height, pitch, tip, flank, 2.0 * DMAX * time_constant_s
-    numbers[5:10] = tracks.flat_run_m, tracks.approach_m, tracks.pulley_radius_m, 0.5 * tracks.belt_width_m, tracks.gauge_m
-    numbers[lugs.STEP_S] = model.opt.timestep
-    return Lugs(numbers=numbers, start_m=draws.uniform(0.0, pitch, 2), travel_m=np.zeros(2), part_of=part_of)
+    lug = (height, pitch, tip, flank, 2.0 * DMAX * time_constant_s)
+    belt = (tracks.flat_run_m, tracks.approach_m, tracks.pulley_radius_m, 0.5 * tracks.belt_width_m, tracks.gauge_m)
+    start_m = np.zeros(2)
+    if height > 0.0:
+        refusal = oversized_lugs(settings, tracks)
+        if refusal is not None:
+            raise SettingsError(refusal)
+        _shrink(model, belts, height)
+        start_m = draws.uniform(0.0, pitch, 2)
+    parameters = lugs.LugParameters(*lug, *belt, step_s=float(model.opt.timestep))
+    return Lugs(parameters=parameters, start_m=start_m, travel_m=np.zeros(2), part_of=part_of)
 
 
 def _shrink(model: mujoco.MjModel, belts: Int[np.ndarray, "2 5"], height: float) -> None:

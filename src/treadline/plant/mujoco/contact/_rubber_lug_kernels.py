@@ -7,7 +7,7 @@ friction: a nosing is held by a lug flank and by the next lug.
 """
 
 import math
-from typing import no_type_check
+from typing import NamedTuple, no_type_check
 
 from treadline.core.kernel_cache import njit
 
@@ -21,15 +21,30 @@ FAR_M = 1.0
 """Distance assigned to a contact opened by the profile [m]: too far to carry a load."""
 ACROSS = 5
 """Number of positions across the belt's width at which an oblique nosing can touch a lug."""
-HEIGHT, PITCH, TIP, FLANK, DAMPING_S, FLAT_RUN, APPROACH_M, RADIUS, HALF_WIDTH, GAUGE, STEP_S = range(11)
-"""Indices of the lug parameters [m, s]; the damping is B/K of MuJoCo's reference acceleration, 2 · dmax · time constant."""
+
+
+class LugParameters(NamedTuple):
+    """Parameters of the lugs and of the belts that carry them [m, s]; without lugs the height is zero."""
+
+    height: float
+    pitch: float
+    tip: float
+    flank: float
+    damping_s: float
+    """B/K of MuJoCo's reference acceleration, 2 · dmax · time constant."""
+    flat_run: float
+    approach: float
+    radius: float
+    half_width: float
+    gauge: float
+    step_s: float
 
 
 @njit(cache=True)
 @no_type_check
 def profile(along, lug):
     """Return gap and slope of the profile at a distance along the belt from the middle of a tip."""
-    pitch, tip, flank, height = lug[PITCH], lug[TIP], lug[FLANK], lug[HEIGHT]
+    pitch, tip, flank, height = lug.pitch, lug.tip, lug.flank, lug.height
     place = along - pitch * math.floor(along / pitch + 0.5)
     beyond = abs(place) - 0.5 * tip
     if beyond <= 0.0:
@@ -48,10 +63,10 @@ def standing(along, rise, lug):
 
     ``rise`` is the height gain per distance along the belt.
     """
-    pitch = lug[PITCH]
+    pitch = lug.pitch
     place = along - pitch * math.floor(along / pitch)
     # If the belt descends with increasing arc length, uphill is towards smaller arc lengths.
-    distance = (place if rise < 0.0 else pitch - place) - 0.5 * lug[TIP]
+    distance = (place if rise < 0.0 else pitch - place) - 0.5 * lug.tip
     return max(distance, 0.0) * abs(rise), (-rise if distance > 0.0 else 0.0)
 
 
@@ -59,7 +74,7 @@ def standing(along, rise, lug):
 @no_type_check
 def arc_length(part, x, z, ox, oz, approach_rad, lug):
     """Return the arc length from mid-track along the outline of a contact at (x, z) in B with outward normal (ox, oz)."""
-    half, radius = 0.5 * lug[FLAT_RUN], lug[RADIUS]
+    half, radius = 0.5 * lug.flat_run, lug.radius
     if part == FLAT:
         return -x
     if part == REAR:
@@ -67,7 +82,7 @@ def arc_length(part, x, z, ox, oz, approach_rad, lug):
     if part == FRONT:
         return -half - radius * math.atan2(ox, -oz)
     if part == NOSE:
-        return -half - lug[APPROACH_M] - radius * math.atan2(ox, -oz)
+        return -half - lug.approach - radius * math.atan2(ox, -oz)
     outward = (x - half) * math.cos(approach_rad) + (z - radius) * math.sin(approach_rad)
     return -half - radius * approach_rad - outward
 
@@ -81,11 +96,10 @@ def follow_lugs(count, real, whole, frame, surfacevel, geom, part_of, speed, app
         part_of: Part of each geom, ``side · PARTS + part``, or ``SMOOTH``.
         speed: Belt speeds, left and right [m/s].
         approach_rad: Angle of the approach section from the flat run.
-        lug: Lug parameters, indices ``HEIGHT`` to ``STEP_S``.
         travel: Travel of each belt [m]; changed in place.
     """
     for side in range(2):
-        travel[side] += speed[side] * lug[STEP_S]
+        travel[side] += speed[side] * lug.step_s
     for i in range(count):
         row = real[i]
         sign, name = 1.0, part_of[whole[i, geom]]
@@ -96,7 +110,7 @@ def follow_lugs(count, real, whole, frame, surfacevel, geom, part_of, speed, app
         side, part = name // PARTS, name % PARTS
         ox, oy, oz = sign * row[frame], sign * row[frame + 1], sign * row[frame + 2]
         if abs(ox * xmat[1] + oy * xmat[4] + oz * xmat[7]) > 0.99:  # the belt's side has no lugs
-            row[0] = row[0] + lug[HEIGHT] if row[0] < 0.0 else FAR_M
+            row[0] = row[0] + lug.height if row[0] < 0.0 else FAR_M
             continue
         tx, ty, tz = row[frame + 3], row[frame + 4], row[frame + 5]
         dx, dy, dz = row[frame - 3] - qpos[0], row[frame - 2] - qpos[1], row[frame - 1] - qpos[2]
@@ -109,20 +123,20 @@ def follow_lugs(count, real, whole, frame, surfacevel, geom, part_of, speed, app
         along -= travel[side]
         # A nosing is parallel to y of the world: its advance along the belt per distance across the belt.
         shear = ty / xmat[4] if abs(xmat[4]) > 0.1 else 0.0
-        inward = y - (1.0 - 2.0 * side) * 0.5 * lug[GAUGE]
+        inward = y - (1.0 - 2.0 * side) * 0.5 * lug.gauge
         gap, slope = standing(along, tz, lug)
         for k in range(ACROSS):
-            place = (-1.0 + 2.0 * k / (ACROSS - 1)) * lug[HALF_WIDTH]
+            place = (-1.0 + 2.0 * k / (ACROSS - 1)) * lug.half_width
             c, dc = profile(along + shear * (place - inward), lug)
             if c <= gap:
                 gap, slope = c, dc
         size = math.sqrt(1.0 + slope * slope)
         # The normal speed of the flank enters as an equivalent distance, because MuJoCo supports tangential surface motion only.
-        distance = (row[0] - lug[HEIGHT] + gap) / size
+        distance = (row[0] - lug.height + gap) / size
         if distance >= 0.0:
             row[0] = FAR_M
             continue
-        row[0] = distance + lug[HEIGHT] - lug[DAMPING_S] * slope * speed[side] / size
+        row[0] = distance + lug.height - lug.damping_s * slope * speed[side] / size
         row[frame] = sign * (ox + slope * tx) / size
         row[frame + 1] = sign * (oy + slope * ty) / size
         row[frame + 2] = sign * (oz + slope * tz) / size
