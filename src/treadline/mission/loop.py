@@ -36,7 +36,7 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.guard import Guard
+from treadline.guard import Guard, LoopWatchdog
 from treadline.mission._blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller, seat_now
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.planner import Planner
@@ -128,23 +128,32 @@ class Mission:
         self._phase = ""
         self._belts = (0.0, 0.0)
         self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
+        self.watchdog = LoopWatchdog(blocks.guard.hold, getattr(plant, "brake", None))
+        """Watch over the ticks of a plant on the wall clock, while its ``with`` block runs."""
         plant.start()
 
     def tick(self) -> Tick:
         """Advance the plant to the next tick, read, plan, propose, guard, write."""
         t_s = self._t_s = self._tick * TICK_S
+        self.watchdog.begin("plant.advance")
         self._plant.advance(t_s)
         self._guard.advance(t_s)
-        for reading in self._plant.read():
+        self.watchdog.begin("plant.read")
+        readings = self._plant.read()
+        self.watchdog.begin("detector and heading filter")
+        for reading in readings:
             self._log(reading, self._t_s)
             if self._guard.admit(reading):
                 self._take(reading)
 
+        self.watchdog.begin("planner and controller")
         plan = self._plan(t_s)
         proposed = self._propose(plan)
         tracks, flipper = self._guard.step(t_s, self._estimate), self._guard.pass_flipper(plan.flipper)
         self._seat = seat_now(self._seat, t_s)
+        self.watchdog.begin("plant.write")
         self._plant.write(tracks, self._seat, flipper)
+        self.watchdog.begin("log and viewer")
         self._report(tracks, flipper, plan, proposed=proposed)
         self._tick += 1
         return Tick(t_s=t_s, estimate=self._estimate, plan=plan, tracks=tracks, seat=self._seat, proposed=proposed)

@@ -1,5 +1,6 @@
 """Blocks of one mission from its configuration: ``MissionConfig -> Blocks``, and the guard's limits for its chair."""
 
+from dataclasses import replace
 from typing import Any
 
 from treadline.control import ControllerConfig, HeadingController
@@ -7,9 +8,11 @@ from treadline.control.seat_leveller import LevellerConfig, PitchLeveller
 from treadline.core import paper
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
+from treadline.core.signals import TICK_S, ImuSample
 from treadline.estimation import HeadingFilter, OffsetEstimator
 from treadline.guard import Guard, GuardConfig
 from treadline.mission._blocks import Detector
+from treadline.mission._warm_up import stair_frames
 from treadline.mission.ascent_states import Ascent, AscentConfig
 from treadline.mission.belt_controllers import ConstantSpeed, Driver
 from treadline.mission.descent_states import Descent, DescentConfig
@@ -17,6 +20,7 @@ from treadline.mission.loop import Blocks, Estimator
 from treadline.mission.mission_config import MissionConfig, is_full_traversal
 from treadline.mission.planner import Cruise, Planner
 from treadline.perception import DetectorConfig, StairDetector
+from treadline.perception.frame_quality import quality_of
 
 PERIODS_MISSED = 3
 """Control periods without a command after which the guard holds."""
@@ -124,6 +128,26 @@ def _built(kind: str, plugin: Any, config: MissionConfig, protocol: Any) -> Any:
     wanted = sorted(name for name in {*dir(protocol), *getattr(protocol, "__annotations__", {})} if not name.startswith("_"))
     missing = [name for name in wanted if not hasattr(block, name)]
     raise SettingsError(f"the {kind} plug-in builds a {type(block).__name__} without {', '.join(missing)}; add it")
+
+
+def warm_up(blocks: Blocks, config: MissionConfig) -> None:
+    """Detect and estimate on synthetic frames of a staircase, so that all kernels are compiled before the chair moves.
+
+    Args:
+        blocks: Blocks whose estimator is not used afterwards.
+        config: Settings of the mission, of which the camera in use and the direction count.
+    """
+    camera = config.chair.camera_at(rear=config.direction == "down")
+    still = ImuSample(
+        t_s=0.0, orientation=(1.0, 0.0, 0.0, 0.0), angular_velocity_rad_s=(0.0,) * 3, linear_acceleration_m_s2=(0.0,) * 3
+    )
+    for number, (frame, gravity_C) in enumerate(stair_frames(camera, rises=config.direction == "up")):
+        quality_of(frame, gravity_C, blocks.swept_half_m)
+        seen = blocks.detector.see(frame, gravity_C)
+        _ = seen.stair_map  # made when it is asked for
+        blocks.estimator.step(replace(still, t_s=number * TICK_S))
+        if seen.measurement is not None:
+            blocks.estimator.step(replace(seen.measurement, t_s=number * TICK_S))
 
 
 def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True) -> GuardConfig:

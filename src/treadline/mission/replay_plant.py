@@ -29,6 +29,9 @@ class ReplayPlant:
         R_BI: Rotation of the IMU's axes in the chair's frame; None where the IMU reads in the chair's frame already.
     """
 
+    virtual_time = True
+    """Time advances in ``advance`` alone."""
+
     def __init__(self, arrivals: Iterable[tuple[float, Reading]], R_BI: Float[np.ndarray, "3 3"] | None = None) -> None:
         self._arrivals = iter(arrivals)
         self._R_BI = R_BI

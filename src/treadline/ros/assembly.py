@@ -8,7 +8,7 @@ from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Plant
 from treadline.guard import GuardConfig
-from treadline.mission.mission_blocks import build_blocks, guard_config
+from treadline.mission.mission_blocks import build_blocks, guard_config, warm_up
 from treadline.mission.mission_config import MissionConfig
 from treadline.ros.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
 from treadline.ros.plant_node import PlantNode
@@ -71,9 +71,8 @@ def node_of(
             )
             return GuardNode(limits, awaited, config.chair.tracks.gauge_m if stick else None, sender=f"guard-{uuid4().hex[:8]}")
         case "camera":
-            node = CameraNode(blocks.detector, limits, blocks.swept_half_m)
-            node.warm_up(mount_of(config), rises=config.direction == "up")
-            return node
+            warm_up(blocks, config)
+            return CameraNode(blocks.detector, limits, blocks.swept_half_m)
         case "heading":
             linkage = None if config.chair.seat is None else SeatLinkage(config.chair.seat)
             return HeadingNode(blocks.estimator, limits, mount_of(config), linkage)

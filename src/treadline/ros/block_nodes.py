@@ -31,10 +31,8 @@ from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Estimator
 from treadline.mission.odometry import DeadReckoning
 from treadline.mission.planner import Planner
-from treadline.perception.frame_quality import quality_of
 from treadline.ros import channels as on
 from treadline.ros._node_signals import Beat, GuardState, JointAngles, Mounts, VelocityCommand
-from treadline.ros._warm_up import stair_frames
 from treadline.vehicle.linkage import SeatLinkage
 
 ODOM_TICKS = 5
@@ -111,18 +109,6 @@ class CameraNode(_AdmittingNode):
         transport.subscribe(on.CAMERA_QUALITY, self._take_quality)
         transport.subscribe(on.CAMERA_HEADING, self._pass)
         transport.subscribe(on.CAMERA_MAP, self._pass)
-
-    def warm_up(self, camera: PinholeCamera, *, rises: bool) -> None:
-        """Look at synthetic frames of a staircase, so that all kernels are compiled before the first real frame.
-
-        Args:
-            camera: The camera in use, on the chair.
-            rises: Whether the flight that the camera looks at rises, else it falls.
-        """
-        for frame, gravity_C in stair_frames(camera, rises=rises):
-            quality_of(frame, gravity_C, self._swept_half_m)
-            seen = self._detector.see(frame, gravity_C)
-            _ = seen.measurement, seen.stair_map  # the map is made when it is asked for
 
     def _take_imu(self, sample: ImuSample) -> None:
         if self._admission.admit(sample):

@@ -5,6 +5,7 @@ The mission receives the plant's sensors only; verdict and scores are computed f
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -19,6 +20,7 @@ from treadline.core.printing import Brief
 from treadline.core.signals import TICK_S, Event, HeadingHealth, MotionPlan, StairMap
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Blocks, GuardMessage, Mission, Signal, Tick
+from treadline.mission.mission_blocks import warm_up
 from treadline.run._ending import Ending
 from treadline.run.resolve import Opener, PlantName, Setup, resolve
 from treadline.run.run_scores import Scores, Trace, score
@@ -72,8 +74,9 @@ def run_episode(
     plant: TruthPlant | None = None,
     faults: Sequence[Fault] | None = None,
     attended: bool = False,
+    pace: Callable[[float], None] | None = None,
 ) -> Traverse:
-    """Return one simulated run of a resolved setup.
+    """Return one run of a resolved setup.
 
     Args:
         blocks: The blocks to run, if they have been built already.
@@ -83,6 +86,7 @@ def run_episode(
         sink: Receives every signal, ground truth included.
         watch: Receives each tick as it ends.
         after_hold_s: Time for which a held chair is simulated before the run ends [s].
+        pace: Waits until the run may pass a time, for a viewer that pauses; a pause is no standstill of the loop.
 
     Raises:
         SettingsError: If a block cannot be built.
@@ -105,7 +109,9 @@ def run_episode(
             recorder.collect(plant)
         else:
             ending = Ending(setup.scenario, setup.mission.chair, attended=attended)
-            over = _drive(ending, plant, blocks, recorder, watch, after_hold_s, faults)
+            if not _is_virtual(plant):
+                warm_up(setup.build_blocks(), setup.mission)
+            over = _drive(ending, plant, blocks, recorder, watch, after_hold_s, faults, pace)
     except SimulationDiverged as error:
         # A start that is refused may also be one in which no chair can be put down.
         over = over if refusal else ("diverged", str(error))
@@ -129,22 +135,32 @@ def _drive(
     watch: Watch | None,
     after_hold_s: float,
     faults: Sequence[Fault],
+    pace: Callable[[float], None] | None,
 ) -> tuple[str, str | None]:
     """Run the mission to its end; return verdict and cause."""
     mission = Mission(plant, blocks, recorder.log, lambda t_s: is_killed(faults, Process.CONTROLLER, t_s), _stamper(faults))
     over: tuple[str, str | None] | None = None
     held_s = 0.0
-    while over is None or (over[0] == "held" and held_s < after_hold_s):
-        tick = mission.tick()
-        recorder.note(tick, plant)
-        if watch is not None:
-            watch(tick)
-        if over is None:
-            over = ending.verdict(recorder.truth[-1], tick.plan, blocks.guard.holding)
-        else:
-            held_s += TICK_S
-            over = ending.fall(recorder.truth[-1]) or over
+    with nullcontext() if _is_virtual(plant) else mission.watchdog:
+        while over is None or (over[0] == "held" and held_s < after_hold_s):
+            tick = mission.tick()
+            recorder.note(tick, plant)
+            if watch is not None:
+                watch(tick)
+            if pace is not None:
+                with mission.watchdog.paused():
+                    pace(tick.t_s)
+            if over is None:
+                over = ending.verdict(recorder.truth[-1], tick.plan, blocks.guard.holding)
+            else:
+                held_s += TICK_S
+                over = ending.fall(recorder.truth[-1]) or over
     return over
+
+
+def _is_virtual(plant: TruthPlant) -> bool:
+    """Return whether the plant states that its time advances in ``advance`` alone."""
+    return getattr(plant, "virtual_time", False) is True
 
 
 def traverse(

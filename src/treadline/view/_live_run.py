@@ -170,6 +170,7 @@ class LiveRun:
             plant=self._plant,
             faults=self._plant.faults,
             attended=self._order.attended,
+            pace=lambda t_s: self._pacer.wait(t_s, self._look),
         )
 
     def _sink(self, signal: Any, taken_s: float) -> None:
@@ -182,7 +183,7 @@ class LiveRun:
         self._frames.append(shown(frame, detection, self._tick * TICK_S, with_picture=roomy))
 
     def _after(self, t_s: float) -> None:
-        """Send, obey and wait after a tick."""
+        """Send and obey after a tick."""
         self._tick = round(t_s / TICK_S) + 1
         self._show_obstacle(t_s)
         if self._asks_contacts:
@@ -194,7 +195,6 @@ class LiveRun:
         while self._next < len(self._script) and self._script[self._next][0] <= self._tick:
             self._apply(self._script[self._next][1])
             self._next += 1
-        self._pacer.wait(t_s, self._look)
 
     def _look(self) -> None:
         for kind, value in self._receive():

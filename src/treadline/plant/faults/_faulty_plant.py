@@ -41,6 +41,8 @@ class FaultyPlant:
         for fault in faults:
             self._check(fault)
         self._plant = plant
+        self.virtual_time: bool = getattr(plant, "virtual_time", False)
+        """Whether time advances in ``advance`` alone, as in the wrapped plant."""
         self._given = tuple(faults)
         self.faults: list[Fault] = []
         """Faults of the run, those added while it runs included; the list grows with ``inject``."""

@@ -323,6 +323,9 @@ class InstrumentedPlant(ABC):
     A simulator moves the bodies.
     """
 
+    virtual_time = True
+    """Time advances in ``advance`` alone: a loop that stands still stops the simulation with it."""
+
     def __init__(self, drives: Actuators, instruments: Instruments) -> None:
         self._drives = drives
         self._instruments = instruments

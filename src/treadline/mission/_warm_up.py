@@ -1,4 +1,4 @@
-"""Synthetic frames of a staircase, on which a camera node compiles its kernels before the first real frame."""
+"""Synthetic frames of a staircase, on which all kernels of a run are compiled before the first real frame."""
 
 import itertools
 import math

@@ -1,0 +1,104 @@
+"""The guard at the actuators: which commands reach the drives, and when it brakes by itself (GUARD §1, holes 3, 12 and 14)."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from treadline.core.signals import FlipperCommand, OperatorInput, SeatCommand, TrackCommand
+from treadline.guard import GuardConfig, LastGuard
+
+SILENT_S = 0.3
+"""Stated time without a command after which the plant brakes [s] (GUARD §2, rule 6)."""
+BELTS = TrackCommand(t_s=1.0, left_m_s=0.1, right_m_s=0.2, sender="guard-1")
+SEAT = SeatCommand(t_s=1.0, rate_m_s=0.05, sender="guard-1")
+FLIPPER = FlipperCommand(t_s=1.0, rate_rad_s=-0.5, sender="guard-1")
+VALUES = {TrackCommand: "left_m_s", SeatCommand: "rate_m_s", FlipperCommand: "rate_rad_s"}
+
+
+def at(t_s: float) -> LastGuard:
+    """Return a last guard of the paper's chair: belts 1 m/s, seat 0.06 m/s, flipper 30 °/s."""
+    last = LastGuard(GuardConfig(belt_limit_m_s=1.0, seat_limit_m_s=0.06, flipper_limit_rad_s=math.radians(30.0)))
+    last.advance(t_s)
+    return last
+
+
+@pytest.mark.parametrize("command", [BELTS, SEAT, FLIPPER], ids=lambda command: type(command).__name__)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1e6, 1e6])
+def test_no_value_beyond_the_chair_passes(command: TrackCommand | SeatCommand | FlipperCommand, value: float) -> None:
+    last = at(1.0)
+    assert not last.accept(replace(command, **{VALUES[type(command)]: value}))
+    assert last.accept(command)
+    assert last.rejected == {type(command).__name__: 1}
+
+
+@pytest.mark.parametrize("command", [BELTS, SEAT, FLIPPER], ids=lambda command: type(command).__name__)
+@pytest.mark.parametrize("t_s", [math.nan, 1e6, -1e6, 1.2, 0.6, 0.99])
+def test_no_stamp_that_is_not_fresh_passes(command: TrackCommand | SeatCommand | FlipperCommand, t_s: float) -> None:
+    """Test: after a command stamped 1.00 s, stamps that are no number, ahead, old, or older than the one before. Expected result:
+    rejected, and the next sound one is accepted."""
+    last = at(1.0)
+    assert last.accept(command)
+    assert not last.accept(replace(command, t_s=t_s))
+    assert not last.accept(command)
+    assert last.accept(replace(command, t_s=1.01))
+
+
+def test_silence_brakes_until_a_person_re_arms_and_is_named() -> None:
+    last = at(1.0)
+    assert last.accept(BELTS)
+    last.advance(1.0 + SILENT_S)
+    assert last.fault is None
+    last.advance(1.01 + SILENT_S)
+    assert last.fault == "the plant braked by itself: no command for 0.31 s"
+    assert last.accept(replace(BELTS, t_s=1.31))
+    assert last.commands()[0].brake
+    for pressed in ({"rearm": True, "stop": True}, {"rearm": False}, {"rearm": True, "dead_man": False}, {"rearm": False}):
+        last.operate(OperatorInput(t_s=1.31, **pressed))
+        assert last.fault is not None
+    last.operate(OperatorInput(t_s=1.31, rearm=True))
+    assert last.fault is None
+    assert last.commands()[0].brake  # until the guard speaks again
+    assert last.accept(replace(BELTS, t_s=1.32))
+    assert last.commands()[0] == replace(BELTS, t_s=1.32)
+
+
+def test_the_cause_names_the_commands_that_were_rejected_meanwhile() -> None:
+    last = at(1.0)
+    assert last.accept(BELTS)
+    for tick in range(1, 32):
+        last.advance(1.0 + 0.01 * tick)
+        last.accept(replace(BELTS, t_s=1.0 + 0.01 * tick, left_m_s=7.0))
+    said = "no command for 0.31 s; the last TrackCommand asks for 7.00, 1.00 is the chair's limit"
+    assert last.fault == f"the plant braked by itself: {said}"
+
+
+def test_a_second_guard_brakes_the_belts_and_both_are_named() -> None:
+    last = at(1.0)
+    assert last.accept(BELTS)
+    assert not last.accept(replace(SEAT, sender="guard-2"))
+    assert last.fault == "the plant braked by itself: two guards send commands, guard-1 and guard-2; stop one of them"
+    assert last.accept(replace(BELTS, t_s=1.01))
+    assert last.commands()[0].brake
+
+
+def test_a_chair_that_was_never_driven_has_no_fault() -> None:
+    last = at(5.0)
+    assert last.fault is None
+    assert last.is_braking
+    assert last.accept(TrackCommand.stop(5.0))
+    last.advance(9.0)
+    assert last.fault is None
+
+
+def test_rates_of_seat_and_flipper_end_with_their_validity() -> None:
+    """Test: rates stamped 1.00 s, and belts that go on. Expected result: the rates act for 0.1 s."""
+    last = at(1.0)
+    for command in (SEAT, FLIPPER, BELTS):
+        assert last.accept(command)
+    assert last.commands() == (BELTS, SEAT, FLIPPER)
+    for tick in range(1, 13):
+        last.advance(1.0 + 0.01 * tick)
+        assert last.accept(replace(BELTS, t_s=1.0 + 0.01 * tick))
+        _, seat, flipper = last.commands()
+        assert (seat.rate_m_s, flipper) == ((SEAT.rate_m_s, FLIPPER) if tick <= 10 else (0.0, None))
