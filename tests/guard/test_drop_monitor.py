@@ -1,0 +1,133 @@
+"""Drop-off monitor: ground that ends, ground that was not seen, and edges that may be driven over."""
+
+import math
+from typing import Any
+
+import pytest
+from world import stair
+
+from treadline.core.signals import FreeGround
+from treadline.guard import GuardConfig
+from treadline.guard._drop_monitor import DropMonitor
+
+DEG = math.pi / 180.0
+PULLEY_M = 0.475
+"""Half of the flat run of the shipped chair, 0.95 m."""
+FRONT: dict[str, Any] = {"view": "front", "blind_m": 0.83, "seen_m": 2.0}
+REAR: dict[str, Any] = {"view": "rear", "blind_m": 0.88, "seen_m": 2.0}
+
+
+class Chair:
+    """A chair with its monitor, standing on flat ground for a second."""
+
+    def __init__(self) -> None:
+        self.monitor = DropMonitor(GuardConfig())
+        self.monitor.update_motion(0.0, 0.0)
+        self.t_s, self.travel_m, self.heading_rad = 1.0, 0.0, 0.0
+        self.cause(0.0)
+
+    def look(self, frames: int = 2, **ground: Any) -> "Chair":
+        for _ in range(frames):
+            self.monitor.look(FreeGround(t_s=self.t_s, **ground), self.travel_m)
+        return self
+
+    def map(self, behind_m: float, maps: int = 2, **changes: Any) -> "Chair":
+        nosings = [(-behind_m, 0.0, 0.0), (-behind_m - 0.3, 0.0, -0.16)]
+        for _ in range(maps):
+            self.monitor.look_on_stair(stair(self.t_s, **{"direction": "down", "nosings_B": nosings} | changes), self.travel_m)
+        return self
+
+    def cause(self, speed_m_s: float, phase: Any = "search") -> str | None:
+        return self.monitor.cause(self.t_s, self.travel_m, speed_m_s, phase, self.heading_rad)
+
+    def goes(self, speed_m_s: float, phase: Any = "search", within_m: float = 3.0) -> float:
+        """Return the travel in one direction until the monitor objects, at most ``within_m``."""
+        began_m = self.travel_m
+        while abs(self.travel_m - began_m) < within_m and self.cause(speed_m_s, phase) is None:
+            self.travel_m += math.copysign(0.001, speed_m_s)
+        return abs(self.travel_m - began_m)
+
+
+def test_without_a_frame_the_chair_may_not_move_in_either_direction() -> None:
+    chair = Chair()
+    assert chair.cause(0.0) is None
+    assert chair.cause(0.1) == "the ground 0.00 m ahead of the belts was neither seen nor driven over"
+    assert chair.cause(-0.1) == "the ground 0.00 m behind the belts was neither seen nor driven over"
+
+
+@pytest.mark.parametrize(("ground", "way"), [(FRONT, 1.0), (REAR, -1.0)])
+def test_the_chair_stops_with_the_distance_of_an_obstacle_before_the_end(ground: dict[str, Any], way: float) -> None:
+    """Test: an end 1.5 m from mid-track, ±10 mm. Expected result: 0.34 m, 0.4 s of driving and two deviations are left."""
+    chair = Chair().look(**ground | {"seen_m": 1.5, "end_m": 1.5, "end_sigma_m": 0.01})
+    left_m = 1.5 - PULLEY_M - chair.goes(0.1 * way)
+    assert left_m == pytest.approx(0.34 + 0.04 + 0.02, abs=0.002)
+    assert "the ground ends" in str(chair.cause(0.1 * way))
+    assert chair.cause(-0.1 * way) is None  # back over what was driven
+
+
+def test_one_frame_alone_shows_no_end_and_ground_seen_beyond_it_takes_it_back() -> None:
+    near = FRONT | {"seen_m": 0.88, "end_m": 0.88, "end_sigma_m": 0.0}
+    assert Chair().look(frames=1, **FRONT).look(frames=1, **near).cause(0.2) is None
+    assert Chair().look(**FRONT).look(**near).cause(0.2) is not None
+    assert Chair().look(**near).look(frames=1, **FRONT).cause(0.2) is None
+
+
+def test_an_end_below_the_image_is_remembered_by_the_travel_of_the_belts() -> None:
+    """Test: the end leaves the view at 0.8 m. Expected result: the same place holds, and what was not seen is not free either."""
+    chair = Chair().look(**FRONT | {"seen_m": 1.2, "end_m": 1.2, "end_sigma_m": 0.0})
+    chair.travel_m = 0.3
+    chair.look(**FRONT | {"seen_m": 0.83})
+    assert 1.2 - PULLEY_M - 0.3 - chair.goes(0.1) == pytest.approx(0.38, abs=0.002)
+
+
+def test_ground_counts_as_far_as_it_was_seen_and_driven() -> None:
+    """Test: 1.3 m seen and nothing beyond, then backwards. Expected result: a pulley stays on known ground, and stops on it."""
+    chair = Chair().look(**FRONT | {"seen_m": 1.3})
+    assert chair.goes(0.1) == pytest.approx(1.3 - PULLEY_M - 0.04, abs=0.002)
+    assert chair.goes(-0.1) == pytest.approx(1.3 - PULLEY_M - 0.08, abs=0.003)
+    chair.look(**FRONT | {"seen_m": 0.83})
+    assert chair.cause(0.1) is None
+    chair.heading_rad = 6.0 * DEG  # what was driven lies aside now
+    assert chair.cause(-0.1) is not None
+
+
+def test_a_strip_below_the_image_may_be_as_long_as_the_chairs_reach() -> None:
+    """Test: ground in view behind a strip from the pulley on. Expected result: 0.995 m ahead and 0.55 m behind are bridged."""
+    for view, way, reach_m in (("front", 1.0, 0.995), ("rear", -1.0, 0.55)):
+        for strip_m, known in ((reach_m - 0.01, True), (reach_m + 0.01, False)):
+            ground = {"view": view, "blind_m": PULLEY_M + strip_m, "seen_m": 2.0}
+            assert (Chair().look(**ground).cause(0.1 * way) is None) is known
+
+
+@pytest.mark.parametrize("phase", ["approach", "edge"])
+def test_an_edge_is_entered_where_the_guards_own_maps_show_its_nosing(phase: Any) -> None:
+    end = REAR | {"seen_m": 1.2, "end_m": 1.2, "end_sigma_m": 0.01}
+    assert Chair().look(**end).map(1.2).goes(-0.1, phase) == pytest.approx(3.0, abs=0.002)
+    assert Chair().look(**end).map(1.2).goes(-0.1, "search") < 0.35  # the maps alone are not enough
+    assert Chair().look(**end).goes(-0.1, phase) < 0.35  # nor is the plan
+    assert Chair().look(**end).map(1.2, maps=1).goes(-0.1, phase) < 0.35
+    assert Chair().look(**end).map(1.4).goes(-0.1, phase) < 0.35  # a nosing elsewhere
+    assert Chair().look(**end).map(1.2, direction="up").goes(-0.1, phase) < 0.35
+    assert Chair().look(**end).map(1.2, nosings_B=[(-1.2, 0.0, 0.0)]).goes(-0.1, phase) < 0.35  # one nosing is no flight
+
+
+def test_on_a_flight_neither_rule_holds_and_off_it_the_ground_is_awaited_for_three_frames() -> None:
+    """Test: phases with a pitch above 5°, then level. Expected result: an end holds off the flight, unseen ground after 0.3 s."""
+    chair = Chair().look(**FRONT | {"seen_m": 0.85, "end_m": 0.85, "end_sigma_m": 0.0})
+    chair.monitor.update_motion(1.0, 28.0 * DEG)
+    assert chair.cause(0.1, "climb") is None
+    assert chair.cause(0.1, "land") is not None
+    chair = Chair()
+    chair.monitor.update_motion(1.0, 5.5 * DEG)
+    assert chair.cause(0.1, "land") is None
+    chair.monitor.update_motion(1.0, 4.5 * DEG)
+    for chair.t_s, held in ((1.25, False), (1.375, True)):
+        assert (chair.cause(0.1, "land") is not None) is held
+    assert chair.cause(0.1, "climb") is not None  # flat ground, whatever the plan says
+
+
+def test_an_edge_is_past_once_the_chair_lies_on_the_flight() -> None:
+    chair = Chair().look(**REAR | {"seen_m": 1.2, "end_m": 1.2, "end_sigma_m": 0.0})
+    chair.travel_m = -1.0
+    chair.monitor.update_motion(1.0, 28.0 * DEG)
+    assert chair.cause(-0.1, "leave") is None
