@@ -5,7 +5,6 @@ those of the MuJoCo plant.
 """
 
 from collections.abc import Iterator
-from functools import partial
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
@@ -16,14 +15,13 @@ from treadline.core.errors import SettingsError, SimulationDiverged
 from treadline.core.rotations import rotation_of
 from treadline.core.signals import TICK_S
 from treadline.plant import _actuator_lag_and_slew_kernels as kernels
-from treadline.plant._actuators import Actuators
 from treadline.plant.gazebo import _gzserver as server
 from treadline.plant.gazebo._gzserver import PLUGIN, Environment, find_environment
-from treadline.plant.sensors._instruments import ChairState, InstrumentedPlant, Instruments, Streams, look, make_camera
+from treadline.plant.sensors._instruments import ChairState, InstrumentedPlant
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Belts, Scenario
 from treadline.vehicle.sdf import sdf_world
-from treadline.vehicle.staircase import Staircase, build_staircase
+from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.start_pose import standing
 from treadline.vehicle.urdf import text
 
@@ -42,7 +40,6 @@ class GazeboPlant(InstrumentedPlant):
     """Simulation of a chair, its stair and its sensors in a separate gzserver."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, environment: Environment, *, port: int = 0) -> None:
-        streams = np.random.default_rng(seed).spawn(8)  # as in the MuJoCo plant: equal seeds give equal noise
         _refuse_what_gazebo_cannot(scenario)
         if chair.seat is None:
             raise SettingsError(
@@ -50,11 +47,8 @@ class GazeboPlant(InstrumentedPlant):
             )
         if scenario.belts != Belts():
             raise SettingsError("the Gazebo plant has smooth belts of its own stiffness; leave out [belts], or use MuJoCo's plant")
-        self._scenario, self._chair, self._environment, self._port = scenario, chair, environment, port
-        self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
-        camera = make_camera(scenario, self.staircase, chair, statistical_rng=streams[3], render_rng=streams[4])
-        apart = Streams(imu=streams[1], seat=streams[2], flipper=streams[5], link=streams[6])
-        super().__init__(Actuators(scenario, chair), Instruments(scenario, chair, self.staircase, apart, partial(look, camera)))
+        super().__init__(scenario, chair, seed)
+        self._environment, self._port = environment, port
         self._server: server.GazeboServer | None = None
         self._tick = 0
         self._flipper_rad = 0.0

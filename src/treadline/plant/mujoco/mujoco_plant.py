@@ -21,26 +21,17 @@ from treadline.core.ports import Reading
 from treadline.core.rotations import quaternion_of, rotation_of
 from treadline.core.signals import TICK_S
 from treadline.plant import _actuator_lag_and_slew_kernels as drives
-from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD, Actuators
+from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD
 from treadline.plant.faults._damage import OUT_OF_THE_WAY_M, Damage, Surroundings, with_box
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.plant.mujoco._mjcf_scene import friction_table, roughened, scene_xml, seat_stiffness
 from treadline.plant.mujoco._native import contact_layout, contact_list, load_library, noslip_address, pointer_offsets
 from treadline.plant.mujoco.contact._parameters import NOMINAL, Physics, fit_lugs
-from treadline.plant.sensors._instruments import (
-    SUPPORT_TICKS,
-    ChairState,
-    InstrumentedPlant,
-    Instruments,
-    Streams,
-    look,
-    make_camera,
-)
+from treadline.plant.sensors._instruments import SUPPORT_TICKS, ChairState, InstrumentedPlant, look
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.bodies import vehicle
-from treadline.vehicle.staircase import Staircase, build_staircase
 from treadline.vehicle.start_pose import standing
 
 SETTLE_S = 1.0
@@ -55,19 +46,12 @@ class MujocoPlant(InstrumentedPlant):
     """Simulation of a chair, its stair and its sensors."""
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, physics: Physics = NOMINAL) -> None:
-        streams = np.random.default_rng(seed).spawn(8)
-        self._scenario = scenario
-        self._chair = chair
+        super().__init__(scenario, chair, seed)
         self._physics, self._substeps = physics, physics.substeps
-        self.staircase: Staircase = build_staircase(scenario.stair, streams[0], scenario.step)
-        direction = 1 if scenario.drive.direction == "up" else -1
-        camera = make_camera(scenario, self.staircase, chair, statistical_rng=streams[3], render_rng=streams[4])
-        self._around = Surroundings(self.staircase, chair, camera, direction)
-        apart = Streams(imu=streams[1], seat=streams[2], flipper=streams[5], link=streams[6])
-        super().__init__(Actuators(scenario, chair), Instruments(scenario, chair, self.staircase, apart, self._look))
+        self._around = Surroundings(self.staircase, chair, self._camera, 1 if scenario.drive.direction == "up" else -1)
         self._state = self._drives.state
         self._damage = Damage()
-        self._build_physics(streams[7])
+        self._build_physics(self._physics_draws)
         self._tick = 0
         self._pending: list[tuple[int, Float[np.ndarray, " c"]]] = []
 

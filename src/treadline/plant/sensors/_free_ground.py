@@ -23,7 +23,8 @@ SIGMA_M = 0.010
 """Standard deviation of the measured end of the ground [m], and distance between two points: that of a falling flight's nosing in
 2.0 to 2.5 m depth, the furthest of the range, in ``data/cameras/statistical.json``."""
 LINES = 5
-"""Number of lines of points over the swept width, 0.2 m apart: a right-angled corner between two of them is 0.1 m nearer at most."""
+"""Number of lines of points over the swept width, 0.2 m apart: between two of them a right-angled corner is at most 0.1 m
+nearer."""
 
 
 class GroundAhead:

@@ -35,7 +35,7 @@ from treadline.plant.sensors.statistical_camera import EXACT_PLACE_M, Statistica
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Realism, Scenario
 from treadline.vehicle.stair_solids import stair_surfaces
-from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.staircase import Staircase, build_staircase
 from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M
 from treadline.vehicle.tracks import friction_use
@@ -320,15 +320,20 @@ def chair_numbers(chair: ChairDescription, loading: Chair) -> Float[np.ndarray, 
 class InstrumentedPlant(ABC):
     """Common part of the plants of both simulators: commands to the actuators, readings and ground truth from the states.
 
-    A simulator moves the bodies.
+    A simulator moves the bodies. The seed alone determines stair and noise, whatever the simulator.
     """
 
     virtual_time = True
     """Time advances in ``advance`` alone: a loop that stands still stops the simulation with it."""
 
-    def __init__(self, drives: Actuators, instruments: Instruments) -> None:
-        self._drives = drives
-        self._instruments = instruments
+    def __init__(self, scenario: Scenario, chair: ChairDescription, seed: int) -> None:
+        stair, imu, seat, statistical, render, flipper, link, self._physics_draws = np.random.default_rng(seed).spawn(8)
+        self._scenario, self._chair = scenario, chair
+        self.staircase: Staircase = build_staircase(scenario.stair, stair, scenario.step)
+        self._camera = make_camera(scenario, self.staircase, chair, statistical_rng=statistical, render_rng=render)
+        self._drives = Actuators(scenario, chair)
+        streams = Streams(imu=imu, seat=seat, flipper=flipper, link=link)
+        self._instruments = Instruments(scenario, chair, self.staircase, streams, self._look)
         self._readings: list[Reading] = []
         self._truth: list[Truth] = []
 
@@ -351,6 +356,10 @@ class InstrumentedPlant(ABC):
     @abstractmethod
     def _passed(self) -> Iterator[tuple[ChairState, float]]:
         """Yield the states since the last call, each with the remaining fraction of the stair's friction."""
+
+    def _look(self, state: ChairState) -> Sequence[Reading]:
+        """Return the camera's readings at a state."""
+        return look(self._camera, state)
 
     def _forget(self) -> None:
         """Discard all unread samples at a restart."""

@@ -9,7 +9,6 @@ The parameters are in ``data/cameras/statistical.json``; ``benchmarks/statistica
 import json
 import math
 from bisect import bisect
-from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -36,6 +35,8 @@ COUNTS = (2, 3, 4, 6)
 
 Detected = tuple[HeadingMeasurement | StairMap | FreeGround, ...]
 """Output of the detector for one frame; empty if it rejects the frame and does not measure the ground."""
+Found = tuple[float, float, Float[np.ndarray, "k 3"], dict[str, Any]]
+"""Heading and its standard deviation [rad], nosings in B, and the other keys of the map."""
 
 
 class StatisticalCamera:
@@ -64,56 +65,39 @@ class StatisticalCamera:
     def look(self, t_s: float, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Detected:
         """Return heading and map of one instant, if the detector would accept the frame, and the ground ahead."""
         seen = self._geometry.visibility(R_WB, p_WB)
-        if self._errors is not None:
-            stair = self._errors.report(t_s, seen, R_WB, p_WB)
-        else:
-            stair = () if seen is None or int(seen.seen.sum()) < LEAST_NOSINGS else self._exact_report(t_s, seen)
-        return stair if self._ground is None else (*stair, self._ground.look(t_s, R_WB, p_WB))
+        found = self._exactly(seen) if self._errors is None else self._errors.found(seen, R_WB, p_WB)
+        ground = () if self._ground is None else (self._ground.look(t_s, R_WB, p_WB),)
+        if seen is None or found is None:
+            return ground
+        heading_rad, sigma_rad, nosings, stair = found
+        return (
+            HeadingMeasurement(t_s=t_s, heading_rad=heading_rad, sigma_rad=sigma_rad, edge_count=len(nosings)),
+            StairMap(
+                t_s=t_s,
+                direction=seen.direction,
+                nosings_B=tuple(map(tuple, nosings.tolist())),
+                obstacle_m=None,
+                **stair,
+                **_sides(seen),
+            ),
+            *ground,
+        )
 
-    def _exact_report(self, t_s: float, seen: Visibility) -> Detected:
+    def _exactly(self, seen: Visibility | None) -> "Found | None":
+        if seen is None or int(seen.seen.sum()) < LEAST_NOSINGS:
+            return None
         nosings = seen.nosings_B[seen.seen]
         nosings[:, ::2] += EXACT_PLACE_M * self._rng.standard_normal((len(nosings), 2))
         heading = seen.heading_rad + EXACT_SIGMA_RAD * float(self._rng.standard_normal())
-        walls = [wall.free_m if wall and wall.share > LEAST_WALL else None for wall in (seen.left, seen.right)]
-        slope = math.atan2(seen.rise_m, seen.run_m)
-        ends = seen.ends and seen.last == int(seen.numbers[seen.seen][-1])
-        return _report(t_s, seen, (heading, EXACT_SIGMA_RAD), nosings, (seen.rise_m, seen.run_m, slope), walls, ends=ends)
-
-
-def _report(
-    t_s: float,
-    seen: Visibility,
-    heading: tuple[float, float],
-    nosings_B: Float[np.ndarray, "k 3"],
-    shape: tuple[float, float, float],
-    walls_m: Sequence[float | None],
-    *,
-    ends: bool,
-) -> Detected:
-    """Return heading and map of a frame.
-
-    Args:
-        heading: Heading and its standard deviation [rad].
-        shape: Rise [m], run [m] and slope [rad].
-        walls_m: Free width to the wall on the left and on the right [m]; None without a wall.
-    """
-    (heading_rad, sigma_rad), (rise_m, run_m, slope_rad), (left_m, right_m) = heading, shape, walls_m
-    return (
-        HeadingMeasurement(t_s=t_s, heading_rad=heading_rad, sigma_rad=sigma_rad, edge_count=len(nosings_B)),
-        StairMap(
-            t_s=t_s,
-            direction=seen.direction,
-            nosings_B=tuple(map(tuple, nosings_B.tolist())),
-            rise_m=rise_m,
-            run_m=run_m,
-            slope_rad=slope_rad,
-            ends=ends,
-            left_wall_m=left_m,
-            right_wall_m=right_m,
-            obstacle_m=None,
-            **_sides(seen),
-        ),
-    )
+        stair = {
+            "rise_m": seen.rise_m,
+            "run_m": seen.run_m,
+            "slope_rad": math.atan2(seen.rise_m, seen.run_m),
+            "ends": seen.ends and seen.last == int(seen.numbers[seen.seen][-1]),
+            "left_wall_m": seen.left.free_m if seen.left and seen.left.share > LEAST_WALL else None,
+            "right_wall_m": seen.right.free_m if seen.right and seen.right.share > LEAST_WALL else None,
+        }
+        return heading, EXACT_SIGMA_RAD, nosings, stair
 
 
 def _sides(seen: Visibility) -> dict[str, Any]:
@@ -171,20 +155,18 @@ class _Errors:
         numbers = np.array(shared)
         self._wander = _Wander(numbers[:, :2], numbers[:, 2], rng)
 
-    def report(
-        self, t_s: float, seen: Visibility | None, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
-    ) -> Detected:
-        """Return the simulated detector output for the visible stair."""
+    def found(self, seen: Visibility | None, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Found | None:
+        """Return what the detector would find in the visible stair."""
         # The reference point is a metre ahead of the chair, so that a rotation decorrelates the errors like a translation.
         normal = self._wander.at(p_WB + R_WB[:, 0])
         if seen is None:
-            return ()
+            return None
         table = self._tables[f"{seen.direction} {self._kind}"]
         latent = dict(zip(LATENTS, normal[: len(LATENTS)].tolist(), strict=True))
         second = np.sort(seen.margins_px)[-2]
         accept = table["accept"]["score"][seen.acceptance_row]
         if latent["accept"] > np.interp(second, table["accept"]["margins_px"], accept) or seen.run_m > DETECTED_RUN_M[1]:
-            return ()
+            return None
         nosing_errors = normal[len(LATENTS) :].reshape(len(NOSING_ERRORS), -1)[:, seen.numbers]
         which = self._which(table["told"], seen, nosing_errors[0])
         cell = cell_of(len(which))
@@ -193,14 +175,15 @@ class _Errors:
         pitch = math.hypot(seen.rise_m, seen.run_m) + self._value(table["pitch"][cell], latent["pitch"])
         sigma = self._value(table["heading"][cell]["sigma"], latent["sigma"])
         strain = self._value(table["heading"][cell]["strain"], latent["heading"])
-        heading = seen.heading_rad + strain * sigma ** table["heading"][cell]["power"]
-        walls = [
-            self._wall(table["wall"], wall, latent[name], sign * latent["where"])
-            for wall, name, sign in ((seen.left, "left", 1.0), (seen.right, "right", -1.0))
-        ]
-        ends = latent["ends"] < table["ends"][end_class(seen, int(seen.numbers[which[-1]]))]
-        shape = (pitch * math.sin(slope), pitch * math.cos(slope), slope)
-        return _report(t_s, seen, (heading, sigma), nosings, shape, walls, ends=ends)
+        stair = {
+            "rise_m": pitch * math.sin(slope),
+            "run_m": pitch * math.cos(slope),
+            "slope_rad": slope,
+            "ends": latent["ends"] < table["ends"][end_class(seen, int(seen.numbers[which[-1]]))],
+            "left_wall_m": self._wall(table["wall"], seen.left, latent["left"], latent["where"]),
+            "right_wall_m": self._wall(table["wall"], seen.right, latent["right"], -latent["where"]),
+        }
+        return seen.heading_rad + strain * sigma ** table["heading"][cell]["power"], sigma, nosings, stair
 
     def _value(self, quantiles: list[float], normal: float) -> float:
         """Return the quantile of a normal variable by linear interpolation, constant beyond the grid."""
