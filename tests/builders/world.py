@@ -25,6 +25,7 @@ from treadline.core.signals import (
     StairMap,
     TrackReading,
 )
+from treadline.guard import GuardConfig
 from treadline.scenario.chair import read_chair
 
 TICK_S, G_M_S2 = 0.01, 9.81
@@ -108,6 +109,23 @@ def stair(t_s: float, nosings_B: Sequence[Any], **changes: Any) -> StairMap:
         "obstacle_m": None,
     }
     return StairMap(t_s=t_s, nosings_B=np.array(places, dtype=float).reshape(-1, 3), **{**values, **changes})
+
+
+def limits(**changes: Any) -> GuardConfig:
+    """Return the guard's limits for the wheelchair, from literals of its chair file and 4 Hz control."""
+    values: dict[str, Any] = {
+        "belt_limit_m_s": 1.0,
+        "drive_lag_s": 0.15,
+        "drive_acceleration_m_s2": 4.0,
+        "seat_rate_m_s": 0.06,
+        "flipper_rate_rad_s": 30.0 * DEG,
+        "front_m": 0.995,
+        "rear_m": 0.55,
+        "gauge_m": 0.65,
+        "track_span_m": 0.95,
+        "driver_timeout_s": 0.75,
+    }
+    return GuardConfig(**{**values, **changes})
 
 
 def truth(t_s: float, **values: float) -> Truth:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from world import PITCH_M, TICK_S, belts, estimate, flipper, frame, heading, health, imu, stair
+from world import PITCH_M, TICK_S, belts, estimate, flipper, frame, heading, health, imu, limits, stair
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
@@ -44,7 +44,7 @@ class Drive:
     """A healthy drive, tick by tick, which a test spoils; what it hands over may be swallowed or changed by ``spoil``."""
 
     def __init__(self, config: GuardConfig | None = None, *, asked: tuple[float, float] = (0.2, 0.2)) -> None:
-        self.guard = Guard(config or GuardConfig())
+        self.guard = Guard(config or limits(has_planner=False))
         self.tick = 0
         self.asked = asked
         self.heading_deg: float | None = 0.0
@@ -95,7 +95,7 @@ class Drive:
         if self.tick % 25 == 0 and "driver" not in self.silent:
             self.guard.propose(command(t_s, *self.asked))
         seen = None if self.heading_deg is None else estimate(t_s, self.heading_deg * DEG)
-        self.passed = self.guard.step(t_s, seen)
+        self.passed = self.guard.step(t_s, seen).tracks
         self.tick += 1
         return self.passed
 
@@ -136,8 +136,8 @@ def test_a_healthy_drive_passes_unchanged() -> None:
 
 
 def test_the_guard_reports_the_limits_it_was_given() -> None:
-    config = replace(GuardConfig(), pitch_rate_rad_s=0.3)
-    assert Guard(config).config == config != Guard(GuardConfig()).config
+    config = replace(limits(), pitch_rate_rad_s=0.3)
+    assert Guard(config).config == config != Guard(limits()).config
 
 
 def test_a_mission_may_begin_at_any_time_on_its_clock() -> None:
@@ -180,7 +180,7 @@ def test_a_camera_that_comes_back_in_time_is_reported() -> None:
 
 def test_a_lost_camera_holds_after_half_a_metre_even_before_its_time() -> None:
     """Test: no frame while the drives report 0.3 m/s. Expected result: HOLD after 0.5 m of belt."""
-    drive = Drive(GuardConfig(watches_motion=False)).run(1.91)
+    drive = Drive(limits(watches_motion=False)).run(1.91)
     drive.silent = {"camera"}
     drive.spoil = lambda reading: replace(reading, left_m_s=0.3, right_m_s=0.3) if isinstance(reading, TrackReading) else reading
     assert drive.until_held(3.0) == about(0.5 / 0.3)
@@ -225,7 +225,7 @@ def test_what_repeats_itself_under_a_moving_chair_is_frozen(kind: str) -> None:
 
 def test_nothing_is_measured_in_a_frame_of_no_use() -> None:
     """Test: a frozen frame, then a heading and a map from it. Expected result: refused; after a good frame admitted."""
-    guard = Guard(GuardConfig())
+    guard = Guard(limits())
     assert guard.admit(frame(0.0, fingerprint=1))
     assert not guard.admit(frame(0.1, fingerprint=1))
     assert not guard.admit(heading(0.1))
@@ -253,7 +253,7 @@ def test_nothing_is_measured_in_a_frame_of_no_use() -> None:
 def test_depth_alone_will_do_and_colours_alone_will_not(changes: dict[str, float], usable: bool) -> None:
     """Test: a frame that is dark, glaring, flat, full of holes, or no image. Expected result: refused where depth and colours
     are both of no use, or depth alone is."""
-    guard = Guard(GuardConfig())
+    guard = Guard(limits())
     assert guard.admit(frame(0.0))
     assert guard.admit(frame(0.1, **changes)) is usable
 
@@ -276,7 +276,7 @@ def test_darkness_is_reported_once_and_so_is_light() -> None:
 def test_over_a_crest_a_camera_that_lives_is_enough(valid_share: float, frozen: bool, lost: bool) -> None:
     """Test: where the plan needs no stair the camera looks over a landing, with 3 % and 1 % of depth, new and frozen. Expected
     result: frames refused; the camera counts as lost without any depth, or frozen."""
-    drive = Drive(GuardConfig(blind_timeout_s=1.0))
+    drive = Drive(limits(blind_timeout_s=1.0))
 
     def spoil(reading: Any) -> Any:
         if not isinstance(reading, FrameQuality):
@@ -390,14 +390,14 @@ def test_an_estimate_that_is_not_finite_holds() -> None:
     for bad in ({"heading_rad": math.nan}, {"heading_rate_rad_s": math.inf}):
         drive = Drive().run(0.1)
         drive.guard.step(0.1, replace(estimate(0.1), **bad))
-        assert drive.guard.step(0.41, estimate(0.41)).brake
+        assert drive.guard.step(0.41, estimate(0.41)).tracks.brake
         assert drive.guard.holding == "heading estimate is not finite"
 
 
 def test_frames_without_a_stair_hold_after_a_while_unless_none_is_expected() -> None:
     """Test: frames arrive, none shows a stair: on a landing as planned, then on the flight. Expected result: no HOLD for as long
     as the plan needs no stair; then after the time for that."""
-    drive = Drive(GuardConfig(lost_timeout_s=2.0))
+    drive = Drive(limits(lost_timeout_s=2.0))
     drive.silent = {"stair"}
     drive.run(3.0, lambda drive: drive.guard.on_message(MotionPlan(t_s=drive.t_s, phase="land", speed_m_s=0.2, needs_stair=False)))
     assert drive.guard.holding is None
@@ -432,7 +432,7 @@ def test_belts_may_turn_a_chair_that_sees_or_turns_little_or_looks_for_a_stair(w
     """Test: the same with a stair in view, or with a camera that measures headings itself, or where a stair should be, on the
     floor, by at most 0.44 °/s, or in an open loop. Expected result: no HOLD for 5 s; where a stair should be and is not, its own
     row answers later."""
-    config = GuardConfig(needs_heading=why != "open loop")
+    config = limits(needs_heading=why != "open loop")
     drive = Drive(config, asked=(0.1, 0.105 if why == "slowly" else 0.15))
     drive.silent = set() if why == "seen" else {"stair"}
     plan = blind("search" if why == "search" else "climb", needs_stair=why == "needed")
@@ -477,7 +477,7 @@ def test_a_heading_of_more_than_five_degrees_holds_where_the_chair_pitches(phase
 
 def test_duplicates_and_older_stamps_are_dropped() -> None:
     """Test: each kind of reading twice, then older. Expected result: dropped, no HOLD; each kind has its own clock."""
-    guard = Guard(GuardConfig())
+    guard = Guard(limits())
     guard.step(1.0, None)
     for make in (imu, belts, frame, heading, lambda t_s: stair(t_s, [1.0, 1.34])):
         assert guard.admit(make(1.0))
@@ -522,12 +522,12 @@ def test_a_clock_that_is_ahead_hides_no_silence() -> None:
 def test_a_mission_clock_that_leaps_back_or_is_no_number_holds() -> None:
     """Test: a tick 1.1 s before the last; a tick at NaN. Expected result: HOLD, and a finite stamp."""
     drive = Drive().run(2.0)
-    assert drive.guard.step(1.99 - 1.1, None).brake
+    assert drive.guard.step(1.99 - 1.1, None).tracks.brake
     assert drive.guard.holding == "mission clock leapt by -1.10 s"
     drive = Drive().run(2.0)
-    assert drive.guard.step(math.nan, None) == TrackCommand.stop(1.99)
+    assert drive.guard.step(math.nan, None).tracks == TrackCommand.stop(1.99)
     assert drive.guard.holding == "mission clock is not finite"
-    assert Guard(GuardConfig()).step(math.inf, None).t_s == 0.0
+    assert Guard(limits()).step(math.inf, None).t_s == 0.0
 
 
 def test_a_mission_clock_that_steps_back_a_little_goes_on() -> None:
@@ -557,22 +557,22 @@ def test_a_driver_that_is_late_ramps_down_and_holds_after_three_periods() -> Non
 @pytest.mark.parametrize(("late_s", "share"), [(0.37, 1.0), (0.60, 0.4), (0.74, 0.02667)])
 def test_a_late_tick_ramps_down(late_s: float, share: float) -> None:
     """Test: the tick after 1.0 s comes late, with a new command. Expected result: a part of the speed, then all again."""
-    drive = Drive(GuardConfig(needs_heading=False)).run(1.01)
+    drive = Drive(limits(needs_heading=False)).run(1.01)
     later = 1.0 + late_s
     drive.guard.advance(later)
     drive.guard.propose(command(later))
-    passed = drive.guard.step(later, None)
+    passed = drive.guard.step(later, None).tracks
     assert passed.left_m_s == pytest.approx(0.2 * share, abs=1e-4)
     assert not passed.brake
-    assert drive.guard.step(later + 0.01, None).left_m_s == pytest.approx(0.2)
+    assert drive.guard.step(later + 0.01, None).tracks.left_m_s == pytest.approx(0.2)
 
 
 def test_a_tick_three_periods_late_holds() -> None:
     """Test: the tick after 1.0 s comes 0.76 s late, with a new command. Expected result: HOLD."""
-    drive = Drive(GuardConfig(needs_heading=False)).run(1.01)
+    drive = Drive(limits(needs_heading=False)).run(1.01)
     drive.guard.advance(1.76)
     drive.guard.propose(command(1.76))
-    assert drive.guard.step(1.76, None).brake
+    assert drive.guard.step(1.76, None).tracks.brake
     assert drive.guard.holding == "no tick for 0.76 s"
 
 
@@ -655,7 +655,7 @@ def test_a_planner_that_falls_silent_is_held_after_three_tenths_of_a_second() ->
 
 def test_a_planner_is_not_blamed_for_what_the_guard_missed() -> None:
     """Test: the guard itself stands for 0.5 s, while plans went on unheard. Expected result: no HOLD for the plan."""
-    drive = Drive(GuardConfig(needs_heading=False))
+    drive = Drive(limits(needs_heading=False))
     drive.plan = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.2)
     drive.run(1.01)
     drive.guard.advance(1.5)
@@ -797,7 +797,7 @@ def test_a_stalled_track_stops_both_within_three_tenths(side: str) -> None:
 def test_lag_and_acceleration_are_no_mismatch() -> None:
     """Test: commands between -1 and 1 m/s each quarter second, drives with a lag of 0.12 to 0.19 s. Expected result: no HOLD."""
     for lag_s in (0.12, 0.15, 0.19):
-        drive = Drive(GuardConfig(needs_heading=False))
+        drive = Drive(limits(needs_heading=False))
         rng = np.random.default_rng(1)
         speeds = np.zeros(2)
 
@@ -819,7 +819,7 @@ def test_lag_and_acceleration_are_no_mismatch() -> None:
 
 def test_a_recording_does_not_obey_and_is_not_held_for_it() -> None:
     """Test: belts, seat and attitude of another drive, ``watches_motion = False``. Expected result: no HOLD."""
-    drive = Drive(GuardConfig(watches_motion=False))
+    drive = Drive(limits(watches_motion=False))
 
     def spoil(reading: Any) -> Any:
         match reading:
@@ -987,7 +987,7 @@ def test_a_missing_step_slows_and_stops_the_chair_before_it() -> None:
     drive.run(0.1, look)
     assert drive.mean_m_s == pytest.approx(0.1)
     drive.until_held(12.0, look)
-    clear_m = 1.75 - drive.travel_m - GuardConfig().front_m
+    clear_m = 1.75 - drive.travel_m - limits().front_m
     assert 0.2 <= clear_m <= 0.25
     assert drive.events()[-1] == ("hold", "1.02 m from nosing to nosing 0.24 m ahead, too long for the track")
 
@@ -1051,7 +1051,7 @@ def test_a_seat_that_stays_off_level_is_held_and_left_alone() -> None:
 def test_on_the_flight_the_seat_does_not_follow_each_rocking(phase: Any) -> None:
     """Test: a leveller that asks for all that its actuator has. Expected result: on the flight and on the level the seat moves
     slowly, for one that is thrown to and fro drives the rocking; where the chair pitches it has all."""
-    guard, limit = Guard(GuardConfig()), 0.06 if phase in ("crest", "edge", "mount") else 0.02
+    guard, limit = Guard(limits()), 0.06 if phase in ("crest", "edge", "mount") else 0.02
     guard.on_message(MotionPlan(t_s=0.0, phase=phase, speed_m_s=0.1))
     for sign in (1.0, -1.0):
         assert guard.pass_seat(SeatCommand(t_s=0.0, rate_m_s=0.06 * sign)).rate_m_s == limit * sign
@@ -1061,7 +1061,7 @@ def test_on_the_flight_the_seat_does_not_follow_each_rocking(phase: Any) -> None
 @pytest.mark.parametrize(("error_deg", "rate_m_s"), [(1.9, 0.02), (-1.9, 0.02), (2.1, 0.06), (-2.1, 0.06)])
 def test_a_seat_far_from_level_has_all_that_its_actuator_gives_on_the_flight_too(error_deg: float, rate_m_s: float) -> None:
     """Test: a seat on either side of 2°, watched or in a recording. Expected result: slow within 2°."""
-    for config in (GuardConfig(), GuardConfig(watches_motion=False)):
+    for config in (limits(), limits(watches_motion=False)):
         guard = Guard(config)
         guard.on_message(MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1))
         guard.admit(SeatReading(t_s=0.0, pitch_rad=error_deg * DEG, stroke_m=0.05))
@@ -1092,7 +1092,7 @@ def test_a_seat_error_that_comes_and_goes_is_no_fault() -> None:
 @pytest.mark.parametrize("press", [{"stop": True}, {"dead_man": False}], ids=["stop", "dead man"])
 def test_the_operators_stop_acts_within_the_tick_and_only_a_person_re_arms(press: dict[str, bool]) -> None:
     """Test: stop, or the dead-man released; readings go on; re-arm. Expected result: zero within the tick, held until re-armed."""
-    drive = Drive(GuardConfig(link_timeout_s=10.0)).run(1.0)
+    drive = Drive(limits(silence_s=10.0)).run(1.0)
     drive.guard.admit(OperatorInput(t_s=drive.t_s, **press))
     assert drive.step().brake
     assert drive.guard.holding == "operator stop"
@@ -1107,7 +1107,7 @@ def test_the_operators_stop_acts_within_the_tick_and_only_a_person_re_arms(press
 
 def test_a_re_armed_chair_stands_until_somebody_drives() -> None:
     """Test: the driver dies, the guard holds, a person re-arms; later the driver is back. Expected result: not a step before."""
-    drive = Drive(GuardConfig(link_timeout_s=10.0)).run(1.0)
+    drive = Drive(limits(silence_s=10.0)).run(1.0)
     drive.silent = {"driver"}
     drive.until_held(1.0)
     drive.run(1.0)
@@ -1141,7 +1141,7 @@ def test_what_was_overtaken_counts_no_more_unless_it_stops() -> None:
 
 def test_a_stop_counts_however_old_and_a_re_arm_does_not() -> None:
     """Test: messages that were overtaken. Expected result: an old stop holds; an old re-arm does nothing."""
-    guard = Guard(GuardConfig())
+    guard = Guard(limits())
     assert guard.admit(OperatorInput(t_s=1.0))
     assert not guard.admit(OperatorInput(t_s=0.9, stop=True))
     assert guard.holding == "operator stop"
@@ -1152,7 +1152,7 @@ def test_a_stop_counts_however_old_and_a_re_arm_does_not() -> None:
 def test_a_re_arm_button_that_is_stuck_re_arms_once() -> None:
     """Test: re-arm stays pressed; then a stop. Expected result: held until it is released and pressed again; pressed together
     with stop it does not count."""
-    guard = Guard(GuardConfig())
+    guard = Guard(limits())
     guard.admit(OperatorInput(t_s=1.0, stop=True))
     guard.admit(OperatorInput(t_s=1.1, stop=True, rearm=True))
     guard.admit(OperatorInput(t_s=1.2, rearm=True))
@@ -1166,7 +1166,7 @@ def test_a_re_arm_button_that_is_stuck_re_arms_once() -> None:
 
 def test_an_overtaken_message_makes_no_stuck_button_a_press() -> None:
     """Test: re-arm stays pressed; a fault holds; a message from before the press comes late. Expected result: held."""
-    guard = Guard(GuardConfig())
+    guard = Guard(limits())
     guard.admit(OperatorInput(t_s=1.0, rearm=True))
     guard.on_message(MotionPlan(t_s=1.05, phase="climb", speed_m_s=0.1, hold="no way"))
     assert not guard.admit(OperatorInput(t_s=0.9))
@@ -1176,7 +1176,7 @@ def test_an_overtaken_message_makes_no_stuck_button_a_press() -> None:
 
 def test_to_re_arm_a_chair_that_is_not_held_changes_nothing() -> None:
     """Test: re-arm while driving. Expected result: no event, no clock restarted."""
-    drive = Drive(GuardConfig(link_timeout_s=10.0)).run(1.91)
+    drive = Drive(limits(silence_s=10.0)).run(1.91)
     drive.silent = {"camera"}
     drive.run(1.0)
     drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
@@ -1194,7 +1194,7 @@ def test_a_link_that_has_spoken_must_go_on() -> None:
 
 def test_a_hold_whose_cause_lasts_comes_back_after_re_arming() -> None:
     """Test: re-arm while camera and driver are still silent. Expected result: they are waited for anew, then HOLD again."""
-    drive = Drive(GuardConfig(link_timeout_s=10.0)).run(1.0)
+    drive = Drive(limits(silence_s=10.0)).run(1.0)
     drive.silent = {"camera"}
     drive.until_held(4.0)
     drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
@@ -1209,7 +1209,7 @@ def test_a_hold_whose_cause_lasts_comes_back_after_re_arming() -> None:
 
 def test_after_a_leap_a_person_may_re_arm_on_the_new_clock() -> None:
     """Test: every clock leaps back by 5 s. Expected result: HOLD; after re-arming the drive goes on."""
-    drive = Drive(GuardConfig(link_timeout_s=10.0))
+    drive = Drive(limits(silence_s=10.0))
     drive.run(6.0, lambda drive: drive.guard.admit(OperatorInput(t_s=drive.t_s)))
     drive.tick -= 500
     drive.run(0.5, lambda drive: drive.guard.admit(OperatorInput(t_s=drive.t_s)))
@@ -1246,7 +1246,7 @@ def test_drives_that_have_spoken_must_go_on(name: str, spoilt: dict[str, float],
     never = Drive()
     never.silent = {name}
     assert never.run(2.0).guard.holding is None
-    recording = Drive(GuardConfig(watches_motion=False)).run(1.0)
+    recording = Drive(limits(watches_motion=False)).run(1.0)
     recording.silent = {name}
     assert recording.run(2.0).guard.holding is None
 
@@ -1341,7 +1341,7 @@ def test_a_map_that_comes_twice_counts_once() -> None:
 )
 def test_a_map_that_is_no_number_is_dropped(bad: dict[str, Any]) -> None:
     """Test: one field of a map is not finite. Expected result: not admitted, without effect."""
-    guard = Guard(GuardConfig())
+    guard = Guard(limits())
     assert not guard.admit(replace(stair(0.0, [1.0]), **bad))
     for t_s in (0.1, 0.2):
         guard.on_message(replace(stair(t_s, [1.0], obstacle_m=0.5), **bad))
@@ -1374,7 +1374,7 @@ def test_a_seat_rate_that_is_no_number_does_not_pass_and_holds(bad: dict[str, fl
 
 def test_the_leveller_goes_on_under_a_hold_of_the_belts() -> None:
     """Test: the operator stops. Expected result: the seat's rate passes."""
-    guard = Guard(GuardConfig())
+    guard = Guard(limits())
     guard.admit(OperatorInput(t_s=0.0, stop=True))
     fine = SeatCommand(t_s=0.0, rate_m_s=0.02)
     assert guard.pass_seat(fine) == fine
@@ -1382,7 +1382,7 @@ def test_the_leveller_goes_on_under_a_hold_of_the_belts() -> None:
 
 def test_a_held_flipper_stands() -> None:
     """Test: a flipper's rate before and under HOLD, none at all, and NaN. Expected result: passes, zero, None, zero and HOLD."""
-    guard = Guard(GuardConfig())
+    guard = Guard(limits())
     fine = FlipperCommand(t_s=0.0, rate_rad_s=0.1)
     assert guard.pass_flipper(None) is None
     assert guard.pass_flipper(fine) == fine
@@ -1409,7 +1409,7 @@ def test_a_held_flipper_stands() -> None:
 )
 def test_a_reading_that_is_no_number_is_for_nobody(reading: Reading) -> None:
     """Test: NaN or Inf in any reading. Expected result: not admitted."""
-    assert not Guard(GuardConfig()).admit(reading)
+    assert not Guard(limits()).admit(reading)
 
 
 def test_pixels_pass_and_their_quality_speaks_for_them() -> None:
@@ -1426,7 +1426,7 @@ def test_pixels_pass_and_their_quality_speaks_for_them() -> None:
 
 def test_a_camera_that_measures_headings_stands_for_frames() -> None:
     """Test: headings alone, as readings. Expected result: frames and stair count as seen for longer than each may be away."""
-    drive = Drive(GuardConfig(lost_timeout_s=2.0))
+    drive = Drive(limits(lost_timeout_s=2.0))
     drive.silent = {"camera"}
 
     def look(drive: Drive) -> None:
@@ -1440,7 +1440,7 @@ def test_a_camera_that_measures_headings_stands_for_frames() -> None:
 def test_an_open_loop_run_needs_no_heading_but_still_needs_a_driver() -> None:
     """Test: no IMU, no camera, NaN for an estimate, a chair that tips, then no command. Expected result: commands pass, then
     HOLD."""
-    drive = Drive(GuardConfig(needs_heading=False, lost_timeout_s=2.0))
+    drive = Drive(limits(needs_heading=False, lost_timeout_s=2.0))
     drive.silent = {"camera"}
     drive.spoil = lambda reading: imu(reading.t_s, 50.0 * DEG) if isinstance(reading, ImuSample) else reading
     drive.heading_deg = math.nan

@@ -6,48 +6,46 @@ from typing import Any
 
 import numpy as np
 import pytest
-from world import belts, estimate, frame, health, stair
+from world import belts, estimate, frame, health, limits, stair
 
 from treadline.core.signals import MotionPlan, TrackCommand
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
-from treadline.guard._admission import FrameMonitor
 from treadline.guard._attitude_limits import SeatMonitor, TiltMonitor
 from treadline.guard._belt_monitor import BeltMonitor
-from treadline.guard._gyro_only_turn import FLIGHT_RAD_M, GyroOnlyTurn, heading_fault
+from treadline.guard._frame_monitor import FrameMonitor
+from treadline.guard._gyro_only_turn import GyroOnlyTurn, heading_fault
 from treadline.guard._half_cosine_stop import CauseKind
 from treadline.guard._obstacle_monitor import AheadMonitor, GapMonitor, ObstacleMonitor
-from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor, Timestamps, estimate_fault
+from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor, estimate_fault
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import limited, mean_limit
+from treadline.guard._stamps import Stamps
 from treadline.guard.stop_latch import Button, Latch
 from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair
 
-# Literals, so that a changed value in the code is noticed here.
-LEVEL_RAD_M = 0.755
-OVER_RAD_M = 0.4
+# Literals, so that a changed value in the code is noticed here: shares of 1/0.65 m, the turn of belts that do not skid.
+FLIGHT_RAD_M = 1.0 / 0.65
+LEVEL_RAD_M = 0.491 / 0.65
+OVER_RAD_M = 0.26 / 0.65
 
 
 def test_the_shipped_limits_are_those_of_the_table() -> None:
     """Test: the defaults. Expected result: the numbers of the table of hazards."""
-    config = GuardConfig()
+    config = limits()
     deg = math.pi / 180.0
     assert (config.belt_limit_m_s, config.cruise_limit_m_s, config.turn_limit_m_s) == (1.0, 0.30, 0.55)
-    assert (config.blind_limit_m_s, config.edge_limit_m_s, config.plan_margin, config.plan_spare_m_s) == (0.10, 0.10, 0.25, 0.02)
-    assert (config.imu_timeout_s, config.vision_only_s, config.frame_timeout_s) == (0.05, 1.0, 0.3)
-    assert (config.blind_timeout_s, config.blind_travel_m, config.estimate_timeout_s) == (3.0, 0.5, 0.3)
-    assert (config.lost_timeout_s, config.disagreement_s, config.driver_timeout_s) == (12.0, 0.5, 0.75)
-    assert (config.heartbeat_timeout_s, config.link_timeout_s, config.clock_jump_s) == (0.75, 0.3, 1.0)
+    assert (config.slow_limit_m_s, config.plan_margin, config.plan_spare_m_s) == (0.10, 0.25, 0.02)
+    assert (config.imu_timeout_s, config.vision_only_s, config.silence_s) == (0.05, 1.0, 0.3)
+    assert (config.blind_timeout_s, config.blind_travel_m, config.lost_timeout_s) == (3.0, 0.5, 12.0)
+    assert (config.heartbeat_timeout_s, config.clock_jump_s, config.ahead_s, config.lasting_s) == (0.75, 1.0, 0.1, 0.5)
     assert (config.frozen_travel_m, config.valid_least, config.valid_least_dark) == (0.05, 0.15, 0.3)
     assert (config.alive_least, config.dark, config.contrast_least) == (0.02, 0.02, 0.008)
-    assert (config.drive_lag_s, config.drive_acceleration_m_s2) == (0.15, 4.0)
-    assert (config.mismatch, config.mismatch_spare_m_s, config.mismatch_s) == (0.3, 0.03, 0.2)
-    assert (config.slip, config.slip_s, config.roll_back_m) == (0.3, 0.5, 0.25)
-    assert (config.slip_turn_rad, config.turning_rad, config.seat_rad) == (0.25 * deg, 5.0 * deg, 5.0 * deg)
-    assert config.readings_timeout_s == 0.3
+    assert (config.deviation, config.mismatch_spare_m_s, config.mismatch_s, config.roll_back_m) == (0.3, 0.03, 0.2, 0.25)
+    assert (config.slip_turn_rad, config.square_rad, config.seat_rad) == (0.25 * deg, 5.0 * deg, 5.0 * deg)
     assert (config.blind_turn_rad, config.blind_turn_s, config.seat_steady_m_s) == (3.0 * deg, 6.0, 0.02)
-    assert (config.max_heading_error_rad, config.seat_near_rad) == (5.0 * deg, 2.0 * deg)
+    assert config.level_rad == 2.0 * deg
     assert (config.pitch_rate_rad_s, config.roll_rad) == (25.0 * deg, 20.0 * deg)
     assert (config.front_up_rad, config.front_down_rad, config.seat_s) == (40.0 * deg, 15.0 * deg, 1.0)
     assert (config.front_m, config.rear_m, config.track_span_m) == (0.995, 0.55, 0.95)
@@ -78,7 +76,7 @@ def test_a_stamp_may_be_off_by_its_limits_and_not_by_more() -> None:
 
 def test_a_node_admits_what_the_guard_admits() -> None:
     """Test: readings that are sound, repeated, and not finite. Expected result: an admission alone answers as the guard does."""
-    admission, guard = ReadingAdmission(GuardConfig()), Guard(GuardConfig())
+    admission, guard = ReadingAdmission(limits()), Guard(limits())
     signals = [belts(0.0, 0.1, 0.1), belts(0.0, 0.1, 0.1), belts(0.01, math.nan, 0.1), belts(0.02, 0.1, 0.1)]
     assert (
         [admission.admit(signal) for signal in signals] == [guard.admit(signal) for signal in signals] == [True, False, False, True]
@@ -87,7 +85,7 @@ def test_a_node_admits_what_the_guard_admits() -> None:
 
 def test_a_clock_that_is_no_number_moves_no_clock() -> None:
     """Test: a tick at NaN. Expected result: stamps are compared with the last clock that was a number."""
-    guard = Guard(GuardConfig())
+    guard = Guard(limits())
     guard.advance(1.0)
     guard.advance(math.nan)
     assert not guard.admit(belts(1.2, 0.1, 0.1))
@@ -159,7 +157,7 @@ def test_what_is_pressed_is_a_press_once() -> None:
 )
 def test_a_frame_is_judged_at_its_limits(brightness: float, contrast: float, valid: float, usable: bool, dark: bool) -> None:
     """Test: values on a limit and next to it. Expected result: on the limit it is good."""
-    watch = FrameMonitor(GuardConfig(valid_least=0.25, valid_least_dark=0.5, dark=0.125, contrast_least=0.0625))
+    watch = FrameMonitor(limits(valid_least=0.25, valid_least_dark=0.5, dark=0.125, contrast_least=0.0625))
     seen = frame(0.0, fingerprint=1, brightness=brightness, contrast=contrast, valid_share=valid)
     assert watch.accept_frame(seen) is usable
     assert watch.is_dark is dark
@@ -167,7 +165,7 @@ def test_a_frame_is_judged_at_its_limits(brightness: float, contrast: float, val
 
 def test_a_camera_lives_on_its_least_share_of_depth() -> None:
     """Test: in the dark, shares on the limit and below; the same frame again. Expected result: alive on it, if it is new."""
-    watch = FrameMonitor(GuardConfig(alive_least=0.125, valid_least=0.5))
+    watch = FrameMonitor(limits(alive_least=0.125, valid_least=0.5))
     for k, (share, alive) in enumerate(((0.125, True), (0.0625, False), (0.75, True))):
         watch.accept_frame(frame(0.0, fingerprint=k, brightness=0.0, contrast=0.0, valid_share=share))
         assert watch.is_alive is alive
@@ -177,7 +175,7 @@ def test_a_camera_lives_on_its_least_share_of_depth() -> None:
 
 def test_a_frame_that_is_no_image_shows_that_no_camera_is_alive() -> None:
     """Test: after a good frame, frames whose shares are not numbers. Expected result: dead, though each is another."""
-    watch = FrameMonitor(GuardConfig())
+    watch = FrameMonitor(limits())
     assert watch.accept_frame(frame(0.0, fingerprint=0, brightness=0.5, contrast=0.1, valid_share=0.8))
     for k in range(1, 4):
         assert not watch.accept_frame(frame(0.0, fingerprint=k, brightness=0.5, contrast=math.nan, valid_share=math.nan))
@@ -186,7 +184,7 @@ def test_a_frame_that_is_no_image_shows_that_no_camera_is_alive() -> None:
 
 def test_a_camera_that_looks_into_a_wide_room_lives_by_its_colours() -> None:
     """Test: no depth at all, but colours; then the same frame again. Expected result: alive; then not."""
-    watch = FrameMonitor(GuardConfig())
+    watch = FrameMonitor(limits())
     for k, alive in ((0, True), (1, True), (1, False)):
         watch.accept_frame(frame(0.0, fingerprint=k, brightness=0.5, contrast=0.1, valid_share=0.0))
         assert watch.is_alive is alive
@@ -195,7 +193,7 @@ def test_a_camera_that_looks_into_a_wide_room_lives_by_its_colours() -> None:
 def test_what_is_said_again_is_frozen_beyond_a_way_and_not_at_it() -> None:
     """Test: one value over 0.0625 m of belt, backwards too, and over more. Expected result: frozen beyond."""
     for sign in (1.0, -1.0):
-        watch = FrameMonitor(GuardConfig(frozen_travel_m=0.0625))
+        watch = FrameMonitor(limits(frozen_travel_m=0.0625))
         assert watch.accept_measurement("map", 1, 4.0)
         assert watch.accept_measurement("map", 1, 4.0 + sign * 0.0625)
         assert not watch.accept_measurement("map", 1, 4.0 + sign * 0.125)
@@ -208,7 +206,7 @@ def test_what_is_said_again_is_frozen_beyond_a_way_and_not_at_it() -> None:
 
 def test_a_belts_travel_is_the_integral_of_the_mean_speed() -> None:
     """Test: 0.25 and 0.75 m/s for a second, a gap of readings, backwards. Expected result: half a metre, none for the gap."""
-    watch = BeltMonitor(GuardConfig(mismatch_s=99.0))
+    watch = BeltMonitor(limits(mismatch_s=99.0))
     for k in range(17):
         watch.update(belts(k / 16, 0.25, 0.75))
     assert watch.travel_m == 0.5
@@ -220,7 +218,7 @@ def test_a_belts_travel_is_the_integral_of_the_mean_speed() -> None:
 
 def test_travel_is_known_at_the_exposure_of_a_late_frame() -> None:
     """Test: a second at 0.5 m/s. Expected result: the travel at 0.75 s, and the newest for a stamp after the last reading."""
-    watch = BeltMonitor(GuardConfig(mismatch_s=99.0))
+    watch = BeltMonitor(limits(mismatch_s=99.0))
     assert watch.travel.at(0.0) == (0.0, 0.0)
     for k in range(17):
         watch.update(belts(k / 16, 0.25, 0.75))
@@ -231,7 +229,7 @@ def test_travel_is_known_at_the_exposure_of_a_late_frame() -> None:
 def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:
     """Test: from rest, 1 m/s and -0.1 m/s are asked; then the brake. Expected result: a lag's exponential, cut to the acceleration,
     and the brake's deceleration to zero and no further, both ways."""
-    watch, lag = BeltMonitor(GuardConfig(drive_lag_s=0.25, drive_acceleration_m_s2=2.0)), math.exp(-0.25)
+    watch, lag = BeltMonitor(limits(drive_lag_s=0.25, drive_acceleration_m_s2=2.0)), math.exp(-0.25)
     watch.update(belts(0.0, 0.0, 0.0))
     watch.ask(TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=-0.1))
     for k, expected in ((1, [0.125, -0.1 * (1.0 - lag)]), (2, [0.25, -0.1 * (1.0 - lag * lag)])):
@@ -242,7 +240,7 @@ def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:
     for k, braked in ((1, (0.375, -0.125)), (2, (0.0, 0.0))):
         watch.update(belts(1.0 + k / 16, 0.0, 0.0))
         assert tuple(watch.expected_m_s) == braked
-    watch = BeltMonitor(GuardConfig(drive_lag_s=0.25, drive_acceleration_m_s2=8.0))
+    watch = BeltMonitor(limits(drive_lag_s=0.25, drive_acceleration_m_s2=8.0))
     watch.update(belts(0.0, -1.0, 0.0))
     watch.ask(TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=0.0))
     watch.update(belts(0.0625, 0.0, 0.0))
@@ -252,7 +250,7 @@ def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:
 def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
     """Test: 0.5 m/s asked; a quarter and 1/16 m/s are allowed; on the limit, below, for the time and for less. Expected result:
     a cause for what lasts, and none where it comes and goes."""
-    config = GuardConfig(mismatch=0.25, mismatch_spare_m_s=0.0625, mismatch_s=0.25)
+    config = limits(deviation=0.25, mismatch_spare_m_s=0.0625, mismatch_s=0.25)
 
     def run(*lefts: float) -> str | None:
         watch = BeltMonitor(config)
@@ -274,7 +272,7 @@ def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
 def test_a_brake_without_a_command_is_reported_at_rest_as_well() -> None:
     """Test: belts at rest are asked; the brake is on for less than its time, again after a moment and after a gap of readings, for
     its time, and where it was asked for. Expected result: a cause for its time alone."""
-    watch = BeltMonitor(GuardConfig(mismatch_s=0.25))
+    watch = BeltMonitor(limits(mismatch_s=0.25))
 
     def run(begin_s: float, *brakes: bool) -> str | None:
         for k, on in enumerate(brakes):
@@ -293,7 +291,7 @@ def test_a_brake_without_a_command_is_reported_at_rest_as_well() -> None:
 
 def test_readings_apart_by_the_gap_are_still_compared() -> None:
     """Test: readings 0.0625 s apart, then 0.125 s. Expected result: compared; then taken as they are, and the time starts anew."""
-    watch = BeltMonitor(GuardConfig(mismatch_s=0.0625))
+    watch = BeltMonitor(limits(mismatch_s=0.0625))
     watch.ask(TrackCommand(t_s=0.0, left_m_s=0.5, right_m_s=0.5))
     watch.update(belts(0.0, 0.0, 0.0))
     watch.update(belts(0.0625, 0.0, 0.0))
@@ -326,7 +324,7 @@ def slipping(config: GuardConfig, *steps: tuple[float, float, float], turn_rad: 
 def test_slip_is_reported_after_its_time_and_held_after_twice() -> None:
     """Test: half of 1/16 m each eighth of a second is lost, for 3, 4, 7, 8 maps. Expected result: slip from the fourth on, a cause
     from the eighth."""
-    config = GuardConfig(slip=0.25)
+    config = limits(deviation=0.25)
     assert slipping(config, (0.0625, 0.03125, 3)).slip == 0.0
     assert slipping(config, (0.0625, 0.03125, 4)).slip == 0.5
     assert slipping(config, (0.0625, 0.03125, 7)).cause is None
@@ -339,47 +337,47 @@ def test_a_chair_that_catches_up_with_its_belts_is_not_held_and_one_that_does_no
     """Test: slip of 1.5 falls by half each three eighths of a second down to 0.38; it falls to 0.5 and stays there. Expected
     result: no cause, though it lasts 1.4 s; a cause half a second after the last fall."""
     falls = ((0.0625, 0.09375, 4), (0.0625, 0.046875, 3), (0.0625, 0.0234375, 3), (0.0625, 0.01, 2))
-    assert slipping(GuardConfig(), *falls[:2]).slip > 0.3
-    assert slipping(GuardConfig(), *falls).cause is None
+    assert slipping(limits(), *falls[:2]).slip > 0.3
+    assert slipping(limits(), *falls).cause is None
     # The window has half forgotten the worst after three maps; it is 0.75 then, and 0.5 is no fall by 40 % from there.
-    assert slipping(GuardConfig(), *falls[:1], (0.0625, 0.03125, 6)).cause is None
-    assert slipping(GuardConfig(), *falls[:1], (0.0625, 0.03125, 7)).cause is not None
+    assert slipping(limits(), *falls[:1], (0.0625, 0.03125, 6)).cause is None
+    assert slipping(limits(), *falls[:1], (0.0625, 0.03125, 7)).cause is not None
 
 
 def test_belts_that_are_slowed_down_do_not_hide_that_a_chair_catches_up() -> None:
     """Test: all of 1/16 m an eighth of a second is lost, then, belts at half the speed, all of 1/32 m but 1/128; the same with
     belts that keep their speed, the chair its loss. Expected result: the first has another half second, the second has not."""
     slowed, not_slowed = (0.03125, 0.0234375), (0.0625, 0.0546875)
-    assert slipping(GuardConfig(), (0.0625, 0.0625, 5), (*slowed, 6)).cause is None
-    assert slipping(GuardConfig(), (0.0625, 0.0625, 5), (*slowed, 7)).cause is not None
-    assert slipping(GuardConfig(), (0.0625, 0.0625, 5), (*not_slowed, 3)).cause is not None
+    assert slipping(limits(), (0.0625, 0.0625, 5), (*slowed, 6)).cause is None
+    assert slipping(limits(), (0.0625, 0.0625, 5), (*slowed, 7)).cause is not None
+    assert slipping(limits(), (0.0625, 0.0625, 5), (*not_slowed, 3)).cause is not None
 
 
 def test_slip_at_its_limit_is_none_nor_is_it_below_the_noise() -> None:
     """Test: exactly a quarter lost; much lost of a very short way; little lost. Expected result: no slip."""
-    assert slipping(GuardConfig(slip=0.25), (0.0625, 0.015625, 12)).slip == 0.0
-    assert slipping(GuardConfig(slip=0.25), (0.0625, 0.0166, 12)).slip > 0.25
-    assert slipping(GuardConfig(slip=0.25), (0.0074, 0.0064, 12)).slip == 0.0
-    assert slipping(GuardConfig(slip=0.25), (0.0076, 0.0064, 12)).slip > 0.8
-    assert slipping(GuardConfig(slip=0.25), (0.0078125, 0.0037, 12)).slip == 0.0
-    assert slipping(GuardConfig(slip=0.25), (0.0078125, 0.0039, 12)).slip > 0.4
+    assert slipping(limits(deviation=0.25), (0.0625, 0.015625, 12)).slip == 0.0
+    assert slipping(limits(deviation=0.25), (0.0625, 0.0166, 12)).slip > 0.25
+    assert slipping(limits(deviation=0.25), (0.0074, 0.0064, 12)).slip == 0.0
+    assert slipping(limits(deviation=0.25), (0.0076, 0.0064, 12)).slip > 0.8
+    assert slipping(limits(deviation=0.25), (0.0078125, 0.0037, 12)).slip == 0.0
+    assert slipping(limits(deviation=0.25), (0.0078125, 0.0039, 12)).slip > 0.4
 
 
 def test_slip_that_ends_is_forgotten_and_begins_anew() -> None:
     """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; none while it turns or has a heading error."""
-    config = GuardConfig(slip=0.25, slip_turn_rad=0.0625, turning_rad=0.25)
+    config = limits(deviation=0.25, slip_turn_rad=0.0625, square_rad=0.25)
     lost, none = (0.0625, 0.03125), (0.0625, 0.0)
     assert slipping(config, (*lost, 5), (*none, 4), (*lost, 5)).cause is None
     assert slipping(config, (*lost, 5), (*none, 4), (*lost, 12)).cause is not None
     assert slipping(config, (*lost, 8), turn_rad=0.125).cause is not None
     assert slipping(config, (*lost, 12), turn_rad=0.140625).slip == 0.0
     assert slipping(config, (*lost, 12), turn_rad=-0.140625).slip == 0.0
-    assert slipping(replace(config, turning_rad=0.0625), (*lost, 8), turn_rad=0.125).cause is None
+    assert slipping(replace(config, square_rad=0.0625), (*lost, 8), turn_rad=0.125).cause is None
 
 
 def test_a_chair_rolls_back_beyond_its_limit() -> None:
     """Test: forwards, then back by 0.25 m and by more. Expected result: a cause beyond, counted from the furthest place."""
-    config = GuardConfig(slip=9.0, roll_back_m=0.25)
+    config = limits(deviation=9.0, roll_back_m=0.25)
     forwards = (0.0625, 0.0, 4)
     assert slipping(config, forwards, (0.0625, 0.125, 4)).cause is None
     assert slipping(config, forwards, (0.0625, 0.125, 5)).cause == "rolled back 0.31 m"
@@ -394,7 +392,7 @@ def test_nosings_out_of_view_do_not_make_good_for_what_was_rolled_back(lost: str
     t_s = 1.0 if lost == "late" else 0.625
     there = np.array([1.1875, 1.6875, 2.1875, 2.6875]) - (0.275 if lost == "others" else 0.0)
     for anew in (False, True):
-        watch = slipping(GuardConfig(slip=9.0), (0.0, 0.0625, 3))
+        watch = slipping(limits(deviation=9.0), (0.0, 0.0625, 3))
         if lost == "empty":
             watch.look(0.5, [], 0.125, 0.0)
         if anew:
@@ -409,7 +407,7 @@ def test_nosings_out_of_view_do_not_make_good_for_what_was_rolled_back(lost: str
 def test_what_slides_back_unseen_counts_as_far_as_nosings_are_matched() -> None:
     """Test: belts that stand; after a second without nosings these are 0.1 m further off, three times. Expected result: a cause for
     0.3 m; none for a chair that climbs unseen, nor for one that stands while its nosings come and go by 5 mm of noise."""
-    slid, climbs, stands = SlipMonitor(GuardConfig()), SlipMonitor(GuardConfig()), SlipMonitor(GuardConfig())
+    slid, climbs, stands = SlipMonitor(limits()), SlipMonitor(limits()), SlipMonitor(limits())
     for k in range(4):
         slid.look(float(k), [1.0 + 0.1 * k, 1.5 + 0.1 * k], 0.0, 0.0)
         climbs.look(float(k), [1.0, 1.5], 0.2 * k, 0.0)
@@ -422,7 +420,7 @@ def test_what_slides_back_unseen_counts_as_far_as_nosings_are_matched() -> None:
 
 def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
     """Test: no nosings in one map; 0.25 and 0.5 s between two. Expected result: nothing is lost between them but in 0.25 s."""
-    watch = SlipMonitor(GuardConfig())
+    watch = SlipMonitor(limits())
     watch.look(0.0, [1.0], 0.0, 0.0)
     watch.look(0.25, [0.9375], 0.125, 0.0)
     assert watch._roll_back_m == 0.0625
@@ -443,7 +441,7 @@ def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
 def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_count() -> None:
     """Test: after some slip, maps 0.15 m apart under belts that stand; then four nosings, one of them off. Expected result: these
     are other nosings, and what was lost is forgotten; the middle of four is what the chair did."""
-    watch = slipping(GuardConfig(slip=0.25), (0.0625, 0.03125, 7))
+    watch = slipping(limits(deviation=0.25), (0.0625, 0.03125, 7))
     there = np.array([1.28125, 1.78125, 2.28125, 2.78125])
     assert watch.slip == 0.5
     watch.look(1.0, list(there), 0.4375, 0.0)
@@ -535,7 +533,7 @@ def ahead(config: GuardConfig, **changes: Any) -> AheadMonitor:
     return watch
 
 
-LENGTHS = GuardConfig(
+LENGTHS = limits(
     front_m=1.0, rear_m=0.5, obstacle_clear_m=0.25, gap_clear_m=0.125, stopping_s=0.5, track_span_m=1.0
 )  # fmt: skip
 
@@ -622,7 +620,7 @@ def tilted(pitch: float, roll: float) -> tuple[float, float, float, float]:
 )
 def test_a_tilt_lasts_before_it_counts(pitch: float, roll: float, rate: float, cause: str | None) -> None:
     """Test: attitudes and rates around their limits, for 3/64 and 4/64 s. Expected result: a cause after the time, if beyond."""
-    config = GuardConfig(pitch_rate_rad_s=0.5, front_up_rad=0.5, front_down_rad=0.25, roll_rad=0.25)
+    config = limits(pitch_rate_rad_s=0.5, front_up_rad=0.5, front_down_rad=0.25, roll_rad=0.25)
     watch = TiltMonitor(config)
     for k in range(4):
         watch.update(k / 64, tilted(pitch, roll), rate)
@@ -637,7 +635,7 @@ def test_a_tilt_lasts_before_it_counts(pitch: float, roll: float, rate: float, c
 def test_a_quaternion_beyond_unity_is_still_an_angle() -> None:
     """Test: straight up and straight down with rounding beyond one. Expected result: 90°, no exception."""
     for sign in (1.0, -1.0):
-        watch = TiltMonitor(GuardConfig())
+        watch = TiltMonitor(limits())
         for k in range(9):
             watch.update(k / 64, (1.0, 0.0, -sign, 0.0), 0.0)
         assert watch.cause == f"pitch {sign * 90:.0f}°"
@@ -646,7 +644,7 @@ def test_a_quaternion_beyond_unity_is_still_an_angle() -> None:
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_seat_that_leaves_the_level_further_is_not_waited_for(sign: float) -> None:
     """Test: 0.25 rad allowed; beyond it, and then further by 2°, and by more. Expected result: a cause at once by more only."""
-    watch = SeatMonitor(GuardConfig(seat_rad=0.25, seat_s=1.0))
+    watch = SeatMonitor(limits(seat_rad=0.25, seat_s=1.0))
     watch.update(0.0, 0.5 * sign)
     watch.update(0.125, sign * (0.5 + 2.0 * math.pi / 180.0))
     assert watch.cause is None
@@ -657,7 +655,7 @@ def test_a_seat_that_leaves_the_level_further_is_not_waited_for(sign: float) -> 
 def test_a_seats_error_counts_from_when_it_stopped_shrinking() -> None:
     """Test: 0.25 rad allowed for a second; on the limit, beyond, shrinking by less and by more than 2° a time. Expected result: a
     cause a second after the last shrinking."""
-    config = GuardConfig(seat_rad=0.25, seat_s=1.0)
+    config = limits(seat_rad=0.25, seat_s=1.0)
     watch = SeatMonitor(config)
     for k in range(20):
         watch.update(k / 8, 0.25)
@@ -685,7 +683,7 @@ def plan(phase: Any, *, needs_stair: bool = False) -> MotionPlan:
 
 def turning(apart_m_s: float, phase: Any, ticks: int, watch: GyroOnlyTurn | None = None) -> GyroOnlyTurn:
     """Let the belts run apart for so many sixteenths of a second."""
-    watch = watch or GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+    watch = watch or GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
     for _ in range(ticks):
         watch.update_belts(watch.t_s + 1 / 16, apart_m_s, plan(phase))
     return watch
@@ -731,7 +729,7 @@ def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stai
         watch.update_belts(watch.t_s + 1 / 16, apart, plan("climb", needs_stair=True))
     assert watch.cause is None
     assert turning(apart, "climb", 1, watch).cause is not None
-    none = GyroOnlyTurn(GuardConfig())
+    none = GyroOnlyTurn(limits())
     none.update_belts(0.0, 1.0, None)
     none.update_belts(100.0, 1.0, None)
     assert none.cause is None
@@ -751,7 +749,7 @@ def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stai
 def test_how_far_belts_turn_a_chair_is_another_matter_on_the_level_and_over_a_nosing(pitch_rad: float, per_metre: float) -> None:
     """Test: 0.3 rad/s over the crest, on either side of 2° of pitch. Expected result: a cause within two seconds, as far as the
     belts turn the chair there."""
-    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+    watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
     watch.update_motion(0.0, tilted(pitch_rad, 0.0) if pitch_rad < 1.0 else (1.0, 0.0, -1.1, 0.0), 0.0)
     turning(0.3 / per_metre, "crest", 27, watch)
     assert watch.cause is None
@@ -776,7 +774,7 @@ def test_yaw_and_roll_are_no_pitch_and_a_first_sample_is_no_swing() -> None:
     """Test: a chair that lies level, yawed by 120° and rolled by 0.1 rad; its first sample a shock. Expected result: judged as on
     the level from the first reading on."""
     c, s, cr, sr = math.cos(math.pi / 3), math.sin(math.pi / 3), math.cos(0.05), math.sin(0.05)
-    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+    watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
     watch.update_motion(0.0, (c * cr, c * sr, s * sr, s * cr), 1.0)
     assert turning(0.3 / LEVEL_RAD_M, "crest", 28, watch).cause is not None
 
@@ -784,7 +782,7 @@ def test_yaw_and_roll_are_no_pitch_and_a_first_sample_is_no_swing() -> None:
 def test_a_chair_that_swings_is_not_judged() -> None:
     """Test: pitch rates of 0.07 and 0.09 rad/s, either way, for as long as their mean needs. Expected: 4.5 °/s lies between."""
     for rate, judged in ((0.07, True), (-0.07, True), (0.09, False), (-0.09, False)):
-        watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+        watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
         watch.update_motion(0.0, tilted(0.3, 0.0), rate)
         assert turning(0.3 / OVER_RAD_M, "leave", 2, watch).cause is None
         for k in range(1, 100):
@@ -792,7 +790,7 @@ def test_a_chair_that_swings_is_not_judged() -> None:
         turning(0.3 / OVER_RAD_M, "leave", 30, watch)
         assert (watch.cause is not None) is judged
     # The mean takes 0.2 s: a shock of one sample is no swing.
-    watch = GyroOnlyTurn(GuardConfig(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+    watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
     watch.update_motion(0.0, tilted(0.3, 0.0), 0.0)
     watch.update_motion(1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
     assert turning(0.3 / OVER_RAD_M, "leave", 29, watch).cause is not None
@@ -803,7 +801,7 @@ def test_a_chair_that_swings_is_not_judged() -> None:
 def test_a_chair_that_pitches_is_square_or_something_errs(phase: Any, sign: float) -> None:
     """Test: a heading on the limit and beyond, where the chair pitches and on the flight; nothing known. Expected result: a cause
     beyond the limit, where it pitches."""
-    config = GuardConfig(max_heading_error_rad=0.125)
+    config = limits(square_rad=0.125)
     assert heading_fault(config, estimate(0.0, sign * 0.125), plan(phase)) is None
     cause = f"heading {sign * 7.4:+.1f}° in {phase}: the chair has turned, or the gyro errs"
     assert heading_fault(config, estimate(0.0, sign * 0.13), plan(phase)) == cause
@@ -815,9 +813,9 @@ def test_a_chair_that_pitches_is_square_or_something_errs(phase: Any, sign: floa
 def senses(config: GuardConfig | None = None) -> SensorTimeouts:
     watch = SensorTimeouts(
         config
-        or GuardConfig(
+        or limits(
             imu_timeout_s=0.0625,
-            frame_timeout_s=0.25,
+            silence_s=0.25,
             vision_only_s=1.0,
             blind_timeout_s=4.0,
             blind_travel_m=0.5,
@@ -899,7 +897,7 @@ def test_a_stamp_in_the_future_counts_as_now() -> None:
 
 def test_a_sense_that_has_spoken_is_waited_for_from_then() -> None:
     """Test: the IMU spoke at -1 s, the mission begins at 2 s. Expected result: the IMU is missed, the others are not yet."""
-    watch = SensorTimeouts(GuardConfig())
+    watch = SensorTimeouts(limits())
     watch.imu(-1.0)
     watch.begin(2.0)
     assert watch.speed_restriction(2.0) == ("imu", "no IMU sample for 3.00 s")
@@ -907,7 +905,7 @@ def test_a_sense_that_has_spoken_is_waited_for_from_then() -> None:
 
 def test_a_disagreement_lasts_beyond_its_time() -> None:
     """Test: reported for exactly half a second, and longer; without a time of its own. Expected result: an alarm beyond only."""
-    watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
+    watch = senses(limits(imu_timeout_s=9.0, silence_s=9.0))
     assert watch.health(health(1.5, "disagreement", 1.0)) is None
     assert watch.alarm(1.5, 0.0, None) is None
     assert watch.alarm(1.5625, 0.0, None) == "camera and gyro disagree for 0.6 s"
@@ -918,7 +916,7 @@ def test_a_disagreement_lasts_beyond_its_time() -> None:
 
 def test_a_stuck_gyro_counts_from_when_it_was_found() -> None:
     """Test: stuck since 1.0 s; for a second and longer. Expected result: slow at once, an alarm beyond a second only."""
-    watch = senses(GuardConfig(imu_timeout_s=9.0, frame_timeout_s=9.0))
+    watch = senses(limits(imu_timeout_s=9.0, silence_s=9.0))
     watch.imu(2.0)
     watch.health(health(1.0, "stuck", 1.0))
     assert watch.speed_restriction(1.5) == ("imu", "gyro stuck for 0.50 s")
@@ -938,7 +936,7 @@ def test_an_estimates_age_may_be_its_limit(age_s: float, fault: str | None) -> N
 
 def test_limits_hold_on_their_very_values() -> None:
     """Test: heading on its limit; shares of one and a half; belts on their limit. Expected result: square; all, half; as asked."""
-    config = GuardConfig(turning_rad=0.125)
+    config = limits(square_rad=0.125)
     assert mean_limit(config, estimate(heading_rad=0.125), None, restricted=False) == 0.30
     assert mean_limit(config, estimate(heading_rad=-0.25), None, restricted=False) == 0.55
     assert mean_limit(config, estimate(heading_rad=0.25), None, restricted=True) == 0.10

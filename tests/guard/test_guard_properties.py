@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from world import limits
 
 from treadline.core.signals import (
     FlipperCommand,
@@ -21,7 +22,7 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.guard import Guard, GuardConfig
+from treadline.guard import Guard
 
 # Literals, so that a changed value in the code is noticed here.
 RAMP_S = 0.3
@@ -64,7 +65,7 @@ def act(guard: Guard, kind: str, t_s: float, a: float, b: float) -> TrackCommand
             guard.propose(TrackCommand(t_s=t_s, left_m_s=a, right_m_s=b))
         case _:
             estimate = HeadingEstimate(t_s=t_s, heading_rad=a, heading_rate_rad_s=b, sigma_rad=0.1, source="vision")
-            return guard.step(t_s, estimate if a != 0.0 else None)
+            return guard.step(t_s, estimate if a != 0.0 else None).tracks
     return None
 
 
@@ -77,7 +78,7 @@ def test_whatever_comes_what_leaves_is_a_number_within_its_limits_and_a_hold_sta
     @settings(max_examples=150, deadline=None, database=None, derandomize=True)
     @given(STEPS)
     def holds(steps: list[tuple[str, float, float, float]]) -> None:
-        guard = Guard(GuardConfig(needs_heading=needs_heading))
+        guard = Guard(limits(needs_heading=needs_heading))
         guard.propose(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2))
         held_s, braked = math.inf, False
         for k, (kind, offset_s, a, b) in enumerate(steps):

@@ -3,10 +3,10 @@
 import math
 
 import pytest
-from world import TICK_S, belts
+from world import TICK_S, belts, limits
 
 from treadline.core.signals import MotionPlan, OperatorInput, TrackCommand
-from treadline.guard import Guard, GuardConfig
+from treadline.guard import Guard
 from treadline.guard._half_cosine_stop import RAMPED, URGENT, CauseKind, RampedStop
 from treadline.guard.stop_latch import Latch
 
@@ -92,7 +92,7 @@ def test_each_hold_has_a_ramp_of_its_own() -> None:
 
 def running() -> Guard:
     """Return a guard whose belts have run at 0.2 m/s for a second."""
-    guard = Guard(GuardConfig(needs_heading=False))
+    guard = Guard(limits(needs_heading=False))
     for k in range(101):
         guard.admit(belts(k * TICK_S))
         guard.propose(TrackCommand(t_s=k * TICK_S, left_m_s=0.2, right_m_s=0.2))
@@ -107,9 +107,9 @@ def test_the_operator_stops_the_belts_within_a_tick_also_while_they_ramp_down() 
         guard = running()
         guard.on_message(MotionPlan(t_s=1.0, phase="climb", speed_m_s=0.2, hold="nothing to see"))
         for k in range(after):
-            passed = guard.step(1.01 + k * TICK_S, None)
+            passed = guard.step(1.01 + k * TICK_S, None).tracks
             assert not passed.brake
             assert 0.0 < passed.left_m_s <= 0.2
         guard.admit(OperatorInput(t_s=1.06, dead_man=False))
-        assert guard.step(1.06, None) == TrackCommand.stop(1.06)
+        assert guard.step(1.06, None).tracks == TrackCommand.stop(1.06)
         assert guard.holding == "nothing to see"

@@ -4,13 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from world import imu
+from world import imu, limits
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import rotation_y
 from treadline.core.signals import HeadingMeasurement, ImuSample, StairMap
-from treadline.guard import GuardConfig
 from treadline.mission._blocks import CameraBlock, GravityAtExposure
 from treadline.ros import channels as on
 from treadline.ros.block_nodes import CameraNode
@@ -49,7 +48,7 @@ def by_the_block(detector: Looking) -> tuple[Callable[[ImuSample], object], Call
 
 
 def by_the_node(detector: Looking) -> tuple[Callable[[ImuSample], object], Callable[[RgbdFrame], object]]:
-    node, bus = CameraNode(detector, GuardConfig(), 0.4), InProcess()
+    node, bus = CameraNode(detector, limits(), 0.4), InProcess()
     node.listen(bus)
     return lambda sample: bus.publish(on.IMU, sample), lambda late: bus.publish(on.CAMERA, late)
 

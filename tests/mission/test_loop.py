@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from world import imu, stair
+from world import imu, limits, stair
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Reading
@@ -23,7 +23,7 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.guard import Guard, GuardConfig
+from treadline.guard import Guard
 from treadline.mission._blocks import Rate
 from treadline.mission.belt_controllers import ConstantSpeed, Driver
 from treadline.mission.loop import Blocks, Mission, Signal
@@ -127,7 +127,7 @@ def counting_mission(
         planner=planner or Cruise(0.2),
         driver=driver or ConstantSpeed(0.2, 0.25),
         leveller=leveller,  # type: ignore[arg-type]
-        guard=Guard(GuardConfig()),
+        guard=Guard(limits()),
     )
     return Mission(plant, blocks, lambda signal, _: log(signal)), estimator, leveller
 

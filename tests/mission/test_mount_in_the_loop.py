@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import RecordedDrive, ViewRecipe
-from world import belts, imu_at
+from world import belts, imu_at, limits
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.rotations import rotation_x, rotation_y
 from treadline.core.signals import Event, HeadingMeasurement, ImuSample, StairMap, TrackReading
-from treadline.guard import GuardConfig
 from treadline.mission._blocks import CameraBlock
 from treadline.perception import StairDetector
 from treadline.ros import channels as on
@@ -38,7 +37,7 @@ def by_the_block(detector: Any = None) -> Take:
 
 
 def by_the_node() -> Take:
-    node, bus = CameraNode(StairDetector(), GuardConfig(), 0.4), InProcess()
+    node, bus = CameraNode(StairDetector(), limits(), 0.4), InProcess()
     node.listen(bus)
     got: list[object] = []
     for channel in (on.MEASURED, on.MAP, on.DIAGNOSTICS):

@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import pytest
+from world import limits
 
 from treadline.core.ports import Reading, Truth
 from treadline.core.signals import FlipperCommand, OperatorInput, SeatCommand, TrackCommand
-from treadline.guard import GuardConfig
 from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.plant.mujoco import open_plant
 from treadline.ros import channels as on
@@ -72,7 +72,7 @@ def test_without_a_guard_the_plant_brakes_by_itself() -> None:
 
 def test_a_stick_drives_through_the_guard_and_no_faster_than_it_allows() -> None:
     transport = InProcess()
-    guard = GuardNode(GuardConfig(needs_heading=False, watches_motion=False), gauge_m=0.5)
+    guard = GuardNode(limits(needs_heading=False, watches_motion=False), gauge_m=0.5)
     guard.listen(transport)
     commands: list[TrackCommand] = []
     transport.subscribe(on.TRACKS_CMD, commands.append)
@@ -101,7 +101,7 @@ def test_a_guard_that_is_started_anew_lets_nothing_go_that_a_person_has_stopped(
     place = next(index for index, node in enumerate(graph.nodes) if node.name == "guard")
     kill(graph, "guard")
     run_until(graph, KILLED_S + LOST_S + 0.2)
-    anew = GuardNode(GuardConfig())
+    anew = GuardNode(limits())
     anew.listen(graph.transport)
     graph.nodes.insert(place, anew)
     truths: list[Truth] = []

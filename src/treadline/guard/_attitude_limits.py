@@ -5,12 +5,7 @@ from collections.abc import Sequence
 from treadline.core.angles import DEG, tilt_of
 from treadline.core.signals import ROUNDING_S
 from treadline.guard._guard_config import GuardConfig
-
-LASTING_S = 0.05
-"""Duration beyond a limit after which it is a fault [s]: longer than a shock, shorter than a fall."""
-BETTER_RAD = 2.0 * DEG
-"""Change of the seat's error that is judged within its time [rad]. A decrease by this much starts the time again, as the seat is
-being levelled. An increase holds at once: the seat moves with the chassis, 11° in a second over a crest."""
+from treadline.guard._lasting import Lasting
 
 
 class TiltMonitor:
@@ -18,22 +13,19 @@ class TiltMonitor:
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
-        self._since_s: float | None = None
+        self._lasting = Lasting(config.imu_timeout_s, config.ahead_s)
         self.cause: str | None = None
 
     def update(self, t_s: float, orientation: Sequence[float], pitch_rate_rad_s: float) -> None:
         """Update with one sample: attitude quaternion (w, x, y, z) and pitch rate [rad/s], positive front up."""
         fault = self._fault(orientation, pitch_rate_rad_s)
-        if fault is None:
-            self._since_s = None
-        elif self._since_s is None:
-            self._since_s = t_s
-        elif t_s - self._since_s >= LASTING_S - ROUNDING_S:
+        if self._lasting.update(t_s, beyond=fault is not None):
             self.cause = fault
 
     def forget(self) -> None:
         """Reset the monitor."""
-        self._since_s = self.cause = None
+        self._lasting.forget()
+        self.cause = None
 
     def _fault(self, orientation: Sequence[float], pitch_rate_rad_s: float) -> str | None:
         limits = self._config
@@ -48,7 +40,11 @@ class TiltMonitor:
 
 
 class SeatMonitor:
-    """Compares the seat's pitch over time with its limit."""
+    """Compares the seat's pitch over time with its limit.
+
+    A decrease of the error by ``level_rad`` starts the time again, as the seat is being levelled. An increase holds at once: the
+    seat moves with the chassis, 11° in a second over a crest.
+    """
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
@@ -60,9 +56,9 @@ class SeatMonitor:
         error = abs(pitch_rad)
         if error <= self._config.seat_rad:
             self._since = None
-        elif self._since is None or error < self._since[1] - BETTER_RAD:
+        elif self._since is None or error < self._since[1] - self._config.level_rad:
             self._since = (t_s, error)
-        elif error > self._since[1] + BETTER_RAD or t_s - self._since[0] >= self._config.seat_s - ROUNDING_S:
+        elif error > self._since[1] + self._config.level_rad or t_s - self._since[0] >= self._config.seat_s - ROUNDING_S:
             self.cause = f"seat is {pitch_rad / DEG:.1f}° off level for {t_s - self._since[0]:.1f} s"
 
     def forget(self) -> None:

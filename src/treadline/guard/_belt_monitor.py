@@ -5,18 +5,21 @@
 
 import math
 
-from treadline.core.signals import ROUNDING_S, Recent, TrackCommand, TrackReading
+from treadline.core.signals import Recent, TrackCommand, TrackReading
 from treadline.core.slip import slower_belt_m_s
 from treadline.guard._guard_config import GuardConfig
-
-GAP_S = 0.1
-"""Longest interval between two readings over which a belt speed is integrated."""
+from treadline.guard._lasting import Lasting
 
 
 class BeltTravel:
-    """Integral of the belt speeds since the start, backwards negative."""
+    """Integral of the belt speeds since the start, backwards negative.
 
-    def __init__(self) -> None:
+    Args:
+        gap_s: Longest interval between two readings over which a speed is integrated [s].
+    """
+
+    def __init__(self, gap_s: float) -> None:
+        self._gap_s = gap_s
         self._t_s = -math.inf
         self._past: Recent[tuple[float, float]] = Recent()
         self.travel_m = 0.0
@@ -28,7 +31,7 @@ class BeltTravel:
         """Integrate one reading; return the time since the previous one [s], None after a gap."""
         dt_s = reading.t_s - self._t_s
         self._t_s = reading.t_s
-        if dt_s > GAP_S:
+        if dt_s > self._gap_s:
             return None
         self.travel_m += dt_s * 0.5 * (reading.left_m_s + reading.right_m_s)
         self.slow_travel_m += dt_s * slower_belt_m_s(reading.left_m_s, reading.right_m_s)
@@ -55,10 +58,9 @@ class BeltMonitor:
         self._config = config
         self._asked = TrackCommand.stop(0.0)
         self._t_s = 0.0
-        self.travel = BeltTravel()
+        self.travel = BeltTravel(config.ahead_s)
         self._expected = [0.0, 0.0]
-        self._since_s: list[float | None] = [None, None]
-        self._braked_s: float | None = None
+        self._left, self._right, self._brake = (Lasting(config.mismatch_s, config.ahead_s) for _ in range(3))
         self.cause: str | None = None
         """Fault of a belt or of the brake; None if there is none."""
 
@@ -85,27 +87,21 @@ class BeltMonitor:
         belts = (reading.left_m_s, reading.right_m_s)
         if dt_s is None:
             self._expected = list(belts)
-            self._since_s = [None, None]
-            self._braked_s = None
+            for lasting in (self._left, self._right, self._brake):
+                lasting.forget()
             return
-        self._note_brake(on=reading.brake_on)
-        for side, asked in enumerate((self._asked.left_m_s, self._asked.right_m_s)):
-            self._expected[side] = self._driven(self._expected[side], asked, dt_s)
-            self._compare(side, belts[side])
+        # Also of a chair that is commanded to stand.
+        if self._brake.update(reading.t_s, beyond=reading.brake_on and not self._asked.brake):
+            self.cause = "the brake is on without a command: no power, or commands do not arrive"
+        self._expected[0] = self._driven(self._expected[0], self._asked.left_m_s, dt_s)
+        self._expected[1] = self._driven(self._expected[1], self._asked.right_m_s, dt_s)
+        self._compare("left", self._left, belts[0], self._expected[0])
+        self._compare("right", self._right, belts[1], self._expected[1])
 
     def forget(self) -> None:
         """Start again: the next reading sets the expected speeds."""
         self.travel.forget()
         self.cause = None
-
-    def _note_brake(self, *, on: bool) -> None:
-        """Detect a brake without a command: no power, or commands do not arrive, even if zero speed is commanded."""
-        if not on or self._asked.brake:
-            self._braked_s = None
-        elif self._braked_s is None:
-            self._braked_s = self._t_s
-        elif self._t_s - self._braked_s >= self._config.mismatch_s - ROUNDING_S:
-            self.cause = "the brake is on without a command: no power, or commands do not arrive"
 
     def _driven(self, speed: float, asked: float, dt_s: float) -> float:
         if self._asked.brake:
@@ -115,13 +111,9 @@ class BeltMonitor:
         change = (1.0 - math.exp(-dt_s / self._config.drive_lag_s)) * (asked - speed)
         return speed + min(max(change, -step), step)
 
-    def _compare(self, side: int, speed: float) -> None:
-        limits, expected, since_s = self._config, self._expected[side], self._since_s[side]
-        if abs(speed - expected) <= limits.mismatch * abs(expected) + limits.mismatch_spare_m_s:
-            self._since_s[side] = None
-        elif since_s is None:
-            self._since_s[side] = self._t_s
-        elif self._t_s - since_s >= limits.mismatch_s - ROUNDING_S:
-            name, runs_away = ("left", "right")[side], abs(speed) > abs(expected)
-            fault = "runs away" if runs_away else "is stalled"
+    def _compare(self, name: str, lasting: Lasting, speed: float, expected: float) -> None:
+        limits = self._config
+        off = abs(speed - expected) > limits.deviation * abs(expected) + limits.mismatch_spare_m_s
+        if lasting.update(self._t_s, beyond=off):
+            fault = "runs away" if abs(speed) > abs(expected) else "is stalled"
             self.cause = f"{name} track {fault}: {speed:.2f} m/s where {expected:.2f} is expected"

@@ -8,8 +8,8 @@ import math
 
 from treadline.core.angles import DEG
 from treadline.core.signals import FreeGround, Phase, StairMap
-from treadline.guard._guard_config import FLIGHT, GuardConfig
-from treadline.guard._obstacle_monitor import OBSTACLE_MAPS, SAME_M
+from treadline.guard._guard_config import FLIGHT, SAME_M, GuardConfig
+from treadline.guard._obstacle_monitor import OBSTACLE_MAPS
 
 FLAT_RAD = 5.0 * DEG
 """Largest pitch of a chair on a floor, a landing or a ramp [rad]: ramps for wheelchairs rise by 1:12, 4.8°, and no flight is
@@ -90,7 +90,7 @@ class DropMonitor:
         if way == self._way and self._end_count >= OBSTACLE_MAPS and ends_m < self._config.obstacle_clear_m + stopping_m:
             return f"the ground ends {ends_m:.2f} m from the belts' leading pulley"
         # A chair that has just come down onto flat ground has not seen it yet.
-        if self._flat_s is not None and known_m < stopping_m and t_s - self._flat_s > self._config.frame_timeout_s:
+        if self._flat_s is not None and known_m < stopping_m and t_s - self._flat_s > self._config.silence_s:
             side = "ahead of" if way > 0.0 else "behind"
             return f"the ground {max(known_m, 0.0):.2f} m {side} the belts was neither seen nor driven over"
         return None
@@ -105,7 +105,7 @@ class DropMonitor:
 
         An edge is past once the chair has tipped over it onto a flight.
         """
-        turned = not abs(heading_rad - self._heading_rad) <= self._config.turning_rad
+        turned = not abs(heading_rad - self._heading_rad) <= self._config.square_rad
         for way in self._known_m:
             under_m = way * travel_m + self._pulley_m
             self._known_m[way] = under_m if turned else max(self._known_m[way], under_m)

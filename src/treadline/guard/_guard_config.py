@@ -7,51 +7,78 @@ from treadline.core.angles import DEG
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardConfig:
-    """Limits of the guard, each with its reason; "row" is a row of the table of hazards in docs/evidence/0014-guard.md."""
+    """Limits of the guard, each with its reason; "row" is a row of the table of hazards in docs/evidence/0014-guard.md.
 
-    belt_limit_m_s: float = 1.0
-    """Largest speed of one belt [m/s]: Table I, v_system(max)."""
-    seat_limit_m_s: float = 0.06
-    """Largest rate of the seat actuator [m/s], from the chair file; zero without a seat linkage."""
-    flipper_limit_rad_s: float = 30.0 * DEG
-    """Largest rate of the flipper [rad/s], from the chair file; zero without a flipper."""
+    The fields without a default come from the chair file and from the controller.
+    """
+
+    belt_limit_m_s: float
+    """Largest speed of one belt [m/s]: Table I, v_system(max). A reading beyond twice this speed is not physical: a chair that runs
+    away down 28° at this speed gains 0.9 m/s until the runaway is found."""
+    drive_lag_s: float
+    """Time constant of the belt drives [s]."""
+    drive_acceleration_m_s2: float
+    """Largest acceleration of the belt drives [m/s²]."""
+    seat_rate_m_s: float | None
+    """Largest rate of the seat's stroke [m/s]; None for a chair without a seat linkage."""
+    flipper_rate_rad_s: float | None
+    """Largest rate of the flipper [rad/s]; None for a chair without a flipper."""
+    front_m: float
+    """Distance from mid-track to the foremost part of the chair, with the flipper in line with the belts [m]."""
+    rear_m: float
+    """Distance from mid-track to the rearmost part of the tracks [m]."""
+    gauge_m: float
+    """Distance between the belts' centre lines [m]; the turn by the belts is inversely proportional to it."""
+    track_span_m: float
+    """Flat run of the belts [m]: three neighbouring nosings must lie closer together, or the track rests on one (row 17)."""
+    driver_timeout_s: float
+    """Time without a command, or without a tick, after which the guard holds [s]: three control periods. From half of this time the
+    belts ramp down (row 11). An older message of a sensor, driver or planner is rejected."""
+
     cruise_limit_m_s: float = 0.30
     """Largest mean belt speed of a chair square to the stair [m/s]: it can stop within one step."""
     turn_limit_m_s: float = 0.55
     """Largest mean belt speed while turning back to square [m/s]: a turn with one belt at its limit needs this speed."""
-    turning_rad: float = 5.0 * DEG
-    """Heading error above which the turn limit replaces the cruise limit [rad]."""
-    blind_limit_m_s: float = 0.10
-    """Largest mean belt speed while a speed restriction applies: a missing sensor, slip, or a gap ahead [m/s]."""
-    edge_limit_m_s: float = 0.10
-    """Largest mean belt speed while the chair pitches: mounting, crest, edge, last step (row 18) [m/s]."""
+    square_rad: float = 5.0 * DEG
+    """Heading error up to which a chair is square to the stair [rad]: the cruise limit holds. Over crest and edge a larger error is
+    a fault: the chair arrives there square, and turns by 3° at most without a fault."""
+    slow_limit_m_s: float = 0.10
+    """Largest mean belt speed under a speed restriction (a missing sensor, slip, a gap ahead), and while the chair pitches:
+    mounting, crest, edge, last step (row 18) [m/s]."""
     plan_margin: float = 0.25
     """Largest mean belt speed above the planned speed, as a share of the planned speed: steering on a stair adds to the mean."""
     plan_spare_m_s: float = 0.02
     """Absolute part of that margin [m/s]."""
 
-    imu_timeout_s: float = 0.05
-    """Time without an IMU sample after which the IMU counts as missing [s]: five samples at 100 Hz, so that one may be late (row
-    6)."""
-    vision_only_s: float = 1.0
-    """Time without the IMU after which the guard holds [s] (row 6)."""
-    frame_timeout_s: float = 0.3
-    """Time without a frame after which the camera counts as missing [s]: three frames at 10 Hz (row 1)."""
-    blind_timeout_s: float = 3.0
-    """Time without a frame after which the guard holds [s]."""
-    blind_travel_m: float = 0.5
-    """Belt travel without a frame after which the guard holds [m]."""
     ahead_s: float = 0.1
     """Largest lead of a stamp over the guard's clock [s]; a message with a larger lead is rejected. Ten ticks, so that a late tick
-    rejects nothing, and a third of the timeouts of frames, plans and the link, so that no stamp conceals a silence for long."""
-    plan_timeout_s: float = 0.3
-    """Largest age of a plan [s], the same as of an estimate and of the operator's link; an older plan is a fault of the planner."""
-    estimate_timeout_s: float = 0.3
-    """Largest difference between the stamp of the estimate and the clock [s]: a leap of a clock, or a dead gyro."""
+    rejects nothing, and a third of the silences, so that no stamp conceals a silence for long. Rate commands to seat and flipper,
+    which are repeated at each tick, are valid as long, and belt speeds are integrated over no longer gap."""
+    clock_jump_s: float = 1.0
+    """Largest leap of a clock [s]; a larger one is a fault (row 10)."""
+    silence_s: float = 0.3
+    """Longest silence of what must speak: frames, belts, seat, flipper, plan, estimate, operator's link [s]. Three frames at 10 Hz
+    (row 1), the timeout of the actuators' own watchdog, and row 21."""
+    imu_timeout_s: float = 0.05
+    """Time without an IMU sample after which the IMU counts as missing [s], and duration of a pitch, roll or pitch rate beyond its
+    limit after which it is a fault: five samples at 100 Hz (row 6), longer than a shock, shorter than a fall."""
+    vision_only_s: float = 1.0
+    """Time without the IMU after which the guard holds [s] (row 6)."""
+    blind_timeout_s: float = 3.0
+    """Time without a frame after which the guard holds [s] (row 1). A frame or map older than this is rejected, and an image that
+    repeats within this time is frozen."""
+    blind_travel_m: float = 0.5
+    """Belt travel without a frame after which the guard holds [m] (row 1)."""
     lost_timeout_s: float = 12.0
     """Time with frames but without a stair after which the guard holds [s]; the gyro carries the heading meanwhile."""
-    disagreement_s: float = 0.5
-    """Time of a disagreement between camera and gyro after which the guard holds [s]; either may be wrong (row 7)."""
+    heartbeat_timeout_s: float = 0.75
+    """Longest silence of a process after its first heartbeat [s] (row 22)."""
+    lasting_s: float = 0.5
+    """Duration after which slip, or a disagreement between camera and gyro, is a fault (rows 7 and 14), and window of the slip
+    ratio [s]."""
+    frozen_travel_m: float = 0.05
+    """Belt travel with unchanged headings or maps above which the camera counts as frozen [m] (row 2)."""
+
     blind_turn_rad: float = 3.0 * DEG
     """Largest turn by the belts while no stair is in view [rad]. Without a fault it is at most 1.9° in runs at 22 and 28° with
     friction 0.62/0.5 and 0.9/0.5 (row 7: true heading error of 5°)."""
@@ -59,23 +86,6 @@ class GuardConfig:
     """Largest gyro drift that may go undetected [rad/s]: half as much again as in row 7."""
     blind_turn_s: float = 6.0
     """Window of that turn [s]: a constant load causes a slowly growing turn by the belts."""
-    max_heading_error_rad: float = 5.0 * DEG
-    """Largest heading error where the chair pitches over crest or edge [rad]: it arrives there square, and turns by 3° at most
-    without a fault."""
-    driver_timeout_s: float = 0.75
-    """Time without a command, or without a tick, after which the guard holds [s]: three control periods. From half of this time the
-    belts ramp down (row 11)."""
-    readings_timeout_s: float = 0.3
-    """Longest silence of belts, seat or flipper after their first reading [s]: the actuators' own watchdog waits as long for a
-    command."""
-    heartbeat_timeout_s: float = 0.75
-    """Longest silence of a process after its first heartbeat [s] (row 22)."""
-    link_timeout_s: float = 0.3
-    """Longest silence of the operator's link after its first message [s] (row 21)."""
-    clock_jump_s: float = 1.0
-    """Largest leap of a clock [s]; a larger one is a fault (row 10)."""
-    frozen_travel_m: float = 0.05
-    """Belt travel with unchanged headings or maps above which the camera counts as frozen [m] (row 2)."""
 
     valid_least: float = 0.15
     """Smallest share of valid depth pixels of a frame (row 4)."""
@@ -90,23 +100,15 @@ class GuardConfig:
     contrast_least: float = 0.008
     """Standard deviation of the colours, 0 to 1, below which they are not used: two of 256 steps, the noise of a sensor."""
 
-    drive_lag_s: float = 0.15
-    """Time constant of the belt drives [s]."""
-    drive_acceleration_m_s2: float = 4.0
-    """Largest acceleration of the belt drives [m/s²]."""
-    mismatch: float = 0.3
-    """Largest deviation of a belt from the speed expected of its drive, as a share of that speed (rows 13 and 14)."""
+    deviation: float = 0.3
+    """Largest deviation of a belt from the speed expected of its drive, as a share of that speed, and largest slip ratio by the
+    nosings (rows 13 and 14); a sound chair that drives straight slips by 1 mm in 60."""
     mismatch_spare_m_s: float = 0.03
-    """Absolute part of that deviation [m/s]."""
+    """Absolute part of the deviation of a belt, and speed up to which a belt stands [m/s]."""
     mismatch_s: float = 0.2
-    """Duration of a deviation after which it is a fault [s]: longer than the drives' lag of 0.15 s."""
-    slip: float = 0.3
-    """Largest slip ratio by the nosings (row 14); a sound chair that drives straight shows 1 mm in 60."""
-    slip_s: float = 0.5
-    """Window of the slip ratio, and duration of slip after which it is a fault [s]."""
-
+    """Duration of a deviation of a belt after which it is a fault [s]: longer than the drives' lag of 0.15 s."""
     slip_turn_rad: float = 0.25 * DEG
-    """Change of heading in that window above which slip is not judged [rad]: all tracks skid in a turn."""
+    """Change of heading in ``lasting_s`` above which slip is not judged [rad]: all tracks skid in a turn."""
     roll_back_m: float = 0.25
     """Largest roll-back by the nosings, turning or not [m]; the chair then stops within 0.30 m."""
 
@@ -119,25 +121,18 @@ class GuardConfig:
     horizontally."""
     roll_rad: float = 20.0 * DEG
     """Largest roll [rad]; a chair with 35° of heading on a flight of 30° has 17°."""
+    level_rad: float = 2.0 * DEG
+    """Pitch within which chassis or seat is level, and change of the seat's error that is judged [rad]: less than the seat's limit,
+    more than its sensor's noise."""
     seat_steady_m_s: float = 0.02
     """Largest rate of the seat's stroke, nearly level, on flat ground and on the flight [m/s]. A seat that follows the rocking on
     uneven steps excites it: to 33 °/s with a payload of 104 kg, 10 °/s with this limit."""
-    seat_near_rad: float = 2.0 * DEG
-    """Seat pitch above which that limit does not apply [rad]."""
     seat_rad: float = 5.0 * DEG
     """Largest seat pitch over ``seat_s`` [rad], from the table of hazards (row 19); a thousand sound traversals had at most
     1.8°."""
     seat_s: float = 1.0
     """Duration of a larger seat pitch after which it is a fault [s]."""
 
-    front_m: float = 0.995
-    """Distance from mid-track to the foremost part of the chair, with the flipper in line with the belts [m]."""
-    rear_m: float = 0.55
-    """Distance from mid-track to the rearmost part of the tracks [m]."""
-    gauge_m: float = 0.65
-    """Distance between the belts' centre lines [m]; the turn by the belts is inversely proportional to it."""
-    track_span_m: float = 0.95
-    """Flat run of the belts [m]: three neighbouring nosings must lie closer together, or the track rests on one (row 17)."""
     gap_clear_m: float = 0.2
     """Distance to keep from a gap, in addition to the stopping distance [m]."""
     obstacle_clear_m: float = 0.34
@@ -148,12 +143,17 @@ class GuardConfig:
 
     needs_heading: bool = True
     """Whether sensor timeouts, attitude and heading are monitored; False for open-loop runs."""
+    has_planner: bool = True
+    """Whether plans must arrive; False where a person drives."""
     watches_slip: bool = True
     """Whether slip is monitored; False for runs that skid by design: excitation, and the paper's allocation."""
     watches_motion: bool = True
     """Whether motion is compared with the commands; False for recordings, in which commands have no effect."""
 
 
+SAME_M = 0.14
+"""Largest distance between a nosing and its expected position, and between two sightings of one gap [m]: less than half of the
+shortest pitch."""
 FLIGHT = ("drive", "climb", "descend")
 """Phases on the flight; the cruise limit holds instead of the planned speed, because steering adds to the mean."""
 TIPPING = ("crest", "edge")

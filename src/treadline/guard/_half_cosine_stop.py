@@ -12,8 +12,6 @@ from treadline.core.signals import TrackCommand
 
 RAMP_S = 0.3
 """Duration of a ramped stop. Fits HOLD within 0.5 s of the cause (rows 1 and 9), with 0.2 s to spare for the drives' lag."""
-STANDING_M_S = 0.01
-"""Belt speed up to which the chair stands already, and is braked at once."""
 
 
 class CauseKind(StrEnum):
@@ -62,10 +60,15 @@ RAMPED = {
 
 
 class RampedStop:
-    """Half-cosine from the belts' speeds at the first step to zero, then the brake."""
+    """Half-cosine from the belts' speeds at the first step to zero, then the brake.
 
-    def __init__(self, lag_s: float) -> None:
-        self._lag_s = lag_s
+    Args:
+        lag_s: Time constant of the belt drives [s].
+        standing_m_s: Belt speed up to which the chair stands already, and is braked at once [m/s].
+    """
+
+    def __init__(self, lag_s: float, standing_m_s: float) -> None:
+        self._lag_s, self._standing_m_s = lag_s, standing_m_s
         self._began_s: float | None = None
         self._last_s = -math.inf
         self._belts_m_s = (0.0, 0.0)
@@ -83,7 +86,7 @@ class RampedStop:
         """
         if self._began_s is None:
             self._began_s, self._belts_m_s = t_s, belts_m_s
-            self.is_over = self.is_over or max(map(abs, belts_m_s)) <= STANDING_M_S
+            self.is_over = self.is_over or max(map(abs, belts_m_s)) <= self._standing_m_s
         elapsed_s = t_s - self._began_s
         self.is_over = self.is_over or not self._last_s < t_s or elapsed_s >= RAMP_S
         self._last_s = t_s

@@ -8,9 +8,9 @@ why, and reaches the guard as a reading.
 from collections import Counter
 
 from treadline.core.signals import ROUNDING_S, FlipperCommand, OperatorInput, SeatCommand, TrackCommand
+from treadline.guard._bounds import finite
 from treadline.guard._guard_config import GuardConfig
 from treadline.guard._loop_watchdog import STANDSTILL_S
-from treadline.guard._speed_limits import finite
 from treadline.guard.stop_latch import Button
 
 Command = TrackCommand | SeatCommand | FlipperCommand
@@ -29,8 +29,8 @@ class LastGuard:
     def __init__(self, config: GuardConfig) -> None:
         self._limits: dict[type, float] = {
             TrackCommand: config.belt_limit_m_s,
-            SeatCommand: config.seat_limit_m_s,
-            FlipperCommand: config.flipper_limit_rad_s,
+            SeatCommand: config.seat_rate_m_s or 0.0,
+            FlipperCommand: config.flipper_rate_rad_s or 0.0,
         }
         self._button = Button()
         self.rejected: Counter[str] = Counter()

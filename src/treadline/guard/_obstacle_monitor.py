@@ -5,13 +5,11 @@ import math
 from collections.abc import Sequence
 
 from treadline.core.signals import MotionPlan, StairMap
-from treadline.guard._guard_config import FLIGHT, OVER, GuardConfig
+from treadline.guard._guard_config import FLIGHT, OVER, SAME_M, GuardConfig
 
 OBSTACLE_MAPS, GAP_MAPS = 2, 5
 """Number of consecutive maps that must show an obstacle, and net number of maps that must show a gap: a nosing that a detector
 misses is missed in three or four maps."""
-SAME_M = 0.15
-"""Distance within which two detections are the same gap [m]: half the pitch of a stair."""
 NEAR_M = 1.9
 """Largest distance of a gap from mid-track [m]; equal to the planner's limit in ``mission.stair_tracker``, on which the guard does
 not depend."""

@@ -6,10 +6,8 @@ from collections.abc import Sequence
 
 from treadline.core.signals import ROUNDING_S
 from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
-from treadline.guard._guard_config import GuardConfig
+from treadline.guard._guard_config import SAME_M, GuardConfig
 
-MATCH_M = 0.14
-"""Largest distance between a nosing and its expected position [m]: less than half of the shortest pitch."""
 MATCH_S = 0.35
 """Longest time between two maps whose nosings are compared [s]."""
 SLID_LEAST_M = 0.015
@@ -93,19 +91,19 @@ class SlipMonitor:
             return None
         apart = sorted(min((place - there for there in expected), key=abs) for place in places_m)
         middle = apart[len(apart) // 2]
-        return middle if abs(middle) <= MATCH_M else None
+        return middle if abs(middle) <= SAME_M else None
 
     def _judge(self, t_s: float) -> None:
-        limits, window_s = self._config, self._config.slip_s - ROUNDING_S
+        limits, window_s = self._config, self._config.lasting_s - ROUNDING_S
         while len(self._window) > 1 and t_s - self._window[1][0] >= window_s:
             self._window.popleft()
         then_s, travel_m, roll_back_m, _ = self._window[0]
         driven, slid = abs(self._travel_m - travel_m), abs(self._roll_back_m - roll_back_m)
         headings = [heading for *_, heading in self._window]
-        square = max(abs(heading) for heading in headings) <= limits.turning_rad
+        square = max(abs(heading) for heading in headings) <= limits.square_rad
         straight = square and max(headings) - min(headings) <= limits.slip_turn_rad
         judged = straight and t_s - then_s >= window_s and driven >= DRIVEN_LEAST_M
-        self.slip = slip_ratio(slid, driven) if judged and slid > max(limits.slip * driven, SLID_LEAST_M) else 0.0
+        self.slip = slip_ratio(slid, driven) if judged and slid > max(limits.deviation * driven, SLID_LEAST_M) else 0.0
         if self.slip == 0.0:
             self._since_s = None
         elif self._since_s is None or slid < FALLING * self._since_slid_m:

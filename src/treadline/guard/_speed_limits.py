@@ -1,6 +1,5 @@
 """Limits of the belt speeds: by heading, by phase, and by speed restrictions (rows 12 and 18)."""
 
-import math
 from dataclasses import replace
 
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
@@ -21,15 +20,15 @@ def mean_limit(config: GuardConfig, estimate: HeadingEstimate | None, plan: Moti
         plan: Latest plan, if any.
         restricted: Whether a speed restriction applies.
     """
-    turning = estimate is None or abs(estimate.heading_rad) > config.turning_rad
+    turning = estimate is None or abs(estimate.heading_rad) > config.square_rad
     limit = config.turn_limit_m_s if turning else config.cruise_limit_m_s
     if plan is not None:
         pitching = plan.phase in PITCHING
         if pitching or not (turning or plan.phase in FLIGHT):
             limit = min(limit, (1.0 + config.plan_margin) * abs(plan.speed_m_s) + config.plan_spare_m_s)
         if pitching:
-            limit = min(limit, config.edge_limit_m_s)
-    return min(limit, config.blind_limit_m_s) if restricted else limit
+            limit = min(limit, config.slow_limit_m_s)
+    return min(limit, config.slow_limit_m_s) if restricted else limit
 
 
 def limited(command: TrackCommand, t_s: float, mean_limit_m_s: float, belt_limit_m_s: float, share: float) -> TrackCommand:
@@ -51,8 +50,3 @@ def limited(command: TrackCommand, t_s: float, mean_limit_m_s: float, belt_limit
     if (mean, turn, share) == (left + right, right - left, 1.0):
         return replace(command, t_s=t_s)
     return TrackCommand(t_s=t_s, left_m_s=share * (mean - turn), right_m_s=share * (mean + turn), brake=command.brake)
-
-
-def finite(*values: float) -> bool:
-    """Return whether every value is finite."""
-    return all(map(math.isfinite, values))

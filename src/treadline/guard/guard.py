@@ -1,17 +1,17 @@
-"""The guard: connects the monitors of readings, plans and proposals, and decides which command reaches the plant.
+"""The guard: connects the monitors of readings, plans and proposals, and decides which commands reach the plant.
 
-``Reading | FrameQuality -> bool``, whether it may be used; ``TrackCommand -> TrackCommand``, and the same for seat and flipper.
+``reading -> bool``, whether it may be used; ``plan, health, map, proposals -> Commands`` at each tick.
 
-One rule for the stamp of every message (readings, plans, health, maps, commands): further ahead of the guard's clock than
-``ahead_s`` it is rejected and counted, and an event reports the first of each series. A plan older than ``plan_timeout_s`` is a
-fault.
+One rule for the stamp of every message (``_stamps``), physical bounds of what messages say (``_bounds``): a message that breaks
+either is rejected and counted, and an event reports the first of each series. What must speak is awaited from the first tick, and
+again after each re-arm. The guard computes with plain numbers.
 """
 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
-from treadline.core.ports import Reading
 from treadline.core.signals import (
     ROUNDING_S,
     Event,
@@ -30,17 +30,31 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.guard._admission import ReadingAdmission, is_finite_map
+from treadline.guard._admission import ReadingAdmission
 from treadline.guard._attitude_limits import SeatMonitor, TiltMonitor
 from treadline.guard._belt_monitor import BeltMonitor
+from treadline.guard._bounds import fault_of, finite
 from treadline.guard._guard_config import ENDS, FLIGHT, STEADY, GuardConfig
 from treadline.guard._gyro_only_turn import GyroOnlyTurn, heading_fault
 from treadline.guard._half_cosine_stop import CauseKind
 from treadline.guard._obstacle_monitor import AheadMonitor
 from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor, estimate_fault
 from treadline.guard._slip_monitor import SlipMonitor
-from treadline.guard._speed_limits import finite, limited, mean_limit, stands
+from treadline.guard._speed_limits import limited, mean_limit, stands
+from treadline.guard._stamps import Stamped
 from treadline.guard.stop_latch import Button, Latch
+
+SOURCES: dict[type, str] = {TrackReading: "belts", SeatReading: "seat", FlipperReading: "flipper"}
+"""Name of the drive of each reading."""
+
+
+class Commands(NamedTuple):
+    """Commands of one tick to the plant, in the order of ``Plant.write``."""
+
+    tracks: TrackCommand
+    seat: SeatCommand
+    flipper: FlipperCommand | None
+    """None stops the flipper, as does a rate of zero."""
 
 
 class Guard:
@@ -48,7 +62,7 @@ class Guard:
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
-        self._latch, self._button = Latch(config.drive_lag_s), Button()
+        self._latch, self._button = Latch(config), Button()
         self._admission = ReadingAdmission(config)
         self._senses = SensorTimeouts(config)
         self._belts = BeltMonitor(config)
@@ -59,18 +73,18 @@ class Guard:
         self._seat = SeatMonitor(config)
         self._seat_rad = 0.0
         self._is_dark = False
-        self._link = SilenceMonitor(config.link_timeout_s, "")
+        self._link = SilenceMonitor(config.silence_s)
         self._processes = SilenceMonitor(config.heartbeat_timeout_s, "process ")
-        self._drives = SilenceMonitor(config.readings_timeout_s, "readings of the ")
+        has = {"belts": True, "seat": config.seat_rate_m_s is not None, "flipper": config.flipper_rate_rad_s is not None}
+        self._drives = SilenceMonitor(config.silence_s, "readings of the ", (name for name, there in has.items() if there))
         self._command = TrackCommand.stop(0.0)
-        self._driver_s: float | None = None
+        self._seat_command = SeatCommand(t_s=-math.inf, rate_m_s=0.0)
         self._t_s: float | None = None
+        self._driver_s = self._planned_s = 0.0
         self._map_s = -math.inf
         self._direction = ""
         self._heading_rad = math.inf
         self._plan: MotionPlan | None = None
-        self._plan_s = -math.inf
-        self._planned_s: float | None = None
 
     @property
     def config(self) -> GuardConfig:
@@ -84,47 +98,47 @@ class Guard:
 
     @property
     def rejected(self) -> Mapping[str, int]:
-        """Number of messages rejected because their stamp is ahead of the clock, by kind."""
-        return self._admission.timestamps.rejected
+        """Number of messages rejected for their stamp or their content, by kind."""
+        return self._admission.stamps.rejected
 
     def advance(self, t_s: float) -> None:
         """Set the guard's clock at the start of a tick; the stamps of the tick's messages are compared with it."""
         if math.isfinite(t_s):
             self._admission.advance(t_s)
 
-    def admit(self, signal: Reading | FrameQuality) -> bool:
+    def admit(self, reading: Stamped) -> bool:
         """Return whether other blocks may use a reading; the guard receives each reading first."""
-        if isinstance(signal, OperatorInput):
-            return self._obey(signal)
-        if not self._is_new(signal):
+        if isinstance(reading, OperatorInput):
+            return self._obey(reading)
+        if not self._is_new(reading):
             return False
-        usable = self._admission.is_sound(signal)
-        if isinstance(signal, FrameQuality):
-            self._update_frame(signal, usable=usable)
+        usable = self._admission.is_sound(reading)
+        if isinstance(reading, FrameQuality):
+            self._update_frame(reading, usable=usable)
         elif usable:
-            self._update(signal)
-        elif isinstance(signal, HeadingMeasurement | StairMap):
-            self._senses.refused = self._admission.frames.refused
+            self._update(reading)
+        else:
+            self._note_fault(reading)
         return usable
 
-    def on_message(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> bool:
-        """Update with a message that other blocks computed from readings; return whether its stamp is acceptable."""
-        if not self._is_timely(signal):
-            if isinstance(signal, MotionPlan):
-                self._latch.hold(self._now(math.inf), CauseKind.PLAN, signal.hold)  # a hold is valid whatever its stamp
+    def on_message(self, message: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> bool:
+        """Update with a message that other blocks computed from readings; return whether it is accepted."""
+        if isinstance(message, MotionPlan):
+            self._latch.hold(self._now(message.t_s), CauseKind.PLAN, message.hold)  # a hold is valid whatever its stamp
+        if not self._is_acceptable(message):
             return False
-        match signal:
+        match message:
             case HeadingMeasurement():
-                self._senses.seen(signal.t_s)
-                self._blind.seen()
+                self._senses.seen(message.t_s)
+                self._blind.seen(message.t_s)
             case StairMap():
-                self._look_ahead(signal)
+                self._look_ahead(message)
             case HeadingHealth():
-                mended = self._senses.health(signal)
+                mended = self._senses.health(message)
                 if mended is not None:
                     self._latch.report(mended.t_s, mended.name, mended.cause)
             case _:
-                self._follow(signal)
+                self._follow(message)
         return True
 
     def beat(self, process: str, t_s: float) -> None:
@@ -135,19 +149,22 @@ class Guard:
         """Hold for a fault that readings do not show: a loop that stood still, or a second guard."""
         self._latch.hold(self._now(math.nan), CauseKind.LATE, cause)
 
-    def propose(self, command: TrackCommand) -> None:
-        """Update with the driver's command; a command older than the last one is ignored."""
-        if not finite(command.t_s, command.left_m_s, command.right_m_s):
-            self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "command is not finite")
-            return
-        if not self._is_timely(command):
-            return
-        if self._driver_s is None or command.t_s >= self._driver_s:
-            self._driver_s = command.t_s
-            self._command = command
+    def propose(self, command: TrackCommand | SeatCommand) -> None:
+        """Update with the command of the driver or of the seat's leveller."""
+        if not self._admission.stamps.accept(command):
+            self._report_rejection()
+        elif isinstance(command, SeatCommand):
+            self._propose_seat(command)
+        elif finite(command.left_m_s, command.right_m_s):
+            self._driver_s, self._command = command.t_s, command
+        else:
+            self._latch.hold(command.t_s, CauseKind.NOT_FINITE, "command is not finite")
 
-    def step(self, t_s: float, estimate: HeadingEstimate | None) -> TrackCommand:
-        """Return the command to the belts at ``t_s``: the proposal within its limits, or that of a held chair."""
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> Commands:
+        """Return the commands to the plant at ``t_s``: the proposals within their limits, or those of a held chair.
+
+        Levelling continues under HOLD; a faulty seat is stopped, and the flipper of a held chair.
+        """
         if not math.isfinite(t_s):
             t_s = self._now(t_s)
             self._latch.hold(t_s, CauseKind.CLOCK, "mission clock is not finite")
@@ -163,31 +180,7 @@ class Guard:
         if self._latch.cause is not None:
             passed = self._latch.stop(t_s, self._belts.expected_m_s)
         self._belts.ask(passed)
-        return passed
-
-    def pass_seat(self, command: SeatCommand) -> SeatCommand:
-        """Return the command to the seat. Levelling continues under HOLD; a faulty seat is stopped.
-
-        In phases of constant pitch a seat near horizontal moves slowly, so that it does not excite rocking over uneven steps.
-        """
-        if not finite(command.t_s, command.rate_m_s):
-            self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "seat rate is not finite")
-            return SeatCommand(t_s=self._now(command.t_s), rate_m_s=0.0)
-        if self._seat.cause is not None:
-            return replace(command, rate_m_s=0.0)
-        limit, steady = self._config.seat_steady_m_s, self._plan is not None and self._plan.phase in STEADY
-        if not steady or abs(self._seat_rad) > self._config.seat_near_rad or abs(command.rate_m_s) <= limit:
-            return command
-        return replace(command, rate_m_s=math.copysign(limit, command.rate_m_s))
-
-    def pass_flipper(self, command: FlipperCommand | None) -> FlipperCommand | None:
-        """Return the command to the flipper; under HOLD the flipper is stopped."""
-        if command is None:
-            return None
-        if not finite(command.t_s, command.rate_rad_s):
-            self._latch.hold(self._now(command.t_s), CauseKind.NOT_FINITE, "flipper rate is not finite")
-            return FlipperCommand(t_s=self._now(command.t_s), rate_rad_s=0.0)
-        return command if self._latch.cause is None else replace(command, rate_rad_s=0.0)
+        return Commands(passed, self._seat_now(t_s), self._flipper_now(t_s))
 
     def take_events(self) -> list[Event]:
         """Return the events since the last call."""
@@ -195,47 +188,63 @@ class Guard:
 
     # Readings
 
-    def _is_new(self, signal: Reading | FrameQuality) -> bool:
-        if self._admission.is_new(signal):
+    def _is_new(self, reading: Stamped) -> bool:
+        stamps = self._admission.stamps
+        if stamps.accept(reading):
             return True
         # Stamped by the guard's clock, not by the clock that leapt.
-        self._latch.hold(self._now(math.nan), CauseKind.CLOCK, self._admission.timestamps.leap)
-        return self._reject()
-
-    def _is_timely(self, signal: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan | TrackCommand) -> bool:
-        return self._admission.timestamps.accept(type(signal).__name__, signal.t_s) or self._reject()
-
-    def _reject(self) -> bool:
-        """Report a stamp that was not accepted; return False."""
-        rejection = self._admission.timestamps.rejection
-        if rejection is not None:
-            self._latch.report(self._now(math.nan), "rejected", rejection)
+        self._latch.hold(self._now(math.nan), CauseKind.CLOCK, stamps.leap)
+        self._report_rejection()
         return False
 
-    def _update(self, signal: Reading) -> None:
+    def _is_acceptable(self, message: Stamped) -> bool:
+        """Return whether stamp and content of a message are acceptable."""
+        # A map may arrive as a reading and as a message; each has a series of stamps.
+        by = "" if isinstance(message, HeadingHealth | MotionPlan) else " of a block"
+        if self._admission.stamps.accept(message, by) and self._admission.is_physical(message, by):
+            return True
+        self._report_rejection()
+        return False
+
+    def _report_rejection(self) -> None:
+        rejection = self._admission.stamps.rejection
+        if rejection is not None:
+            self._latch.report(self._now(math.nan), "rejected", rejection)
+
+    def _note_fault(self, reading: Stamped) -> None:
+        """Note why the content of a reading was rejected, for the cause of a hold when this lasts."""
+        fault = fault_of(reading, self._config)
+        if isinstance(reading, HeadingMeasurement | StairMap):
+            self._senses.refused = fault or self._admission.frames.refused
+        elif isinstance(reading, ImuSample):
+            self._senses.imu_fault = fault
+        elif type(reading) in SOURCES:
+            self._drives.rejected(SOURCES[type(reading)], fault)
+        if fault:
+            self._report_rejection()
+
+    def _update(self, signal: Stamped) -> None:
+        if type(signal) in SOURCES:
+            self._drives.heard(SOURCES[type(signal)], signal.t_s)
         match signal:
             case ImuSample():
                 self._update_motion(signal)
             case TrackReading():
-                self._drives.heard("belts", signal.t_s)
                 self._belts.update(signal)
                 self._blind.update_belts(signal.t_s, signal.right_m_s - signal.left_m_s, self._plan)
             case SeatReading():
-                self._drives.heard("seat", signal.t_s)
                 self._seat_rad = signal.pitch_rad
                 if self._config.watches_motion:
                     self._seat.update(signal.t_s, signal.pitch_rad)
-            case FlipperReading():
-                self._drives.heard("flipper", signal.t_s)
             case HeadingMeasurement():
                 self._update_sight(signal.t_s)
                 self._senses.seen(signal.t_s)
-                self._blind.seen()
+                self._blind.seen(signal.t_s)
             case StairMap():
                 self._update_sight(signal.t_s)
                 self._look_ahead(signal)
             case _:
-                pass  # images are judged by their FrameQuality
+                pass  # images are judged by their FrameQuality, and the flipper's angle is not used
 
     def _update_motion(self, sample: ImuSample) -> None:
         orientation, pitch_rate = sample.orientation, -sample.angular_velocity_rad_s[1]
@@ -255,7 +264,7 @@ class Guard:
         needs_stair = self._plan is None or self._plan.needs_stair
         if usable or (frames.is_alive and not needs_stair):
             self._senses.frame(quality.t_s, travel_m)
-        if usable and (quality.obstacle_m is None or math.isfinite(quality.obstacle_m)):
+        if usable:
             self._ahead.look_on(quality.obstacle_m, self._plan, travel_m)
 
     def _update_sight(self, t_s: float) -> None:
@@ -265,7 +274,7 @@ class Guard:
 
     def _look_ahead(self, stair: StairMap) -> None:
         # A map may arrive twice: as a reading, and as a message.
-        if not stair.t_s > self._map_s or not is_finite_map(stair):
+        if not stair.t_s > self._map_s:
             return
         self._map_s = stair.t_s
         if stair.direction != self._direction:
@@ -302,7 +311,7 @@ class Guard:
 
         The chair stands until a new command arrives; proposals from before the hold are discarded.
         """
-        self._driver_s, self._plan_s, self._planned_s = t_s, -math.inf, None
+        self._driver_s = self._planned_s = t_s
         self._command = TrackCommand.stop(t_s)
         self._senses.restart(t_s, self._belts.travel_m)
         self._link.restart(t_s)
@@ -314,52 +323,72 @@ class Guard:
     # Plans and commands
 
     def _follow(self, plan: MotionPlan) -> None:
-        if not finite(
-            plan.t_s,
-            plan.speed_m_s,
-            plan.heading_rad,
-            plan.turn_m_s or 0.0,
-            plan.min_inner_speed_ratio or 0.0,
-            plan.pitch_feedforward_m_s,
-        ):
-            self._latch.hold(self._now(plan.t_s), CauseKind.NOT_FINITE, "plan is not finite")
-            return
-        self._latch.hold(plan.t_s, CauseKind.PLAN, plan.hold)  # whatever its age
-        if plan.t_s < self._plan_s:
-            return
-        self._plan, self._plan_s, self._planned_s = plan, plan.t_s, plan.t_s
+        self._plan, self._planned_s = plan, plan.t_s
         if plan.phase not in FLIGHT:
             self._slip.begin()
         if not plan.needs_stair:
             self._senses.seen(plan.t_s)
 
+    def _propose_seat(self, command: SeatCommand) -> None:
+        """Keep a seat command within its limits.
+
+        In phases of constant pitch a seat near horizontal moves slowly, so that it does not excite rocking over uneven steps.
+        """
+        if not finite(command.rate_m_s):
+            self._latch.hold(command.t_s, CauseKind.NOT_FINITE, "seat rate is not finite")
+            return
+        limit = self._config.seat_rate_m_s or 0.0
+        if self._plan is not None and self._plan.phase in STEADY and abs(self._seat_rad) <= self._config.level_rad:
+            limit = min(limit, self._config.seat_steady_m_s)
+        rate_m_s = min(max(command.rate_m_s, -limit), limit)
+        self._seat_command = command if rate_m_s == command.rate_m_s else replace(command, rate_m_s=rate_m_s)
+
+    def _seat_now(self, t_s: float) -> SeatCommand:
+        """Return the seat command in force: a rate that answers an old reading would carry the seat past level."""
+        command = self._seat_command
+        if not self._is_fresh(command.t_s, t_s):
+            return SeatCommand(t_s=t_s, rate_m_s=0.0)
+        return command if self._seat.cause is None else replace(command, rate_m_s=0.0)
+
+    def _flipper_now(self, t_s: float) -> FlipperCommand | None:
+        """Return the flipper command of the newest plan, within its limit; None without one, or with an old one."""
+        command = None if self._plan is None or not self._is_fresh(self._plan.t_s, t_s) else self._plan.flipper
+        if command is None:
+            return None
+        limit = self._config.flipper_rate_rad_s or 0.0
+        rate_rad_s = min(max(command.rate_rad_s, -limit), limit)
+        if self._latch.cause is not None:
+            rate_rad_s = 0.0
+        return command if rate_rad_s == command.rate_rad_s else replace(command, rate_rad_s=rate_rad_s)
+
+    def _is_fresh(self, commanded_s: float, t_s: float) -> bool:
+        return abs(t_s - commanded_s) <= self._config.ahead_s + ROUNDING_S
+
     def _lateness(self, t_s: float) -> float:
         """Record a tick; return the time since the previous tick or since the last command, whichever is longer [s]."""
-        before_s, self._t_s = self._t_s, t_s
-        if before_s is None:
+        if self._t_s is None:
+            self._t_s = self._driver_s = self._planned_s = t_s
             self._senses.begin(t_s)
-            before_s = t_s
-        if self._driver_s is None:
-            self._driver_s = t_s
-        if t_s < before_s - self._config.clock_jump_s:
-            self._latch.hold(t_s, CauseKind.CLOCK, f"mission clock leapt by {t_s - before_s:+.2f} s")
-        if t_s - before_s > self._config.readings_timeout_s:
+        passed_s, self._t_s = t_s - self._t_s, t_s
+        if passed_s < -self._config.clock_jump_s:
+            self._latch.hold(t_s, CauseKind.CLOCK, f"mission clock leapt by {passed_s:+.2f} s")
+        if passed_s > self._config.silence_s:
             # Silence cannot be attributed to a source while the guard itself did not run.
             self._drives.restart(t_s)
-            self._planned_s = None if self._planned_s is None else t_s
-        if t_s - before_s > self._config.driver_timeout_s:
-            self._latch.hold(t_s, CauseKind.LATE, f"no tick for {t_s - before_s:.2f} s")
-        return max(t_s - before_s, t_s - self._driver_s)
+            self._planned_s = t_s
+        if passed_s > self._config.driver_timeout_s:
+            self._latch.hold(t_s, CauseKind.LATE, f"no tick for {passed_s:.2f} s")
+        return max(passed_s, t_s - self._driver_s)
 
     def _alarms(self, t_s: float, estimate: HeadingEstimate | None) -> Iterator[tuple[CauseKind, str | None]]:
         """Yield each kind of cause with its cause or None; the guard holds for the first cause."""
         limits = self._config
-        command_s = 0.0 if self._driver_s is None else t_s - self._driver_s
+        command_s = t_s - self._driver_s
         if abs(command_s) > limits.driver_timeout_s:
             yield CauseKind.LATE, f"no command for {command_s:.2f} s"
         yield CauseKind.LINK, self._link.cause(t_s)
         yield CauseKind.PROCESS, self._processes.cause(t_s)
-        if self._planned_s is not None and t_s - self._planned_s > limits.plan_timeout_s + ROUNDING_S:
+        if limits.has_planner and t_s - self._planned_s > limits.silence_s + ROUNDING_S:
             yield CauseKind.STALE_PLAN, f"no plan for {t_s - self._planned_s:.2f} s"
         yield CauseKind.ATTITUDE, self._tilt.cause
         yield CauseKind.SEAT, self._seat.cause
@@ -369,7 +398,7 @@ class Guard:
             yield CauseKind.SLIP, self._slip.cause
         if limits.needs_heading:
             phase = None if self._plan is None else self._plan.phase
-            yield CauseKind.HEADING, estimate_fault(estimate, t_s, limits.estimate_timeout_s)
+            yield CauseKind.HEADING, estimate_fault(estimate, t_s, limits.silence_s)
             lost = self._senses.alarm(t_s, self._belts.travel_m, phase)
             yield CauseKind.BOTH_SENSES if self._senses.both_lost(t_s) else CauseKind.SENSES, lost
             yield CauseKind.HEADING, self._blind.cause

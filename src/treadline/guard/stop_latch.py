@@ -1,6 +1,7 @@
 """Latch of the HOLD: the first cause stays until a person re-arms. Collects the guard's events."""
 
 from treadline.core.signals import Event, TrackCommand
+from treadline.guard._guard_config import GuardConfig
 from treadline.guard._half_cosine_stop import URGENT, CauseKind, RampedStop
 
 
@@ -20,13 +21,13 @@ class Latch:
     """First cause of the HOLD, and the events since the last call of ``take``.
 
     Args:
-        drive_lag_s: Time constant of the belt drives, for the ramped stop.
+        config: Limits of the guard.
     """
 
-    def __init__(self, drive_lag_s: float) -> None:
+    def __init__(self, config: GuardConfig) -> None:
         self.cause: str | None = None
-        self._drive_lag_s = drive_lag_s
-        self._ramp = RampedStop(drive_lag_s)
+        self._config = config
+        self._ramp = self._new_ramp()
         self._events: list[Event] = []
         self._slow = ""
 
@@ -35,7 +36,7 @@ class Latch:
         if cause is None:
             return
         if self.cause is None:
-            self.cause, self._ramp = cause, RampedStop(self._drive_lag_s)
+            self.cause, self._ramp = cause, self._new_ramp()
             self.report(t_s, "hold", cause)
         elif kind in URGENT and not self._ramp.is_over:
             self.report(t_s, "brake", cause)
@@ -73,3 +74,6 @@ class Latch:
         """Return the events since the last call."""
         events, self._events = self._events, []
         return events
+
+    def _new_ramp(self) -> RampedStop:
+        return RampedStop(self._config.drive_lag_s, self._config.mismatch_spare_m_s)

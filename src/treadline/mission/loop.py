@@ -36,8 +36,8 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.guard import Guard, LoopWatchdog
-from treadline.mission._blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller, seat_now
+from treadline.guard import Commands, Guard, LoopWatchdog
+from treadline.mission._blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.planner import Planner
 from treadline.perception.flat_ground import SWEPT_HALF_M
@@ -127,7 +127,6 @@ class Mission:
         self._estimate: HeadingEstimate | None = None
         self._phase = ""
         self._belts = (0.0, 0.0)
-        self._seat = SeatCommand(t_s=0.0, rate_m_s=0.0)
         self.watchdog = LoopWatchdog(blocks.guard.hold, getattr(plant, "brake", None))
         """Watch over the ticks of a plant on the wall clock, while its ``with`` block runs."""
         plant.start()
@@ -149,14 +148,13 @@ class Mission:
         self.watchdog.begin("planner and controller")
         plan = self._plan(t_s)
         proposed = self._propose(plan)
-        tracks, flipper = self._guard.step(t_s, self._estimate), self._guard.pass_flipper(plan.flipper)
-        self._seat = seat_now(self._seat, t_s)
+        commands = self._guard.step(t_s, self._estimate)
         self.watchdog.begin("plant.write")
-        self._plant.write(tracks, self._seat, flipper)
+        self._plant.write(*commands)
         self.watchdog.begin("log and viewer")
-        self._report(tracks, flipper, plan, proposed=proposed)
+        self._report(commands, plan, proposed=proposed)
         self._tick += 1
-        return Tick(t_s=t_s, estimate=self._estimate, plan=plan, tracks=tracks, seat=self._seat, proposed=proposed)
+        return Tick(t_s=t_s, estimate=self._estimate, plan=plan, tracks=commands.tracks, seat=commands.seat, proposed=proposed)
 
     def _take(self, signal: Reading) -> None:
         """Pass an admitted reading, or a detection in a frame, to the blocks that use it."""
@@ -170,7 +168,7 @@ class Mission:
             case FlipperReading():
                 self._driver.update(signal)
             case SeatReading() if self._leveller is not None:
-                self._seat = self._guard.pass_seat(self._leveller.step(signal))
+                self._guard.propose(self._leveller.step(signal))
             case RgbdFrame():
                 for detected in self._camera.step(signal, self._guard.admit):
                     self._log(detected, self._t_s)
@@ -202,8 +200,9 @@ class Mission:
             self._guard.propose(command)
         return self._driver.is_due and plan.turn_m_s is None
 
-    def _report(self, tracks: TrackCommand, flipper: FlipperCommand | None, plan: MotionPlan, *, proposed: bool) -> None:
+    def _report(self, commands: Commands, plan: MotionPlan, *, proposed: bool) -> None:
         """Log the results of the tick."""
+        tracks, seat, flipper = commands
         if self._estimate is not None:
             self._log(self._estimate, self._t_s)
         belts = (tracks.left_m_s, tracks.right_m_s)
@@ -213,7 +212,7 @@ class Mission:
         if flipper is not None:
             self._log(flipper, self._t_s)
         if self._leveller is not None:
-            self._log(self._seat, self._t_s)
+            self._log(seat, self._t_s)
         if plan.phase != self._phase:
             self._phase = plan.phase
             self._log(Event(t_s=plan.t_s, name=plan.phase, cause=plan.cause), self._t_s)

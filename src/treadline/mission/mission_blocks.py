@@ -161,10 +161,10 @@ def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True)
     tracks = chair.tracks
     return GuardConfig(
         belt_limit_m_s=chair.drives.max_speed_m_s,
-        seat_limit_m_s=0.0 if chair.seat is None else chair.seat.max_rate_m_s,
-        flipper_limit_rad_s=0.0 if chair.flipper is None else chair.flipper.max_rate_deg_s * DEG,
         drive_lag_s=chair.drives.lag_s,
         drive_acceleration_m_s2=chair.drives.max_acceleration_m_s2,
+        seat_rate_m_s=None if chair.seat is None else chair.seat.max_rate_m_s,
+        flipper_rate_rad_s=None if chair.flipper is None else chair.flipper.max_rate_deg_s * DEG,
         front_m=chair.reach_m,
         rear_m=chair.rear_reach_m,
         gauge_m=tracks.gauge_m,

@@ -310,12 +310,12 @@ class GuardNode:
     def __init__(
         self, config: GuardConfig, awaited: tuple[str, ...] = (), gauge_m: float | None = None, sender: str = "chair"
     ) -> None:
-        self._guard = Guard(config)
+        self._guard = Guard(replace(config, has_planner=config.has_planner and gauge_m is None))
         self._gauge_m = gauge_m
+        self._has_seat = config.seat_rate_m_s is not None
         self._sender = sender
         self._waits_for = dict.fromkeys(awaited, "")
         self._estimate: HeadingEstimate | None = None
-        self._plan: MotionPlan | None = None
         self._flipper_runs = False
         self._t_s = 0.0
         self._last_published: str | None = None
@@ -340,7 +340,7 @@ class GuardNode:
             transport.subscribe(on.TRACKS_PROPOSED, self._guard.propose)
         else:
             transport.subscribe(on.TWIST, self._take_velocity)
-        transport.subscribe(on.SEAT_PROPOSED, self._take_seat)
+        transport.subscribe(on.SEAT_PROPOSED, self._guard.propose)
         transport.subscribe(on.DIAGNOSTICS, self._receive)
         transport.subscribe(on.GUARD, self._check_other)
 
@@ -355,8 +355,12 @@ class GuardNode:
         if self._waits_for:
             self._command(on.TRACKS_CMD, TrackCommand.stop(t_s))
             return
-        tracks = self._guard.step(t_s, self._estimate)
-        self._drive_flipper(t_s)
+        tracks, seat, flipper = self._guard.step(t_s, self._estimate)
+        if self._has_seat:
+            self._command(on.SEAT_CMD, seat)
+        if flipper is not None or self._flipper_runs:
+            self._command(on.FLIPPER_CMD, flipper or FlipperCommand(t_s=t_s, rate_rad_s=0.0))
+        self._flipper_runs = flipper is not None
         self._command(on.TRACKS_CMD, tracks)
         self._report_state()
         for event in self._guard.take_events():
@@ -378,23 +382,12 @@ class GuardNode:
         if state.sender != self._sender:
             self.hold(f"another guard, {state.sender}, is on the bus of {self._sender}; stop one of them")
 
-    def _drive_flipper(self, t_s: float) -> None:
-        plan = self._plan
-        fresh = plan is not None and t_s - plan.t_s <= FLIPPER_TIMEOUT_S
-        flipper = self._guard.pass_flipper(plan.flipper if plan is not None and fresh else None)
-        if flipper is None and self._flipper_runs:
-            self._command(on.FLIPPER_CMD, FlipperCommand(t_s=t_s, rate_rad_s=0.0))
-        elif flipper is not None:
-            self._command(on.FLIPPER_CMD, flipper)
-        self._flipper_runs = flipper is not None
-
     def _admit(self, reading: Reading) -> None:
         self._guard.admit(reading)
         self._report_state()
 
     def _take_plan(self, plan: MotionPlan) -> None:
-        if self._guard.on_message(plan) and (self._plan is None or plan.t_s >= self._plan.t_s):
-            self._plan = plan
+        self._guard.on_message(plan)
         self._report_state()
 
     def _take_estimate(self, estimate: HeadingEstimate) -> None:
@@ -404,9 +397,6 @@ class GuardNode:
         half_m_s = 0.5 * drive.turn_rad_s * (self._gauge_m or 0.0)
         speed = drive.speed_m_s
         self._guard.propose(TrackCommand(t_s=self._t_s, left_m_s=speed - half_m_s, right_m_s=speed + half_m_s))
-
-    def _take_seat(self, command: SeatCommand) -> None:
-        self._command(on.SEAT_CMD, self._guard.pass_seat(command))
 
     def _receive(self, message: object) -> None:
         if isinstance(message, Beat) and message.node != self.name:

@@ -1,0 +1,114 @@
+"""Physical bounds of what a message says, from the chair file and the sensors: ``reading, message -> fault``.
+
+A value that is no number, or that no chair and no sensor can have, is an error of the sender: the message is rejected.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from treadline.core.angles import DEG
+from treadline.core.signals import (
+    FlipperReading,
+    FrameQuality,
+    HeadingHealth,
+    HeadingMeasurement,
+    ImuSample,
+    MotionPlan,
+    SeatReading,
+    StairMap,
+    TrackReading,
+)
+from treadline.guard._guard_config import GuardConfig
+
+NORM_SPARE = 0.01
+"""Largest error of an attitude quaternion's norm; the error of the attitude is then at most 2 %. 14-bit quaternions have 1e-4."""
+GYRO_RAD_S = 2000.0 * DEG
+"""Largest angular rate that the gyro can measure [rad/s]: full scale of the MPU-6050 and the BNO055, data sheets."""
+
+
+def finite(*values: float) -> bool:
+    """Return whether every value is finite."""
+    return all(map(math.isfinite, values))
+
+
+def fault_of(message: object, limits: GuardConfig) -> str:
+    """Return why the content of a message is not physical; empty if it is, and for messages of other types."""
+    check = CHECKS.get(type(message))
+    return "" if check is None else check(message, limits)
+
+
+def _number_fault(*values: float) -> str:
+    return "" if finite(*values) else "holds a value that is no number"
+
+
+def _angle_fault(name: str, angle_rad: float) -> str:
+    return "" if abs(angle_rad) <= math.pi else f"has a {name} of {angle_rad / DEG:g}°"
+
+
+def _imu_fault(sample: ImuSample, _: GuardConfig) -> str:
+    norm = math.hypot(*sample.orientation)
+    if not abs(norm - 1.0) <= NORM_SPARE:
+        return f"has a quaternion of norm {norm:.2g}"
+    if not all(abs(rate) <= GYRO_RAD_S for rate in sample.angular_velocity_rad_s):
+        return f"has a rate of {max(sample.angular_velocity_rad_s, key=abs) / DEG:g} °/s"
+    return _number_fault(*sample.linear_acceleration_m_s2)
+
+
+def _belts_fault(reading: TrackReading, limits: GuardConfig) -> str:
+    speeds = (reading.left_m_s, reading.right_m_s)
+    sound = all(abs(speed) <= 2.0 * limits.belt_limit_m_s for speed in speeds)
+    return "" if sound else f"has a belt speed of {max(speeds, key=abs):g} m/s"
+
+
+def _seat_fault(reading: SeatReading, _: GuardConfig) -> str:
+    return _angle_fault("pitch", reading.pitch_rad) or _number_fault(reading.stroke_m)
+
+
+def _flipper_fault(reading: FlipperReading, _: GuardConfig) -> str:
+    return _angle_fault("angle", reading.angle_rad) or _number_fault(reading.torque_n_m)
+
+
+def _heading_fault(measurement: HeadingMeasurement, _: GuardConfig) -> str:
+    if not 0.0 < measurement.sigma_rad < math.inf:
+        return f"has a standard deviation of {measurement.sigma_rad:g}"
+    return _angle_fault("heading", measurement.heading_rad) or _angle_fault("correction", measurement.correction_rad)
+
+
+def _health_fault(health: HeadingHealth, _: GuardConfig) -> str:
+    return "" if health.since_s is None else _number_fault(health.since_s)
+
+
+def _frame_fault(quality: FrameQuality, _: GuardConfig) -> str:
+    shares = (quality.brightness, quality.contrast, quality.valid_share)
+    sound = all(0.0 <= share <= 1.0 for share in shares) and (quality.obstacle_m is None or finite(quality.obstacle_m))
+    return "" if sound else "is no image"
+
+
+def _map_fault(stair: StairMap, _: GuardConfig) -> str:
+    sides = (stair.left_wall_m, stair.right_wall_m, stair.left_edge_m, stair.right_edge_m, stair.left_seen_m, stair.right_seen_m)
+    places = [value for place in stair.nosings_B for value in place]
+    known = [value for value in (stair.obstacle_m, *sides) if value is not None]
+    return _number_fault(stair.rise_m, stair.run_m, stair.slope_rad, *places, *known)
+
+
+def _plan_fault(plan: MotionPlan, limits: GuardConfig) -> str:
+    speeds = (plan.speed_m_s, plan.turn_m_s or 0.0, plan.pitch_feedforward_m_s)
+    if not all(abs(speed) <= limits.belt_limit_m_s for speed in speeds):
+        return f"has a speed of {max(speeds, key=abs):g} m/s"
+    rate_rad_s = 0.0 if plan.flipper is None else plan.flipper.rate_rad_s
+    return _angle_fault("heading", plan.heading_rad) or _number_fault(plan.min_inner_speed_ratio or 0.0, rate_rad_s)
+
+
+CHECKS: dict[type, Callable[[Any, GuardConfig], str]] = {
+    ImuSample: _imu_fault,
+    TrackReading: _belts_fault,
+    SeatReading: _seat_fault,
+    FlipperReading: _flipper_fault,
+    HeadingMeasurement: _heading_fault,
+    HeadingHealth: _health_fault,
+    FrameQuality: _frame_fault,
+    StairMap: _map_fault,
+    MotionPlan: _plan_fault,
+}
+"""Check of each type of message; images are judged by their quality."""

@@ -1,0 +1,108 @@
+"""One rule for the stamp of every message: reading, frame, map, health, plan, command, operator (row 10). ``stamp -> bool``."""
+
+import math
+from collections import Counter
+from typing import Protocol
+
+from treadline.core.signals import (
+    ROUNDING_S,
+    FlipperReading,
+    HeadingHealth,
+    ImuSample,
+    MotionPlan,
+    OperatorInput,
+    SeatCommand,
+    SeatReading,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.guard._guard_config import GuardConfig
+
+EACH_TICK = (
+    ImuSample,
+    TrackReading,
+    SeatReading,
+    FlipperReading,
+    OperatorInput,
+    HeadingHealth,
+    MotionPlan,
+    TrackCommand,
+    SeatCommand,
+)
+"""Messages that are repeated several times a second; all others come from a camera, late."""
+
+
+class Stamped(Protocol):
+    """Message with the time of its measurement or computation."""
+
+    @property
+    def t_s(self) -> float:
+        """Mission-clock time [s]."""
+
+
+class Stamps:
+    """Accepts a stamp that is finite, not ahead of the guard's clock, newer than the last of its kind, and not too old.
+
+    Nothing is accepted before the first tick.
+    """
+
+    def __init__(self, config: GuardConfig) -> None:
+        self._config = config
+        self._now_s: float | None = None
+        self._last_s: dict[str, float] = {}
+        self._in_series: set[str] = set()
+        self.rejected: Counter[str] = Counter()
+        """Number of messages rejected for their stamp or their content, by kind."""
+        self.rejection: str | None = None
+        """Reason of the last rejection; None if it continues a series of the same kind, or was before the first tick."""
+        self.leap: str | None = None
+        """How far the stamp of the last message leapt, if by more than ``clock_jump_s``."""
+
+    def advance(self, now_s: float) -> None:
+        """Set the clock."""
+        self._now_s = now_s
+
+    def accept(self, message: Stamped, by: str = "") -> bool:
+        """Return whether the stamp of a message is acceptable; each message is asked for once.
+
+        Args:
+            message: The message.
+            by: Sender, where two send messages of one type.
+        """
+        kind = f"{type(message).__name__}{by}"
+        fault = self._fault(kind, message)
+        if fault is not None:
+            self.reject(kind, fault)
+            return False
+        self._in_series.discard(kind)
+        self._last_s[kind] = message.t_s
+        return True
+
+    def reject(self, kind: str, fault: str) -> None:
+        """Count a rejected message."""
+        self.rejected[kind] += 1
+        self.rejection = f"{kind} {fault}" if fault and kind not in self._in_series else None
+        self._in_series.add(kind)
+
+    def _fault(self, kind: str, message: Stamped) -> str | None:
+        """Return the fault of a stamp, empty before the first tick; None if there is none."""
+        self.leap = None
+        t_s, now_s, limits = message.t_s, self._now_s, self._config
+        if now_s is None:
+            return ""
+        if not math.isfinite(t_s):
+            return "has no time stamp"
+        last_s = self._last_s.get(kind, -math.inf)
+        if t_s - now_s > limits.ahead_s + ROUNDING_S:
+            if t_s - now_s > limits.clock_jump_s:
+                self.leap = f"clock of {kind} leapt {t_s - now_s:.2f} s ahead"
+            return f"stamped {t_s - now_s:.2f} s ahead of the clock"
+        if last_s - t_s > limits.clock_jump_s:
+            # Later messages are compared with the new time, so that a person can re-arm.
+            self._last_s[kind] = t_s
+            self.leap = f"clock of {kind} leapt {last_s - t_s:.2f} s back"
+            return f"stamped {last_s - t_s:.2f} s before the last one"
+        if t_s <= last_s:
+            return f"stamped {last_s - t_s:.2f} s before the last one" if t_s < last_s else "repeats the last stamp"
+        oldest_s = limits.driver_timeout_s if isinstance(message, EACH_TICK) else limits.blind_timeout_s
+        return f"is {now_s - t_s:.2f} s old" if now_s - t_s > oldest_s else None
