@@ -16,6 +16,7 @@ from treadline.control.seat_leveller import Leveller, LevellerConfig, PitchFeedF
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth
 from treadline.core.signals import TICK_S, FlipperReading, ImuSample, SeatReading, TrackCommand, TrackReading
+from treadline.plant.faults import Damage
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Sensors, Stair, Start
@@ -230,7 +231,7 @@ class _CrestRun:
         if lost_deg is None or self._is_lost:
             return
         if truth.pitch_rad < lost_deg * DEG if self._case.direction == "up" else truth.pitch_rad > lost_deg * DEG:
-            self._plant.lose_flipper_motor()
+            self._plant.set_damage(Damage(flipper_lost=True))
             self._is_lost = True
 
 

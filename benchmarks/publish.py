@@ -10,15 +10,46 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from treadline.core.errors import TreadlineError
+from treadline.core.errors import SettingsError, TreadlineError
 from treadline.core.models import write_whole
-from treadline.report.comparison import published_of
+from treadline.report._results import Results, read_part
+from treadline.report.comparison import PUBLISHED_SEEDS, comparisons
 
 ROOT = Path(__file__).parents[1]
 EVIDENCE = ROOT / "docs" / "evidence" / "results.json"
 
 BEGIN, END = "<!-- results: written by benchmarks/publish.py -->", "<!-- end of results -->"
 """Markers of the README's table."""
+
+
+def published(results: Results) -> dict[str, Any]:
+    """Return the content of ``docs/evidence/results.json``: provenance and at most ten figures."""
+    return {
+        "command": results.command,
+        "git_commit": results.git_commit,
+        "versions": results.versions,
+        "figures": [
+            {name: getattr(row, name) for name in ("figure", "paper", "ours", "conditions")}
+            for row in comparisons(results, headline=True)
+        ],
+    }
+
+
+def published_of(folder: Path) -> dict[str, Any]:
+    """Return the content of ``docs/evidence/results.json`` from the folder of a reproduction.
+
+    Raises:
+        SettingsError: If its ``results.json`` cannot be read, or is of a quick run or of too few seeds.
+    """
+    results = read_part(folder / "results.json", Results)
+    if results.quick:
+        raise SettingsError(f"{folder}: a quick reproduction is not published: its runs are shortened")
+    seeds = min((cell.seeds for cell in results.table2), default=0)
+    if seeds < PUBLISHED_SEEDS:
+        raise SettingsError(
+            f"{folder}: Table II has {seeds} seeds, {PUBLISHED_SEEDS} are published: treadline reproduce --seeds {PUBLISHED_SEEDS}"
+        )
+    return published(results)
 
 
 def with_table(readme: str, values: Mapping[str, Any]) -> str:

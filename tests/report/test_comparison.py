@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from publish import BEGIN, END, with_table
+from publish import BEGIN, END, published, published_of, with_table
 
 from treadline.core.errors import SettingsError
 from treadline.report._results import Moves, Results
-from treadline.report.comparison import FigureRow, comparisons, moves_text, published, published_of
+from treadline.report.comparison import FigureRow, comparisons, moves_text
 
 Tables = dict[str, Any]
 ROOT = Path(__file__).parents[2]

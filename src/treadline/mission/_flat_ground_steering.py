@@ -51,10 +51,10 @@ class LevelSteering:
         self._half_m_s = 0.0
         self._legs = [config.sweep_rad, -config.sweep_rad, 0.0]
 
-    def towards(self, estimate: HeadingEstimate, target_rad: float = 0.0) -> float:
-        """Return the turn on the spot towards ``target_rad`` [m/s]."""
+    def towards(self, estimate: HeadingEstimate) -> float:
+        """Return the turn on the spot that makes the chair square [m/s]."""
         config = self._config
-        rate = config.turn_gain_per_s * (target_rad - estimate.heading_rad)
+        rate = -config.turn_gain_per_s * estimate.heading_rad
         return self._half(min(max(rate, -config.turn_rad_s), config.turn_rad_s))
 
     def keep(

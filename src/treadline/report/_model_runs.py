@@ -84,10 +84,10 @@ def answering(response: Float[np.ndarray, "steps m"]) -> int:
     return min(len(response), max(STEPS_LEAST, lasts + lasts // 2))
 
 
-def frequencies(model: LinearModel, samples: int, points: int = 160) -> Float[np.ndarray, " w"]:
+def frequencies(model: LinearModel, samples: int) -> Float[np.ndarray, " w"]:
     """Return frequencies [rad per sample] up to Nyquist, closer together at the resonances."""
     lowest = max(2.0 * math.pi / max(samples, 20), 1e-4 * math.pi)  # four decades fit an axis
-    grid = np.geomspace(lowest, math.pi, points)
+    grid = np.geomspace(lowest, math.pi, 160)
     poles = np.linalg.eigvals(model.A)
     rates = np.log(poles[np.abs(poles) > 0.5].astype(complex))
     offsets = np.array([-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0])
@@ -129,7 +129,7 @@ def _centred(values: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
     return np.where(there, scaled - scaled[there].mean(), 0.0)
 
 
-def correlation_band(a: Float[np.ndarray, " k"], b: Float[np.ndarray, " k"], count: int, *, quantile: float = 1.96) -> float:
+def correlation_band(a: Float[np.ndarray, " k"], b: Float[np.ndarray, " k"], count: int) -> float:
     """Return the half width that the correlation of two independent series keeps within 19 times of 20.
 
     Bartlett's formula: the variance is ``Σ r_a(k) r_b(k) / N``; at least that of white series.
@@ -138,7 +138,7 @@ def correlation_band(a: Float[np.ndarray, " k"], b: Float[np.ndarray, " k"], cou
         a: Autocorrelation of one series at lags ``-k … k``; likewise b.
         count: Samples N.
     """
-    return quantile * math.sqrt(max(float(a @ b), 1.0) / max(count, 1))
+    return 1.96 * math.sqrt(max(float(a @ b), 1.0) / max(count, 1))
 
 
 def typical_span(error: Float[np.ndarray, "T p"], span: int) -> slice:

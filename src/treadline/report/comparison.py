@@ -8,15 +8,13 @@ import math
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from treadline.core import paper
-from treadline.core.errors import SettingsError
 from treadline.io.runs import COMPLETED
-from treadline.report._results import PAPER_FRICTION, BeltRun, Cell, Moves, Results, Straight, read_part
+from treadline.report._results import PAPER_FRICTION, BeltRun, Cell, Moves, Results, Straight
 from treadline.report.labels import suffix
 from treadline.scenario.shipped_files import DATA
 
@@ -81,40 +79,14 @@ TABLE = {
 """Figures by the kind of group that they are computed from, in the order of ``_groups``."""
 
 
-def comparisons(results: Results) -> list[FigureRow]:
-    """Return all rows of the summary; a part that was not measured has none.
+def comparisons(results: Results, *, headline: bool = False) -> list[FigureRow]:
+    """Return all rows of the summary, or those of the README; a part that was not measured has none.
 
     The targets hold for whole runs: a figure of a shortened run is shown next to its target without a verdict.
     """
-    return [_row(entry, values, results) for kind, values in _groups(results) for entry in TABLE[kind] if not entry.headline]
-
-
-def published(results: Results) -> dict[str, Any]:
-    """Return the content of ``docs/evidence/results.json``: provenance and at most ten figures."""
-    rows = [_row(entry, values, results) for kind, values in _groups(results) for entry in TABLE[kind] if entry.headline]
-    return {
-        "command": results.command,
-        "git_commit": results.git_commit,
-        "versions": results.versions,
-        "figures": [{name: getattr(row, name) for name in ("figure", "paper", "ours", "conditions")} for row in rows],
-    }
-
-
-def published_of(folder: Path) -> dict[str, Any]:
-    """Return the content of ``docs/evidence/results.json`` from the folder of a reproduction.
-
-    Raises:
-        SettingsError: If its ``results.json`` cannot be read, or is of a quick run or of too few seeds.
-    """
-    results = read_part(folder / "results.json", Results)
-    if results.quick:
-        raise SettingsError(f"{folder}: a quick reproduction is not published: its runs are shortened")
-    seeds = min((cell.seeds for cell in results.table2), default=0)
-    if seeds < PUBLISHED_SEEDS:
-        raise SettingsError(
-            f"{folder}: Table II has {seeds} seeds, {PUBLISHED_SEEDS} are published: treadline reproduce --seeds {PUBLISHED_SEEDS}"
-        )
-    return published(results)
+    return [
+        _row(entry, values, results) for kind, values in _groups(results) for entry in TABLE[kind] if entry.headline is headline
+    ]
 
 
 def moves_text(moves: Moves) -> str:

@@ -11,6 +11,7 @@ the viewer: one closed line for a convex solid, one for each border of a ring.
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -193,7 +194,7 @@ class SideViews:
                         _use(f"{self._prefix}-{depth}-{group.body}", across @ R_WB @ X[:3, :3], across @ (R_WB @ X[:3, 3] + p_WB))
                     )
         return (
-            f'<svg class="side" viewBox="{left:.3f} {-top:.3f} {width} {height}" role="img" aria-label="{_escaped(words)}">'
+            f'<svg class="side" viewBox="{left:.3f} {-top:.3f} {width} {height}" role="img" aria-label="{escape(words)}">'
             f'<g transform="scale(1 -1)">{"".join(drawn)}</g></svg>'
         )
 
@@ -278,7 +279,3 @@ def _points(points: Outline) -> str:
 
 def _hex(colour: Colour) -> str:
     return "#" + "".join(f"{round(255 * value):02x}" for value in colour)
-
-
-def _escaped(text: str) -> str:
-    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")

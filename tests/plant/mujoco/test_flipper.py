@@ -11,6 +11,7 @@ from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth
 from treadline.core.signals import FlipperCommand, FlipperReading, SeatCommand, TrackCommand
 from treadline.io.messages import messages_of
+from treadline.plant.faults import Damage
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.plant.mujoco._mjcf_scene import scene_xml
 from treadline.run.episode import traverse
@@ -132,14 +133,14 @@ def test_a_dead_motor_brakes_rising_and_falls_freely() -> None:
     for damping in (0.0, 250.0):
         plant = standing(with_piece("flipper", lost_damping_n_m_s_rad=damping))
         turn(plant, -25.0, 0.0, 2.6)
-        plant.lose_flipper_motor()
+        plant.set_damage(Damage(flipper_lost=True))
         flippers, truth, _ = turn(plant, -25.0, 2.6, 5.6)
         fastest[damping] = max(abs(sample.pitch_rate_rad_s) for sample in truth) / DEG
         assert abs(flippers[-1].torque_n_m) < 5.0 * NOISE_N_M
         assert abs(truth[-1].pitch_rad) < 1.0 * DEG
     assert fastest[0.0] > 3.0 * fastest[250.0]
     plant = standing()
-    plant.lose_flipper_motor()
+    plant.set_damage(Damage(flipper_lost=True))
     fallen, _, _ = turn(plant, 0.0, 0.0, 1.0)
     # 4 N·m turn rotor and section, 0.5 kg·m², by 40° in well under a second; the brake does not hold that way.
     assert fallen[-1].angle_rad < 1.0 * DEG
@@ -147,7 +148,7 @@ def test_a_dead_motor_brakes_rising_and_falls_freely() -> None:
 
 def test_a_second_start_mends_the_motor() -> None:
     plant = standing()
-    plant.lose_flipper_motor()
+    plant.set_damage(Damage(flipper_lost=True))
     turn(plant, 0.0, 0.0, 1.0)
     plant.start()
     flippers, _, _ = turn(plant, 10.0, 0.0, 1.0)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from jaxtyping import Bool
 from llvmlite import binding
 
 from treadline.core.errors import SimulationDiverged
@@ -84,25 +85,19 @@ def contact_layout() -> ContactLayout:
         data.qpos[9], data.qpos[16] = box_height, sphere_height
         mujoco.mj_forward(model, data)
         possible &= np.frombuffer(ctypes.string_at(start, span), dtype=np.int32) == data.ncon
+    count_offset = start + 4 * _only(possible, "the number of contacts") - data._address  # noqa: SLF001 - the only way to the struct
+    fields = ("dist", "frame", "friction", "surfacevel", "geom", "dim", "efc_address")
+    base, *starts = (int(getattr(data.contact, name).__array_interface__["data"][0]) for name in fields)
+    offsets = {name: begins - base for name, begins in zip(fields[1:], starts, strict=True)}
+    return ContactLayout(count_offset=count_offset, stride=int(data.contact.dist.strides[0]), **offsets)
+
+
+def _only(possible: Bool[np.ndarray, " n"], what: str) -> int:
+    """Return the index of the only place at which a value was found."""
     found = np.flatnonzero(possible)
     if found.size != 1:
-        raise SimulationDiverged(f"MuJoCo {mujoco.__version__}: the number of contacts was found in {found.size} places; use 4.0")
-    contact = data.contact
-    base = contact.dist.__array_interface__["data"][0]
-
-    def offset(name: str) -> int:
-        return int(getattr(contact, name).__array_interface__["data"][0] - base)
-
-    return ContactLayout(
-        count_offset=start + 4 * int(found[0]) - data._address,  # noqa: SLF001 - the binding's only way to the struct
-        stride=int(contact.dist.strides[0]),
-        frame=offset("frame"),
-        friction=offset("friction"),
-        surfacevel=offset("surfacevel"),
-        geom=offset("geom"),
-        dim=offset("dim"),
-        efc_address=offset("efc_address"),
-    )
+        raise SimulationDiverged(f"MuJoCo {mujoco.__version__}: {what} was found in {found.size} places; use 4.0")
+    return int(found[0])
 
 
 @cache
@@ -122,15 +117,8 @@ def pointer_offsets() -> tuple[int, ...]:
         words = np.frombuffer(ctypes.string_at(start, POINTERS_SPAN), dtype=np.uint64)
         for name in CONSTRAINT_ARRAYS:
             possible[name] &= words == getattr(data, name).__array_interface__["data"][0]
-    offsets = []
-    for name, there in possible.items():
-        found = np.flatnonzero(there)
-        if found.size != 1:
-            raise SimulationDiverged(
-                f"MuJoCo {mujoco.__version__}: the pointer to {name} was found in {found.size} places; use 4.0"
-            )
-        offsets.append(start + 8 * int(found[0]) - data._address)  # noqa: SLF001 - the binding's only way to the struct
-    return tuple(offsets)
+    first = start - data._address  # noqa: SLF001 - the binding's only way to the struct
+    return tuple(first + 8 * _only(there, f"the pointer to {name}") for name, there in possible.items())
 
 
 def contact_list(data: mujoco.MjData) -> int:
@@ -156,7 +144,4 @@ def noslip_address(model: mujoco.MjModel) -> int:
         model.opt.noslip_iterations = mark
         possible &= np.frombuffer(ctypes.string_at(start, span), dtype=np.int32) == mark
     model.opt.noslip_iterations = before
-    found = np.flatnonzero(possible)
-    if found.size != 1:
-        raise SimulationDiverged(f"MuJoCo {mujoco.__version__}: noslip_iterations was found in {found.size} places; use 4.0")
-    return start + 4 * int(found[0])
+    return start + 4 * _only(possible, "noslip_iterations")

@@ -8,7 +8,6 @@ unchanged.
 import ctypes
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -87,10 +86,6 @@ class MujocoPlant(InstrumentedPlant):
         self._run(ticks, log, self._friction)
         self._pending.extend(enumerate(log, start=self._tick + 1))
         self._tick += ticks
-
-    def lose_flipper_motor(self) -> None:
-        """Disable the flipper motor: no torque, and the damping of its shorted windings."""
-        self.set_damage(replace(self._damage, flipper_lost=True))
 
     def set_damage(self, damage: Damage) -> None:
         """Replace the present damage of the chair."""
