@@ -51,7 +51,7 @@ class HeadingController:
     follows_plan = True
 
     def __init__(self, design: ControllerDesign, config: ControllerConfig) -> None:
-        check_design(design, config.period_s)
+        _check_design(design, config.period_s)
         model = design.model
         self._design = design
         self._config = config
@@ -133,7 +133,7 @@ def usable(estimate: HeadingEstimate) -> bool:
     return abs(estimate.heading_rad) <= math.pi and abs(estimate.heading_rate_rad_s) <= FASTEST_TURN_RAD_S
 
 
-def check_design(design: ControllerDesign, period_s: float) -> None:
+def _check_design(design: ControllerDesign, period_s: float) -> None:
     """Check that a design, possibly from a file, fits the chair.
 
     Raises:

@@ -51,8 +51,8 @@ def lqr_gain(
     for name, given in (("A", A), ("B", B), ("Q", Q), ("R", R)):
         if not np.isfinite(given).all():
             raise NotFinite(f"{name} holds NaN or Inf")
-    check_definite("Q", Q, strictly=False)
-    check_definite("R", R, strictly=True)
+    _check_definite("Q", Q, strictly=False)
+    _check_definite("R", R, strictly=True)
     try:
         P = solve_discrete_are(A, B, Q, R)
     except (np.linalg.LinAlgError, ValueError) as error:
@@ -70,7 +70,7 @@ def lqr_gain(
     return np.asarray(K)
 
 
-def check_definite(name: str, weight: Float[np.ndarray, "n n"], *, strictly: bool) -> None:
+def _check_definite(name: str, weight: Float[np.ndarray, "n n"], *, strictly: bool) -> None:
     """Check that a weight is symmetric and positive (semi-)definite.
 
     Raises:

@@ -150,7 +150,7 @@ class MountCalibrator:
         self._frames.append(np.array([axes.t_s, *axes.edge_C, *axes.down_C, *axes.normal_C, *gravity_B, *sigmas]))
         if axes.t_s - self._solved_s >= self._config.every_s:
             self._solved_s = axes.t_s
-            self._estimate = solve_mount(np.array(self._frames), self._config)
+            self._estimate = _solve_mount(np.array(self._frames), self._config)
 
     def _gravity_at(self, t_s: float) -> Float[np.ndarray, " 3"] | None:
         """Return the down direction in B at the time of a frame; None without IMU samples or while the chair is rocking."""
@@ -186,7 +186,7 @@ class MountCalibrator:
         return f"the slope is below {config.least_slope_rad / DEG:.0f}°" if seen < config.least_slope_rad else None
 
 
-def solve_mount(frames: Float[np.ndarray, "k 16"], config: MountConfig) -> MountEstimate | None:
+def _solve_mount(frames: Float[np.ndarray, "k 16"], config: MountConfig) -> MountEstimate | None:
     """Return the mount with the best fit to the frames, or None for too few frames.
 
     Gauss–Newton on four residuals per frame, weighted by Tukey's bisquare of their scale. The covariance is estimated from the

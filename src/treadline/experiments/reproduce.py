@@ -41,7 +41,7 @@ RENDERED_COST = 1.7
 a loaded machine. It orders jobs and enters no result."""
 
 
-class Reporter(Protocol):
+class _Reporter(Protocol):
     """Receives the progress of a reproduction."""
 
     def begin(self, total: int) -> None:
@@ -54,7 +54,7 @@ class Reporter(Protocol):
         """Receive the titles of the jobs that run."""
 
 
-def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: Reporter) -> dict[str, Any]:
+def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: _Reporter) -> dict[str, Any]:
     """Run everything and write ``results.json``, ``report.html``, ``model-*.json``, ``controller.json`` and ``runs/``.
 
     Returns:

@@ -89,7 +89,7 @@ def build_blocks(config: MissionConfig, driver: Driver | None = None) -> Blocks:
     driver = driver or heading_driver(config)
     return Blocks(
         detector=detector_of(config),
-        estimator=estimator_of(config),
+        estimator=_estimator_of(config),
         planner=planner,
         driver=driver,
         leveller=None if config.chair.seat is None else PitchLeveller(LevellerConfig(seat=config.chair.seat)),
@@ -109,7 +109,7 @@ def detector_of(config: MissionConfig) -> Detector:
     return StairDetector(DetectorConfig(method=config.vision, swept_half_m=config.chair.swept_half_m))
 
 
-def estimator_of(config: MissionConfig) -> Estimator:
+def _estimator_of(config: MissionConfig) -> Estimator:
     """Return the heading estimator of a mission: a plug-in, the Kalman filter, or the paper's offset rule.
 
     Raises:

@@ -61,7 +61,7 @@ DISAGREEMENT, DISAGREEMENT_SIGMAS = 2.0 * DEG, 4.0
 stair."""
 
 
-def lacking_evidence(flight: Flight) -> str:
+def _lacking_evidence(flight: Flight) -> str:
     """Return which evidence is lacking for a stair."""
     shown = math.floor(10.0 * flight.evidence) / 10.0  # never rounded up to what is needed
     return (
@@ -278,7 +278,7 @@ class _Search:
         if isinstance(flight, str):
             return refused(flight)
         if flight.evidence < UNCONFIRMED or (flight.evidence < EVIDENCE and not down.may_be_unconfirmed):
-            return refused(lacking_evidence(flight), edge_count=len(flight.nosings), evidence=flight.evidence)
+            return refused(_lacking_evidence(flight), edge_count=len(flight.nosings), evidence=flight.evidence)
         fit = fit_edges(
             flight.nosings,
             flight.treads,
@@ -347,7 +347,7 @@ class _Search:
         confirmed, apart = flight.evidence >= EVIDENCE, fit.planes_against_lines_rad
         return StairDetection(
             accepted=confirmed,
-            reason=None if confirmed else lacking_evidence(flight),
+            reason=None if confirmed else _lacking_evidence(flight),
             unconfirmed=not confirmed,
             heading_rad=heading,
             sigma_rad=sigma,

@@ -67,7 +67,7 @@ def player_page(recording: Recording) -> str:
     return page_of(
         "player.html.j2",
         {},
-        title=title_of(recording),
+        title=_title_of(recording),
         summary=_summary(recording),
         missing=recording.missing,
         player=embedded(player_data(recording), recording),
@@ -165,7 +165,7 @@ def transient_s(recording: Recording) -> float | None:
     return round(shown_s, 2) if 0.0 < shown_s < TRANSIENT_SHARE * recording.duration_s else None
 
 
-def title_of(recording: Recording) -> str:
+def _title_of(recording: Recording) -> str:
     """Return the page's title: name, verdict and duration."""
     name = Path(recording.source).name or "run"
     verdict = {"end_of_flight": "reached the end of the flight", "time_up": "ran to its time limit"}.get(
@@ -233,12 +233,12 @@ def _images(recording: Recording) -> list[dict[str, Any]]:
     frames = read_frames(recording, recording.frames_t_s[chosen].tolist())
     by_time = {round(seen.t_s, 6): seen for seen in recording.maps}
     return [
-        {"t": frame.t_s, "jpeg": jpeg_of(frame.rgb), "lines": nosing_lines_in(recording, by_time.get(round(frame.t_s, 6)))}
+        {"t": frame.t_s, "jpeg": _jpeg_of(frame.rgb), "lines": _nosing_lines_in(recording, by_time.get(round(frame.t_s, 6)))}
         for frame in frames
     ]
 
 
-def jpeg_of(rgb: np.ndarray) -> str:
+def _jpeg_of(rgb: np.ndarray) -> str:
     """Return an image as base64 JPEG of at most ``IMAGE_PX`` rows."""
     picture = Image.fromarray(rgb)
     if picture.height > IMAGE_PX:
@@ -248,7 +248,7 @@ def jpeg_of(rgb: np.ndarray) -> str:
     return in_base64(buffer.getvalue())
 
 
-def nosing_lines_in(recording: Recording, seen: PerceivedStair | None) -> list[list[float]]:
+def _nosing_lines_in(recording: Recording, seen: PerceivedStair | None) -> list[list[float]]:
     """Return each perceived nosing as a line in image coordinates from 0 to 1, 0.4 m to either side of the middle plane."""
     if seen is None:
         return []

@@ -87,16 +87,6 @@ def nosing_contacts(tracks: Tracks, pitch_m: float, heading_rad: float, phase: f
     return points[np.abs(x) <= half_m]
 
 
-def floor_contacts(tracks: Tracks) -> Float[np.ndarray, "8 2"]:
-    """Return the corners of both belts' flat runs.
-
-    A rigid flat run on a flat floor is statically indeterminate. The plant's box on a box carries at its corners; a uniform load
-    along the edges would give 1.6 times the yaw rate at ±0.1 m/s (14.2 instead of 8.65 °/s).
-    """
-    half_m = 0.5 * tracks.flat_run_m
-    return np.array([(x, y) for y in _edges(tracks) for x in (-half_m, half_m)])
-
-
 def contact_loads(points: Float[np.ndarray, "n 2"], centre_m: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " n"]:
     """Return the normal force shares of equal springs under a rigid chair with unilateral contacts.
 
@@ -145,8 +135,14 @@ def nosing_stance(
 
 
 def floor_stance(chair: ChairDescription, loading: Chair, slope_rad: float = 0.0, heading_rad: float = 0.0) -> Stance:
-    """Return a chair's contacts on a floor or an even ramp."""
-    return _stance(chair, loading, [floor_contacts(chair.tracks)], slope_rad, heading_rad)
+    """Return a chair's contacts on a floor or an even ramp: the corners of both belts' flat runs.
+
+    A rigid flat run on a flat floor is statically indeterminate. The plant's box on a box carries at its corners; a uniform load
+    along the edges would give 1.6 times the yaw rate at ±0.1 m/s (14.2 instead of 8.65 °/s).
+    """
+    half_m = 0.5 * chair.tracks.flat_run_m
+    corners = np.array([(x, y) for y in _edges(chair.tracks) for x in (-half_m, half_m)])
+    return _stance(chair, loading, [corners], slope_rad, heading_rad)
 
 
 def _edges(tracks: Tracks) -> Float[np.ndarray, " 4"]:

@@ -324,7 +324,7 @@ def change(handle: Any, name: str, value: Any) -> None:
         setattr(handle, name, value)
 
 
-def show_above_sheet(client: Any) -> None:
+def _show_above_sheet(client: Any) -> None:
     """Turn the first view of a narrow screen, whose lower part the panels cover, so that the chair is above them."""
     if client.camera.image_width <= NARROW_PX:
         client.camera.position, client.camera.look_at = NARROW_CAMERA_M, NARROW_LOOK_AT_M
@@ -344,7 +344,7 @@ class Stage:
         self.session = session
         """Session that is shown."""
         self._app = App(server, session, offer)
-        server.viser.on_client_connect(show_above_sheet)
+        server.viser.on_client_connect(_show_above_sheet)
         self.failure: Exception | None = None
         """Exception that ended the updates; None while all is well."""
 
