@@ -29,7 +29,8 @@ if os.environ.get("TREADLINE_SHAPES"):
 
 from treadline.core.camera_images import PinholeCamera  # noqa: E402 - after the import hook
 
-hypothesis.settings.register_profile("busy machine", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow])
+UNHURRIED = {"deadline": None, "suppress_health_check": [hypothesis.HealthCheck.too_slow]}
+hypothesis.settings.register_profile("busy machine", derandomize=True, **UNHURRIED)  # the same examples each time
 hypothesis.settings.load_profile("busy machine")
 
 FAST = ("architecture/test_language.py", "control", "docs/test_decisions.py", "docs/test_reference.py", "seat", "test_settings.py")

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.control.belt_allocation import BeltLimits, back_safe, climb_safe, clipped, inner_speed_ratio
@@ -19,7 +19,6 @@ def limits(climb: float) -> BeltLimits:
     return BeltLimits(climb_speed_m_s=climb, max_speed_m_s=1.0)
 
 
-@settings(deadline=None, derandomize=True)
 @given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
 def test_the_inner_belt_keeps_its_minimum_and_the_outer_its_limit(left: float, right: float, climb: float) -> None:
     given_m_s = climb_safe(np.array([left, right]), limits(climb))
@@ -28,7 +27,6 @@ def test_the_inner_belt_keeps_its_minimum_and_the_outer_its_limit(left: float, r
     assert given_m_s.mean() <= 0.55 + ROUNDING  # the guard's limit
 
 
-@settings(deadline=None, derandomize=True)
 @given(left=asked_m_s, right=asked_m_s, climb=climb_m_s, error=st.floats(min_value=-1.0, max_value=1.0))
 def test_the_inner_belt_keeps_the_ratio_of_its_heading_error_and_the_outer_its_limit(
     left: float, right: float, climb: float, error: float
@@ -48,7 +46,6 @@ def test_near_straight_the_inner_belt_carries_the_chair_uphill(sign: float) -> N
     assert inner_speed_ratio(sign * 10.1 * DEG) < 0.25
 
 
-@settings(deadline=None, derandomize=True)
 @given(mean=asked_m_s, half=st.floats(min_value=-0.4, max_value=0.4), climb=climb_m_s)
 def test_steering_does_not_depend_on_the_demanded_common_speed(mean: float, half: float, climb: float) -> None:
     # A half difference of 0.4 m/s remains between half the fastest climb speed and the mean's limit of 0.55 m/s.
@@ -58,27 +55,23 @@ def test_steering_does_not_depend_on_the_demanded_common_speed(mean: float, half
 
 
 @pytest.mark.parametrize("safe", [climb_safe, back_safe])
-@settings(deadline=None, derandomize=True)
 @given(half=st.floats(min_value=-1e3, max_value=1e3), climb=climb_m_s)
 def test_saturation_keeps_the_direction_of_turn(safe: Any, half: float, climb: float) -> None:
     given_m_s = safe(np.array([-half, half]), limits(climb))
     assert (given_m_s[1] - given_m_s[0]) * half >= 0.0
 
 
-@settings(deadline=None, derandomize=True)
 @given(climb=climb_m_s)
 def test_a_square_chair_climbs_at_the_operators_speed(climb: float) -> None:
     np.testing.assert_allclose(climb_safe(np.zeros(2), limits(climb)), [climb, climb], atol=ROUNDING)
 
 
-@settings(deadline=None, derandomize=True)
 @given(left=asked_m_s, right=asked_m_s)
 def test_the_papers_allocation_only_limits_each_belt(left: float, right: float) -> None:
     given_m_s = clipped(np.array([left, right]), limits(0.2))
     np.testing.assert_array_equal(given_m_s, [max(-1.0, min(1.0, left)), max(-1.0, min(1.0, right))])
 
 
-@settings(deadline=None, derandomize=True)
 @given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
 def test_backing_down_every_belt_runs_at_half_to_one_and_a_half_times_the_speed(left: float, right: float, climb: float) -> None:
     given_m_s = back_safe(np.array([left, right]), limits(climb))
@@ -88,13 +81,11 @@ def test_backing_down_every_belt_runs_at_half_to_one_and_a_half_times_the_speed(
     assert given_m_s.min() >= -1.0
 
 
-@settings(deadline=None, derandomize=True)
 @given(left=asked_m_s, right=asked_m_s, climb=climb_m_s)
 def test_backing_down_the_mean_speed_does_not_depend_on_the_demand(left: float, right: float, climb: float) -> None:
     assert abs(back_safe(np.array([left, right]), limits(climb)).mean() + climb) < ROUNDING
 
 
-@settings(deadline=None, derandomize=True)
 @given(share=st.floats(min_value=-0.5, max_value=0.5), climb=climb_m_s)
 def test_backing_down_steering_is_kept_up_to_half_the_pace_and_turns_the_same_way(share: float, climb: float) -> None:
     half = share * climb

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.control.seat_leveller import Leveller, LevellerConfig
@@ -112,7 +112,6 @@ def test_the_seat_goes_on_after_a_reading_that_was_not_a_number() -> None:
     assert leveller.step(reading(0.2)) == before
 
 
-@settings(derandomize=True, deadline=None)
 @given(pitch=st.floats(min_value=-math.pi, max_value=math.pi), stroke=st.floats(min_value=-1.0, max_value=1.0))
 def test_the_rate_keeps_its_limit_and_works_against_the_pitch(pitch: float, stroke: float) -> None:
     rate = Leveller(LevellerConfig(seat=SEAT)).step(reading(pitch, stroke)).rate_m_s
@@ -122,7 +121,6 @@ def test_the_rate_keeps_its_limit_and_works_against_the_pitch(pitch: float, stro
         assert rate == 0.0
 
 
-@settings(derandomize=True, deadline=None)
 @given(stroke=st.floats(min_value=SEAT.stroke_m[0] + 1e-6, max_value=SEAT.stroke_m[1] - 1e-6))
 def test_just_outside_the_dead_band_the_seat_turns_at_the_gain_wherever_the_linkage_stands(stroke: float) -> None:
     pitch = 1.01 * DEAD_BAND_DEG * DEG

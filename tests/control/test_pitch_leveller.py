@@ -130,7 +130,7 @@ def test_a_sample_not_of_now_or_below_the_quiet_rate_of_a_degree_per_second_lead
         assert led.step(reading, imu(k * TICK_S - late_s, pitch_rate_rad_s=rate_deg_s * DEG)) == alone.step(reading)
 
 
-@settings(derandomize=True, max_examples=50)
+@settings(max_examples=50)
 @given(
     pitch=st.floats(-math.pi, math.pi),
     stroke=st.floats(-1.0, 1.0),

@@ -22,14 +22,13 @@ def seen(t_s: float, heading_rad: float) -> HeadingMeasurement:
     return heading(t_s, heading_rad / DEG)
 
 
-@settings(derandomize=True, deadline=None)
 @given(theta=angle, gamma=angle)
 def test_yaw_and_offset_add_up_to_the_heading(theta: float, gamma: float) -> None:
     # Rounding of angles near π.
     assert abs(wrap(gamma + heading_offset(theta, gamma) - theta)) < 1e-12
 
 
-@settings(derandomize=True, deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(theta=angle, gamma=angle, turn=st.floats(min_value=-1.0, max_value=1.0))
 def test_between_frames_the_heading_follows_the_yaw(theta: float, gamma: float, turn: float) -> None:
     estimator = OffsetEstimator()

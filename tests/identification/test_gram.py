@@ -54,7 +54,7 @@ def random_record(seed: int, samples: int = 400) -> InputOutputRecord:
     return noise_record(seed, samples, outputs=1, dt_s=0.1)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60)
 @given(CASES, st.integers(1, 7))
 def test_the_gram_matrix_equals_the_sum_over_all_complete_windows(case: Case, lags: int) -> None:
     record = record_of(case)
@@ -66,7 +66,7 @@ def test_the_gram_matrix_equals_the_sum_over_all_complete_windows(case: Case, la
     assert found.dropped == max(len(record) - lags, 0) - len(X)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40)
 @given(CASES, st.integers(1, 7), st.lists(st.integers(0, 160), max_size=5))
 def test_any_cut_into_chunks_gives_the_same_sums(case: Case, lags: int, cuts: list[int]) -> None:
     record = record_of(case)
@@ -80,7 +80,7 @@ def test_any_cut_into_chunks_gives_the_same_sums(case: Case, lags: int, cuts: li
     assert (found.count, found.dropped) == (at_once.count, at_once.dropped)
 
 
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=20)
 @given(CASES, st.integers(1, 7))
 def test_the_triangular_root_has_the_sums_as_its_square(case: Case, lags: int) -> None:
     record = record_of(case)

@@ -24,7 +24,7 @@ def refusal(rise_m: float, run_m: float, payload_kg: float = 50.0, chair: ChairD
     return reject_reason(chair, payload_kg, rise_m, run_m, math.atan2(rise_m, run_m))
 
 
-@settings(derandomize=True, max_examples=40)
+@settings(max_examples=40)
 @given(
     rise_m=st.floats(0.12, 0.18),
     slope_deg=st.floats(20.0, 30.0),
@@ -83,7 +83,7 @@ def test_a_chair_that_would_tip_is_refused_with_its_margin() -> None:
     assert "shift the seat or take less payload" in answer
 
 
-@settings(derandomize=True, max_examples=30)
+@settings(max_examples=30)
 @given(back_m=st.floats(0.0, 0.3), payload_kg=st.floats(0.0, 120.0), slope_deg=st.floats(18.0, 32.0))
 def test_sitting_further_back_never_turns_a_no_into_a_yes(back_m: float, payload_kg: float, slope_deg: float) -> None:
     x, y, z = CHAIR.seat.hinge_m
@@ -108,7 +108,7 @@ def test_a_stair_steeper_than_the_chair_is_rated_for_is_refused_with_both_angles
     assert answer == "the stair is 36.9° steep, chair 'wheelchair' is rated for 32°; take another way"
 
 
-@settings(derandomize=True, max_examples=30)
+@settings(max_examples=30)
 @given(more_m=st.floats(0.001, 0.02), ratio=st.floats(0.05, 3.0))
 def test_a_rise_above_the_limit_is_refused_for_good_only_beyond_its_interval(more_m: float, ratio: float) -> None:
     """Test: a rise above the rated slope by ``ratio`` half axes. Expected result: refused if the ellipse is above it."""

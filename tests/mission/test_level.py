@@ -24,15 +24,14 @@ def turned_by(half_m_s: float, skid: float) -> float:
     return 2.0 * half_m_s / GAUGE_M / skid * TICK_S
 
 
-@settings(derandomize=True)
-@given(heading=st.floats(-180.0, 180.0), target=st.floats(-30.0, 30.0))
-def test_it_turns_towards_the_target_and_never_faster_than_its_limit(heading: float, target: float) -> None:
+@given(heading=st.floats(-180.0, 180.0))
+def test_it_turns_square_and_never_faster_than_its_limit(heading: float) -> None:
     steering = LevelSteering(CONFIG)
-    halves = [0.0, *(steering.towards(estimate(heading), target * DEG) for _ in range(200))]
+    halves = [0.0, *(steering.towards(estimate(heading)) for _ in range(200))]
     # Turning left, heading growing, needs the right belt faster: half the difference positive.
-    assert all(half * (target - heading) >= 0.0 for half in halves)
+    assert all(half * heading <= 0.0 for half in halves)
     # Two seconds are enough to set the belts apart as far as they ever go, gently.
-    rate = min(abs(target - heading) * DEG * CONFIG.turn_gain_per_s, CONFIG.turn_rad_s)
+    rate = min(abs(heading) * DEG * CONFIG.turn_gain_per_s, CONFIG.turn_rad_s)
     assert abs(turned_by(halves[-1], CONFIG.skid)) == pytest.approx(rate * TICK_S, abs=1e-12)
     steps = [abs(after - before) for before, after in itertools.pairwise(halves)]
     assert max(steps) <= CONFIG.turn_m_s2 * TICK_S + 1e-12
@@ -46,7 +45,7 @@ def test_a_turn_that_was_stopped_begins_from_rest() -> None:
     assert [steering.towards(estimate(25.0)) for _ in range(30)] == first
 
 
-@settings(derandomize=True, max_examples=30)
+@settings(max_examples=30)
 @given(heading=st.floats(-35.0, 35.0), skid=st.floats(1.0, 2.0))
 def test_whatever_the_skid_it_is_square_within_ten_seconds(heading: float, skid: float) -> None:
     steering, t_s = LevelSteering(CONFIG), 0.0
@@ -67,7 +66,6 @@ def test_square_means_half_a_second_of_it_and_a_glance_away_starts_anew() -> Non
     assert steering.is_square(estimate(-0.9), 1.0)
 
 
-@settings(derandomize=True)
 @given(heading=st.floats(-90.0, 90.0), target=st.floats(-3.0, 3.0))
 def test_keeping_a_heading_is_gentle_and_the_right_way_round(heading: float, target: float) -> None:
     half = LevelSteering(CONFIG).keep(estimate(heading), target * DEG)
@@ -75,7 +73,6 @@ def test_keeping_a_heading_is_gentle_and_the_right_way_round(heading: float, tar
     assert half * (target - heading) >= 0.0
 
 
-@settings(derandomize=True)
 @given(heading=st.floats(-90.0, 90.0), spare=st.floats(0.0, 5.0))
 def test_within_what_is_spared_nothing_is_steered_and_beyond_it_gently(heading: float, spare: float) -> None:
     steering = LevelSteering(CONFIG)

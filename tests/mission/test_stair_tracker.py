@@ -66,7 +66,7 @@ def test_a_nosing_is_where_the_map_says_and_known_at_the_second_sight() -> None:
     assert (where.rise_m, where.run_m, where.slope_rad) == pytest.approx((RISE_M, RUN_M, SLOPE_RAD))
 
 
-@settings(derandomize=True, max_examples=30)
+@settings(max_examples=30)
 @given(
     pitch=st.floats(-5.0, 9.0),
     heading=st.floats(-35.0, 35.0),
@@ -86,7 +86,7 @@ def test_a_nosing_stands_still_while_the_chair_pitches_and_turns(
     assert where.first_ahead_m() == pytest.approx(chair.first_m + 2 * RUN_M - x_m)
 
 
-@settings(derandomize=True, max_examples=30)
+@settings(max_examples=30)
 @given(latency=st.integers(0, 40), pitch=st.floats(0.0, 9.0), heading=st.floats(-30.0, 30.0))
 def test_a_late_map_is_placed_by_the_pose_of_its_exposure(latency: int, pitch: float, heading: float) -> None:
     """Test: each map arrives up to 0.4 s late, at 0.2 m/s. Expected: nosings where they are, not up to 80 mm off."""
@@ -113,7 +113,7 @@ def test_a_map_of_a_chair_that_has_pitched_since_is_placed_by_its_pitch_then() -
     np.testing.assert_allclose(where.ahead_m(), [chair.nosing_B(k)[0] for k in (0, 1)], atol=1e-9)
 
 
-@settings(derandomize=True, max_examples=30)
+@settings(max_examples=30)
 @given(metres=st.floats(-1.0, 1.5), pitch=st.floats(0.0, 32.0), heading=st.floats(-30.0, 30.0))
 def test_a_nosing_stands_still_while_the_chair_drives(metres: float, pitch: float, heading: float) -> None:
     chair = Chair(heading_rad=heading * DEG)
@@ -125,7 +125,7 @@ def test_a_nosing_stands_still_while_the_chair_drives(metres: float, pitch: floa
     assert where.travel_m == pytest.approx(metres, abs=2e-3)  # one step of the drive
 
 
-@settings(derandomize=True, max_examples=30)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), slip=st.floats(0.0, 0.05))
 def test_maps_that_err_by_a_centimetre_correct_belts_that_slip(seed: int, slip: float) -> None:
     rng, chair = np.random.default_rng(seed), Chair(first_m=2.5)

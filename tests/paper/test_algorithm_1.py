@@ -44,6 +44,8 @@ def test_step_3_removes_edges_at_a_jump_of_depth_and_at_holes() -> None:
     assert not kept[:, 4:6].any()
     assert not kept[0:2, 0:2].any()
     assert kept[5, 1:3].all()
+    # A jump smaller than the limit is no jump.
+    assert without_abrupt_depth(np.ones((10, 10), dtype=bool), depth, 1.2)[5, 4:6].all()
 
 
 @pytest.mark.parametrize("rise", [0, 12, -12])
@@ -55,8 +57,8 @@ def test_step_4_finds_the_line_that_was_drawn(rise: int) -> None:
 
 
 def test_step_4_keeps_near_level_lines_only() -> None:
-    lines = np.array([[0.0, 0.0, 100.0, 5.0], [0.0, 0.0, 100.0, 80.0]])
-    assert near_level(lines, 0.35).tolist() == lines[:1].tolist()
+    lines = np.array([[0.0, 0.0, 100.0, 30.0], [0.0, 0.0, 100.0, 40.0], [0.0, 0.0, 100.0, -30.0], [5.0, 0.0, 5.0, 80.0]])
+    assert near_level(lines, 0.35).tolist() == lines[[0, 2]].tolist()
 
 
 def test_step_5_makes_one_line_of_two_pieces_of_one_edge() -> None:
@@ -69,6 +71,7 @@ def test_step_5_makes_one_line_of_two_pieces_of_one_edge() -> None:
 def test_step_5_keeps_the_most_frequent_slope() -> None:
     lines = np.array([[0.0, k, 100.0, k] for k in (10.0, 40.0, 70.0)] + [[0.0, 20.0, 100.0, 50.0]])
     assert most_frequent_slope(lines).tolist() == lines[:3].tolist()
+    assert most_frequent_slope(np.zeros((0, 4))).shape == (0, 4)
 
 
 def test_step_6_the_box_holds_every_end() -> None:

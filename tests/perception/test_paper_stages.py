@@ -10,8 +10,8 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.paper.algorithm import BOX_COLOUR, PaperConfig, run_steps
-from treadline.perception.paper.edges import canny, depth_image, grey_of, thresholds, without_abrupt_depth
-from treadline.perception.paper.hough_segments import merged, most_frequent_slope, near_level, segments, slopes
+from treadline.perception.paper.edges import canny, grey_of, thresholds
+from treadline.perception.paper.hough_segments import merged, segments, slopes
 from treadline.perception.paper.pictures import write_stages
 
 CAMERA = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)
@@ -130,24 +130,6 @@ def test_a_black_picture_has_no_edges(rule: str) -> None:
     assert not canny(np.zeros((40, 40), dtype=np.uint8), rule).any()
 
 
-def test_a_depth_picture_is_black_where_nothing_came_back() -> None:
-    picture = depth_image(np.array([[np.nan, 0.0, 2.0, 4.0, 9.0]]))
-    assert picture.tolist() == [[0, 0, 127, 255, 255]]
-
-
-def test_edges_at_a_jump_or_in_a_hole_are_taken_away() -> None:
-    depth = np.full((30, 30), 2.0)
-    depth[:, 15:] = 2.5
-    depth[0:5] = np.nan
-    kept = without_abrupt_depth(np.ones((30, 30), dtype=bool), depth, 0.25)
-    assert not kept[:, 14:16].any()
-    assert not kept[:6].any()
-    assert kept[7:, 2:13].all()
-    assert kept[7:, 17:28].all()
-    # A jump smaller than the limit is no jump.
-    assert without_abrupt_depth(np.ones((30, 30), dtype=bool), depth, 0.6)[7:, 14:16].all()
-
-
 def test_segments_run_from_left_to_right() -> None:
     edges = np.zeros((100, 200), dtype=bool)
     edges[50, 10:190] = True
@@ -158,28 +140,9 @@ def test_segments_run_from_left_to_right() -> None:
     assert segments(np.zeros((100, 200), dtype=bool)).shape == (0, 4)
 
 
-def test_only_lines_near_level_are_kept() -> None:
-    lines = np.array([[0.0, 0.0, 100.0, 30.0], [0.0, 0.0, 100.0, 40.0], [0.0, 0.0, 100.0, -30.0], [5.0, 0.0, 5.0, 80.0]])
-    assert near_level(lines, 0.35).tolist() == lines[[0, 2]].tolist()
-
-
-def test_pieces_of_one_line_are_merged_from_end_to_end() -> None:
-    pieces = np.array([[10.0, 51.0, 100.0, 60.0], [120.0, 62.0, 300.0, 80.0]])
-    (line,) = merged(pieces, 320)
-    assert line == pytest.approx([10.0, 51.0, 300.0, 80.0], abs=1e-6)
-
-
 def test_lines_at_other_rows_or_slopes_stay_apart() -> None:
     level = [10.0, 50.0, 300.0, 50.0]
     assert len(merged(np.array([level, [10.0, 61.0, 300.0, 61.0]]), 320)) == 2
     assert len(merged(np.array([level, [10.0, 59.0, 300.0, 59.0]]), 320)) == 1
     # Both cross the middle at row 50; 0.03 is more than 2 rows in 100 columns.
     assert len(merged(np.array([level, [10.0, 45.5, 310.0, 54.5]]), 320)) == 2
-
-
-def test_the_most_frequent_slope_wins() -> None:
-    rows = np.arange(4.0) * 30.0
-    common = np.column_stack([np.zeros(4), rows, np.full(4, 100.0), rows + 10.0])
-    odd = np.array([[0.0, 150.0, 100.0, 180.0], [0.0, 20.0, 100.0, 0.0]])
-    assert most_frequent_slope(np.vstack([common, odd])).tolist() == common.tolist()
-    assert most_frequent_slope(np.zeros((0, 4))).shape == (0, 4)

@@ -25,7 +25,7 @@ def test_the_chassis_is_placed_by_its_pose(recording: Recording) -> None:
     c, s = np.cos(recording.pitch_rad[200]), np.sin(recording.pitch_rad[200])
     x, _, z = recording.p_WB[200]
     np.testing.assert_allclose(matrix, [c, s, -s, c, x, z], atol=1e-4)  # four decimals
-    assert 'aria-label="words &amp; &lt;more>"' in view
+    assert 'aria-label="words &amp; &lt;more&gt;"' in view
 
 
 def test_a_strip_has_a_frame_at_each_phase_and_at_the_end(recording: Recording) -> None:

@@ -69,14 +69,6 @@ def test_a_rule_of_two_tables_is_found_at_the_line_of_the_key_that_it_names(tmp_
         read_chair(path)
 
 
-def test_the_masses_and_speeds_are_those_of_table_1() -> None:
-    chair = read_chair("wheelchair")
-    assert chair.masses.chassis_kg == 23.4
-    assert chair.drives.max_speed_m_s == 1.0
-    # Table I turns at 3.07 rad/s with the belts at ±1 m/s; the gauge is given to the centimetre.
-    assert 2.0 * chair.drives.max_speed_m_s / chair.tracks.gauge_m == pytest.approx(3.07, rel=0.005)
-
-
 def test_the_nose_is_the_third_pulley() -> None:
     chair = read_chair("wheelchair")
     x, y, z = chair.nose_m

@@ -8,12 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from treadline.core.errors import MechanicsError
-from treadline.vehicle.tracks import minimum_track_length, nosings_touched
-
-
-@given(rise=st.floats(0.05, 0.3), run=st.floats(0.15, 0.6))
-def test_the_minimum_length_is_two_pitches(rise: float, run: float) -> None:
-    assert minimum_track_length(rise, run) == pytest.approx(2.0 * math.sqrt(rise * rise + run * run), rel=1e-14)
+from treadline.vehicle.tracks import nosings_touched
 
 
 @given(pitch=st.floats(0.1, 0.7), ratio=st.floats(0.2, 5.0) | st.sampled_from([1.0, 2.0, 3.0]))
