@@ -4,7 +4,7 @@ The guard composes it; each node that uses readings has an admission of its own 
 answers.
 """
 
-from treadline.core.signals import FrameQuality, HeadingMeasurement, StairMap, TrackReading
+from treadline.core.signals import FrameQuality, FreeGround, HeadingMeasurement, StairMap, TrackReading
 from treadline.guard._belt_monitor import BeltTravel
 from treadline.guard._bounds import fault_of
 from treadline.guard._frame_monitor import FrameMonitor
@@ -51,6 +51,9 @@ class ReadingAdmission:
             case HeadingMeasurement():
                 heading = (reading.heading_rad, reading.sigma_rad)
                 return self.frames.accept_measurement("heading", reading.t_s, heading, self._travel.travel_m)
+            case FreeGround():
+                # Equal ground is no sign of a frozen camera: its range limits what is seen.
+                return self.frames.accept_measurement("ground", reading.t_s, reading.t_s, self._travel.travel_m)
             case StairMap():
                 # Two maps without any nosing or obstacle are equal although the camera is not frozen.
                 seen = (reading.nosings_B, reading.obstacle_m)

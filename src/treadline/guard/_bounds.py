@@ -11,6 +11,7 @@ from treadline.core.angles import DEG
 from treadline.core.signals import (
     FlipperReading,
     FrameQuality,
+    FreeGround,
     HeadingHealth,
     HeadingMeasurement,
     ImuSample,
@@ -92,6 +93,11 @@ def _map_fault(stair: StairMap, _: GuardConfig) -> str:
     return _number_fault(stair.rise_m, stair.run_m, stair.slope_rad, *places, *known)
 
 
+def _ground_fault(ground: FreeGround, _: GuardConfig) -> str:
+    maybe = (ground.end_m, ground.end_sigma_m, ground.direction_rad, ground.direction_sigma_rad)
+    return _number_fault(ground.blind_m, ground.seen_m, *(value for value in maybe if value is not None))
+
+
 def _plan_fault(plan: MotionPlan, limits: GuardConfig) -> str:
     speeds = (plan.speed_m_s, plan.turn_m_s or 0.0, plan.pitch_feedforward_m_s)
     if not all(abs(speed) <= limits.belt_limit_m_s for speed in speeds):
@@ -109,6 +115,7 @@ CHECKS: dict[type, Callable[[Any, GuardConfig], str]] = {
     HeadingHealth: _health_fault,
     FrameQuality: _frame_fault,
     StairMap: _map_fault,
+    FreeGround: _ground_fault,
     MotionPlan: _plan_fault,
 }
 """Check of each type of message; images are judged by their quality."""

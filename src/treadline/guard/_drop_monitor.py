@@ -7,15 +7,13 @@ them. An edge is driven over if the planner enters it and the guard's own maps s
 import math
 
 from treadline.core.angles import DEG
-from treadline.core.signals import FreeGround, Phase, StairMap
+from treadline.core.signals import FreeGround, MotionPlan, Phase, StairMap
 from treadline.guard._guard_config import FLIGHT, SAME_M, GuardConfig
 from treadline.guard._obstacle_monitor import OBSTACLE_MAPS
 
 FLAT_RAD = 5.0 * DEG
 """Largest pitch of a chair on a floor, a landing or a ramp [rad]: ramps for wheelchairs rise by 1:12, 4.8°, and no flight is
 flatter than 5° (``scenario.stair``)."""
-DEVIATIONS = 2.0
-"""Standard deviations of the measured end that are added to that distance: 95 % of a normal variable's errors are smaller."""
 ENTERS: tuple[Phase, ...] = ("approach", "edge")
 """Phases that lead over an edge."""
 
@@ -59,7 +57,7 @@ class DropMonitor:
             self._seen_m = place_m + ground.seen_m
             self._known_m[way] = max(self._known_m[way], self._seen_m)
         if ground.end_m is not None:
-            self._end_m = place_m + ground.end_m - DEVIATIONS * (ground.end_sigma_m or 0.0)
+            self._end_m = place_m + ground.end_m - (ground.end_sigma_m or 0.0)
             self._end_count += 1
         elif place_m + ground.blind_m < self._end_m < place_m + ground.seen_m - SAME_M:
             self._forget_end()
@@ -71,17 +69,18 @@ class DropMonitor:
             self._nosing_m = ahead_m[0] - travel_m
             self._nosing_count += 1
 
-    def cause(self, t_s: float, travel_m: float, speed_m_s: float, phase: Phase | None, heading_rad: float) -> str | None:
+    def cause(self, t_s: float, travel_m: float, speed_m_s: float, plan: MotionPlan | None, heading_rad: float) -> str | None:
         """Return why the chair may not go on over flat ground; None if it may, or if it is on a flight.
 
         Args:
             t_s: Time of the tick.
             travel_m: Belt travel, negative backwards.
             speed_m_s: Commanded mean belt speed.
-            phase: Phase of the plan.
+            plan: Latest plan, if any.
             heading_rad: Heading; infinite if unknown.
         """
         self._drive(travel_m, heading_rad)
+        phase = None if plan is None else plan.phase
         way, on_flight = math.copysign(1.0, speed_m_s), self._flat_s is None and phase in FLIGHT
         if speed_m_s == 0.0 or on_flight or (way == self._way and phase in ENTERS and self._is_confirmed):
             return None

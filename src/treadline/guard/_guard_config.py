@@ -141,6 +141,9 @@ class GuardConfig:
     stopping_s: float = 0.4
     """Time of the stopping distance [s]: two frames, a control tick and the brake."""
 
+    awaits_ground: bool = False
+    """Whether the camera reports where the ground ends (``FreeGround``): the chair then drives only over known ground, and stops
+    before a drop."""
     needs_heading: bool = True
     """Whether sensor timeouts, attitude and heading are monitored; False for open-loop runs."""
     has_planner: bool = True

@@ -18,6 +18,7 @@ from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,
     FrameQuality,
+    FreeGround,
     HeadingEstimate,
     HeadingHealth,
     HeadingMeasurement,
@@ -34,6 +35,7 @@ from treadline.guard._admission import ReadingAdmission
 from treadline.guard._attitude_limits import SeatMonitor, TiltMonitor
 from treadline.guard._belt_monitor import BeltMonitor
 from treadline.guard._bounds import fault_of, finite
+from treadline.guard._drop_monitor import DropMonitor
 from treadline.guard._guard_config import ENDS, FLIGHT, STEADY, GuardConfig
 from treadline.guard._gyro_only_turn import GyroOnlyTurn, heading_fault
 from treadline.guard._half_cosine_stop import CauseKind
@@ -68,6 +70,7 @@ class Guard:
         self._belts = BeltMonitor(config)
         self._slip = SlipMonitor(config)
         self._ahead = AheadMonitor(config)
+        self._drop = DropMonitor(config)
         self._blind = GyroOnlyTurn(config)
         self._tilt = TiltMonitor(config)
         self._seat = SeatMonitor(config)
@@ -85,6 +88,7 @@ class Guard:
         self._direction = ""
         self._heading_rad = math.inf
         self._plan: MotionPlan | None = None
+        self._watches_ground = config.watches_motion and config.awaits_ground
 
     @property
     def config(self) -> GuardConfig:
@@ -175,8 +179,11 @@ class Guard:
             if cause is not None:
                 self._latch.hold(t_s, kind, cause)
         passed = self._limited(t_s, estimate, late_s)
-        ahead = self._ahead.cause(self._belts.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s))
-        self._latch.hold(t_s, CauseKind.AHEAD, ahead)
+        travel_m, mean_m_s = self._belts.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s)
+        self._latch.hold(t_s, CauseKind.AHEAD, self._ahead.cause(travel_m, mean_m_s))
+        if self._watches_ground:
+            drop = self._drop.cause(t_s, travel_m, mean_m_s, self._plan, self._heading_rad)
+            self._latch.hold(t_s, CauseKind.AHEAD, drop)
         if self._latch.cause is not None:
             passed = self._latch.stop(t_s, self._belts.expected_m_s)
         self._belts.ask(passed)
@@ -243,12 +250,15 @@ class Guard:
             case StairMap():
                 self._update_sight(signal.t_s)
                 self._look_ahead(signal)
+            case FreeGround():
+                self._drop.look(signal, self._belts.travel.at(signal.t_s)[0])
             case _:
                 pass  # images are judged by their FrameQuality, and the flipper's angle is not used
 
     def _update_motion(self, sample: ImuSample) -> None:
         orientation, pitch_rate = sample.orientation, -sample.angular_velocity_rad_s[1]
         self._senses.imu(sample.t_s)
+        self._drop.update_motion(sample.t_s, sample.pitch_rad)
         self._blind.update_motion(sample.t_s, orientation, pitch_rate)
         if self._config.watches_motion and self._config.needs_heading:
             self._tilt.update(sample.t_s, orientation, pitch_rate)
@@ -284,6 +294,7 @@ class Guard:
         travel_m, slow_travel_m = self._belts.travel.at(stair.t_s)
         places = [(sign * x, z) for x, _, z in stair.nosings_B]
         self._ahead.look(stair, places, sign * travel_m)
+        self._drop.look_on_stair(stair, travel_m)
         # In other phases the chair pitches, or is on flat ground, and nosings do not pass at belt speed.
         plan = self._plan
         # A chair that climbs to turn square, with its camera on the flight below, does not roll back.
@@ -369,6 +380,8 @@ class Guard:
         if self._t_s is None:
             self._t_s = self._driver_s = self._planned_s = t_s
             self._senses.begin(t_s)
+            if self._config.watches_motion and not self._watches_ground:
+                self._latch.report(t_s, "drop_unwatched", "the camera does not report where the ground ends: no stop before a drop")
         passed_s, self._t_s = t_s - self._t_s, t_s
         if passed_s < -self._config.clock_jump_s:
             self._latch.hold(t_s, CauseKind.CLOCK, f"mission clock leapt by {passed_s:+.2f} s")

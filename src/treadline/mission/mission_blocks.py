@@ -169,6 +169,7 @@ def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True)
         rear_m=chair.rear_reach_m,
         gauge_m=tracks.gauge_m,
         track_span_m=tracks.flat_run_m,
+        awaits_ground=config.reports_ground,
         needs_heading=config.loop == "closed",
         watches_slip=config.allocation == "climb-safe" and config.loop == "closed" and driven,
         driver_timeout_s=PERIODS_MISSED * period_s,

@@ -88,6 +88,8 @@ class MissionConfig:
     climb_speed_m_s: float = 0.2
     flights: int | None = None
     """Number of flights to traverse. None: continue as long as another flight is seen across a landing."""
+    reports_ground: bool = False
+    """Whether camera or detector report where the ground ends (``FreeGround``); the guard then awaits it."""
     loop: Literal["closed", "open"] = "closed"
     vision: Literal["robust", "paper"] = "robust"
     allocation: Literal["climb-safe", "paper"] = "climb-safe"

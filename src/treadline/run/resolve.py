@@ -25,6 +25,7 @@ from treadline.mission.mission_config import (
     source_of_plugin,
 )
 from treadline.mission.plugins import checked_plugin, load_plugin
+from treadline.perception import StairDetector
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Scenario, read_scenario
 from treadline.scenario.shipped_files import shipped_controller
@@ -192,11 +193,20 @@ def mission_config(
         payload_kg=scenario.chair.entered.payload_kg,
         climb_speed_m_s=scenario.drive.speed_m_s,
         flights=scenario.stair.flights,
+        reports_ground=_reports_ground(scenario, plugins),
         loop=scenario.control.loop,
         vision="paper" if scenario.control.vision == "paper" else "robust",
         allocation=scenario.control.allocation,
         reconstruct=scenario.control.reconstruct,
     )
+
+
+def _reports_ground(scenario: Scenario, plugins: Plugins | None) -> bool:
+    """Return whether the camera that measures by itself, or the detector of its frames, declares to report the ground ahead."""
+    if scenario.sensors.camera == "statistical" or scenario.control.vision == "truth":
+        return True
+    detector = StairDetector if plugins is None or plugins.detector is None else plugins.detector
+    return scenario.control.vision == "robust" and bool(getattr(detector, "reports_ground", False))
 
 
 def with_seat_shifted(chair: ChairDescription, shift_m: float) -> ChairDescription:

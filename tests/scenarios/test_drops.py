@@ -1,0 +1,68 @@
+"""Drops at the ends of landings: the guard stops a chair that is told to drive on, and lets it pass where it arrives or enters."""
+
+from typing import Any
+
+import jaxtyping
+import numpy as np
+import pytest
+
+from treadline.core.signals import FreeGround
+from treadline.run.episode import Traverse, run_episode
+from treadline.run.resolve import resolve
+from treadline.scenario.scenario import Scenario
+from treadline.vehicle.staircase import as_designed
+
+PULLEY_M = 0.475
+"""Half of the flat run of the shipped chair, 0.95 m."""
+
+
+@pytest.fixture(autouse=True)
+def _without_shape_checks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run without the tests' shape checks, two thirds of a run's time; the loop's own tests have them."""
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+
+
+def scenario(direction: str, camera: str = "statistical", **stair: Any) -> Scenario:
+    return Scenario.model_validate(
+        {
+            "stair": {"slope_deg": 28.0, "steps": 6, "width_m": 1.4} | stair,
+            "start": {"place": "floor" if direction == "up" else "landing"},
+            "drive": {"direction": direction, "duration_s": 120.0, "check": False},
+            "sensors": {"camera": camera},
+        }
+    )
+
+
+def driven(scenario: Scenario, **options: Any) -> Traverse:
+    return run_episode(resolve(scenario, None, 3), **options)
+
+
+@pytest.mark.parametrize(("direction", "turn"), [("up", "left"), ("up", "right"), ("down", "left")])
+def test_a_chair_told_to_drive_over_a_quarter_landing_stops_before_its_end(direction: str, turn: str) -> None:
+    """Test: the next flight leaves by the side. Expected result: HOLD, 0.3 m or more from the leading pulley to the rim."""
+    told = scenario(direction, flights=2, turn=turn, between_m=2.5, landing_m=3.0)
+    run = driven(told)
+    assert run.verdict == "held"
+    assert str(run.cause).startswith("the ground ends")
+    staircase = as_designed(told.stair)
+    R_WF, p_WF = staircase.flight_frame(0 if direction == "up" else 1)
+    p_WB = np.array([run.trace[f"chassis_{axis}_m"][-1] for axis in "xyz"])
+    along_m = float((R_WF.T @ (p_WB - p_WF))[0])
+    # The landing's far rim: 2.5 m beyond the first flight's last nosing; one width of 1.4 m before the second flight's foot.
+    left_m = staircase.steps[5].x_m + 2.5 - along_m if direction == "up" else along_m + 1.4
+    assert 0.3 <= left_m - PULLEY_M < 0.5
+
+
+def test_a_landing_of_usual_depth_is_deep_enough_to_arrive() -> None:
+    """Test: 1.5 m without a wall at its end, the default. Expected result: it arrives."""
+    assert driven(scenario("up", landing_m=1.5)).verdict == "arrived"
+
+
+def test_a_rendered_camera_reports_no_ground_and_the_log_says_that_drops_are_not_watched() -> None:
+    signals: list[Any] = []
+    run = driven(
+        scenario("down", "kinect1", landing_m=3.0).changed(drive={"duration_s": 0.5}), sink=lambda signal, _: signals.append(signal)
+    )
+    assert [event.name for event in run.events].count("drop_unwatched") == 1
+    assert not any(isinstance(signal, FreeGround) for signal in signals)
+    assert "drop_unwatched" not in [event.name for event in driven(scenario("up").changed(drive={"duration_s": 0.5})).events]
