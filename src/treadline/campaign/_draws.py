@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from treadline.core.arrays import LARGEST
 from treadline.core.errors import SettingsError
 from treadline.core.overrides import put
 from treadline.core.settings import Settings, settings_of
@@ -134,12 +135,16 @@ def _is_multiple(value: object) -> bool:
     return isinstance(value, Mapping) and "times" in value
 
 
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
+
+
 def _check_bound(bound: object, where: str) -> None:
     if isinstance(bound, int | float) and not isinstance(bound, bool):
-        if not np.isfinite(bound):
+        if not abs(bound) <= LARGEST:
             raise SettingsError(f"{where}: a bound is {bound}; it must be finite")
         return
-    if not isinstance(bound, Mapping) or set(bound) != {"times", "of"} or type(bound["times"]) not in (int, float):
+    if not isinstance(bound, Mapping) or set(bound) != {"times", "of"} or not _is_number(bound["times"]):
         raise SettingsError(f'{where}: a bound must be a number, or {{ times = 1.1, of = "stair.tan_slope" }} (got {bound!r})')
     if bound["of"] not in DERIVED:
         check_path(str(bound["of"]), where)
@@ -159,7 +164,8 @@ def _check_when(when: object, where: str) -> None:
     for key, condition in when.items():
         if key not in DERIVED:
             check_path(key, f"{where}: when")
-        if isinstance(condition, Mapping) and not (condition and set(condition) <= {"above", "at_most"}):
+        bounds = condition if isinstance(condition, Mapping) else {"above": 0}
+        if not bounds or not set(bounds) <= {"above", "at_most"} or not all(map(_is_number, bounds.values())):
             raise SettingsError(f"{where}: when {key}: give a value, a list of values, or above and at_most (got {condition!r})")
         if isinstance(condition, Mapping) and (key == LABEL or not isinstance(get_value({}, key), int | float)):
             raise SettingsError(f"{where}: when {key}: above and at_most need a numeric key")

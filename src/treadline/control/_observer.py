@@ -8,7 +8,7 @@ leaves a heading offset. See docs/decisions/0004-offset-free-heading.md.
 import numpy as np
 from jaxtyping import Float
 
-from treadline.control.lqr import spectral_radius
+from treadline.control.lqr import solvable, spectral_radius
 from treadline.core.errors import NotDetectable
 from treadline.core.models import LinearModel
 
@@ -37,20 +37,15 @@ def kalman_gain(
     from scipy.linalg import solve_discrete_are  # here, because a climb, which loads this module, designs nothing
 
     # For an unobservable mode at the stability limit, rounding may give a useless solution of the equation, or none.
-    try:
-        P = solve_discrete_are(A.T, C.T, process, measurement)
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise _not_detectable(A) from error
-    L = A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + measurement)
-    if not spectral_radius(A - L @ C) < 1.0:
-        raise _not_detectable(A)
-    return np.asarray(L)
-
-
-def _not_detectable(A: Float[np.ndarray, "n n"]) -> NotDetectable:
-    return NotDetectable(
+    undetectable = NotDetectable(
         f"no gain makes A - LC stable (spectral radius of A is {spectral_radius(A):.3f}); add an output that shows the slow state"
     )
+    with solvable(undetectable):
+        P = solve_discrete_are(A.T, C.T, process, measurement)
+        L = A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + measurement)
+    if not spectral_radius(A - L @ C) < 1.0:
+        raise undetectable
+    return np.asarray(L)
 
 
 def with_disturbance(

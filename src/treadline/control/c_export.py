@@ -23,8 +23,8 @@ from treadline.control.heading_controller import (
     HeadingController,
     inner_ratio_of,
 )
-from treadline.control.lqr import static_reconstruction
-from treadline.control.tune import BELT_DIFFERENCE
+from treadline.control.lqr import solvable, static_reconstruction
+from treadline.control.tune import BELT_DIFFERENCE, OUT_OF_RANGE
 from treadline.core.models import ControllerDesign
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
 from treadline.scenario.shipped_files import DATA
@@ -56,6 +56,7 @@ class Exchange:
     answer: TrackCommand
 
 
+@solvable(OUT_OF_RANGE)
 def exported(
     target: Target, design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange] | None = None
 ) -> dict[str, str]:

@@ -1,10 +1,14 @@
 """LQR: the gain that trades heading error against belt speed (Eq. 10, 11a, 13, 14), and the state from one output (Eq. 11b)."""
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 from jaxtyping import Complex, Float
 
-from treadline.core.arrays import matrix
-from treadline.core.errors import NotDefinite, NotFinite, NotInvertible, NotStabilisable, ShapeMismatch
+from treadline.core.arrays import check_magnitude, matrix
+from treadline.core.errors import NotDefinite, NotInvertible, NotStabilisable, ShapeMismatch, TreadlineError
 from treadline.core.models import ControllerDesign
 
 SYMMETRY = 1e-9
@@ -48,19 +52,16 @@ def lqr_gain(
     for name, given, shape in (("A", A, (n, n)), ("B", B, (n, m)), ("Q", Q, (n, n)), ("R", R, (m, m))):
         if given.shape != shape:
             raise ShapeMismatch(f"the weight or matrix {name} is {given.shape}, A and B ask for {shape}")
-    for name, given in (("A", A), ("B", B), ("Q", Q), ("R", R)):
-        if not np.isfinite(given).all():
-            raise NotFinite(f"{name} holds NaN or Inf")
+        check_magnitude(name, given, "correct the model or the weights")
     _check_definite("Q", Q, strictly=False)
     _check_definite("R", R, strictly=True)
-    try:
+    unsolved = NotStabilisable(
+        f"the Riccati equation has no stabilising solution (spectral radius of A is {spectral_radius(A):.3f}); "
+        "identify the model again with inputs that excite both tracks"
+    )
+    with solvable(unsolved):
         P = solve_discrete_are(A, B, Q, R)
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise NotStabilisable(
-            f"the Riccati equation has no stabilising solution (spectral radius of A is {spectral_radius(A):.3f}); "
-            "identify the model again with inputs that excite both tracks"
-        ) from error
-    K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+        K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
     radius = spectral_radius(A - B @ K)
     if not radius < 1.0:
         raise NotStabilisable(
@@ -68,6 +69,17 @@ def lqr_gain(
             "identify it again with inputs that excite both tracks"
         )
     return np.asarray(K)
+
+
+@contextmanager
+def solvable(otherwise: TreadlineError) -> Iterator[None]:
+    """Raise an error if a computation has no finite result, or a solver warns that its result is inaccurate."""
+    try:
+        with np.errstate(over="raise", invalid="raise", divide="raise"), warnings.catch_warnings():
+            warnings.simplefilter("error")
+            yield
+    except (ArithmeticError, ValueError, Warning) as error:  # of these, LinAlgError is a ValueError
+        raise otherwise from error
 
 
 def _check_definite(name: str, weight: Float[np.ndarray, "n n"], *, strictly: bool) -> None:

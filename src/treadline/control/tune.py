@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.control._observer import kalman_gain, with_disturbance
-from treadline.control.lqr import closed_loop_poles, lqr_gain, static_reconstruction
+from treadline.control.lqr import closed_loop_poles, lqr_gain, solvable, static_reconstruction
 from treadline.core.angles import DEG
-from treadline.core.errors import NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
+from treadline.core.errors import ModelError, NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
 from treadline.core.models import ControllerDesign, LinearModel, Reconstruct
 from treadline.core.signals import PERIOD_ROUNDING_S, TICK_S, on_the_tick
 
@@ -37,6 +37,10 @@ BELT_DIFFERENCE = np.array([-0.5, 0.5])
 """Direction of the disturbance: right belt faster than the left by 1 m/s."""
 
 
+OUT_OF_RANGE = ModelError("the design from this model leaves the range of double precision; identify the model again in SI units")
+
+
+@solvable(OUT_OF_RANGE)
 def tune(
     model: LinearModel,
     *,
@@ -195,6 +199,7 @@ DIFFERENCE_ALONE = np.outer(BELT_DIFFERENCE, np.sign(BELT_DIFFERENCE))
 """Projection of two belt speeds on their difference."""
 
 
+@solvable(OUT_OF_RANGE)
 def design_warning(design: ControllerDesign) -> str | None:
     """Return a warning for a gain without effect or with too slow a response, else None."""
     return _negligible_response(design) or _slow_response(design)

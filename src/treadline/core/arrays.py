@@ -5,10 +5,12 @@ from dataclasses import fields
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.errors import RecordError, ShapeMismatch
+from treadline.core.errors import NotFinite, RecordError, ShapeMismatch
 
 REAL = "biuf"
 """Dtype kinds of real numbers: boolean, signed and unsigned integer, floating point."""
+LARGEST = 2.0**53
+"""Largest magnitude of a number in a file: double precision holds every integer up to here, and squares are far from overflow."""
 
 
 def shaped(name: str, given: object, shape: tuple[int | None, ...], wanted: str) -> Float[np.ndarray, "..."]:
@@ -52,6 +54,16 @@ def real(name: str, given: object, wanted: str) -> Float[np.ndarray, "..."]:
     if array.dtype.kind not in REAL:
         raise RecordError(f"{name} is {_called(given, array)}; wanted {wanted}, all real numbers")
     return array if array.dtype.kind == "f" else array.astype(float)
+
+
+def check_magnitude(name: str, values: Float[np.ndarray, "..."], remedy: str) -> None:
+    """Reject values that are not finite, or larger than ``LARGEST``.
+
+    Raises:
+        NotFinite: With the remedy.
+    """
+    if not (np.abs(values) <= LARGEST).all():
+        raise NotFinite(f"{name} holds NaN, Inf or a number beyond {LARGEST:.0e}; {remedy}")
 
 
 def store_contiguous(instance: object) -> None:

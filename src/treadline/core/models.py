@@ -11,13 +11,13 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from numbers import Real
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.core.arrays import matrix, real, shaped
-from treadline.core.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.core.arrays import check_magnitude, matrix, real, shaped
+from treadline.core.errors import ModelError, RecordError, SettingsError, ShapeMismatch, TreadlineError
 from treadline.core.printing import Brief, Printable, plain
 from treadline.core.settings import text_of
 from treadline.core.signals import TICK_S, on_the_tick
@@ -125,6 +125,8 @@ class LinearModel(Printable):
     def __post_init__(self) -> None:
         for name in ("A", "B", "C", "D"):
             object.__setattr__(self, name, matrix(name, getattr(self, name)))
+        for name in ("input_names", "output_names"):
+            object.__setattr__(self, name, _names(name, getattr(self, name)))
         n, m, p = self.A.shape[0], self.B.shape[1], self.C.shape[0]
         wanted = {
             "A": (n, n),
@@ -194,6 +196,8 @@ class ControllerDesign(Printable):
         _settle(self, "observer_gain", (self.model.order, self.model.C.shape[0]))
         if self.disturbance_gain is not None:
             _settle(self, "disturbance_gain", (self.model.C.shape[0],))
+        if not isinstance(self.vehicle, str) or self.reconstruct not in get_args(Reconstruct):
+            raise ModelError(f"the vehicle is {self.vehicle!r}, a name; reconstruct is {self.reconstruct!r}, observer or static")
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return vehicle, period, gain and state reconstruction."""
@@ -290,15 +294,22 @@ def json_of(text: str, path: str) -> dict[str, Any]:
     if not text.strip():
         raise SettingsError(f"{path}: empty; wanted JSON, as treadline writes it")
     try:
-        value = json.loads(text)
+        value = json.loads(text, parse_constant=_finite, parse_float=_finite, parse_int=_finite)
     except json.JSONDecodeError as error:
         raise SettingsError(f"{path}:{error.lineno}: not JSON: {error.msg}") from None
     except (ValueError, RecursionError) as error:
-        # ValueError: Python rejects an integer of thousands of digits.
         raise SettingsError(f"{path}: not JSON that can be read: {error}") from None
     if not isinstance(value, dict):
         raise SettingsError(f"{path}: holds a {type(value).__name__}, not an object")
     return value
+
+
+def _finite(text: str) -> float:
+    """Return the number of a JSON text; NaN and Infinity, which Python reads, are none, and 1e999 is too large."""
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"the number {text[:20]} is not finite")
+    return int(text) if text.lstrip("-").isdigit() else number
 
 
 def _columns(name: str, given: object) -> Float[np.ndarray, "T c"]:
@@ -330,8 +341,7 @@ def _settle(owner: object, name: str, shape: tuple[int, ...]) -> None:
     array = real(name, getattr(owner, name), f"an array of shape {shape}")
     if array.shape != shape:
         raise ShapeMismatch(f"{name} is {array.shape}, the other matrices ask for {shape}; is it transposed?")
-    if not np.isfinite(array).all():
-        raise NotFinite(f"{name} holds NaN or Inf; identify the model again")
+    check_magnitude(name, array, "identify the model again")
     array.setflags(write=False)
     object.__setattr__(owner, name, array)
 
@@ -357,10 +367,8 @@ def _from_json(cls: type[Any], tables: dict[str, Any], where: str) -> Any:
         for name, value in tables.items():
             if name in _ARRAYS and value is not None:
                 values[name] = np.array(value, dtype=float)
-            elif name.endswith("_names"):
-                values[name] = tuple(value)
         return cls(**values)
-    except (TypeError, ValueError) as error:
+    except (ArithmeticError, TypeError, ValueError) as error:
         raise SettingsError(f"{where}: not a {cls.__name__}: {error}") from None
-    except (ModelError, NotFinite, ShapeMismatch) as error:
+    except TreadlineError as error:
         raise SettingsError(f"{where}: {error}") from None

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float64, Shaped
 
+from treadline.core.arrays import LARGEST
 from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError
 
 SECONDS = ("t_s", "t", "time")
@@ -185,13 +186,15 @@ def _check_finite(
     allow_gaps: bool,
     nan: str = "pass --allow-gaps, which leaves out the windows with NaN",
 ) -> None:
-    if np.isfinite(values).all():
+    size = np.abs(values)
+    if (size <= LARGEST).all():
         return
-    for test, word, remedy in (
-        (np.isinf, "Inf", "repair the recording"),
-        (np.isnan, "NaN", nan),
+    for failed, word, remedy in (
+        (np.isinf(size), "Inf", "repair the recording"),
+        (size > LARGEST, f"a number beyond {LARGEST:.0e}", "repair the recording"),
+        (np.isnan(size), "NaN", nan),
     ):
-        bad = np.argwhere(test(values))
+        bad = np.argwhere(failed)
         if bad.size and not (word == "NaN" and allow_gaps):
             i, j = bad[0].tolist()
             raise NotFinite(f"{table.where(i)}: column '{names[j]}' holds {word}; {remedy}")

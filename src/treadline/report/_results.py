@@ -325,7 +325,7 @@ class Manifest(Part):
     """``manifest.json`` of one run."""
 
     settings: dict[str, Any]
-    seed: int
+    seed: Annotated[int, Field(ge=0)]
     command: str
 
 

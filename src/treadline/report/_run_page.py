@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from markupsafe import Markup
 
+from treadline.core.arrays import check_magnitude
 from treadline.core.errors import SettingsError
 from treadline.core.models import write_whole
 from treadline.io.runs import read_series
@@ -103,6 +104,8 @@ def checked_series(folder: Path) -> dict[str, Float[np.ndarray, " T"]]:
     missing = [name for name in COLUMNS if name not in series]
     if missing:
         raise SettingsError(f"{path}: no column '{missing[0]}'; make the run again")
+    for name, values in series.items():
+        check_magnitude(f"{path}: column '{name}'", values[np.isfinite(values)], "make the run again")
     if not np.isfinite(series["t_s"]).all():
         raise SettingsError(f"{path}: a time in t_s is not a number; make the run again")
     return series

@@ -64,7 +64,8 @@ def cloud_of(values: np.ndarray, size_px: tuple[int, int] | None, t_s: float = 0
     missing = [name for name in "xyz" if name not in names]
     if missing:
         raise ImageError(f"no field '{missing[0]}' (there are: {', '.join(names)}); a cloud needs x, y and z")
-    points = np.stack([values[name].astype(np.float32) for name in "xyz"], axis=1)
+    with np.errstate(over="ignore"):  # beyond single precision: Inf, no return
+        points = np.stack([values[name].astype(np.float32) for name in "xyz"], axis=1)
     return PointCloud(points=points, size_px=size_px, rgb=_colours(values, names), t_s=t_s)
 
 
@@ -184,7 +185,7 @@ def _rows(stream: io.BytesIO, kind: np.dtype, count: int, *, is_text: bool) -> n
 
 def _typed(table: np.ndarray, kind: np.dtype) -> np.ndarray:
     """Return columns of numbers as a structured array; text stores a packed colour by its value or its bits."""
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         return recfunctions.unstructured_to_structured(table, kind, casting="unsafe")
 
 

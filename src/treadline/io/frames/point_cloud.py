@@ -12,6 +12,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64, UInt8
 
+from treadline.core.arrays import LARGEST
 from treadline.core.camera_images import PinholeCamera, RgbdFrame, black
 from treadline.core.errors import ImageError
 from treadline.scenario.camera_file import CameraFile
@@ -109,14 +110,14 @@ def cloud_image(
         ImageError: If the cloud is too small, lies behind the camera, or has another unit, or if its size is not the camera's.
     """
     x, y, z = _in_camera(cloud.points, axes, UNITS[unit])
-    size = np.abs(x) + np.abs(y) + np.abs(z)
-    index = np.flatnonzero((size > 0.0) & (size < np.inf))  # NaN is neither
+    size = np.maximum(np.maximum(np.abs(x), np.abs(y)), np.abs(z))
+    index = np.flatnonzero((size > 1.0 / LARGEST) & (size < LARGEST))  # NaN is neither
     if len(index) < FEWEST_POINTS:
         raise ImageError(f"{where}: {len(index)} points with a return; at least {FEWEST_POINTS} are needed to see two steps")
     some = index[:: max(1, len(index) // SAMPLE)]
     _check_unit(where, np.stack([x[some], y[some], z[some]], axis=1), unit)
     _check_in_front(where, np.stack([x[some], y[some], z[some]], axis=1), axes)
-    index = index[z[index] > 0.0]
+    index = index[z[index] > 1.0 / LARGEST]
     depth = z[index]
     seen = _Seen(number=index, depth=depth, x=x[index] / depth, y=y[index] / depth)
     return _projected(cloud, seen, camera) if cloud.size_px is None else _organised(where, cloud, seen, camera)
@@ -234,9 +235,9 @@ def _front_points(
     In each pixel the nearest surface counts, and of its points the one next to the pixel's centre: the nearest point alone would
     pull a sloping surface towards the camera.
     """
-    column, row = np.rint(u).astype(np.int64), np.rint(v).astype(np.int64)
-    inside = np.flatnonzero((column >= 0) & (column < camera.width_px) & (row >= 0) & (row < camera.height_px))
-    pixel, z = row[inside] * camera.width_px + column[inside], depth[inside]
+    column, row = np.rint(u), np.rint(v)
+    inside = np.flatnonzero((column >= 0.0) & (column < camera.width_px) & (row >= 0.0) & (row < camera.height_px))
+    pixel, z = (row[inside] * camera.width_px + column[inside]).astype(np.int64), depth[inside]
     nearest = np.full(camera.width_px * camera.height_px, np.inf, dtype=np.float32)
     np.minimum.at(nearest, pixel, z)
     front = z <= (1.0 + SURFACE) * nearest[pixel]
@@ -255,7 +256,7 @@ def _pixel_grid(x: Float64[np.ndarray, " n"], y: Float64[np.ndarray, " n"]) -> P
     if horizontal is None or vertical is None:
         return None
     (fx, cx, width), (fy, cy, height) = horizontal, vertical
-    if max(width, height) > 4 * LARGEST_PX or len(x) > width * height:
+    if len(x) > width * height:
         return None
     return PinholeCamera(width_px=width, height_px=height, fx_px=fx, fy_px=fy, cx_px=cx, cy_px=cy)
 
@@ -269,6 +270,8 @@ def _regular(ratio: Float64[np.ndarray, " n"]) -> tuple[float, float, int] | Non
         return None
     pitch = float(np.median(np.diff(lines)))
     number = np.round((lines - lines[0]) / pitch)
+    if number[-1] >= 4 * LARGEST_PX:
+        return None
     focal, centre, _ = _line(lines, number.astype(int))
     off_px = np.abs(focal * ratio + centre - np.round(focal * ratio + centre))
     if focal <= 0.0 or float(np.percentile(off_px, 99.0)) > GRID_PX:
