@@ -63,7 +63,7 @@ SIGNALS = [
     (on.OPERATOR, OperatorInput(t_s=T_S, dead_man=True, stop=False, rearm=True)),
     (on.GROUND, FreeGround(t_s=T_S, view="front", blind_m=0.8, seen_m=2.0, end_m=1.9, end_sigma_m=0.02)),
     (on.PLANT, PlantState(t_s=T_S, fault=None)),
-    (on.PLANT, PlantState(t_s=T_S, fault="the plant braked by itself: no command for 0.31 s")),
+    (on.PLANT, PlantState(t_s=T_S, fault="no command for 0.31 s")),
     (on.CAMERA, RgbdFrame(t_s=T_S, rgb=np.arange(144, dtype=np.uint8).reshape(6, 8, 3), depth_m=DEPTH, camera=CAMERA)),
     (on.CAMERA_HEADING, HeadingMeasurement(t_s=T_S, heading_rad=0.1, sigma_rad=0.01, edge_count=4)),
     (on.CAMERA_MAP, MAP),

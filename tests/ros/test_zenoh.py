@@ -1,7 +1,9 @@
 """ROS 2's wire: as rmw_zenoh writes it, without loss between processes, and a graph of processes on it."""
 
 import math
+import os
 import re
+import signal
 import struct
 import subprocess
 import sys
@@ -136,6 +138,43 @@ def test_the_graph_drives_and_the_guard_holds_when_a_node_is_killed(start: Any, 
     assert np.linalg.norm(last - first) == pytest.approx(driven_m, rel=0.4)  # it turns meanwhile, and belts slip by a third then
     headings = [truth.heading_rad for _, truth in seen.heard[on.TRUTH]]
     assert abs(headings[-1]) < 0.6 * abs(headings[0])  # it has steered until then
+
+
+@pytest.mark.parametrize("stopped", ["guard", "plant"])
+def test_a_process_that_is_stopped_holds_and_is_named(start: Any, bystander: Any, stopped: str) -> None:
+    """Test: SIGSTOP of guard or plant for 2 s, then SIGCONT. Expected result: a plant without its guard brakes before its clock has
+    gone on by 0.31 s, and says so; the guard's first command after the return is HOLD, with the standstill as its cause."""
+    endpoint = f"tcp/127.0.0.1:{PORT + 4 + (stopped == 'plant')}"
+    graph = start("zenoh", "--pace", "0.5", "--endpoint", endpoint)
+    seen = bystander(ZenohTransport("bystander", endpoint=endpoint), on.TRACKS_CMD, on.TRACKS, on.PLANT, on.GUARD)
+    seen.until(lambda: seen.t_s >= 3.0)
+    pid = graph.pid(stopped)
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(0.1)
+    seen.wire.deliver(0.05)
+    sent = len(seen.heard[on.TRACKS_CMD])
+    stopped_s = seen.t_s
+    until = time.monotonic() + 2.0
+    while time.monotonic() < until:
+        seen.wire.deliver(0.05)
+    if stopped == "guard":
+        (fault_s,) = [state.t_s for _, state in seen.heard[on.PLANT] if state.fault is not None][:1]
+        assert fault_s - stopped_s <= 0.31
+        assert seen.heard[on.TRACKS][-1][1].brake_on
+        assert next(state.fault for _, state in seen.heard[on.PLANT] if state.fault).startswith("no command for 0.3")
+        assert len(seen.heard[on.TRACKS_CMD]) == sent
+    os.kill(pid, signal.SIGCONT)
+    faults = seen.heard[on.PLANT]
+    seen.until(lambda: any(state.fault for _, state in faults) and len(seen.heard[on.TRACKS_CMD]) > sent + 5)
+    seen.wire.close()
+    assert graph.result()["verdict"] == "held"
+    assert all(command.brake for _, command in seen.heard[on.TRACKS_CMD][sent:])
+    cause = seen.heard[on.GUARD][-1][1].holding
+    if stopped == "guard":
+        assert re.fullmatch(r"the loop stood still for \d\.\d s in .*", cause), cause
+    else:
+        assert cause == "no /clock for 0.6 s: the simulated plant stands still"
+        assert all(re.match(r"the loop stood still for 2\.\d s in ", state.fault) for _, state in faults if state.fault)
 
 
 def test_one_line_for_an_endpoint_that_is_none() -> None:

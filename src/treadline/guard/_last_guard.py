@@ -64,7 +64,7 @@ class LastGuard:
 
     def trip(self, cause: str) -> None:
         """Brake until a person re-arms; the first cause stays."""
-        self.fault = self.fault or f"the plant braked by itself: {cause}"
+        self.fault = self.fault or cause
 
     def accept(self, command: Command) -> bool:
         """Return whether a command is accepted."""

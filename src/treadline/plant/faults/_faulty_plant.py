@@ -14,16 +14,13 @@ from typing import NamedTuple
 
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Reading, Truth, TruthPlant
-from treadline.core.signals import ROUNDING_S, TICK_S, FlipperCommand, SeatCommand, TrackCommand
+from treadline.core.signals import ROUNDING_S, TICK_S, FlipperCommand, PlantState, SeatCommand, TrackCommand
+from treadline.guard import STANDSTILL_S
 from treadline.plant.faults._damage import PHYSICAL, UNCHANGED, Breakable, Damage, damage_of
 from treadline.plant.faults._sensor_faults import SensorFaults
 from treadline.scenario.faults import Conditions, Fault, Process, is_killed
 from treadline.scenario.operator_actions import OperatorAct
 from treadline.scenario.scenario import Scenario
-
-SILENCE_S = 0.3
-"""Longest time without a command before the actuators brake [s]: more than a control period of 0.25 s, and within the 0.8 s of
-hazard 11 less the stopping time of the belts."""
 
 RATE_SILENCE_S = 0.05
 """Longest time without a command before seat and flipper stop [s]: rates are commanded a hundred times per second."""
@@ -131,7 +128,10 @@ class FaultyPlant:
         self._act(t_s)
 
     def _act(self, t_s: float) -> None:
+        fault = self._watchdog.fault
         command = self._watchdog.step(t_s, self._channel.arrived(t_s), powered=not self._damage.power_cut)
+        if self._watchdog.fault != fault:
+            self._readings.append(PlantState(t_s=t_s, fault=self._watchdog.fault))
         if command is not None:
             self._plant.write(*command)
 
@@ -184,7 +184,7 @@ class CommandChannel:
         """Return the command for the seat actuator, whose own process may be stopped."""
         if not is_killed(self._faults, Process.SEAT, t_s):
             self._seat, self._seat_s = command, t_s
-        elif t_s - self._seat_s > SILENCE_S + ROUNDING_S:
+        elif t_s - self._seat_s > STANDSTILL_S + ROUNDING_S:
             self._seat = SeatCommand(t_s=t_s, rate_m_s=0.0)
         return self._seat
 
@@ -196,17 +196,21 @@ class Watchdog:
         self._heard_s: float | None = None
         self._last: Command | None = None
         self._latched = False
+        self.fault: str | None = None
+        """Reason for the brake; None without one."""
 
     def step(self, t_s: float, command: Command | None, *, powered: bool) -> Command | None:
         """Return the command for the actuators for a received command or None; None keeps the last one."""
         was_latched = self._latched
-        silent = command is None and self._heard_s is not None and t_s - self._heard_s > SILENCE_S + ROUNDING_S
+        silent = command is None and self._heard_s is not None and t_s - self._heard_s > STANDSTILL_S + ROUNDING_S
         self._latched = was_latched or silent or not powered
+        if self._latched and not was_latched:
+            self.fault = f"no command for {t_s - (self._heard_s or 0.0):.2f} s" if silent else "no power"
         if command is None:
             return Command.stop(t_s) if self._latched and not was_latched else self._stilled(t_s)
         self._heard_s, self._last = t_s, command
         if powered and command.tracks.left_m_s == 0.0 and command.tracks.right_m_s == 0.0:
-            self._latched = False
+            self._latched, self.fault = False, None
         return command._replace(tracks=TrackCommand.stop(t_s)) if self._latched else command
 
     def _stilled(self, t_s: float) -> Command | None:
