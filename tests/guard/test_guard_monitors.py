@@ -19,7 +19,6 @@ from treadline.guard._obstacle_monitor import AheadMonitor, GapMonitor, Obstacle
 from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor, estimate_fault
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import limited, mean_limit
-from treadline.guard._stamps import Stamps
 from treadline.guard.stop_latch import Button, Latch
 from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig

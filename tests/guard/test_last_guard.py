@@ -4,9 +4,10 @@ import math
 from dataclasses import replace
 
 import pytest
+from world import limits
 
 from treadline.core.signals import FlipperCommand, OperatorInput, SeatCommand, TrackCommand
-from treadline.guard import GuardConfig, LastGuard
+from treadline.guard import LastGuard
 
 SILENT_S = 0.3
 """Stated time without a command after which the plant brakes [s] (GUARD §2, rule 6)."""
@@ -18,7 +19,7 @@ VALUES = {TrackCommand: "left_m_s", SeatCommand: "rate_m_s", FlipperCommand: "ra
 
 def at(t_s: float) -> LastGuard:
     """Return a last guard of the paper's chair: belts 1 m/s, seat 0.06 m/s, flipper 30 °/s."""
-    last = LastGuard(GuardConfig(belt_limit_m_s=1.0, seat_limit_m_s=0.06, flipper_limit_rad_s=math.radians(30.0)))
+    last = LastGuard(limits(belt_limit_m_s=1.0, seat_rate_m_s=0.06, flipper_rate_rad_s=math.radians(30.0)))
     last.advance(t_s)
     return last
 
@@ -36,11 +37,13 @@ def test_no_value_beyond_the_chair_passes(command: TrackCommand | SeatCommand | 
 @pytest.mark.parametrize("t_s", [math.nan, 1e6, -1e6, 1.2, 0.6, 0.99])
 def test_no_stamp_that_is_not_fresh_passes(command: TrackCommand | SeatCommand | FlipperCommand, t_s: float) -> None:
     """Test: after a command stamped 1.00 s, stamps that are no number, ahead, old, or older than the one before. Expected result:
-    rejected, and the next sound one is accepted."""
+    rejected, and the next sound one is accepted; belts under way brake for a stamp that leapt by more than 1 s."""
     last = at(1.0)
     assert last.accept(command)
     assert not last.accept(replace(command, t_s=t_s))
-    assert not last.accept(command)
+    leapt = abs(t_s - 1.0) > 1.0
+    assert (last.fault is not None) == (leapt and command is BELTS)
+    assert last.accept(command) == (leapt and t_s < 0.0)  # later stamps are compared with the new one
     assert last.accept(replace(command, t_s=1.01))
 
 
@@ -69,7 +72,7 @@ def test_the_cause_names_the_commands_that_were_rejected_meanwhile() -> None:
     for tick in range(1, 32):
         last.advance(1.0 + 0.01 * tick)
         last.accept(replace(BELTS, t_s=1.0 + 0.01 * tick, left_m_s=7.0))
-    said = "no command for 0.31 s; the last TrackCommand asks for 7.00, 1.00 is the chair's limit"
+    said = "no command for 0.31 s; TrackCommand asks for 7, beyond the chair's limit of 1"
     assert last.fault == said
 
 

@@ -11,11 +11,11 @@ from typing import Any
 
 import pytest
 from wires import Air
+from world import limits
 
 from treadline.cli import doctor, main
 from treadline.core.errors import TreadlineError
 from treadline.core.signals import SeatReading
-from treadline.guard import GuardConfig
 from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.replay_plant import ReplayPlant
@@ -108,7 +108,7 @@ def test_clocks_that_differ_at_the_start(capsys: Any, monkeypatch: pytest.Monkey
     assert re.match(f"treadline: seat: /seat/state: {said}", lines[0])
     assert not [signal for channel, signal in air.sent if channel == on.SEAT_PROPOSED]
     beat = next(signal for channel, signal in reversed(air.sent) if channel == on.DIAGNOSTICS)
-    guard = GuardNode(GuardConfig(), awaited=("seat",))
+    guard = GuardNode(limits(), awaited=("seat",))
     bus = InProcess()
     guard.listen(bus)
     bus.publish(on.DIAGNOSTICS, beat)
@@ -118,7 +118,7 @@ def test_clocks_that_differ_at_the_start(capsys: Any, monkeypatch: pytest.Monkey
 
 
 def test_a_guard_that_is_never_ready() -> None:
-    node = PlantNode(ReplayPlant([]), GuardConfig())
+    node = PlantNode(ReplayPlant([]), limits())
     with pytest.raises(TreadlineError, match=r"^plant: the guard is not ready after 0 s: not heard; start the missing nodes$"):
         run_plant(node, Air(), stop=Flag(), patience_s=0.1)
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from node_messages import SIGNALS
 from wires import Air
+from world import limits
 
 from treadline.core.errors import LogFormatError
 from treadline.core.signals import Event
-from treadline.guard import GuardConfig
 from treadline.ros import channels as on
 from treadline.ros._codec import Decoder, encoded
 from treadline.ros.block_nodes import GuardNode
@@ -67,7 +67,7 @@ def test_broken_messages_are_counted_and_the_first_of_a_series_is_reported() -> 
     """Test: the guard's node gets 3 messages whose first name is no text (GUARD §1, hole 2), a sound one, a broken one. Expected
     result: the node goes on, 4 are counted, and two events say which topic."""
     wire = Air()
-    runner = NodeRunner(GuardNode(GuardConfig()), wire)
+    runner = NodeRunner(GuardNode(limits()), wire)
     command = next(signal for channel, signal in SIGNALS if channel == on.TRACKS_PROPOSED)
     ((topic, _, data),) = encoded(on.TRACKS_PROPOSED, command, ros1=False)
     broken = data.replace(b"left", b"\xff\xff\xff\xff")

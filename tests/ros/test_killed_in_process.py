@@ -111,7 +111,7 @@ def test_a_guard_that_is_started_anew_lets_nothing_go_that_a_person_has_stopped(
     began_s = graph.tick()
     run_until(graph, began_s + 2.0)
     assert {truth.left_m_s for truth in truths} == {0.0}
-    assert (states[-1].holding or "").startswith("the brake is on without a command")
+    assert states[-1].holding == "the plant braked by itself: no command for 0.31 s"
     speak(graph, rearm=True)
     while graph.tick() < began_s + 8.0:  # its flipper is laid first
         speak(graph)
@@ -142,7 +142,7 @@ def test_what_was_asked_of_the_flipper_is_forgotten_with_the_guard_that_asked() 
     """Test: the guard lowers the flipper and dies; half a second later a person re-arms, and one speaks that says nothing of the
     flipper. Expected result: the flipper runs no longer than its command is fresh, and not again."""
     transport, bench = InProcess(), Bench()
-    node = PlantNode(bench, GuardConfig())
+    node = PlantNode(bench, limits())
     node.listen(transport)
     lowers = FlipperCommand(t_s=0.1, rate_rad_s=-0.3)
     transport.publish(on.FLIPPER_CMD, lowers)
@@ -158,7 +158,7 @@ def test_what_was_asked_of_the_flipper_is_forgotten_with_the_guard_that_asked() 
 
 def test_a_brake_that_stayed_on_is_let_go_by_a_press_and_by_no_button_that_is_stuck() -> None:
     transport, bench = InProcess(), Bench()
-    node = PlantNode(bench, GuardConfig())
+    node = PlantNode(bench, limits())
     node.listen(transport)
     transport.publish(on.OPERATOR, OperatorInput(t_s=0.0, rearm=True))
     for k in range(3):

@@ -173,6 +173,13 @@ def test_11_a_mission_that_is_late() -> None:
     assert speed_m_s(run, AT_S + 0.8, AT_S + 3.0) == 0.0
 
 
+def test_11_drives_that_braked_by_themselves_are_the_cause() -> None:
+    """Test: commands do not arrive for 0.4 s, readings do (GUARD §1, hole 14). Expected result: HOLD; the cause is the brake of the
+    drives' own watchdog, and not a stalled track."""
+    run = ride(fault("process_killed", Process.MISSION, for_s=0.4))
+    assert run.cause == "the plant braked by itself: no command for 0.31 s"
+
+
 def test_13_a_belt_that_stalls() -> None:
     """Test: one belt stands. Expected result: the other stands within 0.3 s, heading within 8°."""
     run = ride(fault("track_stalled", 0.0, for_s=10.0))

@@ -7,9 +7,9 @@ safety standard.
 """
 
 from treadline.guard._admission import ReadingAdmission
-from treadline.guard._guard_config import TIPPING, GuardConfig
+from treadline.guard._guard_config import SILENCE_S, TIPPING, GuardConfig
 from treadline.guard._last_guard import LastGuard
-from treadline.guard._loop_watchdog import STANDSTILL_S, LoopWatchdog
+from treadline.guard._loop_watchdog import LoopWatchdog
 from treadline.guard.guard import Commands, Guard
 
-__all__ = ["STANDSTILL_S", "TIPPING", "Commands", "Guard", "GuardConfig", "LastGuard", "LoopWatchdog", "ReadingAdmission"]
+__all__ = ["SILENCE_S", "TIPPING", "Commands", "Guard", "GuardConfig", "LastGuard", "LoopWatchdog", "ReadingAdmission"]

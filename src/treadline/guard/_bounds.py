@@ -9,6 +9,8 @@ from typing import Any
 
 from treadline.core.angles import DEG
 from treadline.core.signals import (
+    ROUNDING_S,
+    FlipperCommand,
     FlipperReading,
     FrameQuality,
     FreeGround,
@@ -16,8 +18,10 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     MotionPlan,
+    SeatCommand,
     SeatReading,
     StairMap,
+    TrackCommand,
     TrackReading,
 )
 from treadline.guard._guard_config import GuardConfig
@@ -106,6 +110,14 @@ def _plan_fault(plan: MotionPlan, limits: GuardConfig) -> str:
     return _angle_fault("heading", plan.heading_rad) or _number_fault(plan.min_inner_speed_ratio or 0.0, rate_rad_s)
 
 
+def _belts_command_fault(command: TrackCommand, limits: GuardConfig) -> str:
+    return _limit_fault(max(abs(command.left_m_s), abs(command.right_m_s)), limits.belt_limit_m_s)
+
+
+def _limit_fault(size: float, limit: float) -> str:
+    return "" if size <= limit * (1.0 + ROUNDING_S) else f"asks for {size:g}, beyond the chair's limit of {limit:g}"
+
+
 CHECKS: dict[type, Callable[[Any, GuardConfig], str]] = {
     ImuSample: _imu_fault,
     TrackReading: _belts_fault,
@@ -117,5 +129,8 @@ CHECKS: dict[type, Callable[[Any, GuardConfig], str]] = {
     StairMap: _map_fault,
     FreeGround: _ground_fault,
     MotionPlan: _plan_fault,
+    TrackCommand: _belts_command_fault,
+    SeatCommand: lambda command, limits: _limit_fault(abs(command.rate_m_s), limits.seat_rate_m_s or 0.0),
+    FlipperCommand: lambda command, limits: _limit_fault(abs(command.rate_rad_s), limits.flipper_rate_rad_s or 0.0),
 }
 """Check of each type of message; images are judged by their quality."""

@@ -4,6 +4,10 @@ from dataclasses import dataclass
 
 from treadline.core.angles import DEG
 
+SILENCE_S = 0.3
+"""Longest silence of what must speak, and longest standstill of a loop [s]: more than a control period of 0.25 s, and within the
+0.8 s of rows 11 and 22 less the stopping time of the belts."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardConfig:
@@ -56,7 +60,7 @@ class GuardConfig:
     which are repeated at each tick, are valid as long, and belt speeds are integrated over no longer gap."""
     clock_jump_s: float = 1.0
     """Largest leap of a clock [s]; a larger one is a fault (row 10)."""
-    silence_s: float = 0.3
+    silence_s: float = SILENCE_S
     """Longest silence of what must speak: frames, belts, seat, flipper, plan, estimate, operator's link [s]. Three frames at 10 Hz
     (row 1), the timeout of the actuators' own watchdog, and row 21."""
     imu_timeout_s: float = 0.05

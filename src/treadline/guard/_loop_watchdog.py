@@ -9,9 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Condition, Thread
 
-STANDSTILL_S = 0.3
-"""Longest standstill of a loop, and longest silence of the guard at the actuators [s]: more than a control period of 0.25 s, and
-within the 0.8 s of rows 11 and 22 less the stopping time of the belts."""
+from treadline.guard._guard_config import SILENCE_S
 
 
 class LoopWatchdog:
@@ -50,7 +48,7 @@ class LoopWatchdog:
         with self._change:
             before, since_s, stood = self._step, self._since_s, self._is_braked
             self._step, self._since_s, self._is_braked = step, now_s, False
-        if since_s is not None and (stood or now_s - since_s > STANDSTILL_S):
+        if since_s is not None and (stood or now_s - since_s > SILENCE_S):
             self._latch(f"the loop stood still for {now_s - since_s:.1f} s in {before}")
 
     @contextmanager
@@ -73,7 +71,7 @@ class LoopWatchdog:
         """Wait for a standstill; return False at the end of the run."""
         with self._change:
             while self._is_running:
-                left_s = STANDSTILL_S
+                left_s = SILENCE_S
                 if self._since_s is not None and not self._is_braked:
                     left_s += self._since_s - time.monotonic()
                 if left_s <= 0.0:

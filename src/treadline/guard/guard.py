@@ -25,6 +25,7 @@ from treadline.core.signals import (
     ImuSample,
     MotionPlan,
     OperatorInput,
+    PlantState,
     SeatCommand,
     SeatReading,
     StairMap,
@@ -84,7 +85,7 @@ class Guard:
         self._seat_command = SeatCommand(t_s=-math.inf, rate_m_s=0.0)
         self._t_s: float | None = None
         self._driver_s = self._planned_s = 0.0
-        self._map_s = -math.inf
+        self._map_s = self._rearmed_s = -math.inf
         self._direction = ""
         self._heading_rad = math.inf
         self._plan: MotionPlan | None = None
@@ -243,6 +244,8 @@ class Guard:
                 self._seat_rad = signal.pitch_rad
                 if self._config.watches_motion:
                     self._seat.update(signal.t_s, signal.pitch_rad)
+            case PlantState(fault=str()) if signal.t_s - self._rearmed_s > self._config.ahead_s:
+                self._latch.hold(signal.t_s, CauseKind.BELTS, f"the plant braked by itself: {signal.fault}")
             case HeadingMeasurement():
                 self._update_sight(signal.t_s)
                 self._senses.seen(signal.t_s)
@@ -322,7 +325,7 @@ class Guard:
 
         The chair stands until a new command arrives; proposals from before the hold are discarded.
         """
-        self._driver_s = self._planned_s = t_s
+        self._driver_s = self._planned_s = self._rearmed_s = t_s
         self._command = TrackCommand.stop(t_s)
         self._senses.restart(t_s, self._belts.travel_m)
         self._link.restart(t_s)

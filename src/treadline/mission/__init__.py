@@ -12,7 +12,6 @@ from treadline.mission._blocks import (
     GravityAtExposure,
     SeatBlock,
     SeatLeveller,
-    seat_now,
 )
 
-__all__ = ["CameraBlock", "Detection", "Detector", "DriverBlock", "GravityAtExposure", "SeatBlock", "SeatLeveller", "seat_now"]
+__all__ = ["CameraBlock", "Detection", "Detector", "DriverBlock", "GravityAtExposure", "SeatBlock", "SeatLeveller"]

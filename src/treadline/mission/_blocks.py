@@ -22,7 +22,6 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame, StairAxes
 from treadline.core.errors import ImageError
 from treadline.core.rotations import rotation_of
 from treadline.core.signals import (
-    ROUNDING_S,
     TICK_S,
     Event,
     FrameQuality,
@@ -72,10 +71,6 @@ def gravity_in(exposed: ImuSample, camera: PinholeCamera) -> Float[np.ndarray, "
     return np.asarray(camera.R_BC.T @ (rotation_of(exposed.orientation).T @ np.array([0.0, 0.0, -1.0])))
 
 
-SEAT_S = 0.1
-"""Validity of a seat command: it answers one reading, and readings come a hundred times a second."""
-
-
 class Rate:
     """Period of a slower block, in whole ticks.
 
@@ -97,11 +92,6 @@ class Rate:
         slot = round(t_s / TICK_S) // self._every
         begun, self._slot = slot != self._slot, slot
         return begun
-
-
-def seat_now(command: SeatCommand, t_s: float) -> SeatCommand:
-    """Return the seat command in force: a rate that answers an old reading would carry the seat past level."""
-    return command if t_s - command.t_s <= SEAT_S + ROUNDING_S else SeatCommand(t_s=t_s, rate_m_s=0.0)
 
 
 LOOK_AGAIN_S = 1.0

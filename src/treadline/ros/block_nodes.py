@@ -39,8 +39,6 @@ ODOM_TICKS = 5
 """Ticks between two odometry messages: 20 Hz."""
 MOUNTS_S = 1.0
 """Interval between two messages of the sensors' mounts: a transport may not keep a message for later subscribers."""
-FLIPPER_TIMEOUT_S = 0.1
-"""Validity of a flipper rate in a plan or a command [s]: it is repeated at each tick; without a newer one the flipper stops."""
 
 
 @runtime_checkable

@@ -75,12 +75,15 @@ class LockStep:
         for node in listeners:
             node.listen(self.transport)
         self.nodes: list[Node] = [*beside, camera, *seat, driver, heading, self.guard]
+        self._beside = len(beside)
         self._tick = 0
         self._plant.start()
 
     def tick(self) -> float:
         """Advance the plant to the next tick, and let each node do what is due; return the time."""
         t_s = self._tick * TICK_S
+        for node in self.nodes[self._beside :]:  # the stamps of this tick's readings are compared with its time
+            node.advance(t_s)
         self._plant.tick(t_s)
         for node in self.nodes:
             node.tick(t_s)

@@ -133,6 +133,7 @@ class NodeRunner:
 
     def _receive(self, channel: str, signal: Any) -> None:
         """Update the node's clock where a stamp is far ahead of it; compare the stamps of a sensor with the clock at the start."""
+        self._watchdog.begin("the delivery of messages")
         t_s = getattr(signal, "t_s", -math.inf)
         now_s = self._t_s
         if t_s - now_s > LEAPT_S:

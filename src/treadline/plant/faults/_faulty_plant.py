@@ -15,7 +15,7 @@ from typing import NamedTuple
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Reading, Truth, TruthPlant
 from treadline.core.signals import ROUNDING_S, TICK_S, FlipperCommand, PlantState, SeatCommand, TrackCommand
-from treadline.guard import STANDSTILL_S
+from treadline.guard import SILENCE_S
 from treadline.plant.faults._damage import PHYSICAL, UNCHANGED, Breakable, Damage, damage_of
 from treadline.plant.faults._sensor_faults import SensorFaults
 from treadline.scenario.faults import Conditions, Fault, Process, is_killed
@@ -184,7 +184,7 @@ class CommandChannel:
         """Return the command for the seat actuator, whose own process may be stopped."""
         if not is_killed(self._faults, Process.SEAT, t_s):
             self._seat, self._seat_s = command, t_s
-        elif t_s - self._seat_s > STANDSTILL_S + ROUNDING_S:
+        elif t_s - self._seat_s > SILENCE_S + ROUNDING_S:
             self._seat = SeatCommand(t_s=t_s, rate_m_s=0.0)
         return self._seat
 
@@ -202,7 +202,7 @@ class Watchdog:
     def step(self, t_s: float, command: Command | None, *, powered: bool) -> Command | None:
         """Return the command for the actuators for a received command or None; None keeps the last one."""
         was_latched = self._latched
-        silent = command is None and self._heard_s is not None and t_s - self._heard_s > STANDSTILL_S + ROUNDING_S
+        silent = command is None and self._heard_s is not None and t_s - self._heard_s > SILENCE_S + ROUNDING_S
         self._latched = was_latched or silent or not powered
         if self._latched and not was_latched:
             self.fault = f"no command for {t_s - (self._heard_s or 0.0):.2f} s" if silent else "no power"
