@@ -6,6 +6,7 @@ import re
 import sys
 from pathlib import Path
 from threading import Event as Flag
+from threading import Timer
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,22 +14,32 @@ import pytest
 from wires import Air
 from world import limits
 
+import treadline
 from treadline.cli import doctor, main
 from treadline.core.errors import TreadlineError
-from treadline.core.signals import SeatReading
+from treadline.core.signals import PlantState, SeatReading
 from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.ros import channels as on
 from treadline.ros import node_process as process
 from treadline.ros import ros1
-from treadline.ros._node_signals import Clock
+from treadline.ros._node_signals import Clock, GuardState, VelocityCommand
 from treadline.ros.block_nodes import GuardNode, SeatNode
 from treadline.ros.lockstep import InProcess
 from treadline.ros.node_process import NodeRunner, run_plant
 from treadline.ros.plant_node import PlantNode
 from treadline.ros.wire import Inbox
 from treadline.scenario.chair import read_chair
+
+CHAIRS = Path(treadline.__file__).parent / "data" / "chairs"
+
+
+class Bench(ReplayPlant):
+    """A plant without readings."""
+
+    def __init__(self) -> None:
+        super().__init__([])
 
 
 def seat() -> SeatNode:
@@ -115,6 +126,53 @@ def test_clocks_that_differ_at_the_start(capsys: Any, monkeypatch: pytest.Monkey
     assert guard.waits_for.startswith(f"waits for seat (/seat/state: stamped {stamp_s:.3f} s")
     with pytest.raises(TreadlineError, match=rf"^seat: nothing on /seat/state after 0 s: /seat/state: {said}"):
         runner.run(Flag())
+
+
+def test_two_guards_on_one_bus_hold_and_name_each_other() -> None:
+    """Test: a second guard appears while the first drives. Expected result: both hold, the plant brakes whatever either commands,
+    and each line names both and says what to do."""
+    bus, plant = InProcess(), PlantNode(Bench(), limits())
+    guards = [GuardNode(limits(needs_heading=False, watches_motion=False), gauge_m=0.5, sender=f"guard-{k}") for k in (1, 2)]
+    states: list[PlantState] = []
+    held: list[GuardState] = []
+    bus.subscribe(on.PLANT, states.append)
+    bus.subscribe(on.GUARD, held.append)
+    plant.listen(bus)
+    for tick in range(40):
+        for guard in guards[: 1 + (tick > 20)]:
+            if tick in (0, 21):
+                guard.listen(bus)
+            guard.advance(0.01 * tick)
+        plant.tick(0.01 * tick)
+        bus.publish(on.TWIST, VelocityCommand(speed_m_s=0.2, turn_rad_s=0.0))
+        for guard in guards[: 1 + (tick > 20)]:
+            guard.tick(0.01 * tick)
+            guard.repeat_state()
+    assert states[-1].fault == "two guards send commands, guard-1 and guard-2; stop one of them"
+    assert {state.sender: state.holding for state in held} == {
+        f"guard-{mine}": f"another guard, guard-{other}, is on the bus of guard-{mine}; stop one of them"
+        for mine, other in ((1, 2), (2, 1))
+    }
+
+
+def test_a_guard_without_a_plant_waits_and_says_for_what(capsys: Any) -> None:
+    air = Air()
+    guard = GuardNode(limits(), awaited=("plant",))
+    runner, stop = NodeRunner(guard, air, clock="wall", patience_s=0.0), Flag()
+    Timer(0.5, stop.set).start()
+    runner.run(stop)
+    assert capsys.readouterr().err.splitlines() == ["treadline: guard: waits for plant after 0 s; start the missing nodes"]
+    assert all(command.brake for channel, command in air.sent if channel == on.TRACKS_CMD)
+
+
+@pytest.mark.parametrize("key", ["max_speed_m_s", "max_rate_m_s", "max_rate_deg_s"])
+def test_a_chair_file_without_a_speed_limit_moves_nothing(capsys: Any, tmp_path: Path, key: str) -> None:
+    """Test: each limit that the last guard needs is missing in the chair file. Expected result: one line names the key."""
+    text = "".join(row for row in (CHAIRS / "wheelchair.toml").read_text().splitlines(keepends=True) if not row.startswith(key))
+    (tmp_path / "mine.toml").write_text(text)
+    (tmp_path / "scenario.toml").write_text('[chair]\nmodel = "mine.toml"\n')
+    told = line(capsys, "node", "guard", str(tmp_path / "scenario.toml"), "--endpoint", "tcp/127.0.0.1:17492")
+    assert key in told
 
 
 def test_a_guard_that_is_never_ready() -> None:

@@ -49,6 +49,7 @@ def test_the_heading_node_says_where_the_chair_is_and_where_its_sensors_sit() ->
         air.subscribe(channel, kept.append)
     node.listen(air)
     for k in range(250):
+        node.advance(k / 100)
         air.publish(on.IMU, imu(k / 100))
         air.publish(on.TRACKS, belts(k / 100, 0.2, 0.2))
         node.tick(k / 100)
@@ -88,6 +89,7 @@ def test_joint_angles_are_those_of_the_urdf_at_twenty_hertz() -> None:
     air.subscribe(on.JOINT_STATES, said.append)
     node.listen(air)
     for k in range(21):
+        node.advance(k / 100)
         air.publish(on.IMU, imu(k / 100))
         air.publish(on.SEAT, SeatReading(t_s=k / 100, pitch_rad=0.0, stroke_m=chair.levelled_seat.stroke_m[1] + 0.001))
         air.publish(on.FLIPPER, FlipperReading(t_s=k / 100, angle_rad=math.radians(20.0), torque_n_m=0.0))

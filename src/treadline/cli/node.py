@@ -99,11 +99,11 @@ def node(
                 made.close()
     finally:
         wire.close()
-    lost = dict(wire.inbox.lost)
-    summary = [f"{name}: done" + (f", lost {lost}" if lost else "")]
+    lost, broken = dict(wire.inbox.lost), dict(wire.broken)
+    summary = [f"{name}: done" + (f", lost {lost}" if lost else "") + (f", broken {broken}" if broken else "")]
     if isinstance(made, RecorderNode) and made.left_out is not None:
         summary.append(made.left_out)
-    return Answer(values={"node": name, "lost": lost}, summary=summary)
+    return Answer(values={"node": name, "lost": lost, "broken": broken}, summary=summary)
 
 
 def record(

@@ -68,6 +68,9 @@ class LastGuard:
 
     def accept(self, command: TrackCommand | SeatCommand | FlipperCommand) -> bool:
         """Return whether a command is accepted."""
+        if command.sender != (self._sender or command.sender):
+            self.trip(f"two guards send commands, {self._sender} and {command.sender}; stop one of them")
+            return False
         fault = fault_of(command, self._config)
         if fault:
             self._stamps.reject(type(command).__name__, fault)
@@ -76,10 +79,7 @@ class LastGuard:
             if self._stamps.leap is not None and self._driven:
                 self.trip(self._stamps.leap)
             return False
-        self._sender = self._sender or command.sender
-        if command.sender != self._sender:
-            self.trip(f"two guards send commands, {self._sender} and {command.sender}; stop one of them")
-            return False
+        self._sender = command.sender
         match command:
             case TrackCommand():
                 self._tracks, self._heard_s, self._rejection = command, min(command.t_s, self._t_s), ""
