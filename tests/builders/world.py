@@ -112,7 +112,7 @@ def stair(t_s: float, nosings_B: Sequence[Any], **changes: Any) -> StairMap:
 
 
 def limits(**changes: Any) -> GuardConfig:
-    """Return the guard's limits for the wheelchair, from literals of its chair file and 4 Hz control."""
+    """Return the guard's limits for the wheelchair, from literals of its chair file and 4 Hz control; no planner is awaited."""
     values: dict[str, Any] = {
         "belt_limit_m_s": 1.0,
         "drive_lag_s": 0.15,
@@ -124,6 +124,7 @@ def limits(**changes: Any) -> GuardConfig:
         "gauge_m": 0.65,
         "track_span_m": 0.95,
         "driver_timeout_s": 0.75,
+        "has_planner": False,
     }
     return GuardConfig(**{**values, **changes})
 

@@ -29,12 +29,12 @@ class ReadingAdmission:
         """Return whether a reading may be used; each reading is asked for once."""
         return self.stamps.accept(reading) and self.is_sound(reading)
 
-    def is_physical(self, message: Stamped, by: str = "") -> bool:
+    def is_physical(self, message: Stamped) -> bool:
         """Return whether the content of a message is physical; one that is not is counted as rejected."""
         fault = fault_of(message, self._config)
         if not fault:
             return True
-        self.stamps.reject(f"{type(message).__name__}{by}", fault)
+        self.stamps.reject(message, fault)
         return False
 
     def is_sound(self, reading: Stamped) -> bool:

@@ -49,12 +49,12 @@ class Stamps:
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
         self._now_s: float | None = None
-        self._last_s: dict[str, float] = {}
+        self._last_s: dict[tuple[str, str], float] = {}
         self._in_series: set[str] = set()
         self.rejected: Counter[str] = Counter()
         """Number of messages rejected for their stamp or their content, by kind."""
         self.rejection: str | None = None
-        """Reason of the last rejection; None if it continues a series of the same kind, or was before the first tick."""
+        """Reason of the last rejection; None if it continues a series of the same kind, was overtaken, or was before the first tick."""
         self.leap: str | None = None
         """How far the stamp of the last message leapt, if by more than ``clock_jump_s``."""
 
@@ -69,40 +69,42 @@ class Stamps:
             message: The message.
             by: Sender, where two send messages of one type.
         """
-        kind = f"{type(message).__name__}{by}"
-        fault = self._fault(kind, message)
+        kind = type(message).__name__
+        fault = self._fault(kind, by, message)
         if fault is not None:
-            self.reject(kind, fault)
+            self.reject(message, fault)
             return False
         self._in_series.discard(kind)
-        self._last_s[kind] = message.t_s
+        self._last_s[kind, by] = message.t_s
         return True
 
-    def reject(self, kind: str, fault: str) -> None:
+    def reject(self, message: Stamped, fault: str) -> None:
         """Count a rejected message."""
+        kind = type(message).__name__
         self.rejected[kind] += 1
         self.rejection = f"{kind} {fault}" if fault and kind not in self._in_series else None
-        self._in_series.add(kind)
+        if fault:
+            self._in_series.add(kind)
 
-    def _fault(self, kind: str, message: Stamped) -> str | None:
-        """Return the fault of a stamp, empty before the first tick; None if there is none."""
+    def _fault(self, kind: str, by: str, message: Stamped) -> str | None:
+        """Return the fault of a stamp, empty for a repeated or overtaken message and before the first tick; None without a fault."""
         self.leap = None
         t_s, now_s, limits = message.t_s, self._now_s, self._config
         if now_s is None:
             return ""
         if not math.isfinite(t_s):
             return "has no time stamp"
-        last_s = self._last_s.get(kind, -math.inf)
+        last_s = self._last_s.get((kind, by), -math.inf)
         if t_s - now_s > limits.ahead_s + ROUNDING_S:
             if t_s - now_s > limits.clock_jump_s:
                 self.leap = f"clock of {kind} leapt {t_s - now_s:.2f} s ahead"
             return f"stamped {t_s - now_s:.2f} s ahead of the clock"
         if last_s - t_s > limits.clock_jump_s:
             # Later messages are compared with the new time, so that a person can re-arm.
-            self._last_s[kind] = t_s
+            self._last_s[kind, by] = t_s
             self.leap = f"clock of {kind} leapt {last_s - t_s:.2f} s back"
             return f"stamped {last_s - t_s:.2f} s before the last one"
         if t_s <= last_s:
-            return f"stamped {last_s - t_s:.2f} s before the last one" if t_s < last_s else "repeats the last stamp"
+            return ""
         oldest_s = limits.driver_timeout_s if isinstance(message, EACH_TICK) else limits.blind_timeout_s
         return f"is {now_s - t_s:.2f} s old" if now_s - t_s > oldest_s else None

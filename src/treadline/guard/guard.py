@@ -78,13 +78,14 @@ class Guard:
         self._seat_rad = 0.0
         self._is_dark = False
         self._link = SilenceMonitor(config.silence_s)
+        self._plans = SilenceMonitor(config.silence_s, awaited=("plan",) if config.has_planner else ())
         self._processes = SilenceMonitor(config.heartbeat_timeout_s, "process ")
         has = {"belts": True, "seat": config.seat_rate_m_s is not None, "flipper": config.flipper_rate_rad_s is not None}
         self._drives = SilenceMonitor(config.silence_s, "readings of the ", (name for name, there in has.items() if there))
         self._command = TrackCommand.stop(0.0)
         self._seat_command = SeatCommand(t_s=-math.inf, rate_m_s=0.0)
         self._t_s: float | None = None
-        self._driver_s = self._planned_s = 0.0
+        self._driver_s = 0.0
         self._map_s = self._rearmed_s = -math.inf
         self._direction = ""
         self._heading_rad = math.inf
@@ -208,10 +209,11 @@ class Guard:
     def _is_acceptable(self, message: Stamped) -> bool:
         """Return whether stamp and content of a message are acceptable."""
         # A map may arrive as a reading and as a message; each has a series of stamps.
-        by = "" if isinstance(message, HeadingHealth | MotionPlan) else " of a block"
-        if self._admission.stamps.accept(message, by) and self._admission.is_physical(message, by):
+        if self._admission.stamps.accept(message, "a block") and self._admission.is_physical(message):
             return True
         self._report_rejection()
+        if isinstance(message, MotionPlan):
+            self._plans.rejected("plan", fault_of(message, self._config))
         return False
 
     def _report_rejection(self) -> None:
@@ -325,19 +327,20 @@ class Guard:
 
         The chair stands until a new command arrives; proposals from before the hold are discarded.
         """
-        self._driver_s = self._planned_s = self._rearmed_s = t_s
+        self._driver_s = self._rearmed_s = t_s
         self._command = TrackCommand.stop(t_s)
         self._senses.restart(t_s, self._belts.travel_m)
-        self._link.restart(t_s)
-        self._processes.restart(t_s)
-        self._drives.restart(t_s)
+        for silence in (self._link, self._plans, self._processes, self._drives):
+            silence.restart(t_s)
         for watch in (self._belts, self._slip, self._blind, self._tilt, self._seat):
             watch.forget()
 
     # Plans and commands
 
     def _follow(self, plan: MotionPlan) -> None:
-        self._plan, self._planned_s = plan, plan.t_s
+        self._plan = plan
+        if self._config.has_planner:
+            self._plans.heard("plan", plan.t_s)
         if plan.phase not in FLIGHT:
             self._slip.begin()
         if not plan.needs_stair:
@@ -381,7 +384,7 @@ class Guard:
     def _lateness(self, t_s: float) -> float:
         """Record a tick; return the time since the previous tick or since the last command, whichever is longer [s]."""
         if self._t_s is None:
-            self._t_s = self._driver_s = self._planned_s = t_s
+            self._t_s = self._driver_s = t_s
             self._senses.begin(t_s)
             if self._config.watches_motion and not self._watches_ground:
                 self._latch.report(t_s, "drop_unwatched", "the camera does not report where the ground ends: no stop before a drop")
@@ -391,7 +394,7 @@ class Guard:
         if passed_s > self._config.silence_s:
             # Silence cannot be attributed to a source while the guard itself did not run.
             self._drives.restart(t_s)
-            self._planned_s = t_s
+            self._plans.restart(t_s)
         if passed_s > self._config.driver_timeout_s:
             self._latch.hold(t_s, CauseKind.LATE, f"no tick for {passed_s:.2f} s")
         return max(passed_s, t_s - self._driver_s)
@@ -404,8 +407,7 @@ class Guard:
             yield CauseKind.LATE, f"no command for {command_s:.2f} s"
         yield CauseKind.LINK, self._link.cause(t_s)
         yield CauseKind.PROCESS, self._processes.cause(t_s)
-        if limits.has_planner and t_s - self._planned_s > limits.silence_s + ROUNDING_S:
-            yield CauseKind.STALE_PLAN, f"no plan for {t_s - self._planned_s:.2f} s"
+        yield CauseKind.STALE_PLAN, self._plans.cause(t_s)
         yield CauseKind.ATTITUDE, self._tilt.cause
         yield CauseKind.SEAT, self._seat.cause
         if limits.watches_motion:
