@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from world import belts, estimate, frame, health, limits, stair
+from world import belts, estimate, flipper, frame, health, limits, stair
 
 from treadline.core.signals import MotionPlan, TrackCommand
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
@@ -19,6 +19,7 @@ from treadline.guard._obstacle_monitor import AheadMonitor, GapMonitor, Obstacle
 from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor, estimate_fault
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import limited, mean_limit
+from treadline.guard._stamps import Stamps
 from treadline.guard.stop_latch import Button, Latch
 from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig
@@ -54,28 +55,38 @@ def test_the_shipped_limits_are_those_of_the_table() -> None:
 
 
 def test_a_stamp_may_be_off_by_its_limits_and_not_by_more() -> None:
-    """Test: stamps at the limits and beyond, ahead and back. Expected result: rejected only beyond; a leap only beyond its own."""
-    stamps = Timestamps(0.125, 1.0)
-    assert stamps.accept("plan", 1e6)  # before the first tick nobody knows the time
-    stamps.advance(1.0)
-    assert stamps.accept_reading("a", 1.125)
+    """Test: stamps at the limits and beyond, ahead, back, old. Expected result: rejected only beyond; a leap only beyond its own;
+    nothing before the first tick, and events for none that was merely repeated or overtaken."""
+    stamps = Stamps(limits(ahead_s=0.125, driver_timeout_s=4.0))
+    assert not stamps.accept(belts(1.0))
     assert (stamps.leap, stamps.rejection) == (None, None)
-    assert not stamps.accept_reading("a", 1.25)
-    assert (stamps.leap, stamps.rejection) == (None, "a stamped 0.25 s ahead of the clock")
-    assert not stamps.accept_reading("a", 2.125)
-    assert (stamps.leap, stamps.rejection) == ("clock of a leapt 1.12 s ahead", None)
-    assert stamps.rejected == {"a": 2}
-    assert not stamps.accept_reading("a", 0.125)
-    assert stamps.leap is None
-    assert not stamps.accept_reading("a", 0.0)
-    assert stamps.leap == "clock of a leapt 1.12 s back"
-    assert stamps.accept_reading("a", 0.125)  # the new clock goes on
-    assert stamps.accept_reading("b", 0.5)  # each kind has its own
+    stamps.advance(1.0)
+    assert stamps.accept(belts(1.125))
+    assert not stamps.accept(belts(1.25))
+    assert (stamps.leap, stamps.rejection) == (None, "TrackReading stamped 0.25 s ahead of the clock")
+    assert not stamps.accept(belts(2.125))
+    assert (stamps.leap, stamps.rejection) == ("clock of TrackReading leapt 1.12 s ahead", None)
+    assert not stamps.accept(belts(0.125))
+    assert not stamps.accept(belts(1.125))
+    assert (stamps.leap, stamps.rejection) == (None, None)
+    assert stamps.rejected == {"TrackReading": 5}
+    assert not stamps.accept(belts(0.0))
+    assert stamps.leap == "clock of TrackReading leapt 1.12 s back"
+    assert stamps.accept(belts(0.125))  # the new clock goes on
+    assert stamps.accept(flipper(0.5, 0.1))  # each kind has its own
+    assert stamps.accept(flipper(0.5, 0.1), "a second sender")
+    stamps.advance(4.25)
+    assert stamps.accept(belts(0.25))
+    stamps.advance(4.5)
+    assert not stamps.accept(belts(0.375))
+    assert stamps.rejection == "TrackReading is 4.12 s old"
 
 
 def test_a_node_admits_what_the_guard_admits() -> None:
     """Test: readings that are sound, repeated, and not finite. Expected result: an admission alone answers as the guard does."""
     admission, guard = ReadingAdmission(limits()), Guard(limits())
+    admission.advance(0.0)
+    guard.advance(0.0)
     signals = [belts(0.0, 0.1, 0.1), belts(0.0, 0.1, 0.1), belts(0.01, math.nan, 0.1), belts(0.02, 0.1, 0.1)]
     assert (
         [admission.admit(signal) for signal in signals] == [guard.admit(signal) for signal in signals] == [True, False, False, True]
@@ -106,11 +117,17 @@ def test_silence_counts_from_the_last_word_and_each_source_by_itself() -> None:
     silence.restart(3.0)
     assert silence.cause(3.5) is None
     assert silence.cause(3.625) is not None
+    awaited = SilenceMonitor(0.5, awaited=("c",))
+    assert awaited.cause(100.0) is None  # waited for from the first tick
+    awaited.rejected("c", "is no number")
+    assert awaited.cause(100.75) == "c silent for 0.75 s: the last is no number"
+    awaited.heard("c", 100.75)
+    assert awaited.cause(101.5) == "c silent for 0.75 s"
 
 
 def test_the_latch_keeps_its_first_cause() -> None:
     """Test: two causes, none, and a release that has nothing to release. Expected result: the first stays; events once each."""
-    latch = Latch(0.15)
+    latch = Latch(limits())
     assert not latch.release(0.0)
     latch.hold(1.0, CauseKind.SEAT, None)
     assert latch.cause is None
@@ -174,10 +191,12 @@ def test_a_camera_lives_on_its_least_share_of_depth() -> None:
 
 def test_a_frame_that_is_no_image_shows_that_no_camera_is_alive() -> None:
     """Test: after a good frame, frames whose shares are not numbers. Expected result: dead, though each is another."""
-    watch = FrameMonitor(limits())
+    admission = ReadingAdmission(limits())
+    admission.advance(0.0)
+    watch = admission.frames
     assert watch.accept_frame(frame(0.0, fingerprint=0, brightness=0.5, contrast=0.1, valid_share=0.8))
     for k in range(1, 4):
-        assert not watch.accept_frame(frame(0.0, fingerprint=k, brightness=0.5, contrast=math.nan, valid_share=math.nan))
+        assert not admission.admit(frame(0.001 * k, fingerprint=k, brightness=0.5, contrast=math.nan, valid_share=math.nan))
         assert not watch.is_alive
 
 
@@ -193,14 +212,26 @@ def test_what_is_said_again_is_frozen_beyond_a_way_and_not_at_it() -> None:
     """Test: one value over 0.0625 m of belt, backwards too, and over more. Expected result: frozen beyond."""
     for sign in (1.0, -1.0):
         watch = FrameMonitor(limits(frozen_travel_m=0.0625))
-        assert watch.accept_measurement("map", 1, 4.0)
-        assert watch.accept_measurement("map", 1, 4.0 + sign * 0.0625)
-        assert not watch.accept_measurement("map", 1, 4.0 + sign * 0.125)
+        assert watch.accept_measurement("map", 0.0, 1, 4.0)
+        assert watch.accept_measurement("map", 0.5, 1, 4.0 + sign * 0.0625)
+        assert not watch.accept_measurement("map", 1.0, 1, 4.0 + sign * 0.125)
         assert watch.refused == "is frozen"
-        assert watch.accept_measurement("heading", 1, 4.125)
-        assert watch.accept_measurement("map", 2, 4.0 + sign * 0.125)
-        assert watch.accept_measurement("map", 2, 4.0 + sign * 0.1875)
+        assert watch.accept_measurement("heading", 1.0, 1, 4.125)
+        assert watch.accept_measurement("map", 1.5, 2, 4.0 + sign * 0.125)
+        assert watch.accept_measurement("map", 2.0, 2, 4.0 + sign * 0.1875)
         assert watch.refused == ""
+        # Two old values in turn are no new ones, until they are three seconds old.
+        assert not watch.accept_measurement("map", 2.5, 1, 4.0 + sign * 0.25)
+        assert not watch.accept_measurement("map", 3.0, 2, 4.0 + sign * 0.25)
+        assert watch.accept_measurement("map", 6.5, 1, 4.0 + sign * 0.25)
+
+
+def test_a_camera_that_alternates_two_old_frames_is_frozen() -> None:
+    """Test: two images in turn for 20 s. Expected result: each accepted once, and the camera is dead from then on."""
+    watch = FrameMonitor(limits())
+    accepted = [watch.accept_frame(frame(0.1 * k, fingerprint=k % 2)) for k in range(200)]
+    assert accepted == [True, True, *[False] * 198]
+    assert not watch.is_alive
 
 
 def test_a_belts_travel_is_the_integral_of_the_mean_speed() -> None:
@@ -265,7 +296,8 @@ def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
     assert run(*[0.25] * 5) == "left track is stalled: 0.25 m/s where 0.50 is expected"
     assert run(*[0.75] * 5) == "left track runs away: 0.75 m/s where 0.50 is expected"
     assert run(*[-0.5] * 5) == "left track is stalled: -0.50 m/s where 0.50 is expected"
-    assert run(*[0.25] * 4, 0.5, *[0.25] * 4) is None
+    assert run(*[0.25] * 4, *[0.5] * 4, *[0.25] * 4) is None
+    assert run(*[0.25, 0.25, 0.25, 0.25, 0.5] * 5) is not None  # four readings in five
 
 
 def test_a_brake_without_a_command_is_reported_at_rest_as_well() -> None:
@@ -280,7 +312,7 @@ def test_a_brake_without_a_command_is_reported_at_rest_as_well() -> None:
 
     assert run(0.0, *[True] * 9) is None  # before anything is asked a chair stands braked
     watch.ask(TrackCommand(t_s=0.0, left_m_s=0.0, right_m_s=0.0))
-    assert run(1.0, *[True] * 5, False, *[True] * 4) is None
+    assert run(1.0, *[True] * 5, *[False] * 4, *[True] * 4) is None
     assert run(2.0, *[True] * 5) is None
     assert run(2.3125, True) == "the brake is on without a command: no power, or commands do not arrive"
     watch.forget()
@@ -629,6 +661,9 @@ def test_a_tilt_lasts_before_it_counts(pitch: float, roll: float, rate: float, c
     watch.forget()
     watch.update(5 / 64, tilted(pitch, roll), rate)
     assert watch.cause is None
+    for k in range(6, 26):  # four samples in five
+        watch.update(k / 64, tilted(pitch, roll) if k % 5 else tilted(0.0, 0.0), rate if k % 5 else 0.0)
+    assert watch.cause == cause
 
 
 def test_a_quaternion_beyond_unity_is_still_an_angle() -> None:
@@ -720,7 +755,7 @@ def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stai
     Expected result: no cause; the reading after which none should be seen any more brings one."""
     apart = 0.25 / FLIGHT_RAD_M
     watch = turning(apart, "climb", 24)
-    watch.seen()
+    watch.seen(watch.t_s)
     assert turning(apart, "climb", 24, watch).cause is None
     turning(apart, "search", 1, watch)
     assert turning(apart, "climb", 24, watch).cause is None
@@ -908,7 +943,8 @@ def test_a_disagreement_lasts_beyond_its_time() -> None:
     assert watch.health(health(1.5, "disagreement", 1.0)) is None
     assert watch.alarm(1.5, 0.0, None) is None
     assert watch.alarm(1.5625, 0.0, None) == "camera and gyro disagree for 0.6 s"
-    watch.health(health(1.5, "disagreement"))
+    watch.health(health(1.5, None))
+    watch.health(health(1.5, "disagreement", 9.0))  # no fault begins after the message itself
     assert watch.alarm(2.0, 0.0, None) is None
     assert watch.alarm(2.0625, 0.0, None) is not None
 

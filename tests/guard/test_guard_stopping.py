@@ -12,14 +12,14 @@ from treadline.guard.stop_latch import Latch
 
 # Literals, so that a changed value in the code is noticed here.
 RAMP_S = 0.3
-STANDING_M_S = 0.01
+STANDING_M_S = 0.03
 
 LAG_S = 0.15
 
 
 def held(kind: CauseKind, speed_m_s: float = 0.2) -> tuple[Latch, TrackCommand]:
     """Return a latch held for a cause at 1.0 s, and its first command."""
-    latch = Latch(LAG_S)
+    latch = Latch(limits())
     latch.hold(1.0, kind, str(kind))
     return latch, latch.stop(1.0, (speed_m_s, speed_m_s))
 
@@ -42,7 +42,7 @@ def test_belts_with_their_lag_follow_the_half_cosine_until_it_is_nearly_over(fro
     """Test: belts with a first-order lag of 0.15 s. Expected result: the half-cosine to 0.23 of the speed (past 0.11 s the lead
     would ask for reverse, is zero, and a lag alone is slower), never reverse, never faster, no more than the half-cosine's own
     acceleration, and 30 mm of travel at 0.2 m/s to within a fifth."""
-    ramp, speeds, travel = RampedStop(LAG_S), list(from_m_s), [0.0, 0.0]
+    ramp, speeds, travel = RampedStop(LAG_S, STANDING_M_S), list(from_m_s), [0.0, 0.0]
     for k in range(round(RAMP_S / TICK_S)):
         command = ramp.step(k * TICK_S, from_m_s)
         assert not command.brake
@@ -92,8 +92,9 @@ def test_each_hold_has_a_ramp_of_its_own() -> None:
 
 def running() -> Guard:
     """Return a guard whose belts have run at 0.2 m/s for a second."""
-    guard = Guard(limits(needs_heading=False))
+    guard = Guard(limits(needs_heading=False, seat_rate_m_s=None, flipper_rate_rad_s=None))
     for k in range(101):
+        guard.advance(k * TICK_S)
         guard.admit(belts(k * TICK_S))
         guard.propose(TrackCommand(t_s=k * TICK_S, left_m_s=0.2, right_m_s=0.2))
         guard.step(k * TICK_S, None)
