@@ -188,17 +188,9 @@ def _streamed(logs: Sequence[Path], asked: IdentifyOptions) -> "Identified":
     from treadline.identification import identify_chunks
     from treadline.io.records import read_chunks
 
-    for name, is_given in (
-        ("--validate", asked.validate is not None),
-        ("--validate-on", asked.validate_on is not None),
-        ("--update", asked.update is not None),
-        ("--delays", asked.delays is not None),
-        ("--resample", asked.resample),
-        ("--stable", asked.stable),
-        ("--forgetting", asked.forgetting != 1.0),
-    ):
-        if is_given:
-            raise SettingsError(f"{name} needs the whole record; give --no-stream")
+    for name in ("validate", "validate_on", "update", "delays", "resample", "stable", "forgetting"):
+        if getattr(asked, name) != getattr(DEFAULTS, name):
+            raise SettingsError(f"--{name.replace('_', '-')} needs the whole record; give --no-stream")
     readers = [
         read_chunks(log, asked.input_names, asked.output_names, period_s=asked.period, allow_gaps=asked.allow_gaps) for log in logs
     ]
