@@ -19,6 +19,8 @@ class Air(WireTransport):
         self.kinds = kinds or {}
         self.sent: list[tuple[str, Any]] = []
         """What was published: channel and signal."""
+        self.topics: set[str] = set()
+        """Topics with a subscriber."""
 
     def publish(self, channel: str, signal: Any) -> None:
         """Publish, and keep the signal."""
@@ -36,8 +38,8 @@ class Air(WireTransport):
     def _send(self, topic: str, data: bytes) -> None:
         pass
 
-    def _receive(self, topic: str, kind: str, depth: int) -> None:
-        pass
+    def _receive(self, topic: str, kind: str, depth: int) -> None:  # noqa: ARG002 - the signature of the transport
+        self.topics.add(topic)
 
     def _kinds(self, topic: str) -> list[str]:
         return [self.kinds[topic]] if topic in self.kinds else []

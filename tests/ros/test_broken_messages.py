@@ -5,16 +5,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from node_messages import SIGNALS
+from node_messages import SIGNALS, T_S
 from wires import Air
 from world import limits
 
 from treadline.core.errors import LogFormatError
 from treadline.core.signals import Event
+from treadline.mission.mission_config import MissionConfig
+from treadline.mission.replay_plant import ReplayPlant
 from treadline.ros import channels as on
 from treadline.ros._codec import Decoder, encoded
+from treadline.ros.assembly import node_of
 from treadline.ros.block_nodes import GuardNode
 from treadline.ros.node_process import NodeRunner
+from treadline.scenario.chair import read_chair
 
 COUNT = 1000
 """Mutated messages of each channel and wire."""
@@ -55,6 +59,27 @@ def test_mutated_bytes_are_a_signal_or_a_format_error(channel: str, signal: Any,
         except LogFormatError:
             broken += 1
     assert broken > 0.05 * COUNT
+
+
+@pytest.mark.parametrize("name", ["guard", "camera", "heading", "seat", "driver", "plant"])
+def test_no_mutated_message_ends_a_node(name: str) -> None:
+    """Test: 100 mutations of each message reach a node, whatever they still say. Expected result: it goes on."""
+    rng = np.random.default_rng(39)
+    wire, config = Air(), MissionConfig(chair=read_chair("wheelchair"), loop="open")
+    node = node_of(name, config, plant=lambda: ReplayPlant([]))
+    node.listen(wire)
+    for k in range(100):
+        node.advance(T_S + 0.01 * k)
+        for channel, signal in SIGNALS:
+            if channel == on.CAMERA:
+                continue  # images are of any size, and take long
+            for topic, _, data in encoded(channel, signal, ros1=False):
+                if topic in wire.topics:
+                    wire.inbox.put(topic, mutated(data, rng))
+        while wire.deliver(0.0):
+            pass
+        node.tick(T_S + 0.01 * k)
+    assert sum(wire.broken.values()) > 10
 
 
 def test_a_programming_error_in_a_reader_is_not_taken_for_a_broken_message() -> None:

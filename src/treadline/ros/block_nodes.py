@@ -4,8 +4,9 @@ Paper: Fig. 7. ``plant`` (simulator or drivers) ─► ``camera`` and ``heading`
 ``seat`` in parallel. The nodes compute nothing: the blocks are those of ``mission.loop``.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Reading, Transport
@@ -73,6 +74,16 @@ class _AdmittingNode:
     def __init__(self, config: GuardConfig) -> None:
         self._admission = ReadingAdmission(config)
 
+    def _subscribe(self, transport: Transport, channel: str, *takers: Callable[[Any], object]) -> None:
+        """Pass admitted readings of a channel to one taker after the other."""
+
+        def take(reading: Reading) -> None:
+            if self._admission.admit(reading):
+                for taker in takers:
+                    taker(reading)
+
+        transport.subscribe(channel, take)
+
     def advance(self, t_s: float) -> None:
         """Set the clock."""
         self._admission.advance(t_s)
@@ -101,20 +112,12 @@ class CameraNode(_AdmittingNode):
     def listen(self, transport: Transport) -> None:
         """Subscribe to frames or measurements, and to the readings of gravity and travel."""
         self._publish = transport.publish
-        transport.subscribe(on.IMU, self._take_imu)
-        transport.subscribe(on.TRACKS, self._take_tracks)
+        for channel in (on.IMU, on.TRACKS):
+            self._subscribe(transport, channel, self._block.update)
         transport.subscribe(on.CAMERA, self._take_frame)
         transport.subscribe(on.CAMERA_QUALITY, self._take_quality)
         transport.subscribe(on.CAMERA_HEADING, self._pass)
         transport.subscribe(on.CAMERA_MAP, self._pass)
-
-    def _take_imu(self, sample: ImuSample) -> None:
-        if self._admission.admit(sample):
-            self._block.update(sample)
-
-    def _take_tracks(self, reading: TrackReading) -> None:
-        if self._admission.admit(reading):
-            self._block.update(reading)
 
     def _take_frame(self, frame: RgbdFrame) -> None:
         def admit(quality: FrameQuality) -> bool:
@@ -172,11 +175,12 @@ class HeadingNode(_AdmittingNode):
     def listen(self, transport: Transport) -> None:
         """Subscribe to the inputs of the heading filter."""
         self._publish = transport.publish
-        transport.subscribe(on.IMU, self._take_imu)
-        transport.subscribe(on.TRACKS, self._take_tracks)
+        self._subscribe(transport, on.IMU, self._reckoning.update, self._step)
+        self._subscribe(transport, on.TRACKS, self._step, self._reckon)
         transport.subscribe(on.MEASURED, self._step)
-        transport.subscribe(on.SEAT, self._take_seat)
-        transport.subscribe(on.FLIPPER, self._take_flipper)
+        if self._linkage is not None:
+            self._subscribe(transport, on.SEAT, self._take_seat)
+        self._subscribe(transport, on.FLIPPER, self._take_flipper)
 
     def tick(self, t_s: float) -> None:
         """Publish the filter's health where it has changed, and the mounts at their interval."""
@@ -192,15 +196,7 @@ class HeadingNode(_AdmittingNode):
             self._last_health = content
             self._publish(on.HEALTH, health)
 
-    def _take_imu(self, sample: ImuSample) -> None:
-        if self._admission.admit(sample):
-            self._reckoning.update(sample)
-            self._step(sample)
-
-    def _take_tracks(self, reading: TrackReading) -> None:
-        if not self._admission.admit(reading):
-            return
-        self._step(reading)
+    def _reckon(self, reading: TrackReading) -> None:
         odometry = self._reckoning.step(reading)
         if odometry is not None and round(reading.t_s / TICK_S) % ODOM_TICKS == 0:
             self._publish(on.ODOM, odometry)
@@ -209,12 +205,11 @@ class HeadingNode(_AdmittingNode):
                 self._publish(on.JOINT_STATES, JointAngles(t_s=reading.t_s, names=names, angles_rad=angles))
 
     def _take_seat(self, reading: SeatReading) -> None:
-        if self._linkage is not None and self._admission.admit(reading):
+        if self._linkage is not None:
             self._joints["seat_joint"] = self._linkage.nearest_angle(reading.stroke_m)
 
     def _take_flipper(self, reading: FlipperReading) -> None:
-        if self._admission.admit(reading):
-            self._joints["flipper_joint"] = reading.angle_rad
+        self._joints["flipper_joint"] = reading.angle_rad
 
     def _step(self, signal: ImuSample | TrackReading | HeadingMeasurement) -> None:
         estimate = self._estimator.step(signal)
@@ -237,16 +232,8 @@ class SeatNode(_AdmittingNode):
     def listen(self, transport: Transport) -> None:
         """Subscribe to the seat's state and the chassis' IMU."""
         self._publish = transport.publish
-        transport.subscribe(on.IMU, self._take_imu)
-        transport.subscribe(on.SEAT, self._take_seat)
-
-    def _take_imu(self, sample: ImuSample) -> None:
-        if self._admission.admit(sample):
-            self._block.update(sample)
-
-    def _take_seat(self, reading: SeatReading) -> None:
-        if self._admission.admit(reading):
-            self._publish(on.SEAT_PROPOSED, self._block.step(reading))
+        self._subscribe(transport, on.IMU, self._block.update)
+        self._subscribe(transport, on.SEAT, lambda reading: self._publish(on.SEAT_PROPOSED, self._block.step(reading)))
 
 
 class DriverNode(_AdmittingNode):
@@ -266,7 +253,7 @@ class DriverNode(_AdmittingNode):
         """Subscribe to the heading, the stair map, the readings and the state of the guard."""
         self._publish = transport.publish
         for channel in (on.IMU, on.TRACKS, on.FLIPPER):
-            transport.subscribe(channel, self._take_reading)
+            self._subscribe(transport, channel, self._block.update)
         transport.subscribe(on.MAP, self._block.update)
         transport.subscribe(on.ESTIMATE, self._take_estimate)
         transport.subscribe(on.GUARD, self._take_guard)
@@ -279,10 +266,6 @@ class DriverNode(_AdmittingNode):
         command = self._block.propose(plan, self._estimate, held=self._holding is not None)
         if command is not None:
             self._publish(on.TRACKS_PROPOSED, command)
-
-    def _take_reading(self, reading: ImuSample | TrackReading | FlipperReading) -> None:
-        if self._admission.admit(reading):
-            self._block.update(reading)
 
     def _take_estimate(self, estimate: HeadingEstimate) -> None:
         self._estimate = estimate

@@ -7,7 +7,6 @@ pace, and waits for nodes that fall behind: a busy machine slows the simulation,
 import math
 import sys
 import time
-from collections.abc import Callable
 from threading import Event as Flag
 from typing import Any, Literal
 
@@ -67,7 +66,8 @@ class NodeRunner:
         transport.announce(on.DIAGNOSTICS)
         for channel in node.publishes:
             transport.announce(channel)
-        node.listen(_Subscriptions(transport, self._receive))
+        transport.on_signal = self._receive
+        node.listen(transport)
         if self._sim and not isinstance(node, PlantNode):
             transport.subscribe(on.CLOCK, self._take_clock)
 
@@ -181,25 +181,6 @@ class NodeRunner:
             )
         if isinstance(self._node, GuardNode) and self._node.waits_for:
             sys.stderr.write(f"treadline: guard: {self._node.waits_for} {after}; start the missing nodes\n")
-
-
-class _Subscriptions:
-    """Transport that passes each signal to the runner before it is delivered."""
-
-    def __init__(self, transport: WireTransport, receive: Callable[[str, Any], None]) -> None:
-        self._transport = transport
-        self._receive = receive
-        self.announce, self.publish = transport.announce, transport.publish
-        self.deliver, self.close = transport.deliver, transport.close
-
-    def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
-        """Subscribe; the runner gets each signal first."""
-
-        def received(signal: Any) -> None:
-            self._receive(channel, signal)
-            take(signal)
-
-        self._transport.subscribe(channel, received)
 
 
 def run_plant(

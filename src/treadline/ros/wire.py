@@ -13,6 +13,7 @@ from treadline.ros.channels import CHANNELS, Channel
 
 
 class _Subscriber(NamedTuple):
+    channel: str
     decoder: Decoder
     take: Callable[[Any], object]
 
@@ -81,6 +82,8 @@ class WireTransport:
         self.inbox = Inbox()
         self.broken: Counter[str] = Counter()
         """Number of messages dropped because their bytes could not be read, by topic."""
+        self.on_signal: Callable[[str, Any], object] = lambda _channel, _signal: None
+        """Receives channel and signal before each subscriber does."""
         self.on_broken: Callable[[str], object] = lambda _reason: None
         """Receives topic and reason of the first broken message of each series."""
         self.spare = 1
@@ -108,7 +111,7 @@ class WireTransport:
             if not topic.read:
                 continue
             first = topic.name not in self._takers
-            self._takers.setdefault(topic.name, []).append(_Subscriber(decoder, take))
+            self._takers.setdefault(topic.name, []).append(_Subscriber(channel, decoder, take))
             depth = self.spare * spec.depth
             self.inbox.expect(topic.name, depth)
             if first:
@@ -125,13 +128,14 @@ class WireTransport:
 
     def _take(self, topic: str, data: bytes) -> None:
         """Deliver one message; a broken one is dropped and counted."""
-        for decoder, take in self._takers[topic]:
+        for channel, decoder, take in self._takers[topic]:
             try:
                 signal = decoder.signal(topic, data)
             except LogFormatError as error:
                 self._drop(topic, str(error))
                 return
             if signal is not None:
+                self.on_signal(channel, signal)
                 take(signal)
         self._failing.pop(topic, None)
 
