@@ -81,7 +81,7 @@ class DropMonitor:
         """
         self._drive(travel_m, heading_rad)
         phase = None if plan is None else plan.phase
-        way, on_flight = math.copysign(1.0, speed_m_s), self._flat_s is None and phase in FLIGHT
+        way, on_flight = math.copysign(1.0, speed_m_s), self._flat_s is None and phase in (*FLIGHT, "edge")
         if speed_m_s == 0.0 or on_flight or (way == self._way and phase in ENTERS and self._is_confirmed):
             return None
         pulley_m, stopping_m = way * travel_m + self._pulley_m, abs(speed_m_s) * self._config.stopping_s
