@@ -1,100 +1,92 @@
-"""What holds of the guard whatever comes: random readings, plans and commands, NaN and Inf among them."""
+"""What holds of the guard whatever comes: messages of every type, with any numbers and stamps, and re-arms between."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from world import limits
+from traffic import HOLD_S, MADE, OF_CAMERA, Traffic, numbers, sound, with_number
+from world import TICK_S
 
-from treadline.core.signals import (
-    FlipperCommand,
-    FrameQuality,
-    HeadingEstimate,
-    HeadingMeasurement,
-    ImuSample,
-    MotionPlan,
-    OperatorInput,
-    SeatCommand,
-    SeatReading,
-    TrackCommand,
-    TrackReading,
+from treadline.core.signals import HeadingMeasurement, OperatorInput
+
+ANY = st.one_of(st.floats(-2.0, 2.0), st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e6, 1e6, 0.0]))
+LATE_S = st.one_of(st.floats(-0.3, 0.05), st.sampled_from([math.nan, math.inf, 1e6, -1e6, -10.0]))
+EVENTS = st.one_of(
+    st.tuples(st.just("silence"), st.sampled_from([*MADE]), st.integers(1, 120)),
+    st.tuples(st.just("message"), st.sampled_from([*MADE]), LATE_S),
+    st.tuples(st.just("number"), st.sampled_from([*MADE]), ANY),
+    st.tuples(st.just("re-arm"), st.just(OperatorInput), st.just(0.0)),
 )
-from treadline.guard import Guard
-
-# Literals, so that a changed value in the code is noticed here.
-RAMP_S = 0.3
-
-ANY = st.one_of(st.floats(-2.0, 2.0), st.sampled_from([math.nan, math.inf, -math.inf, 1e300, -1e300, 0.0]))
-TIMES = st.one_of(st.floats(-0.05, 0.05), st.sampled_from([math.nan, math.inf, 5.0, -5.0]))
-KINDS = st.sampled_from(["imu", "belts", "seat", "frame", "heading", "operator", "plan", "command", "flipper", "tick"])
-STEPS = st.lists(st.tuples(KINDS, TIMES, ANY, ANY), max_size=60)
-PHASES: Any = ["climb", "crest", "edge", "arrived", "align"]
+"""What may happen at a tick: messages of one type cease for some ticks, one comes at another time or with a number replaced."""
+SILENCED = [kind for kind in HOLD_S if kind is not HeadingMeasurement]
+"""Types whose silence is judged here; a stair may be out of view for longer."""
 
 
-def act(guard: Guard, kind: str, t_s: float, a: float, b: float) -> TrackCommand | None:
-    """Let one thing happen; return a command if it is a tick."""
-    match kind:
-        case "imu":
-            vector = np.array([a, b, 0.0])
-            orientation = np.array([1.0, a, b, 0.0])
-            sample = ImuSample(t_s=t_s, orientation=orientation, angular_velocity_rad_s=vector, linear_acceleration_m_s2=vector)
-            guard.admit(sample)
-        case "belts":
-            guard.admit(TrackReading(t_s=t_s, left_m_s=a, right_m_s=b, brake_on=False))
-        case "seat":
-            guard.admit(SeatReading(t_s=t_s, pitch_rad=a, stroke_m=b))
-            assert math.isfinite(guard.pass_seat(SeatCommand(t_s=t_s, rate_m_s=a)).rate_m_s)
-        case "frame":
-            guard.admit(FrameQuality(t_s=t_s, fingerprint=hash(a), brightness=a, contrast=b, valid_share=a))
-        case "heading":
-            guard.admit(HeadingMeasurement(t_s=t_s, heading_rad=a, sigma_rad=b, edge_count=3))
-        case "operator":
-            guard.admit(OperatorInput(t_s=t_s, stop=a > 1.5))
-        case "plan":
-            phase = PHASES[0 if not math.isfinite(a) else round(10.0 * min(abs(a), 2.0)) % 5]
-            guard.on_message(MotionPlan(t_s=t_s, phase=phase, speed_m_s=b))
-        case "flipper":
-            passed = guard.pass_flipper(FlipperCommand(t_s=t_s, rate_rad_s=a))
-            assert passed is not None
-            assert math.isfinite(passed.rate_rad_s)
-            assert math.isfinite(passed.t_s)
-        case "command":
-            guard.propose(TrackCommand(t_s=t_s, left_m_s=a, right_m_s=b))
-        case _:
-            estimate = HeadingEstimate(t_s=t_s, heading_rad=a, heading_rate_rad_s=b, sigma_rad=0.1, source="vision")
-            return guard.step(t_s, estimate if a != 0.0 else None).tracks
-    return None
+class Spoilt(Traffic):
+    """Sound traffic in which anything may happen."""
 
+    def __init__(self) -> None:
+        super().__init__(OperatorInput, sound)
+        self.last_s = dict.fromkeys(HOLD_S, 0.0)
+        """Time of the last sound message of each type that must speak, or of the last re-arm."""
+        self.silent_until = dict.fromkeys(MADE, 0)
+        self.rearming = False
 
-@pytest.mark.parametrize("needs_heading", [True, False])
-def test_whatever_comes_what_leaves_is_a_number_within_its_limits_and_a_hold_stays(needs_heading: bool) -> None:
-    """Test: any sequence of readings, plans, commands and ticks, with any numbers and stamps. Expected result: every command is
-    finite, no belt above its limit; once held, a ramp of at most 0.3 s, then zero and
-    brake for ever, for nobody has re-armed; every event has a finite time."""
+    def happen(self, what: str, kind: type, value: Any) -> None:
+        """Let one thing happen at this tick, before the sound messages."""
+        t_s = self.tick * TICK_S
+        self.guard.advance(t_s)
+        match what:
+            case "silence":
+                self.silent_until[kind] = self.tick + value
+            case "message":
+                self.send(replace(MADE[kind](t_s), t_s=t_s + value))
+            case "number":
+                for place in list(numbers(MADE[kind](0.0)))[:1]:
+                    self.send(with_number(MADE[kind](t_s - 0.005), place, value))
+            case _:
+                self.rearming = True
 
-    @settings(max_examples=150, deadline=None, database=None, derandomize=True)
-    @given(STEPS)
-    def holds(steps: list[tuple[str, float, float, float]]) -> None:
-        guard = Guard(limits(needs_heading=needs_heading))
-        guard.propose(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2))
-        held_s, braked = math.inf, False
-        for k, (kind, offset_s, a, b) in enumerate(steps):
-            held = guard.holding
-            passed = act(guard, kind, 0.01 * k + offset_s, a, b)
-            assert held is None or guard.holding == held
-            if passed is None:
+    def messages(self) -> None:
+        """Send the sound messages of this tick."""
+        t_s = self.tick * TICK_S
+        self.guard.advance(t_s)
+        for kind, made in MADE.items():
+            if self.tick < self.silent_until[kind] or (kind in OF_CAMERA and self.tick % 10):
                 continue
-            assert math.isfinite(passed.t_s)
-            assert max(abs(passed.left_m_s), abs(passed.right_m_s)) <= 1.0 + 1e-12
-            if guard.holding is not None:
-                held_s = min(held_s, passed.t_s)
-                braked = braked or passed.brake
-                assert passed.brake or held_s <= passed.t_s < held_s + RAMP_S
-                if braked:
-                    assert (passed.left_m_s, passed.right_m_s, passed.brake) == (0.0, 0.0, True)
-        assert all(math.isfinite(event.t_s) for event in guard.take_events())
+            message, held = made(t_s), self.guard.holding is not None
+            if kind is OperatorInput and self.rearming:
+                message, self.rearming = replace(message, rearm=True), False
+            self.send(message)
+            if kind in HOLD_S:
+                self.last_s[kind] = t_s
+            if held and self.guard.holding is None:
+                self.last_s = dict.fromkeys(HOLD_S, t_s)
 
-    holds()
+
+@settings(max_examples=120, deadline=None, database=None, derandomize=True)
+@given(st.lists(st.tuples(st.integers(1, 40), EVENTS), max_size=25))
+def test_whatever_comes_what_leaves_is_bounded_a_hold_stays_and_silence_is_held_for_in_time(steps: list[tuple[int, Any]]) -> None:
+    """Test: sound traffic of all types, with random silences, stamps, numbers and re-arms. Expected result: every command is finite
+    and within the chair's limits; a held chair is braked 0.3 s later and stays so until a person re-arms; a source that must speak
+    and has been silent for its time is held for."""
+    traffic, held_s = Spoilt(), math.inf
+    for ticks, event in steps:
+        traffic.happen(*event)
+        for _ in range(ticks):
+            t_s = traffic.tick * TICK_S
+            traffic.messages()
+            tracks, seat, up = traffic.guard.step(t_s, traffic.estimate)
+            traffic.tick += 1
+            assert max(abs(tracks.left_m_s), abs(tracks.right_m_s)) <= 1.0 + 1e-12
+            assert abs(tracks.left_m_s + tracks.right_m_s) <= 2 * 0.55 + 1e-12
+            assert abs(seat.rate_m_s) <= 0.06
+            assert up is None or abs(up.rate_rad_s) <= math.radians(30.0)
+            held_s = min(held_s, t_s) if traffic.guard.holding is not None else math.inf
+            assert t_s - held_s < 0.3 or (tracks.left_m_s, tracks.right_m_s, tracks.brake) == (0.0, 0.0, True)
+            for kind in SILENCED:
+                silent_s = t_s - traffic.last_s[kind]
+                assert silent_s <= HOLD_S[kind] + 2 * TICK_S or traffic.guard.holding is not None, kind
+    assert all(math.isfinite(event.t_s) for event in traffic.guard.take_events())

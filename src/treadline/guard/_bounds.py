@@ -31,6 +31,9 @@ NORM_SPARE = 0.01
 GYRO_RAD_S = 2000.0 * DEG
 """Largest angular rate that the gyro can measure [rad/s]: full scale of the MPU-6050 and the BNO055, data sheets."""
 
+SEEN_M = 65.535
+"""Largest distance that a depth image of 16-bit millimetres can hold [m]: no camera measures a place beyond."""
+
 
 def finite(*values: float) -> bool:
     """Return whether every value is finite."""
@@ -49,6 +52,10 @@ def _number_fault(*values: float) -> str:
 
 def _angle_fault(name: str, angle_rad: float) -> str:
     return "" if abs(angle_rad) <= math.pi else f"has a {name} of {angle_rad / DEG:g}°"
+
+
+def _distance_fault(*distances_m: float) -> str:
+    return "" if all(abs(distance_m) <= SEEN_M for distance_m in distances_m) else "holds a distance that no camera measures"
 
 
 def _imu_fault(sample: ImuSample, _: GuardConfig) -> str:
@@ -94,7 +101,7 @@ def _map_fault(stair: StairMap, _: GuardConfig) -> str:
     sides = (stair.left_wall_m, stair.right_wall_m, stair.left_edge_m, stair.right_edge_m, stair.left_seen_m, stair.right_seen_m)
     places = [value for place in stair.nosings_B for value in place]
     known = [value for value in (stair.obstacle_m, *sides) if value is not None]
-    return _number_fault(stair.rise_m, stair.run_m, stair.slope_rad, *places, *known)
+    return _number_fault(stair.slope_rad) or _distance_fault(stair.rise_m, stair.run_m, *places, *known)
 
 
 def _ground_fault(ground: FreeGround, _: GuardConfig) -> str:

@@ -73,7 +73,7 @@ class LastGuard:
             return False
         fault = fault_of(command, self._config)
         if fault:
-            self._stamps.reject(type(command).__name__, fault)
+            self._stamps.reject(command, fault)
         if fault or not self._stamps.accept(command):
             self._rejection = f"; {self._stamps.rejection}" if self._stamps.rejection else self._rejection
             if self._stamps.leap is not None and self._driven:
