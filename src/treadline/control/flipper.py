@@ -112,7 +112,7 @@ class Tip:
         return 0.5 * self._flipper.mass_kg * GRAVITY_M_S2 - flipper.torque_n_m / lever
 
 
-class FlipperRate:
+class _FlipperRate:
     """Limiter of the flipper's rate and acceleration."""
 
     def __init__(self, flipper: Flipper) -> None:
@@ -199,7 +199,7 @@ class Sequencer(ABC, Generic[StageT]):
         self._loading = loading
         self._geometry = geometry_of(loading.chair)
         self._tip = Tip(loading)
-        self._rate = FlipperRate(flipper_of(loading.chair))
+        self._rate = _FlipperRate(flipper_of(loading.chair))
         self._rest_rad = loading.chair.tracks.approach_angle_deg * DEG
         self._stage = stage
         self._cause = ""
@@ -218,7 +218,7 @@ class Sequencer(ABC, Generic[StageT]):
         self._tip.step(pitch, flipper, dt_s)
         if tracks.brake_on:
             dt_s = 0.0
-            self._rate = FlipperRate(flipper_of(self._loading.chair))
+            self._rate = _FlipperRate(flipper_of(self._loading.chair))
             self._lead_from(pitch)
         self._sequence(pitch, flipper, dt_s)
         belts, rate = self._act(pitch, flipper, speed, dt_s)

@@ -107,14 +107,14 @@ class HeadingController:
         else:
             given, before, limited = self._last
             u = given - centre + model.input_offset
-            sticks = in_dead_zone(float(self._observer.predicted(u)[1]), float(before[1]))
+            sticks = _in_dead_zone(float(self._observer.predicted(u)[1]), float(before[1]))
             self._observer.update(u, before, learn=not (limited or sticks))
         seen = y - model.output_offset - model.C @ self._observer.state
         x = self._observer.state + self._correction @ seen
         return np.asarray(centre - self._design.K @ x - self._observer.disturbance * BELT_DIFFERENCE)
 
 
-def in_dead_zone(predicted_rad_s: float, measured_rad_s: float) -> bool:
+def _in_dead_zone(predicted_rad_s: float, measured_rad_s: float) -> bool:
     """Whether the inner belt sticks, so that a belt speed difference does not turn the chair.
 
     The predicted yaw rate is significant at three standard deviations, but the measured one is not. A sticking chair contains no

@@ -65,7 +65,7 @@ FURTHER = {"angles": "core.rotations", "mission.config": "mission.mission_blocks
 """Further place of a module that was split: what the present place lacks is found there."""
 
 
-class FormerNames(MetaPathFinder, Loader):
+class _FormerNames(MetaPathFinder, Loader):
     """Finder of the former module names.
 
     It is asked first: a former package has the path of its present place, where the usual finder would load each module twice.
@@ -99,5 +99,5 @@ class FormerNames(MetaPathFinder, Loader):
 
 def install() -> None:
     """Add the former names to the import system, once."""
-    if not any(isinstance(finder, FormerNames) for finder in sys.meta_path):
-        sys.meta_path.insert(0, FormerNames())
+    if not any(isinstance(finder, _FormerNames) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _FormerNames())

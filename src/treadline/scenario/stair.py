@@ -261,7 +261,7 @@ def place_of(stair: Stair, override: StepOverride) -> int:
     return override.index % stair.count if -stair.count <= override.index < stair.count else override.index
 
 
-def value_at(stair: Stair, overrides: Sequence[StepOverride], key: str, index: int, usual: float) -> float:
+def _value_at(stair: Stair, overrides: Sequence[StepOverride], key: str, index: int, usual: float) -> float:
     """Return a step's value: its override, or the usual value."""
     for override in overrides:
         if place_of(stair, override) == index and getattr(override, key) is not None:
@@ -273,7 +273,7 @@ def run_of(stair: Stair, overrides: Sequence[StepOverride], index: int) -> float
     """Return the depth of a step to the next nosing, across a landing too."""
     if index == stair.count - 1:
         return max(stair.landing_m, stair.run_m)
-    return value_at(stair, overrides, "run_m", index, stair.between_m if stair.is_landing(index) else stair.run_m)
+    return _value_at(stair, overrides, "run_m", index, stair.between_m if stair.is_landing(index) else stair.run_m)
 
 
 def _outside(stair: Stair, overrides: Sequence[StepOverride], number: int, _index: int) -> str | None:
@@ -327,7 +327,7 @@ def _steep_tread(stair: Stair, overrides: Sequence[StepOverride], number: int, i
     if not slope_deg or index == stair.count - 1:
         return None
     climb_m = run_of(stair, overrides, index) * math.tan(slope_deg * DEG)
-    rise_m = value_at(stair, overrides, "rise_m", index + 1, stair.rise_m)
+    rise_m = _value_at(stair, overrides, "rise_m", index + 1, stair.rise_m)
     if climb_m < rise_m:
         return None
     higher = f"the next nosing is only {rise_m:g} m higher"
@@ -340,7 +340,7 @@ def _crossing_nosings(stair: Stair, overrides: Sequence[StepOverride]) -> str | 
     for index in sorted({*turned, *(turn - 1 for turn in turned)}):
         if not 0 <= index < stair.count - 1:
             continue
-        before, after = (math.tan(value_at(stair, overrides, "yaw_deg", i, 0.0) * DEG) for i in (index, index + 1))
+        before, after = (math.tan(_value_at(stair, overrides, "yaw_deg", i, 0.0) * DEG) for i in (index, index + 1))
         depth_m = run_of(stair, overrides, index) - 0.5 * stair.width_m * abs(after - before)
         if depth_m < LEAST_SIDE_DEPTH_M:
             return (
