@@ -7,7 +7,6 @@ some twenty mathematical fonts and warns about each that the font list of the ma
 import io
 import re
 import warnings
-from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axis import Axis
@@ -15,23 +14,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation, NullFormatter
 from matplotlib.transforms import BboxBase
 
+from treadline.report._html import TEMPLATES
+
 BLUE, ORANGE, GREEN, RED, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#777777"
 PAD_PX = 4.0
 """Margin around a panel that is drawn alone."""
-STYLE: Any = {
-    "font.family": "DejaVu Sans",
-    "font.size": 9,
-    "axes.titlesize": 10,
-    "axes.grid": True,
-    "grid.alpha": 0.3,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-    "svg.hashsalt": "treadline",
-    "svg.fonttype": "path",
-    "text.parse_math": False,
-    "path.simplify": True,
-}
+STYLE = mpl.rc_params_from_file(TEMPLATES / "figures.mplstyle", use_default_template=False)
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 COORDINATE = re.compile(r"(-?\d+\.\d\d)\d+")
 """A number and the decimals that are cut off: a hundredth of a point is finer than any screen."""

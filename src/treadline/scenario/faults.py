@@ -1,19 +1,21 @@
 """Fault injection: kinds of faults, their magnitudes and their duration.
 
-A fault is active from ``at_s`` for ``for_s`` seconds. ``value = 0`` selects the default magnitude in ``EXTENTS``; for kinds with
-numbered choices, zero is the first choice. After the fault all settings are as before, but its physical effects remain (a chair
-that rolled back stays there).
+A fault is active from ``at_s`` for ``for_s`` seconds. ``value = 0`` selects the default magnitude (``data/faults.toml``); for kinds
+with numbered choices, zero is the first choice. After the fault all settings are as before, but its physical effects remain (a
+chair that rolled back stays there).
 """
 
+import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated, Literal
+from typing import Annotated, Literal, cast
 
 from pydantic import Field, model_validator
 
 from treadline.core.settings import Settings
 from treadline.core.signals import ROUNDING_S
+from treadline.scenario.shipped_files import DATA
 
 FaultKind = Literal[
     "camera_lost", "camera_frozen", "camera_dark", "depth_holes", "false_edges", "imu_nan", "imu_stuck", "imu_bias",
@@ -62,55 +64,8 @@ class Extent:
     """Whether ``value`` must be a whole number."""
 
 
-EXTENTS: dict[FaultKind, Extent] = {
-    "camera_lost": Extent(means="unused: no frame, heading or map arrives"),
-    "camera_frozen": Extent(means="unused: the last frame, heading and map are repeated with new stamps"),
-    "camera_dark": Extent(
-        means="factor on the light, below 1 dark and above 1 glare; negative: the depth image is empty as well",
-        default=0.02,
-        low=-50.0,
-        high=50.0,
-    ),
-    "depth_holes": Extent(means="fraction of the depth image lost in blotches", default=0.4, high=0.98),
-    "false_edges": Extent(means="angle of a bar across the nosings [°] (rendered images only)", default=15.0, low=-45.0, high=45.0),
-    "imu_nan": Extent(means="unused: every number is NaN"),
-    "imu_stuck": Extent(means="unused: the last sample is repeated with new stamps"),
-    "imu_bias": Extent(
-        means="below 5: bias of the gyro about the chair's z [°/s]; from 5: jump of the heading within 0.1 s [°]",
-        default=1.0,
-        low=-180.0,
-        high=180.0,
-    ),
-    "imu_lost": Extent(means="unused: no sample arrives"),
-    "clock_back": Extent(means="backward jump of all stamps [s]; every reading is delivered twice", default=0.5, high=10.0),
-    "late_tick": Extent(means="delay of commands [s]; readings arrive in bursts of this length", default=0.5, high=10.0),
-    "track_stalled": Extent(means="stalled belt: 0 left, 1 right", high=1.0, is_choice=True),
-    "track_slip": Extent(means="factor on one belt's friction; negative: right belt", default=0.2, low=-2.0, high=2.0),
-    "low_friction": Extent(means="factor on both belts' friction", default=0.5, high=2.0),
-    "operator_stop": Extent(means="operator's action: 0 presses stop, 1 releases the dead-man switch", high=1.0, is_choice=True),
-    "link_lost": Extent(means="unused: the operator's heartbeat does not arrive"),
-    "seat_stuck": Extent(means="unused: the seat actuator is blocked"),
-    "process_killed": Extent(means="killed process: 0 mission, 1 perception, 2 controller, 3 seat", high=3.0, is_choice=True),
-    "power_cut": Extent(means="unused: the brakes engage; gears hold flipper and seat"),
-    "obstacle": Extent(means="distance from the chair's leading end to a box in its path [m]", default=1.2, high=5.0),
-    "flipper_lost": Extent(means="unused: the flipper motor has no power; its shorted windings damp the rise only"),
-    "flipper_stuck": Extent(means="unused: the flipper is blocked"),
-    "readings_lost": Extent(means="unused: no readings of belts, seat and flipper arrive"),
-    "gyro_ramp": Extent(
-        means="bias of the gyro about the chair's z at the end of the fault [°/s], linear from zero",
-        default=0.6,
-        low=-10.0,
-        high=10.0,
-    ),
-    "wrong_stamp": Extent(
-        means="message to the guard stamped 1e6 s: 0 stair map, 1 plan, 2 health of the heading filter",
-        high=2.0,
-        is_choice=True,
-    ),
-    "payload_forward": Extent(means="shift of the passenger's centre of mass forward [m]", default=0.15, low=-0.3, high=0.3),
-    "payload_left": Extent(means="shift of the passenger's centre of mass to the left [m]", default=0.15, low=-0.3, high=0.3),
-    "payload_up": Extent(means="shift of the passenger's centre of mass upward [m]", default=0.15, low=-0.3, high=0.3),
-}  # fmt: skip
+_TABLES = tomllib.loads((DATA / "faults.toml").read_text(encoding="utf-8"))
+EXTENTS = cast("dict[FaultKind, Extent]", {kind: Extent(**table) for kind, table in _TABLES.items()})
 
 
 class Fault(Settings):
