@@ -113,3 +113,12 @@ def test_a_verb_loads_what_its_task_needs(command: str, most_lines: int, allowed
     ]
     assert needless == []
     assert sum(size_of(FILES[name].read_text(encoding="utf-8")).code_lines for name in names if name in FILES) <= most_lines
+
+
+def test_the_guard_loads_neither_numpy_nor_any_package_but_core() -> None:
+    """Test: the guard alone in a process. Expected result: core and itself, and no array library: it will be ported to C."""
+    names = "import sys, treadline.guard; print(*{name.split('.')[0] for name in sys.modules}, *sys.modules)"
+    loaded = subprocess.run([sys.executable, "-c", names], capture_output=True, text=True, check=True).stdout.split()
+    assert not {"numpy", "scipy", "jaxtyping", "numba"} & set(loaded)
+    ours = {name.split(".")[1] for name in loaded if name.startswith("treadline.")}
+    assert ours == {"core", "guard"}

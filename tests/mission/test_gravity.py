@@ -50,6 +50,7 @@ def by_the_block(detector: Looking) -> tuple[Callable[[ImuSample], object], Call
 def by_the_node(detector: Looking) -> tuple[Callable[[ImuSample], object], Callable[[RgbdFrame], object]]:
     node, bus = CameraNode(detector, limits(), 0.4), InProcess()
     node.listen(bus)
+    node.advance(0.11)
     return lambda sample: bus.publish(on.IMU, sample), lambda late: bus.publish(on.CAMERA, late)
 
 

@@ -127,7 +127,7 @@ def counting_mission(
         planner=planner or Cruise(0.2),
         driver=driver or ConstantSpeed(0.2, 0.25),
         leveller=leveller,  # type: ignore[arg-type]
-        guard=Guard(limits()),
+        guard=Guard(limits(watches_motion=False)),
     )
     return Mission(plant, blocks, lambda signal, _: log(signal)), estimator, leveller
 

@@ -18,7 +18,6 @@ from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, Generic, Literal, TypeVar
 
-from treadline.core import paper
 from treadline.core.angles import tilt_of
 from treadline.core.errors import RecordError, ShapeMismatch
 
@@ -26,8 +25,8 @@ Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 """Unit quaternion (w, x, y, z)."""
 
-TICK_S = 1.0 / paper.IMU_RATE_HZ
-"""Base period of mission and plant [s]: the sample period of the IMU."""
+TICK_S = 0.01
+"""Base period of mission and plant [s]: the sample period of the IMU (Table I: 100 Hz)."""
 PERIOD_ROUNDING_S = 1e-9
 """Largest difference between two equal periods after rounding [s]."""
 ROUNDING_S = 1e-6
