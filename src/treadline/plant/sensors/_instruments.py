@@ -330,7 +330,7 @@ class InstrumentedPlant(ABC):
         stair, imu, seat, statistical, render, flipper, link, self._physics_draws = np.random.default_rng(seed).spawn(8)
         self._scenario, self._chair = scenario, chair
         self.staircase: Staircase = build_staircase(scenario.stair, stair, scenario.step)
-        self._camera = make_camera(scenario, self.staircase, chair, statistical_rng=statistical, render_rng=render)
+        self._camera = self._camera_of(statistical, render)
         self._drives = Actuators(scenario, chair)
         streams = Streams(imu=imu, seat=seat, flipper=flipper, link=link)
         self._instruments = Instruments(scenario, chair, self.staircase, streams, self._look)
@@ -357,6 +357,16 @@ class InstrumentedPlant(ABC):
     def _passed(self) -> Iterator[tuple[ChairState, float]]:
         """Yield the states since the last call, each with the remaining fraction of the stair's friction."""
 
+    def _camera_of(self, statistical: np.random.Generator, render: np.random.Generator) -> CameraModel:
+        """Return the camera: a rendering camera, or a statistical model of the detector's output."""
+        sensors, stair, vision = self._scenario.sensors, self._scenario.stair, self._scenario.control.vision
+        calibration = self._chair.camera_at(sensors.image_height_px, rear=self._scenario.drive.direction == "down")
+        if vision != "truth" and sensors.camera != "statistical":
+            return Camera(self.staircase, calibration, kind=sensors.camera, texture=stair.texture, light=stair.light, rng=render)
+        sigma_m, draws = EXACT_PLACE_M if vision == "truth" else SIGMA_M, statistical.spawn(1)[0]
+        ground = GroundAhead(self.staircase, self._chair, calibration, draws, sigma_m)
+        return StatisticalCamera(self.staircase, calibration, statistical, exact=vision == "truth", ground=ground)
+
     def _look(self, state: ChairState) -> Sequence[Reading]:
         """Return the camera's readings at a state."""
         return look(self._camera, state)
@@ -371,30 +381,6 @@ class InstrumentedPlant(ABC):
             readings, truth = self._instruments.read(state, grip)
             self._readings.extend(readings)
             self._truth.append(truth)
-
-
-def make_camera(
-    scenario: Scenario,
-    staircase: Staircase,
-    chair: ChairDescription,
-    *,
-    statistical_rng: np.random.Generator,
-    render_rng: np.random.Generator,
-) -> CameraModel:
-    """Return the camera of a scenario: a rendering camera, or a statistical model of the detector output.
-
-    Args:
-        statistical_rng: Random numbers of the statistical camera.
-        render_rng: Random numbers of the rendering camera.
-    """
-    sensors, stair, vision = scenario.sensors, scenario.stair, scenario.control.vision
-    calibration = chair.camera_at(sensors.image_height_px, rear=scenario.drive.direction == "down")
-    if vision == "truth" or sensors.camera == "statistical":
-        exact = vision == "truth"
-        # A generator of its own: headings and maps are as without the ground.
-        ground = GroundAhead(staircase, chair, calibration, statistical_rng.spawn(1)[0], EXACT_PLACE_M if exact else SIGMA_M)
-        return StatisticalCamera(staircase, calibration, statistical_rng, exact=exact, ground=ground)
-    return Camera(staircase, calibration, kind=sensors.camera, texture=stair.texture, light=stair.light, rng=render_rng)
 
 
 def look(camera: CameraModel, state: ChairState) -> Sequence[Reading]:
