@@ -105,8 +105,10 @@ def _map_fault(stair: StairMap, _: GuardConfig) -> str:
 
 
 def _ground_fault(ground: FreeGround, _: GuardConfig) -> str:
-    maybe = (ground.end_m, ground.end_sigma_m, ground.direction_rad, ground.direction_sigma_rad)
-    return _number_fault(ground.blind_m, ground.seen_m, *(value for value in maybe if value is not None))
+    end_m, sigma_m = ground.seen_m if ground.end_m is None else ground.end_m, ground.end_sigma_m or 0.0
+    if not (0.0 <= ground.blind_m <= end_m <= ground.seen_m < math.inf and 0.0 <= sigma_m < math.inf):
+        return f"shows ground from {ground.blind_m:g} to {ground.seen_m:g} m that ends at {end_m:g} ± {sigma_m:g} m"
+    return _angle_fault("direction", ground.direction_rad or 0.0) or _number_fault(ground.direction_sigma_rad or 0.0)
 
 
 def _plan_fault(plan: MotionPlan, limits: GuardConfig) -> str:

@@ -9,7 +9,7 @@ import math
 from treadline.core.angles import DEG
 from treadline.core.signals import FreeGround, MotionPlan, Phase, StairMap
 from treadline.guard._guard_config import FLIGHT, SAME_M, GuardConfig
-from treadline.guard._obstacle_monitor import OBSTACLE_MAPS
+from treadline.guard._obstacle_monitor import NEAR_M, OBSTACLE_MAPS
 
 FLAT_RAD = 5.0 * DEG
 """Largest pitch of a chair on a floor, a landing or a ramp [rad]: ramps for wheelchairs rise by 1:12, 4.8°, and no flight is
@@ -54,7 +54,7 @@ class DropMonitor:
         # Ground on the same level behind a strip below the image: a chair bridges a gap as long as its reach from mid-track.
         strip_m, reach_m = place_m + ground.blind_m - self._known_m[way], self._config.front_m if way > 0.0 else self._config.rear_m
         if strip_m <= reach_m and ground.seen_m > ground.blind_m:
-            self._seen_m = place_m + ground.seen_m
+            self._seen_m = place_m + min(ground.seen_m, NEAR_M)
             self._known_m[way] = max(self._known_m[way], self._seen_m)
         if ground.end_m is not None:
             self._end_m = place_m + ground.end_m - (ground.end_sigma_m or 0.0)

@@ -11,8 +11,8 @@ OBSTACLE_MAPS, GAP_MAPS = 2, 5
 """Number of consecutive maps that must show an obstacle, and net number of maps that must show a gap: a nosing that a detector
 misses is missed in three or four maps."""
 NEAR_M = 1.9
-"""Largest distance of a gap from mid-track [m]; equal to the planner's limit in ``mission.stair_tracker``, on which the guard does
-not depend."""
+"""Largest distance from mid-track of a gap, and of ground that counts as seen [m]; equal to the planner's limit for gaps in
+``mission.stair_tracker``, on which the guard does not depend."""
 OUT_OF_VIEW_M = 1.2
 """Distance from mid-track below which the camera sees only the upper part of an obstacle, if any [m]."""
 
