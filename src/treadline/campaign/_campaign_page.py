@@ -51,7 +51,6 @@ def write_page(
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
-    name = score_name(summary["score"])
     shown = [flat(row) for row in islice(rows, BLOCK)]
     found = frontier_of(shown, drawn)
     engine = Environment(
@@ -65,9 +64,11 @@ def write_page(
         frontier=None if found is None else _frontier(shown, found),
         views={index: Markup(view) for index, view in (views or {}).items()},  # noqa: S704 - drawn by this package
         colours=COLOURS,
-        up=name,
-        up_with_unit=_titled(name, summary["score"]),
-        scores=[_score_row(name, score) for name, score in summary["scores"].items()],
+        score_name=score_name,
+        unit_of=_unit,
+        titled=_titled,
+        has_rms=has_rms,
+        suffix=suffix,
     )
     write_whole(folder / "report.html", page)
     return folder / "report.html"
@@ -109,42 +110,25 @@ def _chart(rows: Sequence[Row], drawn: Sequence[str], score: str) -> dict[str, A
         return None
     shown = [row for row in scored if _is_number(row.get(key))]
     titles = (_titled(key, key), _titled(score_name(score), score))
-    return _scatter(shown, (key, score), titles, lambda verdict: 6.0 if verdict == "fell" else 3.0)[0] | {"key": key}
+    return _scatter(shown, (key, score), titles, lambda verdict: 6.0 if verdict == "fell" else 3.0)
 
 
 def _frontier(rows: Sequence[Row], found: Frontier) -> dict[str, Any]:
     """Return the chart of all runs over the two quantities that separate failures best, with the contours of their share."""
     across, up = (_titled(key, key) for key in found.keys)
-    chart, axes = _scatter(rows, found.keys, (across, up), lambda verdict: 3.0 if verdict in ARRIVED else 5.0)
-    lines = {level: "".join(_path(line, axes) for line in contour) for level, contour in found.contours.items()}
-    return chart | {"names": found.keys, "lines": {level: line for level, line in lines.items() if line}}
+    chart = _scatter(rows, found.keys, (across, up), lambda verdict: 3.0 if verdict in ARRIVED else 5.0)
+    lines = {level: "".join(_path(line, chart["axes"]) for line in contour) for level, contour in found.contours.items()}
+    return chart | {"lines": {level: line for level, line in lines.items() if line}}
 
 
 def _scatter(
     rows: Sequence[Row], keys: tuple[str, str], titles: tuple[str, str], radius_px: Callable[[str], float]
-) -> tuple[dict[str, Any], tuple["_Axis", "_Axis"]]:
-    """Return a chart of runs for the template, larger dots last, and its two axes."""
+) -> dict[str, Any]:
+    """Return a chart of runs for the template, larger dots last."""
     across = _Axis.of([float(row[keys[0]]) for row in rows], FRAME["x"], FRAME["width"])
     up = _Axis.of([float(row[keys[1]]) for row in rows], FRAME["y"] + FRAME["height"], -FRAME["height"])
-    units = [suffix(_unit(key)) for key in keys]
-    chart = {
-        "dots": [
-            {
-                "x": across.place(row[keys[0]]),
-                "y": up.place(row[keys[1]]),
-                "r": radius_px(row["verdict"]),
-                "colour": COLOURS.get(row["verdict"], COLOURS["other"]),
-                "name": f"{row['index']:04d} {row['verdict']}: "
-                + ", ".join(f"{float(row[key]):.3g}{unit}" for key, unit in zip(keys, units, strict=True)),
-            }
-            for row in sorted(rows, key=lambda row: radius_px(row["verdict"]))
-        ],
-        "frame": FRAME,
-        "across": [(across.place(tick), f"{tick:g}") for tick in across.ticks],
-        "up": [(up.place(tick), f"{tick:g}") for tick in up.ticks],
-        "titles": titles,
-    }
-    return chart, (across, up)
+    dots = sorted(((radius_px(row["verdict"]), row) for row in rows), key=lambda dot: dot[0])
+    return {"dots": dots, "frame": FRAME, "keys": keys, "axes": (across, up), "titles": titles}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,17 +160,6 @@ class _Axis:
 
 def _path(line: np.ndarray, axes: tuple[_Axis, _Axis]) -> str:
     return "M" + "L".join(f"{axes[0].place(x):.1f} {axes[1].place(y):.1f}" for x, y in line.tolist())
-
-
-def _score_row(name: str, score: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row of the score table, with display name and without RMS where it has no meaning."""
-    words = ("rms", "p5", "median", "p95", "worst")
-    figures = [
-        "–" if word == "rms" and not has_rms(name) else "–" if score[word] is None else f"{score[word]:.3g}" for word in words
-    ]
-    return {"name": score_name(name), "key": name, "unit": _unit(name), "figures": figures} | {
-        word: score[word] for word in ("count", "averaged", "worst_run")
-    }
 
 
 def _is_number(value: object) -> bool:

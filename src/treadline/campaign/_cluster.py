@@ -9,6 +9,7 @@ import signal
 import time
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import CancelledError
+from contextlib import ExitStack
 from itertools import islice
 from types import TracebackType
 from typing import Any
@@ -39,7 +40,8 @@ class Cluster:
         self._address = address
         self._workers = workers
         self._client: Any = None
-        self._cluster: Any = None
+        self._open = ExitStack()
+        """Client and local cluster, which are closed in this order."""
 
     def __enter__(self) -> "Cluster":
         try:
@@ -51,30 +53,26 @@ class Cluster:
         dask.config.set(SETTINGS)
         if self._address != LOCAL:
             _check_scheduler(self._address)
-        self._open()
+        self._connect()
         return self
 
-    def _open(self) -> None:
+    def _connect(self) -> None:
         from distributed import Client, LocalCluster
 
         for name in ("distributed", "tornado.application"):
             logging.getLogger(name).setLevel(logging.CRITICAL)  # relevant events appear in our errors and rows
-        try:
+        with ExitStack() as stack:
+            scheduler: Any = self._address
             if self._address == LOCAL:
+                # Another sweep may use Dask's default port of the dashboard.
+                options = {"dashboard_address": None, "scheduler_kwargs": {"dashboard_address": "127.0.0.1:0"}}
                 with not_for_children(signal.SIGINT):
-                    self._cluster = LocalCluster(
-                        n_workers=self._workers,
-                        threads_per_worker=1,
-                        processes=True,
-                        host="127.0.0.1",
-                        dashboard_address=None,
-                        scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # another sweep may use Dask's default port
-                    )
-            self._client = Client(self._cluster or self._address, timeout=ANSWERS_WITHIN_S, set_as_default=False)
+                    scheduler = LocalCluster(n_workers=self._workers, threads_per_worker=1, host="127.0.0.1", **options)
+                stack.callback(scheduler.close)
+            self._client = Client(scheduler, timeout=ANSWERS_WITHIN_S, set_as_default=False)
+            stack.callback(self._client.close)
             self._check_versions()
-        except BaseException:
-            self._close()
-            raise
+            self._open = stack.pop_all()
 
     def _check_versions(self) -> None:
         """Check that every worker has the same versions, because results depend on them."""
@@ -99,14 +97,8 @@ class Cluster:
                     f"{here[other[0]]}; install the same versions there, or the results differ"
                 )
 
-    def _close(self) -> None:
-        for part in (self._client, self._cluster):
-            if part is not None:
-                part.close()
-        self._client = self._cluster = None
-
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._close()
+        self._open.close()
 
     def results(self, episodes: Iterable[Episode]) -> Iterator[Row]:
         """Yield the row of each episode as it ends; at most ``BLOCK`` episodes have been drawn and have not ended."""
@@ -181,8 +173,8 @@ class Cluster:
     def _restart_workers(self) -> None:
         """Restart the workers: a nanny gives up on a worker that dies at start, without a replacement."""
         if self._address == LOCAL:
-            self._close()
-            self._open()
+            self._open.close()
+            self._connect()
         else:
             self._check_versions()
 

@@ -91,42 +91,36 @@ def failed(episode: Episode, verdict: str, cause: str) -> Row:
     return {"index": episode.index, "seed": episode.seed, "verdict": verdict, "cause": cause, **values}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Worker:
-    process: SpawnProcess
-    pipe: Connection
-
-
 class Pool:
     """Fixed number of processes, each with one run at a time."""
 
     def __init__(self, run_episode: EpisodeRunner, workers: int) -> None:
         self._run_episode = run_episode
         self._count = workers
-        self._workers: list[_Worker] = []
-        self._running: dict[_Worker, Episode] = {}
+        self._workers: dict[Connection, SpawnProcess] = {}
+        self._running: dict[Connection, Episode] = {}
 
     def __enter__(self) -> "Pool":
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        for worker in self._workers:
-            worker.process.kill()
-        while self._workers:
-            self._reap(self._workers[0])
+        for process in self._workers.values():
+            process.kill()
+        for pipe in list(self._workers):
+            self._reap(pipe)
 
     def results(self, episodes: Iterable[Episode]) -> Iterator[Row]:
         """Yield the row of each episode as it ends; an episode is drawn when a process is free for it."""
         waiting, again, deaths = iter(episodes), list[Episode](), Counter[int]()
         while self._dispatch(waiting, again):
-            ready = wait([worker.pipe for worker in self._running])
-            for worker in [worker for worker in self._running if worker.pipe in ready]:
-                episode = self._running.pop(worker)
+            ready = wait(self._running)
+            for pipe in [pipe for pipe in self._running if pipe in ready]:
+                episode = self._running.pop(pipe)
                 try:
-                    row: Row = worker.pipe.recv()
+                    row: Row = pipe.recv()
                 except (EOFError, OSError):
                     # End of file without a row: the process is dead.
-                    cause = self._reap(worker)
+                    cause = self._reap(pipe)
                     deaths[episode.index] += 1
                     if deaths[episode.index] < LIVES:
                         again.append(episode)
@@ -141,30 +135,29 @@ class Pool:
             episode = again.pop() if again else next(waiting, None)
             if episode is None:
                 break
-            worker = next((worker for worker in self._workers if worker not in self._running), None) or self._start()
-            self._running[worker] = episode
+            pipe = next((pipe for pipe in self._workers if pipe not in self._running), None) or self._start()
+            self._running[pipe] = episode
             with suppress(OSError):  # the process died idle; the closed pipe is handled where results are received
-                worker.pipe.send(episode)
+                pipe.send(episode)
         return bool(self._running)
 
-    def _start(self) -> _Worker:
+    def _start(self) -> Connection:
         context = get_context("spawn")  # a fork would copy the locks of BLAS and OpenCV in an undefined state
         pipe, theirs = context.Pipe()
         process = context.Process(target=_work, args=(self._run_episode, theirs), daemon=True)
-        with not_for_children(signal.SIGINT), _environment(dict.fromkeys(ONE_THREAD, "1")):
+        with not_for_children(signal.SIGINT), _one_thread():
             process.start()
         theirs.close()
-        worker = _Worker(process, pipe)
-        self._workers.append(worker)
-        return worker
+        self._workers[pipe] = process
+        return pipe
 
-    def _reap(self, worker: _Worker) -> str:
+    def _reap(self, pipe: Connection) -> str:
         """Remove a process; return how it ended."""
-        worker.process.join()
-        worker.pipe.close()
-        self._workers.remove(worker)
-        self._running.pop(worker, None)
-        code = worker.process.exitcode or 0
+        process = self._workers.pop(pipe)
+        process.join()
+        pipe.close()
+        self._running.pop(pipe, None)
+        code = process.exitcode or 0
         return f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
 
 
@@ -183,18 +176,15 @@ def not_for_children(number: signal.Signals) -> Iterator[None]:
 
 
 @contextmanager
-def _environment(wanted: Mapping[str, str]) -> Iterator[None]:
-    """Set environment variables for processes started within the context."""
-    before = {name: os.environ.get(name) for name in wanted}
-    os.environ.update(wanted)
+def _one_thread() -> Iterator[None]:
+    """Limit numerical libraries to one thread in processes started within the context."""
+    before = os.environ.copy()
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        os.environ.clear()
+        os.environ.update(before)
 
 
 def _work(run_episode: EpisodeRunner, pipe: Connection) -> None:
