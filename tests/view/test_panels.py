@@ -26,11 +26,12 @@ from treadline.view._panels import (
     camera_warning,
     events_html,
     handset_html,
+    legend_html,
     state_html,
     text_on,
     timeline_html,
 )
-from treadline.view._plots import LIVE_PLOTS, legend_html, plot_data
+from treadline.view._plots import LIVE_PLOTS, plot_data
 from treadline.view._session import Fork, Session
 
 from .conftest import END_S, LIMITS, a_run, session_of

@@ -117,25 +117,35 @@ def make_way(out: Path, *, force: bool) -> None:
         out.unlink()
 
 
-def claim(out: Path, *, force: bool, kind: Literal["file", "folder", "either"] = "folder", resume: bool = False) -> None:
+def claim(
+    out: Path,
+    *,
+    force: bool,
+    kind: Literal["file", "folder", "either"] = "folder",
+    resume: bool = False,
+    option: str = "--out",
+) -> None:
     """Check that a result may be written to a path; nothing is written or removed.
 
     Args:
-        out: Value of ``--out``.
+        out: Value of the option.
         force: Whether the user allows an existing result to be overwritten.
         kind: What the verb writes there.
         resume: Whether the verb continues the result that is there.
+        option: Option that names the path.
 
     Raises:
         SettingsError: If the path is of the other kind, or holds something and neither ``force`` nor ``resume`` is set.
     """
     if kind == "folder" and out.exists() and not out.is_dir():
-        raise SettingsError(f"--out {out}: is a file; give a folder")
+        raise SettingsError(f"{option} {out}: is a file; give a folder")
     if kind == "file" and out.is_dir():
-        raise SettingsError(f"--out {out}: is a folder; give a file")
+        raise SettingsError(f"{option} {out}: is a folder; give a file")
     if force or resume or not out.exists():
         return
     if out.is_dir() and any(out.iterdir()):
-        raise SettingsError(f"--out {out}: the folder exists and is not empty; give another, or --force to overwrite its results")
+        raise SettingsError(
+            f"{option} {out}: the folder exists and is not empty; give another, or --force to overwrite its results"
+        )
     if out.is_file() and out.stat().st_size > 0:
-        raise SettingsError(f"--out {out}: the file exists; give another, or --force to overwrite it")
+        raise SettingsError(f"{option} {out}: the file exists; give another, or --force to overwrite it")

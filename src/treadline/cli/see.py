@@ -85,7 +85,7 @@ def see(
     if out is not None:
         claim(out, force=force)
     if headings is not None:
-        claim(headings, force=force, kind="file")
+        claim(headings, force=force, kind="file", option="--headings")
     chosen = choice("--method", method, ("robust", "paper"))
     rule = choice("--threshold", threshold or "median", get_args(ThresholdRule))
     if threshold is not None and chosen != "paper" and out is None:

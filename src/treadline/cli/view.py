@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from treadline.cli._arguments import Force, Set, set_values
+from treadline.cli._arguments import Force, Set, claim, set_values
 from treadline.cli._output import Answer, say
 from treadline.cli._serving import open_server, serve
 from treadline.cli.compile import report_compiling
@@ -72,9 +72,9 @@ def view(
 def _exported(target: str, export: Path, *, force: bool) -> Answer:
     from treadline.core.errors import SettingsError
     from treadline.playback import read_recording
-    from treadline.view.opening import check_export, is_recorded
+    from treadline.view.opening import is_recorded
 
-    check_export(export, force=force)
+    claim(export, force=force, kind="file", option="--export")
     if not is_recorded(target):
         raise SettingsError(
             f"--export: {target} is no recorded run; make one with treadline climb {target} --out RUN, and export RUN"

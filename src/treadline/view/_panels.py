@@ -4,6 +4,7 @@ The markup stands in ``panels.html.j2``, a macro for each panel.
 """
 
 import base64
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -11,10 +12,11 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from treadline.core.rotations import rotation_of
-from treadline.playback import SILENT_S, holding_at, in_runs, perceived_text
+from treadline.playback import SILENT_S, Recording, holding_at, in_runs, perceived_text
 from treadline.report.labels import PHASES, TERMS
-from treadline.report.plot_table import SIGNS, phase_colour
+from treadline.report.plot_table import SIGNS, Plot, phase_colour
 from treadline.view._messages import ShownFrame
+from treadline.view._plots import view_of
 from treadline.view._session import Session
 
 EVENTS_SHOWN = 40
@@ -143,6 +145,14 @@ def _reasons(missed: Mapping[int, str]) -> str:
 def legend_of_scene() -> str:
     """Return the colours of the scene with their meanings."""
     return str(_HTML.legend())
+
+
+def legend_html(plot: Plot, run: Recording, cursor_s: float, *, forked: bool) -> str:
+    """Return the title of a plot, its lines in their colours with their values at the cursor, and its limits."""
+    values = [curve.values(run)[run.index_at(cursor_s)] if len(run.t_s) else math.nan for curve in plot.curves]
+    low, high = view_of(plot, run)
+    is_shown = any(low <= limit <= high for limit in plot.limits(run.limits))
+    return str(_HTML.plot(plot, values, plot.limit_text(run.limits), is_shown, forked and not plot.no_fork))
 
 
 def terms_html() -> str:

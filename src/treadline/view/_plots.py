@@ -1,6 +1,5 @@
 """Plots of a run with their limits and a cursor: ``Recording, t -> arrays for the browser``."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -43,27 +42,6 @@ def add_plot(gui: Any, plot: Plot, run: Recording) -> Any:
         height=PLOT_PX + (20 if is_last else 0),
         padding=(4, 8, 0, 0),
     )
-
-
-def legend_html(plot: Plot, run: Recording, cursor_s: float, *, forked: bool) -> str:
-    """Return the title of a plot, its lines in their colours with their values at the cursor, and its limits."""
-    lines = []
-    for curve in plot.curves:
-        value = curve.values(run)[run.index_at(cursor_s)] if len(run.t_s) else math.nan
-        text = "" if math.isnan(value) else f" <b>{round(value, plot.digits) + 0.0:.{plot.digits}f}</b>".replace("-", "−")
-        lines.append(f"{_mark(curve.colour, dashed=bool(curve.dash))} {curve.label}{text}")
-    if forked and not plot.no_fork:
-        lines.append(f"{_mark('fork')} fork")
-    if limits := plot.limits(run.limits):
-        low, high = view_of(plot, run)
-        hidden = "" if any(low <= limit <= high for limit in limits) else " (beyond this plot)"
-        lines.append(f"{_mark('limit', dashed=True)} {plot.limit_text(run.limits)}{hidden}")
-    style = "font-size:11px;line-height:1.25;min-height:2.5em;margin:0 14px -6px 2px"
-    return f'<div style="{style}"><b>{plot.heading}</b> {" ".join(lines)}</div>'
-
-
-def _mark(sign: str, *, dashed: bool = False) -> str:
-    return f'<span style="color:{SIGNS[sign]["colour"]}">{"┄" if dashed else "━"}</span>'
 
 
 def shown(plot: Plot, values: Column) -> Column:

@@ -12,8 +12,8 @@ from typing import Any
 from treadline.core.errors import SettingsError
 from treadline.scenario.faults import EXTENTS, Conditions, FaultKind
 from treadline.view._messages import SEND_S
-from treadline.view._panels import PANELS, STYLE, legend_of_scene, terms_html, timeline_html
-from treadline.view._plots import LIVE_PLOTS, LOADING, add_plot, legend_html, plot_data
+from treadline.view._panels import PANELS, STYLE, legend_html, legend_of_scene, terms_html, timeline_html
+from treadline.view._plots import LIVE_PLOTS, LOADING, add_plot, plot_data
 from treadline.view._scene import NARROW_CAMERA_M, NARROW_LOOK_AT_M, SHOWN, SceneView
 from treadline.view._session import SPEEDS, TRANSPORT, Session
 from treadline.view._what_if import FORKS, FRICTION_MAX, FRICTION_MIN, INJECTIONS, ChangeForm

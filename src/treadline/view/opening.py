@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from treadline.core.errors import LogFormatError, SettingsError
+from treadline.core.errors import LogFormatError
 from treadline.core.models import BAG_SUFFIXES, ControllerDesign, json_of
 from treadline.io.mcap_read import has_arrivals, run_metadata
 from treadline.io.runs import LOG, RUN_CONTROLLER
@@ -88,15 +88,3 @@ def _controller_of(target: Path) -> ControllerDesign | None:
         return ControllerDesign.load(found) if found.is_file() else None
     kept = run_metadata(target).get("controller") if target.is_file() and has_arrivals(target) else None
     return None if kept is None else ControllerDesign.of_tables(json_of(kept, str(target)), target)
-
-
-def check_export(path: Path, *, force: bool) -> None:
-    """Check the target of an export.
-
-    Raises:
-        SettingsError: If the file exists and may not be replaced, or is a folder.
-    """
-    if path.is_dir():
-        raise SettingsError(f"--export {path}: is a folder; give a file such as {path / 'run.html'}")
-    if path.exists() and not force:
-        raise SettingsError(f"--export {path}: the file exists; give another, or --force to overwrite it")
