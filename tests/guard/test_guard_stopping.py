@@ -7,7 +7,7 @@ from world import TICK_S, belts, limits
 
 from treadline.core.signals import MotionPlan, OperatorInput, TrackCommand
 from treadline.guard import Guard
-from treadline.guard._half_cosine_stop import RAMPED, URGENT, CauseKind, RampedStop
+from treadline.guard._half_cosine_stop import RampedStop, Stop
 from treadline.guard.stop_latch import Latch
 
 # Literals, so that a changed value in the code is noticed here.
@@ -17,24 +17,18 @@ STANDING_M_S = 0.03
 LAG_S = 0.15
 
 
-def held(kind: CauseKind, speed_m_s: float = 0.2) -> tuple[Latch, TrackCommand]:
+def held(kind: Stop, speed_m_s: float = 0.2) -> tuple[Latch, TrackCommand]:
     """Return a latch held for a cause at 1.0 s, and its first command."""
     latch = Latch(limits())
-    latch.hold(1.0, kind, str(kind))
+    latch.hold(1.0, kind, kind.value)
     return latch, latch.stop(1.0, (speed_m_s, speed_m_s))
 
 
-def test_every_kind_of_cause_is_urgent_or_ramped_with_a_reason() -> None:
-    assert set(URGENT) | set(RAMPED) == set(CauseKind)
-    assert not set(URGENT) & set(RAMPED)
-    assert all((URGENT | RAMPED).values())
-
-
-@pytest.mark.parametrize("kind", CauseKind)
-def test_an_urgent_cause_brakes_within_its_tick_and_no_other_does(kind: CauseKind) -> None:
+@pytest.mark.parametrize("kind", Stop)
+def test_an_urgent_cause_brakes_within_its_tick_and_no_other_does(kind: Stop) -> None:
     _, command = held(kind)
-    assert (command == TrackCommand.stop(1.0)) is (kind in URGENT)
-    assert command.brake is (kind in URGENT)
+    assert (command == TrackCommand.stop(1.0)) is (kind is Stop.BRAKE)
+    assert command.brake is (kind is Stop.BRAKE)
 
 
 @pytest.mark.parametrize("from_m_s", [(0.2, 0.2), (0.15, 0.25), (-0.1, -0.2)])
@@ -42,7 +36,7 @@ def test_belts_with_their_lag_follow_the_half_cosine_until_it_is_nearly_over(fro
     """Test: belts with a first-order lag of 0.15 s. Expected result: the half-cosine to 0.23 of the speed (past 0.11 s the lead
     would ask for reverse, is zero, and a lag alone is slower), never reverse, never faster, no more than the half-cosine's own
     acceleration, and 30 mm of travel at 0.2 m/s to within a fifth."""
-    ramp, speeds, travel = RampedStop(LAG_S, STANDING_M_S), list(from_m_s), [0.0, 0.0]
+    ramp, speeds, travel = RampedStop(limits()), list(from_m_s), [0.0, 0.0]
     for k in range(round(RAMP_S / TICK_S)):
         command = ramp.step(k * TICK_S, from_m_s)
         assert not command.brake
@@ -61,32 +55,32 @@ def test_belts_with_their_lag_follow_the_half_cosine_until_it_is_nearly_over(fro
 
 def test_a_chair_that_stands_is_braked_at_once() -> None:
     for speed, brakes in ((STANDING_M_S, True), (1.1 * STANDING_M_S, False)):
-        assert held(CauseKind.SEAT, speed)[1].brake is brakes
+        assert held(Stop.RAMP, speed)[1].brake is brakes
 
 
 def test_an_urgent_cause_during_the_ramp_brakes_and_the_first_cause_stays() -> None:
-    latch, command = held(CauseKind.SENSES)
+    latch, command = held(Stop.RAMP)
     assert not command.brake
-    latch.hold(1.05, CauseKind.PLAN, "another decision")
+    latch.hold(1.05, Stop.RAMP, "another decision")
     assert not latch.stop(1.05, (0.2, 0.2)).brake
-    latch.hold(1.1, CauseKind.OPERATOR, "operator stop")
-    latch.hold(1.1, CauseKind.OPERATOR, "operator stop")
+    latch.hold(1.1, Stop.BRAKE, "operator stop")
+    latch.hold(1.1, Stop.BRAKE, "operator stop")
     assert latch.stop(1.1, (0.2, 0.2)) == TrackCommand.stop(1.1)
-    assert latch.cause == "senses"
+    assert latch.cause == "ramp"
     assert [(event.t_s, event.name) for event in latch.take()] == [(1.0, "hold"), (1.1, "brake")]
 
 
 @pytest.mark.parametrize("next_s", [1.0, 0.99, 1.3, 9.0])
 def test_a_clock_that_stands_turns_back_or_leaps_ends_the_ramp_for_good(next_s: float) -> None:
-    latch, _ = held(CauseKind.SEAT)
+    latch, _ = held(Stop.RAMP)
     assert latch.stop(next_s, (0.2, 0.2)).brake
     assert latch.stop(1.01, (0.2, 0.2)).brake
 
 
 def test_each_hold_has_a_ramp_of_its_own() -> None:
-    latch, _ = held(CauseKind.OPERATOR)
+    latch, _ = held(Stop.BRAKE)
     assert latch.release(2.0)
-    latch.hold(3.0, CauseKind.SEAT, "seat")
+    latch.hold(3.0, Stop.RAMP, "seat")
     assert latch.stop(3.0, (0.2, 0.1)).left_m_s == pytest.approx(0.2)
 
 

@@ -20,6 +20,8 @@ class ReadingAdmission:
         self.stamps = Stamps(config)
         self.frames = FrameMonitor(config)
         self._travel = BeltTravel(config.ahead_s)
+        self.fault = ""
+        """Why the content of the last message was rejected; empty if it was accepted, or rejected for its stamp."""
 
     def advance(self, t_s: float) -> None:
         """Set the clock that stamps are compared with."""
@@ -27,22 +29,23 @@ class ReadingAdmission:
 
     def admit(self, reading: Stamped) -> bool:
         """Return whether a reading may be used; each reading is asked for once."""
-        return self.stamps.accept(reading) and self.is_sound(reading)
+        return self.accept(reading) and self.is_sound(reading)
 
-    def is_physical(self, message: Stamped) -> bool:
-        """Return whether the content of a message is physical; one that is not is counted as rejected."""
-        fault = fault_of(message, self._config)
-        if not fault:
+    def accept(self, message: Stamped, by: str = "") -> bool:
+        """Return whether stamp and content of a message are acceptable; one that is not is counted as rejected."""
+        self.fault = ""
+        if not self.stamps.accept(message, by):
+            return False
+        self.fault = fault_of(message, self._config)
+        if not self.fault:
             return True
-        self.stamps.reject(message, fault)
+        self.stamps.reject(message, self.fault)
+        if isinstance(message, FrameQuality):
+            self.frames.reject_frame(self.fault)
         return False
 
     def is_sound(self, reading: Stamped) -> bool:
-        """Return whether the content of a reading with an acceptable stamp may be used."""
-        if not self.is_physical(reading):
-            if isinstance(reading, FrameQuality):
-                self.frames.reject_frame("is no image")
-            return False
+        """Return whether an accepted reading comes from a sensor that is not frozen, dark or empty."""
         match reading:
             case TrackReading():
                 self._travel.update(reading)
@@ -57,7 +60,6 @@ class ReadingAdmission:
             case StairMap():
                 # Two maps without any nosing or obstacle are equal although the camera is not frozen.
                 seen = (reading.nosings_B, reading.obstacle_m)
-                return self.frames.accept_measurement(
-                    "map", reading.t_s, reading.t_s if seen == ((), None) else seen, self._travel.travel_m
-                )
+                value = reading.t_s if seen == ((), None) else seen
+                return self.frames.accept_measurement("map", reading.t_s, value, self._travel.travel_m)
         return True

@@ -71,11 +71,6 @@ class BeltMonitor:
         left, right = (min(max(speed, -limit), limit) for speed in self._expected)
         return left, right
 
-    @property
-    def travel_m(self) -> float:
-        """Belt travel, negative backwards [m]."""
-        return self.travel.travel_m
-
     def ask(self, command: TrackCommand) -> None:
         """Record the command to the belts."""
         self._asked = command

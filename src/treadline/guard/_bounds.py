@@ -73,22 +73,10 @@ def _belts_fault(reading: TrackReading, limits: GuardConfig) -> str:
     return "" if sound else f"has a belt speed of {max(speeds, key=abs):g} m/s"
 
 
-def _seat_fault(reading: SeatReading, _: GuardConfig) -> str:
-    return _angle_fault("pitch", reading.pitch_rad) or _number_fault(reading.stroke_m)
-
-
-def _flipper_fault(reading: FlipperReading, _: GuardConfig) -> str:
-    return _angle_fault("angle", reading.angle_rad) or _number_fault(reading.torque_n_m)
-
-
 def _heading_fault(measurement: HeadingMeasurement, _: GuardConfig) -> str:
     if not 0.0 < measurement.sigma_rad < math.inf:
         return f"has a standard deviation of {measurement.sigma_rad:g}"
     return _angle_fault("heading", measurement.heading_rad) or _angle_fault("correction", measurement.correction_rad)
-
-
-def _health_fault(health: HeadingHealth, _: GuardConfig) -> str:
-    return "" if health.since_s is None else _number_fault(health.since_s)
 
 
 def _frame_fault(quality: FrameQuality, _: GuardConfig) -> str:
@@ -130,10 +118,10 @@ def _limit_fault(size: float, limit: float) -> str:
 CHECKS: dict[type, Callable[[Any, GuardConfig], str]] = {
     ImuSample: _imu_fault,
     TrackReading: _belts_fault,
-    SeatReading: _seat_fault,
-    FlipperReading: _flipper_fault,
+    SeatReading: lambda reading, _: _angle_fault("pitch", reading.pitch_rad) or _number_fault(reading.stroke_m),
+    FlipperReading: lambda reading, _: _angle_fault("angle", reading.angle_rad) or _number_fault(reading.torque_n_m),
     HeadingMeasurement: _heading_fault,
-    HeadingHealth: _health_fault,
+    HeadingHealth: lambda health, _: _number_fault(health.since_s or 0.0),
     FrameQuality: _frame_fault,
     StairMap: _map_fault,
     FreeGround: _ground_fault,

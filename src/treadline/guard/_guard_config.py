@@ -37,7 +37,7 @@ class GuardConfig:
     """Flat run of the belts [m]: three neighbouring nosings must lie closer together, or the track rests on one (row 17)."""
     driver_timeout_s: float
     """Time without a command, or without a tick, after which the guard holds [s]: three control periods. From half of this time the
-    belts ramp down (row 11). An older message of a sensor, driver or planner is rejected."""
+    belts ramp down (row 11)."""
 
     cruise_limit_m_s: float = 0.30
     """Largest mean belt speed of a chair square to the stair [m/s]: it can stop within one step."""
@@ -69,8 +69,8 @@ class GuardConfig:
     vision_only_s: float = 1.0
     """Time without the IMU after which the guard holds [s] (row 6)."""
     blind_timeout_s: float = 3.0
-    """Time without a frame after which the guard holds [s] (row 1). A frame or map older than this is rejected, and an image that
-    repeats within this time is frozen."""
+    """Time without a frame after which the guard holds [s] (row 1): the longest of the timeouts. A message older than this is
+    rejected, and an image that repeats within this time is frozen."""
     blind_travel_m: float = 0.5
     """Belt travel without a frame after which the guard holds [m] (row 1)."""
     lost_timeout_s: float = 12.0

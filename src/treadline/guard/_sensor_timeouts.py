@@ -56,7 +56,7 @@ class SensorTimeouts:
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
-        self._imu_s = self._frame_s = self._seen_s = -math.inf
+        self._imu_s = self._frame_s = self._seen_s = math.inf  # until the first tick, from which on each is awaited
         self._frame_m = 0.0
         self._fault: str | None = None
         self._since_s = math.inf
@@ -65,11 +65,6 @@ class SensorTimeouts:
         """Reason for rejecting the last frame; empty if it was accepted."""
         self.imu_fault = ""
         """Reason for rejecting the last IMU sample; empty if it was accepted."""
-
-    def begin(self, t_s: float) -> None:
-        """Start the timeout of each sensor that has delivered nothing yet."""
-        heard = (self._imu_s, self._frame_s, self._seen_s)
-        self._imu_s, self._frame_s, self._seen_s = (t_s if last_s == -math.inf else last_s for last_s in heard)
 
     def restart(self, t_s: float, travel_m: float) -> None:
         """Start all timeouts again."""

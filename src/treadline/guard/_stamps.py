@@ -4,32 +4,8 @@ import math
 from collections import Counter
 from typing import Protocol
 
-from treadline.core.signals import (
-    ROUNDING_S,
-    FlipperReading,
-    HeadingHealth,
-    ImuSample,
-    MotionPlan,
-    OperatorInput,
-    SeatCommand,
-    SeatReading,
-    TrackCommand,
-    TrackReading,
-)
+from treadline.core.signals import ROUNDING_S
 from treadline.guard._guard_config import GuardConfig
-
-EACH_TICK = (
-    ImuSample,
-    TrackReading,
-    SeatReading,
-    FlipperReading,
-    OperatorInput,
-    HeadingHealth,
-    MotionPlan,
-    TrackCommand,
-    SeatCommand,
-)
-"""Messages that are repeated several times a second; all others come from a camera, late."""
 
 
 class Stamped(Protocol):
@@ -54,7 +30,7 @@ class Stamps:
         self.rejected: Counter[str] = Counter()
         """Number of messages rejected for their stamp or their content, by kind."""
         self.rejection: str | None = None
-        """Reason of the last rejection; None if it continues a series of the same kind, was overtaken, or was before the first tick."""
+        """Reason of the last rejection; None if it continues a series of its kind, was overtaken, or was before the first tick."""
         self.leap: str | None = None
         """How far the stamp of the last message leapt, if by more than ``clock_jump_s``."""
 
@@ -87,7 +63,7 @@ class Stamps:
             self._in_series.add(kind)
 
     def _fault(self, kind: str, by: str, message: Stamped) -> str | None:
-        """Return the fault of a stamp, empty for a repeated or overtaken message and before the first tick; None without a fault."""
+        """Return the fault of a stamp, empty for a repeated or overtaken message and before the first tick; None for a good one."""
         self.leap = None
         t_s, now_s, limits = message.t_s, self._now_s, self._config
         if now_s is None:
@@ -106,5 +82,4 @@ class Stamps:
             return f"stamped {last_s - t_s:.2f} s before the last one"
         if t_s <= last_s:
             return ""
-        oldest_s = limits.driver_timeout_s if isinstance(message, EACH_TICK) else limits.blind_timeout_s
-        return f"is {now_s - t_s:.2f} s old" if now_s - t_s > oldest_s else None
+        return f"is {now_s - t_s:.2f} s old" if now_s - t_s > limits.blind_timeout_s else None

@@ -35,11 +35,11 @@ from treadline.core.signals import (
 from treadline.guard._admission import ReadingAdmission
 from treadline.guard._attitude_limits import SeatMonitor, TiltMonitor
 from treadline.guard._belt_monitor import BeltMonitor
-from treadline.guard._bounds import fault_of, finite
+from treadline.guard._bounds import finite
 from treadline.guard._drop_monitor import DropMonitor
 from treadline.guard._guard_config import ENDS, FLIGHT, STEADY, GuardConfig
 from treadline.guard._gyro_only_turn import GyroOnlyTurn, heading_fault
-from treadline.guard._half_cosine_stop import CauseKind
+from treadline.guard._half_cosine_stop import Stop
 from treadline.guard._obstacle_monitor import AheadMonitor
 from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor, estimate_fault
 from treadline.guard._slip_monitor import SlipMonitor
@@ -80,12 +80,13 @@ class Guard:
         self._link = SilenceMonitor(config.silence_s)
         self._plans = SilenceMonitor(config.silence_s, awaited=("plan",) if config.has_planner else ())
         self._processes = SilenceMonitor(config.heartbeat_timeout_s, "process ")
-        has = {"belts": True, "seat": config.seat_rate_m_s is not None, "flipper": config.flipper_rate_rad_s is not None}
-        self._drives = SilenceMonitor(config.silence_s, "readings of the ", (name for name, there in has.items() if there))
+        limits = (config.belt_limit_m_s, config.seat_rate_m_s, config.flipper_rate_rad_s)
+        drives = [name for name, limit in zip(SOURCES.values(), limits, strict=True) if limit is not None]
+        self._drives = SilenceMonitor(config.silence_s, "readings of the ", drives)
         self._command = TrackCommand.stop(0.0)
         self._seat_command = SeatCommand(t_s=-math.inf, rate_m_s=0.0)
+        self._now_s = self._driver_s = 0.0
         self._t_s: float | None = None
-        self._driver_s = 0.0
         self._map_s = self._rearmed_s = -math.inf
         self._direction = ""
         self._heading_rad = math.inf
@@ -110,16 +111,16 @@ class Guard:
     def advance(self, t_s: float) -> None:
         """Set the guard's clock at the start of a tick; the stamps of the tick's messages are compared with it."""
         if math.isfinite(t_s):
+            self._now_s = t_s
             self._admission.advance(t_s)
 
     def admit(self, reading: Stamped) -> bool:
         """Return whether other blocks may use a reading; the guard receives each reading first."""
         if isinstance(reading, OperatorInput):
             return self._obey(reading)
-        if not self._is_new(reading):
-            return False
-        usable = self._admission.is_sound(reading)
-        if isinstance(reading, FrameQuality):
+        accepted = self._accepts(reading)
+        usable = accepted and self._admission.is_sound(reading)
+        if isinstance(reading, FrameQuality) and (accepted or self._admission.fault):
             self._update_frame(reading, usable=usable)
         elif usable:
             self._update(reading)
@@ -130,8 +131,11 @@ class Guard:
     def on_message(self, message: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> bool:
         """Update with a message that other blocks computed from readings; return whether it is accepted."""
         if isinstance(message, MotionPlan):
-            self._latch.hold(self._now(message.t_s), CauseKind.PLAN, message.hold)  # a hold is valid whatever its stamp
-        if not self._is_acceptable(message):
+            self._latch.hold(self._now_s, Stop.RAMP, message.hold)  # a hold is valid whatever its stamp
+        # A map may arrive as a reading and as a message; each has a series of stamps.
+        if not self._accepts(message, "a block"):
+            if isinstance(message, MotionPlan):
+                self._plans.rejected("plan", self._admission.fault)
             return False
         match message:
             case HeadingMeasurement():
@@ -153,7 +157,7 @@ class Guard:
 
     def hold(self, cause: str) -> None:
         """Hold for a fault that readings do not show: a loop that stood still, or a second guard."""
-        self._latch.hold(self._now(math.nan), CauseKind.LATE, cause)
+        self._latch.hold(self._now_s, Stop.BRAKE, cause)
 
     def propose(self, command: TrackCommand | SeatCommand) -> None:
         """Update with the command of the driver or of the seat's leveller."""
@@ -164,7 +168,7 @@ class Guard:
         elif finite(command.left_m_s, command.right_m_s):
             self._driver_s, self._command = command.t_s, command
         else:
-            self._latch.hold(command.t_s, CauseKind.NOT_FINITE, "command is not finite")
+            self._latch.hold(command.t_s, Stop.BRAKE, "command is not finite")
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> Commands:
         """Return the commands to the plant at ``t_s``: the proposals within their limits, or those of a held chair.
@@ -172,20 +176,19 @@ class Guard:
         Levelling continues under HOLD; a faulty seat is stopped, and the flipper of a held chair.
         """
         if not math.isfinite(t_s):
-            t_s = self._now(t_s)
-            self._latch.hold(t_s, CauseKind.CLOCK, "mission clock is not finite")
+            t_s = self._now_s
+            self._latch.hold(t_s, Stop.BRAKE, "mission clock is not finite")
         self.advance(t_s)
         late_s = self._lateness(t_s)
         self._heading_rad = math.inf if estimate is None else estimate.heading_rad
-        for kind, cause in self._alarms(t_s, estimate):
-            if cause is not None:
-                self._latch.hold(t_s, kind, cause)
+        for stop, cause in self._alarms(t_s, estimate):
+            self._latch.hold(t_s, stop, cause)
         passed = self._limited(t_s, estimate, late_s)
-        travel_m, mean_m_s = self._belts.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s)
-        self._latch.hold(t_s, CauseKind.AHEAD, self._ahead.cause(travel_m, mean_m_s))
+        travel_m, mean_m_s = self._belts.travel.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s)
+        self._latch.hold(t_s, Stop.BRAKE, self._ahead.cause(travel_m, mean_m_s))
         if self._watches_ground:
             drop = self._drop.cause(t_s, travel_m, mean_m_s, self._plan, self._heading_rad)
-            self._latch.hold(t_s, CauseKind.AHEAD, drop)
+            self._latch.hold(t_s, Stop.BRAKE, drop)
         if self._latch.cause is not None:
             passed = self._latch.stop(t_s, self._belts.expected_m_s)
         self._belts.ask(passed)
@@ -197,46 +200,33 @@ class Guard:
 
     # Readings
 
-    def _is_new(self, reading: Stamped) -> bool:
-        stamps = self._admission.stamps
-        if stamps.accept(reading):
-            return True
-        # Stamped by the guard's clock, not by the clock that leapt.
-        self._latch.hold(self._now(math.nan), CauseKind.CLOCK, stamps.leap)
-        self._report_rejection()
-        return False
-
-    def _is_acceptable(self, message: Stamped) -> bool:
-        """Return whether stamp and content of a message are acceptable."""
-        # A map may arrive as a reading and as a message; each has a series of stamps.
-        if self._admission.stamps.accept(message, "a block") and self._admission.is_physical(message):
-            return True
-        self._report_rejection()
-        if isinstance(message, MotionPlan):
-            self._plans.rejected("plan", fault_of(message, self._config))
-        return False
+    def _accepts(self, message: Stamped, by: str = "") -> bool:
+        """Return whether stamp and content of a message are acceptable; report the first rejection of a series."""
+        accepted = self._admission.accept(message, by)
+        if not accepted:
+            self._report_rejection()
+        return accepted
 
     def _report_rejection(self) -> None:
         rejection = self._admission.stamps.rejection
         if rejection is not None:
-            self._latch.report(self._now(math.nan), "rejected", rejection)
+            self._latch.report(self._now_s, "rejected", rejection)
 
     def _note_fault(self, reading: Stamped) -> None:
-        """Note why the content of a reading was rejected, for the cause of a hold when this lasts."""
-        fault = fault_of(reading, self._config)
+        """Note why a reading was rejected, for the cause of a hold when this lasts; a sensor's clock that leapt holds at once."""
+        fault = self._admission.fault
+        self._latch.hold(self._now_s, Stop.BRAKE, self._admission.stamps.leap)
         if isinstance(reading, HeadingMeasurement | StairMap):
             self._senses.refused = fault or self._admission.frames.refused
         elif isinstance(reading, ImuSample):
             self._senses.imu_fault = fault
         elif type(reading) in SOURCES:
             self._drives.rejected(SOURCES[type(reading)], fault)
-        if fault:
-            self._report_rejection()
 
     def _update(self, signal: Stamped) -> None:
         if type(signal) in SOURCES:
             self._drives.heard(SOURCES[type(signal)], signal.t_s)
-        match signal:
+        match signal:  # images are judged by their FrameQuality, and the flipper's angle is not used
             case ImuSample():
                 self._update_motion(signal)
             case TrackReading():
@@ -247,7 +237,7 @@ class Guard:
                 if self._config.watches_motion:
                     self._seat.update(signal.t_s, signal.pitch_rad)
             case PlantState(fault=str()) if signal.t_s - self._rearmed_s > self._config.ahead_s:
-                self._latch.hold(signal.t_s, CauseKind.BELTS, f"the plant braked by itself: {signal.fault}")
+                self._latch.hold(signal.t_s, Stop.BRAKE, f"the plant braked by itself: {signal.fault}")
             case HeadingMeasurement():
                 self._update_sight(signal.t_s)
                 self._senses.seen(signal.t_s)
@@ -257,8 +247,6 @@ class Guard:
                 self._look_ahead(signal)
             case FreeGround():
                 self._drop.look(signal, self._belts.travel.at(signal.t_s)[0])
-            case _:
-                pass  # images are judged by their FrameQuality, and the flipper's angle is not used
 
     def _update_motion(self, sample: ImuSample) -> None:
         orientation, pitch_rate = sample.orientation, -sample.angular_velocity_rad_s[1]
@@ -312,12 +300,13 @@ class Guard:
 
     def _obey(self, operator: OperatorInput) -> bool:
         """Update with the operator: stop and a released dead-man switch hold whatever their age; re-arm ends a hold."""
-        new = self._is_new(operator)
+        new = self._accepts(operator)
+        self._latch.hold(self._now_s, Stop.BRAKE, self._admission.stamps.leap)
         pressed = new and self._button.press(down=operator.rearm)
         if new:
             self._link.heard("operator link", operator.t_s)
         if operator.stop or not operator.dead_man:
-            self._latch.hold(self._now(operator.t_s), CauseKind.OPERATOR, "operator stop")
+            self._latch.hold(self._now_s, Stop.BRAKE, "operator stop")
         elif pressed and self._latch.release(operator.t_s):
             self._restart(operator.t_s)
         return new
@@ -329,7 +318,7 @@ class Guard:
         """
         self._driver_s = self._rearmed_s = t_s
         self._command = TrackCommand.stop(t_s)
-        self._senses.restart(t_s, self._belts.travel_m)
+        self._senses.restart(t_s, self._belts.travel.travel_m)
         for silence in (self._link, self._plans, self._processes, self._drives):
             silence.restart(t_s)
         for watch in (self._belts, self._slip, self._blind, self._tilt, self._seat):
@@ -352,7 +341,7 @@ class Guard:
         In phases of constant pitch a seat near horizontal moves slowly, so that it does not excite rocking over uneven steps.
         """
         if not finite(command.rate_m_s):
-            self._latch.hold(command.t_s, CauseKind.NOT_FINITE, "seat rate is not finite")
+            self._latch.hold(command.t_s, Stop.BRAKE, "seat rate is not finite")
             return
         limit = self._config.seat_rate_m_s or 0.0
         if self._plan is not None and self._plan.phase in STEADY and abs(self._seat_rad) <= self._config.level_rad:
@@ -385,42 +374,51 @@ class Guard:
         """Record a tick; return the time since the previous tick or since the last command, whichever is longer [s]."""
         if self._t_s is None:
             self._t_s = self._driver_s = t_s
-            self._senses.begin(t_s)
             if self._config.watches_motion and not self._watches_ground:
                 self._latch.report(t_s, "drop_unwatched", "the camera does not report where the ground ends: no stop before a drop")
         passed_s, self._t_s = t_s - self._t_s, t_s
         if passed_s < -self._config.clock_jump_s:
-            self._latch.hold(t_s, CauseKind.CLOCK, f"mission clock leapt by {passed_s:+.2f} s")
+            self._latch.hold(t_s, Stop.BRAKE, f"mission clock leapt by {passed_s:+.2f} s")
         if passed_s > self._config.silence_s:
             # Silence cannot be attributed to a source while the guard itself did not run.
             self._drives.restart(t_s)
             self._plans.restart(t_s)
         if passed_s > self._config.driver_timeout_s:
-            self._latch.hold(t_s, CauseKind.LATE, f"no tick for {passed_s:.2f} s")
+            self._latch.hold(t_s, Stop.BRAKE, f"no tick for {passed_s:.2f} s")
         return max(passed_s, t_s - self._driver_s)
 
-    def _alarms(self, t_s: float, estimate: HeadingEstimate | None) -> Iterator[tuple[CauseKind, str | None]]:
-        """Yield each kind of cause with its cause or None; the guard holds for the first cause."""
+    def _alarms(self, t_s: float, estimate: HeadingEstimate | None) -> Iterator[tuple[Stop, str | None]]:
+        """Yield how to stop for each cause, and the cause or None; the guard holds for the first cause.
+
+        Rows are those of the table of hazards.
+        """
         limits = self._config
         command_s = t_s - self._driver_s
-        if abs(command_s) > limits.driver_timeout_s:
-            yield CauseKind.LATE, f"no command for {command_s:.2f} s"
-        yield CauseKind.LINK, self._link.cause(t_s)
-        yield CauseKind.PROCESS, self._processes.cause(t_s)
-        yield CauseKind.STALE_PLAN, self._plans.cause(t_s)
-        yield CauseKind.ATTITUDE, self._tilt.cause
-        yield CauseKind.SEAT, self._seat.cause
+        # Row 11: stopped 0.8 s after the last command, of which its absence takes 0.75 s.
+        yield Stop.BRAKE, f"no command for {command_s:.2f} s" if abs(command_s) > limits.driver_timeout_s else None
+        # Row 21: a lost link is an operator's stop, still within 0.10 m.
+        yield Stop.BRAKE, self._link.cause(t_s)
+        # Row 22: stopped 0.8 s after a process ended, of which its silence takes 0.75 s; an old plan leaves time for a ramp.
+        yield Stop.BRAKE, self._processes.cause(t_s)
+        yield Stop.RAMP, self._plans.cause(t_s)
+        # Row 18: the chair tips, and each centimetre may add to it.
+        yield Stop.BRAKE, self._tilt.cause
+        # Row 19: the seat is frozen at once.
+        yield Stop.RAMP, self._seat.cause
         if limits.watches_motion:
-            yield CauseKind.BELTS, self._drives.cause(t_s)
-            yield CauseKind.BELTS, self._belts.cause
-            yield CauseKind.SLIP, self._slip.cause
+            # Rows 13, 14 and 24: a faulty drive follows no ramp, and 0.25 m of the roll-back of 0.30 m are gone.
+            yield Stop.BRAKE, self._drives.cause(t_s)
+            yield Stop.BRAKE, self._belts.cause
+            yield Stop.BRAKE, self._slip.cause
         if limits.needs_heading:
             phase = None if self._plan is None else self._plan.phase
-            yield CauseKind.HEADING, estimate_fault(estimate, t_s, limits.silence_s)
-            lost = self._senses.alarm(t_s, self._belts.travel_m, phase)
-            yield CauseKind.BOTH_SENSES if self._senses.both_lost(t_s) else CauseKind.SENSES, lost
-            yield CauseKind.HEADING, self._blind.cause
-            yield CauseKind.HEADING, heading_fault(limits, estimate, self._plan)
+            # Row 7: belts 0.1 m/s apart turn the chair by 0.3° more over a ramp, of 5° allowed.
+            yield Stop.RAMP, estimate_fault(estimate, t_s, limits.silence_s)
+            lost = self._senses.alarm(t_s, self._belts.travel.travel_m, phase)
+            # Row 9: held within 0.5 s, of which the silence takes 0.3 s. Of one lost sense the other carries the heading.
+            yield Stop.BRAKE if self._senses.both_lost(t_s) else Stop.RAMP, lost
+            yield Stop.RAMP, self._blind.cause
+            yield Stop.RAMP, heading_fault(limits, estimate, self._plan)
 
     def _limited(self, t_s: float, estimate: HeadingEstimate | None, late_s: float) -> TrackCommand:
         limits, plan = self._config, self._plan
@@ -444,15 +442,9 @@ class Guard:
             return senses
         if self._slip.slip > 0.0 and self._config.watches_motion:
             return "slip", f"slip {self._slip.slip:.2f}"
-        gap = self._ahead.speed_restriction(self._belts.travel_m)
+        gap = self._ahead.speed_restriction(self._belts.travel.travel_m)
         if gap is not None:
             return "gap", gap
         if late_s > 0.5 * self._config.driver_timeout_s:
             return "late", f"no command or tick for {late_s:.2f} s"
         return "", "nothing is missing any more"
-
-    def _now(self, t_s: float) -> float:
-        """Return the time of an event: the given one if finite, otherwise that of the last tick."""
-        if math.isfinite(t_s):
-            return t_s
-        return 0.0 if self._t_s is None else self._t_s

@@ -2,7 +2,7 @@
 
 from treadline.core.signals import Event, TrackCommand
 from treadline.guard._guard_config import GuardConfig
-from treadline.guard._half_cosine_stop import URGENT, CauseKind, RampedStop
+from treadline.guard._half_cosine_stop import RampedStop, Stop
 
 
 class Button:
@@ -27,20 +27,20 @@ class Latch:
     def __init__(self, config: GuardConfig) -> None:
         self.cause: str | None = None
         self._config = config
-        self._ramp = self._new_ramp()
+        self._ramp = RampedStop(config)
         self._events: list[Event] = []
         self._slow = ""
 
-    def hold(self, t_s: float, kind: CauseKind, cause: str | None) -> None:
+    def hold(self, t_s: float, stop: Stop, cause: str | None) -> None:
         """Latch a cause; a later cause is not latched, but an urgent one ends a ramped stop. None is no cause."""
         if cause is None:
             return
         if self.cause is None:
-            self.cause, self._ramp = cause, self._new_ramp()
+            self.cause, self._ramp = cause, RampedStop(self._config)
             self.report(t_s, "hold", cause)
-        elif kind in URGENT and not self._ramp.is_over:
+        elif stop is Stop.BRAKE and not self._ramp.is_over:
             self.report(t_s, "brake", cause)
-        if kind in URGENT:
+        if stop is Stop.BRAKE:
             self._ramp.brake()
 
     def stop(self, t_s: float, belts_m_s: tuple[float, float]) -> TrackCommand:
@@ -74,6 +74,3 @@ class Latch:
         """Return the events since the last call."""
         events, self._events = self._events, []
         return events
-
-    def _new_ramp(self) -> RampedStop:
-        return RampedStop(self._config.drive_lag_s, self._config.mismatch_spare_m_s)
