@@ -17,8 +17,7 @@ class SilenceMonitor:
     """
 
     def __init__(self, timeout_s: float, what: str = "", awaited: Iterable[str] = ()) -> None:
-        self._timeout_s = timeout_s
-        self._what = what
+        self._timeout_s, self._what = timeout_s, what
         self._heard_s: dict[str, float] = dict.fromkeys(awaited, math.inf)
         self._faults: dict[str, str] = {}
 

@@ -34,11 +34,9 @@ class SlipMonitor:
         self._t_s = -math.inf
         self._travel_m = 0.0
         self._places: Sequence[float] = ()
-        self._roll_back_m = 0.0
-        self._back_m = 0.0
+        self._roll_back_m = self._back_m = self._since_slid_m = 0.0
         self._window: deque[tuple[float, float, float, float]] = deque()
         self._since_s: float | None = None
-        self._since_slid_m = 0.0
         self.slip = 0.0
         """Slip ratio if it exceeds the limit, otherwise 0."""
         self.cause: str | None = None
