@@ -10,7 +10,8 @@ from treadline.core.rotations import rotation_x, rotation_z
 from treadline.report.side_view import SIDE, Loop, silhouettes
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.appearance import Mesh, band, body_poses, box, chair_parts, merged, part
+from treadline.vehicle.appearance import body_poses, chair_parts
+from treadline.vehicle.appearance._mesh import Mesh, band, box, merged, part
 
 
 def _signed_area(loop: Loop) -> float:

@@ -21,7 +21,8 @@ from treadline.report.player_page import player_data, player_page, write_player
 from treadline.scenario.chair import read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.scenario import Chair
-from treadline.vehicle.appearance import body_poses, box, chair_parts, cylinder
+from treadline.vehicle.appearance import body_poses, chair_parts
+from treadline.vehicle.appearance._mesh import box, cylinder
 
 from .conftest import HOSTILE, Browser, climbing
 

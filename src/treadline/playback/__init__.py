@@ -4,7 +4,7 @@
 holds, perceived nosings and the least tip-over margin.
 """
 
-from treadline.playback._builder import RecordingBuilder, SignalCollector, Signals
+from treadline.playback._builder import RecordingBuilder, SignalCollector
 from treadline.playback._moments import (
     SILENT_S,
     Findings,
@@ -21,7 +21,6 @@ from treadline.playback._nosings import (
     HALF_LINE_M,
     FrameNosings,
     NosingComparison,
-    NosingRecord,
     comparison_of,
     in_runs,
     perceived_text,
@@ -39,13 +38,11 @@ __all__ = [
     "LogNotes",
     "Moment",
     "NosingComparison",
-    "NosingRecord",
     "PerceivedStair",
     "PhaseSpan",
     "Recording",
     "RecordingBuilder",
     "SignalCollector",
-    "Signals",
     "bag_origin_ns",
     "comparison_of",
     "findings_of",

@@ -17,7 +17,7 @@ from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance._belts import BeltPath, lug_part, lug_poses, resting_lugs, track_parts
 from treadline.vehicle.appearance._chassis import chassis_parts
-from treadline.vehicle.appearance._mesh import BodyName, Colour, Mesh, MeshPart, band, box, colour, cylinder, merged, part
+from treadline.vehicle.appearance._mesh import BodyName, Colour, Mesh, MeshPart, box, colour, cylinder, part
 from treadline.vehicle.appearance._seat import linkage_poses, seat_parts
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.stair_solids import Box, NosingGeometry, Solid, stair_solids
@@ -28,18 +28,12 @@ __all__ = [
     "BeltPath",
     "BodyName",
     "Colour",
-    "Mesh",
     "MeshPart",
-    "band",
     "body_poses",
-    "box",
     "chair_parts",
     "colour",
-    "cylinder",
     "lug_part",
     "lug_poses",
-    "merged",
-    "part",
     "resting_lugs",
     "stair_parts",
 ]
