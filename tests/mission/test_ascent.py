@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from world import CHAIR, G_M_S2, PITCH_M, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World, belts, estimate, imu, steeper
+from world import CHAIR, G_M_S2, PITCH_M, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World, belts, estimate, imu
 
 from treadline.control.crest_sequence import CrestCommand, CrestConfig
 from treadline.core.angles import DEG
@@ -79,7 +79,7 @@ class Foot(World):
         return nosings[-1][1][0] < SEES_M - PITCH_M  # a further nosing would be in view
 
     @property
-    def front_before_m(self) -> float:
+    def before_m(self) -> float:
         """Of the front pulley before the first nosing, level."""
         return self.first_m - self.x_m - PIVOT_M
 
@@ -96,29 +96,7 @@ def on_a_flight(**changes: Any) -> Foot:
     return Foot(x_m=3.0, z_m=3 * RISE_M, pitch_rad=SLOPE_RAD, **changes)
 
 
-def nothing(seen: StairMap) -> None:
-    """See no stair."""
-    del seen
-
-
 # --- search and align
-
-
-def test_where_there_is_no_stair_it_looks_to_both_sides_and_then_holds() -> None:
-    world = Foot(spoil=nothing, knows=False)
-    turned = []
-    while world.tick().hold is None:
-        turned.append(world.heading_rad / DEG)
-        assert world.t_s < 40.0
-    assert world.phases == ["search"]
-    assert max(turned) > 35.0
-    assert min(turned) < -35.0
-    assert all(plan.speed_m_s == 0.0 and not plan.needs_stair for plan in world.plans)
-    assert world.plans[-1].hold == "no stair in view, to neither side"
-    assert world.plans[-1].turn_m_s == 0.0
-    # A person has re-armed: it looks again, and what was said is not said any more.
-    assert world.tick().hold is None
-    assert world.tick().turn_m_s != 0.0
 
 
 def test_a_stair_that_comes_into_view_ends_the_search_square_to_it() -> None:
@@ -130,12 +108,6 @@ def test_a_stair_that_comes_into_view_ends_the_search_square_to_it() -> None:
     # Two maps, a tenth of a second apart at 10 °/s.
     assert world.heading_rad / DEG == pytest.approx(-19.0, abs=1.5)
     assert world.run("approach").cause.startswith("square to the stair within")
-
-
-def test_a_flight_that_falls_is_no_stair_to_go_up() -> None:
-    world = Foot(spoil=lambda seen: replace(seen, direction="down"))
-    world.run(limit_s=0.5)
-    assert world.phases == ["search"]
 
 
 def test_one_map_or_no_heading_is_not_enough_to_go() -> None:
@@ -155,7 +127,7 @@ def test_it_turns_square_on_the_spot_within_ten_seconds_and_only_then_drives(hea
     assert abs(world.heading_rad) <= 1.0 * DEG
     assert all(plan.speed_m_s == 0.0 for plan in world.plans)
     # The nosings stood still meanwhile: the mission knows how far the stair is.
-    assert world.run("mount").cause == f"first step {world.front_before_m:.2f} m ahead of the belts' front pulley"
+    assert world.run("mount").cause == f"first step {world.before_m:.2f} m ahead of the belts' front pulley"
 
 
 def test_an_estimate_that_is_lost_while_it_turns_stops_the_turn() -> None:
@@ -164,16 +136,6 @@ def test_an_estimate_that_is_lost_while_it_turns_stops_the_turn() -> None:
     world.knows = False
     world.run(limit_s=1.0)
     assert (world.plans[-1].phase, world.plans[-1].speed_m_s, world.plans[-1].turn_m_s) == ("align", 0.0, 0.0)
-
-
-def test_what_mechanics_forbid_is_refused_at_the_foot_with_its_number() -> None:
-    world = Foot(spoil=steeper)
-    plan = world.run("refused")
-    assert "36.5°" in plan.cause
-    world.run(limit_s=2.0)
-    assert world.phases == ["search", "align", "refused"]
-    assert all(plan.speed_m_s == 0.0 for plan in world.plans)
-    assert world.plans[-1].turn_m_s == 0.0
 
 
 def rising_by(rise_m: float, until_m: float = 0.0) -> Callable[[StairMap], StairMap]:
@@ -211,7 +173,7 @@ def test_a_rise_that_stays_above_the_limit_is_refused_before_the_chair_touches_t
     assert plan.phase == "refused"
     assert "steep" in plan.cause
     assert world.phases == ["search", "align", "approach", "refused"]
-    assert world.front_before_m > CONFIG.mount_from_m - 0.01
+    assert world.before_m > CONFIG.mount_from_m - 0.01
     assert world.pitch_rad == 0.0
 
 
@@ -219,16 +181,6 @@ def test_a_rise_far_above_the_limit_is_refused_at_once() -> None:
     world = Foot(first_m=2.4, spoil=rising_by(TOO_HIGH_M))
     world.run("refused")
     assert world.phases == ["search", "align", "refused"]
-
-
-def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_climbs() -> None:
-    world = on_a_flight(knows=False)
-    world.run(limit_s=2.0)
-    assert {plan.phase for plan in world.plans} == {"search"}
-    assert all((plan.speed_m_s, plan.turn_m_s) == (0.0, 0.0) for plan in world.plans)
-    world.knows = True
-    assert "on a flight" in world.run("climb").cause
-    assert world.flipper_rad < LAID_RAD
 
 
 def test_with_a_flipper_planner_that_does_not_come_down_a_chair_on_a_flight_drives_on_in_time() -> None:
@@ -339,7 +291,7 @@ def test_on_the_flight_the_belts_go_with_a_chair_that_falls(falls_deg_s: float, 
 def test_it_drives_at_the_stair_slower_near_it_with_the_flipper_lowered_and_tests_the_traction() -> None:
     world = Foot()
     world.run("mount")
-    near = world.front_before_m
+    near = world.before_m
     assert CONFIG.mount_from_m - 0.01 < near < CONFIG.mount_from_m
     far = [p.speed_m_s for p, x in zip(world.plans, world.xs, strict=True) if p.phase == "approach" and x < world.first_m - 0.9]
     assert set(far[1:]) == {CONFIG.cruise_m_s}
@@ -378,42 +330,20 @@ def test_belts_that_slip_on_the_floor_are_set_right_by_maps(slip: float) -> None
     world = Foot(slip=slip)
     world.run("mount")
     # At 0.1 m/s a map comes each 10 mm and corrects half: the slip of two.
-    assert world.front_before_m == pytest.approx(CONFIG.mount_from_m, abs=0.01)
+    assert world.before_m == pytest.approx(CONFIG.mount_from_m, abs=0.01)
 
 
 def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_is_re_armed() -> None:
     """Test: something holds the chair before the stair. Expected result: HOLD after half as much again and 0.5 m, said once."""
     world = Foot()
     world.run("approach")
-    to_go_m, world.slip = world.front_before_m, 1.0
+    to_go_m, world.slip = world.before_m, 1.0
     cause = world.until_held()
     assert re.fullmatch(r"the belts ran \d\.\d m for the \d\.\d m to go: something is in the chair's way", cause)
     ran_m = sum(plan.speed_m_s for plan in world.plans if plan.phase == "approach") * TICK_S
     assert ran_m == pytest.approx(1.5 * to_go_m + 0.5, abs=0.1)
     world.slip = 0.0
     assert world.run("mount").hold is None
-
-
-@pytest.mark.parametrize(
-    ("sides", "cause"),
-    [
-        ({"left_edge_m": 0.35, "left_side": "open", "left_seen_m": 0.35}, "left side is open 0.35 m"),
-        ({"right_edge_m": 0.30, "right_side": "open", "right_seen_m": 0.30}, "right side is open 0.30 m"),
-        ({"right_seen_m": 0.20}, "right side was in view up to 0.20 m"),
-        ({"left_seen_m": -0.10}, "left side was in view up to 0.00 m"),
-    ],
-)
-def test_a_flight_is_not_entered_unless_it_was_seen_to_bear_the_chair(sides: dict[str, Any], cause: str) -> None:
-    """Test: an open side nearer than the chair sweeps, or a side not seen so far. Expected result: HOLD with the distance before
-    the flight, for an open side as soon as it is known."""
-    world = Foot(spoil=lambda seen: replace(seen, **sides))
-    plan = world.run(limit_s=20.0)
-    assert cause in plan.hold
-    assert f"needs {CHAIR.swept_half_m + 0.02:.2f} m" in plan.hold  # 2 cm: the largest error of a measured side
-    assert "mount" not in world.phases
-    if "seen" not in str(sides):
-        assert world.front_before_m > CONFIG.mount_from_m
-    assert world.front_before_m > 0.0
 
 
 def test_a_detector_that_does_not_measure_how_far_a_side_is_in_view_drives_on() -> None:
@@ -446,22 +376,6 @@ def test_one_map_with_a_side_far_away_proves_no_width() -> None:
     world.spoil = spoil
     plan = world.run(limit_s=20.0)
     assert "left side was in view up to 0.20 m" in plan.hold
-
-
-@pytest.mark.parametrize(("left_m", "right_m", "wall"), [(0.327, 0.87, "left"), (None, 0.327, "right")])
-def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_stair(left_m: float | None, right_m: float, wall: str) -> None:
-    """Test: a wall nearer than half the chair. Expected result: HOLD, with what would help; moved and re-armed, it goes on."""
-    walls = {"left_wall_m": left_m, "right_wall_m": right_m}
-    world = Foot(spoil=lambda seen: replace(seen, **walls))
-    world.run("approach")
-    cause = world.until_held()
-    assert world.phases[-1] == "approach"
-    # Half of the chair's width of 0.75 m.
-    assert f"the {wall} wall is 0.33 m from the chair's middle, which needs 0.38 m: set the chair 0.10 m" in cause
-    assert cause.endswith("right" if wall == "left" else "left")
-    walls.update(left_wall_m=0.60, right_wall_m=0.60)
-    world.run(limit_s=0.2)
-    assert world.run("climb").hold is None
 
 
 def test_a_wall_that_one_map_puts_in_the_way_is_none() -> None:
@@ -507,7 +421,7 @@ def test_a_false_nosing_seen_once_does_not_begin_the_mount() -> None:
 
     world = Foot(spoil=ghost)
     world.run("mount")
-    assert world.front_before_m == pytest.approx(CONFIG.mount_from_m, abs=0.01)
+    assert world.before_m == pytest.approx(CONFIG.mount_from_m, abs=0.01)
 
 
 def test_too_little_friction_backs_off_level_and_refuses_with_the_number() -> None:

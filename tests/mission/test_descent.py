@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from world import CHAIR, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World, estimate, flipper, steeper
+from world import CHAIR, PIVOT_M, RISE_M, RUN_M, SLOPE_RAD, TICK_S, World, estimate, flipper
 
 from treadline.control.edge_sequence import EdgeCommand, EdgeConfig
 from treadline.core.angles import DEG
@@ -66,6 +66,11 @@ class Landing(World):
     def in_view(self, x_m: float) -> bool:
         return -3.2 < x_m < -PIVOT_M
 
+    @property
+    def before_m(self) -> float:
+        """Of the rear pulley before the edge, level."""
+        return self.x_m - EDGE_M - PIVOT_M
+
     def ends(self, nosings: list[tuple[int, list[float]]]) -> bool:
         return self.shows_end and nosings[-1][0] == 0
 
@@ -119,13 +124,6 @@ def test_a_chair_that_wakes_up_on_a_flight_backs_down_with_its_flipper_planner_l
     assert stuck.t_s == pytest.approx((stuck.flipper_rad - LAID_RAD) / FLIPPER_RAD_S + LATE_S, abs=0.15)
 
 
-def test_where_no_flight_lies_behind_it_looks_to_both_sides_and_then_holds() -> None:
-    world = Landing(spoil=lambda seen: replace(seen, direction="up"), knows=False)
-    assert world.until_held(40.0) == "no stair in view behind, to neither side"
-    assert world.phases == ["search"]
-    assert all(plan.speed_m_s == 0.0 for plan in world.plans)
-
-
 @pytest.mark.usefixtures("edge")
 @pytest.mark.parametrize("heading_deg", [-30.0, 0.0, 30.0])
 def test_it_turns_square_on_the_landing_before_it_backs(heading_deg: float) -> None:
@@ -137,36 +135,6 @@ def test_it_turns_square_on_the_landing_before_it_backs(heading_deg: float) -> N
     behind = re.search(r"edge (\d\.\d\d) m behind", plan.cause)
     # The first maps of a turn are a tick older than its heading.
     assert float(behind[1]) == pytest.approx(world.x_m - EDGE_M - PIVOT_M, abs=0.015)
-
-
-def test_what_mechanics_forbid_is_refused_on_the_landing_with_its_number() -> None:
-    world = Landing(spoil=steeper)
-    assert "36.5°" in world.run("refused").cause
-    world.run(limit_s=1.0)
-    assert all(plan.speed_m_s == 0.0 for plan in world.plans)
-
-
-def test_a_chair_that_does_not_fit_past_a_wall_is_held_before_the_edge() -> None:
-    world = Landing(spoil=lambda seen: replace(seen, left_wall_m=0.35))
-    world.run("approach")
-    world.run(limit_s=1.5)
-    assert "the left wall is 0.35 m from the chair's middle, which needs" in (world.plans[-1].hold or "")
-
-
-@pytest.mark.usefixtures("edge")
-@pytest.mark.parametrize(
-    ("sides", "cause"),
-    [
-        ({"right_edge_m": 0.35, "right_side": "open", "right_seen_m": 0.35}, "right side is open 0.35 m"),
-        ({"left_seen_m": 0.20}, "left side was in view up to 0.20 m"),
-    ],
-)
-def test_a_flight_is_not_entered_backwards_unless_it_was_seen_to_bear_the_chair(sides: dict[str, Any], cause: str) -> None:
-    world = Landing(spoil=lambda seen: replace(seen, **sides))
-    plan = world.run(limit_s=20.0)
-    assert cause in (plan.hold or "")
-    assert plan.phase == "approach"
-    assert world.x_m - EDGE_M > PIVOT_M  # the rear pulley is still on the landing
 
 
 def test_a_chair_that_does_not_get_to_the_edge_is_held() -> None:
@@ -452,16 +420,6 @@ def test_a_step_that_is_seen_to_be_missing_under_the_rear_stops_the_chair_too() 
     where._fit_shape()
     missing = world.planner._missing(CONFIG.gap_m)
     assert "behind the rear pulley" in missing
-
-
-def test_a_chair_that_wakes_up_on_a_flight_stands_until_it_has_a_heading_then_descends() -> None:
-    world = Landing(x_m=0.5 * EDGE_M, knows=False)
-    world.run(limit_s=2.0)
-    assert {plan.phase for plan in world.plans} == {"search"}
-    assert all((plan.speed_m_s, plan.turn_m_s) == (0.0, 0.0) for plan in world.plans)
-    world.knows = True
-    assert "on a flight" in world.run("descend").cause
-    world.run("leave", "arrived")
 
 
 @pytest.mark.parametrize("heading_deg", [-10.0, 10.0])
