@@ -1,6 +1,7 @@
 """Ground ahead as the simulated camera measures it: ends by the stair's geometry, range by the camera's, noise by its own draws."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from treadline.core.rotations import rotation_z
 from treadline.core.signals import FreeGround
 from treadline.plant.sensors._free_ground import GroundAhead
-from treadline.scenario.chair import read_chair
+from treadline.scenario.chair import Point, read_chair
 from treadline.scenario.stair import Stair
 from treadline.vehicle.staircase import as_designed
 
@@ -18,13 +19,17 @@ LAST_X_M, LAST_Z_M = 5 * 0.3, 6 * 0.16
 """Uppermost nosing of a flight of six steps of 160 by 300 mm."""
 
 
-def seen(x_m: float, z_m: float, *, rear: bool = False, yaw_deg: float = 0.0, sigma_m: float = 1e-9, **stair: Any) -> FreeGround:
+def seen(
+    x_m: float, z_m: float, *, rear: bool = False, yaw_deg: float = 0.0, mount_m: Point | None = None, **stair: Any
+) -> FreeGround:
     """Return the ground from mid-track at a place along the flight, on a landing 1.5 m deep."""
     staircase = as_designed(
         Stair.model_validate({"rise_m": 0.16, "run_m": 0.3, "steps": 6, "width_m": 1.4, "landing_m": 1.5} | stair)
     )
     chair = read_chair("wheelchair")
-    ground = GroundAhead(staircase, chair, chair.camera_at(240, rear=rear), np.random.default_rng(1), sigma_m)
+    camera = chair.camera_at(240, rear=rear)
+    mounted = camera if mount_m is None else replace(camera, mount_m=mount_m)
+    ground = GroundAhead(staircase, chair, mounted, np.random.default_rng(1), 1e-9)
     return ground.look(0.0, rotation_z(yaw_deg * DEG), np.array([x_m, 0.0, z_m]))
 
 
@@ -48,6 +53,12 @@ def test_a_landing_ends_at_its_rim_ahead_and_at_the_nosing_behind(yaw_deg: float
 
 def test_an_edge_below_the_image_is_ground_not_seen() -> None:
     ground = seen(LAST_X_M + 0.7, LAST_Z_M, rear=True)
+    assert (ground.end_m, ground.seen_m) == (None, ground.blind_m)
+
+
+def test_a_pulley_beyond_the_edge_does_not_make_the_next_tread_the_level() -> None:
+    """Test: a flight that falls by 0.3 m treads, the rear pulley 20 mm past its uppermost nosing. Expected: no ground is seen."""
+    ground = seen(LAST_X_M + 0.455, LAST_Z_M, rear=True, mount_m=(-0.20, 0.0, 0.55))
     assert (ground.end_m, ground.seen_m) == (None, ground.blind_m)
 
 

@@ -46,7 +46,9 @@ class GroundAhead:
         self._camera, self._rng, self._sigma_m = calibration, rng, sigma_m
         self._view: View = "front" if calibration.R_BC[0, 2] > 0.0 else "rear"
         self._way = 1.0 if self._view == "front" else -1.0
-        self._pulley_B = np.array([self._way * 0.5 * chair.tracks.flat_run_m, 0.0, chair.tracks.pulley_radius_m])
+        radius_m = chair.tracks.pulley_radius_m
+        self._under_B = np.array([[self._way * 0.5 * chair.tracks.flat_run_m, 0.0, radius_m], [0.0, 0.0, radius_m]])
+        """Axis of the leading pulley, and mid-track at the same height."""
         self._width_m = 2.0 * chair.swept_half_m
         self._far_m = np.arange(0.5 * chair.tracks.flat_run_m, RANGE_M, SIGMA_M)
         asides_m = self._width_m * np.linspace(-0.5, 0.5, LINES)
@@ -58,8 +60,11 @@ class GroundAhead:
         places = p_WB[:2] + self._points @ np.array([ahead, [-ahead[1], ahead[0]]])
         x, y, _, _, half_length, half_width, _ = self._surfaces.T
         near = self._surfaces[np.hypot(x - p_WB[0], y - p_WB[1]) < RANGE_M + np.hypot(half_length, half_width)]
-        level_m = float(ground_m(near, (p_WB + R_WB @ self._pulley_B)[None])[0])
-        if not math.isfinite(level_m):  # the leading pulley is beyond the end
+        under_W = p_WB + self._under_B @ R_WB.T
+        levels_m = ground_m(near, under_W)
+        # A pulley beyond an edge has the ground of mid-track; over a crest, the ground below it.
+        level_m = float(levels_m[np.argmin(np.abs(levels_m - under_W[0, 2]))])
+        if not math.isfinite(level_m):  # the chair has left all ground
             level_m = float(p_WB[2])
         # No flight rises by more than 45°: what is higher belongs to another flight, above this one.
         tops_m = ground_m(near, np.column_stack([places, level_m + self._points[:, 0]]))
