@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 from world import limits
 
-from treadline.core.signals import FlipperCommand, OperatorInput, SeatCommand, TrackCommand
-from treadline.guard import LastGuard
+from treadline.core.signals import FlipperCommand, OperatorInput, PlantState, SeatCommand, TrackCommand
+from treadline.guard import Guard, LastGuard
 
 SILENT_S = 0.3
 """Stated time without a command after which the plant brakes [s] (GUARD §2, rule 6)."""
@@ -105,3 +105,22 @@ def test_rates_of_seat_and_flipper_end_with_their_validity() -> None:
         assert last.accept(replace(BELTS, t_s=1.0 + 0.01 * tick))
         _, seat, flipper = last.commands()
         assert (seat.rate_m_s, flipper) == ((SEAT.rate_m_s, FLIPPER) if tick <= 10 else (0.0, None))
+
+
+def test_the_guard_holds_for_what_the_plant_says_and_after_a_re_arm_only_if_it_lasts() -> None:
+    """Test: the plant reports its brake, a person re-arms, and a report under way arrives. Expected result: HOLD with the plant's
+    reason; the late report is ignored for 0.1 s, a lasting one holds again. A recording's plant is not held."""
+    guard, recorded = Guard(limits()), Guard(limits(watches_motion=False))
+    for watched in (guard, recorded):
+        watched.advance(1.0)
+        watched.admit(PlantState(t_s=1.0, fault="no command for 0.31 s"))
+    assert guard.holding == "the plant braked by itself: no command for 0.31 s"
+    assert recorded.holding is None
+    guard.advance(2.0)
+    guard.admit(OperatorInput(t_s=2.0, rearm=True))
+    assert guard.holding is None
+    guard.admit(PlantState(t_s=2.05, fault="no command for 0.31 s"))
+    assert guard.holding is None
+    guard.advance(2.2)
+    guard.admit(PlantState(t_s=2.2, fault="no power"))
+    assert guard.holding == "the plant braked by itself: no power"

@@ -236,8 +236,8 @@ class Guard:
                 self._seat_rad = signal.pitch_rad
                 if self._config.watches_motion:
                     self._seat.update(signal.t_s, signal.pitch_rad)
-            case PlantState(fault=str()) if signal.t_s - self._rearmed_s > self._config.ahead_s:
-                self._latch.hold(signal.t_s, Stop.BRAKE, f"the plant braked by itself: {signal.fault}")
+            case PlantState():
+                self._note_brake(signal)
             case HeadingMeasurement():
                 self._update_sight(signal.t_s)
                 self._senses.seen(signal.t_s)
@@ -247,6 +247,12 @@ class Guard:
                 self._look_ahead(signal)
             case FreeGround():
                 self._drop.look(signal, self._belts.travel.at(signal.t_s)[0])
+
+    def _note_brake(self, state: PlantState) -> None:
+        """Hold where the plant braked by itself; the button to re-arm may reach the plant a moment after the guard."""
+        lasts = state.t_s - self._rearmed_s > self._config.ahead_s
+        if state.fault is not None and lasts and self._config.watches_motion:
+            self._latch.hold(state.t_s, Stop.BRAKE, f"the plant braked by itself: {state.fault}")
 
     def _update_motion(self, sample: ImuSample) -> None:
         orientation, pitch_rate = sample.orientation, -sample.angular_velocity_rad_s[1]
