@@ -5,8 +5,6 @@ file's limits, from one guard. Silence of the guard, and a second guard, brake t
 why, and reaches the guard as a reading.
 """
 
-from collections.abc import Mapping
-
 from treadline.core.signals import ROUNDING_S, FlipperCommand, OperatorInput, SeatCommand, TrackCommand
 from treadline.guard._bounds import fault_of
 from treadline.guard._guard_config import GuardConfig
@@ -31,6 +29,8 @@ class LastGuard:
         """End a fault: the next guard that speaks drives the chair; commands from before are discarded."""
         self._stamps = Stamps(self._config)
         self._stamps.advance(self._t_s)
+        self.rejected = self._stamps.rejected
+        """Number of commands rejected since the last re-arm, by kind."""
         self._heard_s = self._t_s
         self._tracks: TrackCommand | None = None
         self._seat: SeatCommand | None = None
@@ -40,11 +40,6 @@ class LastGuard:
         self._rejection = ""
         self.fault: str | None = None
         """Reason for which the plant braked by itself; None without one."""
-
-    @property
-    def rejected(self) -> Mapping[str, int]:
-        """Number of commands rejected since the last re-arm, by kind."""
-        return self._stamps.rejected
 
     def operate(self, operator: OperatorInput) -> None:
         """Re-arm where a person presses the button; a button that is stuck, or pressed with a stop, does not count."""

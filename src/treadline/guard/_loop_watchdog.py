@@ -31,7 +31,7 @@ class LoopWatchdog:
         """Begin to watch, once the kernels of the run are compiled."""
         self._is_running, self._since_s = True, time.monotonic()
         if self._brake is not None:
-            Thread(target=self._watch, name="loop watchdog", daemon=True).start()
+            Thread(target=self._watch, args=(self._brake,), name="loop watchdog", daemon=True).start()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -61,11 +61,10 @@ class LoopWatchdog:
         with self._change:
             self._since_s = time.monotonic()
 
-    def _watch(self) -> None:
+    def _watch(self, brake: Callable[[], object]) -> None:
         """Brake once in each standstill."""
         while self._stands():
-            if self._brake is not None:
-                self._brake()
+            brake()
 
     def _stands(self) -> bool:
         """Wait for a standstill; return False at the end of the run."""
