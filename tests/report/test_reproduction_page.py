@@ -147,7 +147,7 @@ def test_a_link_out_of_the_folder_is_refused(results: Tables, reproduce_folder: 
     ("path", "value", "field"),
     [
         (("fig09", 0, "rms_heading_deg"), "much", "fig09.0.rms_heading_deg"),
-        (("fig09", 0, "rms_heading_deg"), float("nan"), "fig09.0.rms_heading_deg"),
+        (("fig09", 0, "rms_heading_deg"), float("nan"), "not JSON that can be read: the number NaN"),
         (("fig09", 0, "loop"), "ajar", "fig09.0.loop"),
         (("table2", 2, "verdicts"), "fell", "table2.2.verdicts"),
         (("table2", 1), {"slope_deg": 28}, "table2.1.start_heading_deg: Field required"),
