@@ -16,7 +16,7 @@ from treadline.view._process import Worker
 from treadline.view._session import Session
 
 END_S = 30.0
-LIMITS = Limits(pitch_rate_rad_s=25.0 * DEG, max_heading_error_rad=5.0 * DEG, belt_limit_m_s=1.0, slip=0.3, seat_rad=5.0 * DEG)
+LIMITS = Limits(pitch_rate_rad_s=25.0 * DEG, square_rad=5.0 * DEG, belt_limit_m_s=1.0, deviation=0.3, seat_rad=5.0 * DEG)
 
 
 class FakeWorker(Worker):

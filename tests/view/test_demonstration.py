@@ -24,7 +24,7 @@ def test_the_shipped_recording_is_small_and_of_the_present_format() -> None:
     assert [span.name for span in run.phases] == [
         "search", "align", "approach", "mount", "traction", "climb", "crest", "land", "arrived",
     ]  # fmt: skip
-    assert run.limits.slip is not None
+    assert run.limits.deviation is not None
     assert len(run.maps) > 100
 
 

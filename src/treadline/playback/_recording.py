@@ -26,6 +26,9 @@ ROUNDING_S = 1e-9
 SLIP_WINDOW_S = 0.5
 """Time over which belt travel and movement of the chair are compared [s], as in the guard's slip monitor."""
 
+FORMER = {"square_rad": "max_heading_error_rad", "deviation": "slip"}
+"""Names of two limits in runs of version 0.3 and before."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
@@ -37,9 +40,9 @@ class Limits:
     """Pitch rate beyond which the guard holds [rad/s]."""
     belt_limit_m_s: float | None = None
     """Largest speed of one belt [m/s]."""
-    max_heading_error_rad: float | None = None
+    square_rad: float | None = None
     """Largest heading error over crest and edge [rad]."""
-    slip: float | None = None
+    deviation: float | None = None
     """Slip ratio beyond which the guard restricts the speed."""
     seat_rad: float | None = None
     """Deviation of the seat from horizontal beyond which the guard holds [rad]."""
@@ -47,7 +50,7 @@ class Limits:
     @classmethod
     def of_guard(cls, guard: Mapping[str, Any]) -> "Limits":
         """Return the limits from the guard's configuration as kept in ``manifest.json``, or from ``asdict(GuardConfig)``."""
-        found = {item.name: guard.get(item.name) for item in fields(cls)}
+        found = {item.name: guard.get(item.name, guard.get(FORMER.get(item.name, ""))) for item in fields(cls)}
         return cls(**{name: float(value) for name, value in found.items() if isinstance(value, int | float)})
 
 
