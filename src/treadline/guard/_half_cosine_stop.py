@@ -19,9 +19,9 @@ class Stop(Enum):
     """How a held chair stops."""
 
     BRAKE = "brake"
-    """At once, where a ramp of 0.3 s and 30 mm would break a limit or cannot be trusted."""
+    """Brake at once: a ramp of 0.3 s and 30 mm would break a limit, or cannot be trusted."""
     RAMP = "ramp"
-    """Along the half-cosine, where the chair may travel 30 mm more: it spares the passenger a jolt."""
+    """Half-cosine: the chair may travel 30 mm more, and the passenger is spared a jolt."""
 
 
 class RampedStop:
