@@ -121,7 +121,7 @@ def test_missing_rows_count_as_gaps_and_must_leave_the_others_on_the_grid(tmp_pa
     off = written(tmp_path / "off.csv", replaced(3, "0.78,0.2,0.2,0.1"))
     with pytest.raises(PeriodMismatch, match="pass --resample"):
         read_record(off, INPUTS, OUTPUTS, allow_gaps=True)
-    wild = written(tmp_path / "wild.csv", [HEADER, *ROWS, "1e300,0.2,0.2,0.1"])
+    wild = written(tmp_path / "wild.csv", [HEADER, *ROWS, "1e12,0.2,0.2,0.1"])
     with pytest.raises(NotFinite, match="100%"):
         read_record(wild, INPUTS, OUTPUTS, allow_gaps=True)
 
@@ -135,7 +135,7 @@ def test_resampling_holds_inputs_and_interpolates_outputs(tmp_path: Path) -> Non
 
 
 def test_a_single_wrong_time_stamp_does_not_exhaust_the_memory(tmp_path: Path) -> None:
-    path = written(tmp_path / "record.csv", [HEADER, *ROWS, "1e300,0.2,0.2,0.1"])
+    path = written(tmp_path / "record.csv", [HEADER, *ROWS, "1e12,0.2,0.2,0.1"])
     with pytest.raises(RecordError, match="--period"):
         read_record(path, INPUTS, OUTPUTS, resample=True)
 

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from treadline.control._observer import kalman_gain, with_disturbance
 from treadline.control.lqr import closed_loop_poles, lqr_gain, solvable, static_reconstruction
 from treadline.core.angles import DEG
+from treadline.core.arrays import LARGEST
 from treadline.core.errors import ModelError, NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
 from treadline.core.models import ControllerDesign, LinearModel, Reconstruct
 from treadline.core.signals import PERIOD_ROUNDING_S, TICK_S, on_the_tick
@@ -193,8 +194,6 @@ HALVING_TIME_S = 5.0
 total, about the clearance on either side of a gauge of 0.65 m on a stair of 1.2 m."""
 SIMULATED_S = 20.0
 """Duration of the simulation [s]."""
-DIVERGED_RAD = 1e6
-"""Heading at which a diverging simulation ends, before overflow [rad]."""
 DIFFERENCE_ALONE = np.outer(BELT_DIFFERENCE, np.sign(BELT_DIFFERENCE))
 """Projection of two belt speeds on their difference."""
 
@@ -216,7 +215,7 @@ def heading_response(design: ControllerDesign) -> Float[np.ndarray, " T"]:
     heading = np.empty(2 + math.ceil(SIMULATED_S / model.dt_s))
     for k in range(len(heading)):
         heading[k] = (model.C @ x - model.D @ steering @ x)[0]
-        if abs(heading[k]) > DIVERGED_RAD:
+        if abs(heading[k]) > LARGEST:  # it diverges: end before overflow
             heading[k:] = heading[k]
             break
         x = model.A @ x - model.B @ steering @ x

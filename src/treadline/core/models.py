@@ -128,14 +128,7 @@ class LinearModel(Printable):
         for name in ("input_names", "output_names"):
             object.__setattr__(self, name, _names(name, getattr(self, name)))
         n, m, p = self.A.shape[0], self.B.shape[1], self.C.shape[0]
-        wanted = {
-            "A": (n, n),
-            "B": (n, m),
-            "C": (p, n),
-            "D": (p, m),
-            "input_offset": (m,),
-            "output_offset": (p,),
-        }
+        wanted = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m), "input_offset": (m,), "output_offset": (p,)}
         for name, shape in wanted.items():
             _settle(self, name, shape)
         if self.observer_gain is not None:

@@ -100,17 +100,7 @@ def _ticks(file: Path, clock: str, values: Shaped[np.ndarray, " n"]) -> Shaped[n
 
 
 # Exceptions raised for damaged archives; zipfile has no common base class.
-_BROKEN = (
-    zipfile.BadZipFile,
-    zlib.error,
-    ValueError,
-    EOFError,
-    OSError,
-    NotImplementedError,
-    RuntimeError,
-    OverflowError,
-    MemoryError,
-)
+_BROKEN = (zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, RuntimeError, OverflowError, MemoryError)
 
 
 def read_npz(file: Path, wanted: tuple[str, ...]) -> Table:

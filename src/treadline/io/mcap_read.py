@@ -36,17 +36,7 @@ LIBRARY = "treadline"
 """Library name in the MCAP header of logs written by treadline."""
 _PIECE = 1 << 20
 
-BROKEN = (
-    McapError,
-    zstandard.ZstdError,
-    struct.error,
-    ValueError,
-    IndexError,
-    KeyError,
-    EOFError,
-    OverflowError,
-    MemoryError,
-)
+BROKEN = (McapError, zstandard.ZstdError, struct.error, ValueError, LookupError, EOFError, OverflowError, MemoryError)
 """Exceptions of the parsers for damaged files: lengths, opcodes, text, numbers out of range."""
 
 

@@ -37,16 +37,7 @@ JOURNAL = "journal.jsonl"
 RUN_CONTROLLER = "run-controller.json"
 """File name of the controller used by the run. The name ``controller.json`` is taken: ``treadline tune`` writes that file, also
 into run folders, and no run may remove it."""
-WRITTEN = (
-    "result.json",
-    "series.csv",
-    LOG,
-    f"{LOG}.part",
-    RECORD,
-    RUN_CONTROLLER,
-    "report.html",
-    "figures/run.svg",
-)
+WRITTEN = ("result.json", "series.csv", LOG, f"{LOG}.part", RECORD, RUN_CONTROLLER, "report.html", "figures/run.svg")
 """Files written by a run and its report, besides the manifest."""
 SERIES_EVERY = 10
 """Decimation of series.csv: every tenth sample of 100 Hz, sufficient for plots."""
