@@ -29,11 +29,10 @@ from treadline.scenario.scenario import Scenario
 from treadline.vehicle.stair_solids import Box
 from treadline.view._images import shown
 from treadline.view._messages import MESSAGES_MAX, SEND_S, Command, ContactForces, Handset, Obstacle, Order, Script, ShownFrame
+from treadline.view._what_if import FOREVER_S
 
 PAUSED_S = 0.02
 """Interval at which a paused simulation looks for commands [s]."""
-RESERVE_S = 1e9
-"""Start of the obstacle that only reserves its body in the model [s]: after every run."""
 REPORT_TICKS = round(REPORT_S / TICK_S)
 """Report period of the handset [ticks]."""
 
@@ -266,4 +265,4 @@ def with_reserve(scenario: Scenario) -> Scenario:
     """Return a scenario whose model has the body of an obstacle, so that one can be put down at any time."""
     if any(fault.kind == "obstacle" for fault in scenario.fault):
         return scenario
-    return scenario.model_copy(update={"fault": (*scenario.fault, Fault(kind="obstacle", at_s=RESERVE_S))})
+    return scenario.model_copy(update={"fault": (*scenario.fault, Fault(kind="obstacle", at_s=FOREVER_S))})

@@ -11,7 +11,7 @@ from treadline.scenario.faults import EXTENTS, Fault, FaultKind
 FRICTION_MIN, FRICTION_MAX = 0.1, 2.0
 """Range of the factor on the friction: from oil on the steps to twice the scenario's friction."""
 FOREVER_S = 1e6
-"""Duration of a change that stays [s]."""
+"""Duration of a change that stays [s]: longer than every run."""
 LASTS_S = 3.0
 """Duration of a fault that the form offers first [s], as in a scenario without one."""
 
