@@ -7,8 +7,8 @@ from contextlib import contextmanager
 import numpy as np
 from jaxtyping import Complex, Float
 
-from treadline.core.arrays import check_magnitude, matrix
-from treadline.core.errors import NotDefinite, NotInvertible, NotStabilisable, ShapeMismatch, TreadlineError
+from treadline.core.arrays import matrix
+from treadline.core.errors import NotDefinite, NotFinite, NotInvertible, NotStabilisable, ShapeMismatch, TreadlineError
 from treadline.core.models import ControllerDesign
 
 SYMMETRY = 1e-9
@@ -52,7 +52,8 @@ def lqr_gain(
     for name, given, shape in (("A", A, (n, n)), ("B", B, (n, m)), ("Q", Q, (n, n)), ("R", R, (m, m))):
         if given.shape != shape:
             raise ShapeMismatch(f"the weight or matrix {name} is {given.shape}, A and B ask for {shape}")
-        check_magnitude(name, given, "correct the model or the weights")
+        if not np.isfinite(given).all():
+            raise NotFinite(f"{name} holds NaN or Inf")
     _check_definite("Q", Q, strictly=False)
     _check_definite("R", R, strictly=True)
     unsolved = NotStabilisable(

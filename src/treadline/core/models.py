@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.core.arrays import check_magnitude, matrix, real, shaped
-from treadline.core.errors import ModelError, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.core.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
 from treadline.core.printing import Brief, Printable, plain
 from treadline.core.settings import text_of
 from treadline.core.signals import TICK_S, on_the_tick
@@ -334,7 +334,8 @@ def _settle(owner: object, name: str, shape: tuple[int, ...]) -> None:
     array = real(name, getattr(owner, name), f"an array of shape {shape}")
     if array.shape != shape:
         raise ShapeMismatch(f"{name} is {array.shape}, the other matrices ask for {shape}; is it transposed?")
-    check_magnitude(name, array, "identify the model again")
+    if not np.isfinite(array).all():
+        raise NotFinite(f"{name} holds NaN or Inf; identify the model again")
     array.setflags(write=False)
     object.__setattr__(owner, name, array)
 
@@ -360,6 +361,7 @@ def _from_json(cls: type[Any], tables: dict[str, Any], where: str) -> Any:
         for name, value in tables.items():
             if name in _ARRAYS and value is not None:
                 values[name] = np.array(value, dtype=float)
+                check_magnitude(name, values[name], "identify the model again")
         return cls(**values)
     except (ArithmeticError, TypeError, ValueError) as error:
         raise SettingsError(f"{where}: not a {cls.__name__}: {error}") from None
