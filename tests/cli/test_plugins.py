@@ -33,18 +33,6 @@ def test_a_run_names_its_plug_in_and_its_replay_asks_for_it(run, scenario: Path,
     assert (tmp_path / "shipped" / "run-controller.json").is_file()
 
 
-@pytest.mark.parametrize("verb", ["climb", "sweep", "replay"])
-@pytest.mark.parametrize("option", ["--controller", "--detector", "--estimator"])
-def test_a_plug_in_that_is_not_there_is_one_line_and_nothing_is_written(
-    run, scenario: Path, tmp_path: Path, verb: str, option: str
-) -> None:
-    given = {"climb": (scenario,), "sweep": ("envelope", "--runs", "1"), "replay": (_log(run, scenario, tmp_path),)}[verb]
-    done = run(verb, *given, option, "nowhere_at_all:Thing", "--out", tmp_path / "out")
-    assert done.code == 2
-    assert done.err.splitlines()[-1].startswith(f"treadline: {option} nowhere_at_all:Thing: no module 'nowhere_at_all'")
-    assert not (tmp_path / "out").exists()
-
-
 def _log(run, scenario: Path, tmp_path: Path) -> Path:
     run("climb", scenario, "--out", tmp_path / "log")
     return tmp_path / "log"

@@ -399,35 +399,6 @@ def test_a_folder_takes_a_calibration_and_gravity_from_the_command_line(run, fol
     assert {**given, "ms": 0} == {**own, "ms": 0}
 
 
-def test_many_frames_tell_how_far_they_are(run, folder: Path) -> None:
-    images = [(folder / f"a_{kind}.png").read_bytes() for kind in ("rgb", "depth")]
-    for number in range(20):
-        for kind, data in zip(("rgb", "depth"), images, strict=True):
-            (folder / f"f{number:02d}_{kind}.png").write_bytes(data)
-    outcome = run("see", folder, "--json")
-    assert len(outcome.values["frames"]) == 21
-    assert "21 of 21: f19" in outcome.err
-
-
-def floor() -> Float[np.ndarray, "h w"]:
-    """Return depth in millimetres of a bare floor, seen from 0.8 m above and 40° down; 7 m away nothing returns."""
-    v = (np.arange(240) - 119.5) / 287.5
-    down = np.sin(40 * DEG) + v * np.cos(40 * DEG)
-    depth = np.where(down > 0.1, 800.0 / np.maximum(down, 0.1), 0.0)
-    return np.repeat(depth[:, None], 320, axis=1)
-
-
-def test_a_floor_without_a_stair_is_an_answer_of_no(run, folder: Path) -> None:
-    write_depth(folder / "a_depth.png", floor())
-    level = f"--gravity=0,{np.cos(40 * DEG):.6f},{np.sin(40 * DEG):.6f}"
-    for extra in ([level], []):
-        outcome = run("see", *pair(folder), *extra, "--json")
-        assert outcome.code == 1
-        assert outcome.values["accepted"] is False
-        assert outcome.values["reason"]
-        assert outcome.values["heading_deg"] is None
-
-
 @pytest.mark.skipif(not KINECT2.is_dir(), reason="the recorded Kinect 2 frames are not beside this checkout")
 def test_recorded_kinect_2_frames(run, tmp_path: Path) -> None:
     reference = json.loads((KINECT2 / "reference.json").read_text())

@@ -3,7 +3,6 @@
 import tomllib
 
 from treadline.core.setting_docs import meanings, tables_of
-from treadline.scenario.operator_actions import OperatorAct
 from treadline.scenario.scenario import Scenario, Stair, StepOverride, read_scenario, scenario_of, shipped_scenarios
 
 from .conftest import assert_refused
@@ -22,14 +21,7 @@ def test_what_is_listed_is_a_scenario_of_defaults(run, tmp_path) -> None:
 def test_each_key_is_listed_with_unit_range_default_and_meaning(run) -> None:
     values = run("check", "--keys", "--json").values
     keys = values["keys"]
-    for table, field in Scenario.model_fields.items():
-        listed = {
-            "fault": ("kind", "at_s", "for_s", "value"),
-            "step": StepOverride.model_fields,
-            "operator": OperatorAct.model_fields,
-        }
-        for name in listed.get(table) or type(field.default).model_fields:
-            assert f"{table}.{name}" in keys
+    assert {f"step.{name}" for name in StepOverride.model_fields} < set(keys)
     assert keys["stair.between_m"] == {
         "default": 2.5,
         "allowed": "a number from 0.5 to 20 [m]",

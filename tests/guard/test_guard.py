@@ -16,13 +16,11 @@ from treadline.core.signals import (
     FlipperCommand,
     FlipperReading,
     FrameQuality,
-    HeadingHealth,
     ImuSample,
     MotionPlan,
     OperatorInput,
     SeatCommand,
     SeatReading,
-    StairMap,
     TrackCommand,
     TrackReading,
 )
@@ -265,26 +263,6 @@ def test_nothing_is_measured_in_a_frame_of_no_use() -> None:
 # Rows 3 and 4
 
 
-@pytest.mark.parametrize(
-    ("changes", "usable"),
-    [
-        ({"brightness": 0.01}, True),
-        ({"brightness": 0.01, "valid_share": 0.29}, False),
-        ({"valid_share": 0.16}, True),
-        ({"valid_share": 0.14}, False),
-        ({"brightness": math.nan}, False),
-        ({"contrast": math.inf}, False),
-        ({"valid_share": math.nan}, False),
-    ],
-)
-def test_depth_alone_will_do_and_colours_alone_will_not(changes: dict[str, float], usable: bool) -> None:
-    """Test: a frame that is dark, glaring, flat, full of holes, or no image. Expected result: refused where depth and colours
-    are both of no use, or depth alone is."""
-    guard = begun()
-    assert guard.admit(frame(0.0))
-    assert guard.admit(frame(0.1, **changes)) is usable
-
-
 def test_darkness_is_reported_once_and_so_is_light() -> None:
     """Test: three dark frames, then light. Expected result: two events with numbers, no speed lost."""
     drive = Drive().run(0.5)
@@ -342,31 +320,6 @@ def test_where_the_flipper_follows_the_pitch_an_imu_must_be_there(phase: Any) ->
     drive.silent = {"imu"}
     plan = MotionPlan(t_s=1.0, phase=phase, speed_m_s=0.1)
     assert drive.until_held(1.0, lambda drive: drive.guard.on_message(plan)) == about(0.05)
-
-
-def test_a_stuck_gyro_is_no_gyro() -> None:
-    """Test: the filter reports that the gyro has stuck, for 0.5 s, later for good. Expected result: slow and resumed; then
-    HOLD a second after it stuck."""
-    drive = Drive().run(1.0)
-    stuck_s = drive.t_s
-    drive.run(0.5, lambda drive: drive.guard.on_message(health(drive.t_s, "stuck", stuck_s)))
-    assert drive.mean_m_s == pytest.approx(0.1)
-    drive.guard.on_message(health(drive.t_s, None, None))
-    drive.run(0.5)
-    assert drive.mean_m_s == pytest.approx(0.2)
-    stuck_s = drive.t_s
-    held = drive.until_held(2.0, lambda drive: drive.guard.on_message(health(drive.t_s, "stuck", stuck_s)))
-    assert held == about(1.01)
-    assert drive.guard.holding == "gyro stuck for 1.01 s"
-    assert drive.events()[:2] == [("slow", "gyro stuck for 0.00 s"), ("resumed", "nothing is missing any more")]
-
-
-def test_without_camera_and_imu_it_holds_at_once() -> None:
-    """Test: both fall silent at 2.0 s. Expected result: HOLD within 0.5 s, as soon as the camera is known to be lost."""
-    drive = Drive().run(1.91)
-    drive.silent = {"imu", "camera"}
-    assert drive.until_held(0.5) == about(0.30)
-    assert drive.guard.holding == "no IMU sample for 0.30 s, and no frame for 0.3 s"
 
 
 # Row 7
@@ -456,20 +409,6 @@ def test_belts_may_turn_a_chair_that_sees_or_turns_little_or_looks_for_a_stair(w
     assert drive.guard.holding is None
 
 
-def test_belts_that_answer_a_chair_that_swings_over_the_crest_are_right() -> None:
-    """Test: one belt runs faster while the chair pitches by 10 °/s, then while it lies steeply and still. Expected result: nothing,
-    then HOLD after 3° at the 1.5 °/s by which a gyro may drift."""
-    drive = Drive(asked=(0.0, 0.1))
-    drive.silent = {"stair"}
-    drive.spoil = lambda reading: (
-        imu(reading.t_s, 20.0 * DEG, rates_rad_s=(0.0, 10.0 * DEG, 0.0)) if isinstance(reading, ImuSample) else reading
-    )
-    assert drive.run(5.0, blind("crest")).guard.holding is None
-    drive.spoil = lambda reading: imu(reading.t_s, 20.0 * DEG) if isinstance(reading, ImuSample) else reading
-    # 0.16 s until the swing's mean is below its limit.
-    assert drive.until_held(4.0, blind("crest")) == pytest.approx(3.0 / 1.5 + 0.16, abs=0.03)
-
-
 @pytest.mark.parametrize(("phase", "holds"), [("crest", True), ("leave", True), ("climb", False)])
 def test_a_heading_of_more_than_five_degrees_holds_where_the_chair_pitches(phase: Any, holds: bool) -> None:
     """Test: heading 4.9°, then 5.1°, as a gyro that jumps makes it. Expected result: HOLD over crest and last step; on the flight
@@ -483,39 +422,6 @@ def test_a_heading_of_more_than_five_degrees_holds_where_the_chair_pitches(phase
 
 
 # Row 10
-
-
-def test_duplicates_and_older_stamps_are_dropped() -> None:
-    """Test: each kind of reading twice, then older. Expected result: dropped, no HOLD; each kind has its own clock."""
-    guard = Guard(limits())
-    guard.step(1.0, None)
-    for make in (imu, belts, frame, heading, lambda t_s: stair(t_s, [1.0, 1.34])):
-        assert guard.admit(make(1.0))
-        assert not guard.admit(make(1.0))
-        assert not guard.admit(make(0.5))
-        assert guard.admit(make(1.1))
-    assert guard.holding is None
-
-
-@pytest.mark.parametrize(("leap_s", "cause"), [(-1.1, "leapt 1.09 s back"), (1.1, "leapt 1.10 s ahead")])
-def test_a_clock_that_leaps_holds(leap_s: float, cause: str) -> None:
-    """Test: the IMU's clock leaps at 3.0 s. Expected result: rejected, HOLD beyond 1 s, ahead or back."""
-    drive = Drive().run(3.0)
-    drive.guard.advance(drive.t_s)
-    assert not drive.guard.admit(imu(drive.t_s + leap_s))
-    assert drive.guard.holding == f"clock of ImuSample {cause}"
-    # Stamped by the mission's clock, not by the one that leapt.
-    assert [event.t_s for event in drive.guard.take_events() if event.name == "hold"] == [about(2.99)]
-
-
-def test_a_clock_that_is_ahead_hides_no_silence() -> None:
-    """Test: the IMU's last stamp is 0.1 s ahead, then it is silent. Expected result: slow within 60 ms."""
-    drive = Drive().run(2.0)
-    drive.guard.advance(drive.t_s)
-    assert drive.guard.admit(imu(drive.t_s + 0.1))
-    drive.silent = {"imu"}
-    drive.run(0.07)
-    assert drive.mean_m_s == pytest.approx(0.1)
 
 
 def test_a_mission_clock_that_leaps_back_or_is_no_number_holds() -> None:
@@ -579,42 +485,16 @@ FUTURE_S = 1e6
 """Eleven days ahead, as a driver with another epoch would stamp."""
 
 
-@pytest.mark.parametrize(
-    "message",
-    [
-        MotionPlan(t_s=FUTURE_S, phase="climb", speed_m_s=0.3),
-        health(FUTURE_S, None, None),
-        heading(FUTURE_S, 20.0),
-        stair(FUTURE_S, [1.0, 1.34]),
-    ],
-    ids=lambda message: type(message).__name__,
-)
-def test_a_message_of_the_future_is_rejected_counted_and_reported_once(message: Any) -> None:
-    """Test: messages stamped 1e6 s, then the planner arrives, the gyro is stuck and a map shows an obstacle. Expected result: no
-    effect of the former, an event for the first, the usual answer to the latter."""
+def test_a_message_of_the_future_is_rejected_counted_and_reported_once() -> None:
+    """Test: maps stamped 1e6 s, a sound one, another. Expected result: counted; an event for the first of a series."""
     drive = Drive().run(1.0)
     for _ in range(3):
-        drive.guard.on_message(message)
-    kind = type(message).__name__
-    assert drive.guard.rejected == {kind: 3}
-    assert drive.events() == [("rejected", f"{kind} stamped 999999.01 s ahead of the clock")]
-    drive.run(0.2)
-    assert drive.passed == command(drive.passed.t_s)
-    match message:
-        case MotionPlan():
-            drive.plan = MotionPlan(t_s=0.0, phase="arrived", speed_m_s=0.0)
-            assert drive.step().brake
-        case HeadingHealth():
-            drive.guard.on_message(health(drive.t_s, "stuck", drive.t_s))
-            assert drive.run(0.1).mean_m_s == pytest.approx(0.1)
-        case StairMap():
-            drive.until_held(0.5, lambda drive: drive.guard.on_message(stair(drive.t_s, [], obstacle_m=0.5)))
-            assert drive.guard.holding == "obstacle -0.50 m ahead"
-        case _:
-            drive.silent = {"camera"}
-            assert drive.until_held(4.0) == about(2.9)
-    drive.guard.on_message(replace(message, t_s=FUTURE_S + 1.0))
-    assert [name for name, _ in drive.events()].count("rejected") == 1  # a new series, after one that was accepted
+        drive.guard.on_message(stair(FUTURE_S, [1.0, 1.34]))
+    assert drive.guard.rejected == {"StairMap": 3}
+    assert drive.events() == [("rejected", "StairMap stamped 999999.01 s ahead of the clock")]
+    assert drive.guard.admit(stair(drive.t_s, [1.0, 1.34]))
+    drive.guard.on_message(stair(FUTURE_S, [1.0, 1.34]))
+    assert [name for name, _ in drive.events()] == ["rejected"]
 
 
 def test_a_plan_of_the_future_that_asks_for_a_hold_holds() -> None:
@@ -622,21 +502,6 @@ def test_a_plan_of_the_future_that_asks_for_a_hold_holds() -> None:
     drive = Drive().run(1.0)
     drive.guard.on_message(MotionPlan(t_s=FUTURE_S, phase="climb", speed_m_s=0.2, hold="no way"))
     assert drive.guard.holding == "no way"
-
-
-def test_a_planner_that_falls_silent_is_held_after_three_tenths_of_a_second() -> None:
-    """Test: plans for a second, then none; then a person re-arms. Expected result: HOLD after 0.3 s with a ramp; the same again."""
-    drive = Drive(limits(has_planner=True))
-    drive.plan = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.2)
-    drive.run(1.0)
-    drive.plan = None
-    assert drive.until_held(1.0) == about(0.3)
-    assert drive.guard.holding == "plan silent for 0.30 s"
-    assert not drive.passed.brake  # ramped
-    drive.run(0.5)
-    rearm(drive)
-    assert drive.until_held(1.0, operated) == about(0.3)
-    assert drive.guard.holding == "plan silent for 0.30 s"
 
 
 def test_a_planner_is_not_blamed_for_what_the_guard_missed() -> None:
@@ -648,16 +513,6 @@ def test_a_planner_is_not_blamed_for_what_the_guard_missed() -> None:
     drive.guard.propose(command(1.5))
     drive.guard.step(1.5, None)
     assert drive.guard.holding is None
-
-
-def test_without_any_command_the_belts_stand_and_the_guard_holds() -> None:
-    """Test: ticks alone. Expected result: zero speed and brake from the first, HOLD after 0.75 s."""
-    drive = Drive()
-    drive.silent = {"driver"}
-    drive.step()
-    assert drive.passed.brake
-    assert drive.guard.holding is None
-    assert drive.until_held(1.0) == about(0.75)
 
 
 # Row 12
@@ -826,14 +681,6 @@ def test_a_recording_does_not_obey_and_is_not_held_for_it() -> None:
 # Row 14
 
 
-def test_a_belt_that_runs_away_is_held() -> None:
-    """Test: one belt at 1.5 times its speed. Expected result: HOLD after 0.2 s."""
-    drive = Drive().run(2.0)
-    drive.spoil = lambda reading: replace(reading, left_m_s=0.3) if isinstance(reading, TrackReading) else reading
-    assert drive.until_held(0.3) == about(0.2)
-    assert drive.guard.holding == "left track runs away: 0.30 m/s where 0.20 is expected"
-
-
 class Flight:
     """Nosings that pass as the belts run, less what slips; a map at each frame."""
 
@@ -938,18 +785,6 @@ def test_nosings_that_come_nearer_because_the_chair_turns_are_no_slip() -> None:
     assert drive.events() == []
 
 
-def test_maps_that_stay_away_start_the_slip_anew() -> None:
-    """Test: the chair slips for 0.8 s, then maps stay away for 0.4 s and show none after. Expected result: slow, then resumed."""
-    drive, flight = Drive(), Flight()
-    drive.run(2.0, flight)
-    flight.slip = 0.5
-    drive.run(0.8, flight)
-    flight.slip = 0.0
-    drive.run(0.4)
-    drive.run(1.0, flight)
-    assert [name for name, _ in drive.events()] == ["slow", "resumed"]
-
-
 # Row 17
 
 
@@ -999,19 +834,6 @@ def test_a_chair_that_tips_is_held_with_its_numbers(lies: dict[str, float], caus
     drive.spoil = lambda reading: imu(reading.t_s, pitch, **lie) if isinstance(reading, ImuSample) else reading
     assert drive.until_held(0.2) == about(0.05)
     assert drive.guard.holding == cause
-
-
-def test_a_shock_is_no_fall() -> None:
-    """Test: 60 °/s for 40 ms, twice, with as much between. Expected result: no HOLD."""
-    drive = Drive().run(1.0)
-    for _ in range(2):
-        drive.spoil = lambda reading: (
-            imu(reading.t_s, rates_rad_s=(0.0, -60.0 * DEG, 0.0)) if isinstance(reading, ImuSample) else reading
-        )
-        drive.run(0.04)
-        drive.spoil = lambda reading: reading
-        drive.run(0.04)
-    assert drive.guard.holding is None
 
 
 # Row 19
@@ -1069,24 +891,6 @@ def test_a_seat_command_of_another_time_does_not_move_the_seat_and_an_old_one_no
     assert drive.run(0.02).seat.rate_m_s == 0.0
 
 
-def test_a_seat_that_is_being_levelled_is_no_fault() -> None:
-    """Test: from 25° off it comes nearer at 3 °/s; 4.9° for long. Expected result: no HOLD."""
-    drive = Drive()
-    drive.run(7.0, lambda drive: setattr(drive, "spoil", seat_at(25.0 - 3.0 * drive.t_s)))
-    drive.spoil = seat_at(4.9)
-    drive.run(3.0)
-    assert drive.guard.holding is None
-
-
-def test_a_seat_error_that_comes_and_goes_is_no_fault() -> None:
-    """Test: 6° for 0.9 s, level for a moment, 6° for 0.9 s. Expected result: no HOLD."""
-    drive = Drive()
-    for error in (6.0, 0.0, 6.0, 0.0):
-        drive.spoil = seat_at(error)
-        drive.run(0.9)
-    assert drive.guard.holding is None
-
-
 # Row 21
 
 
@@ -1120,24 +924,6 @@ def test_a_re_armed_chair_stands_until_somebody_drives() -> None:
     drive.silent = set()
     drive.run(0.5)
     assert drive.mean_m_s == pytest.approx(0.2)
-
-
-def test_what_was_overtaken_counts_no_more_unless_it_stops() -> None:
-    """Test: an older command, plan and health after newer ones. Expected result: the newer ones stand; an older plan that
-    holds does hold."""
-    drive = Drive().run(0.99)
-    drive.guard.propose(command(0.98, 0.0, 0.0))
-    drive.guard.propose(command(0.97))
-    assert drive.step().left_m_s == 0.0
-    drive.guard.on_message(MotionPlan(t_s=1.0, phase="approach", speed_m_s=0.1))
-    drive.guard.on_message(MotionPlan(t_s=0.9, phase="approach", speed_m_s=0.3))
-    assert drive.run(0.1).mean_m_s == pytest.approx(0.1 * 1.25 + 0.02)  # the newer plan's, its margin and its spare
-    drive.guard.on_message(health(1.1, "stuck", 1.0))
-    drive.guard.on_message(health(1.0, None, None))
-    drive.step()
-    assert drive.events() == [("slow", "gyro stuck for 0.10 s")]
-    drive.guard.on_message(MotionPlan(t_s=0.95, phase="climb", speed_m_s=0.1, hold="no way"))
-    assert drive.guard.holding == "no way"
 
 
 def test_a_stop_counts_however_old_and_a_re_arm_does_not() -> None:
@@ -1185,29 +971,6 @@ def test_to_re_arm_a_chair_that_is_not_held_changes_nothing() -> None:
     assert [name for name, _ in drive.events()] == ["slow", "hold"]
 
 
-def test_a_link_that_has_spoken_must_go_on() -> None:
-    """Test: the operator's messages end at 2.0 s. Expected result: HOLD after 0.3 s; without any message ever, none."""
-    drive = Drive()
-    drive.run(2.0, lambda drive: drive.guard.admit(OperatorInput(t_s=drive.t_s)))
-    assert drive.until_held(1.0) == about(0.30)
-    assert drive.guard.holding == "operator link silent for 0.30 s"
-
-
-def test_a_hold_whose_cause_lasts_comes_back_after_re_arming() -> None:
-    """Test: re-arm while camera and driver are still silent. Expected result: they are waited for anew, then HOLD again."""
-    drive = Drive(limits(silence_s=10.0)).run(1.0)
-    drive.silent = {"camera"}
-    drive.until_held(4.0)
-    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
-    drive.step()
-    assert drive.guard.holding is None
-    assert drive.until_held(4.0) == about(3.0)
-    drive.silent = {"driver"}
-    drive.guard.admit(OperatorInput(t_s=drive.t_s))
-    drive.guard.admit(OperatorInput(t_s=drive.t_s + 0.001, rearm=True))
-    assert drive.until_held(1.0) == about(0.76)
-
-
 def test_after_a_leap_a_person_may_re_arm_on_the_new_clock() -> None:
     """Test: every clock leaps back by 5 s. Expected result: HOLD; after re-arming the drive goes on."""
     drive = Drive(limits(silence_s=10.0))
@@ -1224,36 +987,26 @@ def test_after_a_leap_a_person_may_re_arm_on_the_new_clock() -> None:
 # Row 22
 
 
-@pytest.mark.parametrize(
-    ("name", "spoilt"),
-    [("belts", {"left_m_s": math.nan}), ("seat", {"pitch_rad": math.inf}), ("flipper", {"torque_n_m": math.nan})],
-)
-@pytest.mark.parametrize("dumb", [True, False])
-def test_drives_must_speak_from_the_start_and_go_on(name: str, spoilt: dict[str, float], dumb: bool) -> None:
-    """Test: belts, seat or flipper report nothing from 1.0 s on, or nothing that is a number. Expected result: HOLD after 0.3 s,
-    with name and reason, from the start as well; what a chair does not have is not waited for, nor what no command moves."""
-    drive = Drive().run(1.0)
-    if dumb:
-        drive.silent = {name}
-    else:
-        kind = {"belts": TrackReading, "seat": SeatReading, "flipper": FlipperReading}[name]
-        drive.spoil = lambda reading: replace(reading, **spoilt) if isinstance(reading, kind) else reading
-    assert drive.until_held(1.0) == about(0.30)
-    assert (drive.guard.holding or "").startswith(f"readings of the {name} silent for 0.30 s")
-    assert ("nan" in drive.guard.holding or "no number" in drive.guard.holding or "inf" in drive.guard.holding) is not dumb
-    drive.guard.admit(OperatorInput(t_s=drive.t_s, rearm=True))
-    drive.guard.admit(OperatorInput(t_s=drive.t_s + 0.001))
-    drive.step()
-    assert drive.guard.holding is None  # waited for anew
-    never = Drive()
-    never.silent = {name}
-    assert never.until_held(1.0) == about(0.31)
-    without = Drive(limits(**{"seat": {"seat_rate_m_s": None}, "flipper": {"flipper_rate_rad_s": None}, "belts": {}}[name]))
-    without.silent = {name}
-    assert (without.run(2.0).guard.holding is None) is (name != "belts")
-    recording = Drive(limits(watches_motion=False)).run(1.0)
-    recording.silent = {name}
-    assert recording.run(2.0).guard.holding is None
+@pytest.mark.parametrize("name", ["belts", "seat", "flipper"])
+def test_what_a_chair_does_not_have_is_not_waited_for_nor_what_no_command_moves(name: str) -> None:
+    """Test: belts, seat or flipper report what is no number; nothing, in a chair that has none, or in a recording. Expected result:
+    HOLD after 0.3 s with name and reason; no HOLD in the others. Silence is that of test_guard_messages."""
+    kind, place = {
+        "belts": (TrackReading, "left_m_s"),
+        "seat": (SeatReading, "pitch_rad"),
+        "flipper": (FlipperReading, "torque_n_m"),
+    }[name]
+    without = {"seat": {"seat_rate_m_s": None}, "flipper": {"flipper_rate_rad_s": None}, "belts": {"watches_motion": False}}[name]
+    for config in (limits(), limits(**without), limits(watches_motion=False)):
+        drive = Drive(config)
+        if config == limits():
+            drive.run(1.0).spoil = lambda reading: replace(reading, **{place: math.nan}) if isinstance(reading, kind) else reading
+            assert drive.until_held(1.0) == about(0.30)
+            assert (drive.guard.holding or "").startswith(f"readings of the {name} silent for 0.30 s: ")
+            assert "nan" in (drive.guard.holding or "") or "no number" in (drive.guard.holding or "")
+        else:
+            drive.silent = {name}
+            assert drive.run(2.0).guard.holding is None
 
 
 def test_a_process_that_has_spoken_must_go_on() -> None:

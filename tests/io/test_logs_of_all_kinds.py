@@ -74,15 +74,6 @@ def test_an_empty_file_of_any_format_is_refused(tmp_path: Path) -> None:
     refused(tmp_path / "log.xlsx", ("a",), ("b",), r"\.parquet")
 
 
-@pytest.mark.parametrize("cut", ["npz", "mat", "mat compressed", "parquet", "mcap", "mcap bare", "bag", "bag bz2", "db3"])
-def test_a_log_that_was_cut_short_is_refused(written, record: InputOutputRecord, cut: str) -> None:
-    log = written(cut, record)
-    data = log.path.read_bytes()
-    for share in (0.3, 0.6, 0.99):
-        log.path.write_bytes(data[: int(share * len(data))])
-        assert isinstance(refused(log.path, log.inputs, log.outputs, "not a (whole|valid)|not an SQLite|no ROS 2"), LogFormatError)
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [

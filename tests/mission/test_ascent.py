@@ -325,14 +325,6 @@ def test_a_touch_begins_the_mount_whatever_the_map_says() -> None:
     assert CONFIG.touched_rad < world.pitch_rad < CONFIG.touched_rad + 1.0 * DEG
 
 
-@pytest.mark.parametrize("slip", [0.05, 0.2])
-def test_belts_that_slip_on_the_floor_are_set_right_by_maps(slip: float) -> None:
-    world = Foot(slip=slip)
-    world.run("mount")
-    # At 0.1 m/s a map comes each 10 mm and corrects half: the slip of two.
-    assert world.before_m == pytest.approx(CONFIG.mount_from_m, abs=0.01)
-
-
 def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_is_re_armed() -> None:
     """Test: something holds the chair before the stair. Expected result: HOLD after half as much again and 0.5 m, said once."""
     world = Foot()
@@ -399,29 +391,6 @@ def test_a_flipper_planner_that_does_not_go_where_it_is_asked_holds_the_chair_on
     assert world.t_s - again_s == pytest.approx(idle_s, abs=0.03)
     world.flipper_moves = True
     assert world.run("climb").hold is None
-
-
-def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase() -> None:
-    rng = np.random.default_rng(3)
-
-    def flicker(seen: StairMap) -> StairMap | None:
-        kept = rng.random(len(seen.nosings_B)) < 0.8
-        error = np.array([0.01, 0.0, 0.01]) * rng.normal(size=3)
-        return None if rng.random() < 0.2 else replace(seen, nosings_B=np.array(seen.nosings_B)[kept] + error, ends=False)
-
-    world = Foot(heading_rad=10.0 * DEG, spoil=flicker)
-    world.run("climb")
-    assert world.phases == ["search", "align", "approach", "mount", "traction", "climb"]
-
-
-def test_a_false_nosing_seen_once_does_not_begin_the_mount() -> None:
-    def ghost(seen: StairMap) -> StairMap:
-        nearer = np.array(seen.nosings_B)[:1] - np.array([RUN_M, 0.0, RISE_M])
-        return replace(seen, nosings_B=np.vstack([nearer, seen.nosings_B])) if world.maps == 12 else seen
-
-    world = Foot(spoil=ghost)
-    world.run("mount")
-    assert world.before_m == pytest.approx(CONFIG.mount_from_m, abs=0.01)
 
 
 def test_too_little_friction_backs_off_level_and_refuses_with_the_number() -> None:

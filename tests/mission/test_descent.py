@@ -431,35 +431,6 @@ def test_a_chair_with_a_heading_error_on_the_flight_turns_by_climbing_before_it_
     assert all(plan.speed_m_s >= 0.0 for plan in world.plans)
 
 
-def test_maps_that_flicker_and_err_by_a_centimetre_change_no_phase(edge: type[Script]) -> None:
-    rng = np.random.default_rng(4)
-
-    def flicker(seen: StairMap) -> StairMap | None:
-        kept = rng.random(len(seen.nosings_B)) < 0.8
-        kept[:1] = True
-        error = np.array([0.01, 0.0, 0.01]) * rng.normal(size=3)
-        return (
-            None
-            if rng.random() < 0.2
-            else replace(seen, nosings_B=np.array(seen.nosings_B).reshape(-1, 3)[kept] + error, ends=seen.ends and bool(kept[-1]))
-        )
-
-    world = Landing(heading_rad=-10.0 * DEG, spoil=flicker)
-    world.run("arrived", limit_s=120.0)
-    assert world.phases == ["search", "align", "approach", "edge", "descend", "leave", "arrived"]
-    assert len(edge.made) == 1
-
-
-def test_a_false_nosing_seen_once_beyond_the_edge_moves_nothing(edge: type[Script]) -> None:
-    def ghost(seen: StairMap) -> StairMap:
-        nearer = np.array(seen.nosings_B)[:1] + np.array([RUN_M, 0.0, RISE_M])
-        return replace(seen, nosings_B=np.vstack([nearer, seen.nosings_B])) if 0.25 < world.t_s < 0.35 else seen
-
-    world = Landing(spoil=ghost)
-    world.run("approach")
-    assert edge.made[0].behind_m == pytest.approx(1.6, abs=0.02)
-
-
 @pytest.mark.parametrize("changes", [{"loop": "open"}, {"vision": "paper"}, {"chair": read_chair("wheelchair-fixed")}])
 def test_coming_down_is_refused_without_flipper_closed_loop_or_robust_vision(changes: dict[str, Any]) -> None:
     config = MissionConfig(**({"chair": CHAIR, "direction": "down"} | changes))

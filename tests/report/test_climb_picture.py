@@ -1,7 +1,5 @@
 """The moving picture: the scene of the player, frame by frame."""
 
-import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,19 +7,9 @@ import pytest
 from climb_picture import SIZE_PX, render, write_climb_picture
 
 from treadline.core.errors import LogFormatError, SettingsError
-from treadline.io.mcap_log import RunLog
 from treadline.playback import Recording
 
-from .conftest import CHROMIUM, truths_of_a_climb
-
-
-def test_a_log_without_the_pose_is_refused_by_name(run_folder: Path, tmp_path: Path) -> None:
-    """Test: a log from before the pose was kept. Expected: one sentence that says so, and what to do."""
-    without = dict.fromkeys(("chassis_x_m", "chassis_y_m", "chassis_z_m"), math.nan)
-    with RunLog(run_folder / "log.mcap") as log:
-        log(replace(truths_of_a_climb(0.01)[0], **without))
-    with pytest.raises(SettingsError, match="before logs kept the chair's pose"):
-        write_climb_picture(run_folder, tmp_path / "climb.webp")
+from .conftest import CHROMIUM
 
 
 def test_a_run_without_a_log_is_refused(run_folder: Path, tmp_path: Path) -> None:

@@ -170,27 +170,6 @@ def test_a_mistyped_field_is_named(
     assert f"results.json: {field}" in refused(folder)
 
 
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        (None, "No such file"),
-        ("", "series.csv"),
-        ("t_s,heading_deg\n", "not a table"),
-        ("t_s,heading_deg\n0,1\n1,2\n", "no column 'estimate_deg'"),
-        ("t_s,heading_deg\n0,1\n1,2,3\n", "not a table"),
-    ],
-)
-def test_a_broken_series_is_named(results: Tables, reproduce_folder: MakeFolder, text: str | None, word: str) -> None:
-    folder = reproduce_folder(results)
-    path = folder / "runs" / "seat-28" / "series.csv"
-    path.unlink()
-    if text is not None:
-        path.write_text(text, encoding="utf-8")
-    message = refused(folder)
-    assert "seat-28" in message
-    assert word in message
-
-
 def test_the_stages_of_figure_5_are_embedded(results: Tables, reproduce_folder: MakeFolder) -> None:
     folder = reproduce_folder(results)
     (folder / "figures").mkdir()

@@ -1,19 +1,16 @@
 """A node that falls silent: the guard holds within 0.8 s, whichever it is; without a guard the plant brakes by itself."""
 
-from dataclasses import replace
-
 import pytest
 from world import limits
 
-from treadline.core.ports import Reading, Truth
-from treadline.core.signals import FlipperCommand, OperatorInput, SeatCommand, TrackCommand
+from treadline.core.ports import Truth
+from treadline.core.signals import OperatorInput, TrackCommand
 from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.plant.mujoco import open_plant
 from treadline.ros import channels as on
 from treadline.ros._node_signals import GuardState, VelocityCommand
 from treadline.ros.block_nodes import GuardNode
 from treadline.ros.lockstep import InProcess, LockStep
-from treadline.ros.plant_node import PlantNode
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
@@ -55,19 +52,6 @@ def test_the_guard_holds_for_a_node_that_is_gone(name: str) -> None:
     run_until(graph, KILLED_S + WITHIN_S)
     assert states[-1].holding is not None
     assert states[-1].t_s - KILLED_S <= WITHIN_S
-
-
-def test_without_a_guard_the_plant_brakes_by_itself() -> None:
-    graph, plant = turning()
-    run_until(graph, KILLED_S)
-    kill(graph, "guard")
-    plant.truth()
-    run_until(graph, KILLED_S + WITHIN_S)
-    truths: list[object] = []
-    graph.transport.subscribe(on.TRUTH, truths.append)
-    run_until(graph, KILLED_S + WITHIN_S + 0.2)
-    assert [truth.left_m_s for truth in truths] == [0.0] * len(truths)
-    assert truths
 
 
 def test_a_stick_drives_through_the_guard_and_no_faster_than_it_allows() -> None:
@@ -116,59 +100,3 @@ def test_a_guard_that_is_started_anew_lets_nothing_go_that_a_person_has_stopped(
     while graph.tick() < began_s + 8.0:  # its flipper is laid first
         speak(graph)
     assert max(truth.left_m_s for truth in truths) > 0.05
-
-
-class Bench:
-    """A plant that keeps what it is told."""
-
-    def __init__(self) -> None:
-        self.told: list[tuple[TrackCommand, FlipperCommand | None]] = []
-
-    def start(self) -> None: ...
-
-    def advance(self, t_s: float) -> None: ...
-
-    def read(self) -> list[Reading]:
-        return []
-
-    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
-        del seat
-        self.told.append((tracks, flipper))
-
-    def close(self) -> None: ...
-
-
-def test_what_was_asked_of_the_flipper_is_forgotten_with_the_guard_that_asked() -> None:
-    """Test: the guard lowers the flipper and dies; half a second later a person re-arms, and one speaks that says nothing of the
-    flipper. Expected result: the flipper runs no longer than its command is fresh, and not again."""
-    transport, bench = InProcess(), Bench()
-    node = PlantNode(bench, limits())
-    node.listen(transport)
-    lowers = FlipperCommand(t_s=0.1, rate_rad_s=-0.3)
-    transport.publish(on.FLIPPER_CMD, lowers)
-    drives = TrackCommand(t_s=0.1, left_m_s=0.1, right_m_s=0.1)
-    transport.publish(on.TRACKS_CMD, drives)
-    assert bench.told[-1] == (drives, lowers)
-    node.tick(0.5)
-    assert bench.told[-1][1] is None
-    transport.publish(on.OPERATOR, OperatorInput(t_s=0.5, rearm=True))
-    transport.publish(on.TRACKS_CMD, replace(drives, t_s=0.5))
-    assert bench.told[-1] == (replace(drives, t_s=0.5), None)
-
-
-def test_a_brake_that_stayed_on_is_let_go_by_a_press_and_by_no_button_that_is_stuck() -> None:
-    transport, bench = InProcess(), Bench()
-    node = PlantNode(bench, limits())
-    node.listen(transport)
-    transport.publish(on.OPERATOR, OperatorInput(t_s=0.0, rearm=True))
-    for k in range(3):
-        drives = TrackCommand(t_s=2.0 * k, left_m_s=0.1, right_m_s=0.1)
-        node.tick(drives.t_s)
-        transport.publish(on.TRACKS_CMD, drives)
-        assert bench.told[-1][0].brake == (k > 0)
-        transport.publish(on.OPERATOR, OperatorInput(t_s=drives.t_s, rearm=True))
-    for said in ({"rearm": False}, {"rearm": True, "stop": True}, {"rearm": False}, {"rearm": True}):
-        transport.publish(on.OPERATOR, OperatorInput(t_s=4.0, **said))
-        drives = replace(drives, t_s=drives.t_s + 0.01)
-        transport.publish(on.TRACKS_CMD, drives)
-        assert bench.told[-1][0].brake == (said != {"rearm": True})

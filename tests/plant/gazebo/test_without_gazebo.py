@@ -13,7 +13,6 @@ from xml.etree.ElementTree import fromstring
 import numpy as np
 import pytest
 
-from treadline.cli import main
 from treadline.cli.reproduce import reproduce
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import GazeboError, SettingsError
@@ -152,15 +151,6 @@ def test_where_it_cannot_be_built_the_script_says_so_in_a_line_and_the_tests_are
     done = subprocess.run([SCRIPT], env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 77  # make test-gazebo takes it for "skipped"
     assert done.stderr.splitlines()[-1] == f"treadline: {told}"  # a busy machine writes before that the command runs
-
-
-def test_a_graph_on_gazebo_without_gazebo_is_reported_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
-    assert main(["nodes", "default", "--plant", "gazebo"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"treadline: no Gazebo 11 in {tmp_path / 'root'}; build it with ros/gazebo/environment.sh")
 
 
 def test_the_paper_is_not_begun_without_gazebo(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
