@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from treadline.core.errors import ImageError
 from treadline.core.printing import Brief
-from treadline.core.rotations import rotation_x, rotation_y, rotation_z
+from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
 
 CAMERA_AXES_IN_CHAIR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation of C in B for a camera facing straight ahead: columns are x_C (right), y_C (down), z_C (forward)."""
@@ -54,7 +54,7 @@ class PinholeCamera:
         return self.fx_px, self.fy_px, self.cx_px, self.cy_px
 
     @property
-    def R_BC(self) -> Float[np.ndarray, "3 3"]:
+    def R_BC(self) -> Rotation:
         """Rotation of the camera in the chair frame B."""
         return _turned(self.mount_yaw_rad, self.mount_pitch_rad, self.mount_roll_rad).copy()
 
@@ -69,7 +69,7 @@ MOUNT_FIELDS = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
 
 
 @lru_cache(maxsize=64)
-def _turned(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Float[np.ndarray, "3 3"]:
+def _turned(yaw_rad: float, pitch_rad: float, roll_rad: float) -> Rotation:
     """Return the rotation of a mount; cached, because each frame of a camera needs the same matrix."""
     return np.asarray(rotation_z(yaw_rad) @ rotation_y(pitch_rad) @ rotation_x(roll_rad) @ CAMERA_AXES_IN_CHAIR)
 
@@ -90,11 +90,11 @@ class StairAxes:
     """Directions of the stair measured from one frame, in C; independent of the camera mount calibration."""
 
     t_s: float
-    edge_C: Float[np.ndarray, " 3"]
+    edge_C: Vector3
     """Unit vector along the nosings, pointing right."""
-    down_C: Float[np.ndarray, " 3"]
+    down_C: Vector3
     """Unit vector normal to the treads and to ``edge_C``: the direction of gravity on a stair with horizontal treads."""
-    normal_C: Float[np.ndarray, " 3"]
+    normal_C: Vector3
     """Unit vector normal to the nosing plane, pointing away from the stair."""
     edge_sigma_rad: float
     """Standard deviation of the edge direction about ``normal_C`` [rad]."""
@@ -113,7 +113,7 @@ class NamedFrame(Brief):
     """Frame; None if the images cannot be read."""
     mount_known: bool
     """Whether the calibration includes the orientation of the mount."""
-    gravity_C: Float[np.ndarray, " 3"] | None
+    gravity_C: Vector3 | None
     reason: str | None = None
     """Reason for an unreadable frame."""
     has_colour: bool = True
@@ -156,7 +156,7 @@ def black(height: int, width: int) -> np.ndarray:
     return np.zeros((height, width, 3), dtype=np.uint8)
 
 
-def gravity_of(given: ArrayLike | None) -> Float[np.ndarray, " 3"] | None:
+def gravity_of(given: ArrayLike | None) -> Vector3 | None:
     """Return the direction in the option ``--gravity x,y,z``, or in three numbers.
 
     Raises:
@@ -167,7 +167,7 @@ def gravity_of(given: ArrayLike | None) -> Float[np.ndarray, " 3"] | None:
     return _direction("--gravity" if isinstance(given, str) else "gravity", given.split(",") if isinstance(given, str) else given)
 
 
-def gravity_table(path: Path) -> dict[str, Float[np.ndarray, " 3"]]:
+def gravity_table(path: Path) -> dict[str, Vector3]:
     """Return the direction of gravity by frame name from a CSV file with the columns name,x,y,z; empty without the file.
 
     Raises:
@@ -180,7 +180,7 @@ def gravity_table(path: Path) -> dict[str, Float[np.ndarray, " 3"]]:
     except UnicodeDecodeError as error:
         raise ImageError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
     reader = csv.DictReader(lines)
-    table: dict[str, Float[np.ndarray, " 3"]] = {}
+    table: dict[str, Vector3] = {}
     for row in reader:
         where = f"{path}:{reader.line_num}"
         name, *cells = (row.get(column) for column in ("name", "x", "y", "z"))
@@ -192,7 +192,7 @@ def gravity_table(path: Path) -> dict[str, Float[np.ndarray, " 3"]]:
     return table
 
 
-def _direction(where: str, parts: ArrayLike) -> Float[np.ndarray, " 3"]:
+def _direction(where: str, parts: ArrayLike) -> Vector3:
     try:
         vector = np.asarray(parts, dtype=float)
     except (TypeError, ValueError):

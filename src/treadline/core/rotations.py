@@ -6,26 +6,31 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+Rotation = Float[np.ndarray, "3 3"]
+"""Rotation matrix."""
+Vector3 = Float[np.ndarray, " 3"]
+"""Coordinates in the axes of a frame."""
 
-def rotation_x(angle_rad: float) -> Float[np.ndarray, "3 3"]:
+
+def rotation_x(angle_rad: float) -> Rotation:
     """Return the rotation about x; a positive angle turns y towards z."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def rotation_y(angle_rad: float) -> Float[np.ndarray, "3 3"]:
+def rotation_y(angle_rad: float) -> Rotation:
     """Return the rotation about y; a positive angle turns z towards x and tips x (forward) down."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
-def rotation_z(angle_rad: float) -> Float[np.ndarray, "3 3"]:
+def rotation_z(angle_rad: float) -> Rotation:
     """Return the rotation about z; a positive angle turns x towards y."""
     c, s = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def rotation_of(quaternion: Sequence[float] | Float[np.ndarray, " 4"]) -> Float[np.ndarray, "3 3"]:
+def rotation_of(quaternion: Sequence[float] | Float[np.ndarray, " 4"]) -> Rotation:
     """Return the rotation matrix of a unit quaternion (w, x, y, z)."""
     w, x, y, z = (float(q) for q in quaternion)
     return np.array(
@@ -67,7 +72,7 @@ def attitude_of(
     )
 
 
-def quaternion_of(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 4"]:
+def quaternion_of(R: Rotation) -> Float[np.ndarray, " 4"]:
     """Return the unit quaternion (w, x, y, z), w ≥ 0, of a rotation matrix."""
     (a, b, c), (d, e, f), (g, h, i) = R.tolist()
     # Four equivalent forms (Shepperd, 1978); division by the largest element avoids cancellation.
@@ -88,7 +93,7 @@ UP = np.array([0.0, 0.0, 1.0])
 UP.setflags(write=False)
 
 
-def levelling(force: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+def levelling(force: Vector3) -> Vector3:
     """Return the rotation vector of the shortest rotation of a force onto +z."""
     axis = np.cross(force, UP)
     sine, cosine = float(np.linalg.norm(axis)), float(force @ UP)
@@ -97,7 +102,7 @@ def levelling(force: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
     return axis * (np.arctan2(sine, cosine) / sine)
 
 
-def rotation_about(vector: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "3 3"]:
+def rotation_about(vector: Vector3) -> Rotation:
     """Return the rotation matrix of a rotation vector, whose length is the angle (Rodrigues)."""
     angle = float(np.linalg.norm(vector))
     if angle < 1e-12:

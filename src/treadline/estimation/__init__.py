@@ -4,14 +4,3 @@ from treadline.estimation._mount_monitor import MountMonitor
 from treadline.estimation.camera_mount import MountCalibrator, MountConfig, MountEstimate, calibrated
 from treadline.estimation.heading_filter import FilterConfig, HeadingFilter
 from treadline.estimation.offset import OffsetEstimator
-
-__all__ = [
-    "FilterConfig",
-    "HeadingFilter",
-    "MountCalibrator",
-    "MountConfig",
-    "MountEstimate",
-    "MountMonitor",
-    "OffsetEstimator",
-    "calibrated",
-]

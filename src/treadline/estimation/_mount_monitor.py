@@ -17,11 +17,10 @@ from dataclasses import dataclass, replace
 from statistics import median
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, StairAxes
-from treadline.core.rotations import rotation_of
+from treadline.core.rotations import Vector3, rotation_of
 from treadline.core.signals import Event, ImuSample, TrackReading
 from treadline.estimation.camera_mount import STANDING_M_S, MountConfig
 
@@ -146,9 +145,7 @@ TREADS_SIGMA_RAD = 0.25 * DEG
 the weight in the direction. With 0.18 and 0.35° events and headings of these climbs are the same."""
 
 
-def mount_angles(
-    seen_C: Float[np.ndarray, " 3"], known_B: tuple[float, float, float], yaw_rad: float
-) -> tuple[float, float] | None:
+def mount_angles(seen_C: Vector3, known_B: tuple[float, float, float], yaw_rad: float) -> tuple[float, float] | None:
     """Return mount pitch and roll that rotate a direction seen in C into its known direction in B; None if none do."""
     x, y, z = seen_C.tolist()
     x, y, z = z, -x, -y  # CAMERA_AXES_IN_CHAIR
@@ -247,9 +244,7 @@ class MountMonitor:
             # A sigma that varied between frames would look like independent errors to the heading filter.
             self._possible_roll_rad = max(self._possible_roll_rad, abs(roll_rad) + half_rad)
 
-    def _add(
-        self, axes: StairAxes, by_gravity: tuple[float, float], up_B: tuple[float, float, float], rate_B: Float[np.ndarray, " 3"]
-    ) -> bool:
+    def _add(self, axes: StairAxes, by_gravity: tuple[float, float], up_B: tuple[float, float, float], rate_B: Vector3) -> bool:
         """Add a frame to the comparisons that it belongs to; return whether a block is complete."""
         config, camera = self._config, self._config.camera
         tilt_rad = math.acos(min(max(up_B[2], -1.0), 1.0))

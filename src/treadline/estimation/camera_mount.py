@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, PinholeCamera, StairAxes
-from treadline.core.rotations import rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.rotations import Vector3, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import ImuSample, TrackReading
 
 STEP_RAD = 1e-6
@@ -107,7 +107,7 @@ class MountCalibrator:
 
     def __init__(self, config: MountConfig) -> None:
         self._config = config
-        self._imu_samples: deque[tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]] = deque(maxlen=200)
+        self._imu_samples: deque[tuple[float, Vector3, Vector3]] = deque(maxlen=200)
         self._frames: deque[Float[np.ndarray, " 16"]] = deque(maxlen=config.memory_frames)
         self._standing = False
         self._solved_s = -math.inf
@@ -152,7 +152,7 @@ class MountCalibrator:
             self._solved_s = axes.t_s
             self._estimate = _solve_mount(np.array(self._frames), self._config)
 
-    def _gravity_at(self, t_s: float) -> Float[np.ndarray, " 3"] | None:
+    def _gravity_at(self, t_s: float) -> Vector3 | None:
         """Return the down direction in B at the time of a frame; None without IMU samples or while the chair is rocking."""
         if not math.isfinite(t_s):
             return None
@@ -165,7 +165,7 @@ class MountCalibrator:
         down = np.array([gravity for _, gravity, _ in near]).mean(axis=0)
         return np.asarray(down / np.linalg.norm(down))
 
-    def _reject_reason(self, axes: StairAxes, gravity_B: Float[np.ndarray, " 3"] | None) -> str | None:
+    def _reject_reason(self, axes: StairAxes, gravity_B: Vector3 | None) -> str | None:
         """Return why a frame is not used; None if the chair drives on the visible stair, and its directions are known.
 
         The slopes by vision and IMU agree for any mount.

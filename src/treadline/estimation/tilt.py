@@ -7,7 +7,7 @@ integrated gyro rate: its zero is arbitrary and it drifts, as documented for ``I
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.rotations import levelling, quaternion_of, rotation_about, rotation_of
+from treadline.core.rotations import Rotation, levelling, quaternion_of, rotation_about, rotation_of
 from treadline.core.signals import ImuSample
 
 BLEND_S = 2.0
@@ -22,7 +22,7 @@ class Tilt:
     """Estimator of the gravity direction and yaw from angular rates and specific force."""
 
     def __init__(self) -> None:
-        self._R_WB: Float[np.ndarray, "3 3"] | None = None
+        self._R_WB: Rotation | None = None
         self._t_s = 0.0
         self._usual_force = 0.0
 

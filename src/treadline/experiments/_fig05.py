@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
-from treadline.core.rotations import rotation_of
+from treadline.core.rotations import Vector3, rotation_of
 from treadline.core.signals import ImuSample
 from treadline.experiments.plan import FIG10_SLOPE, turn
 from treadline.perception import DetectorConfig, StairDetector
@@ -42,7 +41,7 @@ def see_stages(figures: Path, seed: int) -> dict[str, Any]:
     }
 
 
-def first_frame(seed: int) -> tuple[RgbdFrame, Float[np.ndarray, " 3"], float]:
+def first_frame(seed: int) -> tuple[RgbdFrame, Vector3, float]:
     """Return the figure's frame, gravity in the camera's frame, and the true heading [rad]."""
     with closing(open_plant(turn(FIG10_SLOPE, HEADING_DEG, 1.0), seed)) as plant:
         plant.start()

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.compile_cache import compiling
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.models import read_json
+from treadline.core.rotations import Vector3
 from treadline.core.settings import settings_of
 from treadline.core.signals import TICK_S, Event
 from treadline.experiments._replay_scores import ReplayScores
@@ -205,7 +205,7 @@ class _Watched:
         self.refusals: Counter[str] = Counter()
         self._spent_s = array("d")
 
-    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Any:
+    def see(self, frame: RgbdFrame, gravity_C: Vector3 | None = None) -> Any:
         """Return what the detector returns for a frame."""
         started = time.perf_counter()
         seen = self._detector.see(frame, gravity_C)

@@ -8,21 +8,3 @@ from treadline.identification._okid import observer_markov, system_markov
 from treadline.identification._stream import identify_chunks
 from treadline.identification.identify import identify
 from treadline.identification.options import METHODS, SOLVERS, IdentificationOptions
-
-__all__ = [
-    "METHODS",
-    "SOLVERS",
-    "CandidateScore",
-    "Gram",
-    "IdentificationOptions",
-    "IdentificationReport",
-    "Identified",
-    "era",
-    "gram",
-    "identify",
-    "identify_chunks",
-    "observer_markov",
-    "okid",
-    "pbsid",
-    "system_markov",
-]

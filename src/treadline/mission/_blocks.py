@@ -15,12 +15,11 @@ from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.angles import wrap
 from treadline.core.camera_images import PinholeCamera, RgbdFrame, StairAxes
 from treadline.core.errors import ImageError
-from treadline.core.rotations import rotation_of
+from treadline.core.rotations import Vector3, rotation_of
 from treadline.core.signals import (
     TICK_S,
     Event,
@@ -60,13 +59,13 @@ class GravityAtExposure:
         """Return the IMU sample at the exposure of a frame; None before the first attitude."""
         return self._attitudes.at(t_s)
 
-    def gravity_C(self, frame: RgbdFrame) -> Float[np.ndarray, " 3"] | None:
+    def gravity_C(self, frame: RgbdFrame) -> Vector3 | None:
         """Return the unit vector of gravity in the camera's axes when the frame was exposed; None before the first attitude."""
         exposed = self.exposed(frame.t_s)
         return None if exposed is None else gravity_in(exposed, frame.camera)
 
 
-def gravity_in(exposed: ImuSample, camera: PinholeCamera) -> Float[np.ndarray, " 3"]:
+def gravity_in(exposed: ImuSample, camera: PinholeCamera) -> Vector3:
     """Return the unit vector of gravity in the axes of a camera on the chair."""
     return np.asarray(camera.R_BC.T @ (rotation_of(exposed.orientation).T @ np.array([0.0, 0.0, -1.0])))
 
@@ -118,7 +117,7 @@ class Detection(Protocol):
 class Detector(Protocol):
     """Stair detector: a frame and the direction of gravity in, heading and stair map out."""
 
-    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Detection:
+    def see(self, frame: RgbdFrame, gravity_C: Vector3 | None = None) -> Detection:
         """Return the detection in one frame."""
 
 

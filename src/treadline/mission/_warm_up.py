@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
-from treadline.core.rotations import rotation_y, rotation_z
+from treadline.core.rotations import Vector3, rotation_y, rotation_z
 
 RISE_M, RUN_M, STEPS = 0.16, 0.30, 9
 """A flight of 28°, as the shipped scenarios have it."""
@@ -34,7 +34,7 @@ VIEWS: tuple[View, ...] = tuple(
 """Poses of the warm-up frames: before the flight, on the flight, and with the end of the flight in view, each square and turned."""
 
 
-def stair_frames(camera: PinholeCamera, *, rises: bool) -> Iterator[tuple[RgbdFrame, Float[np.ndarray, " 3"]]]:
+def stair_frames(camera: PinholeCamera, *, rises: bool) -> Iterator[tuple[RgbdFrame, Vector3]]:
     """Yield depth and colour images of a staircase, each with the direction of gravity in the camera.
 
     Every second frame is read-only: a kernel is compiled once for images that come off a wire, and once for converted ones.
@@ -51,9 +51,7 @@ def stair_frames(camera: PinholeCamera, *, rises: bool) -> Iterator[tuple[RgbdFr
         yield frame, gravity_C
 
 
-def _frame(
-    camera: PinholeCamera, view: View, rng: np.random.Generator, *, rises: bool
-) -> tuple[RgbdFrame, Float[np.ndarray, " 3"]]:
+def _frame(camera: PinholeCamera, view: View, rng: np.random.Generator, *, rises: bool) -> tuple[RgbdFrame, Vector3]:
     from_foot_m, pitched, steps, heading_rad = view
     towards = math.copysign(1.0, float(camera.R_BC[0, 2]))  # the rear camera looks back
     up = 1.0 if rises else -1.0

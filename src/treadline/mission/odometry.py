@@ -7,8 +7,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
+from treadline.core.rotations import Vector3
 from treadline.core.signals import ImuSample, Quaternion, TrackReading, Vector
 from treadline.mission._nosing_filter import PITCHED_RAD
 
@@ -21,7 +21,7 @@ class Odometry:
     """Pose of the chair by its belts and IMU, in a level frame O with its origin at the start; belts slip, so it drifts."""
 
     t_s: float
-    p_OB: Float[np.ndarray, " 3"]
+    p_OB: Vector3
     orientation: Quaternion
     """The IMU's quaternion (w, x, y, z) of B in O: its yaw drifts."""
     speed_m_s: float

@@ -7,11 +7,8 @@ are converted to the chair's frame, with an attitude.
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-import numpy as np
-from jaxtyping import Float
-
 from treadline.core.ports import Reading
-from treadline.core.rotations import quaternion_of, rotation_of
+from treadline.core.rotations import Rotation, quaternion_of, rotation_of
 from treadline.core.signals import FlipperCommand, ImuSample, SeatCommand, TrackCommand
 from treadline.estimation.tilt import Tilt
 
@@ -32,7 +29,7 @@ class ReplayPlant:
     virtual_time = True
     """Time advances in ``advance`` alone."""
 
-    def __init__(self, arrivals: Iterable[tuple[float, Reading]], R_BI: Float[np.ndarray, "3 3"] | None = None) -> None:
+    def __init__(self, arrivals: Iterable[tuple[float, Reading]], R_BI: Rotation | None = None) -> None:
         self._arrivals = iter(arrivals)
         self._R_BI = R_BI
         self._tilt = Tilt()

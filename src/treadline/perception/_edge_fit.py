@@ -20,6 +20,7 @@ from jaxtyping import Bool, Float, Int
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import Vector3
 from treadline.perception._gravity_direction import gravity_variance
 from treadline.perception._irregularity import Prior, prior
 from treadline.perception._nuisance import (
@@ -65,12 +66,12 @@ ASSUMED_TILT = 0.5 * DEG
 class EdgeFit:
     """Estimated edge direction in C."""
 
-    edge: Float[np.ndarray, " 3"]
+    edge: Vector3
     """Unit vector along the edges."""
-    ahead: Float[np.ndarray, " 3"]
+    ahead: Vector3
     """Horizontal unit vector perpendicular to the edges: the direction in which a rotation about the vertical moves the edge
     vector."""
-    down: Float[np.ndarray, " 3"]
+    down: Vector3
     covariance: Float[np.ndarray, "2 2"]
     """Covariance of the edge angles about the vertical and from horizontal [rad²]."""
     agreeing: float
@@ -87,7 +88,7 @@ class EdgeFit:
     warp_px: float
     """Root of the mean square of the depth warp's size [px of Kinect disparity]."""
 
-    def sigma_of(self, change: Float[np.ndarray, " 3"]) -> float:
+    def sigma_of(self, change: Vector3) -> float:
         """Return the standard deviation of a quantity with the differential ``change · de``."""
         by = np.array([float(change @ self.ahead), float(change @ self.down)])
         return float(np.sqrt(by @ self.covariance @ by))
@@ -147,9 +148,9 @@ class _Solution:
 def fit_edges(
     nosings: Sequence[NosingObservation],
     treads: Sequence[Surface],
-    down: Float[np.ndarray, " 3"],
+    down: Vector3,
     down_sigma_rad: float,
-    start: Float[np.ndarray, " 3"],
+    start: Vector3,
     camera: PinholeCamera,
     *,
     spread_px: float = 0.0,
@@ -211,8 +212,8 @@ def _steps(nosings: Sequence[NosingObservation], treads: Sequence[Surface]) -> l
 def _normals(
     nosings: Sequence[NosingObservation],
     treads: Sequence[Surface],
-    down: Float[np.ndarray, " 3"],
-    edge: Float[np.ndarray, " 3"],
+    down: Vector3,
+    edge: Vector3,
     camera: PinholeCamera,
     spread_px: float,
 ) -> _Normals:

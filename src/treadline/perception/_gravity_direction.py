@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
+from treadline.core.rotations import Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
 ROLL_LIMIT = 20.0 * DEG
@@ -27,7 +28,7 @@ GRAVITY_REJECTED, AGREED_SHARE = 2.0, 0.5
 a fraction of it."""
 
 
-def down_of_treads(unit: Float[np.ndarray, "b 3"], pitch_limits_rad: tuple[float, float]) -> Float[np.ndarray, " 3"] | None:
+def down_of_treads(unit: Float[np.ndarray, "b 3"], pitch_limits_rad: tuple[float, float]) -> Vector3 | None:
     """Return the common direction of most horizontal surfaces, or None.
 
     Args:
@@ -53,7 +54,7 @@ def down_of_treads(unit: Float[np.ndarray, "b 3"], pitch_limits_rad: tuple[float
     return whole if inside else None
 
 
-def levelled(imu_down: Float[np.ndarray, " 3"], unit: Float[np.ndarray, "b 3"], spread_rad: float) -> Float[np.ndarray, " 3"]:
+def levelled(imu_down: Vector3, unit: Float[np.ndarray, "b 3"], spread_rad: float) -> Vector3:
     """Return the gravity direction from horizontal surfaces near the IMU's, or the IMU's with too few of them.
 
     A mount error of several degrees tilts gravity in the camera frame, so that treads would not be at constant height.
@@ -84,7 +85,7 @@ def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:
     return sigma_rad**2
 
 
-def off_gravity(normals: Float[np.ndarray, "k 3"], imu_down: Float[np.ndarray, " 3"]) -> float | None:
+def off_gravity(normals: Float[np.ndarray, "k 3"], imu_down: Vector3) -> float | None:
     """Return the mean tilt of the treads from the IMU's gravity if they agree against the IMU about both axes; else None.
 
     Args:

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.rotations import Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._step_parts import (
     LEAST_LEVER,
@@ -121,7 +122,7 @@ class Match:
         return [r for r, own in enumerate(self.of_riser.tolist()) if own == step]
 
 
-def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Float[np.ndarray, " 3"], *, is_uncertain: bool = False) -> Scene | None:
+def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Vector3, *, is_uncertain: bool = False) -> Scene | None:
     """Return the surfaces of a frame; None if the camera looks straight up or down.
 
     Args:
@@ -338,7 +339,7 @@ def _nosing(scene: Scene, match: Match, step: int, sign: float) -> NosingObserva
     )
 
 
-def _height_at(tread: Surface, point: Float[np.ndarray, " 3"], axes: Axes) -> float:
+def _height_at(tread: Surface, point: Vector3, axes: Axes) -> float:
     """Return the height of a tread's plane above or below a point."""
     foot = point - float(point @ axes.up) * axes.up
     return float((1.0 - tread.normal @ foot) / (tread.normal @ axes.up))
@@ -349,7 +350,7 @@ def _are_low(members: Int[np.ndarray, " k"], blocks: PlanarBlocks, axes: Axes) -
     return bool(top_m - bottom_m < TALLEST_M)
 
 
-def _turned_from(surface: Surface, direction: Float[np.ndarray, " 3"]) -> float:
+def _turned_from(surface: Surface, direction: Vector3) -> float:
     return float(np.arccos(min(1.0, abs(float(surface.unit @ direction)))))
 
 

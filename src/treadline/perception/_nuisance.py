@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import Vector3
 from treadline.perception import _nuisance_kernels as nuisance_kernels
 from treadline.perception.plane_segmentation import DISPARITY_PX_M, Line, Surface
 
@@ -118,7 +119,7 @@ def drift_of(camera: PinholeCamera) -> Float[np.ndarray, "4 3"]:
 
 
 def turns_of_surface(
-    surface: Surface, edge: Float[np.ndarray, " 3"] | None, camera: PinholeCamera, drift: Float[np.ndarray, "4 3"]
+    surface: Surface, edge: Vector3 | None, camera: PinholeCamera, drift: Float[np.ndarray, "4 3"]
 ) -> Float[np.ndarray, "3 c"]:
     """Return the derivative of a surface's unit normal with respect to each direction.
 
@@ -173,6 +174,6 @@ def turns_of_line(line: Line, camera: PinholeCamera, drift: Float[np.ndarray, "4
     return turns
 
 
-def reach_of(camera: PinholeCamera, ahead: Float[np.ndarray, " 3"]) -> float:
+def reach_of(camera: PinholeCamera, ahead: Vector3) -> float:
     """Return the distance of the camera ahead of the chair's origin along a direction in C [m]."""
     return float(np.array(camera.mount_m) @ camera.R_BC @ ahead)

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
+from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
 from treadline.perception import _free_ground_kernels as point_kernels
 from treadline.perception._form import Side
@@ -112,9 +113,7 @@ def _visible_sides(flight: Sequence[NosingObservation], middle: float) -> tuple[
     return lefts[max(len(lefts) - 2, 0)], rights[max(len(rights) - 2, 0)]
 
 
-def _crossing(
-    point: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"], p_BC: Float[np.ndarray, " 3"], edge: Float[np.ndarray, " 3"]
-) -> Float[np.ndarray, " 3"]:
+def _crossing(point: Vector3, R_BC: Rotation, p_BC: Vector3, edge: Vector3) -> Vector3:
     """Return the intersection of an edge with the chair's middle plane, in B [m]."""
     p_B, e_B = R_BC @ point + p_BC, R_BC @ edge
     return np.asarray(p_B - p_B[1] / e_B[1] * e_B)
@@ -133,7 +132,7 @@ def _group_nearest(places: Float[np.ndarray, " k"]) -> float | None:
 
 
 def _standing(
-    frame: RgbdFrame, points: Sequence[Float[np.ndarray, " 3"]], axes: Axes, shape: StairShape, *, ends: bool
+    frame: RgbdFrame, points: Sequence[Vector3], axes: Axes, shape: StairShape, *, ends: bool
 ) -> Float[np.ndarray, "k 3"]:
     """Return points in C above the flight, from the camera to beyond the visible part of the flight.
 
@@ -175,8 +174,8 @@ def _obstacle(
     standing: Float[np.ndarray, "k 3"],
     free_m: tuple[float | None, float | None],
     axes: Axes,
-    R_BC: Float[np.ndarray, "3 3"],
-    p_BC: Float[np.ndarray, " 3"],
+    R_BC: Rotation,
+    p_BC: Vector3,
     swept_half_m: float,
 ) -> float | None:
     """Return the distance to the nearest obstacle between the chair's sides [m], excluding walls, rails and objects behind.
@@ -204,7 +203,7 @@ def _nearest(wall: float | None, rails: Float[np.ndarray, " j"]) -> float | None
     return rail if rail < wall - 1.2 * BIN_M else wall
 
 
-def _ends(frame: RgbdFrame, points: Sequence[Float[np.ndarray, " 3"]], axes: Axes, shape: StairShape) -> bool:
+def _ends(frame: RgbdFrame, points: Sequence[Vector3], axes: Axes, shape: StairShape) -> bool:
     """Return whether the absence of a further step after the last nosing is visible.
 
     Depth is compared with the expected depth of the next step: a larger depth in place of a riser, or a horizontal surface beyond

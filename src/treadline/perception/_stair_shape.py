@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera, StairAxes
+from treadline.core.rotations import Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._gravity_direction import gravity_variance
 from treadline.perception._irregularity import pooled_mean, posterior_weights
@@ -60,7 +61,7 @@ class StairShape:
     direction: Direction
     """Direction of the visible flight: rising or falling."""
 
-    def normal(self, axes: Axes) -> Float[np.ndarray, " 3"]:
+    def normal(self, axes: Axes) -> Vector3:
         """Return the unit normal of the nosing plane in C, pointing away from the stair."""
         tilt = self.slope_rad if self.direction == "up" else -self.slope_rad
         return np.asarray(np.cos(tilt) * axes.up - np.sin(tilt) * axes.ahead)
@@ -105,8 +106,8 @@ class Spacing:
 
 
 def axes_of(
-    edge: Float[np.ndarray, " 3"],
-    down: Float[np.ndarray, " 3"],
+    edge: Vector3,
+    down: Vector3,
     down_sigma_rad: float,
     treads: Sequence[Surface],
     adjoining_rad: Sequence[float],
@@ -138,13 +139,7 @@ def axes_of(
     return Levelled(axes=Axes(ahead=cross(edge, d), up=-d, right=edge), down_sigma_rad=tilt.sigma)
 
 
-def stair_axes_of(
-    t_s: float,
-    levelled: Levelled,
-    shape: StairShape,
-    edge: Float[np.ndarray, " 3"],
-    edge_sigma_rad: float,
-) -> StairAxes:
+def stair_axes_of(t_s: float, levelled: Levelled, shape: StairShape, edge: Vector3, edge_sigma_rad: float) -> StairAxes:
     """Return the stair's directions in C, for the calibration of the camera mount.
 
     Args:

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import Rotation, Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception.plane_segmentation import Ends, Line, PlanarBlocks, Surface
 
@@ -39,9 +40,9 @@ Direction = Literal["up", "down"]
 class Axes:
     """Orthonormal axes in C: horizontal and perpendicular to the edges, up, and along the edges to the right."""
 
-    ahead: Float[np.ndarray, " 3"]
-    up: Float[np.ndarray, " 3"]
-    right: Float[np.ndarray, " 3"]
+    ahead: Vector3
+    up: Vector3
+    right: Vector3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -87,7 +88,7 @@ class NosingObservation:
     """Number of the step in its flight, rising with height."""
     ahead_m: float
     """Horizontal distance from the camera, perpendicular to the edges [m]."""
-    point: Float[np.ndarray, " 3"]
+    point: Vector3
     """Point on the edge in C [m]."""
     sides_m: tuple[float, float]
     """Lateral range of visibility across the flight, to the right [m]."""
@@ -119,14 +120,14 @@ class Flight:
     """Treads of the flight, with a floor or landing on its lattice."""
     nosings: list[NosingObservation]
     """Nosings, nearest first."""
-    facing: Float[np.ndarray, " 3"]
+    facing: Vector3
     """Horizontal unit vector, approximately perpendicular to the edges, in C."""
     matched_treads: list[tuple[int, bool, Tread]]
     """Step, whether the front is a nosing, and tread."""
     matched_risers: list[tuple[int, Riser]]
 
 
-def viewing_direction(R_BC: Float[np.ndarray, "3 3"]) -> float:
+def viewing_direction(R_BC: Rotation) -> float:
     """Return 1 for a front camera, and -1 for a camera looking back over the chair.
 
     For a camera looking straight down, the upper edge of its image gives the direction.
@@ -135,14 +136,14 @@ def viewing_direction(R_BC: Float[np.ndarray, "3 3"]) -> float:
     return 1.0 if look + image_up > 0.0 else -1.0
 
 
-def axes_about(edge: Float[np.ndarray, " 3"], down: Float[np.ndarray, " 3"]) -> Axes:
+def axes_about(edge: Vector3, down: Vector3) -> Axes:
     """Return the axes of edges along a unit vector in C, with the vertical as near to ``down`` as they allow."""
     d = down - float(down @ edge) * edge
     d = d / np.linalg.norm(d)
     return Axes(ahead=cross(edge, d), up=-d, right=edge)
 
 
-def level_axes(down: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> Axes | None:
+def level_axes(down: Vector3, R_BC: Rotation) -> Axes | None:
     """Return horizontal axes, forward in the camera's viewing direction along the chair, or up the image if undefined."""
     for towards in (viewing_direction(R_BC) * R_BC[0], np.array([0.0, -1.0, 0.0])):
         ahead = towards - float(towards @ down) * down

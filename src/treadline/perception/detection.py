@@ -9,6 +9,7 @@ from jaxtyping import Float, UInt8
 from treadline.core.angles import DEG
 from treadline.core.camera_images import StairAxes
 from treadline.core.printing import Printable
+from treadline.core.rotations import Vector3
 from treadline.core.signals import StairMap
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import NosingObservation
@@ -32,7 +33,7 @@ class Parts:
     risers: tuple[Surface, ...]
     treads: tuple[Surface, ...]
     flight: tuple[NosingObservation, ...]
-    aside: Float[np.ndarray, " 3"]
+    aside: Vector3
     """Unit vector in C of the nosings' ``sides_m``: the initial edge direction, not the final one."""
 
 
@@ -46,7 +47,7 @@ class StairDetection(Printable):
     """Reason of the rejection, or why the detection is unconfirmed; None if accepted."""
     heading_rad: float | None
     sigma_rad: float | None
-    edge_direction_C: Float[np.ndarray, " 3"] | None
+    edge_direction_C: Vector3 | None
     """Unit vector along the stair's edges in C, pointing to the chair's right."""
     edge_count: int
     box_px: tuple[int, int, int, int] | None

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import shaped
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import ImageError
+from treadline.core.rotations import Vector3
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.perception._stair_shape import StairShape
 from treadline.perception.detection import StairDetection
@@ -68,7 +68,7 @@ class StairDetector:
         self.timings: dict[str, float] = {}
         """Milliseconds by stage of the last look, with its map once that is made; the robust method's only."""
 
-    def step(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> HeadingMeasurement | None:
+    def step(self, frame: RgbdFrame, gravity_C: Vector3 | None = None) -> HeadingMeasurement | None:
         """Return the heading in a frame, or None; ``look`` gives the reason.
 
         Args:
@@ -79,7 +79,7 @@ class StairDetector:
         """
         return self.see(frame, gravity_C).measurement
 
-    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> FrameResult:
+    def see(self, frame: RgbdFrame, gravity_C: Vector3 | None = None) -> FrameResult:
         """Return heading and map of one frame.
 
         Raises:
@@ -103,7 +103,7 @@ class StairDetector:
             return sight
         return replace(sight, accepted=True, unconfirmed=False, reason=None)
 
-    def look(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, *, stages: bool = False) -> StairDetection:
+    def look(self, frame: RgbdFrame, gravity_C: Vector3 | None = None, *, stages: bool = False) -> StairDetection:
         """Return the full result of a frame; ``stages`` adds the intermediate images of the paper's method.
 
         Raises:

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
 from treadline.core.camera_images import RgbdFrame
+from treadline.core.rotations import Vector3
 from treadline.perception import _free_ground_kernels as point_kernels
 from treadline.perception._step_parts import viewing_direction
 
@@ -35,9 +36,7 @@ CROWD_M, CROWD_POINTS = 0.10, 6
 """Length of a cluster of points [m], and its least number of points."""
 
 
-def obstacle_on_flat_ground(
-    frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"], swept_half_m: float = SWEPT_HALF_M
-) -> float | None:
+def obstacle_on_flat_ground(frame: RgbdFrame, gravity_C: Vector3, swept_half_m: float = SWEPT_HALF_M) -> float | None:
     """Return the distance from mid-track to the nearest obstacle on the ground in view [m]; None without one.
 
     Ahead of a climbing chair the ground is the highest level in view, behind a descending one the lowest. Distances are horizontal,

@@ -7,9 +7,9 @@ whole depth image. The heading uses depth; colours are evaluated only if depth i
 import zlib
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.camera_images import RgbdFrame
+from treadline.core.rotations import Vector3
 from treadline.core.signals import FrameQuality
 from treadline.perception.flat_ground import SWEPT_HALF_M, obstacle_on_flat_ground
 
@@ -23,9 +23,7 @@ UNASKED = (0.5, 0.25)
 """Brightness and contrast reported without evaluation."""
 
 
-def quality_of(
-    frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None, swept_half_m: float = SWEPT_HALF_M
-) -> FrameQuality:
+def quality_of(frame: RgbdFrame, gravity_C: Vector3 | None = None, swept_half_m: float = SWEPT_HALF_M) -> FrameQuality:
     """Return the quality measures of a frame, and the distance of an obstacle on the ground.
 
     Two depth images of a working camera never agree in all bits, so a checksum detects a frozen one.

@@ -8,6 +8,7 @@ from jaxtyping import Float, UInt8
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.rotations import Vector3
 from treadline.perception._step_parts import NosingObservation
 from treadline.perception.detection import StairDetection
 from treadline.perception.plane_segmentation import Surface
@@ -72,7 +73,7 @@ def from_jpeg(data: bytes, width_px: int) -> Picture:
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def ends_of(nosing: NosingObservation, edge: Float[np.ndarray, " 3"], aside: Float[np.ndarray, " 3"]) -> Float[np.ndarray, "2 3"]:
+def ends_of(nosing: NosingObservation, edge: Vector3, aside: Vector3) -> Float[np.ndarray, "2 3"]:
     """Return the first and last visible point of an edge along the estimated direction.
 
     Args:

@@ -20,6 +20,7 @@ from jaxtyping import Bool, Float, Float32, Int
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import Rotation, Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
 CELL_AT_240 = 4
@@ -193,11 +194,11 @@ class Ends:
 class Line:
     """Image line of one nosing."""
 
-    normal: Float[np.ndarray, " 3"]
+    normal: Vector3
     """Unit normal m of the plane through the line and the camera centre, in C."""
-    covariance: Float[np.ndarray, "3 3"]
+    covariance: Rotation
     """Covariance of m, from the scatter of the points about the line."""
-    middle: Float[np.ndarray, " 3"]
+    middle: Vector3
     """Middle of the line on its surface, in C [m]."""
     ends_m: Float[np.ndarray, "2 3"]
     """Ends of the line on its surface, left end first, in C [m]."""
@@ -215,23 +216,23 @@ class Line:
 class Surface:
     """Tread or riser."""
 
-    normal: Float[np.ndarray, " 3"]
+    normal: Vector3
     """Normal n with n·p = 1."""
-    covariance: Float[np.ndarray, "3 3"]
+    covariance: Rotation
     """Covariance of the normal, from the residuals about the plane."""
-    centre: Float[np.ndarray, " 3"]
+    centre: Vector3
     """Point on the plane in the middle of its pixels, in C [m]."""
     blocks: Int[np.ndarray, " k"]
     upper: Ends
     lower: Ends
 
     @cached_property
-    def unit(self) -> Float[np.ndarray, " 3"]:
+    def unit(self) -> Vector3:
         """Unit normal, pointing away from the camera."""
         return np.asarray(self.normal * self.distance_m)
 
     @cached_property
-    def unit_covariance(self) -> Float[np.ndarray, "3 3"]:
+    def unit_covariance(self) -> Rotation:
         """Covariance of the unit normal, perpendicular to it."""
         return np.asarray(self.covariance * self.distance_m**2)
 
@@ -240,11 +241,11 @@ class Surface:
         """Distance from the camera to the plane [m]."""
         return 1.0 / math.sqrt(float(self.normal @ self.normal))
 
-    def span_m(self, blocks: PlanarBlocks, direction: Float[np.ndarray, " 3"]) -> tuple[float, float]:
+    def span_m(self, blocks: PlanarBlocks, direction: Vector3) -> tuple[float, float]:
         """Return the range of the blocks' centres along a direction [m]."""
         return surface_kernels.span(blocks.centres, self.blocks, direction)
 
-    def heights_m(self, camera: PinholeCamera, up: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
+    def heights_m(self, camera: PinholeCamera, up: Vector3) -> Float[np.ndarray, " k"]:
         """Return the height of the surface in each of its columns [m]."""
         x = (self.upper.columns - camera.cx_px) / camera.fx_px
         ends = [
@@ -260,7 +261,7 @@ class Surface:
         ray = self.centre / self.centre[2]
         return float(self.centre[2] ** 2 * (ray @ self.covariance @ ray))
 
-    def adjoining_tilt_rad(self, camera: PinholeCamera, ahead: Float[np.ndarray, " 3"], noise: float, length_m: float) -> float:
+    def adjoining_tilt_rad(self, camera: PinholeCamera, ahead: Vector3, noise: float, length_m: float) -> float:
         """Return the tilt of a horizontal surface by the pixels of risers at its ends within the tolerance of its plane [rad].
 
         The residual of the riser's pixels increases by ``step`` per row up to the tolerance. Least squares turn the plane over its
@@ -281,7 +282,7 @@ class Surface:
         turned = creased * 3.0 * (TOLERANCE * noise) ** 2 / (step * rows**2)
         return turned * camera.fy_px * self.distance_m * lever
 
-    def detour_tilt_rad(self, ahead: Float[np.ndarray, " 3"], length_m: float, blocks: PlanarBlocks) -> float:
+    def detour_tilt_rad(self, ahead: Vector3, length_m: float, blocks: PlanarBlocks) -> float:
         """Return the tilt of a horizontal surface by light that reaches it over the next riser [rad].
 
         The range increases towards the riser by ``DETOUR_M``, of which the component along the normal turns the surface.
@@ -342,14 +343,12 @@ class Plane:
 
     blocks: Int[np.ndarray, " k"]
     """Indices of its blocks."""
-    normal: Float[np.ndarray, " 3"]
+    normal: Vector3
     square: float
     """Mean squared residual of its blocks [1/m²]."""
 
 
-def planes_of(
-    blocks: PlanarBlocks, members: Int[np.ndarray, " m"], direction: Float[np.ndarray, " 3"], *, gap_m: float, least: int
-) -> list[Plane]:
+def planes_of(blocks: PlanarBlocks, members: Int[np.ndarray, " m"], direction: Vector3, *, gap_m: float, least: int) -> list[Plane]:
     """Return the planes among some blocks: runs of blocks at one level along a direction.
 
     Args:

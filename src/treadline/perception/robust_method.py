@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._form import Bow, Side, bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
@@ -168,9 +168,9 @@ class Stopwatch:
 class _Down:
     """Hypothesis for the direction of gravity."""
 
-    direction: Float[np.ndarray, " 3"]
+    direction: Vector3
     """Direction used to sort surfaces."""
-    reference: Float[np.ndarray, " 3"]
+    reference: Vector3
     """Reference for the tilt of edges and treads, with its standard deviation."""
     sigma_rad: float
     least_levels: int = 0
@@ -182,7 +182,7 @@ class _Down:
 
 
 def detect_stair(
-    frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None, swept_half_m: float, watch: Stopwatch | None = None
+    frame: RgbdFrame, gravity_C: Vector3 | None, swept_half_m: float, watch: Stopwatch | None = None
 ) -> StairDetection:
     """Return the detection result of a frame.
 
@@ -214,7 +214,7 @@ class _Search:
     swept_half_m: float
     watch: Stopwatch
 
-    def with_imu(self, blocks: PlanarBlocks, gravity_C: Float[np.ndarray, " 3"]) -> StairDetection:
+    def with_imu(self, blocks: PlanarBlocks, gravity_C: Vector3) -> StairDetection:
         """Return the result with gravity from the IMU.
 
         Risers alone do not determine the tilt of the edges: gravity does, and its error enters the heading. A frame with hardly a
@@ -370,7 +370,7 @@ class _Search:
         )
 
 
-def _heading(edge: Float[np.ndarray, " 3"], R_BC: Float[np.ndarray, "3 3"]) -> tuple[float, Float[np.ndarray, " 3"]]:
+def _heading(edge: Vector3, R_BC: Rotation) -> tuple[float, Vector3]:
     """Return ψ = atan2(-e·forward, e·right) of an edge pointing right, and its derivative with respect to the edge vector in C."""
     e_B = R_BC @ edge
     forward, left = R_BC[0], R_BC[1]

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError, SettingsError, SimulationDiverged
+from treadline.core.rotations import Vector3
 from treadline.core.signals import TICK_S, FlipperCommand, SeatCommand, TrackCommand
 from treadline.plant import _actuator_lag_and_slew_kernels as kernels
 from treadline.plant import _motors_and_battery_kernels as motor_kernels
@@ -94,7 +95,7 @@ class Actuators:
         return np.asarray(self.state[: kernels.RIGHT + 1] * (1.0 + self.mismatch))
 
 
-def _seat_table(linkage: SeatLinkage) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " n"]]:
+def _seat_table(linkage: SeatLinkage) -> tuple[Vector3, Float[np.ndarray, " n"]]:
     """Return the ends of the stroke with the table's spacing, and the table of the seat angle over the stroke."""
     low, high = linkage.stroke_range
     strokes = np.linspace(low, high, TABLE_SIZE)

@@ -27,34 +27,3 @@ from treadline.playback._nosings import (
 )
 from treadline.playback._read_run import bag_origin_ns, manifest_of, read_frames, read_recording, run_folder_of
 from treadline.playback._recording import Limits, PerceivedStair, PhaseSpan, Recording, staircase_of
-
-__all__ = [
-    "HALF_LINE_M",
-    "SILENT_S",
-    "Findings",
-    "FrameNosings",
-    "Hold",
-    "Limits",
-    "LogNotes",
-    "Moment",
-    "NosingComparison",
-    "PerceivedStair",
-    "PhaseSpan",
-    "Recording",
-    "RecordingBuilder",
-    "SignalCollector",
-    "bag_origin_ns",
-    "comparison_of",
-    "findings_of",
-    "holding_at",
-    "in_runs",
-    "least_margin",
-    "manifest_of",
-    "on_flight",
-    "perceived_text",
-    "read_frames",
-    "read_recording",
-    "run_folder_of",
-    "staircase_of",
-    "support_at",
-]

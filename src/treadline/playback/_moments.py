@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.core.angles import DEG
-from treadline.core.rotations import rotation_of
+from treadline.core.rotations import Rotation, Vector3, rotation_of
 from treadline.core.signals import Event
 from treadline.io.columns import read_contents
 from treadline.io.decode import CdrReader
@@ -424,9 +424,7 @@ def _loading(chair: Chair, faults: Iterable[Fault], t_s: float) -> Chair:
     return lean.model_copy(update={"payload_offset_m": offset})
 
 
-def support_at(
-    chair: ChairDescription, staircase: Staircase, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"], flipper_rad: float
-) -> Support | None:
+def support_at(chair: ChairDescription, staircase: Staircase, R_WB: Rotation, p_WB: Vector3, flipper_rad: float) -> Support | None:
     """Return the support by nosings under the belts, by ground under the pulleys, and by the flipper's tip; None without any.
 
     The lower outline of a belt has the distance of the pulleys' radius from the line through rear, front and tip axis.

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.core.camera_images import PinholeCamera
-from treadline.core.rotations import rotation_of
+from treadline.core.rotations import Rotation, Vector3, rotation_of
 from treadline.playback._recording import PerceivedStair, Recording
 from treadline.vehicle.staircase import Staircase
 
@@ -138,7 +138,7 @@ class NosingComparison:
         """Vectors from each nosing to the middles of its riser and of its tread in W [m], of shape (2, n, 3)."""
 
     def compare(
-        self, nosings_B: Float[np.ndarray, "n 3"], R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
+        self, nosings_B: Float[np.ndarray, "n 3"], R_WB: Rotation, p_WB: Vector3
     ) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Return the numbers of the true nosings that were perceived and of those that were missed in a frame.
 
@@ -164,9 +164,7 @@ class NosingComparison:
         missed = ~found & (between | (in_view & (np.abs(points_B[:, 0]) <= reach_m)))
         return tuple(numbers[found].tolist()), tuple(numbers[missed].tolist())
 
-    def ahead(
-        self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
-    ) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, "k 3"]]:
+    def ahead(self, R_WB: Rotation, p_WB: Vector3) -> tuple[Bool[np.ndarray, " n"], Float[np.ndarray, "k 3"]]:
         """Return which nosings cross the chair's middle plane, and their intersections with it in B [m]."""
         ends_B = (self.ends_W - p_WB) @ R_WB
         y0, y1 = ends_B[:, 0, 1], ends_B[:, 1, 1]
@@ -190,13 +188,7 @@ class NosingComparison:
         depth = np.where(z > 0.0, z, 1.0)
         return camera.fx_px * x / depth + camera.cx_px, camera.fy_px * y / depth + camera.cy_px, z
 
-    def why_missed(
-        self,
-        number: int,
-        depth_m: Float[np.ndarray, "h w"],
-        R_WB: Float[np.ndarray, "3 3"],
-        p_WB: Float[np.ndarray, " 3"],
-    ) -> str:
+    def why_missed(self, number: int, depth_m: Float[np.ndarray, "h w"], R_WB: Rotation, p_WB: Vector3) -> str:
         """Return why a true nosing was missed in a frame, by the depth along it: the cause of at least half of its points.
 
         Args:
@@ -219,13 +211,13 @@ class NosingComparison:
         """Return the position of a nosing among ``ends_W``."""
         return int(self.numbers.tolist().index(number))
 
-    def _middle_of(self, number: int, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+    def _middle_of(self, number: int, R_WB: Rotation, p_WB: Vector3) -> Vector3:
         """Return the intersection of a nosing with the chair's middle plane in B [m]."""
         crosses, points_B = self.ahead(R_WB, p_WB)
         return np.asarray(points_B[self.numbers[crosses].tolist().index(number)])
 
     def _depths_at(
-        self, number: int, depth_m: Float[np.ndarray, "h w"], R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
+        self, number: int, depth_m: Float[np.ndarray, "h w"], R_WB: Rotation, p_WB: Vector3
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Return measured and true depth at points of a nosing that are in the image, within the perceived width [m]."""
         along = np.diff(self.ends_W[self.place_of(number)], axis=0)[0] @ R_WB

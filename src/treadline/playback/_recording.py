@@ -11,7 +11,7 @@ from typing import Any, get_args
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.core.rotations import rotation_of
+from treadline.core.rotations import Vector3, rotation_of
 from treadline.core.signals import Event, Phase
 from treadline.core.slip import DRIVEN_LEAST_M, slip_ratio
 from treadline.scenario.chair import ChairDescription
@@ -227,8 +227,6 @@ def staircase_of(scenario: Scenario, seed: int) -> Staircase:
     return build_staircase(scenario.stair, np.random.default_rng(seed).spawn(1)[0], scenario.step)
 
 
-def in_world(
-    points_B: Float[np.ndarray, "n 3"], p_WB: Float[np.ndarray, " 3"], quat_WB: Float[np.ndarray, " 4"]
-) -> Float[np.ndarray, "n 3"]:
+def in_world(points_B: Float[np.ndarray, "n 3"], p_WB: Vector3, quat_WB: Float[np.ndarray, " 4"]) -> Float[np.ndarray, "n 3"]:
     """Return points of B in W."""
     return points_B @ rotation_of(quat_WB).T + p_WB

@@ -16,7 +16,7 @@ from html import escape
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.core.rotations import rotation_of
+from treadline.core.rotations import Rotation, Vector3, rotation_of
 from treadline.playback import Recording
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import BodyName, Colour, MeshPart, body_poses, chair_parts, colour, lug_part, lug_poses
@@ -50,9 +50,7 @@ class Silhouette:
 
 
 def silhouettes(
-    parts: Sequence[MeshPart],
-    view: Float[np.ndarray, "3 3"] = SIDE,
-    poses: Mapping[BodyName, Float[np.ndarray, "4 4"]] | None = None,
+    parts: Sequence[MeshPart], view: Rotation = SIDE, poses: Mapping[BodyName, Float[np.ndarray, "4 4"]] | None = None
 ) -> list[Silhouette]:
     """Return the silhouettes of all solids, the farthest first.
 
@@ -198,7 +196,7 @@ class SideViews:
             f'<g transform="scale(1 -1)">{"".join(drawn)}</g></svg>'
         )
 
-    def _lugs(self, k: int, across: Float[np.ndarray, "2 3"], R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> str:
+    def _lugs(self, k: int, across: Float[np.ndarray, "2 3"], R_WB: Rotation, p_WB: Vector3) -> str:
         """Return the lugs of the near belt as one path."""
         recording = self._recording
         travel_m = float(recording.belt_travel_m[k, 1])
@@ -211,7 +209,7 @@ class SideViews:
         return _path([place @ across.T for place in places], colour("belt"))
 
 
-def _flight_yaw(staircase: Staircase | None, p_WB: Float[np.ndarray, " 3"], R_WB: Float[np.ndarray, "3 3"]) -> float:
+def _flight_yaw(staircase: Staircase | None, p_WB: Vector3, R_WB: Rotation) -> float:
     """Return the direction of the flight under the chair about the vertical [rad]."""
     if staircase is None:
         return math.atan2(R_WB[1, 0], R_WB[0, 0])
@@ -221,9 +219,7 @@ def _flight_yaw(staircase: Staircase | None, p_WB: Float[np.ndarray, " 3"], R_WB
     return math.atan2(R_WF[1, 0], R_WF[0, 0])
 
 
-def _stair(
-    staircase: Staircase, across: Float[np.ndarray, "2 3"], p_WB: Float[np.ndarray, " 3"], reach: tuple[float, float]
-) -> str:
+def _stair(staircase: Staircase, across: Float[np.ndarray, "2 3"], p_WB: Vector3, reach: tuple[float, float]) -> str:
     """Return the boxes of the stair next to the chair, without walls."""
     sideways = np.array([-across[0, 1], across[0, 0], 0.0])
     drawn = []

@@ -17,7 +17,7 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.processes import deferred
-from treadline.core.rotations import attitude_of, quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.rotations import Rotation, Vector3, attitude_of, quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import (
     PERIOD_ROUNDING_S,
     TICK_S,
@@ -253,7 +253,7 @@ class WatchedDetector:
     def __init__(self, detector: Detector, saw: Callable[[RgbdFrame, Detection], None]) -> None:
         self._detector, self._saw = detector, saw
 
-    def see(self, frame: RgbdFrame, gravity_C: Float[np.ndarray, " 3"] | None = None) -> Detection:
+    def see(self, frame: RgbdFrame, gravity_C: Vector3 | None = None) -> Detection:
         """Return what the detector returns for a frame."""
         seen = self._detector.see(frame, gravity_C)
         self._saw(frame, seen)
@@ -275,7 +275,7 @@ def _is_due(t_s: float, ticks: int) -> bool:
     return round(t_s / TICK_S) % ticks == 0
 
 
-def _corrected(truth: Truth, R_OB: Float[np.ndarray, "3 3"], p_OB: Float[np.ndarray, " 3"]) -> FramePose:
+def _corrected(truth: Truth, R_OB: Rotation, p_OB: Vector3) -> FramePose:
     """Return the pose of the odometry's frame in W with which the chair is where it is."""
     R_WB = rotation_of(attitude_of(np.array(truth.yaw_rad), np.array(truth.pitch_rad), np.array(truth.roll_rad)))
     R_WO = R_WB @ R_OB.T

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.core.rotations import rotation_y
+from treadline.core.rotations import Rotation, Vector3, rotation_y
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle._start_view import StartView
@@ -34,9 +34,9 @@ class PlacedPart:
     """Part of the chair in the world: a box or a cylinder."""
 
     name: str
-    centre_W: Float[np.ndarray, " 3"]
-    half_m: Float[np.ndarray, " 3"]
-    R_WK: Float[np.ndarray, "3 3"]
+    centre_W: Vector3
+    half_m: Vector3
+    R_WK: Rotation
     is_round: bool = False
     """Whether the part is a cylinder about its y."""
 

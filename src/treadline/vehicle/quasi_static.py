@@ -24,6 +24,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.core.errors import MechanicsError
+from treadline.core.rotations import Vector3
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.static_stability import centre_of_mass
@@ -51,7 +52,7 @@ class Stance:
     y_m: Float[np.ndarray, "p n"]
     load: Float[np.ndarray, "p n"]
     """Share of each contact in the normal force; each row sums to 1."""
-    wrench: Float[np.ndarray, " 3"]
+    wrench: Vector3
     """Gravity along the plane divided by the normal force: forward, left [-], and moment about B's origin [m]."""
     uphill: Float[np.ndarray, " 2"]
     """Unit vector up the slope."""
@@ -166,7 +167,7 @@ def _stance(
     return Stance(x_m=padded[0], y_m=padded[1], load=padded[2], wrench=wrench, uphill=uphill)
 
 
-def _dual(rows: Float[np.ndarray, "n 3"], wanted: Float[np.ndarray, " 3"], plane: Float[np.ndarray, " 3"]) -> float:
+def _dual(rows: Float[np.ndarray, "n 3"], wanted: Vector3, plane: Vector3) -> float:
     return float(0.5 * np.square(np.maximum(rows @ plane, 0.0)).sum() - wanted @ plane)
 
 

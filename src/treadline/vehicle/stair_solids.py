@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.rotations import rotation_y, rotation_z
+from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
 from treadline.scenario.chair import Point
 from treadline.vehicle.staircase import Staircase, Step, Winders
 
@@ -34,7 +34,7 @@ class Box:
     pitch_rad: float = 0.0
 
     @property
-    def R_WK(self) -> Float[np.ndarray, "3 3"]:
+    def R_WK(self) -> Rotation:
         """Rotation of the box K in the world."""
         return rotation_z(self.yaw_rad) @ rotation_y(-self.pitch_rad) if self.pitch_rad else rotation_z(self.yaw_rad)
 
@@ -232,7 +232,7 @@ def _around(staircase: Staircase, winders: Winders, first_x_m: float) -> list[Bo
     return [_placed(box, *frame) for frame in frames for box in ((newel, outside) if walled else (newel,))]
 
 
-def _placed(box: Box, R_WF: Float[np.ndarray, "3 3"], p_WF: Float[np.ndarray, " 3"]) -> Box:
+def _placed(box: Box, R_WF: Rotation, p_WF: Vector3) -> Box:
     """Return a box of one flight in the world."""
     x, y, z = p_WF + R_WF @ np.array(box.centre_W)
     yaw_rad = box.yaw_rad + math.atan2(R_WF[1, 0], R_WF[0, 0])

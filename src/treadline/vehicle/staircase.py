@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG, wrap
-from treadline.core.rotations import rotation_y, rotation_z
+from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
 from treadline.scenario.stair import Friction, Stair, StepOverride, place_of
 
 SIGN_OF_TURN = {"none": 0, "left": 1, "right": -1}
@@ -51,7 +51,7 @@ class Step:
     """Slope of the tread [rad], positive if the tread rises towards its back."""
 
     @property
-    def nosing_F(self) -> Float[np.ndarray, " 3"]:
+    def nosing_F(self) -> Vector3:
         """Middle of the nosing's front in the frame of its flight."""
         return np.array([self.x_m, self.y_m, self.z_m])
 
@@ -169,7 +169,7 @@ class Staircase:
         end_wall = self.end_wall and is_last
         return replace(self, steps=steps, landing_m=landing_m, end_wall=end_wall, flight_count=1, turn_rad=0.0, winders=None)
 
-    def flight_frame(self, flight: int) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
+    def flight_frame(self, flight: int) -> tuple[Rotation, Vector3]:
         """Return rotation and origin of a flight's frame F in the world."""
         R_WF, p_WF = np.eye(3), np.zeros(3)
         if self.turn_rad:
@@ -179,7 +179,7 @@ class Staircase:
                 R_WF = np.round(R_WF @ rotation_z(self.turn_rad), 15)
         return R_WF, p_WF
 
-    def _next_origin_F(self, flight: int) -> Float[np.ndarray, " 3"]:
+    def _next_origin_F(self, flight: int) -> Vector3:
         """Return the origin of the next flight's frame in the frame of a flight, which turns."""
         if self.winders is not None:
             x, y, _ = self.winders.nosing(self.winders.count)
@@ -200,7 +200,7 @@ class Staircase:
         landing = self.flights[flight][-1]
         return landing.x_m + landing.depth_m
 
-    def stair_frame(self, flight: int) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"], float]:
+    def stair_frame(self, flight: int) -> tuple[Rotation, Vector3, float]:
         """Return the frame S of a flight: rotation, origin, and distance of the origin along the stair over the landings [m]."""
         if not self.turn_rad:
             return self.R_WS, self.p_WS, 0.0
@@ -210,7 +210,7 @@ class Staircase:
         origin = p_WF + R_WF @ first.nosing_F
         return R_WF @ self.R_WS, origin, along_m + (first.z_m - self.steps[0].z_m) * s
 
-    def flight_at(self, p_WB: Float[np.ndarray, " 3"], R_WB: Float[np.ndarray, "3 3"]) -> int:
+    def flight_at(self, p_WB: Vector3, R_WB: Rotation) -> int:
         """Return the flight under a chair; on a landing, that of the two flights with the smaller heading error."""
         if not self.turn_rad:
             return 0
@@ -233,12 +233,12 @@ class Staircase:
         return along_m + float(R_WS[:, 0] @ (p_WF + R_WF @ self.steps[-1].nosing_F - p_WS))
 
     @property
-    def R_WS(self) -> Float[np.ndarray, "3 3"]:
+    def R_WS(self) -> Rotation:
         """Rotation of the stair's frame: x up the flight in the nosing plane, z its normal."""
         return rotation_y(-self.slope_rad)
 
     @property
-    def p_WS(self) -> Float[np.ndarray, " 3"]:
+    def p_WS(self) -> Vector3:
         """Origin of S in W: the first nosing [m]."""
         return self.steps[0].nosing_F
 

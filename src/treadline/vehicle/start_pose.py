@@ -4,9 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
-from treadline.core.rotations import rotation_y, rotation_z
+from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
 from treadline.scenario.chair import Tracks
 from treadline.scenario.scenario import Start
 from treadline.vehicle.staircase import Staircase, Step
@@ -24,8 +23,8 @@ LANDING_LEAST_M = 0.2
 class Standing:
     """Start pose of a chair."""
 
-    p_WB: Float[np.ndarray, " 3"]
-    R_WB: Float[np.ndarray, "3 3"]
+    p_WB: Vector3
+    R_WB: Rotation
     seat_rad: float
     """Angle of the seat relative to the chassis [rad]: level, or parallel."""
 

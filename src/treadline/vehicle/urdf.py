@@ -11,10 +11,10 @@ from typing import Any
 from xml.etree.ElementTree import fromstring, indent, tostring
 
 import numpy as np
-from jaxtyping import Float
 from jinja2 import Environment, PackageLoader, Template
 
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR
+from treadline.core.rotations import Rotation
 from treadline.scenario.chair import CameraMount, ChairDescription, Point
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import LINKAGE_BODIES, MeshPart, chair_parts, resting_lugs
@@ -39,7 +39,7 @@ def _template(name: str) -> Template:
     return engine.get_template(name, globals={"row": lambda *values: text(*np.hstack(values)), "half_pi": 0.5 * math.pi})
 
 
-def roll_pitch_yaw(R: Float[np.ndarray, "3 3"]) -> Point:
+def roll_pitch_yaw(R: Rotation) -> Point:
     """Return the angles about fixed x, y, z, in that order, of a rotation matrix."""
     pitch = math.asin(max(-1.0, min(1.0, -float(R[2, 0]))))
     if abs(float(R[2, 0])) > 1.0 - 1e-12:

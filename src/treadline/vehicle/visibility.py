@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import Rotation, Vector3
 from treadline.vehicle.staircase import Staircase, Step
 
 NEAR_M, FAR_M = 0.45, 4.0
@@ -127,7 +128,7 @@ class Geometry:
         across, down = np.meshgrid((u - calibration.cx_px) / calibration.fx_px, (v - calibration.cy_px) / calibration.fy_px)
         self._rays_C = np.stack([across.ravel(), down.ravel(), np.ones(across.size)], axis=1)
 
-    def visibility(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Visibility | None:
+    def visibility(self, R_WB: Rotation, p_WB: Vector3) -> Visibility | None:
         """Return the visible stair from a pose, or None without a detectable stair."""
         R_WC, p_WC = R_WB @ self._R_BC, p_WB + R_WB @ self._p_BC
         up = bool(R_WC[0, 2] > 0.0)
@@ -161,9 +162,7 @@ class Geometry:
             sides=sides if sign > 0.0 else sides[::-1],
         )
 
-    def _sides(
-        self, row: Int[np.ndarray, " k"], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], aside_m: float
-    ) -> tuple[VisibleSide, VisibleSide]:
+    def _sides(self, row: Int[np.ndarray, " k"], R_WC: Rotation, p_WC: Vector3, aside_m: float) -> tuple[VisibleSide, VisibleSide]:
         """Return the sides at +y and -y, from the nosings of one flight."""
         shown = margins_px(self._camera, (self._fine_W[row] - p_WC) @ R_WC) > 0.0
         walls = self._staircase.walls
@@ -176,7 +175,7 @@ class Geometry:
             sides.append(VisibleSide(seen_m=seen_m, edge_m=end_m if seen_m > end_m - END_SEEN_M else None, kind=kind))
         return sides[0], sides[1]
 
-    def _hidden(self, p_WC: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, " n"]:
+    def _hidden(self, p_WC: Vector3) -> Bool[np.ndarray, " n"]:
         """Return the mask of nosings hidden by the steps in front, in the profile of the flight."""
         x, z = self._places_W[:, 0] - p_WC[0], self._places_W[:, 2] - p_WC[2]
         part = x[None, :] / np.where(np.abs(x) > 1e-9, x, 1e-9)[:, None]
@@ -197,7 +196,7 @@ class Geometry:
             row = other
         return np.asarray(row)
 
-    def _ends_up(self, flight: Sequence[Step], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
+    def _ends_up(self, flight: Sequence[Step], R_WC: Rotation, p_WC: Vector3) -> bool:
         """Return whether the landing is visible through the location of a further riser."""
         staircase, last = self._staircase, flight[-1]
         height, drop = p_WC[2] - last.z_m, p_WC[2] - last.z_m - END_HEIGHT * last.rise_m
@@ -209,20 +208,16 @@ class Geometry:
             return False
         return self._shown([(there, aside, last.z_m + END_HEIGHT * last.rise_m) for aside in (-0.25, 0.0, 0.25)], R_WC, p_WC)
 
-    def _ends_down(self, flight: Sequence[Step], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> bool:
+    def _ends_down(self, flight: Sequence[Step], R_WC: Rotation, p_WC: Vector3) -> bool:
         """Return whether the floor is visible beyond the location of a further tread."""
         first = flight[0]
         behind = [first.x_m - part * first.depth_m for part in np.linspace(*END_BEHIND, 4)]
         return self._shown([(x, aside, first.z_m - first.rise_m) for x in behind for aside in (-0.25, 0.0, 0.25)], R_WC, p_WC)
 
-    def _shown(
-        self, places_W: list[tuple[float, float, float]], R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]
-    ) -> bool:
+    def _shown(self, places_W: list[tuple[float, float, float]], R_WC: Rotation, p_WC: Vector3) -> bool:
         return float((margins_px(self._camera, (np.array(places_W) - p_WC) @ R_WC) > 0.0).mean()) > END_SHARE
 
-    def _walls(
-        self, flight: int, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], p_WB: Float[np.ndarray, " 3"]
-    ) -> tuple[Wall | None, Wall | None]:
+    def _walls(self, flight: int, R_WC: Rotation, p_WC: Vector3, p_WB: Vector3) -> tuple[Wall | None, Wall | None]:
         """Return the walls at +y and -y, however small their visible part."""
         staircase = self._staircase
         if staircase.walls == "none":
@@ -264,7 +259,7 @@ class _TurningGeometry:
         self._frames = [staircase.flight_frame(k) for k in range(staircase.flight_count)]
         self._flights = [Geometry(staircase.alone(k), calibration) for k in range(staircase.flight_count)]
 
-    def visibility(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Visibility | None:
+    def visibility(self, R_WB: Rotation, p_WB: Vector3) -> Visibility | None:
         """Return the visible part of the chair's own flight, or of a neighbouring one; None without a detectable stair."""
         own = self._staircase.flight_at(p_WB, R_WB)
         for k in (own, own + 1, own - 1):
@@ -277,10 +272,7 @@ class _TurningGeometry:
 
 
 def crossings(
-    places_W: Float[np.ndarray, "n 3"],
-    along_W: Float[np.ndarray, "n 3"],
-    R_WB: Float[np.ndarray, "3 3"],
-    p_WB: Float[np.ndarray, " 3"],
+    places_W: Float[np.ndarray, "n 3"], along_W: Float[np.ndarray, "n 3"], R_WB: Rotation, p_WB: Vector3
 ) -> Float[np.ndarray, "n 3"]:
     """Return the intersections of edges, extended beyond the stair's width, with the chair's middle plane, in B [m]."""
     places, along = (places_W - p_WB) @ R_WB, along_W @ R_WB

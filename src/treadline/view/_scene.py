@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.core.rotations import quaternion_of, rotation_of, rotation_z
+from treadline.core.rotations import Rotation, Vector3, quaternion_of, rotation_of, rotation_z
 from treadline.playback import HALF_LINE_M, Recording, support_at
 from treadline.report.plot_table import SIGNS
 from treadline.scenario.scenario import Belts
@@ -284,7 +284,7 @@ class SceneView:
         self._ghost_label.position = run.p_WB[k] + np.array([0.0, 0.0, 2.0])
         self._ghost_label.text = f"fork: {fork.name}" + (f", ended at {end_s:.1f} s" if t_s > end_s and run.verdict else "")
 
-    def _show_heading(self, run: Recording, k: int, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> None:
+    def _show_heading(self, run: Recording, k: int, R_WB: Rotation, p_WB: Vector3) -> None:
         staircase, estimate_rad = self._feed.staircase, float(run.estimate_rad[k])
         R_WS, _, _ = staircase.stair_frame(staircase.flight_at(p_WB, R_WB))
         place = p_WB + WEDGE_LIFT_M * R_WS[:, 2]
@@ -296,14 +296,7 @@ class SceneView:
             self._wedge.position, self._wedge.wxyz = place, quaternion_of(R_WS @ rotation_z(estimate_rad))
             self._wedge.scale = (1.0, half, 1.0)
 
-    def _show_support(
-        self,
-        run: Recording,
-        k: int,
-        R_WB: Float[np.ndarray, "3 3"],
-        p_WB: Float[np.ndarray, " 3"],
-        shift_m: tuple[float, float, float],
-    ) -> None:
+    def _show_support(self, run: Recording, k: int, R_WB: Rotation, p_WB: Vector3, shift_m: tuple[float, float, float]) -> None:
         margin_rad, seat_rad, flipper_rad = float(run.margin_rad[k]), float(run.seat_rad[k]), float(run.flipper_rad[k])
         colour = COLOURS["bad" if margin_rad <= 0.0 else "near" if margin_rad < MARGIN_LIMIT_RAD else "good"]
         found = support_at(run.chair, self._feed.staircase, R_WB, p_WB, flipper_rad)
@@ -357,9 +350,7 @@ class SceneView:
 
             self._frustum.image = from_jpeg(frame.picture, 160)
 
-    def _lines_of(
-        self, frame: ShownFrame, heading_rad: float, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]
-    ) -> tuple[Points, Points]:
+    def _lines_of(self, frame: ShownFrame, heading_rad: float, R_WB: Rotation, p_WB: Vector3) -> tuple[Points, Points]:
         """Return the perceived nosings in W, and the missed true ones, as lines."""
         nosings, lift_W = self._feed.nosings, np.array([0.0, 0.0, 2.0 * LIFT_M])
         heading_rad = heading_rad if frame.heading_rad is None else frame.heading_rad
@@ -369,7 +360,7 @@ class SceneView:
         missed_W = nosings.ends_W[[nosings.place_of(number) for number in missed]] + lift_W
         return (p_WB + perceived_B @ R_WB.T + lift_W).astype(np.float32), missed_W.astype(np.float32)
 
-    def _show_planes(self, frame: ShownFrame, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> None:
+    def _show_planes(self, frame: ShownFrame, R_WB: Rotation, p_WB: Vector3) -> None:
         """Show the treads and risers that were detected in a frame, at the pose of its exposure."""
         eye_B = np.array(self._feed.camera.mount_m)
         for name, node in self._planes.items():

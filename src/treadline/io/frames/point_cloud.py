@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64, Int64, UInt8
+from jaxtyping import Float32, Float64, Int64, UInt8
 
 from treadline.core.arrays import LARGEST
 from treadline.core.camera_images import PinholeCamera, RgbdFrame, black
 from treadline.core.errors import ImageError
+from treadline.core.rotations import Vector3
 from treadline.scenario.camera_file import CameraFile
 
 Axes = Literal["camera", "ros", "opengl"]
@@ -60,7 +61,7 @@ class FrameOptions:
 
     camera: CameraFile | None = None
     """Calibration; a folder has its own camera.toml, a cloud and a log need none."""
-    gravity_C: Float[np.ndarray, " 3"] | None = None
+    gravity_C: Vector3 | None = None
     """Unit vector that points down in the camera frame."""
     unit: str | None = None
     """Unit of depth counts or cloud coordinates: m, cm or mm."""

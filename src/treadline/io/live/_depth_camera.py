@@ -17,6 +17,7 @@ from jaxtyping import Float, Float32, UInt8
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import CameraError
+from treadline.core.rotations import Rotation, Vector3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,7 +31,7 @@ class CameraImages:
     rgb: UInt8[np.ndarray, "h w 3"] | None = None
     rgb_t_s: float | None = None
     """Stamp of the colour image on the device's clock [s]."""
-    force_C: Float[np.ndarray, " 3"] | None = None
+    force_C: Vector3 | None = None
     """Mean specific force since the previous exposure in the camera frame [m/s²]; None without an IMU."""
 
 
@@ -116,7 +117,7 @@ def one_line(error: Exception) -> str:
     return " ".join(str(error).split())[:200]
 
 
-def rotation_or_none(R: Any) -> Float[np.ndarray, "3 3"] | None:
+def rotation_or_none(R: Any) -> Rotation | None:
     """Return a rotation from a vendor's calibration; None if the matrix is not set (zeros) or no rotation."""
     matrix = np.array(R, dtype=float).reshape(3, 3)
     return matrix if np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-2 and np.linalg.det(matrix) > 0.0 else None
@@ -146,7 +147,7 @@ class VendorCamera:
 
     def __init__(self) -> None:
         self._pipeline: Any = None
-        self._R_CI: Float[np.ndarray, "3 3"] | None = None
+        self._R_CI: Rotation | None = None
 
     def close(self) -> None:
         """Stop the streams."""
@@ -165,6 +166,6 @@ class VendorCamera:
             yield frames
         raise no_frame(self.name, timeout_s)
 
-    def _force(self, samples: Sequence[Sequence[float]]) -> Float[np.ndarray, " 3"] | None:
+    def _force(self, samples: Sequence[Sequence[float]]) -> Vector3 | None:
         """Return the mean specific force in the camera frame; None without samples, or with unknown axes."""
         return self._R_CI @ np.mean(samples, axis=0) if samples and self._R_CI is not None else None

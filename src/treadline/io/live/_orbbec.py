@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import CameraError
+from treadline.core.rotations import Rotation
 from treadline.io.live._depth_camera import (
     HEIGHT_PX,
     RATE_HZ,
@@ -101,7 +101,7 @@ class OrbbecCamera(VendorCamera):
         except (self._ob.OBError, RuntimeError):
             return False
 
-    def _rotation(self, motion: Any) -> Float[np.ndarray, "3 3"] | None:
+    def _rotation(self, motion: Any) -> Rotation | None:
         try:
             return rotation_or_none(motion.get_stream_profile().get_extrinsic_to(self._depth).rot)
         except (self._ob.OBError, RuntimeError):

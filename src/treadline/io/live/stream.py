@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame, black
 from treadline.core.errors import CameraError, ImageError
+from treadline.core.rotations import Vector3
 from treadline.io.live import CameraImages, DepthCamera
 from treadline.io.topics import PAIR_S
 from treadline.scenario.camera_file import CameraFile
@@ -43,10 +43,10 @@ class _GravityAverage:
     """Direction of gravity from the specific force of a camera that moves little: opposite to its mean."""
 
     def __init__(self) -> None:
-        self._mean_C: Float[np.ndarray, " 3"] | None = None
+        self._mean_C: Vector3 | None = None
         self._t_s = 0.0
 
-    def step(self, t_s: float, force_C: Float[np.ndarray, " 3"]) -> None:
+    def step(self, t_s: float, force_C: Vector3) -> None:
         """Add a sample to the exponential mean."""
         time_constant_s = 1.0  # two steps of a person who walks with the camera
         weight = 1.0 if self._mean_C is None else 1.0 - np.exp(-max(t_s - self._t_s, 0.0) / time_constant_s)
@@ -54,7 +54,7 @@ class _GravityAverage:
         self._mean_C, self._t_s = before + weight * (force_C - before), t_s
 
     @property
-    def gravity_C(self) -> Float[np.ndarray, " 3"] | None:
+    def gravity_C(self) -> Vector3 | None:
         """Unit vector that points down in the camera frame; None while the camera accelerates."""
         if self._mean_C is None:
             return None
@@ -71,7 +71,7 @@ class LiveFrames:
         camera: DepthCamera,
         *,
         calibration: CameraFile | None = None,
-        gravity_C: Float[np.ndarray, " 3"] | None = None,
+        gravity_C: Vector3 | None = None,
         colour: bool = False,
         on_warning: Callable[[str], None] = lambda _: None,
     ) -> None:
@@ -166,9 +166,7 @@ class LiveFrames:
                 "dark, or a slow computer"
             )
 
-    def _named(
-        self, number: int, images: CameraImages, t_s: float, camera: PinholeCamera, down: Float[np.ndarray, " 3"] | None
-    ) -> NamedFrame:
+    def _named(self, number: int, images: CameraImages, t_s: float, camera: PinholeCamera, down: Vector3 | None) -> NamedFrame:
         height, width = images.depth_m.shape
         if (width, height) != (camera.width_px, camera.height_px):
             raise ImageError(

@@ -7,6 +7,8 @@ camera, and 320 its column of the optical axis. ``heading_about`` is for a camer
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.rotations import Vector3
+
 LEAST_AHEAD = 0.2
 """Least component of the optical axis perpendicular to the chair's z for a defined forward direction."""
 
@@ -54,7 +56,7 @@ def heading_of_edge(delta_d_m: float, delta_x_m: float) -> float:
     return float(np.arctan2(-delta_d_m, delta_x_m))
 
 
-def heading_about(up_C: Float[np.ndarray, " 3"], edge_C: Float[np.ndarray, " 3"]) -> float | None:
+def heading_about(up_C: Vector3, edge_C: Vector3) -> float | None:
     """Return the heading [rad] of a chair with known z axis in C, for any camera pitch and roll and a camera yaw of 0.
 
     The optical axis then lies in the chair's middle plane. On the flight z is the normal of the nosing plane, on horizontal ground

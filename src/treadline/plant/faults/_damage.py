@@ -11,11 +11,10 @@ from functools import partial
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, TruthPlant
-from treadline.core.rotations import rotation_z
+from treadline.core.rotations import Rotation, Vector3, rotation_z
 from treadline.core.signals import FrameQuality, StairMap
 from treadline.plant._actuator_lag_and_slew_kernels import LEFT, RIGHT
 from treadline.plant.sensors._instruments import CameraModel
@@ -123,7 +122,7 @@ class Surroundings:
         self._damage = Damage()
         self._staircase, self._chair, self._direction = staircase, chair, direction
 
-    def change(self, damage: Damage, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> None:
+    def change(self, damage: Damage, R_WB: Rotation, p_WB: Vector3) -> None:
         """Place or remove obstacle and bar for a change of damage, at the present pose of the chair."""
         before, self._damage = self._damage, damage
         if damage.obstacle_m != before.obstacle_m:
@@ -139,7 +138,7 @@ class Surroundings:
         solids = bars if self.box is None else [*bars, self.box]
         self.camera = self._clear_camera.facing(solids, shadows) if solids else self._clear_camera
 
-    def with_obstacle(self, seen: Reading, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Reading:
+    def with_obstacle(self, seen: Reading, R_WB: Rotation, p_WB: Vector3) -> Reading:
         """Return a reading of the statistical camera with the distance of the obstacle."""
         if self.box is None:
             return seen
@@ -155,7 +154,7 @@ class Surroundings:
             case _:
                 return seen
 
-    def gap_m(self, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> float | None:
+    def gap_m(self, R_WB: Rotation, p_WB: Vector3) -> float | None:
         """Return the distance along the belts from the leading end to the obstacle [m]; None without an obstacle."""
         distance = None if self.box is None else distance_m(self.box, self._chair, R_WB, p_WB, self._direction)
         return None if distance is None else distance - leading_end_m(self._chair, self._direction)
@@ -175,12 +174,7 @@ def leading_end_m(chair: ChairDescription, direction: int) -> float:
 
 
 def box_ahead(
-    staircase: Staircase,
-    chair: ChairDescription,
-    R_WB: Float[np.ndarray, "3 3"],
-    p_WB: Float[np.ndarray, " 3"],
-    ahead_m: float,
-    direction: int,
+    staircase: Staircase, chair: ChairDescription, R_WB: Rotation, p_WB: Vector3, ahead_m: float, direction: int
 ) -> SceneBox:
     """Return a box on tread or floor, its face ``ahead_m`` from the leading end along the belts."""
     near = p_WB + direction * (leading_end_m(chair, direction) + ahead_m) * R_WB[:, 0]
@@ -192,9 +186,7 @@ def box_ahead(
     return SceneBox(kind="bag", centre_W=centre, half_m=half, R_WK=rotation_z(yaw), colour=BOX_COLOUR, texture="dark")
 
 
-def distance_m(
-    box: SceneBox, chair: ChairDescription, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"], direction: int
-) -> float | None:
+def distance_m(box: SceneBox, chair: ChairDescription, R_WB: Rotation, p_WB: Vector3, direction: int) -> float | None:
     """Return the distance along x from B to the nearest point of a box in the swept volume [m]; None without such a point."""
     axes = [np.linspace(-half, half, round(2.0 * half / GRAIN_M) + 1) for half in box.half_m]
     points_K = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -204,9 +196,7 @@ def distance_m(
     return float((direction * x[swept]).min()) if swept.any() else None
 
 
-def on_the_level_m(
-    box: SceneBox, staircase: Staircase, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"], direction: int
-) -> float | None:
+def on_the_level_m(box: SceneBox, staircase: Staircase, R_WB: Rotation, p_WB: Vector3, direction: int) -> float | None:
     """Return the distance from mid-track to a box on the flat ground after the stair [m]; None on a step or out of range."""
     stands_m = float(box.centre_W[2] - box.half_m[2])
     level_m = staircase.steps[-1].z_m if direction > 0 else 0.0
@@ -215,9 +205,7 @@ def on_the_level_m(
     return far_m if abs(stands_m - level_m) < GRAIN_M and 0.0 < far_m < SHOWN_M else None
 
 
-def bar_in_view(
-    staircase: Staircase, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], angle_rad: float
-) -> tuple[SceneBox, Shadow]:
+def bar_in_view(staircase: Staircase, R_WC: Rotation, p_WC: Vector3, angle_rad: float) -> tuple[SceneBox, Shadow]:
     """Return a bar on the nosings at the centre of the view, rotated to the left by ``angle_rad``, and its shadow."""
     R_WS = staircase.R_WS
     along = R_WS @ np.array([-math.sin(angle_rad), math.cos(angle_rad), 0.0])
@@ -233,7 +221,7 @@ def bar_in_view(
     return bar, shadow
 
 
-def _looked_at(staircase: Staircase, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " 3"]:
+def _looked_at(staircase: Staircase, R_WC: Rotation, p_WC: Vector3) -> Vector3:
     """Return the intersection of the camera's axis with the nosing plane, limited to the flight."""
     p_SC, axis_S = staircase.R_WS.T @ (p_WC - staircase.p_WS), staircase.R_WS.T @ R_WC[:, 2]
     depth = -p_SC[2] / axis_S[2] if axis_S[2] < 0.0 else BAR_MOST_M
@@ -242,7 +230,7 @@ def _looked_at(staircase: Staircase, R_WC: Float[np.ndarray, "3 3"], p_WC: Float
     return np.asarray(staircase.p_WS + staircase.R_WS @ np.array([min(max(p_S[0], 0.0), length), p_S[1], 0.0]))
 
 
-def _ground_m(staircase: Staircase, p_W: Float[np.ndarray, " 3"]) -> float:
+def _ground_m(staircase: Staircase, p_W: Vector3) -> float:
     """Return the height of the ground at a place [m]; with turning flights, on the nearest flight below."""
     if not staircase.turn_rad:
         return max((step.z_m for step in staircase.steps if step.x_m <= p_W[0] and not step.missing), default=0.0)

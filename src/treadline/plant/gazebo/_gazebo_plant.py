@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError, SimulationDiverged
-from treadline.core.rotations import rotation_of
+from treadline.core.rotations import Rotation, Vector3, rotation_of
 from treadline.core.signals import TICK_S
 from treadline.plant import _actuator_lag_and_slew_kernels as kernels
 from treadline.plant.gazebo import _gzserver as server
@@ -164,7 +164,7 @@ def _refuse_what_gazebo_cannot(scenario: Scenario) -> None:
         )
 
 
-def _pose_of(row: Float[np.ndarray, " 22"]) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, "3 3"]]:
+def _pose_of(row: Float[np.ndarray, " 22"]) -> tuple[Vector3, Rotation]:
     return row[server.POSITION : server.POSITION + 3], rotation_of(row[server.ORIENTATION : server.ORIENTATION + 4])
 
 

@@ -17,7 +17,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError, SimulationDiverged
 from treadline.core.ports import Reading
-from treadline.core.rotations import quaternion_of, rotation_of
+from treadline.core.rotations import Rotation, Vector3, quaternion_of, rotation_of
 from treadline.core.signals import TICK_S
 from treadline.plant import _actuator_lag_and_slew_kernels as drives
 from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD
@@ -188,7 +188,7 @@ class MujocoPlant(InstrumentedPlant):
         if self._chair.seat is not None:
             self._data.qpos[kernels.SEAT_QPOS] = self._data.ctrl[0] = start.seat_rad
 
-    def _pose_WB(self) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]:
+    def _pose_WB(self) -> tuple[Rotation, Vector3]:
         return rotation_of(self._data.qpos[3:7]), self._data.qpos[:3].copy()
 
     def _settle(self) -> None:
@@ -352,7 +352,7 @@ def _view(address: int, rows: int, columns: int, kind: Any) -> np.ndarray:
     return np.frombuffer((ctypes.c_char * size).from_address(address), dtype=kind).reshape(rows, columns)
 
 
-def _sway_of(chair: Chair, seat_kg: float, rest_m: Float[np.ndarray, " 3"], timestep_s: float) -> Float[np.ndarray, " k"]:
+def _sway_of(chair: Chair, seat_kg: float, rest_m: Vector3, timestep_s: float) -> Float[np.ndarray, " k"]:
     """Return the sway parameters of a passenger for the compiled loop, initially at rest; empty without sway.
 
     Args:

@@ -7,9 +7,10 @@ Things that stand on the ground hide nothing here: what rises bears.
 import math
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import FreeGround, View
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.stair import RISE_M
@@ -54,7 +55,7 @@ class GroundAhead:
         asides_m = self._width_m * np.linspace(-0.5, 0.5, LINES)
         self._points = np.stack(np.meshgrid(self._far_m, asides_m, indexing="ij"), axis=-1).reshape(-1, 2)
 
-    def look(self, t_s: float, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> FreeGround:
+    def look(self, t_s: float, R_WB: Rotation, p_WB: Vector3) -> FreeGround:
         """Return the ground ahead at a pose of the chair."""
         ahead = self._way * R_WB[:2, 0] / math.hypot(*R_WB[:2, 0])
         places = p_WB[:2] + self._points @ np.array([ahead, [-ahead[1], ahead[0]]])

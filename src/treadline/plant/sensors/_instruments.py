@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth
+from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import (
     TICK_S,
     FlipperCommand,
@@ -115,10 +116,10 @@ class ChairState:
     """State of a simulated chair and its actuators at a tick."""
 
     tick: int
-    p_WB: Float[np.ndarray, " 3"]
-    R_WB: Float[np.ndarray, "3 3"]
-    velocity_W: Float[np.ndarray, " 3"]
-    rate_B: Float[np.ndarray, " 3"]
+    p_WB: Vector3
+    R_WB: Rotation
+    velocity_W: Vector3
+    rate_B: Vector3
     seat_rad: float
     stroke_m: float
     belts_m_s: Float[np.ndarray, " 2"]
@@ -196,7 +197,7 @@ class Instruments:
         """Ring buffer of recent contact reaches [m]."""
         self._ticks = 0
 
-    def start(self, velocity_W: Float[np.ndarray, " 3"]) -> None:
+    def start(self, velocity_W: Vector3) -> None:
         """Reset all memory at the start of a run."""
         self._velocity_W = velocity_W
         self._ticks = 0
@@ -231,7 +232,7 @@ class Instruments:
         moving = abs(left) + abs(right) > 0.01
         return self._imu.sample(state.t_s, state.R_WB, state.rate_B, acceleration, moving=moving)
 
-    def _payload_at(self, state: ChairState) -> Float[np.ndarray, " 3"]:
+    def _payload_at(self, state: ChairState) -> Vector3:
         """Return the payload's centre in the seat frame with sway and shift [m]; comfort is judged without them."""
         chair = self._scenario.chair
         if not chair.sways:

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.core.rotations import levelling, quaternion_of, rotation_about, rotation_x, rotation_y, rotation_z
+from treadline.core.rotations import Rotation, Vector3, levelling, quaternion_of, rotation_about, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import TICK_S, ImuSample
 from treadline.plant.sensors import _imu_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2
@@ -99,7 +99,7 @@ class Imu:
         self._alignment_rad = errors.accelerometer_noise_m_s2 / math.sqrt(ALIGNMENT_TICKS) / GRAVITY_M_S2 * draw[6:8]
         self._is_aligned = False
 
-    def _align(self, R_WB: Float[np.ndarray, "3 3"]) -> None:
+    def _align(self, R_WB: Rotation) -> None:
         """Initialise the attitude filter: tilt from the mean specific force at rest, yaw from an arbitrary zero."""
         force = R_WB[2] * GRAVITY_M_S2 + self._force_bias
         noise = rotation_x(float(self._alignment_rad[0])) @ rotation_y(float(self._alignment_rad[1]))
@@ -107,15 +107,7 @@ class Imu:
         self._memory[kernels.ATTITUDE : kernels.ATTITUDE + 4] = quaternion_of(rotation_z(self._yaw_rad) @ R)
         self._is_aligned = True
 
-    def sample(
-        self,
-        t_s: float,
-        R_WB: Float[np.ndarray, "3 3"],
-        rate_B: Float[np.ndarray, " 3"],
-        acceleration_W: Float[np.ndarray, " 3"],
-        *,
-        moving: bool,
-    ) -> ImuSample:
+    def sample(self, t_s: float, R_WB: Rotation, rate_B: Vector3, acceleration_W: Vector3, *, moving: bool) -> ImuSample:
         """Return the sample of one tick."""
         if not self._is_aligned:
             self._align(R_WB)

@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import FreeGround, HeadingMeasurement, StairMap
 from treadline.plant.sensors._free_ground import GroundAhead
 from treadline.vehicle.staircase import Staircase
@@ -62,7 +63,7 @@ class StatisticalCamera:
         self._errors = None if exact else _Errors(kind, len(staircase.steps), rng)
         self._ground = ground
 
-    def look(self, t_s: float, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Detected:
+    def look(self, t_s: float, R_WB: Rotation, p_WB: Vector3) -> Detected:
         """Return heading and map of one instant, if the detector would accept the frame, and the ground ahead."""
         seen = self._geometry.visibility(R_WB, p_WB)
         found = self._exactly(seen) if self._errors is None else self._errors.found(seen, R_WB, p_WB)
@@ -129,9 +130,9 @@ class _Wander:
         self._way_m = way_m
         self._rng = rng
         self._drive, self._slow = rng.standard_normal((2, len(way_m)))
-        self._place: Float[np.ndarray, " 3"] | None = None
+        self._place: Vector3 | None = None
 
-    def at(self, p_WB: Float[np.ndarray, " 3"]) -> Float[np.ndarray, " k"]:
+    def at(self, p_WB: Vector3) -> Float[np.ndarray, " k"]:
         """Return the variables for a frame at this position."""
         fresh, own = self._rng.standard_normal((2, len(self._way_m)))
         if self._place is not None:
@@ -155,7 +156,7 @@ class _Errors:
         numbers = np.array(shared)
         self._wander = _Wander(numbers[:, :2], numbers[:, 2], rng)
 
-    def found(self, seen: Visibility | None, R_WB: Float[np.ndarray, "3 3"], p_WB: Float[np.ndarray, " 3"]) -> Found | None:
+    def found(self, seen: Visibility | None, R_WB: Rotation, p_WB: Vector3) -> Found | None:
         """Return what the detector would find in the visible stair."""
         # The reference point is a metre ahead of the chair, so that a rotation decorrelates the errors like a translation.
         normal = self._wander.at(p_WB + R_WB[:, 0])

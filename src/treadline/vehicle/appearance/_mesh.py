@@ -11,11 +11,12 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Float32, Int, Int32
 
+from treadline.core.rotations import Rotation, Vector3
 from treadline.scenario.shipped_files import DATA
 
 Outline = Float[np.ndarray, "n 2"]
 """Closed polygon (x, z), anticlockwise with x to the right and z up."""
-Point3 = Sequence[float] | Float[np.ndarray, " 3"]
+Point3 = Sequence[float] | Vector3
 Colour = tuple[float, float, float]
 """Red, green and blue, each 0 to 1."""
 BodyName = Literal["chair", "seat", "flipper", "bar", "slider", "world"]
@@ -29,7 +30,7 @@ class Mesh:
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
 
-    def moved(self, p: Point3, R: Float[np.ndarray, "3 3"] | None = None) -> "Mesh":
+    def moved(self, p: Point3, R: Rotation | None = None) -> "Mesh":
         """Return the mesh rotated by R and then shifted by p."""
         turned = self.vertices if R is None else self.vertices @ R.T
         return Mesh(vertices=turned + np.asarray(p, dtype=float), faces=self.faces)

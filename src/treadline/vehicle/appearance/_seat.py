@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.core.rotations import rotation_y
+from treadline.core.rotations import Vector3, rotation_y
 from treadline.scenario.chair import ChairDescription, Seat, Size
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.appearance._mesh import (
@@ -44,10 +44,10 @@ class _Posture:
     stature_m: float
     girth: float
     """Factor on all widths."""
-    hip: Float[np.ndarray, " 3"]
-    shoulder: Float[np.ndarray, " 3"]
-    knee: Float[np.ndarray, " 3"]
-    ankle: Float[np.ndarray, " 3"]
+    hip: Vector3
+    shoulder: Vector3
+    knee: Vector3
+    ankle: Vector3
     thigh_radius_m: float
 
     @property
@@ -198,7 +198,7 @@ def _payload_box(chair: ChairDescription, loading: Chair) -> tuple[MeshPart, ...
     )
 
 
-def _posture(size_m: Size, mass_kg: float, com: Float[np.ndarray, " 3"]) -> _Posture:
+def _posture(size_m: Size, mass_kg: float, com: Vector3) -> _Posture:
     """Return the joints of a person whose box and centre of mass in the seat's frame are given.
 
     Angles and the limits of the girth are chosen for the look: the feet stay inside the frame on a slope of 30°.

@@ -6,13 +6,3 @@ Contract: ``Camera`` renders a staircase or any list of ``solids``;
 
 from treadline.plant.sensors.camera.frame_folder import TrueFrame, stair_frames, write_frames
 from treadline.plant.sensors.camera.ray_camera import TEXTURES, Camera, ExactView, RenderedFrame
-
-__all__ = [
-    "TEXTURES",
-    "Camera",
-    "ExactView",
-    "RenderedFrame",
-    "TrueFrame",
-    "stair_frames",
-    "write_frames",
-]

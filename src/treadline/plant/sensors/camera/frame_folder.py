@@ -9,13 +9,12 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.models import write_whole
-from treadline.core.rotations import rotation_z
+from treadline.core.rotations import Vector3, rotation_z
 from treadline.plant.sensors.camera.ray_camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
@@ -33,7 +32,7 @@ class TrueFrame(NamedTuple):
 
     name: str
     frame: RgbdFrame
-    gravity_C: Float[np.ndarray, " 3"]
+    gravity_C: Vector3
     truth: Mapping[str, object]
     """Columns of ``truth.csv`` after the name."""
 

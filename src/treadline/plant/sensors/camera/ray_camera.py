@@ -10,6 +10,7 @@ from jaxtyping import Float, Float32, Int, UInt8
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError
+from treadline.core.rotations import Rotation, Vector3
 from treadline.plant.sensors.camera import _ray_kernels as kernels
 from treadline.plant.sensors.camera.depth_sensor import sensor_model
 from treadline.plant.sensors.camera.solids import SceneBox, Shadow, solids_of
@@ -141,12 +142,12 @@ class Camera:
         self._shades = np.array([_shades(solid) for solid in solids])
         self._axes = np.array([np.repeat(np.argmax(np.abs(solid.R_WK), axis=0), 2) for solid in solids])
 
-    def exact(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> ExactView:
+    def exact(self, R_WC: Rotation, p_WC: Vector3) -> ExactView:
         """Return depth and faces without sensor errors."""
         depth, face, near = self._cast(R_WC, p_WC)
         return ExactView(depth_m=depth, face=np.where(face >= 0, 6 * near[face // 6] + face % 6, -1))
 
-    def frame(self, t_s: float, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]) -> RgbdFrame:
+    def frame(self, t_s: float, R_WC: Rotation, p_WC: Vector3) -> RgbdFrame:
         """Return a frame with sensor errors; its colours are rendered on first access."""
         depth, face, near = self._cast(R_WC, p_WC)
         place = int(self._rng.integers(POOL))
@@ -162,8 +163,8 @@ class Camera:
         depth: Float[np.ndarray, "h w"],
         face: Int[np.ndarray, "h w"],
         near: Int[np.ndarray, " b"],
-        R_WC: Float[np.ndarray, "3 3"],
-        p_WC: Float[np.ndarray, " 3"],
+        R_WC: Rotation,
+        p_WC: Vector3,
         noise: Float32[np.ndarray, " n"],
         place: int,
     ) -> UInt8[np.ndarray, "h w 3"]:
@@ -192,7 +193,7 @@ class Camera:
         return rgb
 
     def _cast(
-        self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"]
+        self, R_WC: Rotation, p_WC: Vector3
     ) -> tuple[Float[np.ndarray, "h w"], Int[np.ndarray, "h w"], Int[np.ndarray, " b"]]:
         camera, near = self.calibration, self._in_front(R_WC, p_WC, VIEW_M)
         depth = np.empty((camera.height_px, camera.width_px))
@@ -200,7 +201,7 @@ class Camera:
         self._cast_rows(near, R_WC, p_WC, 0, depth, face)
         return depth, face, near
 
-    def _in_front(self, R_WC: Float[np.ndarray, "3 3"], p_WC: Float[np.ndarray, " 3"], range_m: float) -> Int[np.ndarray, " b"]:
+    def _in_front(self, R_WC: Rotation, p_WC: Vector3, range_m: float) -> Int[np.ndarray, " b"]:
         """Return the indices of the solids that may be in view."""
         towards = self._centres - p_WC
         ahead = towards @ R_WC[:, 2] > -self._radii
@@ -209,8 +210,8 @@ class Camera:
     def _cast_rows(
         self,
         near: Int[np.ndarray, " b"],
-        R_WC: Float[np.ndarray, "3 3"],
-        p_WC: Float[np.ndarray, " 3"],
+        R_WC: Rotation,
+        p_WC: Vector3,
         top: int,
         depth: Float[np.ndarray, "h w"],
         face: Int[np.ndarray, "h w"],

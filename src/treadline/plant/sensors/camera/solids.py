@@ -4,9 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
-from treadline.core.rotations import rotation_z
+from treadline.core.rotations import Rotation, Vector3, rotation_z
 from treadline.vehicle.stair_solids import Box
 
 Rgb = tuple[float, float, float]
@@ -29,9 +28,9 @@ class SceneBox:
 
     kind: str
     """Kind: ``floor``, ``step``, ``riser``, ``landing``, ``wall`` as in a staircase, or another object."""
-    centre_W: Float[np.ndarray, " 3"]
-    half_m: Float[np.ndarray, " 3"]
-    R_WK: Float[np.ndarray, "3 3"]
+    centre_W: Vector3
+    half_m: Vector3
+    R_WK: Rotation
     colour: Rgb | None = None
     """Colour; None: the default of the kind."""
     texture: str | None = None
@@ -83,21 +82,12 @@ def part_of(solid: SceneBox, x_m: tuple[float, float], y_m: tuple[float, float],
     return placed_in(solid, 0.5 * (low + high), 0.5 * (high - low), np.eye(3))
 
 
-def placed_in(
-    solid: SceneBox, centre_K: Float[np.ndarray, " 3"], half_m: Float[np.ndarray, " 3"], turn: Float[np.ndarray, "3 3"]
-) -> SceneBox:
+def placed_in(solid: SceneBox, centre_K: Vector3, half_m: Vector3, turn: Rotation) -> SceneBox:
     """Return a box of the same kind, placed in the frame of a solid."""
     return replace(solid, centre_W=solid.centre_W + solid.R_WK @ centre_K, half_m=half_m, R_WK=solid.R_WK @ turn)
 
 
-def beam(
-    kind: str,
-    start_W: Float[np.ndarray, " 3"],
-    end_W: Float[np.ndarray, " 3"],
-    across_m: tuple[float, float],
-    *,
-    colour: Rgb | None = None,
-) -> SceneBox:
+def beam(kind: str, start_W: Vector3, end_W: Vector3, across_m: tuple[float, float], *, colour: Rgb | None = None) -> SceneBox:
     """Return a bar from one point to another.
 
     Args:
