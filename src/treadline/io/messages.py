@@ -139,11 +139,13 @@ Writer = Callable[[], CdrWriter]
 
 def messages_of(signal: Any, topic: str | None = None, writer: Writer = CdrWriter) -> list[Message]:
     """Return the messages of a signal, on the default topic of its type unless ``topic`` is given."""
-    known = _WRITERS.get(type(signal))
-    if known is None:
-        known = next(_WRITERS[kind] for kind in type(signal).__mro__ if kind in _WRITERS)
-    own, write = known
+    own, write = _known(signal)
     return write(signal, topic or own, writer)
+
+
+def topic_of(signal: Any) -> str:
+    """Return the default topic of a signal's type."""
+    return _known(signal)[0]
 
 
 def joints(
@@ -380,7 +382,14 @@ def _operator(operator: OperatorInput, topic: str, writer: Writer) -> list[Messa
     return [joints(topic, operator.t_s, names, values, (), "operator", writer)]
 
 
-_WRITERS: dict[type, tuple[str, Callable[[Any, str, Writer], list[Message]]]] = {
+def _known(signal: Any) -> tuple[str, "_Write"]:
+    """Return topic and writer of a signal's type; a plant may have its own subclass of a frame."""
+    known = _WRITERS.get(type(signal))
+    return next(_WRITERS[kind] for kind in type(signal).__mro__ if kind in _WRITERS) if known is None else known
+
+
+_Write = Callable[[Any, str, Writer], list[Message]]
+_WRITERS: dict[type, tuple[str, _Write]] = {
     ImuSample: ("/imu", _imu),
     RgbdFrame: ("/camera", _frame),
     FrameQuality: ("/camera/quality", _quality),

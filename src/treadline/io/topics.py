@@ -6,6 +6,7 @@ equal candidates. ``--topics`` overrides the assignment. Frames are assembled fr
 """
 
 import math
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -281,7 +282,7 @@ def as_logged(logged: PinholeCamera | None, size: tuple[int, int]) -> PinholeCam
 
 
 class Frames:
-    """Pairs depth and colour images of equal time with a calibration to frames."""
+    """Pairs depth and colour images of equal time with a calibration to frames, whichever comes first."""
 
     def __init__(
         self,
@@ -289,7 +290,8 @@ class Frames:
         size: tuple[int, int],
         unit_m: float,
         calibrate: Calibrate,
-        unpaired: Callable[[float, str], None],
+        unpaired: Callable[[float, str], None] = lambda _t_s, _reason: None,
+        ahead: int = 1,
     ) -> None:
         """Start without images.
 
@@ -299,6 +301,7 @@ class Frames:
             unit_m: Depth per count of a 16-bit depth image [m].
             calibrate: Function that returns the calibration to use.
             unpaired: Called with the time of a depth image without a frame [s], and the reason.
+            ahead: Number of images that wait for their other one; where each topic travels by itself, one may be images ahead.
         """
         self._topics = topics
         self._size = size
@@ -306,8 +309,8 @@ class Frames:
         self._calibrate = calibrate
         self._unpaired = unpaired
         self._camera = calibrate(None, size)
-        self._depth: Picture | None = None
-        self._color: Picture | None = None
+        self._depths = deque[Picture](maxlen=ahead)
+        self._colors = deque[Picture](maxlen=ahead)
 
     def calibrate(self, camera: PinholeCamera) -> RgbdFrame | None:
         """Store a calibration; return the frame that it completes, if any.
@@ -325,23 +328,23 @@ class Frames:
 
     def depth(self, image: Picture) -> RgbdFrame | None:
         """Store a depth image; return the frame that it completes, if any."""
-        if self._depth is not None:
-            self._unpaired(self._depth.t_s, "no calibration yet" if self._camera is None else "no colour image of its time")
-        self._depth = image
+        if len(self._depths) == self._depths.maxlen:
+            self._unpaired(self._depths[0].t_s, "no calibration yet" if self._camera is None else "no colour image of its time")
+        self._depths.append(image)
         return self._whole()
 
     def color(self, image: Picture) -> RgbdFrame | None:
         """Store a colour image; return the frame that it completes, if any."""
-        self._color = image
+        self._colors.append(image)
         return self._whole()
 
     def _whole(self) -> RgbdFrame | None:
-        depth, color, camera = self._depth, self._color, self._camera
-        if depth is None or camera is None:
+        camera, pair = self._camera, self._pair()
+        if camera is None or pair is None:
             return None
-        if self._topics.color is not None and (color is None or abs(color.t_s - depth.t_s) > PAIR_S):
-            return None
-        self._depth = None
+        depth, color = pair
+        while self._depths.popleft() is not depth:
+            continue  # an earlier image would be a frame of the past
         size = (camera.height_px, camera.width_px)
         for image in (depth, color):
             if image is not None and image.pixels.shape[:2] != size:
@@ -352,6 +355,14 @@ class Frames:
         # Without colour the picture is black: in the dark depth alone is looked at.
         rgb = np.zeros((*size, 3), np.uint8) if color is None else rgb_pixels(color)
         return RgbdFrame(t_s=depth.t_s, rgb=rgb, depth_m=depth_metres(depth, self._unit_m), camera=camera)
+
+    def _pair(self) -> tuple[Picture, Picture | None] | None:
+        """Return the newest depth image that has its colour image, or needs none."""
+        for depth in reversed(self._depths):
+            color = next((color for color in self._colors if abs(color.t_s - depth.t_s) <= PAIR_S), None)
+            if color is not None or self._topics.color is None:
+                return depth, color
+        return None
 
 
 def depth_metres(

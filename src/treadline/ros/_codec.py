@@ -1,13 +1,12 @@
 """Signals as ROS messages and back, channel by channel: the same fields for ROS 1 and ROS 2."""
 
 import struct
-from collections import deque
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.rotations import quaternion_of
 from treadline.core.signals import Event, HeadingFault, HeadingHealth
@@ -18,7 +17,6 @@ from treadline.io.decode import (
     OURS,
     CdrReader,
     DiagnosticStatus,
-    Picture,
     Ros1Reader,
     calibration,
     one_of,
@@ -28,7 +26,7 @@ from treadline.io.decode import (
 from treadline.io.messages import Message, Writer, joints, messages_of
 from treadline.io.messages import status as status_message
 from treadline.io.scene_messages import BASE, FramePose, frames_message, odometry_message
-from treadline.io.topics import PAIR_S, Frames, Topics, with_mount
+from treadline.io.topics import Frames, Topics, with_mount
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
 from treadline.ros._node_signals import Beat, Clock, GuardState, JointAngles, Mounts, VelocityCommand
@@ -92,11 +90,10 @@ class Decoder:
         self._readers: dict[str, Callable[[CdrReader], Any]] = _READERS.get(channel, {})
         if channel == on.CAMERA:
             color, depth, info = (topic.name for topic in on.CHANNELS[channel].topics)
-            frames = Frames(Topics(depth=depth, color=color, info=info), (0, 0), MILLIMETRE, self._mounted, lambda *_: None)
-            pairs = _Pairs(frames)
+            frames = Frames(Topics(depth=depth, color=color, info=info), (0, 0), MILLIMETRE, self._mounted, ahead=AHEAD)
             self._readers = {
-                color: lambda r: pairs.color(picture(r)),
-                depth: lambda r: pairs.depth(picture(r)),
+                color: lambda r: frames.color(picture(r)),
+                depth: lambda r: frames.depth(picture(r)),
                 info: lambda r: frames.calibrate(calibration(r)[1]),
             }
 
@@ -145,39 +142,6 @@ def _odometry(r: CdrReader) -> Odometry:
         speed_m_s=values[43],
         angular_velocity_rad_s=(values[46], values[47], values[48]),
     )
-
-
-class _Pairs:
-    """Colour and depth images of one time, whichever comes first: each topic travels by itself, and one may be frames ahead."""
-
-    def __init__(self, frames: Frames) -> None:
-        self._frames = frames
-        self._colors: deque[Picture] = deque(maxlen=AHEAD)
-        self._depths: deque[Picture] = deque(maxlen=AHEAD)
-
-    def color(self, image: Picture) -> RgbdFrame | None:
-        """Take a colour image; return the frame that it completes."""
-        depth = _met(image, self._colors, self._depths)
-        return None if depth is None else self._made(image, depth)
-
-    def depth(self, image: Picture) -> RgbdFrame | None:
-        """Take a depth image; return the frame that it completes."""
-        color = _met(image, self._depths, self._colors)
-        return None if color is None else self._made(color, image)
-
-    def _made(self, color: Picture, depth: Picture) -> RgbdFrame | None:
-        self._frames.color(color)
-        return self._frames.depth(depth)
-
-
-def _met(image: Picture, alike: deque[Picture], others: deque[Picture]) -> Picture | None:
-    """Return the other image of this time, which waits no longer; this one waits if there is none."""
-    for k, other in enumerate(others):
-        if abs(other.t_s - image.t_s) <= PAIR_S:
-            del others[k]
-            return other
-    alike.append(image)
-    return None
 
 
 def _health_message(channel: str, health: HeadingHealth, writer: Writer) -> Message:

@@ -12,7 +12,6 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Reading, Transport
 from treadline.core.signals import (
     TICK_S,
-    Event,
     FlipperCommand,
     FlipperReading,
     FrameQuality,
@@ -27,6 +26,7 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
+from treadline.io.messages import topic_of
 from treadline.mission import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Estimator
@@ -124,7 +124,7 @@ class CameraNode(_AdmittingNode):
             return self._admission.admit(frame) and self._admission.admit(quality)
 
         for detected in self._block.step(frame, admit):
-            self._publish(DETECTED[type(detected)], detected)
+            self._publish(topic_of(detected), detected)
 
     def _take_quality(self, quality: FrameQuality) -> None:
         self._admission.admit(quality)
@@ -132,11 +132,7 @@ class CameraNode(_AdmittingNode):
 
     def _pass(self, measured: HeadingMeasurement | StairMap) -> None:
         if self._admission.admit(measured):
-            self._publish(DETECTED[type(measured)], measured)
-
-
-DETECTED: dict[type, str] = {FrameQuality: on.QUALITY, HeadingMeasurement: on.MEASURED, StairMap: on.MAP, Event: on.DIAGNOSTICS}
-"""Channel of each output of the camera block."""
+            self._publish(topic_of(measured), measured)
 
 
 class HeadingNode(_AdmittingNode):

@@ -5,55 +5,37 @@
 
 from collections.abc import Callable
 
-from treadline.core.camera_images import RgbdFrame
-from treadline.core.ports import Plant, Reading, Transport, TruthPlant
+from treadline.core.ports import Plant, Transport, TruthPlant
 from treadline.core.signals import (
     TICK_S,
     FlipperCommand,
-    FlipperReading,
     FrameQuality,
-    FreeGround,
     HeadingMeasurement,
-    ImuSample,
     OperatorInput,
     PlantState,
     SeatCommand,
-    SeatReading,
     StairMap,
     TrackCommand,
-    TrackReading,
 )
 from treadline.guard import GuardConfig, LastGuard
+from treadline.io.messages import topic_of
 from treadline.ros import channels as on
 
 STATE_TICKS = 10
 """Ticks between two messages of the plant's state, and of the ground truth, which no node subscribes to."""
-CHANNEL_OF: dict[type, str] = {
-    ImuSample: on.IMU,
-    TrackReading: on.TRACKS,
-    SeatReading: on.SEAT,
-    FlipperReading: on.FLIPPER,
-    OperatorInput: on.OPERATOR,
-    PlantState: on.PLANT,
-    RgbdFrame: on.CAMERA,
+OF_THE_CAMERA: dict[type, str] = {
     FrameQuality: on.CAMERA_QUALITY,
-    FreeGround: on.GROUND,
     HeadingMeasurement: on.CAMERA_HEADING,
     StairMap: on.CAMERA_MAP,
 }
-"""The channel of each reading of a plant."""
-
-
-def channel_of(reading: Reading) -> str:
-    """Return the channel of a reading; a plant may have its own subclass of a frame."""
-    return next(CHANNEL_OF[kind] for kind in type(reading).__mro__ if kind in CHANNEL_OF)
+"""Channels of a camera that measures by itself; the camera node publishes on those of a log."""
 
 
 class PlantNode:
     """``TrackCommand, SeatCommand, FlipperCommand -> readings``: a chair, simulated or real, behind the ``Plant`` port."""
 
     name = "plant"
-    publishes = (*CHANNEL_OF.values(), on.TRUTH)
+    publishes = (*on.SENSORS, on.PLANT, *OF_THE_CAMERA.values(), on.GROUND, on.TRUTH)
     needs = ()
 
     def __init__(self, plant: Plant, config: GuardConfig) -> None:
@@ -92,7 +74,7 @@ class PlantNode:
         for reading in self._plant.read():
             if isinstance(reading, OperatorInput):
                 self.last_guard.operate(reading)  # not every transport delivers a node's own messages
-            self._publish(channel_of(reading), reading)
+            self._publish(OF_THE_CAMERA.get(type(reading)) or topic_of(reading), reading)
         tick = round(t_s / TICK_S)
         if self.last_guard.fault != self._published or tick % STATE_TICKS == 0:
             self._published = self.last_guard.fault
