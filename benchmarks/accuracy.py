@@ -99,7 +99,7 @@ def _errors_of_ours(arguments: dict[str, Any], case: Case, experiments: list[Exp
     for experiment in experiments:
         try:
             model = identify(experiment.record, IdentificationOptions(order=case.order, **arguments)).model
-            errors.append(relative_error(ours.state_space(model), experiment.system, STEPS))
+            errors.append(relative_error(model, experiment.system, STEPS))
         except ours.FAILURES:
             errors.append(np.inf)
     return errors

@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from systems import StateSpace
 
 from treadline.core.errors import TreadlineError
 from treadline.core.models import InputOutputRecord
@@ -21,18 +20,6 @@ WAYS: dict[str, dict[str, Any]] = {
 
 FAILURES = (TreadlineError, np.linalg.LinAlgError)
 """What counts as a failed run; the second would be a fault of ours, and is counted, not hidden by a crash."""
-
-
-def state_space(model: Any) -> StateSpace:
-    """Return a ``LinearModel`` in the benchmark's own terms."""
-    return StateSpace(
-        A=model.A,
-        B=model.B,
-        C=model.C,
-        D=model.D,
-        input_offset=model.input_offset,
-        output_offset=model.output_offset,
-    )
 
 
 def gram_alone(record: InputOutputRecord, lags: int) -> None:

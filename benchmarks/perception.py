@@ -26,14 +26,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, sensor_cases
 from scenes import STAIRLESS_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
 from scenes.recipe import STEPPED_SCENES
 from scenes.scores import wilson
 
 from treadline.core.angles import DEG
-from treadline.core.rotations import rotation_of
+from treadline.core.rotations import Vector3, rotation_of
 from treadline.core.signals import StairMap
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
 from treadline.io.frames import read_frame
@@ -308,7 +307,7 @@ def axes_row(case: Case, seeds: range) -> str:
     return f"| {case.label} | {len(seen)} | {' | '.join(cells)} |"
 
 
-def turned(true: Float[np.ndarray, " 3"], found: Float[np.ndarray, " 3"], about: Float[np.ndarray, " 3"]) -> float:
+def turned(true: Vector3, found: Vector3, about: Vector3) -> float:
     """Return by how much a direction is turned about an axis."""
     return float(np.arctan2(about @ np.cross(true, found), true @ found))
 
@@ -565,7 +564,7 @@ def calibration_of(depth: Path, true: dict[str, float]) -> CameraFile:
     )
 
 
-def angle_between(a: Float[np.ndarray, " 3"], b: Float[np.ndarray, " 3"]) -> float:
+def angle_between(a: Vector3, b: Vector3) -> float:
     """Return the angle between two lines."""
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), abs(float(a @ b))))
 

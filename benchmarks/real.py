@@ -13,10 +13,11 @@ import numpy as np
 import ours
 from peers import Fit, PeerError, centred
 from score import fit_percent
-from systems import DataSet, StateSpace, halves, part
+from systems import DataSet, Model, halves
 
 from treadline.core.models import InputOutputRecord
 from treadline.identification import IdentificationOptions, identify
+from treadline.identification.validate import part
 
 ORDERS = range(1, 13)
 BLOCK_ROWS = (10, 20, 30)
@@ -35,7 +36,7 @@ class Score:
     percent: float
     choice: str
     is_peer: bool
-    model: StateSpace | None = None
+    model: Model | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -56,7 +57,7 @@ def _ours(name: str, arguments: dict[str, Any], first: InputOutputRecord, second
         found = identify(first, IdentificationOptions(**arguments))
     except ours.FAILURES as error:
         return Score(method=name, percent=-np.inf, choice="–", is_peer=False, notes=(str(error),))
-    model = ours.state_space(found.model)
+    model = found.model
     choice = f"order {found.report.order}, lags {found.report.lags}"
     notes = tuple(found.report.warnings)
     return Score(method=name, percent=fit_percent(model, second), choice=choice, is_peer=False, model=model, notes=notes)
@@ -65,8 +66,8 @@ def _ours(name: str, arguments: dict[str, Any], first: InputOutputRecord, second
 def _like_a_peer(name: str, arguments: dict[str, Any], first: InputOutputRecord, second: InputOutputRecord) -> Score:
     """Score a method of treadline with order and lags selected as for a peer, to separate selection from method."""
 
-    def fit(record: InputOutputRecord, order: int, block_rows: int) -> StateSpace:
-        return ours.state_space(identify(record, IdentificationOptions(order=order, lags=block_rows, **arguments)).model)
+    def fit(record: InputOutputRecord, order: int, block_rows: int) -> Model:
+        return identify(record, IdentificationOptions(order=order, lags=block_rows, **arguments)).model
 
     return _chosen(f"{name}, chosen as a peer's", fit, first, second, is_peer=False)
 
@@ -85,12 +86,12 @@ def _percent(fit: Fit, first: InputOutputRecord, second: InputOutputRecord, orde
     return _percent_of(_model(fit, first, order, rows), second)
 
 
-def _percent_of(model: StateSpace | None, record: InputOutputRecord) -> float:
+def _percent_of(model: Model | None, record: InputOutputRecord) -> float:
     percent = -np.inf if model is None else fit_percent(model, record)
     return percent if np.isfinite(percent) else -np.inf
 
 
-def _model(fit: Fit, record: InputOutputRecord, order: int, rows: int) -> StateSpace | None:
+def _model(fit: Fit, record: InputOutputRecord, order: int, rows: int) -> Model | None:
     try:
         return fit(record, order, rows)
     except (PeerError, *ours.FAILURES, ValueError):  # peers raise what their libraries raise

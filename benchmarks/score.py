@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Float
-from systems import StateSpace
+from systems import Model
 
 from treadline.core.models import InputOutputRecord
 
@@ -10,7 +10,7 @@ BLOCKS, DRAWS, BOOTSTRAP_SEED = 20, 500, 1
 """Block bootstrap: blocks per resampled record, number of resamples, and seed. Blocks exceed the correlation time of the errors."""
 
 
-def markov(model: StateSpace, steps: int) -> Float[np.ndarray, "steps p m"]:
+def markov(model: Model, steps: int) -> Float[np.ndarray, "steps p m"]:
     """Return D, CB, CAB, …: ``steps`` matrices."""
     response, reach = [model.D], model.B
     for _ in range(steps - 1):
@@ -19,14 +19,14 @@ def markov(model: StateSpace, steps: int) -> Float[np.ndarray, "steps p m"]:
     return np.array(response)
 
 
-def relative_error(model: StateSpace, truth: StateSpace, steps: int) -> float:
+def relative_error(model: Model, truth: Model, steps: int) -> float:
     """Return ‖Y - Ŷ‖/‖Y‖ over the first Markov parameters."""
     expected = markov(truth, steps)
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.linalg.norm(markov(model, steps) - expected) / np.linalg.norm(expected))
 
 
-def free_run(model: StateSpace, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
+def free_run(model: Model, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the simulated outputs, from the initial state that suits the whole record best."""
     v = record.u - model.input_offset
     n = len(model.A)
@@ -47,7 +47,7 @@ def free_run(model: StateSpace, record: InputOutputRecord) -> Float[np.ndarray, 
     return np.asarray(forced + response[:, :, :n] @ x0)
 
 
-def fit_percent(model: StateSpace, record: InputOutputRecord) -> float:
+def fit_percent(model: Model, record: InputOutputRecord) -> float:
     """Return 100 (1 - ‖y - ŷ‖/‖y - ȳ‖) of a free run, averaged over the outputs; -inf where it diverges."""
     return percent_of(record.y - free_run(model, record), record.y - record.y.mean(axis=0))
 
@@ -57,7 +57,7 @@ def percent_of(error: Float[np.ndarray, "T p"], spread: Float[np.ndarray, "T p"]
     return float(np.mean(100.0 * (1.0 - np.linalg.norm(error, axis=0) / np.linalg.norm(spread, axis=0))))
 
 
-def fits_apart(one: StateSpace, other: StateSpace, record: InputOutputRecord) -> tuple[float, float]:
+def fits_apart(one: Model, other: Model, record: InputOutputRecord) -> tuple[float, float]:
     """Return between which differences of two models' fits 95 of 100 records like this one would lie.
 
     Blocks of the record are drawn again and again with both models' errors in them (Künsch 1989): errors are alike in neighbours,

@@ -20,7 +20,7 @@ from statistical import AS_BUILT, CHAIR, DOWN_W, FLAT_M, pose_at, tilt_of
 from tables import table
 
 from treadline.core.angles import DEG
-from treadline.core.rotations import quaternion_of, rotation_y
+from treadline.core.rotations import Vector3, quaternion_of, rotation_y
 from treadline.core.signals import ImuSample, StairMap, TrackReading
 from treadline.mission.stair_tracker import StairTracker
 from treadline.perception import StairDetector
@@ -51,7 +51,7 @@ class Moment:
     travel_m: float
     pitch_rad: float
     imu_pitch_rad: float
-    p_WB: Float[np.ndarray, " 3"]
+    p_WB: Vector3
     scene: str
     stair_map: StairMap | None
 

@@ -11,7 +11,7 @@ import math
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from scenes.flight import TiltedFlight, draw_flight
 from scipy.stats import ks_2samp, norm, rankdata
 
 from treadline.core.angles import DEG
-from treadline.core.rotations import rotation_x, rotation_y, rotation_z
+from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.perception import StairDetector
 from treadline.plant.sensors.camera import TEXTURES
@@ -165,9 +165,7 @@ def drive(seed: int, *, rear: bool) -> Iterator[Record]:
         }
 
 
-def poses(
-    flight: TiltedFlight, rng: np.random.Generator, *, rear: bool
-) -> Iterator[tuple[float, str, Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]]:
+def poses(flight: TiltedFlight, rng: np.random.Generator, *, rear: bool) -> Iterator[tuple[float, str, Rotation, Vector3]]:
     """Yield way, scene and pose along a traversal, up with the front camera, down with the rear one."""
     staircase = flight.staircase
     last = staircase.steps[-1]
@@ -186,9 +184,7 @@ def poses(
             yield done, scene, R_WB @ rotation_y(float(rock[0])) @ rotation_x(float(rock[1])), p_WB
 
 
-def pose_at(
-    staircase: Staircase, x_m: float, lateral_m: float, heading_rad: float
-) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"], str]:
+def pose_at(staircase: Staircase, x_m: float, lateral_m: float, heading_rad: float) -> tuple[Rotation, Vector3, str]:
     """Return how a chair stands whose middle is at a place, and where that is: on the level, mounting, on the flight, tipping."""
     first, last = staircase.steps[0], staircase.steps[-1]
     slope, reach = staircase.slope_rad, FLAT_M * math.cos(heading_rad)
@@ -204,20 +200,14 @@ def pose_at(
     return rotation_y(-pitch) @ rotation_z(heading_rad), np.array([x_m, lateral_m, z + 0.001]), scene
 
 
-def tilt_of(rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
+def tilt_of(rng: np.random.Generator) -> Rotation:
     """Return what the IMU makes of level: the same all drive."""
     way = rng.uniform(0.0, 2.0 * math.pi)
     return rotation_z(way) @ rotation_y(GRAVITY_ERROR_RAD * float(abs(rng.standard_normal()))) @ rotation_z(-way)
 
 
 def _plain(told: Visibility | StairMap) -> Record:
-    values = {name: getattr(told, name) for name in told.__dataclass_fields__}
-    for name, value in values.items():
-        if isinstance(value, np.ndarray):
-            values[name] = value.tolist()
-        elif isinstance(value, Wall):
-            values[name] = {"free_m": value.free_m, "share": value.share}
-    return values
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(told).items()}
 
 
 def lines_of(seeds: range, keep: Path | None) -> list[Record]:
@@ -254,7 +244,7 @@ class Samples:
     frames: list[int] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
 
-    def add(self, record: Record, place: Float[np.ndarray, " 3"], cell: tuple[int, ...], value: float, number: int = 0) -> None:
+    def add(self, record: Record, place: Vector3, cell: tuple[int, ...], value: float, number: int = 0) -> None:
         """Take one; ``number`` tells those apart that have no part in each other, as two nosings."""
         self.drives.append(1000 * (6 * int(record["drive"]) + 2 * int(record.get("chance", 0)) + int(record["rear"])) + number)
         self.places.append(place.tolist())
@@ -322,13 +312,7 @@ def _ends_a_wall(record: Record, obstacle_m: float) -> bool:
 
 
 def _add(
-    found: dict[str, Samples],
-    record: Record,
-    place: Float[np.ndarray, " 3"],
-    name: str,
-    cell: tuple[int, ...],
-    value: float,
-    number: int = 0,
+    found: dict[str, Samples], record: Record, place: Vector3, name: str, cell: tuple[int, ...], value: float, number: int = 0
 ) -> None:
     found[name].add(record, place, cell, value, number)
 

@@ -10,7 +10,8 @@ from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
 from treadline.core import paper
-from treadline.core.models import InputOutputRecord
+from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.identification.validate import part
 
 MODES_SEED = 2021
 """Draws the lightly damped system; never used for data."""
@@ -28,6 +29,10 @@ class StateSpace:
     D: Float[np.ndarray, "p m"]
     input_offset: Float[np.ndarray, " m"]
     output_offset: Float[np.ndarray, " p"]
+
+
+Model = StateSpace | LinearModel
+"""A model of the benchmark or of treadline: both have these matrices and offsets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -183,14 +188,3 @@ def read(data: DataSet, path: Path) -> InputOutputRecord:
     u, y = (np.column_stack([table[name] for name in channels]) for channels in (data.inputs, data.outputs))
     period_s = float(np.median(np.diff(table["t_s"])))
     return InputOutputRecord(u=u, y=y, dt_s=period_s, input_names=data.inputs, output_names=data.outputs)
-
-
-def part(record: InputOutputRecord, start: int, stop: int) -> InputOutputRecord:
-    """Return the samples ``start … stop - 1``."""
-    return InputOutputRecord(
-        u=record.u[start:stop],
-        y=record.y[start:stop],
-        dt_s=record.dt_s,
-        input_names=record.input_names,
-        output_names=record.output_names,
-    )

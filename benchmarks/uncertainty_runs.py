@@ -8,6 +8,7 @@ import itertools
 import json
 import math
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -285,8 +286,7 @@ def _braked(variation: Variation, slope_deg: float) -> TruthPlant:
 
 
 def _creep(variation: Variation) -> Outcome:
-    plant = _braked(variation, float(plan.FIG10_SLOPE))
-    try:
+    with closing(_braked(variation, float(plan.FIG10_SLOPE))) as plant:
         plant.advance(1.0)  # the contacts take up the load
         first_m = last_m = plant.truth()[-1].x_m
         for second in range(2, round(MINUTE_S) + 2):
@@ -294,18 +294,13 @@ def _creep(variation: Variation) -> Outcome:
             last_m = plant.truth()[-1].x_m
             if abs(last_m - first_m) > 0.5:  # m: the chair slides
                 return "slides", {}
-    finally:
-        plant.close()
     return "ok", {"creep_mm_min": 1000.0 * abs(last_m - first_m) / (MINUTE_S / 60.0)}
 
 
 def _slide(variation: Variation) -> Outcome:
-    plant = _braked(variation, SLIDE_DEG)
-    try:
+    with closing(_braked(variation, SLIDE_DEG)) as plant:
         plant.advance(SLIDE_S)
         x_m = np.array([sample.x_m for sample in plant.truth()[-11:]])
-    finally:
-        plant.close()
     speed = float(x_m[0] - x_m[-1]) / 0.1
     along = 0.62 * variation.friction[0]
     slope = SLIDE_DEG * DEG

@@ -8,16 +8,3 @@ from scenes.camera import SceneCamera
 from scenes.ground_truth import StairTruth
 from scenes.recipe import CLUTTER, ROOM_SCENES, STAIR_SCENES, STAIRLESS_SCENES, ViewRecipe
 from scenes.views import RecordedDrive, View, draw_view
-
-__all__ = [
-    "CLUTTER",
-    "ROOM_SCENES",
-    "STAIRLESS_SCENES",
-    "STAIR_SCENES",
-    "RecordedDrive",
-    "SceneCamera",
-    "StairTruth",
-    "View",
-    "ViewRecipe",
-    "draw_view",
-]

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from scenes.clutter import RAIL_INSET_M, RAIL_M
 from scenes.recipe import PLACES_M, Range, ViewRecipe, drawn
 from treadline.core.angles import DEG
-from treadline.core.rotations import rotation_x, rotation_y, rotation_z
+from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
 from treadline.plant.sensors.camera.solids import SceneBox, part_of, solids_of
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.stair_solids import TREAD_THICKNESS_M, WALL_HEIGHT_M, stair_boxes
@@ -45,8 +45,8 @@ CLEAR_M = 0.12
 class Pose:
     """Pose of the chair."""
 
-    R_WB: Float[np.ndarray, "3 3"]
-    p_WB: Float[np.ndarray, " 3"]
+    R_WB: Rotation
+    p_WB: Vector3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,16 +61,16 @@ class TiltedFlight:
     curvature_1_m: float = 0.0
     """Curvature of the centre line [1/m]; positive if the flight turns left going up."""
 
-    def turn(self, index: int) -> Float[np.ndarray, "3 3"]:
+    def turn(self, index: int) -> Rotation:
         """Return the rotation of a step about the middle of its nosing."""
         pitch, roll = self.tilts_rad[index]
         return rotation_y(-float(pitch)) @ rotation_x(float(roll))
 
-    def along(self, step: Step) -> Float[np.ndarray, " 3"]:
+    def along(self, step: Step) -> Vector3:
         """Return the direction of a step's nosing, to the left."""
         return self.turn(step.index) @ np.array([-math.sin(step.yaw_rad), math.cos(step.yaw_rad), 0.0])
 
-    def nosing(self, step: Step, y_m: float) -> tuple[Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]]:
+    def nosing(self, step: Step, y_m: float) -> tuple[Vector3, Vector3]:
         """Return the point of a step's nosing at a distance left of its middle, and the tangent there."""
         middle, along = step.nosing_F, self.along(step)
         if self.bow_m == 0.0:
@@ -183,12 +183,7 @@ def _staircase(recipe: ViewRecipe, rng: np.random.Generator) -> Staircase:
 
 
 def draw_pose(
-    scene: str,
-    staircase: Staircase,
-    p_BC: Float[np.ndarray, " 3"],
-    recipe: ViewRecipe,
-    heading_rad: float,
-    rng: np.random.Generator,
+    scene: str, staircase: Staircase, p_BC: Vector3, recipe: ViewRecipe, heading_rad: float, rng: np.random.Generator
 ) -> Pose:
     """Return a random pose on the nosings, the floor or the landing, with the camera clear of the walls."""
     pose = _pose(scene, staircase, recipe, heading_rad, rng)
@@ -213,7 +208,7 @@ def _pose(scene: str, staircase: Staircase, recipe: ViewRecipe, heading_rad: flo
     return Pose(R_WB=staircase.R_WS @ yaw @ rock, p_WB=p_WB)
 
 
-def rocked(recipe: ViewRecipe, rng: np.random.Generator) -> Float[np.ndarray, "3 3"]:
+def rocked(recipe: ViewRecipe, rng: np.random.Generator) -> Rotation:
     """Return a random rotation of the chair relative to its support."""
     pitch, roll = recipe.rock_deg * DEG * rng.standard_normal(2)
     return rotation_y(float(pitch)) @ rotation_x(float(roll))

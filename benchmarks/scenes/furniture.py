@@ -187,16 +187,7 @@ def _yawed(solids: list[SceneBox], x_m: float, rng: np.random.Generator) -> list
 
 
 MAKERS: dict[str, Callable[[np.random.Generator], list[SceneBox]]] = {
-    "carton_steps": carton_steps,
-    "pallet_steps": pallet_steps,
-    "drawers": drawers,
-    "escalator": escalator,
-    "blinds": blinds,
-    "radiator": radiator,
-    "chairs": chairs,
-    "sofa": sofa,
-    "cable_ladder": cable_ladder,
-    "crates": crates,
-    "rubble": rubble,
+    make.__name__: make
+    for make in (carton_steps, pallet_steps, drawers, escalator, blinds, radiator, chairs, sofa, cable_ladder, crates, rubble)
 }
 """Function of each scene."""

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 from scenes.clutter import OBSTACLES, RAIL_INSET_M, RAIL_M
 from scenes.flight import Direction, Pose, TiltedFlight
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import Vector3
 from treadline.plant.sensors.camera import ExactView
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import ChairDescription
@@ -43,9 +44,9 @@ class StairTruth:
 
     direction: Direction
     heading_rad: float
-    edge_C: Float[np.ndarray, " 3"]
+    edge_C: Vector3
     """Unit vector along the nosings, pointing to the chair's right."""
-    normal_C: Float[np.ndarray, " 3"]
+    normal_C: Vector3
     """Unit vector normal to the nosing plane, pointing away from the stair."""
     slope_rad: float
     rise_m: float

@@ -126,13 +126,6 @@ def _incline(x_m: float, low_m: float, slope_rad: float, length_m: float, half_m
 
 
 MAKERS: dict[str, Callable[[np.random.Generator], list[SceneBox]]] = {
-    "corrugated": corrugated,
-    "relief": relief,
-    "kerb": kerb,
-    "ramp_turn": ramp_turn,
-    "street": street,
-    "terrace": terrace,
-    "podium": podium,
-    "fence": fence,
+    make.__name__: make for make in (corrugated, relief, kerb, ramp_turn, street, terrace, podium, fence)
 }
 """Function of each scene."""

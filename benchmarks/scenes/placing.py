@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from treadline.core.rotations import rotation_z
 from treadline.plant.sensors.camera.solids import Rgb, SceneBox, upright
 
 BEECH: Rgb = (176.0, 132.0, 84.0)
@@ -25,8 +26,7 @@ def oblique_wall(middle_x_m: float, yaw_rad: float, *, y_m: float = 0.0, low_m: 
 
 def turned(solid: SceneBox, yaw_rad: float, about_m: tuple[float, float]) -> SceneBox:
     """Return a solid turned about a vertical axis."""
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    turn = rotation_z(yaw_rad)
     pivot = np.array([*about_m, 0.0])
     return replace(solid, centre_W=pivot + turn @ (solid.centre_W - pivot), R_WK=turn @ solid.R_WK)
 

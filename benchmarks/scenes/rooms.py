@@ -190,22 +190,10 @@ def _pallets(rng: np.random.Generator) -> list[SceneBox]:
     return [turned(board, yaw, (x, 0.0)) for board in boards]
 
 
+PLACES = (_floor, _wall, _corridor, _corner, _ramp, _landing, _steep, _threshold, _stripes)
+THINGS = (_shelf, _table, _boxes, _ladder, _bench, _pallets)
 MAKERS: dict[str, Callable[[np.random.Generator], list[SceneBox]]] = {
-    "floor": _floor,
-    "wall": _wall,
-    "corridor": _corridor,
-    "corner": _corner,
-    "shelf": _shelf,
-    "table": _table,
-    "boxes": _boxes,
-    "ramp": _ramp,
-    "landing": _landing,
-    "steep": _steep,
-    "ladder": _ladder,
-    "threshold": _threshold,
-    "stripes": _stripes,
-    "bench": _bench,
-    "pallets": _pallets,
+    **{make.__name__.removeprefix("_"): make for make in (*PLACES, *THINGS)},
     **furniture.MAKERS,
     **outdoors.MAKERS,
 }

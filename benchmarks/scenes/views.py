@@ -15,7 +15,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
 
 from scenes.camera import SceneCamera, Sweep
 from scenes.clutter import cast_shadows
@@ -27,7 +26,7 @@ from scenes.setting import Setting, stair_setting
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import SettingsError
-from treadline.core.rotations import rotation_z
+from treadline.core.rotations import Vector3, rotation_z
 from treadline.plant.sensors.camera import ExactView
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import ChairDescription, read_chair
@@ -52,9 +51,9 @@ class View:
 
     scene: str
     frame: RgbdFrame
-    gravity_C: Float[np.ndarray, " 3"]
+    gravity_C: Vector3
     """Gravity direction from IMU and calibrated mount, with errors."""
-    true_gravity_C: Float[np.ndarray, " 3"]
+    true_gravity_C: Vector3
     true_camera: PinholeCamera
     """Calibration without errors."""
     exact: ExactView
@@ -77,7 +76,7 @@ class _Stage:
     filled: tuple[SceneCamera, list[SceneBox]] | None = None
     """Camera before the same scene with solid treads, and its solids, if the treads are gratings or glass: the ground truth counts
     treads and nosings that a depth sensor sees through."""
-    motion: tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None = None
+    motion: tuple[float, Vector3, Vector3] | None = None
     """Readout time of a rolling shutter [s], and velocity [m/s] and rate [rad/s] in B during the readout."""
 
     def view(self, t_s: float, pose: Pose) -> View:
@@ -110,7 +109,7 @@ class _Stage:
         return Sweep(readout_s=readout_s, velocity_W=pose.R_WB @ velocity_B + np.cross(rate_W, lever_W), rate_W=rate_W)
 
 
-def _motion(recipe: ViewRecipe, rng: np.random.Generator) -> tuple[float, Float[np.ndarray, " 3"], Float[np.ndarray, " 3"]] | None:
+def _motion(recipe: ViewRecipe, rng: np.random.Generator) -> tuple[float, Vector3, Vector3] | None:
     """Return readout time, velocity and rate of a rolling shutter; None for a global shutter."""
     if recipe.readout_s == 0.0:
         return None
@@ -245,7 +244,7 @@ def _cameras(chair: ChairDescription, recipe: ViewRecipe, rng: np.random.Generat
     return declared, true
 
 
-def _tilted(direction: Float[np.ndarray, " 3"], angle_rad: float, rng: np.random.Generator) -> Float[np.ndarray, " 3"]:
+def _tilted(direction: Vector3, angle_rad: float, rng: np.random.Generator) -> Vector3:
     """Return a direction rotated by an angle towards a random side."""
     side = np.cross(direction, rng.standard_normal(3))
     return math.cos(angle_rad) * direction + math.sin(angle_rad) * side / np.linalg.norm(side)
