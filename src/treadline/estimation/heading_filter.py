@@ -90,6 +90,8 @@ class HeadingFilter:
         self._belts: TrackReading | None = None
         self._scatter = IndependentShare()
         self._memory = TurnHistory(self._config.memory_s)
+        self._now_s = -math.inf
+        """Stamp of the newest signal, also of one that is not used."""
         self._t_s: float | None = None
         self._imu_s: float | None = None
         self._frame: HeadingMeasurement | None = None
@@ -107,6 +109,7 @@ class HeadingFilter:
 
         Belt readings are optional. They distinguish a stuck gyro from a standing chair, and speed up drift detection.
         """
+        self._now_s = max(self._now_s, signal.t_s)
         match signal:
             case ImuSample():
                 self._predict(signal)
@@ -125,7 +128,7 @@ class HeadingFilter:
             return None
         found = self._faults.most_severe(self._t_s)
         return HeadingHealth(
-            t_s=self._t_s,
+            t_s=self._now_s,
             fault=None if found is None else found.kind,
             since_s=None if found is None else found.since_s,
             cause=None if found is None else found.cause,
