@@ -117,18 +117,8 @@ def resampled(model: LinearModel, period_s: float) -> LinearModel:
     whole = np.zeros((n + m, n + m))
     whole[:n, :n], whole[:n, n:], whole[n:, n:] = model.A, model.B, np.eye(m)
     rescaled = expm(np.real(logm(whole)) * (period_s / model.dt_s))
-    return LinearModel(
-        A=rescaled[:n, :n],
-        B=rescaled[:n, n:],
-        C=model.C,
-        D=model.D,
-        dt_s=period_s,
-        input_offset=model.input_offset,
-        output_offset=model.output_offset,
-        input_names=model.input_names,
-        output_names=model.output_names,
-        provenance={**model.provenance, "resampled_from_s": model.dt_s},
-    )
+    made = {**model.provenance, "resampled_from_s": model.dt_s}
+    return replace(model, A=rescaled[:n, :n], B=rescaled[:n, n:], dt_s=period_s, observer_gain=None, provenance=made)
 
 
 def _check_period(model: LinearModel, period_s: float | None) -> None:

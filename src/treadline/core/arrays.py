@@ -1,4 +1,4 @@
-"""Numeric arrays: conversion and checking of those from callers, once, at the interface; products of single vectors; thinning."""
+"""Numeric arrays: checking of those from callers, once, at the interface; products of vectors; impulse responses; thinning."""
 
 from dataclasses import fields
 
@@ -30,6 +30,18 @@ def shaped(name: str, given: object, shape: tuple[int | None, ...], wanted: str)
     if len(array.shape) != len(shape) or any(want not in (None, got) for want, got in zip(shape, array.shape, strict=True)):
         raise ShapeMismatch(f"{name} is of shape {array.shape}; wanted {wanted}")
     return array
+
+
+def markov_parameters(
+    A: Float[np.ndarray, "n n"], B: Float[np.ndarray, "n m"], C: Float[np.ndarray, "p n"], D: Float[np.ndarray, "p m"], steps: int
+) -> Float[np.ndarray, "steps p m"]:
+    """Return the impulse response D, C B, C A B, … of a state-space model."""
+    response = np.empty((steps, *D.shape))
+    response[0], reach = D, B
+    for k in range(1, steps):
+        response[k] = C @ reach
+        reach = A @ reach
+    return response
 
 
 def matrix(name: str, given: object) -> Float[np.ndarray, "_ _"]:

@@ -13,10 +13,11 @@ from functools import cache, cached_property
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int, Num
-from scipy.linalg import lapack, schur
+from scipy.linalg import schur
 
 from treadline.core.arrays import store_contiguous
 from treadline.core.models import LinearModel, Provenance
+from treadline.identification._factor import inverse
 from treadline.identification._gram import Units
 from treadline.identification._recursion_kernels import modal_chain, modal_filters, modal_products, modal_run, without_columns
 
@@ -133,6 +134,8 @@ def stabilised(system: Affine) -> Affine:
 
 WELL_SEEN = 1e-4
 """Ratio of pivots above which every direction of an initial state counts as observable."""
+UNSEEN = 1e-12
+"""Relative eigenvalue below which a direction of an initial state counts as not observable."""
 ILL_CONDITIONED = 1e5
 """Condition number of the eigenvectors above which modal coordinates lose too many digits (nearly equal poles)."""
 
@@ -191,7 +194,7 @@ def linear_sums(
     signals[:, width : width + m1], signals[:, width + m1 :] = u, y
     square, right = _products(modes, signals, (m1, 1), m1, there)
     start = slice(width - n, width)
-    return _eliminated(square, right, start, _pseudo_inverse(square[start, start]))
+    return _eliminated(square, right, start, inverse(square[start, start], well=WELL_SEEN, least=UNSEEN))
 
 
 def derivative_sums(
@@ -208,10 +211,10 @@ def derivative_sums(
     signals[:, state + n : error] = u
     # Initial state by least squares from the residual of the run from zero.
     square, right = _products(modes, np.hstack([signals[:, decay:state], signals[:, error:]]), (1,), 0, there)
-    inverse = _pseudo_inverse(square)
-    modal_chain(modes.real, modes.imag, inverse @ right, C, there, signals, chain, decay, state, error)
+    pseudo = inverse(square, well=WELL_SEEN, least=UNSEEN)
+    modal_chain(modes.real, modes.imag, pseudo @ right, C, there, signals, chain, decay, state, error)
     square, right = _products(modes, signals, (m1, 1, 1), n + m1, there)
-    return _eliminated(square, right, slice(decay, state), inverse)
+    return _eliminated(square, right, slice(decay, state), pseudo)
 
 
 def _products(
@@ -252,15 +255,3 @@ def _eliminated(
     """Return the normal equations with the initial state's columns eliminated."""
     left_square, left_right = without_columns(square, right, start.start, start.stop, inverse)
     return ModalSums(square=left_square, right=left_right)
-
-
-def _pseudo_inverse(square: Complex[np.ndarray, "n n"]) -> Complex[np.ndarray, "n n"]:
-    """Return the inverse of a normal matrix; unobservable directions are left out (pseudo-inverse)."""
-    L, failed = lapack.zpotrf(square, lower=1, clean=0)
-    pivots = np.diag(L).real
-    if not failed and pivots.min() > WELL_SEEN * pivots.max():
-        lower = np.tril(lapack.zpotri(L, lower=1)[0])
-        return np.ascontiguousarray(lower + np.tril(lower, -1).conj().T)
-    values, vectors = np.linalg.eigh(square)
-    kept = values > 1e-12 * max(values[-1], 1e-300)
-    return (vectors[:, kept] / values[kept]) @ vectors[:, kept].conj().T

@@ -5,10 +5,11 @@ Schur complement of ``z_k z_k'`` separates the predictable part of outputs and i
 from the regression without u_k by a small update (Frisch and Waugh, 1933).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Num
 from scipy.linalg import lapack
 
 RIDGE = 1e-13
@@ -98,16 +99,23 @@ class Factor:
         return theta
 
 
-def inverse(XX: Float[np.ndarray, "q q"]) -> Float[np.ndarray, "q q"]:
-    """Return the inverse of a normal matrix; directions that are not excited are left out (pseudo-inverse)."""
-    L, failed = lapack.dpotrf(XX, lower=1, clean=0)
-    diagonal = np.diag(L)
-    if not failed and diagonal.min() > np.sqrt(RIDGE) * diagonal.max():
-        lower = np.tril(lapack.dpotri(L, lower=1)[0])
-        return lower + np.tril(lower, -1).T
+def inverse(XX: Num[np.ndarray, "q q"], *, well: float = math.sqrt(RIDGE), least: float = RIDGE) -> Num[np.ndarray, "q q"]:
+    """Return the inverse of a normal matrix; directions that are not excited are left out (pseudo-inverse).
+
+    Args:
+        XX: Real or complex normal matrix.
+        well: Ratio of pivots above which every direction counts as excited.
+        least: Relative eigenvalue below which a direction counts as not excited.
+    """
+    factor, invert = (lapack.zpotrf, lapack.zpotri) if np.iscomplexobj(XX) else (lapack.dpotrf, lapack.dpotri)
+    L, failed = factor(XX, lower=1, clean=0)
+    pivots = np.diag(L).real
+    if not failed and pivots.min() > well * pivots.max():
+        lower = np.tril(invert(L, lower=1)[0])
+        return np.ascontiguousarray(lower + np.tril(lower, -1).conj().T)
     values, vectors = np.linalg.eigh(XX)
-    kept = values > RIDGE * values[-1]
-    return np.asarray((vectors[:, kept] / values[kept]) @ vectors[:, kept].T)
+    kept = values > least * max(values[-1], 1e-300)
+    return np.asarray((vectors[:, kept] / values[kept]) @ vectors[:, kept].conj().T)
 
 
 def solution(XX: Float[np.ndarray, "q q"], XY: Float[np.ndarray, "q p"]) -> Float[np.ndarray, "q p"]:

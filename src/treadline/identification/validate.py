@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import chdtrc
 
+from treadline.core.arrays import markov_parameters
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
 from treadline.identification._recursion_kernels import free_run, observability, observer_run
@@ -24,13 +25,7 @@ def impulse_response(model: LinearModel, steps: int) -> Float[np.ndarray, "steps
 
     Paper: Eq. (7), Fig. 8.
     """
-    response = np.empty((steps, model.C.shape[0], model.B.shape[1]))
-    response[0] = model.D
-    reach = model.B
-    for k in range(1, steps):
-        response[k] = model.C @ reach
-        reach = model.A @ reach
-    return response
+    return markov_parameters(model.A, model.B, model.C, model.D, steps)
 
 
 def simulate(model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T p"]:
@@ -93,11 +88,15 @@ def _observed(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray
     return np.asarray(observer_run(writeable(model.A), closed, v @ model.B.T, correction, whole, x0))
 
 
+def one_step_predictions(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
+    """Return the observer's one-step predictions of the outputs."""
+    states = predictor_states(model, record)
+    return np.asarray(states @ model.C.T + (record.u - model.input_offset) @ model.D.T + model.output_offset)
+
+
 def one_step_residuals(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the innovations: errors of the observer's one-step prediction."""
-    states = predictor_states(model, record)
-    v = record.u - model.input_offset
-    return np.asarray(record.y - (states @ model.C.T + v @ model.D.T + model.output_offset))
+    return np.asarray(record.y - one_step_predictions(model, record))
 
 
 def vaf_percent(y: Float[np.ndarray, "T p"], residuals: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
@@ -187,10 +186,4 @@ def most_recent(records: Sequence[InputOutputRecord], samples: int) -> list[Inpu
 
 def part(record: InputOutputRecord, start: int, stop: int) -> InputOutputRecord:
     """Return the samples ``start … stop - 1``."""
-    return InputOutputRecord(
-        u=record.u[start:stop],
-        y=record.y[start:stop],
-        dt_s=record.dt_s,
-        input_names=record.input_names,
-        output_names=record.output_names,
-    )
+    return replace(record, u=record.u[start:stop], y=record.y[start:stop])

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from treadline.core.models import RUN_VALUES, InputOutputRecord, LinearModel
-from treadline.identification.validate import impulse_response, initial_state, part, predictor_states, simulate
+from treadline.identification.validate import impulse_response, initial_state, one_step_predictions, part, simulate
 
 LEAST_FOLLOWED = 50
 """Smallest number of samples from which the initial state is estimated, as for one-step predictions."""
@@ -38,8 +38,7 @@ def free_run(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray,
 def one_step_ahead(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the one-step predictions of a record, restarted after each missing input; NaN in sections too short to score."""
     with np.errstate(over="ignore", invalid="ignore"):
-        states = predictor_states(model, record)
-        return np.asarray(states @ model.C.T + (record.u - model.input_offset) @ model.D.T + model.output_offset)
+        return one_step_predictions(model, record)
 
 
 def radius(model: LinearModel) -> float:

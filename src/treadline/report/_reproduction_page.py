@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from treadline.core import paper
+from treadline.core.arrays import markov_parameters
 from treadline.core.errors import LogFormatError, SettingsError, TreadlineError
 from treadline.io.runs import COMPLETED, LOG
 from treadline.playback import Recording, read_recording
@@ -60,7 +61,7 @@ def impulse(ours: Impulse) -> Figure:
     labels = ("heading θ [rad]", "angular velocity ω [rad/s]")
     figure, axes = _figure(4.6, 2, "time after the impulse [s]", (labels[0], labels[0], labels[1], labels[1]))
     steps = round(IMPULSE_SHOWN_S / paper.SAMPLING_TIME_S) + 1
-    printed, t_printed = _printed_impulse(steps), np.arange(steps) * paper.SAMPLING_TIME_S
+    printed, t_printed = markov_parameters(paper.A, paper.B, paper.C, paper.D, steps), np.arange(steps) * paper.SAMPLING_TIME_S
     for row, response in enumerate((ours.heading_rad, ours.yaw_rate_rad_s)):
         for column, (values, belt) in enumerate(((response.left_m_s, "left"), (response.right_m_s, "right"))):
             ax = axes[2 * row + column]
@@ -70,16 +71,6 @@ def impulse(ours: Impulse) -> Figure:
             ax.set_title(f"impulse on u{column + 1} ({belt} track, 1 m/s)")
     axes[0].legend()
     return figure
-
-
-def _printed_impulse(steps: int) -> Float[np.ndarray, "steps p m"]:
-    response = np.empty((steps, 2, 2))
-    response[0] = paper.D
-    reach = paper.B
-    for k in range(1, steps):
-        response[k] = paper.C @ reach
-        reach = paper.A @ reach
-    return response
 
 
 @mpl.rc_context(STYLE)

@@ -144,9 +144,12 @@ def _odometry(r: CdrReader) -> Odometry:
     )
 
 
+OF_HEALTH = ("disagreement_rad", "unseen_s", "bias_rad_s", "scale", "walk_rad_rts")
+"""Numbers of a filter's health that are always known."""
+
+
 def _health_message(channel: str, health: HeadingHealth, writer: Writer) -> Message:
-    names = ("since_s", "disagreement_rad", "unseen_s", "bias_rad_s", "scale", "walk_rad_rts")
-    numbers = {name: getattr(health, name) for name in names}
+    numbers = {name: getattr(health, name) for name in ("since_s", *OF_HEALTH)}
     values = {name: repr(float(value)) for name, value in numbers.items() if value is not None}
     status_fields = (int(health.fault is not None), health.fault or "", health.cause or "", "heading filter")
     return status_message(channel, health.t_s, status_fields, values, "stair", writer)
@@ -160,11 +163,7 @@ def _health(r: CdrReader) -> HeadingHealth:
         fault=one_of(HeadingFault, received.name) if received.name else None,
         since_s=numbers.get("since_s"),
         cause=received.message or None,
-        disagreement_rad=numbers["disagreement_rad"],
-        unseen_s=numbers["unseen_s"],
-        bias_rad_s=numbers["bias_rad_s"],
-        scale=numbers["scale"],
-        walk_rad_rts=numbers["walk_rad_rts"],
+        **{name: numbers[name] for name in OF_HEALTH},
     )
 
 
