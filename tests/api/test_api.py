@@ -169,12 +169,6 @@ def test_a_run_has_scores_series_and_a_figure() -> None:
     np.testing.assert_array_equal(run.series["heading_deg"], again.series["heading_deg"])
 
 
-def test_a_run_can_leave_a_run_folder(tmp_path: Path) -> None:
-    run = tl.climb(Scenario.model_validate(SHORT), out=tmp_path / "run")
-    assert (tmp_path / "run" / "result.json").is_file()
-    assert run.verdict == "time_up"
-
-
 def test_a_refused_run_prints_its_reason_and_has_no_figure() -> None:
     run = tl.climb(Scenario.model_validate({"stair": {"slope_deg": 44.0}}))
     assert run.verdict == "refused"
@@ -262,15 +256,3 @@ def test_the_hints_of_public_functions_name_types_that_exist() -> None:
         assert Any not in get_type_hints(getattr(api, name), names).values()
     options = {item.name: item.type for item in fields(tl.IdentificationOptions)}
     assert names["IdentificationKeywords"].__annotations__ == options
-
-
-def test_paths_that_do_not_exist_are_said_in_one_line() -> None:
-    for call in (
-        lambda: tl.load_model("nowhere.json"),
-        lambda: tl.check("nowhere.toml"),
-        lambda: tl.climb("up-28", "nowhere.json"),
-    ):
-        with pytest.raises(SettingsError) as refused:
-            call()
-        assert "nowhere" in str(refused.value)
-        assert "\n" not in str(refused.value)

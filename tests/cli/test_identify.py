@@ -136,15 +136,6 @@ def test_an_update_follows_a_plant_that_wears(run, tmp_path: Path) -> None:
     assert abs(found["1.0"] - 0.7) > 0.05
 
 
-def test_sums_of_other_channels_or_of_shifted_inputs_are_refused(run, tmp_path: Path) -> None:
-    log, sums = write_log(tmp_path / "log.csv"), tmp_path / "sums.npz"
-    common = ("--no-page", "--out", tmp_path / "m.json", "--force")
-    assert run("identify", log, *CHANNELS, *common, "--method", "pbsid", "--gram", sums).code == 0
-    swapped = ["--inputs", "right_m_s,left_m_s", "--outputs", "heading_rad,yaw_rate_rad_s"]
-    assert_refused(run("identify", log, *swapped, *common, "--update", sums), "right_m_s, left_m_s")
-    assert run("identify", log, *CHANNELS, *common, "--update", sums, "--delays", "1,1").code == 2
-
-
 def test_dead_time_is_found_and_taken_out_of_the_states(run, tmp_path: Path) -> None:
     log = write_log(tmp_path / "log.csv", late=3)
     common = ("identify", log, *CHANNELS, "--no-page", "--out", tmp_path / "m.json", "--force", "--json")
@@ -155,16 +146,6 @@ def test_dead_time_is_found_and_taken_out_of_the_states(run, tmp_path: Path) -> 
     # Two states and two chains of three.
     assert found["order"] == 2 + 2 * 3
     assert run(*common, "--delays", "3,3").values["order"] == 8
-
-
-def test_an_unstable_model_is_mirrored_on_request(run, tmp_path: Path) -> None:
-    log = write_log(tmp_path / "log.csv", rows=150, poles=(0.5, 1.01))
-    line = "--method okid-era --order 2 --no-page --force --json --out"
-    common = ("identify", log, *CHANNELS, *line.split(), tmp_path / "m.json")
-    plain = run(*common).values
-    assert max(real_poles(plain)) > 1.0
-    assert any("--stable" in warning for warning in plain["warnings"])
-    assert max(real_poles(run(*common, "--stable").values)) < 1.0
 
 
 @pytest.mark.parametrize(

@@ -31,8 +31,3 @@ def test_a_run_names_its_plug_in_and_its_replay_asks_for_it(run, scenario: Path,
     shipped = run("replay", first, "--controller", "shipped", "--out", tmp_path / "shipped", "--json")
     assert shipped.code == 0
     assert (tmp_path / "shipped" / "run-controller.json").is_file()
-
-
-def _log(run, scenario: Path, tmp_path: Path) -> Path:
-    run("climb", scenario, "--out", tmp_path / "log")
-    return tmp_path / "log"

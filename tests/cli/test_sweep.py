@@ -114,18 +114,6 @@ def test_a_traversal_can_be_repeated_by_the_command_that_it_names(run: Callable,
     assert again.values["verdict"] == row["verdict"]
 
 
-def test_an_interrupted_sweep_names_what_goes_on_with_it(
-    run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupted(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("treadline.campaign.sweep.run_sweep", interrupted)
-    done = run("sweep", spec, "--runs", 6, "--workers", 1, "--out", tmp_path / "out")
-    assert (done.code, done.out, len(done.err.splitlines())) == (130, "", 1)
-    assert "the same command with --resume continues it" in done.err
-
-
 def test_a_sweep_keeps_its_plug_ins_when_it_is_resumed_and_repeated(
     run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -119,16 +119,6 @@ def test_observer_finds_the_state_from_a_wrong_start() -> None:
     assert abs(observer.disturbance) < 1e-6
 
 
-def test_observer_learns_a_constant_belt_difference() -> None:
-    model, observer = chair_model(), observer_of_the_chair()
-    x, u = np.zeros(2), np.full(2, 0.2)
-    for _ in range(600):
-        observer.update(u, model.C @ x, learn=True)
-        x = model.A @ x + model.B @ (u + 0.02 * BELT_DIFFERENCE - model.input_offset)
-    # As above: the initial error has decayed.
-    assert observer.disturbance == pytest.approx(0.02, abs=1e-6)
-
-
 def held_for_20_s(heading_deg: float) -> HeadingController:
     """Return a controller whose chair did not turn for 20 s."""
     driver = controller()
@@ -218,12 +208,6 @@ def test_no_estimate_makes_a_command_that_is_not_a_number(heading: float, rate: 
 def test_another_period_is_rejected() -> None:
     with pytest.raises(PeriodMismatch, match=r"--period 0\.1"):
         controller(period_s=0.1)
-
-
-def test_a_model_of_another_period_is_rejected() -> None:
-    design = replace(tune(chair_model()), period_s=0.5)
-    with pytest.raises(PeriodMismatch):
-        controller(design, period_s=0.5)
 
 
 @pytest.mark.parametrize("factor", [0.0, -1.0, 20.0])

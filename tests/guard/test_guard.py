@@ -635,29 +635,6 @@ def test_a_stalled_track_stops_both_within_three_tenths(side: str) -> None:
     assert drive.guard.holding == f"{side} track is stalled: 0.00 m/s where 0.20 is expected"
 
 
-def test_lag_and_acceleration_are_no_mismatch() -> None:
-    """Test: commands between -1 and 1 m/s each quarter second, drives with a lag of 0.12 to 0.19 s. Expected result: no HOLD."""
-    for lag_s in (0.12, 0.15, 0.19):
-        drive = Drive(limits(needs_heading=False))
-        rng = np.random.default_rng(1)
-        speeds = np.zeros(2)
-
-        def each(drive: Drive, rng: np.random.Generator = rng) -> None:
-            if drive.tick % 25 == 0:
-                drive.asked = tuple(rng.uniform(-1.0, 1.0, 2))
-
-        def spoil(reading: Any, drive: Drive = drive, speeds: Any = speeds, lag_s: float = lag_s) -> Any:
-            if not isinstance(reading, TrackReading):
-                return reading
-            change = (1 - math.exp(-TICK_S / lag_s)) * (np.array([drive.passed.left_m_s, drive.passed.right_m_s]) - speeds)
-            speeds += np.clip(change, -4.0 * TICK_S, 4.0 * TICK_S)
-            return replace(reading, left_m_s=speeds[0], right_m_s=speeds[1])
-
-        drive.spoil = spoil
-        drive.run(5.0, each)
-        assert drive.guard.holding is None
-
-
 def test_a_recording_does_not_obey_and_is_not_held_for_it() -> None:
     """Test: belts, seat and attitude of another drive, ``watches_motion = False``. Expected result: no HOLD."""
     drive = Drive(limits(watches_motion=False))
@@ -767,21 +744,6 @@ def test_a_way_driven_back_on_purpose_is_not_rolled_back(why: str) -> None:
         drive.run(2.0, flight)
     else:
         drive.run(2.5, Flight(-1.0))
-    assert drive.events() == []
-
-
-def test_nosings_that_come_nearer_because_the_chair_turns_are_no_slip() -> None:
-    """Test: the chair turns on the spot from 30° to square in 3 s, nosings at their true places. Expected result: no event."""
-    drive = Drive(asked=(0.0, 0.0))
-    drive.heading_deg = 30.0
-
-    def each(drive: Drive) -> None:
-        if drive.tick % FRAME_TICKS == 0:
-            across = math.cos((drive.heading_deg or 0.0) * DEG)
-            drive.guard.on_message(stair(drive.t_s, [(1.0 + k * PITCH_M) / across for k in range(5)]))
-        drive.heading_deg = max(30.0 - 10.0 * drive.t_s, 0.0)
-
-    drive.run(3.5, each)
     assert drive.events() == []
 
 
@@ -1056,23 +1018,6 @@ def test_something_on_the_landing_is_held_off(obstacle_m: float) -> None:
     drive.plan = MotionPlan(t_s=0.0, phase="crest", speed_m_s=0.1, needs_stair=False)
     drive.run(1.0)
     assert (drive.guard.holding or "").startswith("obstacle 0.0") == math.isfinite(obstacle_m)
-
-
-def test_something_seen_once_is_nothing() -> None:
-    """Test: every other map shows something at 0.5 m. Expected result: no HOLD; two maps in a row hold."""
-    drive = Drive()
-
-    def look(drive: Drive) -> None:
-        if drive.tick % 20 == 0:
-            drive.guard.admit(stair(drive.t_s, [], obstacle_m=0.5))
-        elif drive.tick % 20 == 10:
-            drive.guard.admit(stair(drive.t_s, []))
-
-    drive.run(2.0, look)
-    assert drive.guard.holding is None
-    held = drive.until_held(1.0, lambda drive: drive.guard.on_message(stair(drive.t_s, [], obstacle_m=0.5)))
-    assert held == about(0.01)
-    assert drive.guard.holding == "obstacle -0.50 m ahead"
 
 
 def test_a_map_that_comes_twice_counts_once() -> None:

@@ -20,7 +20,6 @@ from treadline.identification._refine import experiments_of, refined
 from treadline.identification.validate import impulse_response, simulate
 
 FREE = np.zeros((2, 3), dtype=bool)
-Pair = tuple[float, float]
 OMEGA = np.array([0.05, 0.3, 1.0, 2.5])
 """Frequencies [rad per sample] for the comparison of the gain."""
 STEPS = 6

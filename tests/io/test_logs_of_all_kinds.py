@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, ShapeMismatch, TreadlineError
+from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, ShapeMismatch, TreadlineError
 from treadline.core.models import InputOutputRecord
 from treadline.core.signals import HeadingEstimate, TrackCommand
 from treadline.io import _array_files, mcap_read
@@ -103,13 +103,10 @@ FAULTS = {
     "transposed": ({"t_s": T, "a": np.ones((2, 10)), "b": T}, ShapeMismatch, "2 x 10.*transposed"),
     "a matrix by its name": ({"t_s": T, "a": np.ones((10, 2)), "b": T}, LogFormatError, r"2 columns: a\[0\] to \[1\]"),
     "three dimensions": ({"t_s": T, "a": np.ones((10, 2, 2)), "b": T}, ShapeMismatch, "3 dimensions"),
-    "one row": ({"t_s": T[:1], "a": T[:1], "b": T[:1]}, LogFormatError, "1 rows"),
     "no rows": ({"t_s": T[:0], "a": T[:0], "b": T[:0]}, LogFormatError, "0 rows"),
     "complex": ({"t_s": T, "a": 1j * T, "b": T}, LogFormatError, "'a' holds complex"),
     "text": ({"t_s": T, "a": np.array(list("0123456789")), "b": T}, LogFormatError, "'a' (holds|is not a numeric array)"),
-    "time goes back": ({"t_s": T[::-1], "a": T, "b": T}, RecordError, "row 2: column 't_s' does not increase"),
     "time with a hole": ({"t_s": np.where(T == 1.0, np.nan, T), "a": T, "b": T}, NotFinite, "row 5: column 't_s' holds NaN"),
-    "irregular": ({"t_s": T + 0.1 * (T > 1.0), "a": T, "b": T}, PeriodMismatch, "row 6: .*--resample"),
     "no clock": ({"a": T, "b": T}, PeriodMismatch, "--period"),
     "a float of nanoseconds": ({"t_ns": 1e9 * T, "a": T, "b": T}, LogFormatError, "int64"),
     "mostly gaps": ({"t_s": T, "a": np.where(T < 1.0, np.nan, T), "b": T}, NotFinite, "40%"),

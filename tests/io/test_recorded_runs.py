@@ -47,15 +47,6 @@ def test_the_series_is_the_trace_in_degrees(excited: tuple[Path, Excited]) -> No
     np.testing.assert_allclose(series["heading_deg"], wanted, rtol=5e-6)
 
 
-def test_the_same_seed_gives_the_same_bytes(excited: tuple[Path, Excited]) -> None:
-    folder, _ = excited
-    for name in ("log.mcap", "record.csv", "series.csv", "manifest.json"):
-        assert (folder / "a" / name).read_bytes() == (folder / "b" / name).read_bytes(), name
-    # The result also contains the speed of this machine; all other values repeat.
-    a, b = (json.loads((folder / name / "result.json").read_text()) for name in "ab")
-    assert a | {"real_time_factor": 0} == b | {"real_time_factor": 0}
-
-
 def test_the_manifest_says_what_pulls_the_chair_back(excited: tuple[Path, Excited]) -> None:
     folder, _ = excited
     entry = json.loads((folder / "a" / "manifest.json").read_text())["excitation"]

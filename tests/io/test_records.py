@@ -134,12 +134,6 @@ def test_resampling_holds_inputs_and_interpolates_outputs(tmp_path: Path) -> Non
     np.testing.assert_allclose(record.y[:, 0], 0.1 * np.arange(6), atol=1e-15)
 
 
-def test_a_single_wrong_time_stamp_does_not_exhaust_the_memory(tmp_path: Path) -> None:
-    path = written(tmp_path / "record.csv", [HEADER, *ROWS, "1e12,0.2,0.2,0.1"])
-    with pytest.raises(RecordError, match="--period"):
-        read_record(path, INPUTS, OUTPUTS, resample=True)
-
-
 def test_an_endless_cell_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LogFormatError, match="not CSV"):
         read_record(written(tmp_path / "record.csv", [HEADER, "1" * 200_000, ROWS[1]]), INPUTS, OUTPUTS)

@@ -153,21 +153,6 @@ def test_every_nth_frame_is_kept(tmp_path: Path, every: int, kept: int) -> None:
     assert len(list(read_log(path))) == kept
 
 
-def test_an_interrupted_run_leaves_a_readable_log(tmp_path: Path) -> None:
-    path = tmp_path / "log.mcap"
-
-    def interrupted() -> None:
-        with RunLog(path) as log:
-            log(SeatCommand(t_s=0.01, rate_m_s=0.5))
-            assert not path.exists()
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert [signal.rate_m_s for signal in read_log(path)] == [0.5]
-    assert [item.name for item in tmp_path.iterdir()] == ["log.mcap"]
-
-
 @pytest.mark.parametrize("step", ["add_message", "finish"])
 def test_a_log_that_cannot_be_written_is_one_error_and_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
@@ -237,18 +222,3 @@ def test_a_log_without_checksums_is_refused(tmp_path: Path) -> None:
         writer.finish()
     with pytest.raises(LogFormatError, match="checksum"):
         list(read_log(path))
-
-
-def test_a_rendered_frame_is_written_like_any_other(tmp_path: Path) -> None:
-    from treadline.plant.sensors.camera import RenderedFrame
-
-    frame = RenderedFrame(
-        t_s=0.1,
-        depth_m=np.ones((4, 6), dtype=np.float32),
-        camera=PinholeCamera(width_px=6, height_px=4, fx_px=5.0, fy_px=5.0, cx_px=2.5, cy_px=1.5),
-        painter=lambda: np.full((4, 6, 3), 7, dtype=np.uint8),
-    )
-    with RunLog(tmp_path / "log.mcap", image_every=1) as log:
-        log(frame)
-    (back,) = [signal for signal in read_log(tmp_path / "log.mcap") if isinstance(signal, RgbdFrame)]
-    assert (back.rgb == 7).all()

@@ -369,21 +369,6 @@ def test_topics_are_named_by_role(text: str) -> None:
     assert parse_topics("depth=/a, imu=/b") == {"depth": "/a", "imu": "/b"}
 
 
-def test_what_is_no_log_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.txt").write_text("hello")
-    (tmp_path / "a.mcap").write_text("hello")
-    (tmp_path / "empty").mkdir()
-    for name, word in (
-        ("a.txt", "not a message log"),
-        ("a.mcap", "whole"),
-        ("empty", "not a message log"),
-        ("none.mcap", "no such file"),
-    ):
-        message = refusal(tmp_path / name)
-        assert name in message
-        assert word in message
-
-
 def test_only_a_second_of_a_long_log_is_held(recording, tmp_path: Path) -> None:
     sensors = SensorLog(fill(recording(), seconds=5.0).write(tmp_path / "log.mcap"))
     held = 0

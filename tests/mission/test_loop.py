@@ -158,14 +158,6 @@ def test_a_tick_acts_on_what_was_read_in_the_same_tick() -> None:
     assert plant.written[0][1].rate_m_s == 0.01
 
 
-def test_a_seats_rate_counts_for_a_tenth_of_a_second() -> None:
-    """Test: seat readings end at 0.2 s. Expected result: the last rate is written up to 0.3 s, and then rest."""
-    plant = RecordedPlant([reading for reading in stream(1.0) if not isinstance(reading, SeatReading) or reading.t_s <= 0.2])
-    drive(50, plant)
-    rates = [seat.rate_m_s for _, seat in plant.written]
-    assert rates == [0.01] * 31 + [0.0] * 19
-
-
 def test_what_the_guard_makes_of_an_old_command_is_in_the_log() -> None:
     """Test: the driver dies at 0.5 s. Expected result: each step of the ramp down is logged, and the brake, as they are written."""
 
@@ -181,48 +173,6 @@ def test_what_the_guard_makes_of_an_old_command_is_in_the_log() -> None:
     assert {value for value, _ in recorded} == {value for value, _ in written}
     assert len({value for value, _ in recorded}) > 20  # a ramp of 0.37 s
     assert recorded[-1] == (0.0, True)
-
-
-def test_a_nan_from_the_imu_is_silence_slows_at_once_and_holds_after_a_second() -> None:
-    readings = [
-        imu(reading.t_s, np.nan) if isinstance(reading, ImuSample) and reading.t_s > 0.5 else reading for reading in stream(1.7)
-    ]
-    plant = RecordedPlant(readings)
-    drive(170, plant)
-    # Hazard 6: 50 ms to detect, then vision alone for a second at 0.10 m/s.
-    assert plant.written[60][0].left_m_s == pytest.approx(0.1)
-    assert next(k for k, (tracks, _) in enumerate(plant.written) if tracks.brake) in range(150, 160)
-    assert all(np.isfinite([tracks.left_m_s, tracks.right_m_s]).all() for tracks, _ in plant.written)
-
-
-def test_a_turn_of_the_plan_reaches_the_belts_at_each_tick_and_the_driver_forgets() -> None:
-    turning = MotionPlan(t_s=0.0, phase="align", speed_m_s=0.05, turn_m_s=0.1)
-    driving = MotionPlan(t_s=0.5, phase="climb", speed_m_s=0.2)
-    plant, driver = RecordedPlant(stream(1.0)), Listening()
-    mission, _, _ = counting_mission(plant, Scripted(turning, driving), driver)
-    ticks = [mission.tick() for _ in range(100)]
-    assert not any(tick.proposed for tick in ticks[:50])
-    # Left is the slower belt of a turn to the left: mean less half the difference.
-    assert (plant.written[25][0].left_m_s, plant.written[25][0].right_m_s) == pytest.approx((-0.05, 0.15))
-    assert driver.asked == [None, None, 0.1, 0.1]
-
-
-def test_the_plans_flipper_passes_the_guard_and_no_flipper_stays_none() -> None:
-    moving = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1, flipper=FlipperCommand(t_s=0.0, rate_rad_s=0.2))
-    still = MotionPlan(t_s=0.1, phase="climb", speed_m_s=0.1)
-    plant = RecordedPlant(stream(0.2))
-    drive(20, plant, Scripted(moving, still))
-    assert plant.flippers[0] == FlipperCommand(t_s=0.0, rate_rad_s=0.2)
-    assert plant.flippers[-1] is None
-
-
-def test_the_guard_holds_with_the_cause_of_a_plan_that_ends() -> None:
-    lost = MotionPlan(t_s=0.1, phase="search", speed_m_s=0.0, turn_m_s=0.0, hold="no stair in view, to neither side")
-    plant, recorded = RecordedPlant(stream(0.3)), []
-    go = MotionPlan(t_s=0.0, phase="search", speed_m_s=0.0, turn_m_s=0.1)
-    drive(30, plant, Scripted(go, lost), log=recorded.append)
-    assert plant.written[-1][0].brake
-    assert [event.cause for event in recorded if isinstance(event, Event) and event.name == "hold"] == [lost.hold]
 
 
 def test_each_phase_is_reported_once_with_its_cause() -> None:
@@ -259,20 +209,6 @@ def test_the_planner_gets_what_it_needs_and_no_frame() -> None:
     planner = Scripted(MotionPlan(t_s=0.0, phase="drive", speed_m_s=0.2))
     drive(10, RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)), planner)
     assert set(planner.inputs) == {"ImuSample", "TrackReading", "FlipperReading", "StairMap"}
-
-
-class Listening:
-    """A driver that keeps the headings it was asked with."""
-
-    period_s = 0.25
-    follows_plan = False
-
-    def __init__(self) -> None:
-        self.asked: list[float | None] = []
-
-    def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan) -> TrackCommand:
-        self.asked.append(None if estimate is None else estimate.heading_rad)
-        return TrackCommand(t_s=t_s, left_m_s=plan.speed_m_s, right_m_s=plan.speed_m_s)
 
 
 def test_a_period_that_is_no_multiple_of_the_tick_is_refused() -> None:

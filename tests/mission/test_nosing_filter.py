@@ -304,17 +304,6 @@ def test_removing_a_nosing_that_no_frame_shows_again_changes_no_other() -> None:
     np.testing.assert_allclose(removed.covariance_of(range(4)), kept.covariance_of(range(1, 5)), atol=1e-12)
 
 
-def test_the_covariance_stays_symmetric_and_positive() -> None:
-    nosings, rng = NosingFilter(), np.random.default_rng(12)
-    numbers = [nosings.add((0.3 * k + 1.0, 0.16 * k)) for k in range(6)]
-    for _ in range(200):
-        nosings.drive(0.002, 0.002, 0.001, 0.2, 0.01)
-        nosings.begin_frame(0.2)
-        nosings.update([(k, (0.3 * k + 1.0 + 0.02 * float(rng.normal()), 0.16 * k), 1.0 + 0.3 * k) for k in numbers])
-    np.testing.assert_allclose(nosings.covariance, nosings.covariance.T, atol=1e-12)
-    assert np.linalg.eigvalsh(nosings.covariance).min() > -1e-12
-
-
 def test_the_noise_model_is_that_of_the_statistical_camera_and_of_the_detector() -> None:
     """Test: constants next to the fit and the detector that they stand for. Expected: equal up to the digits of the docstrings."""
     from treadline.mission import _nosing_filter as flight_shape

@@ -104,9 +104,3 @@ def test_a_plant_port_offers_no_truth() -> None:
 def test_a_closed_loop_without_a_controller_is_refused() -> None:
     with pytest.raises(SettingsError, match="needs a controller"):
         build_blocks(mission_config(turn(28, 0, 1.0), None))
-
-
-def test_a_controller_of_another_vehicle_is_refused() -> None:
-    design = shipped_controller("rescue")
-    with pytest.raises(SettingsError, match="rescue"):
-        build_blocks(mission_config(turn(28, 0, 1.0), design))

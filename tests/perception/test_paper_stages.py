@@ -82,15 +82,6 @@ def test_lines_without_depth_are_refused_with_the_reason() -> None:
     assert not PAPER.look(frame).accepted
 
 
-def test_upright_lines_are_no_nosings() -> None:
-    frame = banded(0.0)
-    rgb = np.ascontiguousarray(frame.rgb[:, :240].transpose(1, 0, 2))
-    upright = np.full_like(frame.rgb, 100)
-    upright[:, :240] = rgb[:240]
-    sight = PAPER.look(RgbdFrame(t_s=0.0, rgb=upright, depth_m=frame.depth_m, camera=CAMERA))
-    assert not sight.accepted
-
-
 def test_the_median_rule_follows_the_brightness() -> None:
     grey = np.full((20, 20), 90, dtype=np.uint8)
     lower, upper = thresholds(grey, "median")

@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -67,14 +66,3 @@ def test_the_warm_up_compiles_all_that_rendered_frames_need(tmp_path: Path, scen
     assert seen >= 3
     # One kernel takes half a second and more.
     assert spent_s < 0.1
-
-
-@pytest.mark.slow
-@SLOW
-def test_the_graph_of_processes_runs_on_an_empty_cache(start: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Test: ``treadline nodes`` with nothing compiled. Expected result: three seconds driven, no hold for a silent camera."""
-    pytest.importorskip("zenoh", reason="eclipse-zenoh is an extra (treadline[ros])")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    graph = start("zenoh", "--duration", "3", "--pace", "0.3", "--endpoint", "tcp/127.0.0.1:17463")
-    result = graph.result()
-    assert result["verdict"] == "time_up", result

@@ -50,23 +50,10 @@ def test_a_slope_is_another_way_to_write_the_rise(slope_deg: float, run_m: float
     ("text", "message"),
     [
         ("[stair]\nslope_deg = 90", "stair.slope_deg: must be a number from 5 to 45 (got 90)"),
-        ("[stair]\nslope_deg = 28\nrun_m = 9", "stair.run_m: must be a number from 0.15 to 0.6 (got 9)"),
         (
             "[stair]\nslope_deg = 45\nrun_m = 0.6",
             "stair: slope_deg = 45 with run_m = 0.6 is a rise of 0.600 m; it must be from 0.05 to 0.3 m",
         ),
-        ("drive = 3", "drive: must be a table, [drive] (got 3)"),
-        ("[stair]\nfriction = [0.62]", "stair.friction: must be two numbers > 0 and ≤ 2 (got [0.62])"),
-        (
-            "[chair]\npayload_offset_m = [0, 0.1]",
-            "chair.payload_offset_m: must be three numbers from -0.5 to 0.5 (got [0, 0.1])",
-        ),
-        ('[chair]\npayload_kg = "50"', "chair.payload_kg: must be a number from 0 to 200 (got '50')"),
-        ("[drive]\nspeed_m_s = 0.5", "drive.speed_m_s: must be a number > 0 and ≤ 0.3 (got 0.5)"),
-        ("[chair]\nlean_m = [0.0, 0.4]", "chair.lean_m.1: must be a number from -0.3 to 0.3 (got 0.4)"),
-        ("[chair]\nsway_m = [0.2, 0.0]", "chair.sway_m.0: must be a number from 0 to 0.15 (got 0.2)"),
-        ("[chair]\nsway_period_s = 0.5", "chair.sway_period_s: must be a number from 1 to 20 (got 0.5)"),
-        ("[chair]\nentered_payload_kg = 300", "chair.entered_payload_kg: must be a number from 0 to 200 (got 300)"),
         (
             '[belts]\nlug = "15/80"\ntip_m = 0.06',
             "belts: a lug's tip of 0.060 m and its two flanks of 0.014 m are longer than the pitch of 0.080 m: "
@@ -77,8 +64,6 @@ def test_a_slope_is_another_way_to_write_the_rise(slope_deg: float, run_m: float
             "belts: belts.stiffness_s is 0.002, the contact's time constant; "
             "physics steps of 2 ms integrate from 0.004 s (two steps), and rubber is stiffer than 0.05 s",
         ),
-        ('[belts]\nlug = "15/90"', "belts.lug: must be 'none', '8/60', '15/80' or '20/80' (got '15/90')"),
-        ("[belts]\nheight_m = -0.01", "belts.height_m: must be a number from 0 to 0.05 (got -0.01)"),
         ('[start]\nplace = "roof"', "start.place: must be 'floor', 'flight' or 'landing' (got 'roof')"),
     ],
 )

@@ -1,121 +1,69 @@
 """A person stops the chair, and lets it go on: in each phase where something is waited for, led, or tested."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pytest
 
 from treadline.core.angles import DEG
-from treadline.core.ports import Reading, Truth, TruthPlant
-from treadline.core.signals import Event, MotionPlan, OperatorInput
-from treadline.mission.loop import Mission, Signal
-from treadline.mission.mission_blocks import build_blocks
-from treadline.plant.mujoco import open_plant
-from treadline.run.resolve import mission_config
+from treadline.run.episode import Traverse, traverse
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
 from treadline.vehicle.comfort import lasting
 
-LIMIT_S = 150.0
-SPEAKS_S = 0.1
-"""The button's panel tells ten times a second how it is."""
+HELD_S = 10.0
 PITCH_RATE = 15.0 * DEG
 """Row 18 of docs/decisions/0014, nominal; means over 50 ms."""
+HALF_WAY = 14.0 * DEG
 
 
-class Attended:
-    """A plant beside which somebody stands."""
-
-    def __init__(self, plant: TruthPlant) -> None:
-        self._plant = plant
-        self.stop = self.rearm = False
-        self._t_s = self._spoke_s = 0.0
-        self.start, self.write, self.truth, self.close = plant.start, plant.write, plant.truth, plant.close
-
-    def advance(self, t_s: float) -> None:
-        self._t_s = t_s
-        self._plant.advance(t_s)
-
-    def read(self) -> list[Reading]:
-        said: list[Reading] = []
-        if self._t_s - self._spoke_s >= SPEAKS_S:
-            self._spoke_s = self._t_s
-            said.append(OperatorInput(t_s=self._t_s, stop=self.stop, rearm=self.rearm))
-        return [*self._plant.read(), *said]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ride:
-    """What became of it."""
-
-    phase: str
-    cause: str
-    holds: list[str]
-    after: list[Truth]
-    """From the button's press on."""
-
-
-def ride(direction: str, place: str, when: Callable[[MotionPlan, float, Truth], bool], *, held_s: float) -> Ride:
-    """Drive on a short flight of 28°; stop once ``when`` (plan, seconds in its phase, truth) holds, re-arm after ``held_s``."""
+@cache
+def ride(place: str, stopped_s: float | None = None) -> Traverse:
+    """Drive on a short flight of 28°, up or down from a landing; stopped at a time, re-armed ten seconds later."""
+    rearmed_s = 0.0 if stopped_s is None else stopped_s + HELD_S
     scenario = Scenario.model_validate(
         {
             "stair": {"slope_deg": 28.0, "run_m": 0.30, "steps": 8 if place == "flight" else 5, "landing_m": 3.0},
             "start": {"place": place, "step": 3, "heading_deg": 0.0 if place == "flight" else 12.0},
-            "drive": {"direction": direction, "duration_s": LIMIT_S},
+            "drive": {"direction": "down" if place == "landing" else "up", "duration_s": 150.0},
             "sensors": {"camera": "statistical"},
+            "operator": [] if stopped_s is None else [{"kind": "stop", "at_s": stopped_s}, {"kind": "rearm", "at_s": rearmed_s}],
         }
     )
-    blocks = build_blocks(mission_config(scenario, shipped_controller("wheelchair")))
-    plant = Attended(open_plant(scenario, 3))
-    events: list[Event] = []
-
-    def log(signal: Signal, _: float) -> None:
-        if isinstance(signal, Event):
-            events.append(signal)
-
-    mission = Mission(plant, blocks, log)
-    stopped_s, began_s, phase, after = None, 0.0, "", list[Truth]()
-    try:
-        while True:
-            tick = mission.tick()
-            (truth,) = plant.truth()
-            if tick.plan.phase != phase:
-                phase, began_s = tick.plan.phase, tick.t_s
-            if stopped_s is None and when(tick.plan, tick.t_s - began_s, truth):
-                stopped_s = tick.t_s
-            if stopped_s is not None:
-                plant.stop = tick.t_s < stopped_s + 0.5
-                plant.rearm = stopped_s + held_s < tick.t_s < stopped_s + held_s + 0.5
-                if tick.t_s > stopped_s + held_s:
-                    after.append(truth)
-            if phase in ("arrived", "refused") or tick.t_s > LIMIT_S or (plant.rearm and after[-1].t_s > after[0].t_s + LIMIT_S):
-                holds = [event.cause or "" for event in events if event.name == "hold"]
-                return Ride(phase=phase, cause=tick.plan.cause, holds=holds, after=after)
-    finally:
-        plant.close()
+    return traverse(scenario, controller=shipped_controller("wheelchair"), seed=3)
 
 
-UP = {
-    "turning square": ("floor", lambda plan, s, _: plan.phase == "align" and s > 0.3),
-    "approaching": ("floor", lambda plan, s, _: plan.phase == "approach" and s > 0.1),
-    "testing the traction": ("floor", lambda plan, s, _: plan.phase == "traction" and s > 0.7),
-    "reaching for the landing": ("flight", lambda plan, s, _: plan.phase == "crest" and s > 0.5),
-    "led down over the crest": ("flight", lambda plan, _, truth: plan.phase == "crest" and truth.pitch_rad < 15.0 * DEG),
-}
-DOWN = {
-    "lifted at the edge": ("landing", lambda plan, _, truth: plan.phase == "edge" and truth.pitch_rad > 10.0 * DEG),
-    "leaving": ("landing", lambda plan, s, _: plan.phase == "leave" and s > 0.5),
-}
+def moment_s(run: Traverse, phase: str, later_s: float | None) -> float:
+    """Return a time in a phase: so long after its beginning, or where the chair is half-way between landing and flight."""
+    began_s = next(t_s for t_s, name in run.scores.phases if name == phase)
+    if later_s is not None:
+        return began_s + later_s
+    t_s, steep = run.trace["t_s"], run.trace["pitch_rad"] > HALF_WAY
+    during = t_s >= began_s
+    return float(t_s[during & (steep != steep[during][0])][0])
 
 
-@pytest.mark.parametrize(("direction", "what"), [*(("up", what) for what in UP), *(("down", what) for what in DOWN)])
-def test_a_chair_that_was_stopped_goes_on_as_if_nothing_had_been(direction: str, what: str) -> None:
+@pytest.mark.parametrize(
+    ("place", "phase", "later_s"),
+    [
+        pytest.param("floor", "align", 0.3, id="turning square"),
+        pytest.param("floor", "approach", 0.1, id="approaching"),
+        pytest.param("floor", "traction", 0.7, id="testing the traction"),
+        pytest.param("flight", "crest", 0.5, id="reaching for the landing"),
+        pytest.param("flight", "crest", None, id="led down over the crest"),
+        pytest.param("landing", "edge", None, id="lifted at the edge"),
+        pytest.param("landing", "leave", 0.5, id="leaving"),
+    ],
+)
+def test_a_chair_that_was_stopped_goes_on_as_if_nothing_had_been(place: str, phase: str, later_s: float | None) -> None:
     """Test: a stop of 10 s, longer than anything is waited for. Expected result: one hold, the person's; it arrives, and pitches
     no faster after it than without."""
-    place, when = (UP if direction == "up" else DOWN)[what]
-    run = ride(direction, place, when, held_s=10.0)
-    assert run.holds == ["operator stop"]
-    assert run.phase == "arrived", run.cause
-    rates = np.array([truth.pitch_rate_rad_s for truth in run.after])
-    assert float(np.abs(lasting(rates)).max()) <= PITCH_RATE
+    stopped_s = moment_s(ride(place), phase, later_s)
+    run = ride(place, stopped_s)
+    assert [(event.cause, event.t_s) for event in run.events if event.name == "hold"] == [
+        ("operator stop", pytest.approx(stopped_s, abs=0.11))  # the handset speaks ten times a second
+    ]
+    assert [name for t_s, name in run.scores.phases if t_s <= stopped_s][-1] == phase
+    assert run.verdict == "arrived", run.cause
+    after = run.trace["t_s"] > stopped_s + HELD_S
+    assert float(np.abs(lasting(run.trace["pitch_rate_rad_s"][after])).max()) <= PITCH_RATE

@@ -218,17 +218,6 @@ def test_the_command_shows_a_line_and_the_newest_picture(plugged_in, frame, caps
     assert cv2.imread(str(tmp_path / "seen" / "live-seen.png")).shape[1] == 960
 
 
-def test_the_command_ends_with_one_line_when_the_camera_does(plugged_in, frame, capsys) -> None:
-    plugged_in(recorded(frame, stamps(3)))
-    assert main(["see", "--live", "oak"]) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert said.err.splitlines()[-1].startswith("treadline: fake: no depth image for 2 s")
-    plugged_in([], not_opened("fake", RuntimeError("Device or resource busy")))
-    assert main(["see", "--live", "oak"]) == 2
-    assert capsys.readouterr().err.startswith("treadline: fake: busy")
-
-
 def test_ctrl_c_ends_a_live_view_with_its_summary(plugged_in, frame, capsys) -> None:
     def interrupted() -> Iterator[CameraImages]:
         yield from recorded(frame, stamps(3))

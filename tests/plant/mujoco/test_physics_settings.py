@@ -73,9 +73,6 @@ def test_the_nominal_physics_change_nothing() -> None:
     ("settings", "says"),
     [
         ({"timestep_s": 0.004}, r"timestep_s is 0.004 s; a tick of 0.01 s is a whole number of steps: 0.005, 0.0025, 0.002, 0.001"),
-        ({"timestep_s": 0.0}, "timestep_s is 0 s; a tick of 0.01 s is a whole number of steps"),
-        ({"timestep_s": 0.02}, "timestep_s is 0.02 s; a tick"),
-        ({"timestep_s": float("nan")}, "timestep_s is nan s; a tick"),
         (
             {"contact_time_constant_s": 0.003},
             r"contact_time_constant_s is 0.003 s; a step of 0.002 s integrates at least 2 × timestep_s = 0.004 s: a stiffer spring",
