@@ -34,19 +34,10 @@ from treadline.report.labels import channel, suffix
 __all__ = ["SHOWN", "Cluster", "Pool", "SweepPlan", "has_failures", "lines", "replay_command", "run_sweep", "view_of"]
 
 SHOWN = (
-    "min_stability_margin_deg",
-    "max_pitch_rate_deg_s",
-    "aligned_rms_heading_deg",
-    "aligned_max_heading_deg",
-    "rms_heading_deg",
-    "steady_rms_heading_deg",
-    "max_abs_heading_deg",
-    "roll_back_m",
-    "seat_max_deg",
-    "passenger_max_m_s2",
-    "passenger_lateral_m_s2",
+    "min_stability_margin_deg", "max_pitch_rate_deg_s", "aligned_rms_heading_deg", "aligned_max_heading_deg", "rms_heading_deg",
+    "steady_rms_heading_deg", "max_abs_heading_deg", "roll_back_m", "seat_max_deg", "passenger_max_m_s2", "passenger_lateral_m_s2",
     "duration_s",
-)
+)  # fmt: skip
 """Scores in the printed summary, if present; summary.json has all scores."""
 
 

@@ -45,31 +45,13 @@ PAPER_LABEL = {30: "anticlockwise", -30: "clockwise"}
 KINDS = {"climb-safe": ("turn", "Table II"), "paper": ("turn-rollback", "Table II with roll-back allowed")}
 """Kind and title by allocation: the one that keeps the chair from sliding, and the one that lets it slide for a faster turn."""
 FIG09_KEYS = (
-    "slope_deg",
-    "loop",
-    "duration_s",
-    "final_heading_deg",
-    "rms_heading_deg",
-    "max_abs_heading_deg",
-    "lateral_m",
-    "roll_back_m",
-    "seat_rms_deg",
-    "verdict",
-    "seed",
-    "run",
-)
+    "slope_deg", "loop", "duration_s", "final_heading_deg", "rms_heading_deg", "max_abs_heading_deg",
+    "lateral_m", "roll_back_m", "seat_rms_deg", "verdict", "seed", "run",
+)  # fmt: skip
 FIG10_KEYS = (
-    "slope_deg",
-    "start_heading_deg",
-    "rms_heading_deg",
-    "settle_s",
-    "steady_rms_heading_deg",
-    "roll_back_m",
-    "lateral_m",
-    "verdict",
-    "seed",
-    "run",
-)
+    "slope_deg", "start_heading_deg", "rms_heading_deg", "settle_s", "steady_rms_heading_deg",
+    "roll_back_m", "lateral_m", "verdict", "seed", "run",
+)  # fmt: skip
 
 
 def straight_jobs(plan: ReproducePlan, controller: ControllerDesign | None, runs: Path) -> list[RunJob]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from statistics import median_high
 from typing import Any, Protocol
 
 from treadline.control.tune import tune
@@ -94,7 +95,7 @@ def reproduce_paper(plan: ReproducePlan, out: Path, *, workers: int, progress: _
                 "controller": {"K": controller.K, "period_s": controller.period_s, **controller.provenance},
                 "speed": {
                     "physics_real_time_factor": _physics_real_time_factor(),
-                    "loop_cpu_s_per_s": _median([run["cpu_s"] / run["duration_s"] for run in safe]),
+                    "loop_cpu_s_per_s": median_high([run["cpu_s"] / run["duration_s"] for run in safe]),
                 },
                 "gravity_error_deg": GRAVITY_ERROR_DEG,
                 "wall_s": time.monotonic() - started,
@@ -183,10 +184,6 @@ def _by_kind(results: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], ...]:
     return tuple([run for run in results if run["kind"] == kind] for kind in ("turn", "turn-rollback", "straight", "lugs"))
 
 
-def _median(values: list[float]) -> float:
-    return sorted(values)[len(values) // 2]
-
-
 def _physics_real_time_factor() -> float:
     """Return simulated seconds per CPU second with the physics alone: median of five spans of 10 s of climbing at 28°."""
     cpu_s = []
@@ -197,4 +194,4 @@ def _physics_real_time_factor() -> float:
             started = time.process_time()
             plant.advance(from_s + 10.0)
             cpu_s.append(time.process_time() - started)
-    return 10.0 / _median(cpu_s[1:])  # in the first span caches and branch predictors warm up
+    return 10.0 / median_high(cpu_s[1:])  # in the first span caches and branch predictors warm up

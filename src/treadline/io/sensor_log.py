@@ -99,10 +99,8 @@ class SensorLog:
             try:
                 name = self._roles.get(topic.name, "")
                 signal = self._decoded(name, topic.name, reader_of(topic, data, logged_ns, self._origin_ns), logged_ns)
-            except LogFormatError as error:
-                raise LogFormatError(f"{self._path}: {topic.name}: {error}") from None
-            except ImageError as error:
-                raise ImageError(f"{self._path}: {topic.name}: {error}") from None
+            except (LogFormatError, ImageError) as error:
+                raise type(error)(f"{self._path}: {topic.name}: {error}") from None
             except BROKEN as error:
                 raise LogFormatError(f"{self._path}: {topic.name}: a message that cannot be read: {error}") from None
             if self.ended is not None:

@@ -299,8 +299,6 @@ class SeatFigures(Part):
     settle_s: float | None
     start_deg: float
     steady_error_deg: float
-    steady_rms_deg: float
-    max_error_deg: float
 
 
 class RunResult(Part):

@@ -100,7 +100,7 @@ class CameraNode(_AdmittingNode):
     """
 
     name = "camera"
-    publishes = (on.QUALITY, on.MEASURED, on.MAP)
+    publishes = on.DETECTED
     needs = ((on.CAMERA, on.CAMERA_QUALITY, on.CAMERA_HEADING),)
 
     def __init__(self, detector: Detector, config: GuardConfig, swept_half_m: float) -> None:
@@ -281,7 +281,7 @@ class GuardNode:
     """
 
     name = "guard"
-    publishes = (on.TRACKS_CMD, on.SEAT_CMD, on.FLIPPER_CMD, on.GUARD)
+    publishes = (*on.COMMANDS, on.GUARD)
     needs = ()
 
     def __init__(

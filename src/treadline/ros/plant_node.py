@@ -51,7 +51,7 @@ class PlantNode:
     def listen(self, transport: Transport) -> None:
         """Subscribe to the guard's commands and the operator."""
         self._publish = transport.publish
-        for channel in (on.TRACKS_CMD, on.SEAT_CMD, on.FLIPPER_CMD):
+        for channel in on.COMMANDS:
             transport.subscribe(channel, self._obey)
         transport.subscribe(on.OPERATOR, self.last_guard.operate)
 

@@ -123,28 +123,6 @@ _OPENERS: dict[str, Callable[[Path], Opened]] = {".bag": _ros1, ".db3": _ros2}
 
 INPUTS = ("left_m_s", "right_m_s")
 OUTPUTS = ("heading_rad", "yaw_rate_rad_s")
-LOGGED = (
-    on.IMU,
-    on.TRACKS,
-    on.SEAT,
-    on.FLIPPER,
-    on.OPERATOR,
-    on.PLANT,
-    on.CAMERA,
-    on.QUALITY,
-    on.MEASURED,
-    on.MAP,
-    on.ESTIMATE,
-    on.TRACKS_CMD,
-    on.SEAT_CMD,
-    on.FLIPPER_CMD,
-    on.DIAGNOSTICS,
-    on.TRUTH,
-    on.ODOM,
-    on.MOUNTS,
-)
-
-
 Row = tuple[float, float, float, float, float]
 """Time, left and right belt, heading, yaw rate."""
 
@@ -170,7 +148,7 @@ class RecorderNode:
             clear_run(self._folder)
             self._folder.mkdir(parents=True, exist_ok=True)
         self._bag: Bag = open_bag(out if self._folder is None else self._folder / LOG)
-        self._channels = tuple(channel for channel in LOGGED if frames or channel != on.CAMERA)
+        self._channels = tuple(channel for channel in on.LOGGED if frames or channel != on.CAMERA)
         self._period_s = period_s
         self._every = round(period_s / TICK_S)
         self._slot = -1

@@ -24,19 +24,9 @@ from treadline.vehicle.stair_solids import Box, NosingGeometry, Solid, stair_sol
 from treadline.vehicle.staircase import Staircase
 
 __all__ = [
-    "LINKAGE_BODIES",
-    "BeltPath",
-    "BodyName",
-    "Colour",
-    "MeshPart",
-    "body_poses",
-    "chair_parts",
-    "colour",
-    "lug_part",
-    "lug_poses",
-    "resting_lugs",
-    "stair_parts",
-]
+    "LINKAGE_BODIES", "BeltPath", "BodyName", "Colour", "MeshPart", "body_poses", "chair_parts", "colour",
+    "lug_part", "lug_poses", "resting_lugs", "stair_parts",
+]  # fmt: skip
 
 LINKAGE_BODIES = ("bar", "slider")
 """Bodies without a link in the URDF: their motion follows from the seat's, and a URDF has no joint for such a mechanism."""

@@ -218,14 +218,7 @@ def _posture(size_m: Size, mass_kg: float, com: Vector3) -> _Posture:
 
 def _person_parts(seated: _Posture) -> list[MeshPart]:
     """Return head, trunk, limbs and shoes of a seated person as capsules."""
-    h, g, hip, shoulder, knee, ankle = (
-        seated.stature_m,
-        seated.girth,
-        seated.hip,
-        seated.shoulder,
-        seated.knee,
-        seated.ankle,
-    )
+    h, g, hip, shoulder, knee, ankle = seated.stature_m, seated.girth, seated.hip, seated.shoulder, seated.knee, seated.ankle
     x, y, z = np.eye(3)
     neck, joint, sole = shoulder + 0.06 * h * z, 0.033 * h * math.sqrt(g), 0.5 * (float(ankle[2]) - seated.sole_z)
     skin = [capsule(shoulder, neck, 0.03 * h), capsule(neck + 0.055 * h * z, neck + 0.1 * h * z, 0.048 * h)]
