@@ -19,9 +19,9 @@ class ReadingAdmission:
         self._config = config
         self.stamps = Stamps(config)
         self.frames = FrameMonitor(config)
-        self._travel = BeltTravel(config.ahead_s)
+        self._travel = BeltTravel(config.silence_s)
         self.fault = ""
-        """Why the content of the last message was rejected; empty if it was accepted, or rejected for its stamp."""
+        """Fault of the last message's content; empty if it has none."""
 
     def advance(self, t_s: float) -> None:
         """Set the clock that stamps are compared with."""
@@ -33,16 +33,11 @@ class ReadingAdmission:
 
     def accept(self, message: Stamped, by: str = "") -> bool:
         """Return whether stamp and content of a message are acceptable; one that is not is counted as rejected."""
-        self.fault = ""
-        if not self.stamps.accept(message, by):
-            return False
         self.fault = fault_of(message, self._config)
-        if not self.fault:
-            return True
-        self.stamps.reject(message, self.fault)
-        if isinstance(message, FrameQuality):
+        accepted = self.stamps.accept(message, by, self.fault)
+        if self.fault and isinstance(message, FrameQuality):
             self.frames.reject_frame(self.fault)
-        return False
+        return accepted
 
     def is_sound(self, reading: Stamped) -> bool:
         """Return whether an accepted reading comes from a sensor that is not frozen, dark or empty."""

@@ -1,5 +1,6 @@
 """Limits of pitch, roll and pitch rate of the chair (row 18), and of the pitch of its seat (row 19)."""
 
+import math
 from collections.abc import Sequence
 
 from treadline.core.angles import DEG, tilt_of
@@ -24,7 +25,7 @@ class TiltMonitor:
 
     def forget(self) -> None:
         """Reset the monitor."""
-        self._lasting.forget()
+        self._lasting.forget(math.inf)
         self.cause = None
 
     def _fault(self, orientation: Sequence[float], pitch_rate_rad_s: float) -> str | None:

@@ -5,7 +5,7 @@
 
 import math
 
-from treadline.core.signals import Recent, TrackCommand, TrackReading
+from treadline.core.signals import ROUNDING_S, Recent, TrackCommand, TrackReading
 from treadline.core.slip import slower_belt_m_s
 from treadline.guard._guard_config import GuardConfig
 from treadline.guard._lasting import Lasting
@@ -31,7 +31,7 @@ class BeltTravel:
         """Integrate one reading; return the time since the previous one [s], None after a gap."""
         dt_s = reading.t_s - self._t_s
         self._t_s = reading.t_s
-        if dt_s > self._gap_s:
+        if dt_s > self._gap_s + ROUNDING_S:
             return None
         self.travel_m += dt_s * 0.5 * (reading.left_m_s + reading.right_m_s)
         self.slow_travel_m += dt_s * slower_belt_m_s(reading.left_m_s, reading.right_m_s)
@@ -58,9 +58,9 @@ class BeltMonitor:
         self._config = config
         self._asked = TrackCommand.stop(0.0)
         self._t_s = 0.0
-        self.travel = BeltTravel(config.ahead_s)
+        self.travel = BeltTravel(config.silence_s)
         self._expected = [0.0, 0.0]
-        self._left, self._right, self._brake = (Lasting(config.mismatch_s, config.ahead_s) for _ in range(3))
+        self._left, self._right, self._brake = (Lasting(config.mismatch_s, config.silence_s) for _ in range(3))
         self.cause: str | None = None
         """Fault of a belt or of the brake; None if there is none."""
 
@@ -83,7 +83,7 @@ class BeltMonitor:
         if dt_s is None:
             self._expected = list(belts)
             for lasting in (self._left, self._right, self._brake):
-                lasting.forget()
+                lasting.forget(reading.t_s)
             return
         # Also of a chair that is commanded to stand.
         if self._brake.update(reading.t_s, beyond=reading.brake_on and not self._asked.brake):

@@ -11,11 +11,12 @@ class Repeats:
 
     Args:
         window_s: Time for which a value is remembered [s].
+        most: Number of remembered values; None for all of that time. Measurements may be rounded, and come again soon.
     """
 
-    def __init__(self, window_s: float) -> None:
+    def __init__(self, window_s: float, most: int | None = None) -> None:
         self._window_s = window_s
-        self._values: deque[tuple[float, object]] = deque()
+        self._values: deque[tuple[float, object]] = deque(maxlen=most)
 
     def is_new(self, t_s: float, value: object) -> bool:
         """Return whether a value was not there before; a repeated value is remembered anew."""
@@ -61,7 +62,7 @@ class FrameMonitor:
         """Return whether a measurement has changed, or the chair has hardly moved since; False after a rejected frame."""
         if self._blind:
             return False
-        if self._values.setdefault(kind, Repeats(self._config.blind_timeout_s)).is_new(t_s, value):
+        if self._values.setdefault(kind, Repeats(self._config.blind_timeout_s, 2)).is_new(t_s, value):
             self._changed_m[kind] = travel_m
         frozen = abs(travel_m - self._changed_m.setdefault(kind, travel_m)) > self._config.frozen_travel_m
         self.refused = "is frozen" if frozen else ""

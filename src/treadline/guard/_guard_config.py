@@ -57,12 +57,12 @@ class GuardConfig:
     ahead_s: float = 0.1
     """Largest lead of a stamp over the guard's clock [s]; a message with a larger lead is rejected. Ten ticks, so that a late tick
     rejects nothing, and a third of the silences, so that no stamp conceals a silence for long. Rate commands to seat and flipper,
-    which are repeated at each tick, are valid as long, and belt speeds are integrated over no longer gap."""
+    which are repeated at each tick, are valid as long."""
     clock_jump_s: float = 1.0
     """Largest leap of a clock [s]; a larger one is a fault (row 10)."""
     silence_s: float = SILENCE_S
     """Longest silence of what must speak: frames, belts, seat, flipper, plan, estimate, operator's link [s]. Three frames at 10 Hz
-    (row 1), the timeout of the actuators' own watchdog, and row 21."""
+    (row 1), the timeout of the actuators' own watchdog, and row 21. Belt speeds are integrated over no longer gap."""
     imu_timeout_s: float = 0.05
     """Time without an IMU sample after which the IMU counts as missing [s], and duration of a pitch, roll or pitch rate beyond its
     limit after which it is a fault: five samples at 100 Hz (row 6), longer than a shock, shorter than a fall."""

@@ -60,7 +60,7 @@ class GyroOnlyTurn:
         if plan is None or plan.phase not in FLIGHT + OVER:
             self._window.clear()
             return
-        if dt_s > self._config.ahead_s:
+        if dt_s > self._config.silence_s:
             self._window.clear()
         if not self._window:
             dt_s = 0.0

@@ -66,10 +66,7 @@ class LastGuard:
         if command.sender != (self._sender or command.sender):
             self.trip(f"two guards send commands, {self._sender} and {command.sender}; stop one of them")
             return False
-        fault = fault_of(command, self._config)
-        if fault:
-            self._stamps.reject(command, fault)
-        if fault or not self._stamps.accept(command):
+        if not self._stamps.accept(command, content=fault_of(command, self._config)):
             self._rejection = f"; {self._stamps.rejection}" if self._stamps.rejection else self._rejection
             if self._stamps.leap is not None and self._driven:
                 self.trip(self._stamps.leap)

@@ -3,8 +3,9 @@
 import math
 from collections.abc import Iterable
 
-from treadline.core.signals import Event, HeadingEstimate, HeadingHealth
+from treadline.core.signals import ROUNDING_S, Event, HeadingHealth
 from treadline.guard._guard_config import TIPPING, GuardConfig
+from treadline.guard._lasting import Lasting
 
 
 class SilenceMonitor:
@@ -20,6 +21,10 @@ class SilenceMonitor:
         self._timeout_s, self._what = timeout_s, what
         self._heard_s: dict[str, float] = dict.fromkeys(awaited, math.inf)
         self._faults: dict[str, str] = {}
+
+    def expect(self, source: str) -> None:
+        """Await a source from now on."""
+        self._heard_s.setdefault(source, math.inf)
 
     def heard(self, source: str, t_s: float) -> None:
         """Record a report."""
@@ -45,6 +50,11 @@ class SilenceMonitor:
         """Wait for each source anew."""
         self._heard_s = dict.fromkeys(self._heard_s, t_s)
 
+    def excuse(self, passed_s: float) -> None:
+        """Leave out of each silence what a guard that did not run for ``passed_s`` could not hear, beyond the timeout."""
+        for source in self._heard_s:
+            self._heard_s[source] += max(passed_s - self._timeout_s, 0.0) + ROUNDING_S
+
 
 def _last(fault: str) -> str:
     return f": the last {fault}" if fault else ""
@@ -59,6 +69,7 @@ class SensorTimeouts:
         self._frame_m = 0.0
         self._fault: str | None = None
         self._since_s = math.inf
+        self._differ = Lasting(config.lasting_s, config.silence_s)
         self._mended_s: float | None = None
         self.refused = ""
         """Reason for rejecting the last frame; empty if it was accepted."""
@@ -99,6 +110,7 @@ class SensorTimeouts:
     def alarm(self, t_s: float, travel_m: float, phase: str | None) -> str | None:
         """Return the reason to hold, or None."""
         limits = self._config
+        differ = self._differ.update(t_s, beyond=self._fault == "disagreement")
         # A stamp in the future, from a clock that is ahead, counts as now.
         self._imu_s, self._frame_s, self._seen_s = min(self._imu_s, t_s), min(self._frame_s, t_s), min(self._seen_s, t_s)
         frame_s, no_imu = t_s - self._frame_s, self._no_imu(t_s)
@@ -113,8 +125,8 @@ class SensorTimeouts:
             return f"{self._no_frame(f'{frame_s:.1f}')}, {abs(travel_m - self._frame_m):.2f} m driven since"
         if t_s - self._seen_s > limits.lost_timeout_s:
             return f"no stair in view for {t_s - self._seen_s:.1f} s"
-        if self._fault == "disagreement" and t_s - self._since_s > limits.lasting_s:
-            return f"camera and gyro disagree for {t_s - self._since_s:.1f} s"
+        if differ:
+            return f"camera and gyro disagree for more than {limits.lasting_s:.1f} s"
         return None
 
     def both_lost(self, t_s: float) -> bool:
@@ -142,14 +154,3 @@ class SensorTimeouts:
         if self._fault == "stuck":
             return f"gyro stuck for {t_s - self._since_s:.2f} s"
         return None
-
-
-def estimate_fault(estimate: HeadingEstimate | None, t_s: float, timeout_s: float) -> str | None:
-    """Return the fault of a heading estimate, or None."""
-    if estimate is None:
-        return None
-    if not (math.isfinite(estimate.heading_rad) and math.isfinite(estimate.heading_rate_rad_s)):
-        return "heading estimate is not finite"
-    if not abs(t_s - estimate.t_s) <= timeout_s:
-        return f"heading estimate is {t_s - estimate.t_s:+.2f} s old"
-    return None

@@ -38,29 +38,27 @@ class Stamps:
         """Set the clock."""
         self._now_s = now_s
 
-    def accept(self, message: Stamped, by: str = "") -> bool:
-        """Return whether the stamp of a message is acceptable; each message is asked for once.
+    def accept(self, message: Stamped, by: str = "", content: str = "") -> bool:
+        """Return whether a message is acceptable; each message is asked for once.
 
         Args:
             message: The message.
-            by: Sender, where two send messages of one type.
+            by: Sender of what is no reading, where two send messages of one type.
+            content: Fault of the message's content, if any.
         """
         kind = type(message).__name__
         fault = self._fault(kind, by, message)
-        if fault is not None:
-            self.reject(message, fault)
-            return False
-        self._in_series.discard(kind)
-        self._last_s[kind, by] = message.t_s
-        return True
-
-    def reject(self, message: Stamped, fault: str) -> None:
-        """Count a rejected message."""
-        kind = type(message).__name__
+        if fault is None:
+            self._last_s[kind, by] = message.t_s
+            if not content:
+                self._in_series.discard(kind)
+                return True
+            fault = content
         self.rejected[kind] += 1
         self.rejection = f"{kind} {fault}" if fault and kind not in self._in_series else None
         if fault:
             self._in_series.add(kind)
+        return False
 
     def _fault(self, kind: str, by: str, message: Stamped) -> str | None:
         """Return the fault of a stamp, empty for a repeated or overtaken message and before the first tick; None for a good one."""
@@ -76,8 +74,8 @@ class Stamps:
                 self.leap = f"clock of {kind} leapt {t_s - now_s:.2f} s ahead"
             return f"stamped {t_s - now_s:.2f} s ahead of the clock"
         if last_s - t_s > limits.clock_jump_s:
-            # Later messages are compared with the new time, so that a person can re-arm.
-            self._last_s[kind, by] = t_s
+            if not by:  # a sensor's clock holds; later readings are compared with the new time, so that a person can re-arm
+                self._last_s[kind, by] = t_s
             self.leap = f"clock of {kind} leapt {last_s - t_s:.2f} s back"
             return f"stamped {last_s - t_s:.2f} s before the last one"
         if t_s <= last_s:

@@ -41,7 +41,7 @@ from treadline.guard._guard_config import ENDS, FLIGHT, STEADY, GuardConfig
 from treadline.guard._gyro_only_turn import GyroOnlyTurn, heading_fault
 from treadline.guard._half_cosine_stop import Stop
 from treadline.guard._obstacle_monitor import AheadMonitor
-from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor, estimate_fault
+from treadline.guard._sensor_timeouts import SensorTimeouts, SilenceMonitor
 from treadline.guard._slip_monitor import SlipMonitor
 from treadline.guard._speed_limits import limited, mean_limit, stands
 from treadline.guard._stamps import Stamped
@@ -80,6 +80,8 @@ class Guard:
         self._link = SilenceMonitor(config.silence_s)
         self._plans = SilenceMonitor(config.silence_s, awaited=("plan",) if config.has_planner else ())
         self._processes = SilenceMonitor(config.heartbeat_timeout_s, "process ")
+        self._estimates = SilenceMonitor(config.silence_s)
+        self._estimate: HeadingEstimate | None = None
         limits = (config.belt_limit_m_s, config.seat_rate_m_s, config.flipper_rate_rad_s)
         drives = [name for name, limit in zip(SOURCES.values(), limits, strict=True) if limit is not None]
         self._drives = SilenceMonitor(config.silence_s, "readings of the ", drives)
@@ -139,14 +141,13 @@ class Guard:
             return False
         match message:
             case HeadingMeasurement():
-                self._senses.seen(message.t_s)
-                self._blind.seen(message.t_s)
+                self._see(message.t_s)
             case StairMap():
                 self._look_ahead(message)
             case HeadingHealth():
                 mended = self._senses.health(message)
                 if mended is not None:
-                    self._latch.report(mended.t_s, mended.name, mended.cause)
+                    self._latch.report(self._now_s, mended.name, mended.cause)
             case _:
                 self._follow(message)
         return True
@@ -161,14 +162,14 @@ class Guard:
 
     def propose(self, command: TrackCommand | SeatCommand) -> None:
         """Update with the command of the driver or of the seat's leveller."""
-        if not self._admission.stamps.accept(command):
+        if not self._admission.stamps.accept(command, "a block"):
             self._report_rejection()
         elif isinstance(command, SeatCommand):
             self._propose_seat(command)
-        elif finite(command.left_m_s, command.right_m_s):
-            self._driver_s, self._command = command.t_s, command
-        else:
-            self._latch.hold(command.t_s, Stop.BRAKE, "command is not finite")
+        elif not finite(command.left_m_s, command.right_m_s):
+            self._latch.hold(self._now_s, Stop.BRAKE, "command is not finite")
+        elif command.t_s >= self._rearmed_s:
+            self._driver_s, self._command = min(command.t_s, self._now_s), command
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> Commands:
         """Return the commands to the plant at ``t_s``: the proposals within their limits, or those of a held chair.
@@ -180,10 +181,11 @@ class Guard:
             self._latch.hold(t_s, Stop.BRAKE, "mission clock is not finite")
         self.advance(t_s)
         late_s = self._lateness(t_s)
-        self._heading_rad = math.inf if estimate is None else estimate.heading_rad
-        for stop, cause in self._alarms(t_s, estimate):
+        if estimate is not None:
+            self._take_estimate(estimate)
+        for stop, cause in self._alarms(t_s):
             self._latch.hold(t_s, stop, cause)
-        passed = self._limited(t_s, estimate, late_s)
+        passed = self._limited(t_s, late_s)
         travel_m, mean_m_s = self._belts.travel.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s)
         self._latch.hold(t_s, Stop.BRAKE, self._ahead.cause(travel_m, mean_m_s))
         if self._watches_ground:
@@ -240,8 +242,7 @@ class Guard:
                 self._note_brake(signal)
             case HeadingMeasurement():
                 self._update_sight(signal.t_s)
-                self._senses.seen(signal.t_s)
-                self._blind.seen(signal.t_s)
+                self._see(signal.t_s)
             case StairMap():
                 self._update_sight(signal.t_s)
                 self._look_ahead(signal)
@@ -253,6 +254,13 @@ class Guard:
         lasts = state.t_s - self._rearmed_s > self._config.ahead_s
         if state.fault is not None and lasts and self._config.watches_motion:
             self._latch.hold(state.t_s, Stop.BRAKE, f"the plant braked by itself: {state.fault}")
+
+    def _take_estimate(self, estimate: HeadingEstimate) -> None:
+        if self._accepts(estimate, "a block"):
+            self._estimates.heard("heading estimate", estimate.t_s)
+            self._estimate, self._heading_rad = estimate, estimate.heading_rad
+        else:
+            self._estimates.rejected("heading estimate", self._admission.fault)
 
     def _update_motion(self, sample: ImuSample) -> None:
         orientation, pitch_rate = sample.orientation, -sample.angular_velocity_rad_s[1]
@@ -266,7 +274,7 @@ class Guard:
         frames = self._admission.frames
         if frames.is_dark != self._is_dark:
             shown = f"colours of mean {quality.brightness:.2f}, contrast {quality.contrast:.3f}"
-            self._latch.report(quality.t_s, "vision_clear" if self._is_dark else "vision_dim", shown)
+            self._latch.report(self._now_s, "vision_clear" if self._is_dark else "vision_dim", shown)
         self._is_dark = frames.is_dark
         self._senses.refused = frames.refused
         travel_m, _ = self._belts.travel.at(quality.t_s)
@@ -275,6 +283,12 @@ class Guard:
             self._senses.frame(quality.t_s, travel_m)
         if usable:
             self._ahead.look_on(quality.obstacle_m, self._plan, travel_m)
+
+    def _see(self, t_s: float) -> None:
+        """Record a measured heading; from then on an estimate is awaited."""
+        self._senses.seen(t_s)
+        self._blind.seen(t_s)
+        self._estimates.expect("heading estimate")
 
     def _update_sight(self, t_s: float) -> None:
         """Record a measurement of a camera without images as a frame."""
@@ -307,14 +321,15 @@ class Guard:
     def _obey(self, operator: OperatorInput) -> bool:
         """Update with the operator: stop and a released dead-man switch hold whatever their age; re-arm ends a hold."""
         new = self._accepts(operator)
+        self._link.expect("operator link")
         self._latch.hold(self._now_s, Stop.BRAKE, self._admission.stamps.leap)
         pressed = new and self._button.press(down=operator.rearm)
         if new:
             self._link.heard("operator link", operator.t_s)
         if operator.stop or not operator.dead_man:
             self._latch.hold(self._now_s, Stop.BRAKE, "operator stop")
-        elif pressed and self._latch.release(operator.t_s):
-            self._restart(operator.t_s)
+        elif pressed and self._latch.release(self._now_s, operator.t_s):
+            self._restart(self._now_s)
         return new
 
     def _restart(self, t_s: float) -> None:
@@ -325,7 +340,7 @@ class Guard:
         self._driver_s = self._rearmed_s = t_s
         self._command = TrackCommand.stop(t_s)
         self._senses.restart(t_s, self._belts.travel.travel_m)
-        for silence in (self._link, self._plans, self._processes, self._drives):
+        for silence in (self._link, self._plans, self._processes, self._drives, self._estimates):
             silence.restart(t_s)
         for watch in (self._belts, self._slip, self._blind, self._tilt, self._seat):
             watch.forget()
@@ -347,7 +362,7 @@ class Guard:
         In phases of constant pitch a seat near horizontal moves slowly, so that it does not excite rocking over uneven steps.
         """
         if not finite(command.rate_m_s):
-            self._latch.hold(command.t_s, Stop.BRAKE, "seat rate is not finite")
+            self._latch.hold(self._now_s, Stop.BRAKE, "seat rate is not finite")
             return
         limit = self._config.seat_rate_m_s or 0.0
         if self._plan is not None and self._plan.phase in STEADY and abs(self._seat_rad) <= self._config.level_rad:
@@ -368,10 +383,8 @@ class Guard:
         if command is None:
             return None
         limit = self._config.flipper_rate_rad_s or 0.0
-        rate_rad_s = min(max(command.rate_rad_s, -limit), limit)
-        if self._latch.cause is not None:
-            rate_rad_s = 0.0
-        return command if rate_rad_s == command.rate_rad_s else replace(command, rate_rad_s=rate_rad_s)
+        rate_rad_s = 0.0 if self._latch.cause is not None else min(max(command.rate_rad_s, -limit), limit)
+        return FlipperCommand(t_s=t_s, rate_rad_s=rate_rad_s)
 
     def _is_fresh(self, commanded_s: float, t_s: float) -> bool:
         return abs(t_s - commanded_s) <= self._config.ahead_s + ROUNDING_S
@@ -387,13 +400,13 @@ class Guard:
             self._latch.hold(t_s, Stop.BRAKE, f"mission clock leapt by {passed_s:+.2f} s")
         if passed_s > self._config.silence_s:
             # Silence cannot be attributed to a source while the guard itself did not run.
-            self._drives.restart(t_s)
-            self._plans.restart(t_s)
+            for silence in (self._drives, self._plans, self._estimates):
+                silence.excuse(passed_s)
         if passed_s > self._config.driver_timeout_s:
             self._latch.hold(t_s, Stop.BRAKE, f"no tick for {passed_s:.2f} s")
         return max(passed_s, t_s - self._driver_s)
 
-    def _alarms(self, t_s: float, estimate: HeadingEstimate | None) -> Iterator[tuple[Stop, str | None]]:
+    def _alarms(self, t_s: float) -> Iterator[tuple[Stop, str | None]]:
         """Yield how to stop for each cause, and the cause or None; the guard holds for the first cause.
 
         Rows are those of the table of hazards.
@@ -419,14 +432,14 @@ class Guard:
         if limits.needs_heading:
             phase = None if self._plan is None else self._plan.phase
             # Row 7: belts 0.1 m/s apart turn the chair by 0.3° more over a ramp, of 5° allowed.
-            yield Stop.RAMP, estimate_fault(estimate, t_s, limits.silence_s)
+            yield Stop.RAMP, self._estimates.cause(t_s)
             lost = self._senses.alarm(t_s, self._belts.travel.travel_m, phase)
             # Row 9: held within 0.5 s, of which the silence takes 0.3 s. Of one lost sense the other carries the heading.
             yield Stop.BRAKE if self._senses.both_lost(t_s) else Stop.RAMP, lost
             yield Stop.RAMP, self._blind.cause
-            yield Stop.RAMP, heading_fault(limits, estimate, self._plan)
+            yield Stop.RAMP, heading_fault(limits, self._estimate, self._plan)
 
-    def _limited(self, t_s: float, estimate: HeadingEstimate | None, late_s: float) -> TrackCommand:
+    def _limited(self, t_s: float, late_s: float) -> TrackCommand:
         limits, plan = self._config, self._plan
         kind, cause = self._speed_restriction(t_s, late_s)
         self._latch.slow(t_s, kind, cause)
@@ -436,7 +449,7 @@ class Guard:
         return limited(
             self._command,
             t_s,
-            mean_limit(limits, estimate, plan, restricted=kind not in ("", "late")),
+            mean_limit(limits, self._estimate, plan, restricted=kind not in ("", "late")),
             limits.belt_limit_m_s,
             min(max(ramp, 0.0), 1.0),
         )

@@ -1,5 +1,7 @@
 """Latch of the HOLD: the first cause stays until a person re-arms. Collects the guard's events."""
 
+import math
+
 from treadline.core.signals import Event, TrackCommand
 from treadline.guard._guard_config import GuardConfig
 from treadline.guard._half_cosine_stop import RampedStop, Stop
@@ -26,6 +28,7 @@ class Latch:
 
     def __init__(self, config: GuardConfig) -> None:
         self.cause: str | None = None
+        self._held_s = -math.inf
         self._config = config
         self._ramp = RampedStop(config)
         self._events: list[Event] = []
@@ -36,7 +39,7 @@ class Latch:
         if cause is None:
             return
         if self.cause is None:
-            self.cause, self._ramp = cause, RampedStop(self._config)
+            self.cause, self._held_s, self._ramp = cause, t_s, RampedStop(self._config)
             self.report(t_s, "hold", cause)
         elif stop is Stop.BRAKE and not self._ramp.is_over:
             self.report(t_s, "brake", cause)
@@ -52,9 +55,9 @@ class Latch:
         """
         return self._ramp.step(t_s, belts_m_s)
 
-    def release(self, t_s: float) -> bool:
-        """End a hold; return whether there was one."""
-        if self.cause is None:
+    def release(self, t_s: float, pressed_s: float) -> bool:
+        """End a hold for a button pressed at ``pressed_s``; return whether there was one. A press before the hold is not meant."""
+        if self.cause is None or pressed_s < self._held_s:
             return False
         self.report(t_s, "rearmed", f"by a person, after: {self.cause}")
         self.cause = None
