@@ -82,18 +82,6 @@ def test_a_run_that_ended_early_enters_no_average_and_every_worst_value() -> Non
     assert "  rms_heading_deg: worst 40° (run 0003; averages of 0 runs of 3)" in lines(none)
 
 
-def test_the_summary_shows_an_rms_only_for_rms_scores() -> None:
-    rows = [
-        {"index": k, "seed": 0, "verdict": "arrived", "cause": None, "duration_s": 40.0 + k, "rms_heading_deg": 3.0}
-        | {"min_stability_margin_deg": 9.0 - k}
-        for k in range(3)
-    ]
-    said = lines(summarise(rows, [], [], "min_stability_margin_deg"))
-    assert "  min_stability_margin_deg: median 8°, worst 7° (run 0002)" in said
-    assert "  duration_s: median 41 s, worst 42 s (run 0002)" in said
-    assert "  rms_heading_deg: RMS 3°, median 3°, worst 3° (run 0000)" in said
-
-
 def test_shown_scores_are_scores_of_a_traversal() -> None:
     assert set(SHOWN) <= {field.name for field in fields(Scores)}
 

@@ -7,7 +7,6 @@ import json
 import os
 import re
 import shutil
-import struct
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
@@ -19,6 +18,7 @@ import cv2
 import numpy as np
 import pytest
 from frame_files import write_pcd
+from mutations import mutated_bytes
 
 from treadline.campaign._journal import Journal
 from treadline.campaign._sobol_sampling import run_seed
@@ -40,9 +40,6 @@ NUMBERS = (
     *("Infinity", "-Infinity", "inf", "null", "true", '"x"', "[]", "{}"),
 )
 WORDS = ["", "x", "\0", "é", "1", "nan", "../x", "%s", "\ufffd"]
-FLOATS = (1e38, -1e38, float("nan"), float("inf"), 3.3e-43, 0.0, -1.0)
-PATTERNS = [struct.pack(f"<{kind}", value) for kind in "fd" for value in FLOATS]
-PATTERNS += [b"\0", b"\x80", b"\xff", b"\xff\xff\xff\0", b"\xff" * 7 + b"\0", b"\x7f\xff\xff\xff", b"\0" * 8]
 TOKEN = re.compile(rb'-?\d[\d.eE+-]*|"[^"\n]*"|\w+')
 Mutate = Callable[[bytes, np.random.Generator], bytes]
 
@@ -63,19 +60,6 @@ def mutated_text(data: bytes, rng: np.random.Generator) -> bytes:
             token, word = tokens[int(rng.integers(len(tokens)))], str(rng.choice(WORDS if kind == "word" else NUMBERS))
             data = data[: token.start()] + word.encode() + data[token.end() :]
     return data
-
-
-def mutated_bytes(data: bytes, rng: np.random.Generator) -> bytes:
-    """Return bytes cut off, or with one to three places overwritten by hostile numbers; headers stand in front."""
-    if rng.random() < 0.1:
-        return data[: int(rng.integers(len(data) + 1))]
-    changed = bytearray(data)
-    for _ in range(int(rng.choice([1, 1, 2, 3]))):
-        pattern = PATTERNS[int(rng.integers(len(PATTERNS)))] if rng.random() < 0.7 else rng.bytes(1)
-        place = int(rng.integers(max(1, min(len(data), 800) if rng.random() < 0.3 else len(data))))
-        place -= place % 4 if rng.random() < 0.5 else 0
-        changed[place : place + len(pattern)] = pattern
-    return bytes(changed[: len(data)])
 
 
 def mutated_pixels(data: bytes, rng: np.random.Generator) -> bytes:

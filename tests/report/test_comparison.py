@@ -260,14 +260,6 @@ def test_the_readme_has_the_figures_of_the_published_results() -> None:
     assert all(row["conditions"] for row in values["figures"])
 
 
-def test_the_readme_is_short_and_the_files_that_it_names_exist() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert len(text.splitlines()) <= 120
-    named = [word for word in text.replace("(", "`").replace(")", "`").split("`") if word.startswith("docs/")]
-    assert len(named) > 10
-    assert [word for word in named if not (ROOT / word).exists()] == []
-
-
 def test_headlines_state_each_start_and_the_worst_run(results: Tables) -> None:
     results["table2"][0] |= {"rms_heading_deg": 3.21, "settle_s": None}
     results["table2"][4]["roll_back_m"] = 0.08

@@ -1,10 +1,10 @@
 """No bytes on any topic end a node: a broken message is dropped and counted, and the first of a series is reported."""
 
-import struct
 from typing import Any
 
 import numpy as np
 import pytest
+from mutations import mutated_bytes
 from node_messages import SIGNALS, T_S
 from wires import Air
 from world import limits
@@ -22,26 +22,12 @@ from treadline.scenario.chair import read_chair
 
 COUNT = 1000
 """Mutated messages of each channel and wire."""
-VALUES = [struct.pack("<I", n) for n in (0, 1, 0x7FFFFFFF, 0xFFFFFFFF)]
-NUMBERS = [struct.pack("<d", x) for x in (float("nan"), float("inf"), -1e308, 5e-324, -1.0)]
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:
-    """Return a message that is cut, lengthened, overwritten with bytes, counts or numbers, or has its middle left out."""
-    at = int(rng.integers(len(data)))
-    match int(rng.integers(6)):
-        case 0:
-            return data[:at]
-        case 1:
-            return data + rng.bytes(int(rng.integers(1, 40)))
-        case 2:
-            return data[:at] + rng.bytes(int(rng.integers(1, 5))) + data[at + 4 :]
-        case 3:
-            return data[: at & ~3] + VALUES[int(rng.integers(len(VALUES)))] + data[(at & ~3) + 4 :]
-        case 4:
-            return data[: at & ~3] + NUMBERS[int(rng.integers(len(NUMBERS)))] + data[(at & ~3) + 8 :]
-        case _:
-            return data[:at] + data[at + int(rng.integers(1, 9)) :]
+    """Return a message overwritten as files are, or with a part of it left out or put in."""
+    at, left_out = int(rng.integers(len(data))), int(rng.integers(9))
+    return mutated_bytes(data, rng) if rng.random() < 0.7 else data[:at] + rng.bytes(int(rng.integers(9))) + data[at + left_out :]
 
 
 @pytest.mark.parametrize("ros1", [True, False], ids=["ROS 1", "ROS 2"])

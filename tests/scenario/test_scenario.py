@@ -124,11 +124,3 @@ def test_a_shipped_scenario_is_found_next_to_a_folder_of_its_name(tmp_path: Path
     monkeypatch.chdir(tmp_path)
     (tmp_path / "paper-28").mkdir()
     assert read_scenario("paper-28").start.heading_deg == 30.0
-
-
-def test_an_unknown_name_lists_the_shipped_ones() -> None:
-    with pytest.raises(
-        SettingsError,
-        match=r"no shipped scenario of that name \(shipped: default, down-28, flight-20, paper-28, straight-25, up-28\)",
-    ):
-        read_scenario("paper-29")

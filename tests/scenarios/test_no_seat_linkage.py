@@ -167,12 +167,6 @@ def test_a_sweep_of_a_robot_summarises_without_the_seat(robot: Callable[..., Pat
     assert "seat_max_deg" not in json.loads((out / "summary.json").read_text())["scores"]
 
 
-def test_levelling_a_robot_without_a_seat_is_refused(robot: Callable[..., Path], tmp_path: Path) -> None:
-    (tmp_path / "climb.toml").write_text(f'[chair]\nmodel = "{robot()}"\npayload_kg = 30.0\n')
-    with pytest.raises(SettingsError, match="has no seat linkage"):
-        run_command("seat", tmp_path / "climb.toml", "--out", tmp_path / "seat")
-
-
 def test_the_open_questions_of_an_own_robot_are_answered_in_order(robot: Callable[..., Path]) -> None:
     path = robot(name="mine")
     steep = scenario_of(path, stair={"slope_deg": 44.0})

@@ -167,16 +167,6 @@ def test_a_seat_at_the_chassis_pitch_is_level_and_its_bar_joins_pin_and_slider(p
     np.testing.assert_allclose(poses["seat"][:3, 3], vehicle(chair, loading).seat.origin_m)
 
 
-def test_a_person_grows_with_the_payload_and_an_empty_seat_has_none() -> None:
-    chair = read_chair("wheelchair")
-
-    def trunk(kg: float) -> float:
-        return sum(_volume(part) for part in chair_parts(chair, Chair(payload_kg=kg)) if part.name == "person_shirt")
-
-    assert trunk(0.0) == 0.0
-    assert 0.0 < trunk(45.0) < trunk(75.0) < trunk(110.0)
-
-
 @pytest.mark.parametrize(
     "stair",
     [

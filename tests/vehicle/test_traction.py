@@ -31,13 +31,6 @@ def test_the_use_is_the_pull_over_the_ellipse_whatever_the_load(
     assert friction_use(slope, heading, (along, across)) == pytest.approx(ellipse, rel=1e-12)
 
 
-@given(along=coefficients, across=coefficients)
-def test_a_square_chair_slides_exactly_above_the_friction_angle(along: float, across: float) -> None:
-    steepest = math.atan(along)
-    assert friction_use(steepest - 1e-6, 0.0, (along, across)) < 1.0
-    assert friction_use(steepest + 1e-6, 0.0, (along, across)) > 1.0
-
-
 @given(slope=slopes, along=coefficients, across=coefficients)
 def test_the_largest_heading_uses_all_of_the_friction(slope: float, along: float, across: float) -> None:
     friction = (along, across)

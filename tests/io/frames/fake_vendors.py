@@ -34,41 +34,34 @@ def module(name: str, **content: Any) -> ModuleType:
     return made
 
 
+def getters(**values: Any) -> SimpleNamespace:
+    """Return an object with methods that return these values, whatever they are given."""
+    return SimpleNamespace(**{name: lambda *_, value=value: value for name, value in values.items()})
+
+
 def fake_pyrealsense2(  # noqa: C901 - a closure over its frames
     shots: Iterator[Shot], K: tuple[float, ...], *, has_imu: bool, error: str | None = None
 ) -> ModuleType:
     """Return pyrealsense2 with one D435i (or D435 without IMU)."""
     stream = SimpleNamespace(depth="depth", color="color", accel="accel")
 
-    class Frame:
-        def __init__(self, data: Any, t_s: float) -> None:
-            self._data, self._t_s = data, t_s
-
-        def get_data(self) -> Any:
-            return self._data
-
-        def get_timestamp(self) -> float:
-            return 1e3 * self._t_s
-
-        def as_motion_frame(self) -> "Frame":
-            return self
-
-        def get_motion_data(self) -> Any:
-            return SimpleNamespace(**dict(zip("xyz", self._data, strict=True)))
+    def frame(data: Any, t_s: float) -> Any:
+        motion = getters(get_motion_data=SimpleNamespace(x=data[0], y=data[1], z=data[2]))
+        return getters(get_data=data, get_timestamp=1e3 * t_s, as_motion_frame=motion)
 
     class FrameSet:
         def __init__(self, shot: Shot, *, has_images: bool = True) -> None:
             self.shot, self.has_images = shot, has_images
 
-        def get_depth_frame(self) -> Frame | None:
-            return Frame(self.shot.counts, self.shot.t_s) if self.has_images else None
+        def get_depth_frame(self) -> Any:
+            return frame(self.shot.counts, self.shot.t_s) if self.has_images else None
 
-        def get_color_frame(self) -> Frame | None:
-            return None if self.shot.rgb is None else Frame(self.shot.rgb, self.shot.rgb_t_s)
+        def get_color_frame(self) -> Any:
+            return None if self.shot.rgb is None else frame(self.shot.rgb, self.shot.rgb_t_s)
 
-        def first_or_default(self, kind: str) -> Frame | None:
+        def first_or_default(self, kind: str) -> Any:
             assert kind == stream.accel
-            return None if self.shot.force_I is None else Frame(self.shot.force_I, self.shot.t_s)
+            return None if self.shot.force_I is None else frame(self.shot.force_I, self.shot.t_s)
 
     class Config:
         def __init__(self) -> None:
@@ -80,29 +73,19 @@ def fake_pyrealsense2(  # noqa: C901 - a closure over its frames
         def can_resolve(self, _wrapper: Any) -> bool:
             return has_imu or stream.accel not in self.streams
 
-    class Profile:
-        def get_device(self) -> Any:
-            return SimpleNamespace(first_depth_sensor=lambda: SimpleNamespace(get_depth_scale=lambda: 0.001))
-
-        def get_stream(self, _kind: str) -> "Profile":
-            return self
-
-        def as_video_stream_profile(self) -> "Profile":
-            return self
-
-        def get_intrinsics(self) -> Any:
-            width, height, fx, fy, ppx, ppy = K
-            return SimpleNamespace(width=width, height=height, fx=fx, fy=fy, ppx=ppx, ppy=ppy)
-
-        def get_extrinsics_to(self, _other: "Profile") -> Any:
-            return SimpleNamespace(rotation=MOUNTED.T.ravel().tolist(), translation=[0.0, 0.0, 0.0])
+    profile = getters(
+        get_intrinsics=SimpleNamespace(**dict(zip(("width", "height", "fx", "fy", "ppx", "ppy"), K, strict=True))),
+        get_extrinsics_to=SimpleNamespace(rotation=MOUNTED.T.ravel().tolist(), translation=[0.0, 0.0, 0.0]),
+    )
+    profile.as_video_stream_profile = lambda: profile
 
     class Pipeline:
-        def start(self, config: Config) -> Profile:
+        def start(self, config: Config) -> Any:
             if error is not None:
                 raise RuntimeError(error)
             made.started = config.streams
-            return Profile()
+            device = getters(first_depth_sensor=getters(get_depth_scale=0.001))
+            return getters(get_device=device, get_stream=profile)
 
         def wait_for_frames(self, timeout_ms: int = 5000) -> FrameSet:
             shot = next(shots, None)
@@ -134,81 +117,52 @@ def fake_pyorbbecsdk(  # noqa: C901 - a closure over its frames
     class OBError(Exception):
         pass
 
-    class Profile:
-        def get_fps(self) -> int:
-            return 30
-
-        def get_intrinsic(self) -> Any:
-            width, height, fx, fy, cx, cy = K
-            return SimpleNamespace(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
-
-        def get_distortion(self) -> Any:
-            names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-            values = dict(zip(names, DISTORTION if distorted else (0.0,) * 8, strict=True))
-            return SimpleNamespace(model="OBCameraDistortionModel.BROWN_CONRADY_K6", **values)
-
-        def get_extrinsic_to(self, _other: "Profile") -> Any:
-            return SimpleNamespace(rot=MOUNTED.astype(np.float32), transform=np.zeros(3, np.float32))
+    names = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+    lens = dict(zip(names, DISTORTION if distorted else (0.0,) * 8, strict=True))
+    profile = getters(
+        get_fps=30,
+        get_intrinsic=SimpleNamespace(**dict(zip(("width", "height", "fx", "fy", "cx", "cy"), K, strict=True))),
+        get_distortion=SimpleNamespace(model="OBCameraDistortionModel.BROWN_CONRADY_K6", **lens),
+        get_extrinsic_to=SimpleNamespace(rot=MOUNTED.astype(np.float32), transform=np.zeros(3, np.float32)),
+    )
 
     class Profiles:
         def __init__(self, sensor: str) -> None:
             self.sensor = sensor
 
-        def get_video_stream_profile(self, width: int, height: int, pixels: str, fps: int) -> Profile:
+        def get_video_stream_profile(self, width: int, height: int, pixels: str, fps: int) -> Any:
             if self.sensor == "color" or (width, height, pixels, fps) != (640, 480, "Y16", 30):
                 raise OBError("no such profile")
-            return Profile()
+            return profile
 
-        def get_default_video_stream_profile(self) -> Profile:
-            return Profile()
+        def get_default_video_stream_profile(self) -> Any:
+            return profile
 
-    class Motion:
-        def __init__(self, force: tuple[float, float, float]) -> None:
-            self.force = force
+    def depth(shot: Shot) -> Any:
+        height, width = shot.counts.shape
+        return getters(
+            get_data=shot.counts.astype(np.uint16).reshape(-1).view(np.uint8),
+            get_width=width,
+            get_height=height,
+            get_depth_scale=1.0,
+            get_timestamp_us=round(1e6 * shot.t_s),
+        )
 
-        def get_x(self) -> float:
-            return self.force[0]
-
-        def get_y(self) -> float:
-            return self.force[1]
-
-        def get_z(self) -> float:
-            return self.force[2]
-
-        def get_stream_profile(self) -> Profile:
-            return Profile()
-
-    class Depth:
-        def __init__(self, shot: Shot) -> None:
-            self.shot = shot
-
-        def get_data(self) -> Any:
-            return self.shot.counts.astype(np.uint16).reshape(-1).view(np.uint8)
-
-        def get_width(self) -> int:
-            return self.shot.counts.shape[1]
-
-        def get_height(self) -> int:
-            return self.shot.counts.shape[0]
-
-        def get_depth_scale(self) -> float:
-            return 1.0
-
-        def get_timestamp_us(self) -> int:
-            return round(1e6 * self.shot.t_s)
+    def motion(force: tuple[float, float, float]) -> Any:
+        return getters(get_x=force[0], get_y=force[1], get_z=force[2], get_stream_profile=profile)
 
     class FrameSet:
         def __init__(self, shot: Shot) -> None:
             self.shot = shot
 
-        def get_depth_frame(self) -> Depth | None:
-            return Depth(self.shot) if self.shot.counts.size else None
+        def get_depth_frame(self) -> Any:
+            return depth(self.shot) if self.shot.counts.size else None
 
         def get_color_frame(self) -> None:
             return None
 
-        def get_accel_frame(self) -> Motion | None:
-            return None if self.shot.force_I is None else Motion(self.shot.force_I)
+        def get_accel_frame(self) -> Any:
+            return None if self.shot.force_I is None else motion(self.shot.force_I)
 
     class Pipeline:
         def __init__(self) -> None:
@@ -235,7 +189,7 @@ def fake_pyorbbecsdk(  # noqa: C901 - a closure over its frames
         def __init__(self) -> None:
             self.streams: list[Any] = []
 
-        def enable_stream(self, profile: Profile) -> None:
+        def enable_stream(self, profile: Any) -> None:
             self.streams.append(profile)
 
         def enable_accel_stream(self) -> None:
@@ -271,34 +225,22 @@ def fake_depthai(  # noqa: C901 - a closure over its frames
 
     waiting: list[Shot] = []
 
-    class Image:
-        def __init__(self, shot: Shot) -> None:
-            self.shot = shot
+    _, _, fx, fy, cx, cy = K
+    lens = getters(getIntrinsicMatrix=[[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
-        def getFrame(self) -> np.ndarray:
-            return self.shot.counts
-
-        def getWidth(self) -> int:
-            return self.shot.counts.shape[1]
-
-        def getHeight(self) -> int:
-            return self.shot.counts.shape[0]
-
-        def getTimestampDevice(self) -> timedelta:
-            return timedelta(seconds=self.shot.t_s)
-
-        def getTransformation(self) -> Any:
-            _, _, fx, fy, cx, cy = K
-            return SimpleNamespace(getIntrinsicMatrix=lambda: [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    def image(shot: Shot) -> Any:
+        height, width = shot.counts.shape
+        t = timedelta(seconds=shot.t_s)
+        return getters(getFrame=shot.counts, getWidth=width, getHeight=height, getTimestampDevice=t, getTransformation=lens)
 
     class Images:
-        def get(self, timeout: timedelta) -> Image | None:
+        def get(self, timeout: timedelta) -> Any:
             assert timeout.total_seconds() > 0.0
             shot = next(shots, None)
             if shot is None:
                 raise QueueException("MessageQueue was closed")
             waiting.append(shot)
-            return Image(shot)
+            return image(shot)
 
     class Forces:
         def tryGetAll(self) -> list[Any]:
