@@ -40,7 +40,7 @@ from treadline.plant.sensors.statistical_camera import (
 )
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.staircase import Staircase
-from treadline.vehicle.visibility import DETECTED_RUN_M, Geometry, Visibility, VisibleSide, Wall
+from treadline.vehicle.visibility import DETECTED_RUN_M, Geometry, Visibility, VisibleSide
 
 AS_BUILT: dict[str, Any] = {name: value for name, value in LIFELIKE.items() if name != "worn_m"}
 """Imperfections of real frames: uneven steps, spatially correlated noise, residual distortion."""
@@ -226,9 +226,8 @@ def look_of(record: Record) -> tuple[Visibility | None, StairMap | None]:
     seen, told = record["seen"], record["map"]
     if seen is not None:
         arrays = {name: np.array(seen[name]) for name in ("numbers", "nosings_B", "margins_px", "depths_m")}
-        walls = {side: None if seen[side] is None else Wall(**seen[side]) for side in ("left", "right")}
         sides = tuple(VisibleSide(**side) for side in seen["sides"])
-        seen = Visibility(**seen | arrays | walls | {"sides": sides})
+        seen = Visibility(**seen | arrays | {"sides": sides})
     if told is not None:
         told = StairMap(**told | {"t_s": 0.0, "nosings_B": np.array(told["nosings_B"])})
     return seen, told
@@ -291,14 +290,13 @@ def samples_of(records: list[Record]) -> dict[str, Samples]:
         if told.obstacle_m is None or not _ends_a_wall(record, told.obstacle_m):
             add("obstacle", (kind,), told.obstacle_m is not None)
         _add_nosings(add, kind, seen, told)
-        for wall, free in ((seen.left, told.left_wall_m), (seen.right, told.right_wall_m)):
-            side = int(wall is seen.left)
-            if wall is not None:
-                add("wall", (kind, int(np.searchsorted(WALL_SHARES, wall.share))), free is not None, side)
-            if wall is not None and free is not None:
-                add("free", (kind,), free - wall.free_m, side)
-            if wall is None:
-                add("no wall", (kind,), free is not None, side)
+        for number, side, free in zip((1, 0), seen.sides, (told.left_wall_m, told.right_wall_m), strict=True):
+            if side.kind == "open":
+                add("no wall", (kind,), free is not None, number)
+                continue
+            add("wall", (kind, int(np.searchsorted(WALL_SHARES, side.share))), free is not None, number)
+            if free is not None:
+                add("free", (kind,), free - side.end_m, number)
     return found
 
 

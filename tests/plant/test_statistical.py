@@ -120,8 +120,9 @@ def test_a_mirrored_chair_sees_the_mirrored_stair(*, rear: bool) -> None:
     assert left.heading_rad == pytest.approx(-right.heading_rad)
     np.testing.assert_allclose(left.nosings_B, right.nosings_B, atol=1e-12)
     np.testing.assert_allclose(left.margins_px, right.margins_px, atol=1e-9)
-    assert left.left.free_m == pytest.approx(right.right.free_m)
-    assert left.right is None
+    assert left.sides[0].kind == right.sides[1].kind == "wall"
+    assert left.sides[0].end_m == pytest.approx(right.sides[1].end_m)
+    assert left.sides[1].kind == "open"
 
 
 def test_a_rear_camera_sees_the_flight_fall_behind() -> None:

@@ -48,24 +48,21 @@ Direction = Literal["up", "down"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Wall:
-    """Wall next to the flight."""
-
-    free_m: float
-    """Distance from the chair's middle perpendicular to the wall [m]."""
-    share: float
-    """Fraction of the image filled by the wall."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VisibleSide:
     """One side of the flight; distances from the chair's middle, perpendicular to the flight."""
 
     seen_m: float
     """Distance to which two nosings are in the image [m]."""
-    edge_m: float | None
-    """Distance to the end of the nosings [m]; None unless two nosings are in the image up to their end."""
+    end_m: float
+    """Distance to the end of the nosings, where the wall is if there is one [m]."""
     kind: Literal["wall", "open"]
+    share: float
+    """Fraction of the image filled by the wall."""
+
+    @property
+    def edge_m(self) -> float | None:
+        """Distance to the end of the nosings [m]; None unless two nosings are in the image up to their end."""
+        return self.end_m if self.seen_m > self.end_m - END_SEEN_M else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,8 +85,6 @@ class Visibility:
     """Index of the last nosing of the flight."""
     ends: bool
     """Whether the absence of a further step is visible."""
-    left: Wall | None
-    right: Wall | None
     sides: tuple["VisibleSide", "VisibleSide"]
     """Left and right side of the flight."""
 
@@ -101,7 +96,7 @@ class Visibility:
     @property
     def acceptance_row(self) -> int:
         """Row of the acceptance table: a wall next to the flight and a distant first nosing lower the acceptance."""
-        walled = self.left is not None or self.right is not None
+        walled = any(side.kind == "wall" for side in self.sides)
         return 2 * int(walled) + int(self.depths_m[0] > FAR_FIRST_M)
 
 
@@ -144,8 +139,7 @@ class Geometry:
         first, last = self._places_W[row[0]], self._places_W[row[-1]]
         flight = int(self._flights[row[0]])
         steps = self._staircase.flights[flight]
-        left, right = self._walls(flight, R_WC, p_WC, p_WB)
-        sides = self._sides(row, R_WC, p_WC, float(p_WB[1]))
+        sides = self._sides(row, flight, R_WC, p_WC, float(p_WB[1]))
         return Visibility(
             direction="up" if up else "down",
             heading_rad=heading,
@@ -157,22 +151,21 @@ class Geometry:
             run_m=float(abs(last[0] - first[0])) / (len(row) - 1),
             last=int(self._numbers[self._flights == flight][-1 if up else 0]),
             ends=self._ends_up(steps, R_WC, p_WC) if up else self._ends_down(steps, R_WC, p_WC),
-            left=left if sign > 0.0 else right,
-            right=right if sign > 0.0 else left,
             sides=sides if sign > 0.0 else sides[::-1],
         )
 
-    def _sides(self, row: Int[np.ndarray, " k"], R_WC: Rotation, p_WC: Vector3, aside_m: float) -> tuple[VisibleSide, VisibleSide]:
-        """Return the sides at +y and -y, from the nosings of one flight."""
+    def _sides(
+        self, row: Int[np.ndarray, " k"], flight: int, R_WC: Rotation, p_WC: Vector3, aside_m: float
+    ) -> tuple[VisibleSide, VisibleSide]:
+        """Return the sides at +y and -y, from the nosings of one flight; a wall counts however little of it is visible."""
         shown = margins_px(self._camera, (self._fine_W[row] - p_WC) @ R_WC) > 0.0
-        walls = self._staircase.walls
-        sides = []
-        for sign, name in ((1.0, "left"), (-1.0, "right")):
+        walls, sides = self._staircase.walls, []
+        for sign, name, share in zip((1.0, -1.0), ("left", "right"), self._wall_shares(flight, R_WC, p_WC), strict=True):
             outward = np.where(shown, sign * (self._asides_m - aside_m), -np.inf).max(axis=1)
             seen_m = float(np.sort(outward)[-LEAST_NOSINGS])
             end_m = 0.5 * self._staircase.width_m - sign * aside_m
             kind: Literal["wall", "open"] = "wall" if walls in (name, "both") else "open"
-            sides.append(VisibleSide(seen_m=seen_m, edge_m=end_m if seen_m > end_m - END_SEEN_M else None, kind=kind))
+            sides.append(VisibleSide(seen_m=seen_m, end_m=end_m, kind=kind, share=share))
         return sides[0], sides[1]
 
     def _hidden(self, p_WC: Vector3) -> Bool[np.ndarray, " n"]:
@@ -217,11 +210,11 @@ class Geometry:
     def _shown(self, places_W: list[tuple[float, float, float]], R_WC: Rotation, p_WC: Vector3) -> bool:
         return float((margins_px(self._camera, (np.array(places_W) - p_WC) @ R_WC) > 0.0).mean()) > END_SHARE
 
-    def _walls(self, flight: int, R_WC: Rotation, p_WC: Vector3, p_WB: Vector3) -> tuple[Wall | None, Wall | None]:
-        """Return the walls at +y and -y, however small their visible part."""
+    def _wall_shares(self, flight: int, R_WC: Rotation, p_WC: Vector3) -> tuple[float, float]:
+        """Return the fractions of the image that walls at +y and -y fill."""
         staircase = self._staircase
         if staircase.walls == "none":
-            return None, None
+            return 0.0, 0.0
         rays = self._rays_C @ R_WC.T
         places = self._places_W[self._flights == flight]
         first, last, slope = places[0], places[-1], math.tan(staircase.slope_rad)
@@ -232,9 +225,7 @@ class Geometry:
         below = np.where(below > 0.0, below, np.inf)
         x = p_WC[0] + np.clip(aside, 0.0, FAR_M) * rays[:, 0]
         shown = (aside > 0.0) & (aside < np.minimum(below, FAR_M)) & (x > staircase.flights[flight][0].x_m) & (x < last[0])
-        left = Wall(free_m=half - float(p_WB[1]), share=float((shown & (rays[:, 1] > 0.0)).mean()))
-        right = Wall(free_m=half + float(p_WB[1]), share=float((shown & (rays[:, 1] < 0.0)).mean()))
-        return left if staircase.walls in ("left", "both") else None, right if staircase.walls in ("right", "both") else None
+        return float((shown & (rays[:, 1] > 0.0)).mean()), float((shown & (rays[:, 1] < 0.0)).mean())
 
 
 def margins_px(camera: PinholeCamera, points_C: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:

@@ -22,7 +22,7 @@ from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import FreeGround, HeadingMeasurement, StairMap
 from treadline.plant.sensors._free_ground import GroundAhead
 from treadline.vehicle.staircase import Staircase
-from treadline.vehicle.visibility import DETECTED_RUN_M, LEAST_NOSINGS, Visibility, Wall, geometry_of
+from treadline.vehicle.visibility import DETECTED_RUN_M, LEAST_NOSINGS, Visibility, VisibleSide, geometry_of
 
 EXACT_SIGMA_RAD, EXACT_PLACE_M = 0.05 * DEG, 0.001
 """Noise of ``exact``: heading [rad] and nosing position [m]; non-zero, so that a filter has a finite weight."""
@@ -90,14 +90,14 @@ class StatisticalCamera:
         nosings = seen.nosings_B[seen.seen]
         nosings[:, ::2] += EXACT_PLACE_M * self._rng.standard_normal((len(nosings), 2))
         heading = seen.heading_rad + EXACT_SIGMA_RAD * float(self._rng.standard_normal())
-        stair = {
+        stair: dict[str, Any] = {
             "rise_m": seen.rise_m,
             "run_m": seen.run_m,
             "slope_rad": math.atan2(seen.rise_m, seen.run_m),
             "ends": seen.ends and seen.last == int(seen.numbers[seen.seen][-1]),
-            "left_wall_m": seen.left.free_m if seen.left and seen.left.share > LEAST_WALL else None,
-            "right_wall_m": seen.right.free_m if seen.right and seen.right.share > LEAST_WALL else None,
         }
+        for name, side in zip(("left", "right"), seen.sides, strict=True):
+            stair[f"{name}_wall_m"] = side.end_m if side.kind == "wall" and side.share > LEAST_WALL else None
         return heading, EXACT_SIGMA_RAD, nosings, stair
 
 
@@ -181,8 +181,8 @@ class _Errors:
             "run_m": pitch * math.cos(slope),
             "slope_rad": slope,
             "ends": latent["ends"] < table["ends"][end_class(seen, int(seen.numbers[which[-1]]))],
-            "left_wall_m": self._wall(table["wall"], seen.left, latent["left"], latent["where"]),
-            "right_wall_m": self._wall(table["wall"], seen.right, latent["right"], -latent["where"]),
+            "left_wall_m": self._wall(table["wall"], seen.sides[0], latent["left"], latent["where"]),
+            "right_wall_m": self._wall(table["wall"], seen.sides[1], latent["right"], -latent["where"]),
         }
         return seen.heading_rad + strain * sigma ** table["heading"][cell]["power"], sigma, nosings, stair
 
@@ -219,10 +219,10 @@ class _Errors:
             nosings[place, 2] += self._value(table["height"][cell], height[place])
         return nosings
 
-    def _wall(self, table: dict[str, Any], wall: Wall | None, normal: float, where: float) -> float | None:
-        if wall is None or normal > table["score"][int(np.searchsorted(WALL_SHARES, wall.share))]:
+    def _wall(self, table: dict[str, Any], side: VisibleSide, normal: float, where: float) -> float | None:
+        if side.kind == "open" or normal > table["score"][int(np.searchsorted(WALL_SHARES, side.share))]:
             return None
-        return wall.free_m + self._value(table["error"], where)
+        return side.end_m + self._value(table["error"], where)
 
 
 DEPTHS_M, MARGINS_PX, WALL_SHARES = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5), (-20.0, -10.0, 0.0, 5.0, 10.0, 20.0), (0.005, 0.03, 0.1)
