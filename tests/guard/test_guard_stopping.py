@@ -79,7 +79,7 @@ def test_a_clock_that_stands_turns_back_or_leaps_ends_the_ramp_for_good(next_s: 
 
 def test_each_hold_has_a_ramp_of_its_own() -> None:
     latch, _ = held(Stop.BRAKE)
-    assert latch.release(2.0)
+    assert latch.release(2.0, 2.0)
     latch.hold(3.0, Stop.RAMP, "seat")
     assert latch.stop(3.0, (0.2, 0.1)).left_m_s == pytest.approx(0.2)
 

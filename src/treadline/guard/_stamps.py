@@ -48,17 +48,20 @@ class Stamps:
         """
         kind = type(message).__name__
         fault = self._fault(kind, by, message)
-        if fault is None:
+        if fault is None and not content:
+            self._in_series.discard(kind)
             self._last_s[kind, by] = message.t_s
-            if not content:
-                self._in_series.discard(kind)
-                return True
-            fault = content
+            return True
+        fault = content if fault is None else fault
         self.rejected[kind] += 1
         self.rejection = f"{kind} {fault}" if fault and kind not in self._in_series else None
         if fault:
             self._in_series.add(kind)
         return False
+
+    def restart(self) -> None:
+        """Accept what is newer than now, after a re-arm: the clock may have leapt back."""
+        self._last_s = {key: min(last_s, self._now_s or 0.0) for key, last_s in self._last_s.items()}
 
     def _fault(self, kind: str, by: str, message: Stamped) -> str | None:
         """Return the fault of a stamp, empty for a repeated or overtaken message and before the first tick; None for a good one."""

@@ -339,6 +339,7 @@ class Guard:
         """
         self._driver_s = self._rearmed_s = t_s
         self._command = TrackCommand.stop(t_s)
+        self._admission.stamps.restart()
         self._senses.restart(t_s, self._belts.travel.travel_m)
         for silence in (self._link, self._plans, self._processes, self._drives, self._estimates):
             silence.restart(t_s)

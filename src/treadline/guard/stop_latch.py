@@ -38,8 +38,9 @@ class Latch:
         """Latch a cause; a later cause is not latched, but an urgent one ends a ramped stop. None is no cause."""
         if cause is None:
             return
+        self._held_s = t_s if self.cause is None else min(self._held_s, t_s)  # the clock may have leapt back
         if self.cause is None:
-            self.cause, self._held_s, self._ramp = cause, t_s, RampedStop(self._config)
+            self.cause, self._ramp = cause, RampedStop(self._config)
             self.report(t_s, "hold", cause)
         elif stop is Stop.BRAKE and not self._ramp.is_over:
             self.report(t_s, "brake", cause)
