@@ -94,8 +94,8 @@ class _ShiftedLugsPlant(MujocoPlant):
 
     def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, physics: Physics, lug_phase: float) -> None:
         super().__init__(scenario, seed, chair, physics)
-        if self._lugs.numbers.size:
-            pitch_m = scenario.belts.measures_m[1]
+        pitch_m = self._lugs.parameters.pitch
+        if self._lugs.parameters.height > 0.0:
             self._lugs.start_m[:] = (self._lugs.start_m + lug_phase * pitch_m) % pitch_m
 
 
