@@ -116,5 +116,5 @@ SENSORS = (IMU, TRACKS, SEAT, FLIPPER, OPERATOR, CAMERA)
 """Channels whose first stamp is compared with the clock."""
 DETECTED, COMMANDS = (QUALITY, MEASURED, MAP), (TRACKS_CMD, SEAT_CMD, FLIPPER_CMD)
 """Channels of the camera node, and of the guard's commands."""
-LOGGED = (*SENSORS, *DETECTED, *COMMANDS, PLANT, ESTIMATE, DIAGNOSTICS, TRUTH, ODOM, MOUNTS)
+LOGGED = (*SENSORS, *DETECTED, *COMMANDS, GROUND, PLANT, ESTIMATE, DIAGNOSTICS, TRUTH, ODOM, MOUNTS)
 """Channels that the recorder keeps."""
