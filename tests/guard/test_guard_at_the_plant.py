@@ -29,7 +29,7 @@ def at(t_s: float) -> LastGuard:
 def test_no_value_beyond_the_chair_passes(command: TrackCommand | SeatCommand | FlipperCommand, value: float) -> None:
     last = at(1.0)
     assert not last.accept(replace(command, **{VALUES[type(command)]: value}))
-    assert last.accept(command)
+    assert last.accept(replace(command, t_s=1.01))
     assert last.rejected == {type(command).__name__: 1}
 
 
@@ -56,14 +56,45 @@ def test_silence_brakes_until_a_person_re_arms_and_is_named() -> None:
     assert last.fault == "no command for 0.31 s"
     assert last.accept(replace(BELTS, t_s=1.31))
     assert last.commands()[0].brake
-    for pressed in ({"rearm": True, "stop": True}, {"rearm": False}, {"rearm": True, "dead_man": False}, {"rearm": False}):
-        last.operate(OperatorInput(t_s=1.31, **pressed))
+    for k, pressed in enumerate(({"stop": True}, {}, {"dead_man": False}, {})):
+        last.operate(OperatorInput(t_s=1.32 + 0.01 * k, rearm=bool(pressed), **pressed))
         assert last.fault is not None
-    last.operate(OperatorInput(t_s=1.31, rearm=True))
+    last.advance(1.4)
+    last.operate(OperatorInput(t_s=1.4, rearm=True))
     assert last.fault is None
     assert last.commands()[0].brake  # until the guard speaks again
-    assert last.accept(replace(BELTS, t_s=1.32))
-    assert last.commands()[0] == replace(BELTS, t_s=1.32)
+    assert not last.accept(replace(BELTS, t_s=1.39))
+    assert last.commands()[0].brake
+    assert last.accept(replace(BELTS, t_s=1.41))
+    assert not last.accept(replace(BELTS, t_s=1.39, sender="guard-2"))
+    assert last.commands()[0] == replace(BELTS, t_s=1.41)
+
+
+def test_a_press_counts_with_a_fresh_stamp_alone_and_once() -> None:
+    """Test: presses with no time, 98 s old, or 0.2 s ahead; then one that arrives twice, before and after a re-arm. Expected
+    result: it re-arms once."""
+    last = at(100.0)
+    last.trip("first")
+    for stamp_s in (math.nan, 2.0, 100.2):
+        last.operate(OperatorInput(t_s=stamp_s, rearm=True))
+        assert last.fault == "first"
+    messages = OperatorInput(t_s=99.99), OperatorInput(t_s=100.0, rearm=True)
+    for fault in (None, "second"):
+        for message in messages:
+            last.operate(message)
+        assert last.fault == fault
+        last.trip("second")
+
+
+@pytest.mark.parametrize("first", ["", "guard-1"])
+def test_a_guard_may_be_replaced_before_the_chair_drove_and_after_a_silence(first: str) -> None:
+    last = at(1.0)
+    assert last.accept(replace(BELTS, brake=True, sender=first))
+    last.advance(1.01 + SILENT_S)
+    assert last.accept(replace(BELTS, t_s=1.31, sender="guard-2"))
+    assert last.fault is None
+    assert not last.accept(replace(BELTS, t_s=1.31, sender=first))
+    assert last.fault == f"two guards send commands, guard-2 and {first}; stop one of them"
 
 
 def test_the_cause_names_the_commands_that_were_rejected_meanwhile() -> None:

@@ -115,3 +115,20 @@ def test_a_process_that_was_stopped_finds_the_gap_at_its_next_step(monkeypatch: 
     assert causes == ["the loop stood still for 3.0 s in plant.write"]
     watchdog.begin("after the run")
     assert len(causes) == 1
+
+
+def test_a_brake_that_fails_is_logged_and_called_again_in_the_next_standstill(caplog: pytest.LogCaptureFixture) -> None:
+    called = [Flag(), Flag()]
+
+    def brake() -> None:
+        next(flag for flag in called if not flag.is_set()).set()
+        raise OSError("the serial port is gone")
+
+    causes: list[str] = []
+    with LoopWatchdog(causes.append, brake) as watchdog:
+        for flag in called:
+            assert flag.wait(60.0)
+            with pytest.raises(KeyError), watchdog.paused():
+                raise KeyError  # a pause that fails ends as well
+    assert len(causes) == 2
+    assert "the serial port is gone" in caplog.text

@@ -181,6 +181,24 @@ def test_a_guard_that_is_never_ready() -> None:
         run_plant(node, Air(), stop=Flag(), patience_s=0.1)
 
 
+def test_a_first_tick_that_compiles_is_no_standstill(monkeypatch: pytest.MonkeyPatch) -> None:
+    air, wall = Air(), itertools.count(50.0, 0.005)
+
+    class Compiling(Bench):
+        def start(self) -> None:
+            air.say(on.DIAGNOSTICS, process.Beat(t_s=0.0, node="guard"))
+
+        def advance(self, until_s: float) -> None:
+            for _ in range(200 if until_s == 0.0 else 0):
+                next(wall)
+
+    for module in ("ros.node_process", "guard._loop_watchdog"):
+        monkeypatch.setattr(f"treadline.{module}.time", SimpleNamespace(monotonic=lambda: next(wall)))
+    node = PlantNode(Compiling(), limits())
+    run_plant(node, air, stop=Flag(), duration_s=0.01)
+    assert node.last_guard.fault is None
+
+
 def test_where_a_queue_is_full_the_oldest_gives_way() -> None:
     inbox = Inbox()
     inbox.expect("/imu", 3)

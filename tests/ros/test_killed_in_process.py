@@ -1,15 +1,18 @@
 """A node that falls silent: the guard holds within 0.8 s, whichever it is; without a guard the plant brakes by itself."""
 
+from types import SimpleNamespace
+
 import pytest
+from traffic import health
 from world import limits
 
 from treadline.core.ports import Truth
-from treadline.core.signals import OperatorInput, TrackCommand
+from treadline.core.signals import HeadingHealth, OperatorInput, TrackCommand
 from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.plant.mujoco import open_plant
 from treadline.ros import channels as on
-from treadline.ros._node_signals import GuardState, VelocityCommand
-from treadline.ros.block_nodes import GuardNode
+from treadline.ros._node_signals import Beat, GuardState, VelocityCommand
+from treadline.ros.block_nodes import GuardNode, HeadingNode
 from treadline.ros.lockstep import InProcess, LockStep
 from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario
@@ -60,16 +63,28 @@ def test_a_stick_drives_through_the_guard_and_no_faster_than_it_allows() -> None
     guard.listen(transport)
     commands: list[TrackCommand] = []
     transport.subscribe(on.TRACKS_CMD, commands.append)
-    for k in range(10):
+    transport.publish(on.DIAGNOSTICS, Beat(t_s=0.0, node="recorder"))  # its end holds nothing
+    for k in range(100):
         transport.publish(on.TWIST, VelocityCommand(speed_m_s=0.2, turn_rad_s=0.1))
         guard.tick(0.01 * k)
     assert (commands[-1].left_m_s, commands[-1].right_m_s) == pytest.approx((0.175, 0.225))
-    transport.publish(on.TWIST, VelocityCommand(speed_m_s=5.0, turn_rad_s=0.0))
-    guard.tick(0.1)
-    assert commands[-1].left_m_s <= 1.0
+    for speed_m_s in (0.2, 5.0):  # of two in one tick the newest counts
+        transport.publish(on.TWIST, VelocityCommand(speed_m_s=speed_m_s, turn_rad_s=0.0))
+    guard.tick(1.0)
+    assert 0.2 < commands[-1].left_m_s <= 1.0
     transport.publish(on.TWIST, VelocityCommand(speed_m_s=float("nan"), turn_rad_s=0.0))
-    guard.tick(0.11)
+    guard.tick(1.01)
     assert commands[-1].brake
+
+
+def test_health_is_repeated_each_second_for_a_guard_that_came_later() -> None:
+    transport, published = InProcess(), list[HeadingHealth]()
+    node = HeadingNode(SimpleNamespace(health=health(0.0, "disagreement", 0.0)), limits())  # type: ignore[arg-type]
+    node.listen(transport)
+    transport.subscribe(on.HEALTH, published.append)
+    for tick in range(250):
+        node.tick(0.01 * tick)
+    assert len(published) == 3
 
 
 def speak(graph: LockStep, **said: bool) -> None:

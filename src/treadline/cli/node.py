@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from treadline.cli._arguments import Force, check_times, claim, make_way
 from treadline.cli._output import Answer
+from treadline.cli.compile import compile_once
 from treadline.core.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -80,6 +81,7 @@ def node(
         make_way(out, force=force)
     setup = resolve(scenario, controller, seed, open_plant=plant)
     setup.require_controller()
+    compile_once()  # a node that compiles while the graph runs is silent for seconds, for which the guard holds
     config = setup.mission
     stop = stopping()
     wire = wired(transport, name, config, endpoint=endpoint, domain=domain, arguments=remappings)

@@ -50,6 +50,7 @@ class Plant(Protocol):
     Two attributes are optional. ``virtual_time = True`` states that time advances in ``advance`` alone, however long the loop
     takes; any other plant is taken to run on the wall clock, and a loop that stands still for 0.3 s of it holds the chair.
     ``brake()`` brakes the belts at once; a second thread calls it while ``advance``, ``read`` or ``write`` does not return.
+    It must not wait for a lock that these calls hold: it would brake only after they return.
     """
 
     def start(self) -> None:

@@ -27,6 +27,8 @@ Quaternion = tuple[float, float, float, float]
 
 TICK_S = 0.01
 """Base period of mission and plant [s]: the sample period of the IMU (Table I: 100 Hz)."""
+STATE_TICKS = 10
+"""Ticks between two messages of the plant's state, and of the ground truth on a bus, which no node subscribes to."""
 PERIOD_ROUNDING_S = 1e-9
 """Largest difference between two equal periods after rounding [s]."""
 ROUNDING_S = 1e-6

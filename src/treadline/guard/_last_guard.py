@@ -23,15 +23,14 @@ class LastGuard:
         self._config = config
         self._button = Button()
         self._t_s = 0.0
+        self._stamps = Stamps(config)
+        self.rejected = self._stamps.rejected
+        """Number of messages rejected, by kind."""
         self.rearm()
 
     def rearm(self) -> None:
-        """End a fault: the next guard that speaks drives the chair; commands from before are discarded."""
-        self._stamps = Stamps(self._config)
-        self._stamps.advance(self._t_s)
-        self.rejected = self._stamps.rejected
-        """Number of commands rejected since the last re-arm, by kind."""
-        self._heard_s = self._t_s
+        """End a fault: the next guard that speaks drives the chair; commands stamped before now are discarded."""
+        self._heard_s = self._rearmed_s = self._t_s
         self._tracks: TrackCommand | None = None
         self._seat: SeatCommand | None = None
         self._flipper: FlipperCommand | None = None
@@ -42,20 +41,31 @@ class LastGuard:
         """Reason for which the plant braked by itself; None without one."""
 
     def operate(self, operator: OperatorInput) -> None:
-        """Re-arm where a person presses the button; a button that is stuck, or pressed with a stop, does not count."""
-        if self._button.press(down=operator.rearm) and not operator.stop and operator.dead_man and self.fault is not None:
+        """Re-arm where a person presses the button; a button that is stuck, or pressed with a stop, does not count.
+
+        A message that arrives twice, from the plant and over a transport, counts once.
+        """
+        pressed = self._stamps.accept(operator) and self._button.press(down=operator.rearm)
+        if pressed and not operator.stop and operator.dead_man and self.fault is not None:
             self.rearm()
 
     def advance(self, t_s: float) -> None:
         """Set the plant's clock; brake where the guard is silent."""
         self._t_s = t_s
         self._stamps.advance(t_s)
+        self._heard_s, self._rearmed_s = min(self._heard_s, t_s), min(self._rearmed_s, t_s)  # a clock may be set back
         self.check_silence(t_s - self._heard_s)
 
     def check_silence(self, silent_s: float) -> None:
-        """Brake where the last command came ``silent_s`` ago, by whatever clock; a chair that was never driven has no fault."""
-        if self._driven and silent_s > self._config.silence_s + ROUNDING_S:
-            self.trip(f"no command for {silent_s:.2f} s" + self._rejection)
+        """Brake where the last command came ``silent_s`` ago, by whatever clock.
+
+        A chair that was not driven has no fault: another guard may take the place of a silent one.
+        """
+        if silent_s > self._config.silence_s + ROUNDING_S:
+            if self._driven:
+                self.trip(f"no command for {silent_s:.2f} s" + self._rejection)
+            else:
+                self._sender = None
 
     def trip(self, cause: str) -> None:
         """Brake until a person re-arms; the first cause stays."""
@@ -63,13 +73,16 @@ class LastGuard:
 
     def accept(self, command: TrackCommand | SeatCommand | FlipperCommand) -> bool:
         """Return whether a command is accepted."""
-        if command.sender != (self._sender or command.sender):
+        is_of_before = command.t_s < self._rearmed_s - ROUNDING_S
+        if self._sender not in (None, command.sender) and not is_of_before:
             self.trip(f"two guards send commands, {self._sender} and {command.sender}; stop one of them")
             return False
         if not self._stamps.accept(command, content=fault_of(command, self._config)):
             self._rejection = f"; {self._stamps.rejection}" if self._stamps.rejection else self._rejection
             if self._stamps.leap is not None and self._driven:
                 self.trip(self._stamps.leap)
+            return False
+        if is_of_before:
             return False
         self._sender = command.sender
         match command:

@@ -4,6 +4,7 @@ The loop reports each step before it begins. A thread brakes the plant out of ba
 learns of its standstill at the next step, before it commands anything.
 """
 
+import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,7 +18,8 @@ class LoopWatchdog:
 
     Args:
         latch: Receives the cause, in the loop's own thread, at the first step after a standstill.
-        brake: Brakes the plant; called in another thread during a standstill.
+        brake: Brakes the plant; called in another thread during a standstill. One that fails is logged, and called
+            again in the next one.
     """
 
     def __init__(self, latch: Callable[[str], object], brake: Callable[[], object] | None = None) -> None:
@@ -26,19 +28,22 @@ class LoopWatchdog:
         self._step = "its start"
         self._since_s: float | None = None
         self._is_running = self._is_braked = False
+        self._thread = Thread(target=self._watch, name="loop watchdog", daemon=True)
 
     def __enter__(self) -> "LoopWatchdog":
         """Begin to watch, once the kernels of the run are compiled."""
         self._is_running, self._since_s = True, time.monotonic()
         if self._brake is not None:
-            Thread(target=self._watch, args=(self._brake,), name="loop watchdog", daemon=True).start()
+            self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop watching."""
+        """Stop watching; a brake that is being applied is waited for, but not for longer than a standstill."""
         with self._change:
             self._is_running = False
             self._change.notify()
+        if self._thread.is_alive():
+            self._thread.join(SILENCE_S)
 
     def begin(self, step: str) -> None:
         """Report the step that the loop is about to begin; latch if the step before took too long."""
@@ -57,14 +62,19 @@ class LoopWatchdog:
         self.begin("a pause")
         with self._change:
             self._since_s = None
-        yield
-        with self._change:
-            self._since_s = time.monotonic()
+        try:
+            yield
+        finally:
+            with self._change:
+                self._since_s = time.monotonic()
 
-    def _watch(self, brake: Callable[[], object]) -> None:
+    def _watch(self) -> None:
         """Brake once in each standstill."""
-        while self._stands():
-            brake()
+        while self._brake is not None and self._stands():
+            try:
+                self._brake()
+            except Exception:
+                logging.getLogger(__name__).exception("the plant's brake failed")
 
     def _stands(self) -> bool:
         """Wait for a standstill; return False at the end of the run."""

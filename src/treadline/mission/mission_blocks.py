@@ -17,7 +17,7 @@ from treadline.mission.ascent_states import Ascent, AscentConfig
 from treadline.mission.belt_controllers import ConstantSpeed, Driver
 from treadline.mission.descent_states import Descent, DescentConfig
 from treadline.mission.loop import Blocks, Estimator
-from treadline.mission.mission_config import MissionConfig, is_full_traversal
+from treadline.mission.mission_config import MissionConfig, Plugins, is_full_traversal
 from treadline.mission.planner import Cruise, Planner
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.frame_quality import quality_of
@@ -130,24 +130,24 @@ def _built(kind: str, plugin: Any, config: MissionConfig, protocol: Any) -> Any:
     raise SettingsError(f"the {kind} plug-in builds a {type(block).__name__} without {', '.join(missing)}; add it")
 
 
-def warm_up(blocks: Blocks, config: MissionConfig) -> None:
+def warm_up(config: MissionConfig) -> None:
     """Detect and estimate on synthetic frames of a staircase, so that all kernels are compiled before the chair moves.
 
-    Args:
-        blocks: Blocks whose estimator is not used afterwards.
-        config: Settings of the mission, of which the camera in use and the direction count.
+    Detector and estimator are new ones, of those shipped: a plug-in may keep what it has seen.
     """
+    shipped = replace(config, plugins=Plugins())
+    detector, estimator = detector_of(shipped), _estimator_of(shipped)
     camera = config.chair.camera_at(rear=config.direction == "down")
     still = ImuSample(
         t_s=0.0, orientation=(1.0, 0.0, 0.0, 0.0), angular_velocity_rad_s=(0.0,) * 3, linear_acceleration_m_s2=(0.0,) * 3
     )
     for number, (frame, gravity_C) in enumerate(stair_frames(camera, rises=config.direction == "up")):
-        quality_of(frame, gravity_C, blocks.swept_half_m)
-        seen = blocks.detector.see(frame, gravity_C)
+        quality_of(frame, gravity_C, config.chair.swept_half_m)
+        seen = detector.see(frame, gravity_C)
         _ = seen.stair_map  # made when it is asked for
-        blocks.estimator.step(replace(still, t_s=number * TICK_S))
+        estimator.step(replace(still, t_s=number * TICK_S))
         if seen.measurement is not None:
-            blocks.estimator.step(replace(seen.measurement, t_s=number * TICK_S))
+            estimator.step(replace(seen.measurement, t_s=number * TICK_S))
 
 
 def guard_config(config: MissionConfig, period_s: float, *, driven: bool = True) -> GuardConfig:

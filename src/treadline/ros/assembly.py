@@ -71,7 +71,7 @@ def node_of(
             )
             return GuardNode(limits, awaited, config.chair.tracks.gauge_m if stick else None, sender=f"guard-{uuid4().hex[:8]}")
         case "camera":
-            warm_up(blocks, config)
+            warm_up(config)
             return CameraNode(blocks.detector, limits, blocks.swept_half_m)
         case "heading":
             linkage = None if config.chair.seat is None else SeatLinkage(config.chair.seat)

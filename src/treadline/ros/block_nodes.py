@@ -38,8 +38,9 @@ from treadline.vehicle.linkage import SeatLinkage
 
 ODOM_TICKS = 5
 """Ticks between two odometry messages: 20 Hz."""
-MOUNTS_S = 1.0
-"""Interval between two messages of the sensors' mounts: a transport may not keep a message for later subscribers."""
+REPEAT_S = 1.0
+"""Interval at which mounts and health are published again: a message may be lost, and a transport may not keep it for later
+subscribers."""
 
 
 @runtime_checkable
@@ -164,7 +165,7 @@ class HeadingNode(_AdmittingNode):
         self._linkage = linkage
         self._joints: dict[str, float] = {}
         self._mount = mount
-        self._mounts_s = -MOUNTS_S
+        self._mounts_s = self._health_s = -REPEAT_S
         self._estimate: HeadingEstimate | None = None
         self._last_health: tuple[object, ...] | None = None
 
@@ -179,17 +180,17 @@ class HeadingNode(_AdmittingNode):
         self._subscribe(transport, on.FLIPPER, self._take_flipper)
 
     def tick(self, t_s: float) -> None:
-        """Publish the filter's health where it has changed, and the mounts at their interval."""
+        """Publish the filter's health where it has changed, and health and mounts at their interval."""
         self.advance(t_s)
-        if self._mount is not None and t_s - self._mounts_s >= MOUNTS_S:
+        if self._mount is not None and t_s - self._mounts_s >= REPEAT_S:
             self._mounts_s = t_s
             self._publish(on.MOUNTS, Mounts(t_s=t_s, camera=self._mount))
         health = self._estimator.health
         if health is None:
             return
         content = (health.fault, health.since_s, health.cause)
-        if content != self._last_health:
-            self._last_health = content
+        if content != self._last_health or t_s - self._health_s >= REPEAT_S:
+            self._last_health, self._health_s = content, t_s
             self._publish(on.HEALTH, health)
 
     def _reckon(self, reading: TrackReading) -> None:
@@ -294,6 +295,7 @@ class GuardNode:
         self._waits_for = dict.fromkeys(awaited, "")
         self._estimate: HeadingEstimate | None = None
         self._flipper_runs = False
+        self._velocity: VelocityCommand | None = None
         self._t_s = 0.0
         self._last_published: str | None = None
 
@@ -329,6 +331,7 @@ class GuardNode:
         """Publish the commands that may reach the chair now."""
         self._t_s = t_s
         self.advance(t_s)
+        self._propose_velocity()
         if self._waits_for:
             self._command(on.TRACKS_CMD, TrackCommand.stop(t_s))
             return
@@ -371,12 +374,17 @@ class GuardNode:
         self._estimate = estimate
 
     def _take_velocity(self, drive: VelocityCommand) -> None:
-        half_m_s = 0.5 * drive.turn_rad_s * (self._gauge_m or 0.0)
-        speed = drive.speed_m_s
-        self._guard.propose(TrackCommand(t_s=self._t_s, left_m_s=speed - half_m_s, right_m_s=speed + half_m_s))
+        self._velocity = drive
+
+    def _propose_velocity(self) -> None:
+        """Propose the newest velocity since the last tick, as of this tick: ``/cmd_vel`` has no stamps."""
+        drive, self._velocity = self._velocity, None
+        if drive is not None:
+            speed, half_m_s = drive.speed_m_s, 0.5 * drive.turn_rad_s * (self._gauge_m or 0.0)
+            self._guard.propose(TrackCommand(t_s=self._t_s, left_m_s=speed - half_m_s, right_m_s=speed + half_m_s))
 
     def _receive(self, message: object) -> None:
-        if isinstance(message, Beat) and message.node != self.name:
+        if isinstance(message, Beat) and message.node not in (self.name, "recorder"):
             if message.state == "ready":
                 self._waits_for.pop(message.node, None)
             elif message.node in self._waits_for:

@@ -7,6 +7,7 @@ pace, and waits for nodes that fall behind: a busy machine slows the simulation,
 import math
 import sys
 import time
+from contextlib import ExitStack
 from threading import Event as Flag
 from typing import Any, Literal
 
@@ -213,11 +214,14 @@ def run_plant(
             raise TreadlineError(f"plant: the guard is not ready after {patience_s:.0f} s: {peers.guard}; start the missing nodes")
     due = asked = time.monotonic()
     tick, t_s = 0, 0.0
-    with LoopWatchdog(node.trip, node.brake) as watchdog:
+    watchdog = LoopWatchdog(node.trip, node.brake)
+    with ExitStack() as armed:
         while not stop.is_set() and t_s < duration_s:
             watchdog.begin("plant.advance")
             t_s = tick * TICK_S
             node.tick(t_s)
+            if tick == 0:  # the first tick compiles and loads, and the chair has no command yet
+                armed.enter_context(watchdog)
             transport.publish(on.CLOCK, Clock(t_s=t_s))
             waits_from = time.monotonic()
             due = max(due + TICK_S / pace, waits_from - TICK_S)

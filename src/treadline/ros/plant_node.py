@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from treadline.core.ports import Plant, Transport, TruthPlant
 from treadline.core.signals import (
+    STATE_TICKS,
     TICK_S,
     FlipperCommand,
     FrameQuality,
@@ -21,8 +22,6 @@ from treadline.guard import GuardConfig, LastGuard
 from treadline.io.messages import topic_of
 from treadline.ros import channels as on
 
-STATE_TICKS = 10
-"""Ticks between two messages of the plant's state, and of the ground truth, which no node subscribes to."""
 OF_THE_CAMERA: dict[type, str] = {
     FrameQuality: on.CAMERA_QUALITY,
     HeadingMeasurement: on.CAMERA_HEADING,

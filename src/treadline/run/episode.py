@@ -110,7 +110,7 @@ def run_episode(
         else:
             ending = Ending(setup.scenario, setup.mission.chair, attended=attended)
             if not _is_virtual(plant):
-                warm_up(setup.build_blocks(), setup.mission)
+                warm_up(setup.mission)
             over = _drive(ending, plant, blocks, recorder, watch, after_hold_s, faults, pace)
     except SimulationDiverged as error:
         # A start that is refused may also be one in which no chair can be put down.

@@ -21,6 +21,7 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     OperatorInput,
+    PlantState,
     SeatCommand,
     SeatReading,
     StairMap,
@@ -394,6 +395,10 @@ def test_silence_brakes_a_chair_with_faults_alone() -> None:
     plant.write(*climbing(0.0))
     plant.advance(1.0)
     assert plant.truth()[-1].left_m_s == 0.0
+    # Repeated each 0.1 s, as the plant node does.
+    assert [state.t_s for state in of([(1.0, reading) for reading in plant.read()], PlantState)] == pytest.approx(
+        [0.31, *(0.1 * k for k in range(4, 11))]
+    )
     free = open_plant(scenario(), 3)
     free.start()
     free.write(*climbing(0.0))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from treadline.core.errors import SettingsError
 from treadline.core.ports import Reading, Truth, TruthPlant
-from treadline.core.signals import ROUNDING_S, TICK_S, FlipperCommand, PlantState, SeatCommand, TrackCommand
+from treadline.core.signals import ROUNDING_S, STATE_TICKS, TICK_S, FlipperCommand, PlantState, SeatCommand, TrackCommand
 from treadline.guard import SILENCE_S
 from treadline.plant.faults._damage import PHYSICAL, UNCHANGED, Breakable, Damage, damage_of
 from treadline.plant.faults._sensor_faults import SensorFaults
@@ -60,6 +60,7 @@ class FaultyPlant:
         self._sensors = SensorFaults(self.faults, self._seed, self._acts)
         self._channel = CommandChannel(self.faults)
         self._watchdog = Watchdog()
+        self._reported: tuple[str | None, int] = (None, 0)
 
     def inject(self, fault: Fault) -> None:
         """Add a fault while the chair runs; a fault that began earlier begins now.
@@ -128,10 +129,12 @@ class FaultyPlant:
         self._act(t_s)
 
     def _act(self, t_s: float) -> None:
-        fault = self._watchdog.fault
         command = self._watchdog.step(t_s, self._channel.arrived(t_s), powered=not self._damage.power_cut)
-        if self._watchdog.fault != fault:
-            self._readings.append(PlantState(t_s=t_s, fault=self._watchdog.fault))
+        fault = self._watchdog.fault
+        state = (fault, 0 if fault is None else self._tick // STATE_TICKS)  # repeated: a message may be lost, or come too early
+        if state != self._reported:
+            self._reported = state
+            self._readings.append(PlantState(t_s=t_s, fault=fault))
         if command is not None:
             self._plant.write(*command)
 
