@@ -47,11 +47,13 @@ def test_no_stamp_that_is_not_fresh_passes(command: TrackCommand | SeatCommand |
     assert last.accept(replace(command, t_s=1.01))
 
 
-def test_silence_brakes_until_a_person_re_arms_and_is_named() -> None:
+@pytest.mark.parametrize("ahead_s", [0.0, 0.1])
+def test_silence_brakes_until_a_person_re_arms_and_is_named(ahead_s: float) -> None:
     last = at(1.0)
-    assert last.accept(BELTS)
+    assert last.accept(replace(BELTS, t_s=1.0 + ahead_s))
     last.advance(1.0 + SILENT_S)
     assert last.fault is None
+    assert not last.is_braking
     last.advance(1.01 + SILENT_S)
     assert last.fault == "no command for 0.31 s"
     assert last.accept(replace(BELTS, t_s=1.31))
@@ -120,6 +122,8 @@ def test_a_chair_that_was_never_driven_has_no_fault() -> None:
     last = at(5.0)
     assert last.fault is None
     assert last.is_braking
+    assert last.commands() == (TrackCommand.stop(5.0), SeatCommand(t_s=5.0, rate_m_s=0.0), None)
+    assert LastGuard(limits()).commands()[0] == TrackCommand.stop(0.0)
     assert last.accept(TrackCommand.stop(5.0))
     last.advance(9.0)
     assert last.fault is None
@@ -140,8 +144,8 @@ def test_rates_of_seat_and_flipper_end_with_their_validity() -> None:
 
 def test_the_guard_holds_for_what_the_plant_says_and_after_a_re_arm_only_if_it_lasts() -> None:
     """Test: the plant reports its brake, a person re-arms, and a report under way arrives. Expected result: HOLD with the plant's
-    reason; the late report is ignored for 0.1 s, a lasting one holds again. A recording's plant is not held."""
-    guard, recorded = Guard(limits()), Guard(limits(watches_motion=False))
+    reason; the late report is ignored for 0.125 s, a lasting one holds again. A recording's plant is not held."""
+    guard, recorded = Guard(limits(ahead_s=0.125)), Guard(limits(watches_motion=False))
     for watched in (guard, recorded):
         watched.advance(1.0)
         watched.admit(PlantState(t_s=1.0, fault="no command for 0.31 s"))
@@ -150,7 +154,8 @@ def test_the_guard_holds_for_what_the_plant_says_and_after_a_re_arm_only_if_it_l
     guard.advance(2.0)
     guard.admit(OperatorInput(t_s=2.0, rearm=True))
     assert guard.holding is None
-    guard.admit(PlantState(t_s=2.05, fault="no command for 0.31 s"))
+    guard.advance(2.125)
+    guard.admit(PlantState(t_s=2.125, fault="no command for 0.31 s"))
     assert guard.holding is None
     guard.advance(2.2)
     guard.admit(PlantState(t_s=2.2, fault="no power"))

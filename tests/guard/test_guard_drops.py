@@ -19,8 +19,8 @@ REAR: dict[str, Any] = {"view": "rear", "blind_m": 0.88, "seen_m": 2.0}
 class Chair:
     """A chair with its monitor, standing on flat ground for a second."""
 
-    def __init__(self) -> None:
-        self.monitor = DropMonitor(limits())
+    def __init__(self, **changes: Any) -> None:
+        self.monitor = DropMonitor(limits(**changes))
         self.monitor.update_motion(0.0, 0.0)
         self.t_s, self.travel_m, self.heading_rad = 1.0, 0.0, 0.0
         self.cause(0.0)
@@ -76,6 +76,7 @@ def test_an_end_below_the_image_is_remembered_by_the_travel_of_the_belts() -> No
     """Test: the end leaves the view at 0.8 m. Expected result: the same place holds, and what was not seen is not free either."""
     chair = Chair().look(**FRONT | {"seen_m": 1.2, "end_m": 1.2, "end_sigma_m": 0.0})
     chair.travel_m = 0.3
+    chair.look(**FRONT | {"blind_m": 0.95})
     chair.look(**FRONT | {"seen_m": 0.83})
     assert 1.2 - PULLEY_M - 0.3 - chair.goes(0.1) == pytest.approx(0.38, abs=0.002)
 
@@ -85,10 +86,15 @@ def test_ground_counts_as_far_as_it_was_seen_and_driven() -> None:
     chair = Chair().look(**FRONT | {"seen_m": 1.3})
     assert chair.goes(0.1) == pytest.approx(1.3 - PULLEY_M - 0.04, abs=0.002)
     assert chair.goes(-0.1) == pytest.approx(1.3 - PULLEY_M - 0.08, abs=0.003)
-    chair.look(**FRONT | {"seen_m": 0.83})
-    assert chair.cause(0.1) is None
-    chair.heading_rad = 6.0 * DEG  # what was driven lies aside now
+    chair.travel_m = 0.5
+    for chair.heading_rad, known in ((4.0 * DEG, True), (6.0 * DEG, False), (9.0 * DEG, False)):
+        assert chair.cause(0.1) is None
+        assert (chair.cause(-0.1) is None) is known  # what was driven lies aside beyond 5°
+    chair.travel_m = 0.25
     assert chair.cause(-0.1) is not None
+    chair.travel_m = 0.5
+    chair.heading_rad = 10.5 * DEG
+    assert chair.cause(-0.1) is None  # 4.5° on, and 0.25 m were driven meanwhile
 
 
 def test_a_strip_below_the_image_may_be_as_long_as_the_chairs_reach() -> None:
@@ -102,7 +108,9 @@ def test_a_strip_below_the_image_may_be_as_long_as_the_chairs_reach() -> None:
 @pytest.mark.parametrize("phase", ["approach", "edge"])
 def test_an_edge_is_entered_where_the_guards_own_maps_show_its_nosing(phase: Any) -> None:
     end = REAR | {"seen_m": 1.2, "end_m": 1.2, "end_sigma_m": 0.01}
-    assert Chair().look(**end).map(1.2).goes(-0.1, phase) == pytest.approx(3.0, abs=0.002)
+    chair = Chair()
+    chair.travel_m = -0.25
+    assert chair.look(**end).map(1.2).goes(-0.1, phase) == pytest.approx(3.0, abs=0.002)
     assert Chair().look(**end).map(1.2).goes(-0.1, "search") < 0.35  # the maps alone are not enough
     assert Chair().look(**end).goes(-0.1, phase) < 0.35  # nor is the plan
     assert Chair().look(**end).map(1.2, maps=1).goes(-0.1, phase) < 0.35
@@ -133,3 +141,47 @@ def test_an_edge_is_past_once_the_chair_lies_on_the_flight() -> None:
     chair.travel_m = -1.0
     chair.monitor.update_motion(1.0, 28.0 * DEG)
     assert chair.cause(-0.1, "leave") is None
+
+
+def test_what_another_frame_showed_says_nothing_of_this_direction() -> None:
+    """Test: an end in view ahead, then frames to the rear; frames to the rear that show nothing near, and a turn; frames before the
+    first tick. Expected result: no end behind; unknown ground behind, and in either direction."""
+    near = FRONT | {"seen_m": 0.8, "end_m": 0.8, "end_sigma_m": 0.0}
+    assert Chair().look(**near).cause(0.0) is None  # a chair that stands may
+    assert Chair().look(**near).look(**REAR).cause(-0.1) is None
+    chair = Chair().look(**FRONT).look(**REAR | {"blind_m": 1.3})
+    chair.heading_rad = 6.0 * DEG
+    assert chair.cause(-0.1) is not None
+    for ground, way in ((FRONT, 1.0), (REAR, -1.0)):
+        chair = Chair()
+        chair.monitor = DropMonitor(limits())
+        chair.monitor.update_motion(0.0, 0.0)
+        assert chair.look(**ground).cause(0.1 * way) is not None
+
+
+def test_the_rules_hold_on_their_very_limits() -> None:
+    """Test: binary lengths: the strip as long as the reach, ground that begins where it ends, an end at its distance, a nosing as
+    far from it as may be, the pulley on the edge, 5° of pitch, the stopping distance, 0.25 s. Expected result: within."""
+    lengths = {"track_span_m": 1.0, "front_m": 1.0, "rear_m": 0.5, "obstacle_clear_m": 0.25, "stopping_s": 0.5, "silence_s": 0.25}
+    assert Chair(**lengths).look(**FRONT | {"blind_m": 1.5}).cause(0.5) is None
+    assert Chair(**lengths).look(**FRONT | {"blind_m": 1.0, "seen_m": 1.0}).cause(0.5) is not None
+    ended = FRONT | {"blind_m": 0.5, "seen_m": 1.0, "end_m": 1.0, "end_sigma_m": 0.0}
+    assert Chair(**lengths).look(**ended).cause(0.5) is None
+    assert Chair(**lengths).look(**ended).look(**FRONT | {"blind_m": 1.0}).cause(0.625) is not None
+    assert Chair(**lengths).look(**FRONT | {"blind_m": 0.5, "seen_m": 0.75}).cause(0.5) is None
+    chair = Chair(**lengths).look(**ended)
+    chair.travel_m = 0.5
+    chair.monitor.update_motion(1.0, 28.0 * DEG)
+    assert chair.cause(0.5, "leave") is not None
+    chair = Chair(**lengths)
+    chair.monitor.update_motion(0.5, 5.0 * DEG)
+    chair.t_s = 0.25
+    assert chair.cause(0.5) is None
+    chair.t_s = 0.3125
+    assert chair.cause(0.5) is not None
+    chair = Chair(square_rad=0.125)
+    chair.travel_m = 0.25
+    assert chair.cause(0.1) is not None
+    chair.travel_m = 0.0
+    chair.heading_rad = 0.125
+    assert chair.cause(0.1) is None

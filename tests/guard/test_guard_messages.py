@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import pytest
 from traffic import BEGAN_S, HOLD_S, MADE, OF_CAMERA, OUT, PROPOSED, Spoil, Traffic, numbers, sound, with_number
-from world import TICK_S
+from world import TICK_S, limits
 
 from treadline.core import signals
 from treadline.core.signals import (
@@ -21,6 +21,7 @@ from treadline.core.signals import (
     OperatorInput,
     StairMap,
 )
+from treadline.guard import ReadingAdmission
 
 
 def stamped(t_s: Callable[[float], float]) -> Spoil:
@@ -136,3 +137,44 @@ def test_nothing_is_accepted_before_the_first_tick(kind: type) -> None:
     traffic.send(MADE[kind](1e6))
     assert traffic.run(1.8) == reference(Event, "sound")
     assert traffic.guard.holding is None
+
+
+DEG = math.pi / 180.0
+CONTENT: list[tuple[type, str, list[Any], list[Any]]] = [
+    (signals.ImuSample, "orientation", [(1.0078125, 0.0, 0.0, 0.0)], [(1.0109375, 0.0, 0.0, 0.0)]),
+    (signals.ImuSample, "angular_velocity_rad_s", [(2000.0 * DEG, 0.0, 0.0)], [(0.0, -2001.0 * DEG, 0.0)]),
+    (signals.ImuSample, "linear_acceleration_m_s2", [], [(math.inf, 0.0, 0.0)]),
+    (signals.TrackReading, "left_m_s", [-1.0], [1.0625]),
+    (signals.SeatReading, "pitch_rad", [-math.pi], [3.2]),
+    (signals.SeatReading, "stroke_m", [], [math.inf]),
+    (signals.FlipperReading, "angle_rad", [], [-3.2]),
+    (signals.FlipperReading, "torque_n_m", [], [math.inf]),
+    (HeadingMeasurement, "sigma_rad", [], [0.0, math.inf]),
+    (HeadingMeasurement, "heading_rad", [], [3.2]),
+    (HeadingMeasurement, "correction_rad", [], [3.2]),
+    (signals.FrameQuality, "brightness", [0.0, 1.0], [-0.1]),
+    (signals.FrameQuality, "obstacle_m", [], [math.inf]),
+    (StairMap, "rise_m", [65.535], [65.536]),
+    (StairMap, "slope_rad", [], [math.inf]),
+    (signals.FreeGround, "blind_m", [0.0, 2.0], [-0.5, 2.5]),
+    (signals.FreeGround, "end_m", [0.6, 2.0], [0.5, 2.5]),
+    (signals.FreeGround, "seen_m", [], [math.inf]),
+    (signals.FreeGround, "end_sigma_m", [0.0], [-0.1, math.inf]),
+    (signals.FreeGround, "direction_rad", [], [3.2]),
+    (signals.FreeGround, "direction_sigma_rad", [], [math.inf]),
+    (signals.MotionPlan, "speed_m_s", [-0.5], [0.5625]),
+    (signals.MotionPlan, "heading_rad", [], [3.2]),
+    (signals.MotionPlan, "min_inner_speed_ratio", [], [math.inf]),
+    (signals.TrackCommand, "right_m_s", [0.5], [-0.5625]),
+    (signals.SeatCommand, "rate_m_s", [0.0], [0.0625]),
+]
+"""Values on the limits of a chair with belts of 0.5 m/s and no seat, and beyond: data sheets, 16-bit millimetres, half a turn."""
+
+
+@pytest.mark.parametrize(("kind", "field", "within", "beyond"), CONTENT, ids=[f"{row[0].__name__} {row[1]}" for row in CONTENT])
+def test_content_is_accepted_on_its_limits_and_not_beyond(kind: type, field: str, within: list[Any], beyond: list[Any]) -> None:
+    for value in within + beyond:
+        admission = ReadingAdmission(limits(belt_limit_m_s=0.5, seat_rate_m_s=None))
+        admission.advance(1.0)
+        assert admission.accept(replace(MADE[kind](1.0), **{field: value})) is (value in within)
+        assert admission.stamps.rejected == ({} if value in within else {kind.__name__: 1})

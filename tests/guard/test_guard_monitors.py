@@ -1,12 +1,12 @@
 """Each watch of the guard alone, on its very limits: numbers are sums of powers of two, so that "equal" means equal."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 import pytest
-from world import belts, estimate, flipper, frame, health, limits, stair
+from world import belts, estimate, flipper, frame, heading, health, limits, stair
 
 from treadline.core.signals import MotionPlan, TrackCommand
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
@@ -50,8 +50,7 @@ def test_the_shipped_limits_are_those_of_the_table() -> None:
     assert (config.front_up_rad, config.front_down_rad, config.seat_s) == (40.0 * deg, 15.0 * deg, 1.0)
     assert (config.front_m, config.rear_m, config.track_span_m) == (0.995, 0.55, 0.95)
     assert (config.gap_clear_m, config.obstacle_clear_m, config.stopping_s) == (0.2, 0.34, 0.4)
-    assert config.needs_heading
-    assert config.watches_motion
+    assert all(field.default is (field.name != "awaits_ground") for field in fields(config) if field.type is bool)
 
 
 def test_a_stamp_may_be_off_by_its_limits_and_not_by_more() -> None:
@@ -62,8 +61,8 @@ def test_a_stamp_may_be_off_by_its_limits_and_not_by_more() -> None:
     assert (stamps.leap, stamps.rejection) == (None, None)
     stamps.advance(1.0)
     assert stamps.accept(belts(1.125))
-    assert not stamps.accept(belts(1.25))
-    assert (stamps.leap, stamps.rejection) == (None, "TrackReading stamped 0.25 s ahead of the clock")
+    assert not stamps.accept(belts(2.0))
+    assert (stamps.leap, stamps.rejection) == (None, "TrackReading stamped 1.00 s ahead of the clock")
     assert not stamps.accept(belts(2.125))
     assert (stamps.leap, stamps.rejection) == ("clock of TrackReading leapt 1.12 s ahead", None)
     assert not stamps.accept(belts(0.125))
@@ -133,6 +132,8 @@ def test_the_latch_keeps_its_first_cause() -> None:
     assert latch.cause is None
     latch.hold(2.0, Stop.RAMP, "first")
     latch.hold(3.0, Stop.RAMP, "second")
+    latch.hold(3.25, Stop.BRAKE, "urgent")
+    latch.hold(3.5, Stop.BRAKE, "urgent too")
     assert latch.cause == "first"
     assert latch.release(4.0, 4.0)
     latch.slow(5.0, "a", "one")
@@ -143,6 +144,7 @@ def test_the_latch_keeps_its_first_cause() -> None:
     events = [(event.t_s, event.name, event.cause) for event in latch.take()]
     assert events == [
         (2.0, "hold", "first"),
+        (3.25, "brake", "urgent"),
         (4.0, "rearmed", "by a person, after: first"),
         (5.0, "slow", "one"),
         (7.0, "slow", "three"),
@@ -176,6 +178,7 @@ def test_a_frame_is_judged_at_its_limits(brightness: float, contrast: float, val
     watch = FrameMonitor(limits(valid_least=0.25, valid_least_dark=0.5, dark=0.125, contrast_least=0.0625))
     seen = frame(0.0, fingerprint=1, brightness=brightness, contrast=contrast, valid_share=valid)
     assert watch.accept_frame(seen) is usable
+    assert (watch.refused == "") is usable
     assert watch.is_dark is dark
 
 
@@ -194,10 +197,12 @@ def test_a_frame_that_is_no_image_shows_that_no_camera_is_alive() -> None:
     admission = ReadingAdmission(limits())
     admission.advance(0.0)
     watch = admission.frames
+    assert not watch.is_dark  # before any frame
     assert watch.accept_frame(frame(0.0, fingerprint=0, brightness=0.5, contrast=0.1, valid_share=0.8))
     for k in range(1, 4):
         assert not admission.admit(frame(0.001 * k, fingerprint=k, brightness=0.5, contrast=math.nan, valid_share=math.nan))
         assert not watch.is_alive
+    assert not admission.admit(heading(0.003))
 
 
 def test_a_camera_that_looks_into_a_wide_room_lives_by_its_colours() -> None:
@@ -261,6 +266,7 @@ def test_a_belt_is_expected_to_lag_within_its_acceleration() -> None:
     """Test: from rest, 1 m/s and -0.1 m/s are asked; then the brake. Expected result: a lag's exponential, cut to the acceleration,
     and the brake's deceleration to zero and no further, both ways."""
     watch, lag = BeltMonitor(limits(drive_lag_s=0.25, drive_acceleration_m_s2=2.0)), math.exp(-0.25)
+    assert watch.expected_m_s == (0.0, 0.0)
     watch.update(belts(0.0, 0.0, 0.0))
     watch.ask(TrackCommand(t_s=0.0, left_m_s=1.0, right_m_s=-0.1))
     for k, expected in ((1, [0.125, -0.1 * (1.0 - lag)]), (2, [0.25, -0.1 * (1.0 - lag * lag)])):
@@ -342,14 +348,14 @@ def test_readings_apart_by_the_gap_are_still_compared() -> None:
 def slipping(config: GuardConfig, *steps: tuple[float, float, float], turn_rad: float = 0.0) -> SlipMonitor:
     """Feed maps an eighth of a second apart: each step is the belts' travel, what of it the nosings do not show, how often."""
     watch = SlipMonitor(config)
-    t_s = travel = slid = 0.0
+    t_s, travel, slid = 1.0, 0.0, 0.0
     places = [1.0, 1.5, 2.0, 2.5]
     watch.look(t_s, places, travel, 0.0)
     for driven, lost, times in steps:
         for _ in range(int(times)):
             t_s, travel, slid = t_s + 0.125, travel + driven, slid + lost
             there = [1.0 + (place + slid - travel) % 2.0 for place in places]
-            watch.look(t_s, sorted(there), travel, turn_rad * t_s)
+            watch.look(t_s, sorted(there), travel, turn_rad * (t_s - 1.0))
     return watch
 
 
@@ -397,7 +403,7 @@ def test_slip_at_its_limit_is_none_nor_is_it_below_the_noise() -> None:
 
 def test_slip_that_ends_is_forgotten_and_begins_anew() -> None:
     """Test: slip for 5 maps, none for 4, slip for 5. Expected result: no cause; none while it turns or has a heading error."""
-    config = limits(deviation=0.25, slip_turn_rad=0.0625, square_rad=0.25)
+    config = limits(deviation=0.25, slip_turn_rad=0.0625, square_rad=0.125)
     lost, none = (0.0625, 0.03125), (0.0625, 0.0)
     assert slipping(config, (*lost, 5), (*none, 4), (*lost, 5)).cause is None
     assert slipping(config, (*lost, 5), (*none, 4), (*lost, 12)).cause is not None
@@ -421,14 +427,14 @@ def test_nosings_out_of_view_do_not_make_good_for_what_was_rolled_back(lost: str
     """Test: the chair slides back by 0.1875 m; while the belts drive 0.125 m its nosings go out of view and come back where they
     were, or others do; it slides on by 0.0625 m, and by as much again. Expected result: a cause with the last of it, for 0.31 m in
     all; none if another way begins meanwhile."""
-    t_s = 1.0 if lost == "late" else 0.625
+    t_s = 2.0 if lost == "late" else 1.625
     there = np.array([1.1875, 1.6875, 2.1875, 2.6875]) - (0.275 if lost == "others" else 0.0)
-    for anew in (False, True):
+    for anew in ("", "begin", "forget"):
         watch = slipping(limits(deviation=9.0), (0.0, 0.0625, 3))
         if lost == "empty":
-            watch.look(0.5, [], 0.125, 0.0)
+            watch.look(1.5, [], 0.125, 0.0)
         if anew:
-            watch.begin()
+            getattr(watch, anew)()
         watch.look(t_s, list(there), 0.125, 0.0)
         watch.look(t_s + 0.125, list(there + 0.0625), 0.125, 0.0)
         assert watch.cause is None
@@ -456,7 +462,7 @@ def test_maps_without_nosings_or_long_apart_are_not_compared() -> None:
     watch.look(0.0, [1.0], 0.0, 0.0)
     watch.look(0.25, [0.9375], 0.125, 0.0)
     assert watch._roll_back_m == 0.0625
-    watch.look(0.75, [0.75], 0.5, 0.0)
+    watch.look(0.75, [0.625], 0.5, 0.0)
     assert watch._roll_back_m == 0.0625
     assert len(watch._window) == 1
     watch.look(0.875, [], 0.5, 0.0)
@@ -476,14 +482,14 @@ def test_nosings_that_are_not_where_any_was_begin_anew_and_one_stray_does_not_co
     watch = slipping(limits(deviation=0.25), (0.0625, 0.03125, 7))
     there = np.array([1.28125, 1.78125, 2.28125, 2.78125])
     assert watch.slip == 0.5
-    watch.look(1.0, list(there), 0.4375, 0.0)
+    watch.look(2.0, list(there), 0.4375, 0.0)
     assert watch.slip == 0.5
-    watch.look(1.125, list(there + 0.15), 0.4375, 0.0)
+    watch.look(2.125, list(there + 0.15), 0.4375, 0.0)
     assert (watch.slip, watch.cause, len(watch._window)) == (0.0, None, 1)
     roll_back_m = watch._roll_back_m
-    watch.look(1.25, list(there + np.array([0.03, 0.15, 0.15, 0.15])), 0.4375, 0.0)
+    watch.look(2.25, list(there + np.array([0.03, 0.15, 0.15, 0.15])), 0.4375, 0.0)
     assert watch._roll_back_m == roll_back_m
-    watch.look(1.375, list(there + np.array([0.15, 0.175, 0.175, 0.175])), 0.4375, 0.0)
+    watch.look(2.375, list(there + np.array([0.15, 0.175, 0.175, 0.175])), 0.4375, 0.0)
     assert watch._roll_back_m == pytest.approx(roll_back_m + 0.025)
 
 
@@ -578,7 +584,7 @@ def test_it_stops_before_things_by_clearance_and_stopping_way(direction: str, si
     limit_m = sign * (4.0 - lead_m - 0.25 - 0.125)
     assert watch.cause(limit_m, sign * 0.25) is None
     assert watch.cause(limit_m + sign * 0.0625, sign * 0.25) == "obstacle 0.31 m ahead"
-    assert watch.cause(limit_m + sign * 0.0625, 0.0) is None
+    assert watch.cause(limit_m + sign * 0.25, 0.0) is None
     assert watch.cause(limit_m + sign * 0.0625, -sign * 0.25) is None
     assert watch.speed_restriction(limit_m) is None
 
@@ -588,13 +594,16 @@ def test_beyond_the_stair_it_stops_before_what_stands_on_the_level(phase: Any) -
     """Test: frames show something 2 m away on the level, a stair in view or not; then 0.5 m on none; then one clear frame from
     further off. Expected result: held before it where no stair is to be in view; what is too near to be seen is still there; what
     is gone is gone."""
-    watch = ahead(LENGTHS, ends=True)
+    watch = AheadMonitor(LENGTHS)
 
     def shown(obstacle_m: float | None, travel_m: float, **changes: Any) -> AheadMonitor:
         watch.look_on(obstacle_m, replace(plan(phase), **{"needs_stair": False} | changes), travel_m)
         return watch
 
-    assert shown(2.0, 0.0).cause(0.7, 0.25) is None  # seen once
+    assert shown(1.2, 0.0).cause(0.0, 0.25) is None  # seen once
+    assert shown(1.2, 0.0).cause(0.0, 0.25) == "obstacle 0.20 m ahead"
+    assert shown(None, 0.0).cause(0.0, 0.25) == "obstacle 0.20 m ahead"  # below 1.2 m it need not be seen
+    shown(2.0, 0.0)
     assert shown(2.0, 0.0).cause(0.7, 0.25) == "obstacle 0.30 m ahead"
     assert shown(None, 0.9).cause(0.9, 0.25) == "obstacle 0.10 m ahead"
     assert shown(None, 0.7).cause(0.9, 0.25) is None
@@ -657,7 +666,7 @@ def test_a_tilt_lasts_before_it_counts(pitch: float, roll: float, rate: float, c
     watch.update(-1 / 64, tilted(0.0, 0.0), 0.0)
     for k in range(4):
         watch.update(k / 64, tilted(pitch, roll), rate)
-    assert watch.cause is None
+        assert watch.cause is None
     watch.update(4 / 64, tilted(pitch, roll), rate)
     assert watch.cause == cause
     watch.forget()
@@ -711,6 +720,10 @@ def test_a_seats_error_counts_from_when_it_stopped_shrinking() -> None:
     assert watch.cause is None
     watch.update(7.0, 0.4375 - 0.03)
     assert watch.cause is not None
+    watch = SeatMonitor(limits(seat_rad=0.25, seat_s=1.0, level_rad=0.0625))
+    for t_s, error_rad in ((0.0, 0.5), (0.5, 0.4375), (1.0, 0.4375)):  # shrinks by the limit itself
+        watch.update(t_s, error_rad)
+    assert watch.cause is not None
 
 
 def plan(phase: Any, *, needs_stair: bool = False) -> MotionPlan:
@@ -719,7 +732,9 @@ def plan(phase: Any, *, needs_stair: bool = False) -> MotionPlan:
 
 def turning(apart_m_s: float, phase: Any, ticks: int, watch: GyroOnlyTurn | None = None) -> GyroOnlyTurn:
     """Let the belts run apart for so many sixteenths of a second."""
-    watch = watch or GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
+    if watch is None:
+        watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0, ahead_s=0.0625))
+        watch.update_belts(7.0, 0.0, None)
     for _ in range(ticks):
         watch.update_belts(watch.t_s + 1 / 16, apart_m_s, plan(phase))
     return watch
@@ -747,24 +762,27 @@ def test_what_the_belts_did_while_nobody_reported_is_no_turn() -> None:
 
 
 def test_a_slow_turn_leaves_the_window() -> None:
-    """Test: 0.125 rad/s, of which four seconds count. Expected result: never a cause; by an eighth faster, one."""
+    """Test: 0.125 rad/s, of which four seconds count. Expected result: never a cause; by a hundredth faster, one."""
     assert turning(0.1249 / FLIGHT_RAD_M, "climb", 200).cause is None
-    assert turning(0.140 / FLIGHT_RAD_M, "climb", 200).cause is not None
+    assert turning(0.126 / FLIGHT_RAD_M, "climb", 200).cause is not None
 
 
 def test_a_sight_or_another_phase_begins_anew_and_a_turn_is_judged_where_no_stair_should_be_seen() -> None:
-    """Test: 0.25 rad/s for 1.5 s, a stair seen, 1.5 s; the same with a search between; then for long where a stair should be seen.
+    """Test: 0.25 rad/s for 1.5 s, a stair seen 0.5 s ago, 1.5 s; the same with a search between; then where a stair should be seen.
     Expected result: no cause; the reading after which none should be seen any more brings one."""
     apart = 0.25 / FLIGHT_RAD_M
     watch = turning(apart, "climb", 24)
-    watch.seen(watch.t_s)
-    assert turning(apart, "climb", 24, watch).cause is None
+    watch.seen(watch.t_s - 0.5)  # the last eight readings are later
+    assert turning(apart, "climb", 25, watch).cause is None
     turning(apart, "search", 1, watch)
     assert turning(apart, "climb", 24, watch).cause is None
     for _ in range(40):
         watch.update_belts(watch.t_s + 1 / 16, apart, plan("climb", needs_stair=True))
     assert watch.cause is None
     assert turning(apart, "climb", 1, watch).cause is not None
+    watch = turning(apart, "climb", 24)
+    watch.seen(watch.t_s - 0.5)
+    assert turning(apart, "climb", 26, watch).cause is not None
     none = GyroOnlyTurn(limits())
     none.update_belts(0.0, 1.0, None)
     none.update_belts(100.0, 1.0, None)
@@ -827,9 +845,12 @@ def test_a_chair_that_swings_is_not_judged() -> None:
         assert (watch.cause is not None) is judged
     # The mean takes 0.2 s: a shock of one sample is no swing.
     watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0))
-    watch.update_motion(0.0, tilted(0.3, 0.0), 0.0)
-    watch.update_motion(1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
+    watch.update_motion(1.0, tilted(0.3, 0.0), 0.0)
+    watch.update_motion(1.0 + 1 / 64, tilted(0.3, 0.0), 1.0)  # 0.075 rad/s in the mean
     assert turning(0.3 / OVER_RAD_M, "leave", 29, watch).cause is not None
+    watch.forget()
+    watch.update_motion(1.0 + 2 / 64, tilted(0.3, 0.0), 0.2)  # 0.084 rad/s
+    assert turning(0.3 / OVER_RAD_M, "leave", 29, watch).cause is None
 
 
 @pytest.mark.parametrize("phase", ["crest", "land", "edge", "leave"])
@@ -887,6 +908,7 @@ def test_without_imu_alarms_begin_beyond_a_second() -> None:
     assert watch.alarm(1.0, 0.0, "crest") == "no IMU sample for 1.00 s"
     assert watch.alarm(1.0625, 0.0, "climb") == "no IMU sample for 1.06 s"
     assert watch.alarm(1.25, 0.0, "climb") == "no IMU sample for 1.25 s"
+    assert [watch.both_lost(t_s) for t_s in (0.0625, 1.25, 1.3125)] == [False, False, True]
     assert watch.alarm(1.3125, 0.0, "climb") == "no IMU sample for 1.31 s, and no frame for 0.3 s"
 
 
@@ -895,11 +917,13 @@ def test_without_frames_alarms_begin_beyond_time_or_way() -> None:
     a way driven while frames still counted as arriving."""
     for sign in (1.0, -1.0):
         watch = senses()
+        watch.restart(0.0, 2.0)
         watch.imu(4.0)
-        assert watch.alarm(4.0, sign * 0.5, None) is None
-        assert watch.alarm(4.0, sign * 0.5625, None) == "no frame for 4.0 s, 0.56 m driven since"
+        assert watch.alarm(4.0, 2.0 + sign * 0.5, None) is None
+        assert watch.alarm(4.0, 2.0 + sign * 0.5625, None) == "no frame for 4.0 s, 0.56 m driven since"
         watch.imu(4.125)
-        assert watch.alarm(4.125, 0.0, None) == "no frame for 4.1 s"
+        assert watch.alarm(4.125, 2.0, None) == "no frame for 4.1 s"
+        assert not watch.both_lost(4.125)
     watch = senses()
     watch.imu(0.25)
     assert watch.alarm(0.25, 9.0, None) is None

@@ -56,6 +56,7 @@ def test_belts_with_their_lag_follow_the_half_cosine_until_it_is_nearly_over(fro
 def test_a_chair_that_stands_is_braked_at_once() -> None:
     for speed, brakes in ((STANDING_M_S, True), (1.1 * STANDING_M_S, False)):
         assert held(Stop.RAMP, speed)[1].brake is brakes
+    assert not RampedStop(limits()).step(1.0, (0.0, 1.1 * STANDING_M_S)).brake
 
 
 def test_an_urgent_cause_during_the_ramp_brakes_and_the_first_cause_stays() -> None:

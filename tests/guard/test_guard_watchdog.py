@@ -102,16 +102,17 @@ def test_a_pause_that_the_viewer_announces_is_no_standstill() -> None:
     assert ended.verdict == "time_up"
 
 
-def test_a_process_that_was_stopped_finds_the_gap_at_its_next_step(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_was_stopped_finds_the_gap_at_its_next_step() -> None:
     """Test: neither the loop nor the thread runs for 3 s, as after SIGSTOP. Expected result: the next step latches, with the step
     that was under way; steps 0.3 s apart do not."""
     clock = [100.0]
-    monkeypatch.setattr("treadline.guard._loop_watchdog.time.monotonic", lambda: clock[0])
     causes: list[str] = []
-    with LoopWatchdog(causes.append) as watchdog:
-        for step, later_s in (("plant.read", 0.29), ("plant.write", 3.0), ("plant.advance", 0.0)):
-            watchdog.begin(step)
-            clock[0] += later_s
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("treadline.guard._loop_watchdog.time.monotonic", lambda: clock[0])
+        with LoopWatchdog(causes.append) as watchdog:
+            for step, later_s in (("plant.read", 0.29), ("plant.write", 3.0), ("plant.advance", 0.0)):
+                watchdog.begin(step)
+                clock[0] += later_s
     assert causes == ["the loop stood still for 3.0 s in plant.write"]
     watchdog.begin("after the run")
     assert len(causes) == 1
