@@ -1,12 +1,14 @@
 """Files of compiled kernels: damage is found, said in one line and mended; the result is right in any case."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numba
 import numpy as np
@@ -14,7 +16,7 @@ import pytest
 
 from treadline.core.compile_cache import marker_path
 from treadline.core.errors import TreadlineError
-from treadline.core.kernel_cache import njit
+from treadline.core.kernel_cache import kernel_caches, njit
 
 
 def cube(x: Any) -> Any:
@@ -22,22 +24,20 @@ def cube(x: Any) -> Any:
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """Return the files of a compiled kernel by their ending."""
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of a compiled kernel."""
     folder = tmp_path_factory.mktemp("kernels")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(numba.config, "CACHE_DIR", str(folder))
+    with patch.object(numba.config, "CACHE_DIR", str(folder)):
         assert njit(cache=True)(cube)(3.0) == 27.0
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*.nb?")}
+    return folder
 
 
 @pytest.fixture
-def files(kept: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Path]:
+def files(kept: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Path]:
     """Return index and data of the kernel in a folder of its own."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    for name, content in kept.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_bytes(content)
+    monkeypatch.setattr("treadline.core.kernel_cache.kernel_sources", dict)  # the kernels of this file alone
+    shutil.copytree(kept, tmp_path, dirs_exist_ok=True)
     return {path.suffix: path for path in tmp_path.rglob("*.nb?")}
 
 
@@ -46,6 +46,16 @@ def call() -> bool:
     kernel: Any = njit(cache=True)(cube)
     assert kernel(3.0) == 27.0
     return bool(kernel.stats.cache_hits)
+
+
+def state() -> bool | Exception:
+    """Return what a new process finds on disk."""
+    njit(cache=True)(cube)
+    return kernel_caches()[-1].state()
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
 
 
 def cut(path: Path) -> None:
@@ -58,30 +68,15 @@ def flip(path: Path, place: float = 0.5) -> None:
     path.write_bytes(content)
 
 
-def link_to_itself(path: Path) -> None:
-    path.unlink()
-    path.symlink_to(path)  # reading fails, also for root
-
-
-DAMAGES: dict[str, tuple[str, Callable[[Path], None]]] = {
-    "an emptied index": (".nbi", lambda path: path.write_bytes(b"")),
-    "a truncated index": (".nbi", cut),
-    "an unreadable index": (".nbi", link_to_itself),
-    "emptied data": (".nbc", lambda path: path.write_bytes(b"")),
-    "truncated data": (".nbc", cut),
-    "a wrong byte in the machine code": (".nbc", flip),
-}
-
-
-@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize(("ending", "damage"), [(".nbi", empty), (".nbi", cut), (".nbc", empty), (".nbc", cut), (".nbc", flip)])
 def test_a_damaged_file_is_removed_and_the_kernel_compiled_again(
-    files: dict[str, Path], caplog: pytest.LogCaptureFixture, damage: str
+    files: dict[str, Path], caplog: pytest.LogCaptureFixture, ending: str, damage: Callable[[Path], None]
 ) -> None:
     assert call()
-    ending, apply = DAMAGES[damage]
     other = files[ending].with_name("other.kernel-1.py311.nbi")
     other.write_bytes(b"")
-    apply(files[ending])
+    damage(files[ending])
+    assert isinstance(state(), Exception)
     assert not call()
     (line,) = caplog.messages
     assert "test_kernel_cache.cube: a damaged file" in line
@@ -89,6 +84,21 @@ def test_a_damaged_file_is_removed_and_the_kernel_compiled_again(
     assert "\n" not in line
     assert call()
     assert other.exists()
+
+
+def test_data_without_an_index_for_this_processor_are_not_compiled(files: dict[str, Path]) -> None:
+    with patch.object(numba.config, "CPU_NAME", "generic"):
+        assert state() is False
+    assert state() is True
+    files[".nbi"].unlink()
+    assert state() is False
+
+
+def test_files_that_numba_itself_kept_are_no_damage(files: dict[str, Path], caplog: pytest.LogCaptureFixture) -> None:
+    shutil.rmtree(files[".nbi"].parent)
+    numba.njit(cache=True)(cube)(3.0)
+    files[".nbc"].with_suffix("").with_suffix(".2.nbc").write_bytes(files[".nbc"].read_bytes())
+    assert (state(), call(), call(), state(), caplog.messages) == (False, False, True, True, [])
 
 
 def test_any_wrong_byte_gives_the_right_result(files: dict[str, Path]) -> None:
@@ -158,15 +168,14 @@ def test_without_a_folder_that_can_be_written_a_kernel_runs_and_the_remedy_is_sa
         marker_path()
 
 
-def test_a_folder_that_stops_being_writable_ends_no_run(
-    files: dict[str, Path], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize("place", ["numba.core.caching.open", "os.replace"])
+@pytest.mark.parametrize("error", [PermissionError(13, "Permission denied"), OSError(24, "Too many open files"), MemoryError()])
+def test_a_file_that_the_system_refuses_ends_no_run_and_is_not_removed(
+    files: dict[str, Path], caplog: pytest.LogCaptureFixture, place: str, error: Exception
 ) -> None:
-    def refuse(*_: object) -> None:
-        raise PermissionError(13, "Permission denied")
-
-    kernel: Any = njit(cache=True)(cube)
-    monkeypatch.setattr(os, "replace", refuse)
-    assert kernel(3) == 27
+    with patch(place, create=True, side_effect=error):
+        assert [njit(cache=True)(cube)(3) for _ in range(2)] == [27, 27]
+        assert not isinstance(state(), Exception)
     (line,) = caplog.messages
-    assert "cannot be kept: Permission denied; set NUMBA_CACHE_DIR" in line
-    assert files[".nbi"].exists()
+    assert f"kept: {error.args[-1] if error.args else 'no memory'}; if that stays so, set NUMBA_CACHE_DIR" in line
+    assert all(path.exists() for path in files.values())

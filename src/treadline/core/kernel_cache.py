@@ -1,14 +1,15 @@
 """Compiled kernels whose files on disk mend themselves: ``njit`` as numba's, with a cache that removes damaged files.
 
 numba trusts its files: a truncated one ends every later call, and a wrong byte in machine code runs. A file of this cache carries
-the SHA-256 of its content, the kernel's name and the hash of its source. If a file fails these checks or cannot be read, the files
-of that kernel are removed, one line of the log says so, and numba compiles the kernel again.
+the SHA-256 of its content, and first its origin: the kernel's name and the hash of its source. A file that does not begin with
+this origin, as numba's own, is compiled again and overwritten. If a file cannot be decoded, the files of that kernel are removed,
+one line of the log says so, and numba compiles the kernel again. If the system refuses to read or write a file, nothing is removed:
+the process compiles the kernel without the cache.
 
 numba has no public hook for the cache of a function: ``njit`` sets the dispatcher's attribute ``_cache``, as numba's own
 ``enable_caching`` does. Functions of other packages keep numba's cache.
 """
 
-import glob
 import hashlib
 import logging
 import pickle
@@ -25,8 +26,8 @@ from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 
-REMEDY = "set NUMBA_CACHE_DIR to a folder that can be written; until then each process compiles anew"
-"""Remedy for a folder without write permission."""
+REMEDY = "if that stays so, set NUMBA_CACHE_DIR to a folder that can be read and written; until then each process compiles anew"
+"""Remedy for a folder without permission."""
 _CACHES = list["_MendingCache"]()
 
 
@@ -43,10 +44,9 @@ def njit(*, cache: bool, **options: Any) -> Callable[[Callable[..., Any]], Any]:
         if cache:
             try:
                 dispatcher._cache = _MendingCache(function)  # noqa: SLF001 - see the module's docstring
+                _CACHES.append(dispatcher._cache)  # noqa: SLF001 - the same
             except RuntimeError:  # numba finds no folder that can be written
                 _warn_once(f"compiled kernels cannot be kept: {REMEDY}")
-            else:
-                _CACHES.append(dispatcher._cache)  # noqa: SLF001 - the same
         return dispatcher
 
     return compiled
@@ -74,15 +74,19 @@ class _SealedKernel(CompileResultCacheImpl):
         return None if data is None else super().rebuild(target_context, pickle.loads(data))  # noqa: S301 - written by this cache
 
     def opened(self, payload: Any) -> bytes | None:
-        """Return numba's data; None if they are of another source: a killed process can leave a new index next to old data.
+        """Return numba's data; None if there are none or they are of another source.
+
+        A killed process can leave a new index next to old data, and numba's own files have these names too.
 
         Raises:
             ValueError: If the checksum does not match.
         """
-        origin, digest, data = payload
+        if payload is None or payload[0] != self._origin:
+            return None
+        _, digest, data = payload
         if hashlib.sha256(data).digest() != digest:
             raise ValueError("wrong checksum")
-        return bytes(data) if origin == self._origin else None
+        return bytes(data)
 
 
 class _MendingCache(FunctionCache):
@@ -95,7 +99,8 @@ class _MendingCache(FunctionCache):
         try:
             found = super().load_overload(sig, target_context)
         except Exception as error:  # noqa: BLE001 - damaged bytes can raise any exception while they are unpickled
-            self.remove(error)
+            if not self._refused(error):
+                self.remove(error)
             return None
         # A wrong byte of the index can name the file of another signature.
         return found if found is None or found.signature.args == normalize_signature(sig)[0] else None
@@ -104,40 +109,43 @@ class _MendingCache(FunctionCache):
         """Keep a compiled kernel; where that fails, the run goes on without."""
         try:
             super().save_overload(sig, data)
-        except OSError as error:
-            _warn_once(f"{self.cache_path}: compiled kernels cannot be kept: {error.strerror or error}; {REMEDY}")
         except Exception as error:  # noqa: BLE001 - the index was damaged since it was loaded
-            self.remove(error)
+            if not self._refused(error):
+                self.remove(error)
 
     @property
     def name(self) -> str:
         """Name of the kernel."""
         return f"{self._py_func.__module__}.{self._py_func.__name__}"
 
-    def files(self) -> list[Path]:
-        """Return the files of this kernel: index, data, and what a killed process left of them."""
-        return sorted(Path(self.cache_path).glob(f"{glob.escape(self._impl.filename_base)}.*nb[ic]*"))
-
     def state(self) -> bool | Exception:
-        """Return whether a compiled form of the present source is on disk, after reading each; the error of a damaged file."""
+        """Return whether a compiled form of the present source is on disk for this processor, after reading each.
+
+        Returns:
+            The error of a damaged file. What the system refuses to read counts as not compiled.
+        """
         try:
-            super().load_overload((), cpu_target.target_context)  # no kernel is without arguments: this reads the index alone
-            contents = [pickle.loads(path.read_bytes()) for path in self.files() if path.suffix == ".nbc"]  # noqa: S301 - our own
-            return [self._impl.opened(content) for content in contents].count(None) < len(contents)
+            target = self._index_key((), cpu_target.target_context.codegen())[1:]
+            keys = [key for key in self._cache_file._load_index() if key[1:] == target]  # noqa: SLF001 - numba names no keys
+            return bool({self._impl.opened(self._cache_file.load(key)) for key in keys} - {None})
         except Exception as error:  # noqa: BLE001 - as in ``load_overload``
-            return error
+            return False if self._refused(error) else error
+
+    def _refused(self, error: Exception) -> bool:
+        """Return whether the system, not the content of a file, is the cause of an error; if so, say it once."""
+        if refused := isinstance(error, OSError | MemoryError):
+            _warn_once(f"{self.cache_path}: kernels cannot be read or kept: {getattr(error, 'strerror', 'no memory')}; {REMEDY}")
+        return refused
 
     def remove(self, error: Exception) -> None:
-        """Remove the files of this kernel, because of an error in one of them."""
+        """Remove this kernel's index, data, and what a killed process left of them, because of an error in one of them."""
         said = f"{self.name}: a damaged file of the compiled kernel ({type(error).__name__}: {' '.join(str(error).split())[:80]})"
         try:
-            for path in self.files():
+            for path in Path(self.cache_path).glob(f"{self._impl.filename_base}.*nb[ic]*"):
                 path.unlink(missing_ok=True)
-        except OSError as failure:
-            self.disable()
-            _warn_once(f"{said} cannot be removed: {failure.strerror}; remove {failure.filename} by hand")
-        else:
             logging.getLogger("treadline").warning("treadline: %s was removed; the kernel is compiled again", said)
+        except OSError as failure:
+            _warn_once(f"{said} cannot be removed: {failure.strerror}; remove {failure.filename} by hand")
 
 
 def kernel_caches() -> list[_MendingCache]:
