@@ -31,10 +31,7 @@ def test_export_writes_the_files_of_its_target(run, tmp_path: Path, target: str,
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
-        ([CONTROLLER, "--to", "rust"], "--to"),
         ([CONTROLLER, "--to", "c", "--allocation", "bold"], "--allocation"),
-        ([CONTROLLER, "--to", "c", "--reconstruct", "guess"], "--reconstruct"),
-        ([CONTROLLER, "--to", "c", "--speed", "nan"], "--speed"),
         ([CONTROLLER, "--to", "c", "--speed", "3"], "--speed"),
         ([CONTROLLER, "--to", "c", "--chair", "throne"], "chair.model"),
         ([CONTROLLER], "--to"),

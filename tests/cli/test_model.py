@@ -7,8 +7,6 @@ from xml.etree.ElementTree import parse
 import mujoco
 import pytest
 
-from .conftest import assert_refused
-
 
 @pytest.mark.parametrize("target", ["mjcf", "urdf", "sdf"])
 @pytest.mark.parametrize("options", [[], ["--chair-only"]])
@@ -49,21 +47,6 @@ def test_the_same_seed_gives_the_same_bytes_and_another_another_stair(run, tmp_p
         assert run("model", scenario, "--to", "sdf", "--out", tmp_path / name, "--seed", seed).code == 0
         texts.append((tmp_path / name).read_bytes())
     assert texts[0] == texts[1] != texts[2]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        (["paper-28", "--to", "obj"], "--to"),
-        (["paper-28"], "--to"),
-        (["none.toml", "--to", "urdf"], "none.toml"),
-    ],
-)
-def test_model_names_what_it_cannot_do(run, tmp_path: Path, arguments: list[str], word: str) -> None:
-    out = tmp_path / "chair.xml"
-    outcome = run("model", *arguments, "--out", out)
-    assert_refused(outcome, word)
-    assert not out.exists()
 
 
 def test_model_writes_the_meshes_next_to_the_urdf_and_mujoco_reads_them(run, tmp_path: Path) -> None:

@@ -344,7 +344,6 @@ def test_a_faulty_run_folder_is_one_line_and_leaves_nothing(run, blind: Path, tm
         (["{run}", "--out", "{run}", "--force"], "own folder"),
         (["{run}/log.mcap", "--out", "{run}", "--force"], "own folder"),
         (["{run}", "--out", "{run}/series.csv"], "is a file"),
-        (["{run}/nowhere", "--out", "{new}"], "no such file"),
         (["{run}/series.csv", "--out", "{new}"], "not a message log"),
         (["{run}", "--topics", "depth=/nowhere", "--out", "{new}"], "no such topic"),
         (["{run}", "--topics", "sonar=/imu", "--out", "{new}"], "--topics"),

@@ -236,19 +236,10 @@ def test_an_unreadable_pair_is_reported_and_the_others_are_evaluated(run, folder
     assert "a: no heading: " in run("see", folder).out
 
 
-@pytest.mark.parametrize(
-    ("text", "key"),
-    [
-        (CAMERA + "focus = 1\n", "focus"),
-        (CAMERA.replace("width = 320", 'width = "wide"'), "width"),
-        (CAMERA.replace("cx_px = 159.5", ""), "cx_px"),
-        (CAMERA + "registered = false\n", "registered"),
-    ],
-)
-def test_a_bad_calibration_names_its_key(run, folder: Path, text: str, key: str) -> None:
-    (folder / "camera.toml").write_text(text)
-    assert_refused(run("see", *pair(folder)), key)
-    assert_refused(run("see", folder), key)
+def test_a_bad_calibration_names_its_key(run, folder: Path) -> None:
+    (folder / "camera.toml").write_text(CAMERA + "registered = false\n")
+    assert_refused(run("see", *pair(folder)), "registered")
+    assert_refused(run("see", folder), "registered")
 
 
 @pytest.mark.parametrize("text", ["0,0,0", "1,2", "down", "nan,0,1", "0,inf,0", "1,2,3,4", ""])

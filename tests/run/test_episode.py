@@ -144,20 +144,11 @@ def test_too_little_friction_is_refused_and_backed_off_with_the_chair_level_agai
     assert 0.3 < farthest - run.trace["x_m"][-1] < 1.0
 
 
-@pytest.mark.parametrize(
-    ("trip", "why"),
-    [
-        (Trip(slope_deg=30.0, chair={"payload_kg": 120.0, "payload_offset_m": (-0.10, 0.0, 0.15)}), "tipping margin"),
-        (Trip(stair={"friction": (0.54, 0.5)}), "friction 0.54 is below 1.05 × tan β = 0.56"),
-        (Trip(stair={"missing_steps": [2, 3]}), "missing steps leave three neighbouring nosings"),
-    ],
-    ids=["tips", "slides", "gap"],
-)
-def test_what_check_forbids_does_not_move(trip: Trip, why: str) -> None:
-    run = trip.run()
+def test_what_check_forbids_does_not_move() -> None:
+    run = Trip(stair={"friction": (0.54, 0.5)}).run()
     assert run.verdict == "refused"
     assert run.cause is not None
-    assert why in run.cause
+    assert "friction 0.54 is below 1.05 × tan β = 0.56" in run.cause
     assert [event.name for event in run.events] == ["refused"]
     assert run.scores.duration_s == 0.0
 
