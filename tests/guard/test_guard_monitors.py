@@ -329,7 +329,7 @@ def test_a_brake_without_a_command_is_reported_at_rest_as_well() -> None:
 
 def test_readings_apart_by_the_gap_are_still_compared() -> None:
     """Test: readings 0.25 s apart, then 0.375 s. Expected result: compared; then taken as they are, and the time starts anew."""
-    watch = BeltMonitor(limits(mismatch_s=0.25))
+    watch = BeltMonitor(limits(mismatch_s=0.25, silence_s=0.25))
     watch.ask(TrackCommand(t_s=0.0, left_m_s=0.5, right_m_s=0.5))
     watch.update(belts(0.0, 0.0, 0.0))
     watch.update(belts(0.25, 0.0, 0.0))
@@ -733,7 +733,7 @@ def plan(phase: Any, *, needs_stair: bool = False) -> MotionPlan:
 def turning(apart_m_s: float, phase: Any, ticks: int, watch: GyroOnlyTurn | None = None) -> GyroOnlyTurn:
     """Let the belts run apart for so many sixteenths of a second."""
     if watch is None:
-        watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0, ahead_s=0.0625))
+        watch = GyroOnlyTurn(limits(blind_turn_rad=0.5, blind_turn_s=4.0, gyro_drift_rad_s=1.0, silence_s=0.0625))
         watch.update_belts(7.0, 0.0, None)
     for _ in range(ticks):
         watch.update_belts(watch.t_s + 1 / 16, apart_m_s, plan(phase))
