@@ -58,7 +58,9 @@ def test_without_a_frame_the_chair_may_not_move_in_either_direction() -> None:
 @pytest.mark.parametrize(("ground", "way"), [(FRONT, 1.0), (REAR, -1.0)])
 def test_the_chair_stops_with_the_distance_of_an_obstacle_before_the_end(ground: dict[str, Any], way: float) -> None:
     """Test: an end 1.5 m from mid-track, ±10 mm. Expected result: 0.34 m, 0.4 s of driving and the deviation are left."""
-    chair = Chair().look(**ground | {"seen_m": 1.5, "end_m": 1.5, "end_sigma_m": 0.01})
+    chair, other = Chair(), REAR if way > 0.0 else FRONT
+    for _ in range(2):  # frames of both cameras in turn
+        chair.look(frames=1, **ground | {"seen_m": 1.5, "end_m": 1.5, "end_sigma_m": 0.01}).look(frames=1, **other)
     left_m = 1.5 - PULLEY_M - chair.goes(0.1 * way)
     assert left_m == pytest.approx(0.34 + 0.04 + 0.01, abs=0.002)
     assert "the ground ends" in str(chair.cause(0.1 * way))
@@ -70,6 +72,8 @@ def test_one_frame_alone_shows_no_end_and_ground_seen_beyond_it_takes_it_back() 
     assert Chair().look(frames=1, **FRONT).look(frames=1, **near).cause(0.2) is None
     assert Chair().look(**FRONT).look(**near).cause(0.2) is not None
     assert Chair().look(**near).look(frames=1, **FRONT).cause(0.2) is None
+    chair = Chair().look(**near | {"seen_m": 1.5, "end_m": 1.5}).look(frames=1, **near)
+    assert 1.5 - PULLEY_M - chair.goes(0.1) == pytest.approx(0.38, abs=0.002)  # the end in view, not the one frame
 
 
 def test_an_end_below_the_image_is_remembered_by_the_travel_of_the_belts() -> None:
@@ -88,13 +92,24 @@ def test_ground_counts_as_far_as_it_was_seen_and_driven() -> None:
     assert chair.goes(-0.1) == pytest.approx(1.3 - PULLEY_M - 0.08, abs=0.003)
     chair.travel_m = 0.5
     for chair.heading_rad, known in ((4.0 * DEG, True), (6.0 * DEG, False), (9.0 * DEG, False)):
-        assert chair.cause(0.1) is None
-        assert (chair.cause(-0.1) is None) is known  # what was driven lies aside beyond 5°
+        assert [chair.cause(speed_m_s) is None for speed_m_s in (0.1, -0.1)] == [known, known]  # seen and driven: aside beyond 5°
+    assert chair.look(frames=1, **FRONT).cause(0.1) is None
     chair.travel_m = 0.25
     assert chair.cause(-0.1) is not None
     chair.travel_m = 0.5
     chair.heading_rad = 10.5 * DEG
     assert chair.cause(-0.1) is None  # 4.5° on, and 0.25 m were driven meanwhile
+    chair.heading_rad = 12.0 * DEG
+    assert chair.cause(0.1) is None  # the frame at 9° is 3° old
+
+
+def test_an_end_below_the_image_lies_aside_after_a_turn() -> None:
+    chair = Chair().look(**FRONT | {"seen_m": 0.85, "end_m": 0.85, "end_sigma_m": 0.0})
+    chair.heading_rad = 90.0 * DEG
+    chair.cause(0.0)
+    assert chair.look(**FRONT | {"blind_m": 0.9}).cause(0.1) is None
+    chair.look(**FRONT | {"seen_m": 0.85, "end_m": 0.85, "end_sigma_m": 0.0}).heading_rad = math.inf
+    assert "the ground ends" in str(chair.cause(0.1))  # an unknown heading takes nothing back
 
 
 def test_a_strip_below_the_image_may_be_as_long_as_the_chairs_reach() -> None:

@@ -97,6 +97,18 @@ def test_an_open_loop_and_an_experiments_driver_need_no_controller() -> None:
     assert not own.is_full_traversal
 
 
+def test_an_own_plant_reports_the_ground_where_it_declares_it() -> None:
+    measures = Scenario.model_validate({"sensors": {"camera": "statistical"}})
+
+    class Own:
+        reports_ground = True
+
+    plants: tuple[tuple[Any, bool], ...] = (("mujoco", True), ("gazebo", True), (lambda *_: None, False), (Own, True))
+    for plant, reports in plants:
+        assert resolve(measures, open_plant=plant).mission.reports_ground is reports
+    assert not resolve("up-28").mission.reports_ground  # rendered images
+
+
 def test_a_scenario_is_a_name_a_path_or_itself(tmp_path: Path) -> None:
     scenario = read_scenario("up-28")
     path = tmp_path / "here.toml"

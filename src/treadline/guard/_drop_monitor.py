@@ -18,24 +18,72 @@ ENTERS: tuple[Phase, ...] = ("approach", "edge")
 """Phases that lead over an edge."""
 
 
+class _Ground:
+    """Ground in one viewing direction. Places are distances along it: the belt travel, plus the distance from mid-track."""
+
+    def __init__(self) -> None:
+        self.known_m = self._seen_m = -math.inf
+        """Places up to which the ground is known, and up to which the latest frame shows it."""
+        self._heading_rad = self._seen_rad = self._known_rad = math.inf
+        """Headings of the latest tick, of the latest frame, and for which the known ground holds."""
+        self._forget_end()
+
+    def _forget_end(self) -> None:
+        self.end_m = self._shown_m = self._nosing_m = math.inf
+        """Nearest possible places of the end in two consecutive frames that agree and in the latest, and of the nosing there."""
+        self._nosing_count = 0
+
+    def look(self, ground: FreeGround, place_m: float, reach_m: float) -> None:
+        """Update with the ground of one frame, and the place of mid-track at its exposure.
+
+        Ground on the same level behind a strip below the image is known: a chair bridges a gap as long as its reach from mid-track.
+        """
+        bridges = place_m + ground.blind_m - self.known_m <= reach_m and ground.seen_m > ground.blind_m
+        self._seen_m, self._seen_rad = place_m + min(ground.seen_m, NEAR_M) if bridges else -math.inf, self._heading_rad
+        self.known_m = max(self.known_m, self._seen_m)
+        if ground.end_m is not None:
+            shown_m = place_m + ground.end_m - (ground.end_sigma_m or 0.0)
+            if abs(shown_m - self._shown_m) < SAME_M:
+                self.end_m = shown_m
+            self._shown_m = shown_m
+        elif place_m + ground.blind_m < self._shown_m < place_m + ground.seen_m - SAME_M:
+            self._forget_end()
+
+    def look_on_stair(self, nosing_m: float) -> None:
+        """Update with the place of a falling flight's uppermost nosing in one map."""
+        if abs(nosing_m - self._shown_m) < SAME_M:
+            self._nosing_m = nosing_m
+            self._nosing_count += 1
+
+    def drive(self, under_m: float, heading_rad: float, square_rad: float, *, on_flight: bool) -> None:
+        """Add the ground under the belts; after a turn only that is known, and the latest frame if it was taken since.
+
+        An edge is past once the chair has tipped over it onto a flight. While the heading is unknown, an end is kept.
+        """
+        turn_rad, self._heading_rad = abs(heading_rad - self._known_rad), heading_rad
+        if not turn_rad <= square_rad:
+            lies_aside = square_rad < abs(heading_rad - self._seen_rad) < math.inf
+            self.known_m, self._known_rad = -math.inf if lies_aside else self._seen_m, heading_rad
+        if square_rad < turn_rad < math.inf or (on_flight and under_m > self.end_m):
+            self._forget_end()
+        self.known_m = max(self.known_m, under_m)
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether the guard's own maps show a falling flight's nosing at the end of the ground."""
+        return self._nosing_count >= OBSTACLE_MAPS and abs(self._nosing_m - self.end_m) < SAME_M
+
+
 class DropMonitor:
-    """Known ground in both directions, and the end of the ground in the viewing direction."""
+    """Ground in both directions."""
 
     def __init__(self, config: GuardConfig) -> None:
         self._config = config
         self._pulley_m = 0.5 * config.track_span_m
-        self._way = 1.0
-        """Viewing direction of the last frame: 1 forwards, -1 backwards. Places in a direction are its sign times the travel."""
-        self._known_m = {1.0: -math.inf, -1.0: -math.inf}
-        """Place up to which the ground is known, by direction."""
-        self._seen_m = -math.inf
-        self._end_m = self._nosing_m = math.inf
-        """Nearest possible place of the end, and place of the uppermost nosing of a falling flight."""
-        self._end_count = self._nosing_count = 0
+        self._ground = {1.0: _Ground(), -1.0: _Ground()}
+        """By viewing direction: 1 forwards, -1 backwards."""
         self._flat_s: float | None = None
         """Time since which the chair has been on flat ground; None on a flight."""
-        self._heading_rad = math.inf
-        """Heading for which the known ground holds."""
 
     def update_motion(self, t_s: float, pitch_rad: float) -> None:
         """Update with the pitch of one IMU sample."""
@@ -46,28 +94,13 @@ class DropMonitor:
 
     def look(self, ground: FreeGround, travel_m: float) -> None:
         """Update with the ground of one frame and the belt travel at its exposure."""
-        way = 1.0 if ground.view == "front" else -1.0
-        if way != self._way:
-            self._way, self._seen_m = way, -math.inf
-            self._forget_end()
-        place_m = way * travel_m
-        # Ground on the same level behind a strip below the image: a chair bridges a gap as long as its reach from mid-track.
-        strip_m, reach_m = place_m + ground.blind_m - self._known_m[way], self._config.front_m if way > 0.0 else self._config.rear_m
-        if strip_m <= reach_m and ground.seen_m > ground.blind_m:
-            self._seen_m = place_m + min(ground.seen_m, NEAR_M)
-            self._known_m[way] = max(self._known_m[way], self._seen_m)
-        if ground.end_m is not None:
-            self._end_m = place_m + ground.end_m - (ground.end_sigma_m or 0.0)
-            self._end_count += 1
-        elif place_m + ground.blind_m < self._end_m < place_m + ground.seen_m - SAME_M:
-            self._forget_end()
+        way, reach_m = (1.0, self._config.front_m) if ground.view == "front" else (-1.0, self._config.rear_m)
+        self._ground[way].look(ground, way * travel_m, reach_m)
 
     def look_on_stair(self, stair: StairMap, travel_m: float) -> None:
-        """Update with the nosings of one map and the belt travel at its exposure."""
-        ahead_m = [-x for x, _, _ in stair.nosings_B]
-        if stair.direction == "down" and len(ahead_m) > 1 and abs(ahead_m[0] - travel_m - self._end_m) < SAME_M:
-            self._nosing_m = ahead_m[0] - travel_m
-            self._nosing_count += 1
+        """Update with the nosings of one map and the belt travel at its exposure; falling flights are seen backwards."""
+        if stair.direction == "down" and len(stair.nosings_B) > 1:
+            self._ground[-1.0].look_on_stair(-stair.nosings_B[0][0] - travel_m)
 
     def cause(self, t_s: float, travel_m: float, speed_m_s: float, plan: MotionPlan | None, heading_rad: float) -> str | None:
         """Return why the chair may not go on over flat ground; None if it may, or if it is on a flight.
@@ -79,41 +112,19 @@ class DropMonitor:
             plan: Latest plan, if any.
             heading_rad: Heading; infinite if unknown.
         """
-        self._drive(travel_m, heading_rad)
+        for way, ground in self._ground.items():
+            ground.drive(way * travel_m + self._pulley_m, heading_rad, self._config.square_rad, on_flight=self._flat_s is None)
         phase = None if plan is None else plan.phase
         way, on_flight = math.copysign(1.0, speed_m_s), self._flat_s is None and phase in (*FLIGHT, "edge")
-        if speed_m_s == 0.0 or on_flight or (way == self._way and phase in ENTERS and self._is_confirmed):
+        ground = self._ground[way]
+        if speed_m_s == 0.0 or on_flight or (phase in ENTERS and ground.is_confirmed):
             return None
         pulley_m, stopping_m = way * travel_m + self._pulley_m, abs(speed_m_s) * self._config.stopping_s
-        ends_m, known_m = self._end_m - pulley_m, self._known_m[way] - pulley_m
-        if way == self._way and self._end_count >= OBSTACLE_MAPS and ends_m < self._config.obstacle_clear_m + stopping_m:
+        ends_m, known_m = ground.end_m - pulley_m, ground.known_m - pulley_m
+        if ends_m < self._config.obstacle_clear_m + stopping_m:
             return f"the ground ends {ends_m:.2f} m from the belts' leading pulley"
         # A chair that has just come down onto flat ground has not seen it yet.
         if self._flat_s is not None and known_m < stopping_m and t_s - self._flat_s > self._config.silence_s:
             side = "ahead of" if way > 0.0 else "behind"
             return f"the ground {max(known_m, 0.0):.2f} m {side} the belts was neither seen nor driven over"
         return None
-
-    @property
-    def _is_confirmed(self) -> bool:
-        """Whether the guard's own maps show a falling flight's nosing at the end of the ground."""
-        return self._nosing_count >= OBSTACLE_MAPS and abs(self._nosing_m - self._end_m) < SAME_M
-
-    def _drive(self, travel_m: float, heading_rad: float) -> None:
-        """Add the ground under the belts to the known ground; a chair that has turned knows no other ground behind it.
-
-        An edge is past once the chair has tipped over it onto a flight.
-        """
-        turned = not abs(heading_rad - self._heading_rad) <= self._config.square_rad
-        for way in self._known_m:
-            under_m = way * travel_m + self._pulley_m
-            self._known_m[way] = under_m if turned else max(self._known_m[way], under_m)
-        if turned:
-            self._heading_rad = heading_rad
-            self._known_m[self._way] = max(self._known_m[self._way], self._seen_m)
-        if self._flat_s is None and self._way * travel_m + self._pulley_m > self._end_m:
-            self._forget_end()
-
-    def _forget_end(self) -> None:
-        self._end_m = self._nosing_m = math.inf
-        self._end_count = self._nosing_count = 0

@@ -25,7 +25,6 @@ from treadline.mission.mission_config import (
     source_of_plugin,
 )
 from treadline.mission.plugins import checked_plugin, load_plugin
-from treadline.perception import StairDetector
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Scenario, read_scenario
 from treadline.scenario.shipped_files import shipped_controller
@@ -38,7 +37,8 @@ SHIPPED = "shipped"
 """Source that names the shipped controller, detector or estimator."""
 
 Opener = Callable[[Scenario, int], TruthPlant]
-"""Factory of a plant from a scenario and a seed."""
+"""Factory of a plant from a scenario and a seed. ``reports_ground = True`` on it, for example on the plant's class, declares that
+the plant reports the ground ahead (``FreeGround``): the guard then awaits it."""
 PlantName = Literal["mujoco", "gazebo"]
 ControllerSource = str | Path | ControllerDesign | Driver | ControllerPlugin | None
 """File, ``module:Class``, entry point name, design, driver or plug-in class; None for the shipped controller of the vehicle."""
@@ -143,7 +143,7 @@ def resolve(
     report = check(given, chair)
     driver = controller if isinstance(controller, Driver) and not isinstance(controller, type) else None
     design, plugins = resolved_blocks(None if driver is not None else controller, detector, estimator)
-    mission = mission_config(given, design, chair=chair, plugins=plugins)
+    mission = mission_config(given, design, chair=chair, plugins=plugins, open_plant=open_plant)
     run, seat_shift = given, None
     rejections: tuple[str, ...] = ()
     if given.drive.check and report.verdict != "go":
@@ -177,12 +177,14 @@ def mission_config(
     *,
     chair: ChairDescription | None = None,
     plugins: Plugins | None = None,
+    open_plant: Opener | PlantName = "mujoco",
 ) -> MissionConfig:
     """Return the mission configuration of a scenario: what the operator would enter, and no ground truth.
 
     Args:
         chair: The chair, if its file has been read already.
         plugins: Blocks that replace the shipped ones.
+        open_plant: Simulator: its name, or a factory of the plant.
     """
     described = read_chair(scenario.chair.model) if chair is None else chair
     return MissionConfig(
@@ -193,7 +195,7 @@ def mission_config(
         payload_kg=scenario.chair.entered.payload_kg,
         climb_speed_m_s=scenario.drive.speed_m_s,
         flights=scenario.stair.flights,
-        reports_ground=_reports_ground(scenario, plugins),
+        reports_ground=_reports_ground(scenario, open_plant),
         loop=scenario.control.loop,
         vision="paper" if scenario.control.vision == "paper" else "robust",
         allocation=scenario.control.allocation,
@@ -201,12 +203,11 @@ def mission_config(
     )
 
 
-def _reports_ground(scenario: Scenario, plugins: Plugins | None) -> bool:
-    """Return whether the camera that measures by itself, or the detector of its frames, declares to report the ground ahead."""
-    if scenario.sensors.camera == "statistical" or scenario.control.vision == "truth":
-        return True
-    detector = StairDetector if plugins is None or plugins.detector is None else plugins.detector
-    return scenario.control.vision == "robust" and bool(getattr(detector, "reports_ground", False))
+def _reports_ground(scenario: Scenario, plant: Opener | PlantName) -> bool:
+    """Return whether the simulated camera measures by itself, the ground included; an own plant declares it."""
+    if not isinstance(plant, str):
+        return getattr(plant, "reports_ground", False) is True
+    return scenario.sensors.camera == "statistical" or scenario.control.vision == "truth"
 
 
 def with_seat_shifted(chair: ChairDescription, shift_m: float) -> ChairDescription:
