@@ -7,9 +7,9 @@ from threading import Event as Flag
 
 import pytest
 
+from treadline.core.loop_watchdog import LoopWatchdog
 from treadline.core.ports import Reading, Truth
 from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
-from treadline.guard import LoopWatchdog
 from treadline.plant.mujoco import open_plant
 from treadline.run.episode import Traverse, run_episode
 from treadline.run.resolve import resolve
@@ -108,8 +108,8 @@ def test_a_process_that_was_stopped_finds_the_gap_at_its_next_step() -> None:
     clock = [100.0]
     causes: list[str] = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("treadline.guard._loop_watchdog.time.monotonic", lambda: clock[0])
-        with LoopWatchdog(causes.append) as watchdog:
+        patch.setattr("treadline.core.loop_watchdog.time.monotonic", lambda: clock[0])
+        with LoopWatchdog(causes.append, limit_s=0.3) as watchdog:
             for step, later_s in (("plant.read", 0.29), ("plant.write", 3.0), ("plant.advance", 0.0)):
                 watchdog.begin(step)
                 clock[0] += later_s
@@ -126,7 +126,7 @@ def test_a_brake_that_fails_is_logged_and_called_again_in_the_next_standstill(ca
         raise OSError("the serial port is gone")
 
     causes: list[str] = []
-    with LoopWatchdog(causes.append, brake) as watchdog:
+    with LoopWatchdog(causes.append, brake, limit_s=0.3) as watchdog:
         for flag in called:
             assert flag.wait(60.0)
             with pytest.raises(KeyError), watchdog.paused():

@@ -192,7 +192,7 @@ def test_a_first_tick_that_compiles_is_no_standstill(monkeypatch: pytest.MonkeyP
             for _ in range(200 if until_s == 0.0 else 0):
                 next(wall)
 
-    for module in ("ros.node_process", "guard._loop_watchdog"):
+    for module in ("ros.node_process", "core.loop_watchdog"):
         monkeypatch.setattr(f"treadline.{module}.time", SimpleNamespace(monotonic=lambda: next(wall)))
     node = PlantNode(Compiling(), limits())
     run_plant(node, air, stop=Flag(), duration_s=0.01)

@@ -9,7 +9,6 @@ safety standard.
 from treadline.guard._admission import ReadingAdmission
 from treadline.guard._guard_config import SILENCE_S, TIPPING, GuardConfig
 from treadline.guard._last_guard import LastGuard
-from treadline.guard._loop_watchdog import LoopWatchdog
 from treadline.guard.guard import Commands, Guard
 
-__all__ = ["SILENCE_S", "TIPPING", "Commands", "Guard", "GuardConfig", "LastGuard", "LoopWatchdog", "ReadingAdmission"]
+__all__ = ["SILENCE_S", "TIPPING", "Commands", "Guard", "GuardConfig", "LastGuard", "ReadingAdmission"]

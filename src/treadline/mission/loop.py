@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from treadline.core.camera_images import RgbdFrame
+from treadline.core.loop_watchdog import LoopWatchdog
 from treadline.core.ports import Plant, Reading
 from treadline.core.signals import (
     TICK_S,
@@ -36,7 +37,7 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.guard import Commands, Guard, LoopWatchdog
+from treadline.guard import Commands, Guard
 from treadline.mission._blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.planner import Planner
@@ -127,7 +128,7 @@ class Mission:
         self._estimate: HeadingEstimate | None = None
         self._phase = ""
         self._belts = (0.0, 0.0)
-        self.watchdog = LoopWatchdog(blocks.guard.hold, getattr(plant, "brake", None))
+        self.watchdog = LoopWatchdog(blocks.guard.hold, getattr(plant, "brake", None), limit_s=blocks.guard.config.silence_s)
         """Watch over the ticks of a plant on the wall clock, while its ``with`` block runs."""
         plant.start()
 

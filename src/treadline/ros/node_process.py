@@ -12,8 +12,9 @@ from threading import Event as Flag
 from typing import Any, Literal
 
 from treadline.core.errors import TreadlineError
+from treadline.core.loop_watchdog import LoopWatchdog
 from treadline.core.signals import TICK_S, Event
-from treadline.guard import LoopWatchdog
+from treadline.guard import SILENCE_S
 from treadline.ros import channels as on
 from treadline.ros._node_signals import Beat, Clock
 from treadline.ros.block_nodes import GuardNode, Node
@@ -62,7 +63,7 @@ class NodeRunner:
         self._apart_at: dict[str, float] = {}
         self._clock_faults: dict[str, str] = {}
         self._began = time.monotonic()
-        self._watchdog = LoopWatchdog(self._hold)
+        self._watchdog = LoopWatchdog(self._hold, limit_s=SILENCE_S)
         transport.on_broken = lambda reason: self._report("dropped", reason)
         transport.announce(on.DIAGNOSTICS)
         for channel in node.publishes:
@@ -214,7 +215,7 @@ def run_plant(
             raise TreadlineError(f"plant: the guard is not ready after {patience_s:.0f} s: {peers.guard}; start the missing nodes")
     due = asked = time.monotonic()
     tick, t_s = 0, 0.0
-    watchdog = LoopWatchdog(node.trip, node.brake)
+    watchdog = LoopWatchdog(node.trip, node.brake, limit_s=SILENCE_S)
     with ExitStack() as armed:
         while not stop.is_set() and t_s < duration_s:
             watchdog.begin("plant.advance")

@@ -1,4 +1,4 @@
-"""Watchdog of a loop, by the monotonic clock: a loop that stands still for 0.3 s is a fault, whatever holds it up.
+"""Watchdog of a loop, by the monotonic clock: a loop that stands still is a fault, whatever holds it up.
 
 The loop reports each step before it begins. A thread brakes the plant out of band while the step does not return; the loop itself
 learns of its standstill at the next step, before it commands anything.
@@ -10,8 +10,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Condition, Thread
 
-from treadline.guard._guard_config import SILENCE_S
-
 
 class LoopWatchdog:
     """Watch over a loop while its ``with`` block runs; outside of it ``begin`` does nothing.
@@ -20,10 +18,11 @@ class LoopWatchdog:
         latch: Receives the cause, in the loop's own thread, at the first step after a standstill.
         brake: Brakes the plant; called in another thread during a standstill. One that fails is logged, and called
             again in the next one.
+        limit_s: Longest time that a step may take [s].
     """
 
-    def __init__(self, latch: Callable[[str], object], brake: Callable[[], object] | None = None) -> None:
-        self._latch, self._brake = latch, brake
+    def __init__(self, latch: Callable[[str], object], brake: Callable[[], object] | None = None, *, limit_s: float) -> None:
+        self._latch, self._brake, self._limit_s = latch, brake, limit_s
         self._change = Condition()
         self._step = "its start"
         self._since_s: float | None = None
@@ -43,7 +42,7 @@ class LoopWatchdog:
             self._is_running = False
             self._change.notify()
         if self._thread.is_alive():
-            self._thread.join(SILENCE_S)
+            self._thread.join(self._limit_s)
 
     def begin(self, step: str) -> None:
         """Report the step that the loop is about to begin; latch if the step before took too long."""
@@ -53,7 +52,7 @@ class LoopWatchdog:
         with self._change:
             before, since_s, stood = self._step, self._since_s, self._is_braked
             self._step, self._since_s, self._is_braked = step, now_s, False
-        if since_s is not None and (stood or now_s - since_s > SILENCE_S):
+        if since_s is not None and (stood or now_s - since_s > self._limit_s):
             self._latch(f"the loop stood still for {now_s - since_s:.1f} s in {before}")
 
     @contextmanager
@@ -80,7 +79,7 @@ class LoopWatchdog:
         """Wait for a standstill; return False at the end of the run."""
         with self._change:
             while self._is_running:
-                left_s = SILENCE_S
+                left_s = self._limit_s
                 if self._since_s is not None and not self._is_braked:
                     left_s += self._since_s - time.monotonic()
                 if left_s <= 0.0:
