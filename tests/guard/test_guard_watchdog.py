@@ -85,12 +85,6 @@ def test_a_call_of_the_plant_that_does_not_return_is_braked_out_of_band_and_held
     assert plant.written[after].brake
 
 
-def test_a_write_that_blocks_holds_without_a_brake_of_the_plant_too() -> None:
-    ended = run(Stalling("write", lambda: time.sleep(1.0)))
-    assert ended.verdict == "held"
-    assert ended.cause == "the loop stood still for 1.0 s in plant.write"
-
-
 def test_a_plant_in_virtual_time_is_exempt_and_its_commands_are_the_same() -> None:
     stalled, plain = Virtual("write", lambda: time.sleep(0.5)), Virtual("", lambda: None)
     assert run(stalled).verdict == run(plain).verdict == "time_up"
@@ -119,17 +113,16 @@ def test_a_process_that_was_stopped_finds_the_gap_at_its_next_step() -> None:
 
 
 def test_a_brake_that_fails_is_logged_and_called_again_in_the_next_standstill(caplog: pytest.LogCaptureFixture) -> None:
-    called = [Flag(), Flag()]
+    called = Flag()
 
     def brake() -> None:
-        next(flag for flag in called if not flag.is_set()).set()
+        called.set()
         raise OSError("the serial port is gone")
 
-    causes: list[str] = []
-    with LoopWatchdog(causes.append, brake, limit_s=0.3) as watchdog:
-        for flag in called:
-            assert flag.wait(60.0)
+    with LoopWatchdog(lambda _: None, brake, limit_s=0.3) as watchdog:
+        for _ in range(2):
+            called.clear()
             with pytest.raises(KeyError), watchdog.paused():
                 raise KeyError  # a pause that fails ends as well
-    assert len(causes) == 2
+            assert called.wait(60.0)
     assert "the serial port is gone" in caplog.text

@@ -11,7 +11,7 @@ from treadline.core.errors import SettingsError
 from treadline.core.signals import TrackCommand
 from treadline.estimation import HeadingFilter
 from treadline.mission.ascent_states import Ascent
-from treadline.mission.mission_blocks import build_blocks
+from treadline.mission.mission_blocks import build_blocks, warm_up
 from treadline.mission.mission_config import MissionConfig, Plugins, is_full_traversal
 from treadline.mission.planner import Cruise
 from treadline.mission.plugins import load_plugin
@@ -91,6 +91,10 @@ class OwnFilter(HeadingFilter):
 
 def configured(**plugins: Any) -> MissionConfig:
     return MissionConfig(chair=CHAIR, plugins=Plugins(**plugins))
+
+
+def test_the_warm_up_builds_no_plug_in() -> None:
+    warm_up(configured(detector=pytest.fail, estimator=pytest.fail, controller=pytest.fail))
 
 
 def test_a_controller_that_follows_the_plan_gets_every_phase_of_a_traversal() -> None:

@@ -67,7 +67,7 @@ def node(
         stick: Let the guard take /cmd_vel (geometry_msgs/Twist) instead of the driver's commands.
         out: Run folder, or .mcap, .bag or .db3 file, that the recorder writes.
     """
-    from treadline.ros.assembly import node_of
+    from treadline.ros.assembly import driving_nodes, node_of
     from treadline.ros.node_process import NodeRunner, run_plant
     from treadline.ros.plant_node import PlantNode
     from treadline.ros.recorder import RecorderNode
@@ -81,12 +81,13 @@ def node(
         make_way(out, force=force)
     setup = resolve(scenario, controller, seed, open_plant=plant)
     setup.require_controller()
-    compile_once()  # a node that compiles while the graph runs is silent for seconds, for which the guard holds
     config = setup.mission
     stop = stopping()
     wire = wired(transport, name, config, endpoint=endpoint, domain=domain, arguments=remappings)
     wire.spare = RECORDER_SPARE if name == "recorder" else 1
     try:
+        if name in driving_nodes(config.chair):
+            compile_once()  # a node that compiles while the graph runs is silent for seconds, for which the guard holds
         made = node_of(name, config, plant=setup.open_plant, out=out, stick=stick)
         if isinstance(made, PlantNode):
             try:

@@ -59,6 +59,11 @@ def _distance_fault(*distances_m: float) -> str:
     return "" if all(abs(distance_m) <= SEEN_M for distance_m in distances_m) else "holds a distance that no camera measures"
 
 
+def _size_fault(text: str, limit: float, *values: float) -> str:
+    """Return the text with the first value beyond a limit, or that is no number; empty if there is none."""
+    return next((text.format(value) for value in values if not abs(value) <= limit), "")
+
+
 def _imu_fault(sample: ImuSample, _: GuardConfig) -> str:
     norm = math.hypot(*sample.orientation)
     if not abs(norm - 1.0) <= NORM_SPARE:
@@ -66,12 +71,6 @@ def _imu_fault(sample: ImuSample, _: GuardConfig) -> str:
     if not all(abs(rate) <= GYRO_RAD_S for rate in sample.angular_velocity_rad_s):
         return f"has a rate of {max(sample.angular_velocity_rad_s, key=abs) / DEG:g} °/s"
     return _number_fault(*sample.linear_acceleration_m_s2)
-
-
-def _belts_fault(reading: TrackReading, limits: GuardConfig) -> str:
-    speeds = (reading.left_m_s, reading.right_m_s)
-    sound = all(abs(speed) <= 2.0 * limits.belt_limit_m_s for speed in speeds)
-    return "" if sound else f"has a belt speed of {max(speeds, key=abs):g} m/s"
 
 
 def _heading_fault(measurement: HeadingMeasurement, _: GuardConfig) -> str:
@@ -102,23 +101,20 @@ def _ground_fault(ground: FreeGround, _: GuardConfig) -> str:
 
 def _plan_fault(plan: MotionPlan, limits: GuardConfig) -> str:
     speeds = (plan.speed_m_s, plan.turn_m_s or 0.0, plan.pitch_feedforward_m_s)
-    if not all(abs(speed) <= limits.belt_limit_m_s for speed in speeds):
-        return f"has a speed of {max(speeds, key=abs):g} m/s"
+    fault = _size_fault("has a speed of {:g} m/s", limits.belt_limit_m_s, *speeds)
     rate_rad_s = 0.0 if plan.flipper is None else plan.flipper.rate_rad_s
-    return _angle_fault("heading", plan.heading_rad) or _number_fault(plan.min_inner_speed_ratio or 0.0, rate_rad_s)
+    return fault or _angle_fault("heading", plan.heading_rad) or _number_fault(plan.min_inner_speed_ratio or 0.0, rate_rad_s)
 
 
-def _belts_command_fault(command: TrackCommand, limits: GuardConfig) -> str:
-    return _limit_fault(max(abs(command.left_m_s), abs(command.right_m_s)), limits.belt_limit_m_s)
-
-
-def _limit_fault(size: float, limit: float) -> str:
-    return "" if size <= limit * (1.0 + ROUNDING_S) else f"asks for {size:g}, beyond the chair's limit of {limit:g}"
+def _limit_fault(limit: float, *values: float) -> str:
+    return _size_fault(f"asks for {{:g}}, beyond the chair's limit of {limit:g}", limit * (1.0 + ROUNDING_S), *values)
 
 
 CHECKS: dict[type, Callable[[Any, GuardConfig], str]] = {
     ImuSample: _imu_fault,
-    TrackReading: _belts_fault,
+    TrackReading: lambda reading, limits: _size_fault(
+        "has a belt speed of {:g} m/s", 2.0 * limits.belt_limit_m_s, reading.left_m_s, reading.right_m_s
+    ),
     SeatReading: lambda reading, _: _angle_fault("pitch", reading.pitch_rad) or _number_fault(reading.stroke_m),
     FlipperReading: lambda reading, _: _angle_fault("angle", reading.angle_rad) or _number_fault(reading.torque_n_m),
     HeadingMeasurement: _heading_fault,
@@ -128,8 +124,8 @@ CHECKS: dict[type, Callable[[Any, GuardConfig], str]] = {
     StairMap: _map_fault,
     FreeGround: _ground_fault,
     MotionPlan: _plan_fault,
-    TrackCommand: _belts_command_fault,
-    SeatCommand: lambda command, limits: _limit_fault(abs(command.rate_m_s), limits.seat_rate_m_s or 0.0),
-    FlipperCommand: lambda command, limits: _limit_fault(abs(command.rate_rad_s), limits.flipper_rate_rad_s or 0.0),
+    TrackCommand: lambda command, limits: _limit_fault(limits.belt_limit_m_s, command.left_m_s, command.right_m_s),
+    SeatCommand: lambda command, limits: _limit_fault(limits.seat_rate_m_s or 0.0, command.rate_m_s),
+    FlipperCommand: lambda command, limits: _limit_fault(limits.flipper_rate_rad_s or 0.0, command.rate_rad_s),
 }
 """Check of each type of message; images are judged by their quality."""

@@ -36,10 +36,7 @@ class RampedStop:
         self._last_s = -math.inf
         self._belts_m_s = (0.0, 0.0)
         self.is_over = False
-
-    def brake(self) -> None:
-        """End the ramp: brake from now on."""
-        self.is_over = True
+        """Whether the belts are braked; may be set to end the ramp."""
 
     def step(self, t_s: float, belts_m_s: tuple[float, float]) -> TrackCommand:
         """Return the command at a tick; a clock that does not advance ends the ramp.

@@ -5,6 +5,8 @@ file's limits, from one guard. Silence of the guard, and a second guard, brake t
 why, and reaches the guard as a reading.
 """
 
+from typing import Any
+
 from treadline.core.signals import ROUNDING_S, FlipperCommand, OperatorInput, SeatCommand, TrackCommand
 from treadline.guard._bounds import fault_of
 from treadline.guard._guard_config import GuardConfig
@@ -31,9 +33,7 @@ class LastGuard:
     def rearm(self) -> None:
         """End a fault: the next guard that speaks drives the chair; commands stamped before now are discarded."""
         self._heard_s = self._rearmed_s = self._t_s
-        self._tracks: TrackCommand | None = None
-        self._seat: SeatCommand | None = None
-        self._flipper: FlipperCommand | None = None
+        self._newest: dict[type, Any] = {}
         self._sender: str | None = None
         self._driven = False
         self._rejection = ""
@@ -61,11 +61,11 @@ class LastGuard:
 
         A chair that was not driven has no fault: another guard may take the place of a silent one.
         """
-        if silent_s > self._config.silence_s + ROUNDING_S:
-            if self._driven:
-                self.trip(f"no command for {silent_s:.2f} s" + self._rejection)
-            else:
-                self._sender = None
+        is_silent = silent_s > self._config.silence_s + ROUNDING_S
+        if is_silent and self._driven:
+            self.trip(f"no command for {silent_s:.2f} s" + self._rejection)
+        elif is_silent:
+            self._sender = None
 
     def trip(self, cause: str) -> None:
         """Brake until a person re-arms; the first cause stays."""
@@ -77,22 +77,16 @@ class LastGuard:
         if self._sender not in (None, command.sender) and not is_of_before:
             self.trip(f"two guards send commands, {self._sender} and {command.sender}; stop one of them")
             return False
-        if not self._stamps.accept(command, content=fault_of(command, self._config)):
+        fault = "stamped before the re-arm" if is_of_before else fault_of(command, self._config)
+        if not self._stamps.accept(command, content=fault):
             self._rejection = f"; {self._stamps.rejection}" if self._stamps.rejection else self._rejection
             if self._stamps.leap is not None and self._driven:
                 self.trip(self._stamps.leap)
             return False
-        if is_of_before:
-            return False
-        self._sender = command.sender
-        match command:
-            case TrackCommand():
-                self._tracks, self._heard_s, self._rejection = command, min(command.t_s, self._t_s), ""
-                self._driven |= not command.brake
-            case SeatCommand():
-                self._seat = command
-            case FlipperCommand():
-                self._flipper = command
+        self._sender, self._newest[type(command)] = command.sender, command
+        if isinstance(command, TrackCommand):
+            self._heard_s, self._rejection = min(command.t_s, self._t_s), ""
+            self._driven |= not command.brake
         return True
 
     @property
@@ -102,12 +96,9 @@ class LastGuard:
 
     def commands(self) -> tuple[TrackCommand, SeatCommand, FlipperCommand | None]:
         """Return what the drives do now: the accepted commands that are fresh, or the brake."""
-        t_s, tracks, seat, flipper = self._t_s, self._tracks, self._seat, self._flipper
+        tracks = self._newest.get(TrackCommand)
         if self.is_braking or tracks is None:
-            return TrackCommand.stop(t_s), SeatCommand(t_s=t_s, rate_m_s=0.0), None
+            return TrackCommand.stop(self._t_s), SeatCommand(t_s=self._t_s, rate_m_s=0.0), None
         oldest_s = tracks.t_s - self._config.ahead_s - ROUNDING_S
-        return (
-            tracks,
-            seat if seat is not None and seat.t_s >= oldest_s else SeatCommand(t_s=tracks.t_s, rate_m_s=0.0),
-            flipper if flipper is not None and flipper.t_s >= oldest_s else None,
-        )
+        fresh = {kind: command for kind, command in self._newest.items() if command.t_s >= oldest_s}
+        return tracks, fresh.get(SeatCommand, SeatCommand(t_s=tracks.t_s, rate_m_s=0.0)), fresh.get(FlipperCommand)

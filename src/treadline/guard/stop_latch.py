@@ -45,7 +45,7 @@ class Latch:
         elif stop is Stop.BRAKE and not self._ramp.is_over:
             self.report(t_s, "brake", cause)
         if stop is Stop.BRAKE:
-            self._ramp.brake()
+            self._ramp.is_over = True
 
     def stop(self, t_s: float, belts_m_s: tuple[float, float]) -> TrackCommand:
         """Return the command of a held chair.
