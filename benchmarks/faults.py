@@ -339,7 +339,8 @@ class Disturbed(NamedTuple):
         # The event of a missing sample carries the time of the previous sample.
         told = [(event.t_s, event.name) for event in ride.events if event.t_s >= self.at_s - 1.5 * TICK_S]
         held_s = next((t_s for t_s, name in told if name == "hold"), math.nan)
-        after = slice(round(self.at_s / TICK_S), None)
+        last = len(ride.trace["t_s"]) - 1  # a chair of another seed may arrive before its first fault
+        after = slice(min(round(self.at_s / TICK_S), last), None)
         trace = {name: column[after] for name, column in ride.trace.columns.items()}
         rest = slice(None) if math.isnan(held_s) else slice(round((held_s - self.at_s + SETTLED_S) / TICK_S), None)
         x, y, heading = trace["x_m"][rest], trace["y_m"][rest], trace["heading_rad"][rest]
