@@ -394,7 +394,7 @@ class Guard:
         """Record a tick; return the time since the previous tick or since the last command, whichever is longer [s]."""
         if self._t_s is None:
             self._t_s = self._driver_s = t_s
-            if self._config.watches_motion and not self._watches_ground:
+            if not self._config.awaits_ground:
                 self._latch.report(t_s, "drop_unwatched", "the camera does not report where the ground ends: no stop before a drop")
         passed_s, self._t_s = t_s - self._t_s, t_s
         if passed_s < -self._config.clock_jump_s:

@@ -100,7 +100,7 @@ def test_the_accelerometer_measures_gravity_and_acceleration_in_the_chairs_frame
     # Nose up by 30°: half of g along x, as if it accelerated forward.
     np.testing.assert_allclose(at_ease, [9.81 * 0.5, 0.0, 9.81 * math.cos(30.0 * DEG)], atol=1e-12)
     pushed = imu.sample(0.01, R_WB, STILL, np.array([0.0, 2.0, 0.0]), moving=False).linear_acceleration_m_s2
-    np.testing.assert_allclose(pushed - at_ease, [0.0, 2.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(np.subtract(pushed, at_ease), [0.0, 2.0, 0.0], atol=1e-12)
     noisy = np.array([sample.linear_acceleration_m_s2 for sample in at_rest("mpu6050", 2, 2000)])
     np.testing.assert_allclose(noisy.std(axis=0), 0.03, rtol=0.06)
 

@@ -136,7 +136,8 @@ class _Seen(NamedTuple):
 def _in_camera(points: Float32[np.ndarray, "n 3"], axes: Axes, scale: float) -> list[Float32[np.ndarray, " n"]]:
     """Return the coordinates in the camera frame [m]: all rotations of ``AXES`` permute axes and change signs."""
     places = np.argmax(np.abs(AXES[axes][1]), axis=1)
-    return [points[:, place] * np.float32(scale * row[place]) for place, row in zip(places, AXES[axes][1], strict=True)]
+    with np.errstate(invalid="ignore", over="ignore"):  # a hostile point is no return
+        return [points[:, place] * np.float32(scale * row[place]) for place, row in zip(places, AXES[axes][1], strict=True)]
 
 
 def _check_unit(where: object, points: Float32[np.ndarray, "n 3"], unit: str) -> None:
