@@ -531,7 +531,8 @@ def test_a_plan_of_the_future_that_asks_for_a_hold_holds() -> None:
 
 
 def test_a_planner_is_not_blamed_for_what_the_guard_missed() -> None:
-    """Test: the guard itself stands for 0.5 s, while plans went on unheard. Expected result: no HOLD for the plan."""
+    """Test: the guard itself stands for 0.5 s, while plans went on unheard. Expected result: no HOLD for the plan;
+    a planner that is silent while the guard goes on so slowly is held for."""
     drive = Drive(limits(needs_heading=False, has_planner=True))
     drive.plan = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.2)
     drive.run(1.01)
@@ -539,6 +540,11 @@ def test_a_planner_is_not_blamed_for_what_the_guard_missed() -> None:
     drive.guard.propose(command(1.5))
     drive.guard.step(1.5, None)
     assert drive.guard.holding is None
+    drive.guard.advance(1.9)
+    drive.guard.propose(command(1.9))
+    drive.guard.step(1.9, None)
+    assert drive.guard.holding is not None
+    assert drive.guard.holding.startswith("plan silent") or drive.guard.holding.startswith("readings of the belts")
 
 
 # Row 12
