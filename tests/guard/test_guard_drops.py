@@ -134,6 +134,15 @@ def test_an_edge_is_entered_where_the_guards_own_maps_show_its_nosing(phase: Any
     assert Chair().look(**end).map(1.2, nosings_B=[(-1.2, 0.0, 0.0)]).goes(-0.1, phase) < 0.35  # one nosing is no flight
 
 
+@pytest.mark.parametrize(("turn_deg", "enters"), [(15.0, True), (44.0, True), (46.0, False)])
+def test_a_confirmed_edge_below_the_image_is_entered_by_a_chair_that_turned_square(turn_deg: float, enters: bool) -> None:
+    """Test: an edge and its nosings seen askew, then a turn with both below the image. Expected result: entered up to 45°."""
+    chair = Chair().look(**REAR | {"seen_m": 0.9, "end_m": 0.9, "end_sigma_m": 0.01}).map(0.9)
+    chair.heading_rad = turn_deg * DEG
+    chair.cause(0.0)
+    assert (chair.look(**REAR | {"seen_m": 0.88}).cause(-0.1, "approach") is None) is enters
+
+
 def test_on_a_flight_neither_rule_holds_and_off_it_the_ground_is_awaited_for_three_frames() -> None:
     """Test: phases with a pitch above 5°, then level. Expected result: an end holds off the flight, unseen ground after 0.3 s."""
     chair = Chair().look(**FRONT | {"seen_m": 0.85, "end_m": 0.85, "end_sigma_m": 0.0})

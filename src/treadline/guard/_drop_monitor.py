@@ -24,8 +24,8 @@ class _Ground:
     def __init__(self) -> None:
         self.known_m = self._seen_m = -math.inf
         """Places up to which the ground is known, and up to which the latest frame shows it."""
-        self._heading_rad = self._seen_rad = self._known_rad = math.inf
-        """Headings of the latest tick, of the latest frame, and for which the known ground holds."""
+        self._heading_rad = self._seen_rad = self._known_rad = self._nosing_rad = math.inf
+        """Headings of the latest tick, of the latest frame and of the latest map, and for which the known ground holds."""
         self._forget_end()
 
     def _forget_end(self) -> None:
@@ -52,19 +52,21 @@ class _Ground:
     def look_on_stair(self, nosing_m: float) -> None:
         """Update with the place of a falling flight's uppermost nosing in one map."""
         if abs(nosing_m - self._shown_m) < SAME_M:
-            self._nosing_m = nosing_m
+            self._nosing_m, self._nosing_rad = nosing_m, self._heading_rad
             self._nosing_count += 1
 
     def drive(self, under_m: float, heading_rad: float, square_rad: float, *, on_flight: bool) -> None:
         """Add the ground under the belts; after a turn only that is known, and the latest frame if it was taken since.
 
-        An edge is past once the chair has tipped over it onto a flight. While the heading is unknown, an end is kept.
+        An edge is past once the chair has tipped over it onto a flight. While the heading is unknown, an end is kept, and so is the
+        straight edge of a flight that the maps have confirmed: a chair within 45° of the heading of the last map still crosses it.
         """
         turn_rad, self._heading_rad = abs(heading_rad - self._known_rad), heading_rad
         if not turn_rad <= square_rad:
             lies_aside = square_rad < abs(heading_rad - self._seen_rad) < math.inf
             self.known_m, self._known_rad = -math.inf if lies_aside else self._seen_m, heading_rad
-        if square_rad < turn_rad < math.inf or (on_flight and under_m > self.end_m):
+        crosses = self.is_confirmed and abs(heading_rad - self._nosing_rad) < 0.25 * math.pi
+        if (square_rad < turn_rad < math.inf and not crosses) or (on_flight and under_m > self.end_m):
             self._forget_end()
         self.known_m = max(self.known_m, under_m)
 
