@@ -16,6 +16,6 @@ if not found.accepted:
 print(f"truth   {view.truth['heading_deg']:+.2f}°")
 
 ahead = found.stair_map
-print("nosings ahead at", ", ".join(f"{x:.2f}" for x in ahead.nosings_B[:, 0]), "m" + (", then it ends" if ahead.ends else ""))
+print("nosings ahead at", ", ".join(f"{x:.2f}" for x, _, _ in ahead.nosings_B), "m" + (", then it ends" if ahead.ends else ""))
 for side, metres in (("left", ahead.left_wall_m), ("right", ahead.right_wall_m)):
     print(f"{side}: " + ("nothing seen" if metres is None else f"a wall {metres:.2f} m from the middle"))

@@ -433,7 +433,8 @@ class Guard:
         if limits.needs_heading:
             phase = None if self._plan is None else self._plan.phase
             # Row 7: belts 0.1 m/s apart turn the chair by 0.3° more over a ramp, of 5° allowed.
-            yield Stop.RAMP, self._estimates.cause(t_s)
+            silent, missing = self._estimates.cause(t_s), self._senses.speed_restriction(t_s)
+            yield Stop.RAMP, silent if silent is None or missing is None else f"{silent}: {missing[1]}"
             lost = self._senses.alarm(t_s, self._belts.travel.travel_m, phase)
             # Row 9: held within 0.5 s, of which the silence takes 0.3 s. Of one lost sense the other carries the heading.
             yield Stop.BRAKE if self._senses.both_lost(t_s) else Stop.RAMP, lost

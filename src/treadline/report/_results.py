@@ -299,6 +299,8 @@ class SeatFigures(Part):
     settle_s: float | None
     start_deg: float
     steady_error_deg: float
+    steady_rms_deg: float
+    max_error_deg: float
 
 
 class RunResult(Part):
