@@ -3,8 +3,7 @@
 from types import SimpleNamespace
 
 import pytest
-from traffic import health
-from world import limits
+from world import health, limits
 
 from treadline.core.ports import Truth
 from treadline.core.signals import HeadingHealth, OperatorInput, TrackCommand

@@ -85,6 +85,13 @@ class Guard:
         limits = (config.belt_limit_m_s, config.seat_rate_m_s, config.flipper_rate_rad_s)
         drives = [name for name, limit in zip(SOURCES.values(), limits, strict=True) if limit is not None]
         self._drives = SilenceMonitor(config.silence_s, "readings of the ", drives)
+        self._sources: dict[type, tuple[SilenceMonitor, str]] = {
+            **{kind: (self._drives, name) for kind, name in SOURCES.items()},
+            **({MotionPlan: (self._plans, "plan")} if config.has_planner else {}),
+            HeadingEstimate: (self._estimates, "heading estimate"),
+            OperatorInput: (self._link, "operator link"),
+        }
+        """Monitor and name of each type of message whose silence is a fault."""
         self._command = TrackCommand.stop(0.0)
         self._seat_command = SeatCommand(t_s=-math.inf, rate_m_s=0.0)
         self._now_s = self._driver_s = 0.0
@@ -93,7 +100,6 @@ class Guard:
         self._direction = ""
         self._heading_rad = math.inf
         self._plan: MotionPlan | None = None
-        self._watches_ground = config.watches_motion and config.awaits_ground
 
     @property
     def config(self) -> GuardConfig:
@@ -136,8 +142,6 @@ class Guard:
             self._latch.hold(self._now_s, Stop.RAMP, message.hold)  # a hold is valid whatever its stamp
         # A map may arrive as a reading and as a message; each has a series of stamps.
         if not self._accepts(message, "a block"):
-            if isinstance(message, MotionPlan):
-                self._plans.rejected("plan", self._admission.fault)
             return False
         match message:
             case HeadingMeasurement():
@@ -181,14 +185,14 @@ class Guard:
             self._latch.hold(t_s, Stop.BRAKE, "mission clock is not finite")
         self.advance(t_s)
         late_s = self._lateness(t_s)
-        if estimate is not None:
-            self._take_estimate(estimate)
+        if estimate is not None and self._accepts(estimate, "a block"):
+            self._estimate, self._heading_rad = estimate, estimate.heading_rad
         for stop, cause in self._alarms(t_s):
             self._latch.hold(t_s, stop, cause)
         passed = self._limited(t_s, late_s)
         travel_m, mean_m_s = self._belts.travel.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s)
         self._latch.hold(t_s, Stop.BRAKE, self._ahead.cause(travel_m, mean_m_s))
-        if self._watches_ground:
+        if self._config.watches_motion and self._config.awaits_ground:
             drop = self._drop.cause(t_s, travel_m, mean_m_s, self._plan, self._heading_rad)
             self._latch.hold(t_s, Stop.BRAKE, drop)
         if self._latch.cause is not None:
@@ -203,8 +207,17 @@ class Guard:
     # Readings
 
     def _accepts(self, message: Stamped, by: str = "") -> bool:
-        """Return whether stamp and content of a message are acceptable; report the first rejection of a series."""
+        """Return whether stamp and content of a message are acceptable.
+
+        Of what must speak an accepted message ends the silence, and the reason of a rejection is kept for the cause of a hold. The
+        first rejection of a series is reported.
+        """
         accepted = self._admission.accept(message, by)
+        monitor, source = self._sources.get(type(message), (None, ""))
+        if monitor is not None and accepted:
+            monitor.heard(source, message.t_s)
+        elif monitor is not None:
+            monitor.rejected(source, self._admission.fault)
         if not accepted:
             self._report_rejection()
         return accepted
@@ -222,12 +235,8 @@ class Guard:
             self._senses.refused = fault or self._admission.frames.refused
         elif isinstance(reading, ImuSample):
             self._senses.imu_fault = fault
-        elif type(reading) in SOURCES:
-            self._drives.rejected(SOURCES[type(reading)], fault)
 
     def _update(self, signal: Stamped) -> None:
-        if type(signal) in SOURCES:
-            self._drives.heard(SOURCES[type(signal)], signal.t_s)
         match signal:  # images are judged by their FrameQuality, and the flipper's angle is not used
             case ImuSample():
                 self._update_motion(signal)
@@ -253,14 +262,7 @@ class Guard:
         """Hold where the plant braked by itself; the button to re-arm may reach the plant a moment after the guard."""
         lasts = state.t_s - self._rearmed_s > self._config.ahead_s
         if state.fault is not None and lasts and self._config.watches_motion:
-            self._latch.hold(state.t_s, Stop.BRAKE, f"the plant braked by itself: {state.fault}")
-
-    def _take_estimate(self, estimate: HeadingEstimate) -> None:
-        if self._accepts(estimate, "a block"):
-            self._estimates.heard("heading estimate", estimate.t_s)
-            self._estimate, self._heading_rad = estimate, estimate.heading_rad
-        else:
-            self._estimates.rejected("heading estimate", self._admission.fault)
+            self._latch.hold(self._now_s, Stop.BRAKE, f"the plant braked by itself: {state.fault}")
 
     def _update_motion(self, sample: ImuSample) -> None:
         orientation, pitch_rate = sample.orientation, -sample.angular_velocity_rad_s[1]
@@ -324,8 +326,6 @@ class Guard:
         self._link.expect("operator link")
         self._latch.hold(self._now_s, Stop.BRAKE, self._admission.stamps.leap)
         pressed = new and self._button.press(down=operator.rearm)
-        if new:
-            self._link.heard("operator link", operator.t_s)
         if operator.stop or not operator.dead_man:
             self._latch.hold(self._now_s, Stop.BRAKE, "operator stop")
         elif pressed and self._latch.release(self._now_s, operator.t_s):
@@ -350,8 +350,6 @@ class Guard:
 
     def _follow(self, plan: MotionPlan) -> None:
         self._plan = plan
-        if self._config.has_planner:
-            self._plans.heard("plan", plan.t_s)
         if plan.phase not in FLIGHT:
             self._slip.begin()
         if not plan.needs_stair:
