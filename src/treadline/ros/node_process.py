@@ -26,7 +26,7 @@ BEAT_S = 0.2
 SILENT_S = 0.6
 """Silence of ``/clock`` after which the guard holds [s]: the plant waits ``STUCK_S`` for nodes that are behind."""
 LEAPT_S = 0.1
-"""A wall clock that steps back by less is waited for [s]; by more, the node follows it, and the guard holds for the leap. A message
+"""A wall clock that steps back by less is waited for [s]; by more, the node follows it (the guard holds above a second). A message
 further ahead of the node's clock shows that the node was kept from running."""
 APART_S = 0.75
 """Distance of a sensor's stamps from the node's clock, and its duration, above which their clocks differ [s]: half as much again as
