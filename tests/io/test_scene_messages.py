@@ -34,7 +34,7 @@ MARKERS = [
 ]
 MESSAGES = [
     frames_message("/tf_static", 0.25, [POSE]),
-    odometry_message("/odom", 0.25, POSE, 0.2, np.array([0.1, 0.2, 0.3])),
+    odometry_message("/odom", 0.25, POSE, 0.2, (0.1, 0.2, 0.3)),
     markers_message("/chair", 0.25, MARKERS),
     text_message("/robot_description", "<robot/>"),
     compressed_message("/camera/overlay/compressed", 0.25, "camera", b"\xff\xd8jpeg"),

@@ -287,7 +287,7 @@ def json_of(text: str, path: str) -> dict[str, Any]:
     if not text.strip():
         raise SettingsError(f"{path}: empty; wanted JSON, as treadline writes it")
     try:
-        value = json.loads(text, parse_constant=_finite, parse_float=_finite, parse_int=_finite)
+        value = json.loads(text, parse_constant=_finite, parse_float=_finite, parse_int=_whole)
     except json.JSONDecodeError as error:
         raise SettingsError(f"{path}:{error.lineno}: not JSON: {error.msg}") from None
     except (ValueError, RecursionError) as error:
@@ -302,7 +302,13 @@ def _finite(text: str) -> float:
     number = float(text)
     if not math.isfinite(number):
         raise ValueError(f"the number {text[:20]} is not finite")
-    return int(text) if text.lstrip("-").isdigit() else number
+    return number
+
+
+def _whole(text: str) -> int:
+    """Return the whole number of a JSON text, which must be small enough to become a float."""
+    _finite(text)
+    return int(text)
 
 
 def _columns(name: str, given: object) -> Float[np.ndarray, "T c"]:
@@ -341,6 +347,7 @@ def _settle(owner: object, name: str, shape: tuple[int, ...]) -> None:
 
 
 _ARRAYS = {"A", "B", "C", "D", "input_offset", "output_offset", "observer_gain", "disturbance_gain", "K"}
+_NAMES = {"input_names", "output_names"}
 
 
 _NO_MODELS = {
@@ -362,6 +369,8 @@ def _from_json(cls: type[Any], tables: dict[str, Any], where: str) -> Any:
             if name in _ARRAYS and value is not None:
                 values[name] = np.array(value, dtype=float)
                 check_magnitude(name, values[name], "identify the model again")
+            if name in _NAMES:
+                values[name] = _names(name, value)
         return cls(**values)
     except (ArithmeticError, TypeError, ValueError) as error:
         raise SettingsError(f"{where}: not a {cls.__name__}: {error}") from None

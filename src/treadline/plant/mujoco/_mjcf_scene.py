@@ -19,7 +19,7 @@ from treadline.core.rotations import quaternion_of
 from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S, FLIPPER_STIFFNESS_N_M_RAD
 from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
 from treadline.plant.mujoco.contact._parameters import NOMINAL, Physics
-from treadline.scenario.chair import ChairDescription, Flipper, Point
+from treadline.scenario.chair import ChairDescription, Flipper
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.bodies import HULL_FRICTION, Body, Vehicle, vehicle
 from treadline.vehicle.stair_solids import Box, Solid, stair_solids
@@ -93,7 +93,7 @@ def _template() -> Template:
     return engine.get_template("scene.mjcf.j2", globals={"row": _row, "quaternion_of": quaternion_of, **constants})
 
 
-def _row(*values: float | Point | Float[np.ndarray, " n"]) -> str:
+def _row(*values: float | tuple[float, ...] | Float[np.ndarray, " n"]) -> str:
     """Return numbers separated by blanks, with all digits."""
     return " ".join(repr(float(value)) for value in np.hstack(values))
 
