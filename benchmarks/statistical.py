@@ -26,7 +26,7 @@ from scipy.stats import ks_2samp, norm, rankdata
 from treadline.core.angles import DEG
 from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import HeadingMeasurement, StairMap
-from treadline.perception import StairDetector
+from treadline.perception import DetectorConfig, StairDetector
 from treadline.plant.sensors.camera import TEXTURES
 from treadline.plant.sensors.statistical_camera import (
     COUNTS,
@@ -133,7 +133,7 @@ def drive(seed: int, *, rear: bool) -> Iterator[Record]:
         warp_px=recipe.warp_px,
         rng=rng,
     )
-    geometry, detector = Geometry(flight.staircase, calibration), StairDetector()
+    geometry, detector = Geometry(flight.staircase, calibration), StairDetector(DetectorConfig(swept_half_m=CHAIR.swept_half_m))
     tilt = tilt_of(rng)
     about: Record = {
         "drive": seed,

@@ -43,11 +43,13 @@ def test_sides_are_where_the_flight_ends() -> None:
 
 
 def test_a_flight_narrower_than_the_chair_is_rejected_with_its_width() -> None:
-    """Test: flights 45 cm wide, for a chair of 80 cm and a robot of 36 cm. Expected result: where both sides are seen the chair's
-    frames are rejected with the width, the robot's are not."""
+    """Test: flights 45 cm wide, for a chair of 80 cm, a robot of 36 cm and without a chair. Expected result: where both sides are
+    seen the chair's frames are rejected with the width, those of the robot and without a chair are not."""
     recipe = ViewRecipe(width_m=(0.45, 0.45), walls=("none",))
-    chair = [sight for _, _, sight in sights(recipe, range(47_000, 47_020))]
-    robot = [sight for _, _, sight in sights(recipe, range(47_000, 47_020), swept_half_m=0.18)]
+    chair, robot, alone = (
+        [sight for _, _, sight in sights(recipe, range(47_000, 47_020), swept_half_m=half_m)] for half_m in (0.40, 0.18, None)
+    )
+    assert [sight.reason for sight in alone] == [sight.reason for sight in robot]
     narrow = [sight for sight in chair if sight.reason is not None and "m wide" in sight.reason]
     assert len(narrow) >= 0.5 * len(chair)
     assert all("0.4" in str(sight.reason) and "0.80 m" in str(sight.reason) for sight in narrow)

@@ -248,7 +248,8 @@ def _block_keys(config: Any, table: str) -> dict[str, Key]:
             found |= _block_keys(value, f"{table}.{name}")
         elif _is_plain(hints[name]) and key not in NO_KEYS:
             # A limit, sigma, gate or time is not negative.
-            hint = Annotated[hints[name], Field(ge=0)] if hints[name] in (float, int) and value >= 0 else hints[name]
+            at_least_zero = hints[name] in (float, int, float | None) and value is not None and value >= 0
+            hint = Annotated[hints[name], Field(ge=0)] if at_least_zero else hints[name]
             found[key] = (hint, float(f"{value / DEG:.12g}") if "_rad" in name else value, written.get(name, ""))
     return found
 

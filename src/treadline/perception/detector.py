@@ -18,7 +18,6 @@ from treadline.core.rotations import Vector3
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.perception._stair_shape import StairShape
 from treadline.perception.detection import StairDetection
-from treadline.perception.flat_ground import SWEPT_HALF_M
 from treadline.perception.paper.algorithm import PaperConfig, look_as_printed
 from treadline.perception.robust_method import Stopwatch, detect_stair
 
@@ -37,8 +36,9 @@ class DetectorConfig:
 
     method: Literal["paper", "robust"] = "robust"
     paper: PaperConfig = field(default_factory=PaperConfig)
-    swept_half_m: float = SWEPT_HALF_M
-    """Half width of the volume swept by the chair [m]: objects inside are obstacles."""
+    swept_half_m: float | None = None
+    """Half width of the volume swept by the chair [m]: objects inside are obstacles, and a narrower flight is rejected. None: no
+    chair, no flight is too narrow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

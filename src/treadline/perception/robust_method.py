@@ -29,6 +29,7 @@ from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import StairShape, axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Direction, Flight, viewing_direction
 from treadline.perception.detection import Parts, StairDetection, refused
+from treadline.perception.flat_ground import SWEPT_HALF_M
 from treadline.perception.plane_segmentation import PlanarBlocks, Surface, surface_blocks, uncertain_blocks
 
 EVIDENCE, UNCONFIRMED = 5.0, 3.4
@@ -80,7 +81,7 @@ def rejection_reason(
     sides: tuple[Side | None, Side | None],
     *,
     narrower_m: float,
-    swept_half_m: float,
+    swept_half_m: float | None,
     least_levels: int,
 ) -> str | None:
     """Return the reason for rejection as a stair, or None.
@@ -88,7 +89,7 @@ def rejection_reason(
     Args:
         sides: Left and right side of the flight.
         narrower_m: Largest width by which a step is narrower than those above it.
-        swept_half_m: Half width of the volume swept by the chair.
+        swept_half_m: Half width of the volume swept by the chair; None without a chair.
         least_levels: Least number of evenly spaced treads.
     """
     if shape.slope_rad > SLOPE_LIMIT:
@@ -124,9 +125,9 @@ def _uncertain(sigma_rad: float, bow: Bow) -> str | None:
     return f"edges bowed by {abs(bow.curvature_1_m):.2f} per metre: {known}" if bow.is_bowed else known
 
 
-def _too_narrow(sides: tuple[Side | None, Side | None], swept_half_m: float) -> str | None:
+def _too_narrow(sides: tuple[Side | None, Side | None], swept_half_m: float | None) -> str | None:
     left, right = sides
-    if left is None or right is None or right.aside_m - left.aside_m >= 2.0 * swept_half_m:
+    if swept_half_m is None or left is None or right is None or right.aside_m - left.aside_m >= 2.0 * swept_half_m:
         return None
     return (
         f"the flight is {right.aside_m - left.aside_m:.2f} m wide between {left.kind} and {right.kind} side; the chair sweeps "
@@ -182,12 +183,12 @@ class _Down:
 
 
 def detect_stair(
-    frame: RgbdFrame, gravity_C: Vector3 | None, swept_half_m: float, watch: Stopwatch | None = None
+    frame: RgbdFrame, gravity_C: Vector3 | None, swept_half_m: float | None, watch: Stopwatch | None = None
 ) -> StairDetection:
     """Return the detection result of a frame.
 
     Args:
-        swept_half_m: Half width of the volume swept by the chair; a narrower flight is rejected.
+        swept_half_m: Half width of the volume swept by the chair; a narrower flight is rejected. None without a chair.
     """
     depth_m = frame.depth_m
     if depth_m.dtype != np.float32 or not (depth_m.flags.c_contiguous and depth_m.flags.writeable):
@@ -211,7 +212,7 @@ class _Search:
     """Search for a stair in a frame."""
 
     frame: RgbdFrame
-    swept_half_m: float
+    swept_half_m: float | None
     watch: Stopwatch
 
     def with_imu(self, blocks: PlanarBlocks, gravity_C: Vector3) -> StairDetection:
@@ -340,7 +341,8 @@ class _Search:
         @cache
         def draw_map() -> StairMap:
             self.watch.resume()
-            stair_map = map_of(self.frame, blocks, flight.nosings, level.axes, shape, sides, self.swept_half_m)
+            swept_half_m = SWEPT_HALF_M if self.swept_half_m is None else self.swept_half_m
+            stair_map = map_of(self.frame, blocks, flight.nosings, level.axes, shape, sides, swept_half_m)
             self.watch.lap("map")
             return stair_map
 
