@@ -26,6 +26,7 @@ from scipy.stats import ks_2samp, norm, rankdata
 from treadline.core.angles import DEG
 from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import HeadingMeasurement, StairMap
+from treadline.core.step_sizes import RUN_M
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.plant.sensors.camera import TEXTURES
 from treadline.plant.sensors.statistical_camera import (
@@ -40,7 +41,7 @@ from treadline.plant.sensors.statistical_camera import (
 )
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.staircase import Staircase
-from treadline.vehicle.visibility import DETECTED_RUN_M, Geometry, Visibility, VisibleSide
+from treadline.vehicle.visibility import Geometry, Visibility, VisibleSide
 
 AS_BUILT: dict[str, Any] = {name: value for name, value in LIFELIKE.items() if name != "worn_m"}
 """Imperfections of real frames: uneven steps, spatially correlated noise, residual distortion."""
@@ -107,7 +108,7 @@ def stair_of(seed: int, *, rear: bool) -> tuple[TiltedFlight, ViewRecipe, np.ran
     """Return a drive's stair, and the chance that goes on from it."""
     rng = np.random.default_rng([seed, int(rear)])
     slope, rise = rng.uniform(*SLOPE_DEG), rng.uniform(*RISE_M)
-    while rise / math.tan(slope * DEG) > DETECTED_RUN_M[1] - LENGTH_SPARE_M:
+    while rise / math.tan(slope * DEG) > RUN_M[1] - LENGTH_SPARE_M:
         slope, rise = rng.uniform(*SLOPE_DEG), rng.uniform(*RISE_M)
     recipe = ViewRecipe(
         **AS_BUILT,

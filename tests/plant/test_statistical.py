@@ -10,13 +10,12 @@ from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_z
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.perception import StairDetection, StairDetector
-from treadline.perception.lattice_kernels import RISE_M, RUN_M
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.statistical_camera import StatisticalCamera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import Staircase, build_staircase
-from treadline.vehicle.visibility import DETECTED_RISE_M, DETECTED_RUN_M, Geometry
+from treadline.vehicle.visibility import Geometry
 
 Pose = tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, " 3"]]
 SEEN_M = 0.08
@@ -158,7 +157,6 @@ def test_a_missing_step_ends_the_row() -> None:
 
 
 def test_steps_too_long_for_the_detector_are_too_long_for_the_model() -> None:
-    assert (RISE_M, RUN_M) == (DETECTED_RISE_M, DETECTED_RUN_M) == ((0.08, 0.25), (0.15, 0.52))
     staircase = stair(rise_m=0.17, run_m=0.53)
     assert camera(staircase).look(0.0, *on_the_flight(staircase, 1.5)) == ()
 

@@ -7,7 +7,7 @@ degree wider than those of ``check``, so that noise does not reject what ``check
 import math
 
 from treadline.core.angles import DEG
-from treadline.perception.lattice_kernels import RISE_M, RUN_M
+from treadline.core.step_sizes import RISE_M, RUN_M
 from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading, centre_of_mass_level

@@ -31,7 +31,7 @@ from treadline.perception._step_parts import (
     tread_of,
     tread_rows,
 )
-from treadline.perception.lattice_kernels import RISE_M, best_lattice
+from treadline.perception.lattice_kernels import ANY_RISE_M, ANY_RUN_M, SEARCHED_RISE_M, USUAL_RISE_M, USUAL_RUN_M, best_lattice
 from treadline.perception.plane_segmentation import Line, PlanarBlocks, Surface, components, planes_of, surfaces_on
 
 UPRIGHT = 18.0 * DEG
@@ -45,8 +45,10 @@ RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
 the noise of two heights."""
 LEAST_BLOCKS = 8
 """Least number of blocks of a surface."""
-TALLEST_M = RISE_M[1]
+TALLEST_M = SEARCHED_RISE_M[1]
 """Largest height of a riser [m]."""
+USUAL_SIZE, ANY_SIZE = (USUAL_RISE_M, USUAL_RUN_M), (ANY_RISE_M, ANY_RUN_M)
+"""Priors of rise and run: mean and standard deviation of each [m]."""
 TURNED = 1.0 * DEG
 """Angle between vote and matched parts above which the parts are measured again in their own axes [rad]."""
 VOTE_LIMIT = 50.0 * DEG
@@ -101,6 +103,8 @@ class Match:
     """First and last step in view."""
     levels: int
     """Number of steps with a measured height."""
+    is_unusual: bool
+    """Whether rise and run are not those of usual stairs."""
     risers: list[Riser]
     tread_rows: Float[np.ndarray, "t 10"]
     riser_rows: Float[np.ndarray, "r 10"]
@@ -262,7 +266,7 @@ def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
     )
     if not math.isfinite(found[0]):
         return None
-    evidence, rise, run, z0, first, last, levels = found.tolist()
+    evidence, rise, run, z0, first, last, levels, is_unusual = found.tolist()
     return Match(
         axes=axes,
         direction=direction,
@@ -273,6 +277,7 @@ def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         first=int(first),
         last=int(last),
         levels=int(levels),
+        is_unusual=bool(is_unusual),
         risers=risers,
         tread_rows=treads,
         riser_rows=upright,
@@ -298,6 +303,7 @@ def _flight_of(scene: Scene, match: Match) -> Flight | None:
         rise_m=match.rise_m,
         run_m=match.run_m,
         levels=match.levels,
+        size_prior=ANY_SIZE if match.is_unusual else USUAL_SIZE,
         risers=[nosing.riser for nosing in nosings if nosing.riser is not None],
         treads=[tread.surface for tread in scene.treads],
         steps=[tread.surface for tread, own in zip(scene.treads, inside.tolist(), strict=True) if own],

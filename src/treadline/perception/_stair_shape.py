@@ -23,10 +23,6 @@ from treadline.perception._step_parts import Axes, Direction, Flight, axes_about
 from treadline.perception.lattice_kernels import (
     HIDDEN_SIGMA_M,
     OVERHANG_SIGMA_M,
-    RISE_MEAN_M,
-    RISE_SIGMA_M,
-    RUN_MEAN_M,
-    RUN_SIGMA_M,
 )
 from treadline.perception.plane_segmentation import End, PlanarBlocks, Surface
 
@@ -235,7 +231,7 @@ def _rise_and_run(
             of_tread[front_on], treads[front_on, 2:4], moved[of_treads][front_on], stretch[of_treads][front_on], OVERHANG_SIGMA_M
         ),
     ]
-    return spacing(rise, (RISE_MEAN_M, RISE_SIGMA_M)), spacing(run, (RUN_MEAN_M, RUN_SIGMA_M))
+    return spacing(rise, flight.size_prior[0]), spacing(run, flight.size_prior[1])
 
 
 def _shifts_m(risers: Sequence[Surface], end: End, blocks: PlanarBlocks, camera: PinholeCamera) -> Float[np.ndarray, "k 2"]:

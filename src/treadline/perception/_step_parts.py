@@ -113,6 +113,8 @@ class Flight:
     run_m: float
     levels: int
     """Number of steps with a measured height."""
+    size_prior: tuple[tuple[float, float], tuple[float, float]]
+    """Mean and standard deviation of the rise, and of the run, before the measurement [m]."""
     risers: list[Surface]
     treads: list[Surface]
     """All horizontal surfaces in view."""

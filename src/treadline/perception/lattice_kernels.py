@@ -16,14 +16,18 @@ import numpy as np
 
 from treadline.core.kernel_cache import njit
 
-RISE_M, RUN_M = (0.08, 0.25), (0.15, 0.52)
-"""Ranges of rise and run of a step [m]."""
-STEEPEST = 1.05
-"""Largest ratio of rise to run: 46°, beyond the slope limit of 45° by the error of a single step."""
-RISE_MEAN_M, RISE_SIGMA_M = 0.17, 0.035
-"""Prior of the rise [m]: building codes allow 0.10 to 0.22 m, homes have up to 0.24 m."""
-RUN_MEAN_M, RUN_SIGMA_M = 0.29, 0.06
-"""Prior of the run [m]: building codes ask for 0.22 to 0.35 m, gardens have up to 0.45 m."""
+SEARCHED_RISE_M, SEARCHED_RUN_M = (0.05, 0.55), (0.10, 1.30)
+"""Ranges of rise and run in which lattices compete [m]: steps of half a usual size to the tiers of a stand, 0.5 by 1.2 m, and a
+tenth more for the error of a single step."""
+STEEPEST = 1.75
+"""Largest ratio of rise to run: 60°, between the steepest stairs and ladders (ISO 14122-1: stairs to 45°, ladders from 60°)."""
+USUAL_RISE_M, USUAL_RUN_M = (0.17, 0.035), (0.29, 0.06)
+"""Mean and standard deviation of rise and run of usual steps [m]: building codes allow rises of 0.10 to 0.22 m, homes have up to
+0.24 m; codes ask for runs of 0.22 to 0.35 m, gardens have up to 0.45 m."""
+ANY_RISE_M, ANY_RUN_M = (0.30, 0.14), (0.70, 0.35)
+"""Mean and standard deviation of rise and run of other steps [m]: those of uniform distributions over the searched ranges."""
+UNUSUAL = 0.05
+"""Prior probability of a flight of other than usual size: stands, terraces, climbing frames."""
 RISE_IRREGULAR_M, RUN_IRREGULAR_M = 0.006, 0.008
 """Standard deviation of a nosing from the lattice, height and place [m]: building codes allow 5 to 10 mm between steps."""
 RISE_GAP_M, RUN_GAP_M = 0.57, 1.17
@@ -40,21 +44,27 @@ OVERLAP_M = 0.08
 """Least common width of steps in view one after another [m]: two blocks 2 m away."""
 SIGMAS = 3.0
 """Largest residual of a part of the lattice, in standard deviations."""
-FOREIGN, MISSING = -0.7, -3.0
-"""Log-probabilities of a level between two steps, and of a step that is not there where it is in view."""
-PROBES = 7
-"""Number of points across a tread at which the depth image is compared with it."""
-SEEN_THROUGH = 0.5
-"""Least fraction of these points past which the depth image shows something lower for a missing tread."""
+FOREIGN, CONTRADICTED = -0.7, -3.0
+"""Log-probabilities of a level between two steps, and of a step that the depth image contradicts."""
+PROBES = ((0.15, 0.0), (0.4, 0.0), (0.65, 0.0), (0.0, 0.1))
+"""Points of a step that are compared with the depth image: place behind its nosing [runs], and below it [rises]. Of a falling
+flight the part next to the nosing is in view; the front is as high as the board of an open step."""
+ASIDES = 7
+"""Number of these points across the step."""
+CONTRADICTED_SHARE = 0.5
+"""Least fraction of these points at which the depth image shows something further away, or something nearer, by half a step."""
 BELOW_EYE_M = 0.10
-"""Least height of the camera above a tread whose absence can be seen [m]."""
+"""Least height of the camera above a tread that is compared with the depth image [m]."""
+HIDDEN_SHARE = 0.1
+"""Height below a nosing at which a ray over it may still pass, in rises: more than its irregularity."""
 SAME_EVIDENCE = 1e-6
 """Difference of log-evidence below which two lattices are the same: rounding [nats]."""
-KEPT, FITS = 6, 2
+KEPT, FITS = 8, 2
 """Number of hypotheses that are refined, and of fits to their parts."""
 NONE = -1000
 """Step number of a part outside the lattice."""
 LOG_2PI = math.log(2.0 * math.pi)
+UNUSUAL_LOG_ODDS = math.log(UNUSUAL / (1.0 - UNUSUAL))
 
 
 @njit(cache=True, error_model="numpy")
@@ -151,34 +161,46 @@ def _nodes(sums, offset_sigma, irregular, first, last, values, variances):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _line_evidence(values, variances, mean, sigma, gap, solution):
-    """Return the log-evidence of evenly spaced values against independent ones within a gap of each other.
+def _line_sums(values, variances, sums):
+    """Fill ``sums`` with the weighted sums of evenly spaced values over their step numbers, and the number of values.
 
-    The first value has a flat prior, the spacing a normal one; both are integrated out. ``solution`` is filled with first value,
-    spacing, and number of values.
+    In this order: those of 1, k, k², y, k·y and y², the logarithm of the variances' product, and the number.
     """
-    a11, a12, a22 = 0.0, 0.0, 1.0 / sigma**2
-    b1, b2, square, logs, n = 0.0, mean / sigma**2, mean * mean / sigma**2, 0.0, 0
+    sums[:] = 0.0
     for index in range(values.shape[0]):
         if variances[index] < np.inf:
             k, w, y = float(index - LAST), 1.0 / variances[index], values[index]
-            a11 += w
-            a12 += w * k
-            a22 += w * k * k
-            b1 += w * y
-            b2 += w * k * y
-            square += w * y * y
-            logs += math.log(2.0 * math.pi * variances[index])
-            n += 1
-    solution[2] = n
-    if n == 0:
-        return 0.0
+            sums[0] += w
+            sums[1] += w * k
+            sums[2] += w * k * k
+            sums[3] += w * y
+            sums[4] += w * k * y
+            sums[5] += w * y * y
+            sums[6] += LOG_2PI + math.log(variances[index])
+            sums[7] += 1.0
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _line_evidence(sums, prior, gap, solution):
+    """Return the log-evidence of evenly spaced values against independent ones within a gap of each other.
+
+    The first value has a flat prior, the spacing a normal one; both are integrated out.
+
+    Args:
+        sums: As from ``_line_sums``, of one value at least.
+        prior: Mean and standard deviation of the spacing.
+        solution: Filled with the first value and the spacing.
+    """
+    mean, weight = prior[0], 1.0 / prior[1] ** 2
+    a11, a12, a22 = sums[0], sums[1], sums[2] + weight
+    b1, b2 = sums[3], sums[4] + mean * weight
     det = a11 * a22 - a12 * a12
     solution[0] = (a22 * b1 - a12 * b2) / det
     solution[1] = (a11 * b2 - a12 * b1) / det
-    chi = square - solution[0] * b1 - solution[1] * b2
-    prior = math.log(sigma * math.sqrt(2.0 * math.pi))
-    return -0.5 * logs - 0.5 * chi - prior + LOG_2PI - 0.5 * math.log(det) + (n - 1) * math.log(gap)
+    chi = sums[5] + mean * mean * weight - solution[0] * b1 - solution[1] * b2
+    of_prior = 0.5 * (LOG_2PI - math.log(weight))
+    return -0.5 * (sums[6] + chi + math.log(det)) - of_prior + LOG_2PI + (sums[7] - 1.0) * math.log(gap)
 
 
 @njit(cache=True, error_model="numpy")
@@ -210,8 +232,12 @@ def _group(heights, places, spans, bounds):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _is_step(rise, run):
-    """Return whether a step of these dimensions can be climbed."""
-    return RISE_M[0] <= rise <= RISE_M[1] and RUN_M[0] <= run <= RUN_M[1] and rise <= STEEPEST * run
+    """Return whether a step has dimensions within the searched ranges."""
+    return (
+        SEARCHED_RISE_M[0] <= rise <= SEARCHED_RISE_M[1]
+        and SEARCHED_RUN_M[0] <= run <= SEARCHED_RUN_M[1]
+        and rise <= STEEPEST * run
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -220,34 +246,41 @@ def _fit(treads, risers, lattice, of_tread, front_on, of_riser, room):
     """Assign parts to a lattice, and fit it to them; return the log-evidence, -inf with fewer than two heights or places.
 
     Args:
-        lattice: Rise, run, x0, z0; filled with the fitted ones.
+        lattice: Rise, run, x0, z0; filled with the fitted ones, and with whether the size is not a usual one.
         of_tread, front_on, of_riser: Filled as in ``_assign``.
         room: Buffers: sums of heights and places and spans of each step, values and variances, bounds, both lines.
     """
-    heights, places, spans, values, variances, bounds, along, up = room
+    heights, places, spans, values, variances, bounds, up, along = room
     _assign(treads, risers, lattice[0], lattice[1], lattice[2], lattice[3], of_tread, front_on, of_riser, heights, places, spans)
     _group(heights, places, spans, bounds)
     _nodes(heights, HIDDEN_SIGMA_M, RISE_IRREGULAR_M, bounds[0], bounds[1], values, variances)
-    evidence = _line_evidence(values, variances, RISE_MEAN_M, RISE_SIGMA_M, RISE_GAP_M, up)
+    _line_sums(values, variances, up)
     _nodes(places, OVERHANG_SIGMA_M, RUN_IRREGULAR_M, bounds[0], bounds[1], values, variances)
-    evidence += _line_evidence(values, variances, RUN_MEAN_M, RUN_SIGMA_M, RUN_GAP_M, along)
-    if up[2] < 2 or along[2] < 2:
+    _line_sums(values, variances, along)
+    if up[7] < 2 or along[7] < 2:
         return -np.inf
-    lattice[0], lattice[1], lattice[2], lattice[3] = up[1], along[1], along[0], up[0]
-    return evidence
+    lines = np.empty((2, 2, 2))
+    usual = _line_evidence(up, USUAL_RISE_M, RISE_GAP_M, lines[0, 0]) + _line_evidence(along, USUAL_RUN_M, RUN_GAP_M, lines[0, 1])
+    other = _line_evidence(up, ANY_RISE_M, RISE_GAP_M, lines[1, 0]) + _line_evidence(along, ANY_RUN_M, RUN_GAP_M, lines[1, 1])
+    other += UNUSUAL_LOG_ODDS
+    (z0, rise), (x0, run) = lines[1] if other > usual else lines[0]
+    lattice[0], lattice[1], lattice[2], lattice[3], lattice[4] = rise, run, x0, z0, other > usual
+    return max(usual, other) + math.log1p(math.exp(-abs(usual - other)))
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _seeds(points, treads, risers, best, of_tread, front_on, of_riser, room):
+def _seeds(points, treads, risers, nearness, pinhole, axes, best, of_tread, front_on, of_riser, room):
     """Keep the lattices with the most evidence of all pairs of points.
 
     Args:
         points: Kind, x, z, lateral range; kind 2 are feet of risers, one rise below their nosing.
-        best: Filled with evidence, rise, run, x0, z0.
+        nearness, pinhole, axes: As in ``best_lattice``.
+        best: Filled with evidence, rise, run, x0, z0, and whether the size is not a usual one.
+        of_tread, front_on, of_riser, room: Buffers, as in ``_fit``.
     """
     best[:] = -np.inf
-    lattice = np.empty(4)
+    lattice = np.empty(5)
     for i in range(points.shape[0]):
         for j in range(points.shape[0]):
             if points[i, 0] != points[j, 0]:
@@ -263,11 +296,14 @@ def _seeds(points, treads, risers, best, of_tread, front_on, of_riser, room):
                     continue
                 lattice[0], lattice[1], lattice[2] = rise, run, points[i, 1]
                 lattice[3] = points[i, 2] + (rise if points[i, 0] == 2.0 else 0.0)
-                evidence = _fit(treads, risers, lattice, of_tread, front_on, of_riser, room)
                 place = np.argmin(best[:, 0])
+                evidence = _fit(treads, risers, lattice, of_tread, front_on, of_riser, room)
+                if not evidence > best[place, 0] or not _is_step(lattice[0], lattice[1]):
+                    continue
+                evidence += _against(treads, nearness, pinhole, axes, lattice, of_tread, room)
                 # Pairs of one staircase lead to the same lattice.
                 known = np.abs(best[:, 0] - evidence).min() < SAME_EVIDENCE
-                if evidence > best[place, 0] and not known and _is_step(lattice[0], lattice[1]):
+                if evidence > best[place, 0] and not known:
                     best[place, 0] = evidence
                     best[place, 1:] = lattice
 
@@ -284,7 +320,7 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
         of_tread, front_on, of_riser: Filled with the assignment of the parts, as in ``_assign``.
 
     Returns:
-        Evidence, rise, run, z0, first and last step, and number of steps with a height.
+        Evidence, rise, run, z0, first and last step, number of steps with a height, and whether the size is not a usual one.
     """
     size = 2 * LAST + 1
     room = (
@@ -294,13 +330,13 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
         np.empty(size),
         np.empty(size),
         np.empty(2, dtype=np.int64),
-        np.empty(3),
-        np.empty(3),
+        np.empty(8),
+        np.empty(8),
     )
-    spans, bounds, up = room[2], room[5], room[7]
-    best, found = np.empty((KEPT, 5)), np.full(7, np.nan)
+    bounds, up = room[5], room[6]
+    best, found = np.empty((KEPT, 6)), np.full(8, np.nan)
     mine, mine_on, my_risers = np.empty_like(of_tread), np.empty_like(front_on), np.empty_like(of_riser)
-    _seeds(points, treads, risers, best, mine, mine_on, my_risers, room)
+    _seeds(points, treads, risers, nearness, pinhole, axes, best, mine, mine_on, my_risers, room)
     for s in range(KEPT):
         if best[s, 0] == -np.inf:
             continue
@@ -308,18 +344,26 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
         evidence = -np.inf
         for _ in range(FITS):
             evidence = _fit(treads, risers, lattice, mine, mine_on, my_risers, room)
-        rise, run, x0, z0 = lattice
-        if not _is_step(rise, run):
+        if not _is_step(lattice[0], lattice[1]):
             continue
-        evidence += _foreign_levels(treads, rise, run, x0, z0, mine, bounds, spans)
-        evidence += _missing(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans)
+        evidence += _against(treads, nearness, pinhole, axes, lattice, mine, room)
         if evidence > -np.inf and not evidence <= found[0]:
-            found[0], found[1], found[2], found[3] = evidence, rise, run, z0
-            found[4], found[5], found[6] = bounds[0], bounds[1], up[2]
+            found[0], found[1], found[2], found[3] = evidence, lattice[0], lattice[1], lattice[3]
+            found[4], found[5], found[6], found[7] = bounds[0], bounds[1], up[7], lattice[4]
             of_tread[:] = mine
             front_on[:] = mine_on
             of_riser[:] = my_risers
     return found
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _against(treads, nearness, pinhole, axes, lattice, of_tread, room):
+    """Return the log-probability of what the scene shows against a lattice: foreign levels, and contradicted steps."""
+    spans, bounds = room[2], room[5]
+    rise, run, x0, z0 = lattice[:4]
+    foreign = _foreign_levels(treads, rise, run, x0, z0, of_tread, bounds, spans)
+    return foreign + _contradictions(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans)
 
 
 @njit(cache=True, error_model="numpy")
@@ -340,10 +384,26 @@ def _foreign_levels(treads, rise, run, x0, z0, of_tread, bounds, spans):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _missing(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans):
-    """Return the log-probability of the treads that would be in view where the depth image shows something lower and further.
+def _is_hidden(along, height, rise, run, x0, z0, last):
+    """Return whether steps up to the last one of a lattice hide a point from the camera, which is at the origin."""
+    if along > 0.0:
+        first, stop = int(math.ceil(-x0 / run)), int(math.ceil((along - x0) / run))
+    else:
+        first, stop = int(math.floor((along - x0) / run)) + 1, int(math.ceil(-x0 / run))
+    for k in range(max(first, -LAST), min(stop, last + 1)):
+        place = x0 + k * run
+        if height * place / along < z0 + (k - HIDDEN_SHARE) * rise and abs(place) < abs(along) - HIDDEN_SHARE * run:
+            return True
+    return False
 
-    The lowest step rises from another tread or a floor: a seat or a shelf does not have one there.
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _contradictions(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans):
+    """Return the log-probability of the treads that would be in view where the depth image shows something else.
+
+    Past a tread that is not there it shows something further away; where a tread would lie inside of something solid, something
+    nearer. The lowest step rises from another tread or a floor: a seat or a shelf does not have one there.
     """
     fx, fy, cx, cy = pinhole
     total, low, high = 0.0, np.inf, -np.inf
@@ -351,14 +411,17 @@ def _missing(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans):
         # A step without a part is as wide as the one above.
         if k >= bounds[0] and spans[k + LAST, 1] > spans[k + LAST, 0]:
             low, high = spans[k + LAST, 0], spans[k + LAST, 1]
-        height = z0 + k * rise
-        if height > -BELOW_EYE_M or not high > low:
+        if not high > low:
             continue
-        through = seen = 0
-        for i in range(PROBES):
-            aside = low + (i + 1.0) / (PROBES + 1.0) * (high - low)
-            for part in (0.35, 0.65):
-                along = x0 + (k + part) * run
+        further = nearer = seen = 0
+        for part, below in PROBES:
+            along, height = x0 + (k + part) * run, z0 + (k - below) * rise
+            # A tread is seen from above, the front of a rising step from before it.
+            is_in_view = along > 0.0 if below > 0.0 else height < -BELOW_EYE_M
+            if not is_in_view or _is_hidden(along, height, rise, run, x0, z0, bounds[1]):
+                continue
+            for i in range(ASIDES):
+                aside = low + (i + 1.0) / (ASIDES + 1.0) * (high - low)
                 x = along * axes[0, 0] + height * axes[1, 0] + aside * axes[2, 0]
                 y = along * axes[0, 1] + height * axes[1, 1] + aside * axes[2, 1]
                 z = along * axes[0, 2] + height * axes[1, 2] + aside * axes[2, 2]
@@ -371,9 +434,12 @@ def _missing(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans):
                 if w != w:
                     continue
                 seen += 1
-                # On the same ray heights are proportional to depth.
-                if w * z < 1.0 and height / (w * z) < height - 0.5 * rise:
-                    through += 1
-        if seen >= PROBES and through > SEEN_THROUGH * seen:
-            total += MISSING
+                # Steps by which what is seen on this ray lies further away, in run and in height: both are proportional to depth.
+                off = (1.0 / (w * z) - 1.0) * (abs(along) / run + abs(height) / rise)
+                further += off > 0.5
+                nearer += off < -0.5
+        # Below the lowest step lies the floor.
+        against = max(further, nearer) if k >= bounds[0] else further
+        if seen >= ASIDES and against > CONTRADICTED_SHARE * seen:
+            total += CONTRADICTED
     return total

@@ -21,6 +21,7 @@ from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
+from treadline.core.step_sizes import RISE_M, RUN_M
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._form import Bow, Side, bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
 from treadline.perception._gravity_direction import down_of_treads, levelled, off_gravity
@@ -92,8 +93,9 @@ def rejection_reason(
         swept_half_m: Half width of the volume swept by the chair; None without a chair.
         least_levels: Least number of evenly spaced treads.
     """
-    if shape.slope_rad > SLOPE_LIMIT:
-        return f"a slope of {shape.slope_rad / DEG:.0f}° is too steep to drive on"
+    unfit = _unfit_size(shape)
+    if unfit is not None:
+        return unfit
     if flight.levels < least_levels:
         return f"no gravity, and {flight.levels} evenly spaced level(s) to replace it; {least_levels} needed"
     if abs(heading_rad) > HEADING_LIMIT:
@@ -101,6 +103,18 @@ def rejection_reason(
     if narrower_m > NARROWER_M:
         return f"a step is {narrower_m:.2f} m narrower than the steps above it: no flight"
     return _not_straight(flight, fit) or _uncertain(sigma_rad, bow) or _too_narrow(sides, swept_half_m)
+
+
+def _unfit_size(shape: StairShape) -> str | None:
+    """Return how the steps are too high, too long or too steep for the chair, or None."""
+    steps = f"steps of {1e3 * shape.rise_m:.0f} by {1e3 * shape.run_m:.0f} mm"
+    for name, size_m, (least_m, most_m) in (("high", shape.rise_m, RISE_M), ("deep", shape.run_m, RUN_M)):
+        if not least_m <= size_m <= most_m:
+            wrong = f"too {name}" if size_m > most_m else f"not {name} enough"
+            return f"the {steps} are {wrong} for a flight of stairs: {1e3 * least_m:.0f} to {1e3 * most_m:.0f} mm"
+    if shape.slope_rad > SLOPE_LIMIT:
+        return f"the {steps} rise by {shape.slope_rad / DEG:.0f}°, too steep to drive on: at most {SLOPE_LIMIT / DEG:.0f}°"
+    return None
 
 
 def _not_straight(flight: Flight, fit: EdgeFit) -> str | None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from treadline.core.angles import DEG, radians_hint
 from treadline.core.printing import Printable
+from treadline.core.step_sizes import RISE_M, RUN_M
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle._start_checks import checked_start
@@ -24,7 +25,6 @@ from treadline.vehicle.tracks import (
     nosings_touched,
     track_on_stair_m,
 )
-from treadline.vehicle.visibility import DETECTED_RISE_M, DETECTED_RUN_M
 
 TRACTION_RESERVE = 1.05
 """Required ratio of friction to tan β, a reserve for jolts at the nosings."""
@@ -284,7 +284,7 @@ def _widest_spacing_m(scenario: Scenario, neighbours: int) -> float:
 def _undetectable_steps(scenario: Scenario) -> str | None:
     """Return a refusal of steps outside the detector's range, of which it accepts no frame, or frames of half steps."""
     stair, control = scenario.stair, scenario.control
-    (least_rise, most_rise), (least_run, most_run) = DETECTED_RISE_M, DETECTED_RUN_M
+    (least_rise, most_rise), (least_run, most_run) = RISE_M, RUN_M
     is_detectable = least_rise <= stair.rise_m <= most_rise and least_run <= stair.run_m <= most_run
     if is_detectable or control.loop == "open" or control.vision != "robust":
         return None

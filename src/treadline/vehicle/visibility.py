@@ -19,8 +19,6 @@ from treadline.vehicle.staircase import Staircase, Step
 
 NEAR_M, FAR_M = 0.45, 4.0
 """Depth range in which a Kinect resolves adjacent nosings [m]."""
-DETECTED_RISE_M, DETECTED_RUN_M = (0.08, 0.25), (0.15, 0.52)
-"""Ranges of rise and run that the detector accepts [m], as in ``perception.lattice_kernels``, which loads compiled kernels."""
 ASIDES = 13
 """Number of points per edge tested for visibility."""
 SIDE_ASIDES, END_SEEN_M = 57, 0.01

@@ -20,9 +20,10 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import FreeGround, HeadingMeasurement, StairMap
+from treadline.core.step_sizes import RUN_M
 from treadline.plant.sensors._free_ground import GroundAhead
 from treadline.vehicle.staircase import Staircase
-from treadline.vehicle.visibility import DETECTED_RUN_M, LEAST_NOSINGS, Visibility, VisibleSide, geometry_of
+from treadline.vehicle.visibility import LEAST_NOSINGS, Visibility, VisibleSide, geometry_of
 
 EXACT_SIGMA_RAD, EXACT_PLACE_M = 0.05 * DEG, 0.001
 """Noise of ``exact``: heading [rad] and nosing position [m]; non-zero, so that a filter has a finite weight."""
@@ -166,7 +167,7 @@ class _Errors:
         latent = dict(zip(LATENTS, normal[: len(LATENTS)].tolist(), strict=True))
         second = np.sort(seen.margins_px)[-2]
         accept = table["accept"]["score"][seen.acceptance_row]
-        if latent["accept"] > np.interp(second, table["accept"]["margins_px"], accept) or seen.run_m > DETECTED_RUN_M[1]:
+        if latent["accept"] > np.interp(second, table["accept"]["margins_px"], accept) or seen.run_m > RUN_M[1]:
             return None
         nosing_errors = normal[len(LATENTS) :].reshape(len(NOSING_ERRORS), -1)[:, seen.numbers]
         which = self._which(table["told"], seen, nosing_errors[0])
