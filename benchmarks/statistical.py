@@ -1,8 +1,9 @@
-"""Fit and validate the statistical camera: ``python benchmarks/statistical.py [--drives N] [--seed S] [--fit] [--keep FILE]``.
+"""Fit and validate the statistical camera: ``python benchmarks/statistical.py [--camera KIND] [--drives N] [--seed S] [--fit]``.
 
 Renders full traversals (floor, mounting, flight, top; landing, top entry, flight, bottom), each with its own errors of the camera
 and of the stair, and runs the stair detector on every frame. The detections are compared with the geometry in view; the errors give
-the numbers of ``data/cameras/statistical.json`` (``--fit``). Drives with other seeds validate the error model against frames.
+the numbers of a kind of camera in ``data/cameras/statistical.json`` (``--fit``). Without it, drives with other seeds validate
+the error model against frames. ``--keep FOLDER`` keeps the records of the frames.
 """
 
 import argparse
@@ -24,6 +25,7 @@ from scenes.flight import TiltedFlight, draw_flight
 from scipy.stats import ks_2samp, norm, rankdata
 
 from treadline.core.angles import DEG
+from treadline.core.camera_images import BASELINES_M, PinholeCamera
 from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import HeadingMeasurement, StairMap
 from treadline.core.step_sizes import RUN_M
@@ -40,6 +42,7 @@ from treadline.plant.sensors.statistical_camera import (
     reported_cell,
 )
 from treadline.scenario.chair import read_chair
+from treadline.scenario.scenario import Scenario, Sensors
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.visibility import Geometry, Visibility, VisibleSide
 
@@ -120,14 +123,15 @@ def stair_of(seed: int, *, rear: bool) -> tuple[TiltedFlight, ViewRecipe, np.ran
     return draw_flight(recipe, rng), recipe, rng
 
 
-def drive(seed: int, *, rear: bool) -> Iterator[Record]:
+def drive(seed: int, kind: str, *, rear: bool) -> Iterator[Record]:
     """Yield ground truth and detection of each frame along one traversal."""
     flight, recipe, rng = stair_of(seed, rear=rear)
-    calibration = CHAIR.camera_at(240, rear=rear)
+    calibration = calibration_of(kind, rear=rear)
     texture, light = str(rng.choice(TEXTURES)), float(rng.uniform(0.5, 1.6))
     camera = SceneCamera(
         flight.solids(),
         calibration,
+        kind=kind,
         texture=texture,
         light=light,
         grain_px=recipe.grain_px,
@@ -164,6 +168,12 @@ def drive(seed: int, *, rear: bool) -> Iterator[Record]:
             "seen": None if seen is None else _plain(seen),
             "map": None if sight.stair_map is None else _plain(sight.stair_map),
         }
+
+
+def calibration_of(kind: str, *, rear: bool) -> PinholeCamera:
+    """Return a kind of camera as it is in the loop."""
+    scenario = Scenario(sensors=Sensors(camera=kind))
+    return read_chair(scenario).camera_at(scenario.sensors.rows_px, rear=rear)
 
 
 def poses(flight: TiltedFlight, rng: np.random.Generator, *, rear: bool) -> Iterator[tuple[float, str, Rotation, Vector3]]:
@@ -211,11 +221,11 @@ def _plain(told: Visibility | StairMap) -> Record:
     return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(told).items()}
 
 
-def lines_of(seeds: range, keep: Path | None) -> list[Record]:
+def lines_of(seeds: range, kind: str, keep: Path | None) -> list[Record]:
     """Return all frames of some drives, from a file where they are kept."""
     if keep is not None and keep.exists():
         return [json.loads(line) for line in keep.read_text().splitlines()]
-    records = [record for seed in seeds for rear in (False, True) for record in drive(seed, rear=rear)]
+    records = [record for seed in seeds for rear in (False, True) for record in drive(seed, kind, rear=rear)]
     if keep is not None:
         keep.parent.mkdir(parents=True, exist_ok=True)
         keep.write_text("".join(json.dumps(record) + "\n" for record in records))
@@ -457,7 +467,7 @@ def _common(samples: Samples) -> float:
     return round(float(np.clip(pairs / total, 0.0, 0.95)), 3)
 
 
-def modelled(records: list[Record], chance: int) -> list[Record]:
+def modelled(records: list[Record], kind: str, chance: int) -> list[Record]:
     """Return the records with what the model says in place of what the detector said."""
     answers = []
     camera, at = None, None
@@ -465,8 +475,8 @@ def modelled(records: list[Record], chance: int) -> list[Record]:
         drive_ = (record["drive"], record["rear"])
         if drive_ != at:
             flight = stair_of(record["drive"], rear=record["rear"])[0]
-            calibration = CHAIR.camera_at(240, rear=record["rear"])
-            camera, at = StatisticalCamera(flight.staircase, calibration, np.random.default_rng([chance, *drive_])), drive_
+            calibration, rng = calibration_of(kind, rear=record["rear"]), np.random.default_rng([chance, *drive_])
+            camera, at = StatisticalCamera(flight.staircase, calibration, rng, sensor=kind), drive_
         assert camera is not None  # noqa: S101 - for the type checker
         heading = sigma = stair = None
         for told in camera.look(0.0, np.array(record["R"]), np.array(record["p"])):
@@ -478,10 +488,10 @@ def modelled(records: list[Record], chance: int) -> list[Record]:
     return answers
 
 
-def validate(records: list[Record]) -> None:
+def validate(records: list[Record], kind: str) -> None:
     """Print the errors of frames next to those of the model."""
     began = time.process_time()
-    answers = [answer for chance in range(DRAWS) for answer in modelled(records, chance)]
+    answers = [answer for chance in range(DRAWS) for answer in modelled(records, kind, chance)]
     spent_ms = 1e3 * (time.process_time() - began) / len(answers)
     frames, model = samples_of(records), samples_of(answers)
     drives = {(record["drive"], record["rear"]) for record in records}
@@ -558,36 +568,41 @@ def _row(values: Float[np.ndarray, " k"]) -> str:
 
 def text_of(numbers: Record) -> str:
     """Return JSON with a line for each table: what a fit changes is seen in a diff."""
-    tables = ",\n".join(f"  {json.dumps(name)}: {json.dumps(table)}" for name, table in numbers["tables"].items())
-    rest = [f"{json.dumps(name)}: {json.dumps(value)}" for name, value in numbers.items() if name != "tables"]
-    return "{\n" + ",\n".join(rest) + ',\n"tables": {\n' + tables + "\n}\n}\n"
+    kinds = []
+    for kind, fitted in numbers.items():
+        tables = ",\n".join(f"  {json.dumps(name)}: {json.dumps(table)}" for name, table in fitted["tables"].items())
+        rest = [f"{json.dumps(name)}: {json.dumps(value)}" for name, value in fitted.items() if name != "tables"]
+        kinds.append(f"{json.dumps(kind)}: {{\n" + ",\n".join(rest) + ',\n"tables": {\n' + tables + "\n}\n}")
+    return "{\n" + ",\n".join(kinds) + "\n}\n"
 
 
 def main() -> None:
-    """Fit, then validate."""
+    """Fit, or validate."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--drives", type=int, default=100, help="of each direction, to fit on; as many to validate on")
+    parser.add_argument("--camera", choices=list(BASELINES_M), default="kinect1", help="kind of camera")
+    parser.add_argument("--drives", type=int, default=100, help="of each direction, to fit or to validate on")
     parser.add_argument("--seed", type=int, default=0, help="of the first drive to fit on; those to validate on start 5000 later")
-    parser.add_argument("--fit", action="store_true", help=f"write {DATA.name}; else the shipped one is validated")
+    parser.add_argument("--fit", action="store_true", help=f"write the kind's numbers in {DATA.name}; else they are validated")
     parser.add_argument("--keep", type=Path, help="folder for the frames' records, so that they need not be rendered again")
     given = parser.parse_args()
     seeds, others = (range(start, start + given.drives) for start in (given.seed, given.seed + HELD_OUT))
     if given.fit:
-        records = lines_of(seeds, given.keep and given.keep / "fit.jsonl")
+        records = lines_of(seeds, given.camera, given.keep and given.keep / f"{given.camera}-fit.jsonl")
+        calibration = calibration_of(given.camera, rear=False)
         about = {
-            "made_by": f"python benchmarks/statistical.py --fit --drives {given.drives} --seed {given.seed}",
+            "made_by": f"benchmarks/statistical.py --camera {given.camera} --fit --drives {given.drives} --seed {given.seed}",
             "drives": 2 * given.drives,
             "seeds": [seeds.start, seeds.stop - 1],
             "frames": len(records),
             "accepted": sum(record["map"] is not None for record in records),
-            "sensor": "kinect1, 320 x 240, on the front and rear mounts of the chair wheelchair",
+            "sensor": f"{given.camera}, {calibration.width_px} x {calibration.height_px}, on the mounts of the chair wheelchair",
             "stairs": {"slope_deg": SLOPE_DEG, "rise_m": RISE_M, "steps": (8, 20), "open": 0.3} | AS_BUILT,
             "gravity_error_deg": GRAVITY_ERROR_RAD / DEG,
             "errors_times": SPARE,
         }
-        DATA.parent.mkdir(exist_ok=True)
-        DATA.write_text(text_of(fit(records, about)))
-    validate(lines_of(others, given.keep and given.keep / "held.jsonl"))
+        DATA.write_text(text_of(json.loads(DATA.read_text()) | {given.camera: fit(records, about)}))
+        return
+    validate(lines_of(others, given.camera, given.keep and given.keep / f"{given.camera}-held.jsonl"), given.camera)
 
 
 if __name__ == "__main__":

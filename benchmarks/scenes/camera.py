@@ -3,12 +3,12 @@
 import itertools
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
 
-from treadline.core.camera_images import PinholeCamera
+from treadline.core.camera_images import DepthSensor, PinholeCamera
 from treadline.plant.sensors.camera import Camera, RenderedFrame
 from treadline.plant.sensors.camera.depth_sensor import (
     JUMP_PX,
@@ -75,7 +75,7 @@ class SceneCamera(Camera):
         solids: list[SceneBox],
         calibration: PinholeCamera,
         *,
-        kind: str = "kinect1",
+        kind: DepthSensor | Literal["ideal"] = "kinect1",
         declared: PinholeCamera | None = None,
         sigma_px: float | None = None,
         edge_holes: bool = False,
@@ -89,16 +89,17 @@ class SceneCamera(Camera):
     ) -> None:
         super().__init__(solids, calibration, kind=kind, rng=rng, **surfaces)
         self._declared = declared or calibration
-        self._edge_holes = edge_holes and isinstance(SENSORS.get(kind), StructuredLight)
+        self._edge_holes = edge_holes and kind == "kinect1"
         self._holes, self._blur_px, self._puddles = holes, blur_px, puddles
-        sensor = SENSORS.get(kind)
-        if sensor is not None:
+        if kind != "ideal":
+            sensor = SENSORS[kind]
             if sigma_px is not None and isinstance(sensor, StructuredLight | ActiveStereo):
                 sensor = replace(sensor, sigma_px=sigma_px)
             scale = calibration.width_px / SENSOR_WIDTH_PX
             # The noise of a stereo camera has the correlation of its matching window.
             grain_px *= 0.0 if isinstance(sensor, ActiveStereo) else scale
-            self._sensor = model_of(sensor, calibration, _alike(self._normal, calibration.width_px, grain_px), self._chance)
+            normal = _alike(self._normal, calibration.width_px, grain_px)
+            self._sensor = model_of(kind, calibration, normal, self._chance, sensor=sensor)
         self._warp_px = _warp(calibration, warp_px, rng) if warp_px > 0.0 else None
 
     def frame(self, t_s: float, R_WC: np.ndarray, p_WC: np.ndarray, sweep: Sweep | None = None) -> RenderedFrame:

@@ -1,8 +1,11 @@
 """Parameter ranges of random views, for ``draw_view``."""
 
 from dataclasses import dataclass, fields
+from typing import Literal
 
 import numpy as np
+
+from treadline.core.camera_images import DepthSensor
 
 STAIR_SCENES = ("up", "top", "foot", "down", "edge", "bottom")
 """Scenes with a stair: the chair is on the flight, near its top or on the floor before it, facing up; or on the flight, on the
@@ -91,7 +94,7 @@ class ViewRecipe:
     """Speed of the chair along its own x axis during the readout."""
     turn_rate_deg_s: float = 0.0
     """Standard deviation of the rates of roll, pitch and yaw during the readout."""
-    sensor: str = "kinect1"
+    sensor: DepthSensor | Literal["ideal"] = "kinect1"
     sensor_known: bool = False
     """Whether the frame's calibration names the sensor."""
     sigma_px: float | None = None

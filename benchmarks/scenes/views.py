@@ -28,19 +28,13 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import SettingsError
 from treadline.core.rotations import Vector3, rotation_z
 from treadline.plant.sensors.camera import ExactView
+from treadline.plant.sensors.camera.depth_sensor import FILES
 from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import ChairDescription, read_chair
 
 DOWN_W = np.array([0.0, 0.0, -1.0])
 """Unit vector of gravity in W."""
 DOWN_W.setflags(write=False)
-OPTICS: dict[str, tuple[int, int, float]] = {
-    "kinect2": (512, 424, 365.3),
-    "tof": (640, 576, 504.0),
-    "d435": (640, 480, 387.0),
-    "d455": (640, 480, 387.0),
-}
-"""Width, height and focal length of each sensor's depth image [px]; others have the optics of the chair's camera."""
 ROOM_YAW_DEG: Range = (-12.0, 12.0)
 """Range of the chair's yaw in a scene without a stair [deg]; the objects are rotated as well."""
 
@@ -208,21 +202,11 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
 
 def calibration_of(recipe: ViewRecipe, chair: ChairDescription) -> PinholeCamera:
     """Return the nominal camera of a recipe's sensor on a chair."""
-    camera = chair.camera_at(recipe.height_px or 240)
-    if recipe.sensor in OPTICS:
-        width, height, focal_px = OPTICS[recipe.sensor]
-        rows = recipe.height_px or height
-        scale = rows / height
-        columns = round(width * scale)
-        camera = replace(
-            chair.camera_at(),
-            width_px=columns,
-            height_px=rows,
-            fx_px=focal_px * scale,
-            fy_px=focal_px * scale,
-            cx_px=(columns - 1) / 2,
-            cy_px=(rows - 1) / 2,
-        )
+    if recipe.sensor in ("kinect1", "ideal"):
+        camera = chair.camera_at(recipe.height_px or 240)
+    else:
+        mounted = chair.changed(camera={"calibration": FILES[recipe.sensor], "file": None})
+        camera = replace(mounted.camera_at(recipe.height_px), sensor="auto")
     return camera if recipe.focal_px is None else replace(camera, fx_px=recipe.focal_px, fy_px=recipe.focal_px)
 
 

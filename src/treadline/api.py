@@ -97,11 +97,10 @@ def check(scenario: "str | Path | Scenario", *, set: "Mapping[str, object] | Non
         >>> tl.check("up-28", set={"stair.slope_deg": 44}).verdict
         'refuse'
     """
-    from treadline.scenario.chair import read_chair
     from treadline.vehicle.verdict import check as checked
 
     settings = read_scenario(scenario, set=set)
-    return checked(settings, read_chair(settings.chair.model))
+    return checked(settings, settings.read_chair())
 
 
 def identify(

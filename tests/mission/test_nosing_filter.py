@@ -311,7 +311,7 @@ def test_the_noise_model_is_that_of_the_statistical_camera_and_of_the_detector()
     from treadline.perception.lattice_kernels import RISE_IRREGULAR_M, RUN_IRREGULAR_M
     from treadline.perception.robust_method import GRAVITY_SIGMA
 
-    camera = json.loads((resources.files("treadline") / "data/cameras/statistical.json").read_text(encoding="utf-8"))
+    camera = json.loads((resources.files("treadline") / "data/cameras/statistical.json").read_text(encoding="utf-8"))["kinect1"]
     for axis, name in enumerate(("along", "height")):
         frozen, decaying, length_m = camera["shared"][f"nosing {name}"]
         assert nosing_filter.COMMON[axis] == camera["common"][name]

@@ -18,7 +18,6 @@ from treadline.core.models import write_whole
 from treadline.playback import Recording
 from treadline.report.labels import score_name, score_unit, suffix
 from treadline.report.side_view import SideViews
-from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 
 COLOURS = {
@@ -93,9 +92,7 @@ def thumbnail(row: Row, scenario: Scenario) -> str | None:
     if kept is None:
         return None
     known = {name: np.array([value]) for name, value in kept.items() if name != "t_s"}
-    recording = Recording.of_curves(
-        np.array([kept["t_s"]]), read_chair(scenario.chair.model), scenario=scenario, seed=row["seed"], **known
-    )
+    recording = Recording.of_curves(np.array([kept["t_s"]]), scenario.read_chair(), scenario=scenario, seed=row["seed"], **known)
     views = SideViews(recording, f"run{row['index']:04d}")
     words = f"Run {row['index']:04d}, {row['verdict']}: side view at its least tip-over margin, {kept['t_s']:.1f} s"
     return views.definitions + views.view(kept["t_s"], words)

@@ -116,7 +116,6 @@ def model(
     import numpy as np
 
     from treadline.core.models import write_whole
-    from treadline.scenario.chair import read_chair
     from treadline.scenario.scenario import read_scenario
     from treadline.vehicle.bodies import vehicle
     from treadline.vehicle.sdf import sdf_model, sdf_world
@@ -125,7 +124,7 @@ def model(
 
     claim(out, force=force, kind="file")
     settings = read_scenario(scenario)
-    chair, loading = read_chair(settings.chair.model), settings.chair
+    chair, loading = settings.read_chair(), settings.chair
     # The stair of a run with this seed: the plant draws it from the first of its streams.
     staircase = build_staircase(settings.stair, np.random.default_rng(seed).spawn(1)[0], settings.step)
     start = standing(staircase, chair.tracks, settings.start)

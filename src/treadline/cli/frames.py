@@ -30,7 +30,7 @@ def frames(
         out: Folder to write.
         count: Number of frames.
         seed: Random seed. The same seed gives byte-identical results.
-        sensor: Noise model: kinect1, kinect2, tof, d435, d455 or ideal. Default: that of the scenario; kinect1 if it has none.
+        sensor: Camera: kinect1, kinect2, tof, d435 or d455, or ideal for no errors. Default: that of the scenario.
         heading: Smallest and largest heading in degrees, from -45 to 45.
     """
     from treadline.core.angles import DEG
@@ -47,8 +47,7 @@ def frames(
         raise SettingsError(f"--heading is {heading}; give the smallest and the largest in degrees, within -45,45")
     settings = Scenario() if scenario is None else read_scenario(scenario)
     known = (*SENSORS, "ideal")
-    own = settings.sensors.camera if settings.sensors.camera in known else "kinect1"
-    noise = own if sensor is None else choice("--sensor", sensor, known)
+    noise = None if sensor is None else choice("--sensor", sensor, known)
     report_compiling()
     if force:
         remove(out, [path.name for path in out.glob("[0-9]*_*.png")])

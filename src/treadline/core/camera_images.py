@@ -4,7 +4,7 @@ Frame C: x right, y down, z forward. Pixel centres have integer coordinates.
 """
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -24,7 +24,9 @@ CAMERA_AXES_IN_CHAIR.setflags(write=False)
 
 DepthSensor = Literal["auto", "kinect1", "kinect2", "d435", "d455", "tof"]
 """Kind of a depth sensor: structured light (kinect1, also Xtion and Astra), time of flight (kinect2, or tof for others), active
-stereo (d435, d455), or unknown (auto)."""
+stereo (d435, d455), or unknown (auto). Each known kind has a camera file in ``data/cameras``."""
+BASELINES_M: Mapping[DepthSensor, float] = {"kinect1": 0.075, "kinect2": 0.0, "d435": 0.050, "d455": 0.095, "tof": 0.0}
+"""Distance of a kind's imager from its projector or second imager [m]; 0 for time of flight, which measures ranges."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,6 @@ from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments.plan import FIG10_SLOPE, turn
 from treadline.plant.mujoco import open_plant as open_mujoco
 from treadline.run.resolve import Opener
-from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.quasi_static import quasi_static_run
 
@@ -60,7 +59,7 @@ def _theory(scenario: Scenario, heading_rad: float, x_m: float, difference_m_s: 
     stair = scenario.stair
     pitch_m = math.hypot(stair.rise_m, stair.run_m)
     run = quasi_static_run(
-        read_chair(scenario.chair.model),
+        scenario.read_chair(),
         scenario.chair,
         stair.slope_rad,
         pitch_m,

@@ -30,11 +30,10 @@ from treadline.mission.mission_config import MissionConfig
 from treadline.mission.planner import Cruise
 from treadline.perception import DetectorConfig
 from treadline.run.excitation_run import PERIOD_S
-from treadline.scenario.camera_file import MOUNT_ANGLES, CameraFile
+from treadline.scenario.camera_file import INTRINSICS, MOUNT_ANGLES, CameraFile
 from treadline.scenario.scenario import Control, DriveSettings
 from treadline.scenario.shipped_files import shipped_controller
 
-INTRINSICS = ("fx_px", "fy_px", "cx_px", "cy_px")
 CAMERA = ("width", "height", *INTRINSICS, "depth_unit_m", *MOUNT_ANGLES, "mount_m")
 """Keys of a calibration file that stand in place of the log's values, or of the chair file's."""
 MEANINGS = {

@@ -19,7 +19,6 @@ from treadline.core.signals import TICK_S
 from treadline.experiments._job_pool import RunJob
 from treadline.experiments.plan import FIG10_SLOPE, SLOPES_DEG, TABLE_SPEED_M_S, ReproducePlan, turn
 from treadline.plant.mujoco import CAMERA_PERIOD_S
-from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 
 
@@ -95,7 +94,7 @@ def table1() -> list[dict[str, Any]]:
     Paper: Table I.
     """
     scenario = turn(int(paper.SLOPE_DEG), 30, paper.FIG10_DURATION_S)
-    chair = read_chair(scenario.chair.model)
+    chair = scenario.read_chair()
     top = chair.drives.max_speed_m_s
     friction = scenario.stair.friction
     return [

@@ -109,7 +109,7 @@ def excitation(ground: Ground) -> Scenario:
 
 def without_images(scenario: Scenario) -> Scenario:
     """Return the scenario with the statistical camera: heading and map with the stair detector's errors, nothing rendered."""
-    return scenario.changed(sensors={"camera": "statistical"})
+    return scenario.changed(sensors={"camera": scenario.sensors.camera_name, "model": "statistical"})
 
 
 def turn(

@@ -175,7 +175,7 @@ def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> li
 
 def _cost(job: RunJob) -> float:
     """Return the processor time that a run takes, up to a factor."""
-    is_rendered = job.scenario.sensors.camera != "statistical" and job.scenario.control.vision != "truth"
+    is_rendered = job.scenario.sensors.camera_model != "statistical" and job.scenario.control.vision != "truth"
     return job.scenario.drive.duration_s * (RENDERED_COST if is_rendered else 1.0)
 
 

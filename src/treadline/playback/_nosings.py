@@ -246,7 +246,7 @@ def comparison_of(recording: Recording) -> NosingComparison | None:
     if scenario is None or staircase is None:
         return None
     rear = scenario.drive.direction == "down"
-    return NosingComparison(staircase, recording.chair.camera_at(scenario.sensors.image_height_px, rear=rear))
+    return NosingComparison(staircase, recording.chair.camera_at(scenario.sensors.rows_px, rear=rear))
 
 
 def _frame(comparison: NosingComparison, recording: Recording, seen: PerceivedStair) -> FrameNosings:

@@ -116,7 +116,7 @@ def _begun(manifest: dict[str, Any], path: Path, source: Path) -> RecordingBuild
     if not isinstance(settings, dict):
         raise SettingsError(f"{path}: no settings; make the run again")
     scenario = _scenario(path, settings)
-    chair = read_chair(DEFAULT_CHAIR if scenario is None else scenario.chair.model)
+    chair = read_chair(DEFAULT_CHAIR) if scenario is None else scenario.read_chair()
     guard, seed = manifest.get("guard"), manifest.get("seed", 0)
     return RecordingBuilder(
         chair,

@@ -25,7 +25,7 @@ from treadline.mission.mission_config import (
     source_of_plugin,
 )
 from treadline.mission.plugins import checked_plugin, load_plugin
-from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Scenario, read_scenario
 from treadline.scenario.shipped_files import shipped_controller
 from treadline.vehicle.verdict import CheckReport, check
@@ -139,7 +139,7 @@ def resolve(
         SettingsError: If a file or plug-in is missing or says something that it must not.
     """
     given = scenario if isinstance(scenario, Scenario) else read_scenario(scenario)
-    chair = read_chair(given.chair.model)
+    chair = given.read_chair()
     report = check(given, chair)
     driver = controller if isinstance(controller, Driver) and not isinstance(controller, type) else None
     design, plugins = resolved_blocks(None if driver is not None else controller, detector, estimator)
@@ -186,7 +186,7 @@ def mission_config(
         plugins: Blocks that replace the shipped ones.
         open_plant: Simulator: its name, or a factory of the plant.
     """
-    described = read_chair(scenario.chair.model) if chair is None else chair
+    described = scenario.read_chair() if chair is None else chair
     return MissionConfig(
         chair=with_seat_shifted(described, scenario.chair.seat_shift_m),
         controller=controller,
@@ -207,7 +207,7 @@ def _reports_ground(scenario: Scenario, plant: Opener | PlantName) -> bool:
     """Return whether the simulated camera measures by itself, the ground included; an own plant declares it."""
     if not isinstance(plant, str):
         return getattr(plant, "reports_ground", False) is True
-    return scenario.sensors.camera == "statistical" or scenario.control.vision == "truth"
+    return scenario.sensors.camera_model == "statistical" or scenario.control.vision == "truth"
 
 
 def with_seat_shifted(chair: ChairDescription, shift_m: float) -> ChairDescription:

@@ -1,15 +1,18 @@
-"""Camera calibration from a TOML file."""
+"""Camera from a TOML file: intrinsics, mount, and for the simulator the errors, rate and latency."""
 
 import math
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import DepthSensor, PinholeCamera
-from treadline.core.settings import Settings, read_toml
+from treadline.core.camera_images import BASELINES_M, DepthSensor, PinholeCamera
+from treadline.core.settings import Settings, parse_toml, read_toml
+from treadline.scenario.shipped_files import camera_path
 
 Positive = Annotated[float, Field(gt=0.0)]
 AT_THE_EDGE = 0.02
@@ -25,10 +28,15 @@ MOUNT_ANGLES = ("mount_pitch_deg", "mount_roll_deg", "mount_yaw_deg")
 """Names of the mount angles."""
 Degrees = Annotated[float, Field(ge=-180.0, le=180.0)]
 Pixels = Annotated[int, Field(ge=16, le=8192)]
+INTRINSICS = ("fx_px", "fy_px", "cx_px", "cy_px")
+"""Names of the focal lengths and of the principal point."""
 
 
 class CameraFile(Settings):
-    """Pinhole camera, the unit of its depth images and its mount on the chair."""
+    """Pinhole camera, the unit of its depth images, its mount on the chair, and what the simulator needs to render it.
+
+    A key that is missing has the value of the sensor's kind; intrinsics are scaled to the image's size.
+    """
 
     width: Pixels
     height: Pixels
@@ -48,6 +56,28 @@ class CameraFile(Settings):
     mount_roll_deg: Degrees = 0.0
     mount_yaw_deg: Degrees = 0.0
     mount_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    range_m: tuple[Positive, Positive] = (0.15, 10.0)
+    """Smallest and largest depth that the sensor measures."""
+    sigma_m: tuple[float, float, Annotated[float, Field(ge=0.0, le=4.0)]] | None = None
+    """Noise law of the simulated sensor, [a, b, exponent]: standard deviation a + b·Z^exponent [m] at a depth of Z metres, positive
+    over ``range_m``. Unset: the noise of the sensor's kind; a Kinect 1's with auto."""
+    rate_hz: Annotated[float, Field(ge=5.0, le=100.0)] = 10.0
+    """Frames per second of the simulated camera (Table I: 10)."""
+    latency_s: Annotated[float, Field(ge=0.0, le=0.5)] | None = None
+    """Mean time from exposure to delivery in the simulator. Unset: ``realism.camera_latency_s`` of the scenario."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _complete(cls, tables: object) -> object:
+        """Add the values of the sensor's kind; intrinsics only for images of its aspect ratio."""
+        if not isinstance(tables, Mapping) or tables.get("sensor") not in BASELINES_M:
+            return tables
+        known = _kind(tables["sensor"])
+        scale = height / known["height"] if isinstance(height := tables.get("height", known["height"]), int) else 0.0
+        if tables.get("width", known["width"]) != round(known["width"] * scale):
+            return {"range_m": known["range_m"], **tables}
+        scaled = {key: (known[key] + 0.5 * (key[0] == "c")) * scale - 0.5 * (key[0] == "c") for key in INTRINSICS}
+        return known | scaled | {"height": height} | dict(tables)
 
     @field_validator("X_depth_colour", mode="before")
     @classmethod
@@ -65,6 +95,22 @@ class CameraFile(Settings):
             if np.abs(R @ R.T - np.eye(3)).max() > RIGID or np.linalg.det(R) < 0.0:
                 raise ValueError(
                     "X_depth_colour turns by a matrix that is no rotation; its rows must be unit vectors at right angles"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _has_noise_at_any_depth(self) -> "CameraFile":
+        near_m, far_m = self.range_m
+        if near_m >= far_m:
+            raise ValueError(f"range_m is [{near_m:g}, {far_m:g}]; give the smallest depth first")
+        if self.sigma_m is not None:
+            floor_m, gain, exponent = self.sigma_m
+            # The law is monotonic: its smallest value is at one of the ends.
+            sigma_m, depth_m = min((floor_m + gain * depth_m**exponent, depth_m) for depth_m in self.range_m)
+            if sigma_m <= 0.0:
+                raise ValueError(
+                    f"sigma_m = {list(self.sigma_m)} is a standard deviation of {sigma_m:.4g} m at a depth of {depth_m:g} m; it "
+                    f"must be above 0 over range_m, from {near_m:g} to {far_m:g} m"
                 )
         return self
 
@@ -95,6 +141,17 @@ class CameraFile(Settings):
         return self
 
     @property
+    def kind(self) -> DepthSensor:
+        """Kind of sensor that the simulator renders."""
+        return "kinect1" if self.sensor == "auto" else self.sensor
+
+    @property
+    def mount(self) -> dict[str, object]:
+        """Values of the mount on a chair that the file gives, by their key there."""
+        keys = {name: name.removeprefix("mount_") for name in MOUNT_ANGLES} | {"mount_m": "position_m"}
+        return {key: getattr(self, name) for name, key in keys.items() if name in self.model_fields_set}
+
+    @property
     def mount_known(self) -> bool:
         """Whether the file gives the mount orientation; otherwise the camera is assumed level and facing ahead."""
         return not self.model_fields_set.isdisjoint(MOUNT_ANGLES)
@@ -102,13 +159,18 @@ class CameraFile(Settings):
     @property
     def camera(self) -> PinholeCamera:
         """Calibration as used by the detector."""
+        return self.scaled(self.height)
+
+    def scaled(self, height_px: int) -> PinholeCamera:
+        """Return the calibration of an image scaled to a height [px]."""
+        scale = height_px / self.height
         return PinholeCamera(
-            width_px=self.width,
-            height_px=self.height,
-            fx_px=self.fx_px,
-            fy_px=self.fy_px,
-            cx_px=self.cx_px,
-            cy_px=self.cy_px,
+            width_px=round(self.width * scale),
+            height_px=height_px,
+            fx_px=self.fx_px * scale,
+            fy_px=self.fy_px * scale,
+            cx_px=(self.cx_px + 0.5) * scale - 0.5,  # pixel centres are integers: the image's edge is at -0.5
+            cy_px=(self.cy_px + 0.5) * scale - 0.5,
             mount_pitch_rad=self.mount_pitch_deg * DEG,
             mount_roll_rad=self.mount_roll_deg * DEG,
             mount_yaw_rad=self.mount_yaw_deg * DEG,
@@ -118,9 +180,19 @@ class CameraFile(Settings):
 
 
 def read_camera(path: Path) -> CameraFile:
-    """Return the calibration in a file.
+    """Return the camera in a file, or the shipped camera of that name.
 
     Raises:
         SettingsError: If the file is missing or invalid.
     """
-    return read_toml(path, CameraFile)
+    is_name = str(path) in BASELINES_M and not path.exists()
+    return read_toml(camera_path(str(path)) if is_name else path, CameraFile)
+
+
+@cache
+def _kind(name: str) -> dict[str, Any]:
+    return parse_toml(camera_path(name))
+
+
+KINECT_1 = read_camera(Path("kinect1"))
+"""Camera of a chair whose file names none."""

@@ -4,6 +4,7 @@ Paper: Section II, Table I. All positions are in B: x forward, y left, z up, ori
 """
 
 import math
+from dataclasses import replace
 from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field, model_validator
@@ -13,15 +14,13 @@ from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError
 from treadline.core.settings import Pairs, Settings, read_toml
 from treadline.core.signals import TICK_S
-from treadline.scenario.camera_file import CameraFile, Degrees, read_camera
+from treadline.scenario.camera_file import KINECT_1, CameraFile, Degrees, read_camera
 from treadline.scenario.shipped_files import chair_file
 
 GRAVITY_M_S2 = 9.81
 """Acceleration of gravity [m/s²]."""
 EMPTY_SEAT_KG = 0.5
 """Mass of the seat shell, which rotates with the payload [kg]."""
-KINECT_1 = CameraFile(width=640, height=480, fx_px=575.0, fy_px=575.0, cx_px=319.5, cy_px=239.5)
-"""Intrinsics of a Kinect 1 as its own driver reports them: the camera of a chair whose file names none."""
 SWEPT_SPARE_M = 0.025
 """Clearance on either side of a chair within which an object counts as an obstacle [m]."""
 
@@ -209,6 +208,11 @@ class CameraMount(Settings):
     calibration: CameraFile | None = None
     """Intrinsics given in the chair's file itself, in place of ``file``."""
 
+    @property
+    def device(self) -> CameraFile:
+        """Camera on the mount: a Kinect 1 if none is given."""
+        return self.calibration or KINECT_1
+
 
 class ChairDescription(Settings):
     """Tracked chair."""
@@ -307,12 +311,8 @@ class ChairDescription(Settings):
         """Mass of the seat shell [kg]; zero without a seat."""
         return 0.0 if self.seat is None else EMPTY_SEAT_KG
 
-    def camera_at(self, height_px: int = 240, *, rear: bool = False) -> PinholeCamera:
-        """Return the chair's front or rear camera, its image scaled to a height.
-
-        Args:
-            height_px: Image rows; the simulator renders 240 or 480. Width, focal lengths and principal point scale with it.
-            rear: Whether the camera that faces backwards is asked for.
+    def mount_of(self, *, rear: bool) -> CameraMount:
+        """Return the mount of the front or rear camera.
 
         Raises:
             SettingsError: If the chair has no rear camera.
@@ -320,19 +320,27 @@ class ChairDescription(Settings):
         mount = self.rear_camera if rear else self.camera
         if mount is None:
             raise SettingsError(f"chair {self.name!r} has no rear_camera, and cannot see where it backs to; it only climbs")
-        known = mount.calibration or KINECT_1
-        scale = height_px / known.height
-        return PinholeCamera(
-            width_px=round(known.width * scale),
-            height_px=height_px,
-            fx_px=known.fx_px * scale,
-            fy_px=known.fy_px * scale,
-            cx_px=(known.cx_px + 0.5) * scale - 0.5,  # pixel centres are integers: the image's edge is at -0.5
-            cy_px=(known.cy_px + 0.5) * scale - 0.5,
+        return mount
+
+    def camera_at(self, height_px: int | None = 240, *, rear: bool = False) -> PinholeCamera:
+        """Return the chair's front or rear camera, its image scaled to a height.
+
+        Args:
+            height_px: Image rows; None: all of the camera. Width, focal lengths and principal point scale with it.
+            rear: Whether the camera that faces backwards is asked for.
+
+        Raises:
+            SettingsError: If the chair has no rear camera.
+        """
+        mount = self.mount_of(rear=rear)
+        return replace(
+            mount.device.scaled(height_px or mount.device.height),
             mount_pitch_rad=mount.pitch_deg * DEG,
             mount_roll_rad=mount.roll_deg * DEG,
             mount_yaw_rad=mount.yaw_deg * DEG,
             mount_m=mount.position_m,
+            # The detector recognises a Kinect 1 by its noise.
+            sensor="auto" if mount.calibration is None else mount.calibration.sensor,
         )
 
     @property

@@ -10,9 +10,11 @@ from pydantic import Field, model_validator
 from treadline.core.errors import SettingsError, closest
 from treadline.core.printing import Printable
 from treadline.core.settings import Settings, parse_toml, settings_of
+from treadline.scenario.camera_file import read_camera
+from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.faults import Fault
 from treadline.scenario.operator_actions import OperatorAct, act_problem
-from treadline.scenario.shipped_files import CHAIRS, DATA, chair_file
+from treadline.scenario.shipped_files import CAMERAS, CHAIRS, DATA, camera_path, chair_file
 from treadline.scenario.stair import Stair, StepOverride, step_problem
 
 __all__ = [
@@ -175,18 +177,40 @@ class Control(Settings):
     """Method of state reconstruction. Unset: as stored in the controller file (observer by default)."""
 
 
+MODELS = ("ideal", "statistical")
+"""Models that ``sensors.camera`` may name in place of a camera."""
+
+
 class Sensors(Settings):
     """Error models of the sensors."""
 
-    camera: Literal["kinect1", "kinect2", "ideal", "statistical"] = "kinect1"
-    """Camera model: rendered images with the noise of the named sensor, or statistical: headings and maps with fitted errors,
-    without images."""
-    image_height_px: Literal[240, 480] = 240
-    """Image height: 320×240 or 640×480 pixels."""
+    camera: str = "kinect1"
+    """Camera: kinect1, kinect2, d435, d455 or tof, or the path of a camera file. kinect1 has the lens that the chair's file names,
+    if it names one. The former values ideal and statistical are a kinect1 with that model."""
+    model: Literal["rendered", "statistical", "ideal"] = "rendered"
+    """Model of the camera: rendered images with the errors of its sensor, images without errors (ideal), or statistical: headings
+    and maps with errors fitted to its kind of sensor, without images."""
+    image_height_px: Literal[240, 480] | None = None
+    """Image height. Unset: 240 rows of a kinect1 (320×240 pixels), all rows of another camera."""
     imu: Literal["mpu6050", "mpu9250", "ideal"] = "mpu6050"
     """IMU model: noise and bias of the named sensor."""
     gravity_error_deg: Annotated[float, Field(ge=0.0, le=5.0)] = 0.0
     """Attitude error of a chair at rest due to accelerometer bias, in a random direction."""
+
+    @property
+    def camera_name(self) -> str:
+        """Name or path of the camera."""
+        return "kinect1" if self.camera in MODELS else self.camera
+
+    @property
+    def camera_model(self) -> str:
+        """Model of the camera: rendered, statistical or ideal."""
+        return self.camera if self.camera in MODELS and self.model == "rendered" else self.model
+
+    @property
+    def rows_px(self) -> int | None:
+        """Image height [px]; None: all rows of the camera."""
+        return 240 if self.image_height_px is None and self.camera_name == "kinect1" else self.image_height_px
 
 
 class Realism(Settings):
@@ -247,6 +271,21 @@ class Scenario(Printable, Settings):
             (".".join(keys), f"{value:g}" if isinstance(value, float) else str(value)) for keys, value in leaves(changed).items()
         ]
 
+    def read_chair(self) -> ChairDescription:
+        """Return the chair with the camera in use: its lens at both mounts; a mount in its file replaces that of the camera ahead.
+
+        Raises:
+            SettingsError: If no such chair or camera exists, or its file is invalid.
+        """
+        chair = read_chair(self.chair.model)
+        if self.sensors.camera_name == "kinect1":
+            return chair
+        device = read_camera(camera_path(self.sensors.camera_name))
+        ahead = "rear_camera" if self.drive.direction == "down" else "camera"
+        mounts = [mount for mount in ("camera", "rear_camera") if getattr(chair, mount) is not None]
+        lens = {"calibration": device, "file": None}
+        return chair.changed(**{mount: lens | (device.mount if mount == ahead else {}) for mount in mounts})
+
     @model_validator(mode="after")
     def _tables_of_lists_agree(self) -> "Scenario":
         problem = step_problem(self.stair, self.step) or act_problem(self.operator)
@@ -306,19 +345,21 @@ def with_values(
 
 
 def scenario_of(tables: Mapping[str, object], path: Path, *, where: str) -> Scenario:
-    """Return the scenario given by parsed tables; a chair file is looked up next to ``path`` first.
+    """Return the scenario given by parsed tables; files of chair and camera are looked up next to ``path`` first.
 
     Raises:
-        SettingsError: With ``where``, if the tables are invalid or the chair file does not exist.
+        SettingsError: With ``where``, if the tables are invalid or the file of chair or camera does not exist.
     """
     scenario = settings_of(tables, Scenario, where=where, file=path if where == str(path) else None)
+    sensors = scenario.sensors
     try:
-        found = chair_file(scenario.chair.model, path.parent)
+        chair = chair_file(scenario.chair.model, path.parent)
+        camera = camera_path(sensors.camera_name, path.parent)
     except SettingsError as error:
         raise SettingsError(f"{where}: {error}") from None
-    if found.parent == CHAIRS:
-        return scenario
-    return scenario.changed(chair={"model": str(found)})
+    own = {} if chair.parent == CHAIRS else {"chair": {"model": str(chair)}}
+    own |= {} if camera.parent == CAMERAS else {"sensors": {"camera": str(camera)}}
+    return scenario.changed(**own) if own else scenario
 
 
 def shipped_scenarios() -> dict[str, Path]:

@@ -1,4 +1,4 @@
-"""Files of chairs and controllers: the shipped ones by name, or the user's own.
+"""Files of chairs, cameras and controllers: the shipped ones by name, or the user's own.
 
 A controller is shipped for each vehicle: one JSON file, made by ``examples/make_controller.py``.
 """
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from treadline.core.models import ControllerDesign
 
 DATA = Path(__file__).parents[1] / "data"
-CHAIRS, CONTROLLERS = DATA / "chairs", DATA / "controllers"
+CHAIRS, CAMERAS, CONTROLLERS = DATA / "chairs", DATA / "cameras", DATA / "controllers"
 
 
 def chair_file(model: str, *folders: Path) -> Path:
@@ -26,24 +26,42 @@ def chair_file(model: str, *folders: Path) -> Path:
     Raises:
         SettingsError: If there is none.
     """
-    if Path(model).suffix == ".toml":
-        places = [*(folder / model for folder in folders), Path(model)]
+    return _found("chair.model", CHAIRS, model, folders)
+
+
+def camera_path(camera: str, *folders: Path) -> Path:
+    """Return the path of a camera file.
+
+    Args:
+        camera: Name of a shipped camera, or path of a TOML file.
+        folders: Folders in which a relative path is sought first.
+
+    Raises:
+        SettingsError: If there is none.
+    """
+    return _found("sensors.camera", CAMERAS, camera, folders)
+
+
+def _found(key: str, shipped_in: Path, name: str, folders: tuple[Path, ...]) -> Path:
+    if Path(name).suffix == ".toml":
+        places = [*(folder / name for folder in folders), Path(name)]
         found = next((place for place in places if place.exists()), None)
         if found is None:
             looked = ", ".join(dict.fromkeys(str(place) for place in places))
-            raise SettingsError(f"chair.model: no file '{model}' (looked for {looked}); correct the path")
+            raise SettingsError(f"{key}: no file '{name}' (looked for {looked}); correct the path")
         return found
-    shipped = _shipped()
-    if model not in shipped:
-        meant = closest(model, shipped)
+    shipped = _shipped(shipped_in)
+    if name not in shipped:
+        meant = closest(name, shipped)
         remedy = "or give a path to a .toml" if meant is None else f"did you mean '{meant}'?"
-        raise SettingsError(f"chair.model: no shipped chair {model!r} (shipped: {', '.join(sorted(shipped))}); {remedy}")
-    return shipped[model]
+        kind = shipped_in.name.removesuffix("s")
+        raise SettingsError(f"{key}: no shipped {kind} {name!r} (shipped: {', '.join(sorted(shipped))}); {remedy}")
+    return shipped[name]
 
 
 @cache
-def _shipped() -> dict[str, Path]:
-    return {found.stem: found for found in CHAIRS.glob("*.toml")}
+def _shipped(folder: Path) -> dict[str, Path]:
+    return {found.stem: found for found in folder.glob("*.toml")}
 
 
 def shipped_controller(vehicle: str) -> "ControllerDesign":

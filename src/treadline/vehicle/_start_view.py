@@ -28,7 +28,7 @@ class StartView:
         self._is_up = scenario.drive.direction == "up"
         self._name = "camera" if self._is_up else "rear_camera"
         mounted = chair.model_copy(update={self._name: mount})
-        self._geometry = geometry_of(staircase, mounted.camera_at(scenario.sensors.image_height_px, rear=not self._is_up))
+        self._geometry = geometry_of(staircase, mounted.camera_at(scenario.sensors.rows_px, rear=not self._is_up))
 
     def nosings(self, start: Start) -> int:
         """Return the number of nosings in the image and within the depth range of the sensor; 0 where fewer than two are.

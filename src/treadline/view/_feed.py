@@ -110,7 +110,7 @@ class Feed:
     def camera(self) -> PinholeCamera:
         """Camera of the mission."""
         scenario = self.order.scenario
-        return self.recording.chair.camera_at(scenario.sensors.image_height_px, rear=scenario.drive.direction == "down")
+        return self.recording.chair.camera_at(scenario.sensors.rows_px, rear=scenario.drive.direction == "down")
 
     @cached_property
     def nosings(self) -> NosingComparison:

@@ -9,7 +9,6 @@ from treadline.core.models import BAG_SUFFIXES, ControllerDesign, json_of
 from treadline.io.mcap_read import has_arrivals, run_metadata
 from treadline.io.runs import LOG, RUN_CONTROLLER
 from treadline.playback import manifest_of, read_recording, run_folder_of
-from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, read_scenario
 from treadline.view._feed import Feed
 from treadline.view._messages import ImageOrder, Order
@@ -44,7 +43,7 @@ def open_live(
     scenario = read_scenario(target, values)
     order = Order(scenario=scenario, seed=seed, controller=controller, detector=detector, estimator=estimator, attended=attended)
     worker = Worker(order)
-    feed = Feed.live(order, read_chair(scenario.chair.model))
+    feed = Feed.live(order, scenario.read_chair())
     feed.workers["run"] = worker
     return Session(feed=feed, title=f"{target}, seed {seed}", attended=attended)
 
@@ -65,6 +64,7 @@ def open_recorded(target: str) -> Session:
     scenario = recording.scenario or Scenario()
     feed = Feed.recorded(recording, Order(scenario=scenario, seed=recording.seed, controller=_controller_of(path)))
     log = path / LOG if (path / LOG).is_file() else path
+    latency_s = recording.chair.mount_of(rear=scenario.drive.direction == "down").device.latency_s
     if len(recording.frames_t_s) or not has_arrivals(log):
         feed.workers["images"] = Worker(
             ImageOrder(
@@ -72,7 +72,7 @@ def open_recorded(target: str) -> Session:
                 camera=feed.camera,
                 vision="paper" if scenario.control.vision == "paper" else "robust",
                 swept_half_m=recording.chair.swept_half_m,
-                latency_s=scenario.realism.camera_latency_s,
+                latency_s=scenario.realism.camera_latency_s if latency_s is None else latency_s,
             )
         )
     # Plug-ins are never loaded on behalf of a log.

@@ -89,7 +89,6 @@ def _mount_of_run(source: Path) -> PinholeCamera | None:
     from treadline.core.models import read_json
     from treadline.core.settings import settings_of
     from treadline.io.runs import LOG, MANIFEST
-    from treadline.scenario.chair import read_chair
     from treadline.scenario.scenario import Scenario
 
     where = (source.parent if source.name == LOG else source) / MANIFEST
@@ -100,7 +99,7 @@ def _mount_of_run(source: Path) -> PinholeCamera | None:
         return None
     if "replay" in settings:  # of a log without a manifest, the chair is the default
         settings = settings.get("scenario") or {}
-    return read_chair(settings_of(settings, Scenario, where=f"{where}: settings").chair.model).camera_at()
+    return settings_of(settings, Scenario, where=f"{where}: settings").read_chair().camera_at()
 
 
 def _folder(path: Path, options: FrameOptions) -> FrameSource:

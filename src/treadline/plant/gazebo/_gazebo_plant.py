@@ -18,7 +18,7 @@ from treadline.plant import _actuator_lag_and_slew_kernels as kernels
 from treadline.plant.gazebo import _gzserver as server
 from treadline.plant.gazebo._gzserver import PLUGIN, Environment, find_environment
 from treadline.plant.sensors._instruments import ChairState, InstrumentedPlant
-from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Belts, Scenario
 from treadline.vehicle.sdf import sdf_world
 from treadline.vehicle.staircase import Staircase
@@ -174,7 +174,7 @@ def open_gazebo(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | 
     Raises:
         GazeboError: If Gazebo is not installed.
     """
-    return GazeboPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair, find_environment())
+    return GazeboPlant(scenario, seed, scenario.read_chair() if chair is None else chair, find_environment())
 
 
 def world_sdf(scenario: Scenario, staircase: Staircase, chair: ChairDescription, *, plugin: str, port: int) -> str:

@@ -28,7 +28,7 @@ from treadline.plant.mujoco._native import contact_layout, contact_list, load_li
 from treadline.plant.mujoco.contact._parameters import NOMINAL, Physics, fit_lugs
 from treadline.plant.sensors._instruments import SUPPORT_TICKS, ChairState, InstrumentedPlant, look
 from treadline.plant.sensors.camera.solids import SceneBox
-from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, read_chair
+from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.start_pose import standing
@@ -377,4 +377,4 @@ def open_plant(
     """
     if not isinstance(scenario, Scenario):
         raise SettingsError(f"open_plant is given {scenario!r}; wanted a Scenario: read_scenario returns one for a name or file")
-    return MujocoPlant(scenario, seed, read_chair(scenario.chair.model) if chair is None else chair, physics)
+    return MujocoPlant(scenario, seed, scenario.read_chair() if chair is None else chair, physics)

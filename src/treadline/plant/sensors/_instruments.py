@@ -33,6 +33,7 @@ from treadline.plant.sensors._free_ground import SIGMA_M, GroundAhead
 from treadline.plant.sensors.camera import Camera
 from treadline.plant.sensors.imu import IMUS, Imu
 from treadline.plant.sensors.statistical_camera import EXACT_PLACE_M, StatisticalCamera
+from treadline.scenario.camera_file import KINECT_1
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Realism, Scenario
 from treadline.vehicle.stair_solids import stair_surfaces
@@ -96,9 +97,7 @@ class Encoder:
         return (math.floor(self._travel_counts) - before) / (self._counts_m * TICK_S)
 
 
-CAMERA_TICKS = 10
-"""Ticks per camera frame."""
-CAMERA_PERIOD_S = CAMERA_TICKS * TICK_S
+CAMERA_PERIOD_S = 1.0 / KINECT_1.rate_hz
 """Frame period of the camera [s] (Table I: 10 Hz)."""
 SUPPORT_TICKS = 25
 """Number of ticks during which a contact counts as support: contacts of a rocking chair are intermittent, and a chair drives 5 cm
@@ -179,7 +178,10 @@ class Instruments:
         self._look = look
         frames = [staircase.stair_frame(k) for k in range(staircase.flight_count)]
         self._frames = [(np.ascontiguousarray(R_WS.T), p_WS, along_m) for R_WS, p_WS, along_m in frames]
-        self._link = CameraLink(scenario.realism, streams.link)
+        device = chair.mount_of(rear=scenario.drive.direction == "down").device
+        self._frames_per_tick = TICK_S * device.rate_hz
+        late = {} if device.latency_s is None else {"camera_latency_s": device.latency_s}
+        self._link = CameraLink(scenario.realism.model_copy(update=late), streams.link)
         self._encoders = Encoder(scenario.realism.encoder_counts_m), Encoder(scenario.realism.encoder_counts_m)
         self._nosings_W = staircase.nosings_W
         self._surfaces = stair_surfaces(staircase)
@@ -220,7 +222,8 @@ class Instruments:
         if self._chair.flipper is not None:
             torque = state.flipper_torque_n_m + FLIPPER_TORQUE_NOISE_N_M * float(self._streams.flipper.standard_normal())
             readings.append(FlipperReading(t_s=t_s, angle_rad=state.flipper_rad, torque_n_m=torque))
-        if state.tick % CAMERA_TICKS == 0 and not self._link.is_dropped():
+        now, before = (math.floor(tick * self._frames_per_tick + 1e-9) for tick in (state.tick, state.tick - 1))
+        if now > before and not self._link.is_dropped():
             self._link.send(state.tick, self._look(state))
         readings.extend(self._link.arrived(state.tick))
         return readings, truth
@@ -361,12 +364,18 @@ class InstrumentedPlant(ABC):
     def _camera_of(self, statistical: np.random.Generator, render: np.random.Generator) -> CameraModel:
         """Return the camera: a rendering camera, or a statistical model of the detector's output."""
         sensors, stair, vision = self._scenario.sensors, self._scenario.stair, self._scenario.control.vision
-        calibration = self._chair.camera_at(sensors.image_height_px, rear=self._scenario.drive.direction == "down")
-        if vision != "truth" and sensors.camera != "statistical":
-            return Camera(self.staircase, calibration, kind=sensors.camera, texture=stair.texture, light=stair.light, rng=render)
+        rear = self._scenario.drive.direction == "down"
+        calibration, device = self._chair.camera_at(sensors.rows_px, rear=rear), self._chair.mount_of(rear=rear).device
+        if vision != "truth" and sensors.camera_model != "statistical":
+            kind = "ideal" if sensors.camera_model == "ideal" else device.kind
+            return Camera(
+                self.staircase, calibration, kind=kind, device=device, texture=stair.texture, light=stair.light, rng=render
+            )
         sigma_m, draws = EXACT_PLACE_M if vision == "truth" else SIGMA_M, statistical.spawn(1)[0]
         ground = GroundAhead(self.staircase, self._chair, calibration, draws, sigma_m)
-        return StatisticalCamera(self.staircase, calibration, statistical, exact=vision == "truth", ground=ground)
+        return StatisticalCamera(
+            self.staircase, calibration, statistical, sensor=device.kind, exact=vision == "truth", ground=ground
+        )
 
     def _look(self, state: ChairState) -> Sequence[Reading]:
         """Return the camera's readings at a state."""

@@ -45,6 +45,7 @@ class StatisticalCamera:
     """Camera model with the output of a stair detector.
 
     Args:
+        sensor: Kind of the depth sensor.
         exact: Report the visible stair with negligible noise.
         ground: Measurement of the ground ahead; None reports none.
     """
@@ -55,13 +56,14 @@ class StatisticalCamera:
         calibration: PinholeCamera,
         rng: np.random.Generator,
         *,
+        sensor: str = "kinect1",
         exact: bool = False,
         ground: GroundAhead | None = None,
     ) -> None:
         self._geometry = geometry_of(staircase, calibration)
         self._rng = rng
         kind = "open" if staircase.open_risers else "closed"
-        self._errors = None if exact else _Errors(kind, len(staircase.steps), rng)
+        self._errors = None if exact else _Errors(sensor, kind, len(staircase.steps), rng)
         self._ground = ground
 
     def look(self, t_s: float, R_WB: Rotation, p_WB: Vector3) -> Detected:
@@ -146,9 +148,9 @@ class _Wander:
 class _Errors:
     """Error model of the detector for the duration of a run."""
 
-    def __init__(self, kind: str, steps: int, rng: np.random.Generator) -> None:
+    def __init__(self, sensor: str, kind: str, steps: int, rng: np.random.Generator) -> None:
         self._kind = kind
-        fitted = fitted_numbers()
+        fitted = fitted_numbers()[sensor]
         self._tables = fitted["tables"]
         self._grid: list[float] = fitted["normal_grid"]
         shared = [fitted["shared"][name] for name in LATENTS]
@@ -251,6 +253,6 @@ def end_class(seen: Visibility, last_reported: int) -> int:
 
 @cache
 def fitted_numbers() -> dict[str, Any]:
-    """Return the parameters fitted to rendered frames."""
+    """Return the parameters fitted to rendered frames, by kind of depth sensor."""
     text = files("treadline").joinpath("data", "cameras", "statistical.json").read_text(encoding="utf-8")
     return dict(json.loads(text))

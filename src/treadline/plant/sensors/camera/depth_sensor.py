@@ -19,13 +19,15 @@ The search covers 128 disparities, which gives the nearest depth f·B/126. Objec
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Int8
 
-from treadline.core.camera_images import PinholeCamera
+from treadline.core.camera_images import BASELINES_M, DepthSensor, PinholeCamera
 from treadline.plant.sensors.camera import _depth_kernels as kernels
+from treadline.scenario.camera_file import CameraFile, read_camera
 
 SENSOR_WIDTH_PX, TIME_OF_FLIGHT_WIDTH_PX = 640, 512
 """Width of the Kinect 1 disparity image and of the Kinect 2 depth image [px]."""
@@ -35,14 +37,9 @@ SENSOR_WIDTH_PX, TIME_OF_FLIGHT_WIDTH_PX = 640, 512
 class StructuredLight:
     """Parameters of a structured-light sensor: a projector and a camera that measures the disparity of its pattern."""
 
-    focal_px: float
-    """Focal length of the sensor's disparity image, 640 pixels wide [px]."""
-    baseline_m: float
     sigma_px: float
     step_px: float
     lateral_px: float
-    near_m: float
-    far_m: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,8 +49,6 @@ class TimeOfFlight:
     floor_m: float
     gain_m: float
     ripple_m: float
-    near_m: float
-    far_m: float
     mixed_dropped: float = 0.7
     """Fraction of the mixed pixels at depth edges that the driver removes."""
     multipath: bool = False
@@ -64,30 +59,16 @@ class TimeOfFlight:
 class ActiveStereo:
     """Parameters of a stereo camera with a projector of texture."""
 
-    baseline_m: float
     sigma_px: float = 0.08
     """Standard deviation of the disparity noise of an image 640 pixels wide [px]."""
-    focal_px: float = 387.0
-    """Focal length of an image 640 pixels wide [px]."""
     step_px: float = 1.0 / 32.0
     window_px: int = 7
     """Width of the matching window [px]: the correlation length of the noise; objects grow by half of it on each side."""
     disparities: int = 126
     """Largest disparity of the search [px]."""
-    far_m: float = 10.0
     fill_m: float
     """Distance at which half of a white wall facing the camera has no depth [m]. Assumption: twice the manufacturer's ideal range
     of 3 m (D435) and 6 m (D455), at which the projector's light has a quarter of the irradiance."""
-
-    @property
-    def strength_px_m(self) -> float:
-        """Product f·B [px m]."""
-        return self.focal_px * self.baseline_m
-
-    @property
-    def near_m(self) -> float:
-        """Depth at the largest disparity of the search [m]."""
-        return self.strength_px_m / self.disparities
 
 
 FILL_SPREAD = 0.94
@@ -95,21 +76,21 @@ FILL_SPREAD = 0.94
 depth at 2 m (log(6² / 2²) / 2.33)."""
 Sensor = StructuredLight | TimeOfFlight | ActiveStereo
 """Parameters of any depth sensor."""
-SENSORS: dict[str, Sensor] = {
-    "kinect1": StructuredLight(
-        focal_px=575.0, baseline_m=0.075, sigma_px=0.05, step_px=0.125, lateral_px=0.8, near_m=0.45, far_m=6.0
-    ),
+SENSORS: dict[DepthSensor, Sensor] = {
+    "kinect1": StructuredLight(sigma_px=0.05, step_px=0.125, lateral_px=0.8),
     # Fitted to recorded frames: plane-fit residuals of 1.4 to 2.1 mm in blocks of 16×16 between 0.6 and 1.2 m, three
     # quarters of them alike from one pixel to the next.
-    "kinect2": TimeOfFlight(floor_m=0.00115, gain_m=0.00035, ripple_m=0.006, near_m=0.5, far_m=4.5),
+    "kinect2": TimeOfFlight(floor_m=0.00115, gain_m=0.00035, ripple_m=0.006),
     # Azure Kinect, narrow field of view: standard deviation of at most 17 mm (Tölgyessy et al., Sensors 21, 2021, confirm the
     # manufacturer's figure), assumed to be reached by a reflectance of 15 % at the end of the range: 0.017 · 0.15 / 3.86².
     # Floor and pattern are those of the Kinect 2.
-    "tof": TimeOfFlight(floor_m=0.00115, gain_m=0.00017, ripple_m=0.006, near_m=0.5, far_m=3.86, mixed_dropped=0.0, multipath=True),
-    "d435": ActiveStereo(baseline_m=0.050, fill_m=6.0),
-    "d455": ActiveStereo(baseline_m=0.095, fill_m=12.0),
+    "tof": TimeOfFlight(floor_m=0.00115, gain_m=0.00017, ripple_m=0.006, mixed_dropped=0.0, multipath=True),
+    "d435": ActiveStereo(fill_m=6.0),
+    "d455": ActiveStereo(fill_m=12.0),
 }
 """Parameters by sensor name."""
+FILES = {kind: read_camera(Path(kind)) for kind in BASELINES_M}
+"""Shipped camera file of each sensor: lens and range."""
 JUMP_PX = 1.0
 """Smallest disparity difference between neighbouring sensor pixels that counts as a jump [px]: both sides of a smaller one match
 together. On the steepest surface in range, a tread 0.3 m below a Kinect 1, neighbours differ by B/h = 0.25 px."""
@@ -121,8 +102,12 @@ CELLS = 32
 class SensorModel:
     """Sensor with its stored random numbers."""
 
+    kind: DepthSensor
     sensor: Sensor
     camera: PinholeCamera
+    range_m: tuple[float, float]
+    sigma_m: tuple[float, float, float] | None
+    """Noise law of a camera file, in place of the noise of the sensor's kind."""
     normal: Float32[np.ndarray, " n"]
     """Normal numbers with the spatial correlation of the depth noise."""
     chance: Float32[np.ndarray, " n"]
@@ -138,10 +123,16 @@ class SensorModel:
     ) -> Float32[np.ndarray, "h w"]:
         """Return the measured depth; ``places`` are the start positions of this frame's random numbers."""
         if isinstance(self.sensor, ActiveStereo):
-            return _stereo_depth(self.sensor, self.camera, exact_m, face, albedos, self.normal, places)
-        if isinstance(self.sensor, TimeOfFlight):
-            return self._time_of_flight(self.sensor, exact_m, face, albedos, places)
-        return self._structured_light(self.sensor, exact_m, face, places)
+            measured = self._stereo(self.sensor, exact_m, face, albedos, places)
+        elif isinstance(self.sensor, TimeOfFlight):
+            measured = self._time_of_flight(self.sensor, exact_m, face, albedos, places)
+        else:
+            measured = self._structured_light(self.sensor, exact_m, face, places)
+        if self.sigma_m is not None:
+            floor_m, gain, exponent = self.sigma_m
+            noise = self.normal[places[3] : places[3] + measured.size].reshape(measured.shape)
+            measured += (floor_m + gain * measured**exponent) * noise
+        return measured
 
     def _time_of_flight(
         self,
@@ -155,19 +146,15 @@ class SensorModel:
         kernels.time_of_flight(
             exact_m,
             face,
-            camera.fx_px,
-            camera.fy_px,
-            camera.cx_px,
-            camera.cy_px,
+            *camera.pinhole,
             albedos,
             sensor.floor_m,
             sensor.gain_m,
             sensor.ripple_m,
             camera.width_px / TIME_OF_FLIGHT_WIDTH_PX,
-            sensor.near_m,
-            sensor.far_m,
+            *self.range_m,
             sensor.mixed_dropped,
-            self.normal,
+            self.normal if self.sigma_m is None else np.zeros_like(self.normal),
             self.chance,
             places,
             measured,
@@ -187,13 +174,11 @@ class SensorModel:
         kernels.kinect(
             exact_m,
             face,
-            sensor.focal_px,
-            sensor.baseline_m,
-            self.camera.fx_px * sensor.baseline_m,
-            sensor.sigma_px,
-            sensor.step_px,
-            sensor.near_m,
-            sensor.far_m,
+            FILES[self.kind].fx_px,
+            BASELINES_M[self.kind],
+            self.camera.fx_px * BASELINES_M[self.kind],
+            *self._disparity_errors(sensor),
+            *self.range_m,
             self.jitter_px,
             self.normal,
             self.chance,
@@ -202,30 +187,80 @@ class SensorModel:
         )
         return measured
 
+    def _stereo(
+        self,
+        sensor: ActiveStereo,
+        exact_m: Float[np.ndarray, "h w"],
+        face: Int[np.ndarray, "h w"],
+        albedos: Float[np.ndarray, " b"],
+        places: Int[np.ndarray, " 4"],
+    ) -> Float32[np.ndarray, "h w"]:
+        scale = self.camera.width_px / SENSOR_WIDTH_PX
+        strength_px_m = FILES[self.kind].fx_px * BASELINES_M[self.kind]
+        disparity = np.nan_to_num(strength_px_m / exact_m).astype(np.float32)
+        size = 2 * round(0.5 * (sensor.window_px - 1) * scale) + 1
+        near = cv2.dilate(disparity, np.ones((size, size), dtype=np.uint8)) if size > 1 else disparity
+        # On a plane the largest disparity of a window differs as well: only an edge between two pixels makes a window fail.
+        fattened = straddling(disparity, size + 1, JUMP_PX / scale) & (near - disparity > JUMP_PX / scale)
+        measured = np.empty(exact_m.shape, dtype=np.float32)
+        kernels.stereo(
+            exact_m,
+            face,
+            disparity,
+            np.where(fattened, near, np.float32(-1.0)),
+            scale,
+            *self.camera.pinhole,
+            albedos,
+            strength_px_m,
+            *self._disparity_errors(sensor),
+            max(self.range_m[0], strength_px_m / sensor.disparities),
+            self.range_m[1],
+            1.0 / sensor.fill_m**2,
+            FILL_SPREAD,
+            self.normal,
+            places,
+            measured,
+        )
+        return measured
 
-def sensor_model(
-    kind: str, camera: PinholeCamera, normal: Float32[np.ndarray, " n"], chance: Float32[np.ndarray, " n"]
-) -> SensorModel | None:
-    """Return the model of a named sensor, with white normal numbers; None for one without errors."""
-    sensor = SENSORS.get(kind)
-    return None if sensor is None else model_of(sensor, camera, normal, chance)
+    def _disparity_errors(self, sensor: StructuredLight | ActiveStereo) -> tuple[float, float]:
+        """Return standard deviation and steps of the disparity [px]; next to none where a noise law includes both."""
+        return (sensor.sigma_px, sensor.step_px) if self.sigma_m is None else (0.0, 1e-6)
 
 
 def model_of(
-    sensor: Sensor, camera: PinholeCamera, normal: Float32[np.ndarray, " n"], chance: Float32[np.ndarray, " n"]
+    kind: DepthSensor,
+    camera: PinholeCamera,
+    normal: Float32[np.ndarray, " n"],
+    chance: Float32[np.ndarray, " n"],
+    device: CameraFile | None = None,
+    sensor: Sensor | None = None,
 ) -> SensorModel:
-    """Return the model of a sensor.
+    """Return the model of a kind of sensor.
 
     Args:
         normal: Normal numbers of the depth noise; those of a stereo camera get the correlation of its matching window here.
+        device: Camera file whose range and noise law replace those of the kind.
+        sensor: Parameters in place of those of the kind.
     """
+    device, sensor = device or FILES[kind], sensor or SENSORS[kind]
+    range_m = (device if "range_m" in device.model_fields_set else FILES[kind]).range_m
     scale = camera.width_px / SENSOR_WIDTH_PX
     jitter_px = np.empty(0, dtype=np.int8)
     if isinstance(sensor, ActiveStereo):
         normal = _windowed(normal, camera.width_px, max(round(sensor.window_px * scale), 1))
     if isinstance(sensor, StructuredLight):
         jitter_px = np.rint(sensor.lateral_px * scale * normal.astype(np.float64)).astype(np.int8)
-    return SensorModel(sensor=sensor, camera=camera, normal=normal, chance=chance, jitter_px=jitter_px)
+    return SensorModel(
+        kind=kind,
+        sensor=sensor,
+        camera=camera,
+        range_m=range_m,
+        sigma_m=device.sigma_m,
+        normal=normal,
+        chance=chance,
+        jitter_px=jitter_px,
+    )
 
 
 def _windowed(normal: Float32[np.ndarray, " n"], width_px: int, window_px: int) -> Float32[np.ndarray, " n"]:
@@ -250,53 +285,6 @@ def straddling(disparity: Float32[np.ndarray, "h w"], width_px: int, jump_px: fl
     jump[:-1] |= np.abs(np.diff(disparity, axis=0)) > jump_px
     size = max(width_px - 1, 1)
     return np.asarray(cv2.dilate(jump, np.ones((size, size), dtype=np.uint8), anchor=(size // 2, size // 2)) > 0)
-
-
-def _stereo_depth(
-    sensor: ActiveStereo,
-    camera: PinholeCamera,
-    exact_m: Float[np.ndarray, "h w"],
-    face: Int[np.ndarray, "h w"],
-    albedos: Float[np.ndarray, " b"],
-    normal: Float32[np.ndarray, " n"],
-    places: Int[np.ndarray, " 4"],
-) -> Float32[np.ndarray, "h w"]:
-    """Return the depth that a stereo camera measures.
-
-    Args:
-        normal: Normal numbers, correlated over the matching window.
-        places: Start positions of this frame's random numbers.
-    """
-    scale = camera.width_px / SENSOR_WIDTH_PX
-    disparity = np.nan_to_num(sensor.strength_px_m / exact_m).astype(np.float32)
-    size = 2 * round(0.5 * (sensor.window_px - 1) * scale) + 1
-    near = cv2.dilate(disparity, np.ones((size, size), dtype=np.uint8)) if size > 1 else disparity
-    # On a plane the largest disparity of a window differs as well: only an edge between two pixels makes a window fail.
-    fattened = straddling(disparity, size + 1, JUMP_PX / scale) & (near - disparity > JUMP_PX / scale)
-    measured = np.empty(exact_m.shape, dtype=np.float32)
-    kernels.stereo(
-        exact_m,
-        face,
-        disparity,
-        np.where(fattened, near, np.float32(-1.0)),
-        scale,
-        camera.fx_px,
-        camera.fy_px,
-        camera.cx_px,
-        camera.cy_px,
-        albedos,
-        sensor.strength_px_m,
-        sensor.sigma_px,
-        sensor.step_px,
-        sensor.near_m,
-        sensor.far_m,
-        1.0 / sensor.fill_m**2,
-        FILL_SPREAD,
-        normal,
-        places,
-        measured,
-    )
-    return measured
 
 
 def multipath_bias(

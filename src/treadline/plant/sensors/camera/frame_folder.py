@@ -4,19 +4,19 @@ import csv
 import io
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import DepthSensor, PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.models import write_whole
 from treadline.core.rotations import Vector3, rotation_z
 from treadline.plant.sensors.camera.ray_camera import Camera
-from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import build_staircase
@@ -38,16 +38,20 @@ class TrueFrame(NamedTuple):
 
 
 def stair_frames(
-    scenario: Scenario, *, sensor: str, count: int, seed: int, heading_rad: tuple[float, float]
+    scenario: Scenario, *, sensor: str | None = None, count: int, seed: int, heading_rad: tuple[float, float]
 ) -> Iterator[TrueFrame]:
     """Yield frames of the camera that looks ahead, from random poses on the flight; each frame has its own random numbers.
 
     Args:
-        sensor: Noise model, a name of ``depth_sensor.SENSORS`` or ``ideal``.
+        sensor: Camera, a name of ``depth_sensor.SENSORS``, or ``ideal`` for no errors. None: that of the scenario, rendered.
         heading_rad: Smallest and largest heading.
     """
-    chair, descends = read_chair(scenario.chair.model), scenario.drive.direction == "down"
-    calibration = chair.camera_at(scenario.sensors.image_height_px, rear=descends)
+    if sensor is not None:
+        scenario = scenario.changed(sensors={"model": sensor} if sensor == "ideal" else {"camera": sensor, "model": "rendered"})
+    chair, descends = scenario.read_chair(), scenario.drive.direction == "down"
+    calibration, device = chair.camera_at(scenario.sensors.rows_px, rear=descends), chair.mount_of(rear=descends).device
+    kind: DepthSensor | Literal["ideal"] = "ideal" if scenario.sensors.camera_model == "ideal" else device.kind
+    look = partial(Camera, kind=kind, device=device, texture=scenario.stair.texture, light=scenario.stair.light)
     for number in range(count):
         rng = np.random.default_rng([seed, number])
         staircase = build_staircase(scenario.stair, rng, scenario.step)
@@ -56,7 +60,7 @@ def stair_frames(
         R_WB = staircase.R_WS @ rotation_z(heading)
         p_WB = staircase.p_WS + staircase.R_WS @ np.array([length - place if descends else place, lateral, 0.0])
         R_WC, p_WC = R_WB @ calibration.R_BC, p_WB + R_WB @ np.array(calibration.mount_m)
-        camera = Camera(staircase, calibration, kind=sensor, texture=scenario.stair.texture, light=scenario.stair.light, rng=rng)
+        camera = look(staircase, calibration, rng=rng)
         gravity_C = R_WC.T @ np.array([0.0, 0.0, -1.0])
         shown = camera.exact(R_WC, p_WC).face // 6
         is_step = np.array([*(box.kind == "step" for box in stair_boxes(staircase)), False])

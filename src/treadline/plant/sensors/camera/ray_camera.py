@@ -4,16 +4,18 @@ import copy
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Float32, Int, UInt8
 
-from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import DepthSensor, PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.rotations import Rotation, Vector3
 from treadline.plant.sensors.camera import _ray_kernels as kernels
-from treadline.plant.sensors.camera.depth_sensor import sensor_model
+from treadline.plant.sensors.camera.depth_sensor import model_of
 from treadline.plant.sensors.camera.solids import SceneBox, Shadow, solids_of
+from treadline.scenario.camera_file import CameraFile
 from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import Staircase
 
@@ -90,6 +92,7 @@ class Camera:
 
     Args:
         kind: Depth sensor, a name of ``SENSORS`` in ``depth_sensor``; ``ideal`` measures exact depth.
+        device: Camera file whose range and noise law replace those of the kind.
     """
 
     def __init__(
@@ -97,7 +100,8 @@ class Camera:
         scene: Staircase | Sequence[SceneBox],
         calibration: PinholeCamera,
         *,
-        kind: str = "kinect1",
+        kind: DepthSensor | Literal["ideal"] = "kinect1",
+        device: CameraFile | None = None,
         texture: str = "wood",
         light: float = 1.0,
         rng: np.random.Generator,
@@ -111,7 +115,7 @@ class Camera:
         pixels = calibration.width_px * calibration.height_px
         self._normal = rng.standard_normal(POOL + pixels, dtype=np.float32)
         self._chance = rng.random(POOL + pixels, dtype=np.float32)
-        self._sensor = sensor_model(kind, calibration, self._normal, self._chance)
+        self._sensor = None if kind == "ideal" else model_of(kind, calibration, self._normal, self._chance, device)
         self._face(solids_of(stair_boxes(scene)) if isinstance(scene, Staircase) else tuple(scene))
 
     def facing(self, solids: Sequence[SceneBox], shadows: Sequence[Shadow] = ()) -> "Camera":
@@ -176,10 +180,7 @@ class Camera:
             face,
             R_WC,
             p_WC,
-            camera.fx_px,
-            camera.fy_px,
-            camera.cx_px,
-            camera.cy_px,
+            *camera.pinhole,
             self._shades[near],
             self._axes[near],
             self._colours[near],
