@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 from scenes import ViewRecipe
+from scenes.bad_pixels import HOLE_FILLINGS
 from scenes.known_answers import AS_BUILT
 from scenes.recipe import ALONE
 from scenes.scores import LEAST_SHARE, wilson
@@ -86,6 +87,26 @@ def sensor_cases() -> Iterator[Case]:
             far = {"sensor": sensor, "scenes": ("foot",), "place_m": fixed(distance), "pitch_deg": fixed(10.0), "height_px": 480}
             # From 5 m a flight 1 m wide covers 5 % of the image.
             yield Case(label=f"{sensor}, {distance:.0f} m before the flight, camera 10° down", recipe=far, least_share=0.01)
+
+
+def pixel_cases() -> Iterator[Case]:
+    """Yield the rows of the table of bad pixels: missing at random or in blotches, filled by the driver, and mixed at edges."""
+    for share in (0.2, 0.4, 0.6, 0.8):
+        for rows in (240, 480):
+            yield Case(label=f"{share:.0%} missing, {rows * 4 // 3}×{rows}", recipe={"missing": share, "height_px": rows})
+    yield Case(label="60 % missing, D435", recipe={"sensor": "d435", "missing": 0.6})
+    yield Case(label="60 % missing, facing down", recipe={"scenes": ("down",), "missing": 0.6})
+    for share in (0.33, 0.6):
+        yield Case(label=f"{share:.0%} missing in blotches", recipe={"holes": share})
+    for filling in HOLE_FILLINGS[1:]:
+        holed = {"edge_holes": True, "holes": 0.2, "hole_filling": filling}
+        yield Case(label=f"a fifth in blotches, filled from the {filling}", recipe=holed)
+        yield Case(label=f"60 % missing, filled from the {filling}", recipe={"missing": 0.6, "hole_filling": filling})
+        yield Case(label=f"D435, filled from the {filling}", recipe={"sensor": "d435", "hole_filling": filling})
+    for share in (0.3, 0.8):
+        yield Case(
+            label=f"time of flight, {share:.0%} of the edges flying", recipe={"sensor": "tof", "height_px": 288, "flying": share}
+        )
 
 
 def condition_cases() -> Iterator[Case]:

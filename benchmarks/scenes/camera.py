@@ -8,6 +8,7 @@ from typing import Any, Literal
 import cv2
 import numpy as np
 
+from scenes.bad_pixels import fill_holes, lose_pixels, mix_at_edges
 from treadline.core.camera_images import DepthSensor, PinholeCamera
 from treadline.plant.sensors.camera import Camera, RenderedFrame
 from treadline.plant.sensors.camera.depth_sensor import (
@@ -67,6 +68,9 @@ class SceneCamera(Camera):
         grain_px: Correlation length of the depth noise [sensor pixels]; zero is white noise.
         warp_px: Smooth, constant depth error across the image [px of Kinect 1 disparity].
         holes: Fraction of the depth image lost in blotches.
+        missing: Fraction of the pixels without depth, each independent of its neighbours.
+        hole_filling: How the driver fills pixels without depth: one of ``bad_pixels.HOLE_FILLINGS``.
+        flying: Fraction of the pixels beside a depth jump whose depth lies between both sides.
         blur_px: Motion of the colour image to the right and down during the exposure [px].
     """
 
@@ -82,6 +86,9 @@ class SceneCamera(Camera):
         grain_px: float = 0.0,
         warp_px: float = 0.0,
         holes: float = 0.0,
+        missing: float = 0.0,
+        hole_filling: str = "",
+        flying: float = 0.0,
         blur_px: tuple[float, float] = (0.0, 0.0),
         puddles: tuple[Puddle, ...] = (),
         rng: np.random.Generator,
@@ -91,6 +98,7 @@ class SceneCamera(Camera):
         self._declared = declared or calibration
         self._edge_holes = edge_holes and kind == "kinect1"
         self._holes, self._blur_px, self._puddles = holes, blur_px, puddles
+        self._missing, self._hole_filling, self._flying = missing, hole_filling, flying
         if kind != "ideal":
             sensor = SENSORS[kind]
             if sigma_px is not None and isinstance(sensor, StructuredLight | ActiveStereo):
@@ -115,6 +123,11 @@ class SceneCamera(Camera):
         self._lose_depth(measured, depth, face, near, R_WC, p_WC)
         if self._warp_px is not None:
             measured = (DISPARITY_PX_M / (DISPARITY_PX_M / measured + self._warp_px)).astype(np.float32)
+        if self._flying > 0.0:
+            mix_at_edges(measured, self._flying, self._rng)
+        if self._missing > 0.0:
+            lose_pixels(measured, self._missing, self._rng)
+        measured = fill_holes(measured, self._hole_filling)
         painted = partial(self._painted, depth, face, near, R_WC.copy(), p_WC.copy())
         painter = partial(self._blurred, painted, place) if any(self._blur_px) else partial(painted, self._normal, place)
         return RenderedFrame(t_s=t_s, depth_m=measured, camera=self._declared, painter=painter)

@@ -108,6 +108,12 @@ class ViewRecipe:
     """Smooth depth error across the image, in pixels of Kinect 1 disparity: about 0.1 with factory calibration."""
     holes: float = 0.0
     """Fraction of the depth image lost in blotches, as in sunlight."""
+    missing: float = 0.0
+    """Fraction of the pixels without depth, each independent of its neighbours."""
+    hole_filling: str = ""
+    """How the driver fills pixels without depth: one of ``bad_pixels.HOLE_FILLINGS``."""
+    flying: float = 0.0
+    """Fraction of the pixels beside a depth jump whose depth lies between both sides."""
     height_px: int | None = None
     """Image height. None: the sensor's default: 240, 424 for the Kinect 2, 480 for stereo, 576 for tof."""
     focal_px: float | None = None

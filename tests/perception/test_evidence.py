@@ -196,7 +196,7 @@ def test_noise_of_a_frame_scales_its_thresholds(noise_px: float, low: float, hig
     rng = np.random.default_rng(3)
     nearness = 0.5 + BLOCK_RESIDUAL * noise_px / 0.16 * rng.standard_normal((320, 240))
     cells = surface_kernels.cell_sums(nearness, 4, (285.0, 285.0, 159.5, 119.5), 0.4, 4.5)
-    noise, window_px = noise_of(cells, 0.6 * 16)
+    noise, window_px = noise_of(surface_kernels.block_fits(cells, 0.6 * 16))
     assert low <= noise <= high
     # White noise; cells of 16 pixels show its correlation to 0.3 px.
     assert window_px < 1.3

@@ -15,7 +15,7 @@ NOISE = 1e-3
 def sums_of(rows: range, columns: range, seed: int = 0) -> Float[np.ndarray, "10"]:
     """Return the sums over some pixels that see the plane, in an image of 320×240."""
     rng = np.random.default_rng(seed)
-    sums = np.zeros(surface_kernels.SUMS)
+    sums = np.zeros(10)
     for v in rows:
         for u in columns:
             x, y = (u - 159.5) / FOCAL_PX, (v - 119.5) / FOCAL_PX

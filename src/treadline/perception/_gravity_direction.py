@@ -13,7 +13,6 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.rotations import Vector3
-from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
 ROLL_LIMIT = 20.0 * DEG
 """Largest roll of the camera [rad]."""
@@ -64,9 +63,17 @@ def levelled(imu_down: Vector3, unit: Float[np.ndarray, "b 3"], spread_rad: floa
         unit: Unit normals of the blocks in C.
         spread_rad: Largest angle of a horizontal surface's normal from it.
     """
-    mean = np.empty(3)
-    enough = surface_kernels.middle_of(unit, imu_down, math.cos(spread_rad), math.cos(BUNDLE), BUNDLE_BLOCKS, mean)
-    return mean if enough else imu_down
+    cosines = unit @ imu_down
+    near = np.abs(cosines) > math.cos(spread_rad)
+    if np.count_nonzero(near) < BUNDLE_BLOCKS:
+        return imu_down
+    normals = unit[near] * np.sign(cosines[near])[:, None]
+    middle = np.median(normals, axis=0)
+    bundle = normals[normals @ middle > math.cos(BUNDLE) * np.linalg.norm(middle)]
+    if len(bundle) < BUNDLE_BLOCKS:
+        return imu_down
+    mean = bundle.mean(axis=0)
+    return np.asarray(mean / np.linalg.norm(mean))
 
 
 def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:

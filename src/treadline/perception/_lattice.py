@@ -32,7 +32,7 @@ from treadline.perception._step_parts import (
     tread_rows,
 )
 from treadline.perception.lattice_kernels import ANY_RISE_M, ANY_RUN_M, SEARCHED_RISE_M, USUAL_RISE_M, USUAL_RUN_M, best_lattice
-from treadline.perception.plane_segmentation import Line, PlanarBlocks, Surface, components, planes_of, surfaces_on
+from treadline.perception.plane_segmentation import TURN_LIMIT, Line, PlanarBlocks, Surface, components, planes_of, surfaces_on
 
 UPRIGHT = 18.0 * DEG
 """Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""
@@ -139,7 +139,7 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Vector3, *, is_uncert
     rise = blocks.unit @ down
     slack = TURN_SIGMAS * blocks.turns * is_uncertain
     upright = np.flatnonzero(np.abs(rise) < np.sin(np.minimum(UPRIGHT + slack, 0.5 * np.pi)))
-    level_blocks = (np.abs(rise) > np.cos(UPRIGHT)) & (blocks.turns <= blocks.turn_limit)
+    level_blocks = (np.abs(rise) > np.cos(UPRIGHT)) & (blocks.turns <= TURN_LIMIT)
     planes = planes_of(blocks, np.flatnonzero(level_blocks), level.up, gap_m=TREAD_GAP_M, least=LEAST_BLOCKS)
     surfaces = surfaces_on(planes, blocks, frame.camera)
     # A horizontal surface above the camera is the underside of an object.

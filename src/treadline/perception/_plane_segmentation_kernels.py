@@ -1,7 +1,7 @@
 """Planes in a depth image: blocks, surfaces, their ends and the lines at them; compiled.
 
 With w = 1/Z a plane n·p = 1 is linear in the image, w = n·(x, y, 1), and the noise of a disparity sensor is uniform. ``pinhole`` is
-fx, fy, cx, cy in pixels.
+fx, fy, cx, cy in pixels. The ten sums over some pixels are those of 1, x, y, x², xy, y², w, xw, yw and w², in this order.
 """
 
 import math
@@ -12,10 +12,11 @@ import numpy as np
 from treadline.core.fma import dot, fused
 from treadline.core.kernel_cache import njit
 
-COUNT, X, Y, XX, XY, YY, W, XW, YW, WW = range(10)
-SUMS = 10
 GAP_PX = 2
 """Number of pixels off a surface that do not end it: a hole, a speck."""
+FRAGMENT = 8
+"""Ratio of block counts above which a smaller plane on the same level counts as a wrinkle: without it, furniture takes twice the
+time."""
 ROUNDING = 1e-11
 """Relative threshold of a centred sum of squares: pixels in a single row or column. Two rows at the image border give 1e-6."""
 HOLE_SHARE = 12
@@ -23,8 +24,6 @@ HOLE_SHARE = 12
 nosing, a strip without return, the occlusion of a stereo camera."""
 WIDENED = 3.7
 """Number of median deviations within which points of a line are kept: 2.5 sigma of a normal error."""
-VAGUE_SHARE = 0.4
-"""Least fraction of a surface's end on one line if nothing is known of its surroundings."""
 BORDER_PX = 4
 """Distance from the image border within which a surface's end is the image's."""
 CREASE, BEYOND, BEFORE, UNKNOWN = 0, 1, 2, 3
@@ -33,53 +32,99 @@ CREASE, BEYOND, BEFORE, UNKNOWN = 0, 1, 2, 3
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
+def pooled(depth, side, jump):
+    """Return the median depth of the valid pixels of each ``side × side`` square; NaN without any.
+
+    Args:
+        jump: Least difference of two surfaces [1/m]: of two middle pixels of different surfaces the nearer one counts.
+    """
+    rows, columns = depth.shape[0] // side, depth.shape[1] // side
+    found, known = np.empty((rows, columns), dtype=np.float32), np.empty(side * side)
+    for i in range(rows):
+        for j in range(columns):
+            count = 0
+            for v in range(i * side, (i + 1) * side):
+                for u in range(j * side, (j + 1) * side):
+                    z = depth[v, u]
+                    if not 0.0 < z < np.inf:
+                        continue
+                    at = count
+                    while at > 0 and known[at - 1] > z:
+                        known[at] = known[at - 1]
+                        at -= 1
+                    known[at] = z
+                    count += 1
+            found[i, j] = np.nan
+            if count > 0:
+                low, high = known[(count - 1) // 2], known[count // 2]
+                found[i, j] = low if 1.0 / low - 1.0 / high > jump else 0.5 * (low + high)
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
 def nearness_of(depth):
     """Return w = 1/Z of each pixel, NaN without depth, transposed: one row per image column, as surfaces are read by columns."""
     rows, columns = depth.shape
-    near, row = np.empty((columns, rows)), np.empty(columns)
-    for v in range(rows):
+    near = np.empty((columns, rows))
+    # Eight rows at a time, so that what is written lies in one line of the cache.
+    for top in range(0, rows, 8):
         for u in range(columns):
-            z = depth[v, u]
-            w = 1.0 / z
-            row[u] = w if 0.0 < z < 1e6 else np.nan
-        near[:, v] = row
+            for v in range(top, min(top + 8, rows)):
+                z = depth[v, u]
+                near[u, v] = 1.0 / z if 0.0 < z < np.inf else np.nan
     return near
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
+def _add_column(near, first, stop, ys, x, level, slope, off, sums):
+    """Add the pixels of a part of a column that are less than ``off`` from w = level + slope·y; x is constant along a column."""
+    n = 0
+    a = b = c = d = e = 0.0
+    for v in range(first, stop):
+        w, y = near[v], ys[v]
+        if not abs(w - level - slope * y) < off:
+            continue
+        n += 1
+        a += y
+        b += y * y
+        c += w
+        d += y * w
+        e += w * w
+    sums[0] += n
+    sums[1] += n * x
+    sums[2] += a
+    sums[3] += n * x * x
+    sums[4] += x * a
+    sums[5] += b
+    sums[6] += c
+    sums[7] += x * c
+    sums[8] += d
+    sums[9] += e
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _rows_of(count, pinhole):
+    """Return the image coordinate y of each row."""
+    ys = np.empty(count)
+    for v in range(count):
+        ys[v] = (v - pinhole[3]) / pinhole[1]
+    return ys
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
 def cell_sums(nearness, size, pinhole, near, far):
-    """Return sums over the valid pixels of each ``size × size`` cell of the grid."""
-    fx, fy, cx, cy = pinhole
+    """Return sums over the pixels from ``near`` to ``far`` of each ``size × size`` cell of the grid."""
     rows, columns = nearness.shape[1] // size, nearness.shape[0] // size
-    least, most = 1.0 / far, 1.0 / near
-    sums, ys = np.zeros((rows, columns, SUMS)), np.empty(nearness.shape[1])
-    for v in range(ys.size):
-        ys[v] = (v - cy) / fy
-    for j in range(columns):
+    middle, off = 0.5 * (1.0 / near + 1.0 / far), 0.5 * (1.0 / near - 1.0 / far)
+    sums, ys = np.zeros((rows, columns, 10)), _rows_of(nearness.shape[1], pinhole)
+    for u in range(columns * size):
+        x = (u - pinhole[2]) / pinhole[0]
         for i in range(rows):
-            n = 0
-            a = b = c = d = e = f = g = h = k = 0.0
-            for u in range(j * size, (j + 1) * size):
-                x = (u - cx) / fx
-                for v in range(i * size, (i + 1) * size):
-                    w = nearness[u, v]
-                    if not (least <= w <= most):
-                        continue
-                    y = ys[v]
-                    n += 1
-                    a += x
-                    b += y
-                    c += x * x
-                    d += x * y
-                    e += y * y
-                    f += w
-                    g += x * w
-                    h += y * w
-                    k += w * w
-            row = sums[i, j]
-            row[COUNT], row[X], row[Y], row[XX], row[XY] = n, a, b, c, d
-            row[YY], row[W], row[XW], row[YW], row[WW] = e, f, g, h, k
+            _add_column(nearness[u], i * size, (i + 1) * size, ys, x, middle, 0.0, off, sums[i, u // size])
     return sums
 
 
@@ -87,14 +132,14 @@ def cell_sums(nearness, size, pinhole, near, far):
 @no_type_check
 def fit_plane(s, plane):
     """Fill ``plane`` with n; return the RMS residual of w and the relative standard deviation of n; NaN without a fit."""
-    n = s[COUNT]
+    n = s[0]
     if n < 6:
         return np.nan, np.nan
-    mx, my, mw = s[X] / n, s[Y] / n, s[W] / n
-    xx, xy, yy = s[XX] - n * mx * mx, s[XY] - n * mx * my, s[YY] - n * my * my
-    xw, yw, ww = s[XW] - n * mx * mw, s[YW] - n * my * mw, s[WW] - n * mw * mw
+    mx, my, mw = s[1] / n, s[2] / n, s[6] / n
+    xx, xy, yy = s[3] - n * mx * mx, s[4] - n * mx * my, s[5] - n * my * my
+    xw, yw, ww = s[7] - n * mx * mw, s[8] - n * my * mw, s[9] - n * mw * mw
     det = xx * yy - xy * xy
-    if det <= 1e-9 * xx * yy or det <= 0.0 or xx <= ROUNDING * s[XX] or yy <= ROUNDING * s[YY]:
+    if det <= 1e-9 * xx * yy or det <= 0.0 or xx <= ROUNDING * s[3] or yy <= ROUNDING * s[5]:
         return np.nan, np.nan
     alpha = (xw * yy - yw * xy) / det
     beta = (yw * xx - xw * xy) / det
@@ -107,205 +152,180 @@ def fit_plane(s, plane):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def block_residuals(cells, full):
-    """Return the RMS residuals of all blocks of 2×2 cells about their own planes [1/m], whether they are planar or not.
-
-    The second column is the square of a block's diagonal contrast, the part of its cells' means that no plane explains, relative
-    to that of white noise of the same size.
-    """
-    rows, columns = cells.shape[0], cells.shape[1]
-    found, total, plane, count = np.empty((rows * columns, 2)), np.empty(SUMS), np.empty(3), 0
-    for i in range(rows - 1):
-        for j in range(columns - 1):
-            for k in range(SUMS):
-                total[k] = cells[i, j, k] + cells[i, j + 1, k] + cells[i + 1, j, k] + cells[i + 1, j + 1, k]
-            if total[COUNT] < 4.0 * full:
-                continue
-            residual, _turn = fit_plane(total, plane)
-            if residual == residual:
-                contrast, variance = 0.0, 0.0
-                for a in range(2):
-                    for b in range(2):
-                        s = cells[i + a, j + b]
-                        off = s[W] - plane[0] * s[X] - plane[1] * s[Y] - plane[2] * s[COUNT]
-                        contrast += (1.0 if a == b else -1.0) * off / max(s[COUNT], 1.0)
-                        variance += residual * residual / max(s[COUNT], 1.0)
-                found[count, 0], found[count, 1] = residual, contrast * contrast / max(variance, 1e-30)
-                count += 1
-    return found[:count].copy()
+def _sum_block(cells, i, j, height, total):
+    """Fill ``total`` with the sums over ``height × 2`` cells."""
+    for k in range(10):
+        total[k] = cells[i, j, k] + cells[i, j + 1, k]
+        if height == 2:
+            total[k] += cells[i + 1, j, k] + cells[i + 1, j + 1, k]
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def plane_blocks(cells, full, residual_limit, depth_limit, turn_limit, least_residual):
+def block_fits(cells, full):
+    """Return for each block of 2×2 cells n, RMS residual [1/m], standard deviation of the normal, contrast and mean of w.
+
+    The contrast is the square of the part of the cells' means along the block's diagonals, which no plane explains, relative to
+    that of white noise of the same size. All are NaN for blocks with less than ``full`` pixels a cell.
+    """
+    fits = np.full((max(cells.shape[0] - 1, 0), max(cells.shape[1] - 1, 0), 7), np.nan)
+    total = np.empty(10)
+    for i in range(fits.shape[0]):
+        for j in range(fits.shape[1]):
+            _sum_block(cells, i, j, 2, total)
+            fit = fits[i, j]
+            if total[0] < 4.0 * full:
+                continue
+            fit[3], fit[4] = fit_plane(total, fit)
+            fit[6] = total[6] / total[0]
+            contrast, weight = 0.0, 0.0
+            for a in range(2):
+                for b in range(2):
+                    s = cells[i + a, j + b]
+                    off = s[6] - fit[0] * s[1] - fit[1] * s[2] - fit[2] * s[0]
+                    contrast += (1.0 if a == b else -1.0) * off / max(s[0], 1.0)
+                    weight += 1.0 / max(s[0], 1.0)
+            fit[5] = contrast * contrast / max(fit[3] * fit[3] * weight, 1e-30)
+    return fits
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def plane_blocks(cells, fits, full, residual_limit, turn_limit):
     """Return the blocks of 2×2 cells on one plane, and blocks of 1×2 cells where no larger one fits.
 
     A distant step is one cell high. Blocks overlap, so that less is lost at edges; a pixel can count four times.
 
     Args:
-        full: Least fraction of a block's pixels with depth, times the pixels of a cell.
-        residual_limit: Largest RMS residual of a block in 1/m, or ``depth_limit`` in m of depth, whichever is larger.
+        fits: Planes of the blocks of 2×2 cells.
+        full: Least number of pixels with depth in a cell.
+        residual_limit: Largest RMS residual of a block [1/m].
         turn_limit: Largest standard deviation of its normal [rad].
-        least_residual: Lower limit of the assumed noise of a block: a quantised depth can have none.
 
     Returns:
-        For each block its sums, n and its unit vector, its centre, and its place: first row and column of cells, and number of
-        rows.
+        For each block its sums, n and its unit vector, its centre, its place: first row and column of cells and number of rows; its
+        RMS residual and the standard deviation of its normal.
     """
     rows, columns = cells.shape[0], cells.shape[1]
-    sums = np.empty((2 * rows * columns, SUMS))
-    planes, units, centres = np.empty((2 * rows * columns, 3)), np.empty((2 * rows * columns, 3)), np.empty((2 * rows * columns, 3))
-    places, turns = np.empty((2 * rows * columns, 3), dtype=np.int64), np.empty(2 * rows * columns)
+    most = 2 * rows * columns
+    sums, planes, units, centres = np.empty((most, 10)), np.empty((most, 3)), np.empty((most, 3)), np.empty((most, 3))
+    places, residuals, turns = np.empty((most, 3), dtype=np.int64), np.empty(most), np.empty(most)
     large = np.zeros((rows + 1, columns), dtype=np.bool_)
-    total, plane = np.empty(SUMS), np.empty(3)
+    total, plane = np.empty(10), np.empty(3)
     count = 0
     for height in (2, 1):
         for i in range(rows - height + 1):
             for j in range(columns - 1):
                 if height == 1 and (large[i, j] or (i > 0 and large[i - 1, j])):
                     continue
-                for k in range(SUMS):
-                    total[k] = cells[i, j, k] + cells[i, j + 1, k]
-                    if height == 2:
-                        total[k] += cells[i + 1, j, k] + cells[i + 1, j + 1, k]
-                if total[COUNT] < 2.0 * height * full:
+                if height == 2 and not (fits[i, j, 3] < residual_limit and fits[i, j, 4] <= turn_limit):
+                    continue
+                _sum_block(cells, i, j, height, total)
+                if total[0] < 2.0 * height * full:
                     continue
                 residual, turn = fit_plane(total, plane)
-                nearness = total[W] / total[COUNT]
-                if not residual < max(residual_limit, depth_limit * nearness * nearness):
-                    continue
-                turns[count] = turn * max(1.0, least_residual / max(residual, 1e-12))
-                if turns[count] > turn_limit:
+                if not (residual < residual_limit and turn <= turn_limit):
                     continue
                 large[i, j] = large[i, j] or height == 2
-                sums[count] = total
-                planes[count] = plane
+                sums[count], planes[count], residuals[count], turns[count] = total, plane, residual, turn
                 length = math.sqrt(plane[0] * plane[0] + plane[2] * plane[2] + plane[1] * plane[1])
-                units[count, 0], units[count, 1], units[count, 2] = plane[0] / length, plane[1] / length, plane[2] / length
-                x, y = total[X] / total[COUNT], total[Y] / total[COUNT]
-                centres[count, 0], centres[count, 1], centres[count, 2] = x / nearness, y / nearness, 1.0 / nearness
+                centre = centres[count]
+                centre[0], centre[1], centre[2] = total[1] / total[6], total[2] / total[6], total[0] / total[6]
+                for k in range(3):
+                    units[count, k] = plane[k] / length
                 places[count, 0], places[count, 1], places[count, 2] = i, j, height
                 count += 1
-    found = sums[:count].copy(), planes[:count].copy(), units[:count].copy(), centres[:count].copy(), places[:count].copy()
-    return (*found, turns[:count].copy())
+    return sums[:count], planes[:count], units[:count], centres[:count], places[:count], residuals[:count], turns[:count]
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def noise_law(sums, planes, depths, places, parts):
-    """Return the exponent of the noise of w over depth, from medians over ``parts`` ranges of depth, and the span of log depth.
-
-    A disparity has the same noise at all depths, an exponent of 0. A range whose error does not grow has -2.
-    """
-    logs, noise, count = np.empty(depths.size), np.empty(depths.size), 0
-    for k in range(depths.size):
-        if places[k, 2] == 2:
-            logs[count] = math.log(depths[k])
-            noise[count] = 0.5 * math.log(max(mean_square(sums[k], planes[k]), 1e-14))
-            count += 1
-    if count < 4 * parts:
-        return 0.0, 0.0
-    order = np.argsort(logs[:count])
-    x, y = np.empty(parts), np.empty(parts)
-    for part in range(parts):
-        members = order[part * count // parts : (part + 1) * count // parts]
-        x[part], y[part] = np.median(logs[members]), np.median(noise[members])
-    span = x[parts - 1] - x[0]
-    x -= x.mean()
-    return dot(x, y) / max(dot(x, x), 1e-12), span
+def _add(sums, total):
+    """Add the sums over some pixels to a total."""
+    for k in range(10):
+        total[k] += sums[k]
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def common_plane(sums, run, limits, start, stop, least, plane, inside):
-    """Fit one plane to the blocks of a run, starting with those from ``start`` to ``stop``; return the number of blocks on it.
+def _common_plane(sums, run, limit, inside, plane):
+    """Fit one plane to the blocks of a run, starting with those ``inside``; return the number of blocks on it.
 
     Args:
         sums: Sums of all blocks.
         run: Indices of the blocks in question.
-        limits: Largest RMS residual of each block.
-        least: Least number of blocks of a plane.
+        limit: Largest RMS residual of a block [1/m].
+        inside: Mask of the first blocks; filled with those on the plane.
         plane: Filled with n.
-        inside: Filled with the mask of blocks on the plane.
     """
-    total = np.empty(SUMS)
-    for i in range(run.shape[0]):
-        inside[i] = start <= i < stop
-    count = stop - start
+    total, count = np.empty(10), 0
     for _ in range(3):
-        if count < least:
-            return 0
         total[:] = 0.0
         for i in range(run.shape[0]):
             if inside[i]:
-                for k in range(SUMS):
-                    total[k] += sums[run[i], k]
-        residual, _turn = fit_plane(total, plane)
-        if residual != residual:
+                _add(sums[run[i]], total)
+        if not fit_plane(total, plane)[0] >= 0.0:
             return 0
         changed, count = False, 0
         for i in range(run.shape[0]):
-            fits = mean_square(sums[run[i]], plane) < limits[i] * limits[i]
+            fits = mean_square(sums[run[i]], plane) < limit * limit
             changed = changed or fits != inside[i]
             inside[i] = fits
             count += fits
         if not changed:
             break
-    return count if count >= least else 0
+    return count
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def planes_along(sums, centres, chosen, levels, gap, least, residual_limit, depth_limit, sample, fragment):
-    """Return the planes among blocks, separated by their level, the largest first in each run of blocks.
+def planes_along(sums, centres, chosen, direction, gap, least, limit):
+    """Return the planes among blocks, separated by their level along a direction, the largest first in each run of blocks.
 
     Objects between two treads can join them to one run.
 
     Args:
         sums: Sums of all blocks, ``centres`` their centres.
-        chosen: Indices of the blocks in question, ordered by ``levels``.
+        chosen: Indices of the blocks in question.
         gap: Separation of different surfaces.
         least: Least number of blocks of a plane.
-        residual_limit: Largest RMS residual of a block in 1/m, or ``depth_limit`` in m of depth, whichever is larger.
-        sample: Number of blocks used to estimate a plane's noise.
-        fragment: Ratio of block counts above which a smaller plane of the same run is rejected.
+        limit: Largest RMS residual of a block [1/m].
 
     Returns:
-        PlanarBlocks of all planes, concatenated, the end index of each plane, their n and mean squared residuals.
+        Blocks of all planes, concatenated, the end index of each plane, their n and mean squared residuals.
     """
+    levels = np.empty(chosen.shape[0])
+    for i in range(levels.shape[0]):
+        levels[i] = along(centres[chosen[i]], direction)
+    order = np.argsort(levels, kind="mergesort")
+    chosen, levels = chosen[order], levels[order]
     members, stops = np.empty(chosen.shape[0], dtype=np.int64), np.empty(chosen.shape[0] // least, dtype=np.int64)
-    normals, squares = np.empty((stops.shape[0], 3)), np.empty(stops.shape[0])
-    limits, inside = np.empty(chosen.shape[0]), np.empty(chosen.shape[0], dtype=np.bool_)
+    normals, squares, total = np.empty((stops.shape[0], 3)), np.empty(stops.shape[0]), np.empty(10)
     planes = held = stop = 0
     while stop < chosen.shape[0]:
         first, stop = stop, stop + 1
         while stop < chosen.shape[0] and not levels[stop] - levels[stop - 1] > gap:
             stop += 1
-        run, at, fewest = chosen[first:stop].copy(), levels[first:stop].copy(), least
+        run, at, fewest = chosen[first:stop], levels[first:stop], least
         while run.shape[0] >= fewest:
-            count = run.shape[0]
-            for i in range(count):
-                depth = centres[run[i], 2]
-                limits[i] = max(residual_limit, depth_limit / (depth * depth))
             start, end = _fullest(at, gap)
-            if not common_plane(sums, run, limits, start, end, fewest, normals[planes], inside):
+            inside = np.zeros(run.shape[0], dtype=np.bool_)
+            inside[start:end] = True
+            if end - start < fewest or _common_plane(sums, run, limit, inside, normals[planes]) < fewest:
                 break
-            spread, begin, left = at[count - 1] - at[0], held, 0
-            for i in range(count):
+            total[:], begin = 0.0, held
+            for i in range(run.shape[0]):
                 if inside[i]:
                     members[held] = run[i]
                     held += 1
-                else:
-                    run[left], at[left] = run[i], at[i]
-                    left += 1
-            size = held - begin
-            squares[planes] = mean_square_of(sums, members[begin:held], max(1, size // sample), normals[planes])
+                    _add(sums[run[i]], total)
+            squares[planes] = mean_square(total, normals[planes])
             stops[planes] = held
             planes += 1
-            fewest = max(fewest, size // fragment)
-            if spread <= gap:
+            fewest = max(fewest, (held - begin) // FRAGMENT)
+            if at[-1] - at[0] <= gap:
                 break
-            run, at = run[:left], at[:left]
+            run, at = run[~inside], at[~inside]
     return members[:held].copy(), stops[:planes].copy(), normals[:planes].copy(), squares[:planes].copy()
 
 
@@ -325,22 +345,10 @@ def _fullest(levels, gap):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def mean_square(s, plane):
-    """Return the mean squared residual of w of a block about a plane."""
+    """Return the mean squared residual of w of some pixels about a plane."""
     a, b, c = plane[0], plane[1], plane[2]
-    quadratic = a * a * s[XX] + b * b * s[YY] + c * c * s[COUNT] + 2.0 * (a * b * s[XY] + a * c * s[X] + b * c * s[Y])
-    linear = a * s[XW] + b * s[YW] + c * s[W]
-    return max((s[WW] - 2.0 * linear + quadratic) / s[COUNT], 0.0)
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def mean_square_of(sums, members, step, plane):
-    """Return the mean squared residual of w of every ``step``-th block about a plane."""
-    square, count = 0.0, 0
-    for i in range(0, members.shape[0], step):
-        square += mean_square(sums[members[i]], plane)
-        count += 1
-    return square / count
+    quadratic = a * a * s[3] + b * b * s[5] + c * c * s[0] + 2.0 * (a * b * s[4] + a * c * s[1] + b * c * s[2])
+    return max((s[9] - 2.0 * (a * s[7] + b * s[8] + c * s[6]) + quadratic) / s[0], 0.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -352,53 +360,48 @@ def solved_plane(s, plane, inverse):
     """
     if not fit_plane(s, plane)[0] >= 0.0:
         return np.nan
-    n, x, y, xx, xy, yy = s[COUNT], s[X], s[Y], s[XX], s[XY], s[YY]
+    n, x, y, xx, xy, yy = s[0], s[1], s[2], s[3], s[4], s[5]
     inverse[0, 0], inverse[1, 1], inverse[2, 2] = yy * n - y * y, xx * n - x * x, xx * yy - xy * xy
     inverse[0, 1] = inverse[1, 0] = x * y - xy * n
     inverse[0, 2] = inverse[2, 0] = xy * y - yy * x
     inverse[1, 2] = inverse[2, 1] = xy * x - xx * y
     inverse /= xx * inverse[0, 0] + xy * inverse[0, 1] + x * inverse[0, 2]
-    left = s[WW] - plane[0] * s[XW] - plane[1] * s[YW] - plane[2] * s[W]
+    left = s[9] - plane[0] * s[7] - plane[1] * s[8] - plane[2] * s[6]
     return left / max(n - 3.0, 1.0)
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def box_of(places, members, size, margin, rows, columns, box):
-    """Fill ``box`` with first column and row and last column and row of the pixels of some blocks, extended by a margin."""
-    box[0], box[1], box[2], box[3] = columns, rows, 0, 0
+def _box_of(places, members, size, margin, columns, rows):
+    """Return first and stop column, first and stop row of the pixels of some blocks, extended by a margin."""
+    left, stop, top, bottom = columns, 0, rows, 0
     for k in members:
         i, j, height = places[k]
-        box[0] = min(box[0], j * size - margin)
-        box[1] = min(box[1], i * size - margin)
-        box[2] = max(box[2], (j + 2) * size + margin)
-        box[3] = max(box[3], (i + height) * size + margin)
-    box[0], box[1] = max(box[0], 0), max(box[1], 0)
-    box[2], box[3] = min(box[2], columns - 1), min(box[3], rows - 1)
+        left, stop = min(left, j * size - margin), max(stop, (j + 2) * size + margin + 1)
+        top, bottom = min(top, i * size - margin), max(bottom, (i + height) * size + margin + 1)
+    return max(left, 0), min(stop, columns), max(top, 0), min(bottom, rows)
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _ending(near, v, way, start, slope, jump):
+def _ending(near, v, way, ys, level, slope, jump):
     """Return the code for the surroundings of a surface's end at row ``v``, upwards (-1) or downwards (1).
 
     Args:
-        near: w along a column of the image; the surface has ``start + slope * v`` there.
+        near: w along a column of the image; the surface has w = level + slope·y there.
     """
     rows = near.shape[0]
     first = second = np.nan
-    hole = max(5, rows // HOLE_SHARE)
-    for k in range(2, hole):
+    for k in range(2, max(5, rows // HOLE_SHARE)):
         row = v + way * k
         if not 0 <= row < rows:
             break
-        off = near[row] - start - slope * row
-        if off == off:
-            first = off
+        first = near[row] - level - slope * ys[row]
+        if first == first:
             # Behind a wide hole the second pixel is the next one: twice the distance would reach a further surface.
             further = v + way * 2 * k if k < 5 else row + way * 2
             if 0 <= further < rows:
-                second = near[further] - start - slope * further
+                second = near[further] - level - slope * ys[further]
             break
     if first != first or second != second:
         return UNKNOWN
@@ -418,72 +421,62 @@ def _ending(near, v, way, start, slope, jump):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, aside, least_square, pinhole):
+def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, least_square, pinhole):
     """Return the surfaces of some planes, each fitted to all of its pixels, with its ends in each column of the image.
 
     Args:
         nearness: w, one row per column of the image.
-        members: PlanarBlocks of all planes, concatenated; ``stops`` the end index of each plane.
+        members: Blocks of all planes, concatenated; ``stops`` the end index of each plane.
         places: Places of all blocks, in cells of ``size`` pixels.
         planes: n of each plane, ``squares`` the mean squared residuals of its blocks.
         tolerance: Least distance from the plane for a pixel to be rejected [1/m], and ``sigmas`` the same in RMS residuals.
         jump: Difference separating two surfaces [1/m].
-        aside: Largest lateral distance of a wall next to a surface [m].
         least_square: Lower limit of a surface's mean squared residual.
 
     Returns:
         n of each surface, its covariance, its centre, and its number of columns; none if its pixels do not determine a plane. Then
-        one row per surface: these columns, half a pixel beyond its first and last row there, and the codes of its surroundings.
+        one row per surface: these columns; half a pixel beyond its first and last row there; the codes of its surroundings.
     """
-    fx, fy, cx, cy = pinhole
+    fx, cx = pinhole[0], pinhole[2]
     width, height, count = nearness.shape[0], nearness.shape[1], stops.shape[0]
     normals, covariances, centres = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
     held, columns = np.zeros(count, dtype=np.int64), np.empty((count, width), dtype=np.int64)
     upper, lower = np.empty((count, width)), np.empty((count, width))
     above, below = np.empty((count, width), dtype=np.int64), np.empty((count, width), dtype=np.int64)
-    rows, ys = np.empty(height), np.empty(height)
-    for v in range(height):
-        rows[v], ys[v] = v, (v - cy) / fy
-    ray = np.ones(3)
-    box, sums, begin = np.empty(4, dtype=np.int64), np.empty(SUMS), 0
+    ys, ray, sums, begin = _rows_of(height, pinhole), np.ones(3), np.empty(10), 0
     for s in range(count):
-        box_of(places, members[begin : stops[s]], size, size + size // 2, height, width, box)
-        begin, plane, off = stops[s], planes[s], max(tolerance, sigmas * math.sqrt(squares[s]))
-        slope, k = plane[1] / fy, 0
-        for u in range(box[0], box[2] + 1):
-            near, x = nearness[u], (u - cx) / fx
-            level = plane[0] * x + plane[2] - plane[1] * cy / fy
-            first, last, found = _longest(near[box[1] : box[3] + 1], rows[box[1] : box[3] + 1], level, slope, off)
-            first, last = first + box[1], last + box[1]
+        left, stop, top, bottom = _box_of(places, members[begin : stops[s]], size, size + size // 2, width, height)
+        begin, plane, off, k = stops[s], planes[s], max(tolerance, sigmas * math.sqrt(squares[s])), 0
+        for u in range(left, stop):
+            near, level = nearness[u], plane[0] * ((u - cx) / fx) + plane[2]
+            first, last, found = _longest(near, top, bottom, ys, level, plane[1], off)
             if found < 3:
                 continue
             columns[s, k], upper[s, k], lower[s, k] = u, first - 0.5, last + 0.5
-            above[s, k] = _ending(near, first, -1, level, slope, jump)
-            below[s, k] = _ending(near, last, 1, level, slope, jump)
+            above[s, k] = _ending(near, first, -1, ys, level, plane[1], jump)
+            below[s, k] = _ending(near, last, 1, ys, level, plane[1], jump)
             k += 1
-        # Pixels of a side wall near its crease lie on the plane as well, and would turn it.
-        margin = int(math.ceil(off * fx * aside))
-        for inner in (margin, 0):
+        # Pixels of a side wall near its crease lie on the plane as well, and would turn it: of a wall along the view 1 m aside
+        # those within ``off`` of the crease. Where a surface is too narrow for the margin, all columns count.
+        for margin in (int(math.ceil(off * fx)), 0):
             sums[:] = 0.0
-            for i in range(k):
-                u, left, right = columns[s, i], i - inner, i + inner
-                if left < 0 or right >= k or columns[s, right] - columns[s, left] > 2 * inner:
+            for i in range(margin, k - margin):
+                u, before, after = columns[s, i], i - margin, i + margin
+                if columns[s, after] - columns[s, before] > 2 * margin:
                     continue
-                first = max(upper[s, left], upper[s, i], upper[s, right])
-                last = min(lower[s, left], lower[s, i], lower[s, right])
-                within = slice(int(first + 1.5), int(max(last - 0.5, 0.0)))
-                near, x = nearness[u], (u - cx) / fx
-                level = plane[0] * x + plane[2] - plane[1] * cy / fy
-                _add_column(near[within], rows[within], ys[within], x, level, slope, off, sums)
-            if sums[COUNT] >= 4 * size * size:
+                first = max(upper[s, before], upper[s, i], upper[s, after])
+                last = min(lower[s, before], lower[s, i], lower[s, after])
+                x = (u - cx) / fx
+                level = plane[0] * x + plane[2]
+                _add_column(nearness[u], int(first + 1.5), int(max(last - 0.5, 0.0)), ys, x, level, plane[1], off, sums)
+            if sums[0] >= 4 * size * size:
                 break
-        n = sums[COUNT]
         square = solved_plane(sums, normals[s], covariances[s])
         # Pixels in a single row or column do not determine a plane.
-        if n < size * size or square != square:
+        if sums[0] < size * size or square != square:
             continue
         held[s] = k
-        ray[0], ray[1] = sums[X] / n, sums[Y] / n
+        ray[0], ray[1] = sums[1] / sums[0], sums[2] / sums[0]
         nearness_there = dot(normals[s], ray)
         for i in range(3):
             centres[s, i] = ray[i] / nearness_there
@@ -494,49 +487,21 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _longest(near, rows, level, slope, off):
-    """Return start, end and number of pixels of the longest run on a plane in a column; short gaps do not end a run."""
+def _longest(near, start, stop, ys, level, slope, off):
+    """Return first and last row and number of pixels of the longest run on a plane in a column; short gaps do not end a run."""
     begin, end, best = -1, -1, 0
     first, missed, found = -1, GAP_PX + 1, 0
-    for i in range(near.size):
-        if abs(near[i] - level - slope * rows[i]) < off:
+    for v in range(start, stop):
+        if abs(near[v] - level - slope * ys[v]) < off:
             if missed > GAP_PX:
-                first, found = i, 0
+                first, found = v, 0
             found += 1
             missed = 0
             if found > best:
-                begin, end, best = first, i, found
+                begin, end, best = first, v, found
         else:
             missed += 1
     return begin, end, best
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def _add_column(near, rows, ys, x, level, slope, off, sums):
-    """Add the pixels on a plane in a part of a column to a surface's sums; x is constant along a column."""
-    n = 0
-    a = b = c = d = e = 0.0
-    for i in range(near.size):
-        w, y = near[i], ys[i]
-        if not abs(w - level - slope * rows[i]) < off:
-            continue
-        n += 1
-        a += y
-        b += y * y
-        c += w
-        d += y * w
-        e += w * w
-    sums[COUNT] += n
-    sums[X] += n * x
-    sums[Y] += a
-    sums[XX] += n * x * x
-    sums[XY] += x * a
-    sums[YY] += b
-    sums[W] += c
-    sums[XW] += x * c
-    sums[YW] += d
-    sums[WW] += e
 
 
 @njit(cache=True, error_model="numpy")
@@ -559,46 +524,6 @@ def span(points, members, direction):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def middle_of(units, start, spread, bundle, least, mean):
-    """Fill ``mean`` with the mean of unit vectors in a bundle about a direction; return whether there are enough.
-
-    Args:
-        units: Unit vectors; the sign is irrelevant.
-        spread: Cosine of the largest angle from ``start`` in the search for the centre of the bundle.
-        bundle: Cosine of the largest angle of a member from that centre.
-    """
-    near, count = np.empty((3, units.shape[0])), 0
-    for k in range(units.shape[0]):
-        cosine = along(units[k], start)
-        if abs(cosine) > spread:
-            for i in range(3):
-                near[i, count] = -units[k, i] if cosine < 0.0 else units[k, i]
-            count += 1
-    if count < least:
-        return False
-    middle, total, held = np.empty(3), np.zeros(3), 0
-    for i in range(3):
-        middle[i] = np.median(near[i, :count])
-    length = math.sqrt(dot(middle, middle))
-    for i in range(3):
-        middle[i] /= length
-    for k in range(count):
-        if along(near[:, k], middle) > bundle:
-            for i in range(3):
-                total[i] += near[i, k]
-            held += 1
-    if held < least:
-        return False
-    for i in range(3):
-        total[i] /= held
-    length = math.sqrt(dot(total, total))
-    for i in range(3):
-        mean[i] = total[i] / length
-    return True
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
 def fit_line(u, v, near, line):
     """Fill ``line`` with the line v = v₀ + a (u - u₀) through most points; return the number of points on it.
 
@@ -615,56 +540,43 @@ def fit_line(u, v, near, line):
         return 0
     best, a, b = 0, 0.0, 0.0
     half = n // 2
-    step = max(1, half // 24)
-    for i in range(0, n - half, step):
+    for i in range(0, n - half, max(1, half // 24)):
         slope = (v[i + half] - v[i]) / (u[i + half] - u[i])
         level = v[i] - slope * u[i]
-        count = 0
-        for k in range(n):
-            if abs(v[k] - level - slope * u[k]) < near:
-                count += 1
+        count = np.count_nonzero(np.abs(v - level - slope * u) < near)
         if count > best:
             best, a, b = count, slope, level
     # Ragged edges scatter by more than the first tolerance; truncation would underestimate the scatter.
-    far = np.empty(n)
-    for k in range(n):
-        far[k] = abs(v[k] - b - a * u[k])
-    middle = np.median(far[far < 3.0 * near])
-    near = min(max(near, WIDENED * middle), 3.0 * near)
+    far = np.abs(v - b - a * u)
+    near = min(max(near, WIDENED * np.median(far[far < 3.0 * near])), 3.0 * near)
     for _ in range(3):
-        count, su, sv = 0, 0.0, 0.0
+        count, su, sv, uu, uv = 0, 0.0, 0.0, 0.0, 0.0
         for k in range(n):
             if abs(v[k] - b - a * u[k]) < near:
+                across, down = u[k] - u[0], v[k] - v[0]
                 count += 1
-                su += u[k]
-                sv += v[k]
+                su += across
+                sv += down
+                uu += across * across
+                uv += across * down
         if count < 16:
             return 0
         mu, mv = su / count, sv / count
-        uu, uv = 0.0, 0.0
-        for k in range(n):
-            if abs(v[k] - b - a * u[k]) < near:
-                uu += (u[k] - mu) ** 2
-                uv += (u[k] - mu) * (v[k] - mv)
-        if uu <= 0.0:
-            return 0
-        a = uv / uu
+        uu -= su * mu
+        a = (uv - sv * mu) / uu
+        mu, mv = mu + u[0], mv + v[0]
         b = mv - a * mu
-    parts, square, within, filled = np.zeros(8), 0.0, 0, 0
-    held = np.zeros(8)
+    eighths, square, within = np.zeros((8, 2)), 0.0, 0
     for k in range(n):
         off = v[k] - b - a * u[k]
         if abs(off) < near:
             part = min(8 * within // count, 7)
-            parts[part] += off
-            held[part] += 1.0
+            eighths[part, 0] += off
+            eighths[part, 1] += 1.0
             square += off * off
             within += 1
-    spread = 0.0
-    for part in range(8):
-        if held[part] > 0.0:
-            spread += held[part] * (parts[part] / held[part]) ** 2
-            filled += 1
+    spread = np.sum(eighths[:, 0] ** 2 / np.maximum(eighths[:, 1], 1.0))
+    filled = np.count_nonzero(eighths[:, 1])
     # Sum of squares for independent errors of adjacent points; correlated errors give more. Two degrees of freedom are used.
     square = max(square / max(within - 2, 1), spread / max(filled - 2, 1))
     line[0], line[1], line[2], line[3], line[4] = a, mv, mu, square / uu, square / count
@@ -673,7 +585,7 @@ def fit_line(u, v, near, line):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def nosing_line(columns, rows, follows, plane, height, near, least, beyond, aliasing, pinhole):
+def nosing_line(columns, rows, follows, plane, height, near, least, aliasing, pinhole):
     """Return the line at a surface's end before a larger depth or at a corner, and the plane through line and camera centre.
 
     Args:
@@ -682,7 +594,6 @@ def nosing_line(columns, rows, follows, plane, height, near, least, beyond, alia
         height: Number of image rows.
         near: Largest distance of a point from the line [rows].
         least: Least number of columns of a line.
-        beyond: Least fraction of the end with a larger depth behind; otherwise the line is a corner.
         aliasing: Lower limit of the relative error of a line's ends [rows], for any number of points.
 
     Returns:
@@ -690,49 +601,44 @@ def nosing_line(columns, rows, follows, plane, height, near, least, beyond, alia
         for a line past which nothing is known; the plane's unit normal and its covariance; the line's middle and ends on the
         surface; u1, v1, u2, v2 of its ends, the left one first.
     """
-    fx, fy, cx, cy = pinhole
     normal, covariance, points, ends = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(4)
-    held = np.zeros(UNKNOWN + 1, dtype=np.int64)
-    for what in follows:
-        held[what] += 1
-    share = beyond * (follows.size - held[UNKNOWN])
-    kind = CREASE if held[BEYOND] < share else BEYOND
-    u, v, line, count = np.empty(follows.size), np.empty(follows.size), np.empty(5), 0
-    if held[kind] >= max(least, share):
-        for k in range(follows.size):
-            if follows[k] == kind:
-                u[count], v[count] = columns[k], rows[k]
-                count += 1
-    usable = count
-    count = fit_line(u[:usable], v[:usable], near, line) if usable else 0
-    if count < least:
-        kind, usable = UNKNOWN, 0
-        for k in range(follows.size):
-            if follows[k] != BEFORE and BORDER_PX <= rows[k] < height - BORDER_PX:
-                u[usable], v[usable] = columns[k], rows[k]
-                usable += 1
-        if usable < max(least, 0.5 * follows.size):
-            return 0, kind, normal, covariance, points, ends
-        count = fit_line(u[:usable], v[:usable], near, line)
-        if count < max(least, VAGUE_SHARE * usable):
-            return 0, kind, normal, covariance, points, ends
-    u, v = u[:usable], v[:usable]
+    line, count, kind = np.empty(5), 0, UNKNOWN
+    known = follows.size - np.count_nonzero(follows == UNKNOWN)
+    beyond = np.count_nonzero(follows == BEYOND)
+    majority = BEYOND if 2 * beyond >= known else CREASE
+    u, v = columns.astype(np.float64), rows
+    for what in (majority, UNKNOWN):
+        if what == UNKNOWN:
+            usable = (follows != BEFORE) & (rows >= BORDER_PX) & (rows < height - BORDER_PX)
+            enough = max(least, follows.size // 2)
+        else:
+            usable = follows == what
+            enough = max(least, known // 2)
+        if np.count_nonzero(usable) < enough:
+            continue
+        u, v = columns[usable].astype(np.float64), rows[usable]
+        count, kind = fit_line(u, v, near, line), what
+        # Past which nothing is known, a line has to hold a large part of the end.
+        if count >= max(least, u.size // 2 if what == UNKNOWN else 0):
+            break
+        count = 0
+    if count == 0:
+        return 0, kind, normal, covariance, points, ends
     a, v0, u0 = line[0], line[1], line[2]
     # Other ends at the surface's level, beyond a wall next to the flight, do not belong to the line.
-    left, right = u[-1], u[0]
-    for k in range(u.size):
-        if abs(v[k] - v0 - a * (u[k] - u0)) < near:
-            left, right = min(left, u[k]), max(right, u[k])
-    if left >= right:
+    on = u[np.abs(v - v0 - a * (u - u0)) < near]
+    if on.size < 2:
         return 0, kind, normal, covariance, points, ends
+    left, right = on[0], on[-1]
     ends[0], ends[1], ends[2], ends[3] = left, v0 + a * (left - u0), right, v0 + a * (right - u0)
-    for k, at, row in ((0, u0, v0 + a * (u0 - u0)), (1, ends[0], ends[1]), (2, ends[2], ends[3])):
+    for k, at, row in ((0, u0, v0), (1, ends[0], ends[1]), (2, ends[2], ends[3])):
         ray = points[k]
-        ray[0], ray[1], ray[2] = (at - cx) / fx, (row - cy) / fy, 1.0
+        ray[0], ray[1], ray[2] = (at - pinhole[2]) / pinhole[0], (row - pinhole[3]) / pinhole[1], 1.0
         nearness = along(ray, plane)
         if nearness <= 0.0:  # behind the camera
             return 0, kind, normal, covariance, points, ends
-        ray[0], ray[1], ray[2] = ray[0] / nearness, ray[1] / nearness, ray[2] / nearness
+        for i in range(3):
+            ray[i] /= nearness
     _through_eye(a, v0, u0, line[3] + (aliasing / (right - left)) ** 2, line[4], pinhole, normal, covariance)
     return count, kind, normal, covariance, points, ends
 

@@ -107,7 +107,6 @@ def axes_of(
     down_sigma_rad: float,
     treads: Sequence[Surface],
     adjoining_rad: Sequence[float],
-    detour_rad: Sequence[float],
 ) -> Levelled:
     """Return the axes of the stair, with the vertical as weighted mean of treads and gravity.
 
@@ -116,7 +115,6 @@ def axes_of(
         down: Gravity direction from the IMU or from the treads.
         treads: Surfaces assumed to be horizontal.
         adjoining_rad: Standard deviation of the tilt of each by pixels of adjacent risers.
-        detour_rad: Standard deviation of the tilt of each by light that takes a detour, common to all.
     """
     start = axes_about(edge, down)
     d, ahead = -start.up, start.ahead
@@ -125,12 +123,10 @@ def axes_of(
         n = tread.unit if float(tread.unit @ d) > 0.0 else -tread.unit
         tilts.append(float(np.arctan2(n @ ahead, n @ d)))
         variances.append(float(ahead @ tread.unit_covariance @ ahead) + by_risers_rad**2)
-    common = np.array([0.0, *detour_rad])
-    mean_square = float(np.mean(common[1:] ** 2)) if detour_rad else 0.0
-    variances[0] = gravity_variance(np.array(tilts[1:]), math.sqrt(down_sigma_rad**2 + mean_square)) - mean_square
+    variances[0] = gravity_variance(np.array(tilts[1:]), down_sigma_rad)
     regular = np.zeros(len(tilts), dtype=bool)
     regular[0] = True
-    tilt = pooled_mean(np.array(tilts), np.array(variances), regular, common=common)
+    tilt = pooled_mean(np.array(tilts), np.array(variances), regular)
     d = np.cos(tilt.mean) * d + np.sin(tilt.mean) * ahead
     return Levelled(axes=Axes(ahead=cross(edge, d), up=-d, right=edge), down_sigma_rad=tilt.sigma)
 

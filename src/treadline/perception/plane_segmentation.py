@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import PinholeCamera
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import Rotation, Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
@@ -32,30 +32,24 @@ DISPARITY_PX_M = 575.0 * 0.075
 """Product f·B of the Kinect 1 [px m]: residuals are expressed in pixels of its disparity."""
 BLOCK_RESIDUAL = 0.16 / DISPARITY_PX_M
 """Largest RMS residual of a block on one surface [1/m]; Kinect frames have 0.055 to 0.075 px."""
-DEPTH_RESIDUAL_M = 0.003
-"""Largest RMS residual for sensors with depth noise instead of disparity noise [m]: a Kinect 2 on carpet nearby."""
 LEAST_RESIDUAL = 0.02 / DISPARITY_PX_M
-"""Lower limit of the assumed residual of a block [1/m]."""
+"""Lower limit of the RMS residual of a surface [1/m]: a quantised depth can have none."""
 TURN_LIMIT = 8.0 * DEG
 """Largest standard deviation of a block's normal for use [rad]."""
-FRAGMENT = 8
-"""Ratio of block counts above which a smaller plane on the same level counts as a wrinkle."""
-SAMPLE = 16
-"""Number of blocks used to estimate a surface's noise."""
 FULL = 0.6
-"""Least fraction of a block's pixels with depth."""
+"""Least fraction of pixels with depth in a block, and next to pixels with depth in an image that is not reduced."""
 TOLERANCE, TOLERANCE_SIGMAS = 0.22 / DISPARITY_PX_M, 3.5
 """Largest distance of a pixel from its surface: absolute [1/m] and in RMS residuals, whichever is larger."""
-ASIDE_M = 1.0
-"""Largest lateral distance of a wall next to a surface [m]: a plane along the view at that distance leaves the tolerance of the
-surface within three columns of 640."""
 NOISE_QUANTILE, NOISE_MARGIN, NOISE_MOST = 0.35, 2.2, 3.0
 """Quantile of the residuals of all blocks that stands for a frame's noise, its ratio to the largest residual of a planar block
 (recorded Kinect 1 frames give a noise of 1 to 1.8), and the largest noise: beyond it steps 2 m away are no planes."""
-LAW_PARTS, LAW_SPAN, LAW_EXPONENT = 6, 0.35, -0.3
-"""Number of ranges of depth, least span of log depth and largest exponent of a time-of-flight camera's noise. Exponents over 40
-kinds of rendered frames: -0.1 to 0.2 for disparities, -1.8 to -0.9 for time of flight; recorded frames of a Kinect 1 have 0.03 and
-0.05, one of a Kinect 2 -0.6."""
+LAW_EXPONENT = -0.3
+"""Largest exponent of the noise of w over depth of a time-of-flight camera. Exponents over 36 kinds of rendered frames: -0.1 to 0.3
+for disparities, -1.4 to -0.7 for time of flight; recorded frames of a Kinect 1 have 0.03 and 0.05, one of a Kinect 2 -0.6."""
+ALIKE_DEPTHS = 0.1
+"""Standard deviation of log depth at which half of an exponent counts: in a frame of one depth, noise has none."""
+LOWEST_M = 0.1
+"""Rise of a low step [m]."""
 RANGE_SENSORS = ("kinect2", "tof")
 """Kinds of sensors that measure the time of flight."""
 CHI_SQUARE_MEDIAN = 0.455
@@ -63,11 +57,6 @@ CHI_SQUARE_MEDIAN = 0.455
 CELLS_ALIKE = 1.7
 """Ratio of a matching window's width to the square root of its contrast, both less one: adjacent cells share a window. A mean
 over 7×7 px has a contrast of 4.1² in cells of 8 px, one over 3×3 px of 2.3² in cells of 4 px."""
-TURN_NOISE_MOST = 1.5
-"""Largest factor on ``TURN_LIMIT``: beyond 12° a block no longer separates a riser from a tread."""
-DETOUR_M = 0.005
-"""Standard deviation of the change of range along a tread towards its corner with the next riser, by light that takes a detour over
-that riser [m]: of 2 to 50 mm in a corner (Fuchs, ICPR 2010). Along the corner it is that of ``_nuisance.DETOUR_RAD``."""
 JUMP = 0.45 / DISPARITY_PX_M
 """Depth difference between a surface and the background at its end [1/m]: 9 cm at 3 m."""
 NEAR_AT_240 = 1.5
@@ -76,8 +65,6 @@ ALIASING_PX = 0.15
 """Lower limit of the relative error of a line's ends, for any number of points [px]: rows are integers."""
 LEAST_SHARE = 0.08
 """Least length of a line as a fraction of the image width."""
-BEYOND_SHARE = 0.5
-"""Least fraction of a surface's end with a larger depth behind; otherwise it is a corner, or occluded."""
 
 LineKind = Literal["edge", "corner", "vague"]
 """Kind of a line by what is measured past it."""
@@ -104,14 +91,13 @@ class PlanarBlocks:
     """First row and column of cells, and number of rows of cells of each block."""
     turns: Float[np.ndarray, " b"]
     """Standard deviation of each block's normal [rad]."""
-    turn_limit: float
-    """Standard deviation above which a normal is uncertain [rad]."""
     cell_px: int
     noise: float
     """Noise of this frame relative to a Kinect 1; thresholds on residuals are multiplied by it."""
     window_px: float
     """Width of the noise's correlation: that of the matching window of a stereo camera [px]."""
-
+    unresolved: int
+    """Number of blocks on no plane so far away that a block is higher than a step."""
     measures_range: bool
     """Whether the camera is one of time of flight: by its file, or for an unknown one by the dependence of the noise on depth."""
 
@@ -121,13 +107,40 @@ class PlanarBlocks:
         return 0.5 * (self.window_px - 1.0)
 
 
-def noise_of(cells: Float[np.ndarray, "r c 10"], full: float) -> tuple[float, float]:
+def reduced(frame: RgbdFrame) -> RgbdFrame:
+    """Return a frame whose depth image is dense enough for planes: the median of the valid pixels of squares.
+
+    Next to a pixel with depth, a fraction of ``dense`` of the pixels has depth. If pixels miss at random, a square of n pixels has
+    depth with a probability of 1 - (1 - dense)ⁿ. Holes that are wider than a few pixels leave ``dense`` near one.
+    """
+    known = frame.depth_m > 0.0
+    beside = int(np.count_nonzero(known[1:] & known[:-1]) + np.count_nonzero(known[:, 1:] & known[:, :-1]))
+    dense = beside / max(int(np.count_nonzero(known[1:]) + np.count_nonzero(known[:, 1:])), 1)
+    side = 1
+    while beside > 0 and 1.0 - (1.0 - dense) ** side**2 < FULL:
+        side += 1
+    if side == 1:
+        return frame
+    depth_m, camera = surface_kernels.pooled(frame.depth_m, side, JUMP), frame.camera
+    smaller = replace(
+        camera,
+        height_px=depth_m.shape[0],
+        width_px=depth_m.shape[1],
+        fx_px=camera.fx_px / side,
+        fy_px=camera.fy_px / side,
+        cx_px=(camera.cx_px + 0.5) / side - 0.5,
+        cy_px=(camera.cy_px + 0.5) / side - 0.5,
+    )
+    return replace(frame, depth_m=depth_m, camera=smaller)
+
+
+def noise_of(fits: Float[np.ndarray, "r c 7"]) -> tuple[float, float]:
     """Return the noise of a frame relative to a Kinect 1, and the width of its correlation, from the flatter blocks [px].
 
     The quantile holds planar blocks alone as long as a third of the image is flat. Noise that is correlated over a square of
     ``window`` pixels has cell means of ``window²`` times the variance of white noise.
     """
-    residuals, contrasts = surface_kernels.block_residuals(cells, full).T
+    residuals, contrasts = fits[np.isfinite(fits[..., 3])][:, [3, 5]].T
     if residuals.size == 0:
         return 1.0, 1.0
     quantile = float(np.quantile(residuals, NOISE_QUANTILE))
@@ -138,45 +151,61 @@ def noise_of(cells: Float[np.ndarray, "r c 10"], full: float) -> tuple[float, fl
 
 def surface_blocks(depth_m: Float32[np.ndarray, "h w"], camera: PinholeCamera) -> PlanarBlocks:
     """Return the planar blocks of a depth image."""
-    size = max(3, round(CELL_AT_240 * camera.height_px / 240))
-    nearness = surface_kernels.nearness_of(depth_m)
-    cells = surface_kernels.cell_sums(nearness, size, camera.pinhole, NEAR_M, FAR_M)
-    noise, window_px = noise_of(cells, FULL * size * size)
-    turn_limit = TURN_LIMIT * min(noise, TURN_NOISE_MOST)
-    sums, normals, unit, centres, places, turns = _planar(cells, size, noise, turn_limit)
+    return _blocks_of(surface_kernels.nearness_of(depth_m), camera, max(3, round(CELL_AT_240 * camera.height_px / 240)))
+
+
+def uncertain_blocks(blocks: PlanarBlocks, camera: PinholeCamera) -> PlanarBlocks:
+    """Return the planar blocks of half the size, those with an uncertain normal included: far steps cover few rows."""
+    return _blocks_of(blocks.nearness, camera, blocks.cell_px // 2, blocks)
+
+
+def _blocks_of(
+    nearness: Float[np.ndarray, "w h"], camera: PinholeCamera, size: int, known: PlanarBlocks | None = None
+) -> PlanarBlocks:
+    """Return the planar blocks of cells of a size.
+
+    Args:
+        known: Blocks with the noise of this frame, which allow for uncertain normals; None: the noise is measured.
+    """
+    cells, full = surface_kernels.cell_sums(nearness, size, camera.pinhole, NEAR_M, FAR_M), FULL * size * size
+    fits = surface_kernels.block_fits(cells, full)
+    noise, window_px = noise_of(fits) if known is None else (known.noise, known.window_px)
+    turn_limit = TURN_LIMIT if known is None else math.inf
+    sums, normals, unit, centres, places, residuals, turns = surface_kernels.plane_blocks(
+        cells, fits, full, BLOCK_RESIDUAL * noise, turn_limit
+    )
     measures_range = camera.sensor in RANGE_SENSORS
     if camera.sensor == "auto":
-        exponent, span = surface_kernels.noise_law(sums, normals, centres[:, 2].copy(), places, LAW_PARTS)
-        measures_range = exponent < LAW_EXPONENT and span > LAW_SPAN
+        large = places[:, 2] == 2
+        measures_range = _noise_law(centres[large, 2], residuals[large]) < LAW_EXPONENT if known is None else known.measures_range
     return PlanarBlocks(
         nearness=nearness,
-        measures_range=measures_range,
         sums=sums,
         normals=normals,
         unit=unit,
         centres=centres,
         places=places,
         turns=turns,
-        turn_limit=turn_limit,
         cell_px=size,
         noise=noise,
         window_px=window_px,
+        unresolved=int(
+            np.count_nonzero((fits[..., 3] >= BLOCK_RESIDUAL * noise) & (fits[..., 6] * camera.fy_px * LOWEST_M < 2 * size))
+        ),
+        measures_range=measures_range,
     )
 
 
-def uncertain_blocks(blocks: PlanarBlocks, camera: PinholeCamera) -> PlanarBlocks:
-    """Return the planar blocks of half the size, those with an uncertain normal included: far steps cover few rows."""
-    size = blocks.cell_px // 2
-    cells = surface_kernels.cell_sums(blocks.nearness, size, camera.pinhole, NEAR_M, FAR_M)
-    sums, normals, unit, centres, places, turns = _planar(cells, size, blocks.noise, math.inf)
-    return replace(blocks, cell_px=size, sums=sums, normals=normals, unit=unit, centres=centres, places=places, turns=turns)
+def _noise_law(depths_m: Float[np.ndarray, " b"], residuals: Float[np.ndarray, " b"]) -> float:
+    """Return the exponent of the noise of w over depth.
 
-
-def _planar(cells: Float[np.ndarray, "r c 10"], size: int, noise: float, turn_limit: float) -> tuple[np.ndarray, ...]:
-    """Return sums, normals, unit normals, centres, places and deviations of the blocks on one plane."""
-    limits = BLOCK_RESIDUAL * noise, DEPTH_RESIDUAL_M * noise, turn_limit, LEAST_RESIDUAL
-    found: tuple[np.ndarray, ...] = surface_kernels.plane_blocks(cells, FULL * size * size, *limits)
-    return found
+    A disparity has the same noise at all depths, an exponent of 0. A range whose error does not grow has -2.
+    """
+    if depths_m.size == 0:
+        return 0.0
+    x, y = np.log(depths_m), np.log(np.maximum(residuals, LEAST_RESIDUAL**2))
+    x -= x.mean()
+    return float(x @ y / (x @ x + depths_m.size * ALIKE_DEPTHS**2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -282,19 +311,6 @@ class Surface:
         turned = creased * 3.0 * (TOLERANCE * noise) ** 2 / (step * rows**2)
         return turned * camera.fy_px * self.distance_m * lever
 
-    def detour_tilt_rad(self, ahead: Vector3, length_m: float, blocks: PlanarBlocks) -> float:
-        """Return the tilt of a horizontal surface by light that reaches it over the next riser [rad].
-
-        The range increases towards the riser by ``DETOUR_M``, of which the component along the normal turns the surface.
-
-        Args:
-            ahead: Horizontal unit vector in C, perpendicular to the edges.
-            length_m: Largest extent of the surface along ``ahead``: the run of a tread.
-        """
-        first, last = self.span_m(blocks, ahead)
-        along_normal = self.distance_m / float(np.linalg.norm(self.centre))
-        return DETOUR_M * along_normal / max(min(last - first, length_m), DETOUR_M)
-
     def line(self, end: End, camera: PinholeCamera) -> Line | None:
         """Return the line at an end of the surface, or None; the image border and objects in front give no line.
 
@@ -310,7 +326,6 @@ class Surface:
             camera.height_px,
             NEAR_AT_240 * camera.height_px / 240,
             LEAST_SHARE * camera.width_px,
-            BEYOND_SHARE,
             ALIASING_PX,
             camera.pinhole,
         )
@@ -359,19 +374,8 @@ def planes_of(blocks: PlanarBlocks, members: Int[np.ndarray, " m"], direction: V
     """
     if members.size < least:
         return []
-    levels = blocks.centres[members] @ direction
-    order = np.argsort(levels, kind="stable")
     members, stops, normals, squares = surface_kernels.planes_along(
-        blocks.sums,
-        blocks.centres,
-        members[order],
-        levels[order],
-        gap_m,
-        least,
-        BLOCK_RESIDUAL * blocks.noise,
-        DEPTH_RESIDUAL_M * blocks.noise,
-        SAMPLE,
-        FRAGMENT,
+        blocks.sums, blocks.centres, members, direction, gap_m, least, BLOCK_RESIDUAL * blocks.noise
     )
     starts = [0, *stops.tolist()]
     return [
@@ -395,7 +399,6 @@ def surfaces_on(planes: Sequence[Plane], blocks: PlanarBlocks, camera: PinholeCa
         TOLERANCE * blocks.noise,
         TOLERANCE_SIGMAS,
         JUMP * blocks.noise,
-        ASIDE_M,
         LEAST_RESIDUAL**2,
         camera.pinhole,
     )

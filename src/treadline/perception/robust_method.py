@@ -31,7 +31,7 @@ from treadline.perception._stair_shape import StairShape, axes_of, shape_of, sta
 from treadline.perception._step_parts import Axes, Direction, Flight, viewing_direction
 from treadline.perception.detection import Parts, StairDetection, refused
 from treadline.perception.flat_ground import SWEPT_HALF_M
-from treadline.perception.plane_segmentation import PlanarBlocks, Surface, surface_blocks, uncertain_blocks
+from treadline.perception.plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
 
 EVIDENCE, UNCONFIRMED = 5.0, 3.4
 """Least log-evidence of a stair, and of an unconfirmed one [nats]: two levels and two fronts reach at most 3.92, a third level that
@@ -208,7 +208,8 @@ def detect_stair(
     if depth_m.dtype != np.float32 or not (depth_m.flags.c_contiguous and depth_m.flags.writeable):
         # A contiguous copy: each memory layout would compile the kernels again.
         frame = replace(frame, depth_m=np.require(depth_m, np.float32, ["C", "W"]))
-    search = _Search(frame=frame, swept_half_m=swept_half_m, watch=watch or Stopwatch())
+    camera, frame = frame.camera, reduced(frame)
+    search = _Search(frame=frame, camera=camera, swept_half_m=swept_half_m, watch=watch or Stopwatch())
     blocks = surface_blocks(frame.depth_m, frame.camera)
     if len(blocks.sums) < 3 * LEAST_BLOCKS:
         share = float(np.mean(frame.depth_m > 0.0))
@@ -226,6 +227,9 @@ class _Search:
     """Search for a stair in a frame."""
 
     frame: RgbdFrame
+    """Frame with a dense depth image, which may be smaller than the camera's."""
+    camera: PinholeCamera
+    """Camera of the whole image."""
     swept_half_m: float | None
     watch: Stopwatch
 
@@ -276,9 +280,10 @@ class _Search:
     def under(self, down: _Down, blocks: PlanarBlocks) -> StairDetection:
         """Return the result under one hypothesis of gravity."""
         sight = self._among(down, blocks, is_uncertain=False)
-        if (sight.evidence or 0.0) >= EVIDENCE or down.sigma_rad > GRAVITY_SIGMA:
+        found = (sight.evidence or 0.0) >= EVIDENCE
+        if found or down.sigma_rad > GRAVITY_SIGMA or blocks.unresolved < 3 * LEAST_BLOCKS:
             return sight
-        # Noise far away turns the normals of blocks, but not the planes of whole risers.
+        # Steps far away are lower than a block. Noise turns the normals of smaller blocks, but not the planes of whole risers.
         other = self._among(down, uncertain_blocks(blocks, self.frame.camera), is_uncertain=True)
         return other if other.accepted else sight
 
@@ -331,11 +336,7 @@ class _Search:
         adjoining_rad = [
             tread.adjoining_tilt_rad(camera, fit.ahead, blocks.noise, runs_m.get(id(tread), np.inf)) for tread in flight.treads
         ]
-        detour_rad = [
-            tread.detour_tilt_rad(fit.ahead, runs_m.get(id(tread), np.inf), blocks) if blocks.measures_range else 0.0
-            for tread in flight.treads
-        ]
-        level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, flight.treads, adjoining_rad, detour_rad)
+        level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, flight.treads, adjoining_rad)
         shape = shape_of(flight, blocks, camera, level, fit.warp_px)
         reason = rejection_reason(
             heading,
@@ -369,7 +370,7 @@ class _Search:
             sigma_rad=sigma,
             edge_direction_C=edge,
             edge_count=len(flight.nosings),
-            box_px=_box(camera, blocks, [*flight.risers, *flight.steps]),
+            box_px=_box(self.camera, blocks, [*flight.risers, *flight.steps]),
             shape=shape,
             stages=None,
             evidence=flight.evidence,
