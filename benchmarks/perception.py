@@ -1,10 +1,11 @@
 """Accuracy of the stair perception: ``python benchmarks/perception.py [--quick] [--only heading] [--frames N] [--seed S]``.
 
-Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Nine tables:
+Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Ten tables:
 
 heading    error of the heading by slope, heading, light, sensor, place, clutter and calibration error
 sensors    the same by depth sensor, noise, image size and distance
 conditions the same by kinds of stair, motion and mount that break an assumption, with the sides of the flight
+pixels     the same with pixels missing at random or in blotches, holes filled by the driver, and mixed depths at edges
 geometry   error of slope, rise, run, nosings, walls and the flight's end
 axes       error of the stair's axes in the camera frame, the input of the mount calibration
 drives     heading by vision and fused with a gyro, and the mount's calibration, over a minute on a flight
@@ -16,17 +17,17 @@ Frames with less than 15 % stair do not count. Fractions have 95 % intervals (Wi
 """
 
 import argparse
-import json
 import math
 import secrets
 import time
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, sensor_cases
+from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, pixel_cases, sensor_cases
+from real_frames import RECORDED, RealFrame, crops_of, mirrored, phases_of, real_frames
 from scenes import STAIRLESS_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
 from scenes.recipe import STEPPED_SCENES
 from scenes.scores import wilson
@@ -35,14 +36,10 @@ from treadline.core.angles import DEG
 from treadline.core.rotations import Vector3, rotation_of
 from treadline.core.signals import StairMap
 from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
-from treadline.io.frames import read_frame
-from treadline.io.frames.sources import COLOUR_ENDINGS, DEPTH_ENDING
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.plant.sensors.imu import IMUS, Imu
-from treadline.scenario.camera_file import CameraFile, read_camera
 
-RECORDED = Path(__file__).parents[2] / "shared" / "data" / "vision"
-TABLES = ("heading", "sensors", "conditions", "geometry", "axes", "drives", "stairless", "paper", "real")
+TABLES = ("heading", "sensors", "conditions", "pixels", "geometry", "axes", "drives", "stairless", "paper", "real")
 GRAVITY_ERROR_RAD = 0.5 * DEG
 """Angle of the IMU's error of the gravity direction on a drive [rad], in a random direction."""
 NEXT_NOSING_M = 1.4
@@ -515,58 +512,46 @@ def drive(way: Way, seed: int) -> Driven:
     return result
 
 
-REAL_COLUMNS = "| | accepted | edge direction off by | declared σ of the heading | reason |"
+REAL_COLUMNS = "| | accepted | RMSE | worst | declared σ (median) | in the 95 % interval of both | most frequent reason |"
 
 
 def real_rows() -> Iterator[str]:
-    """Yield the angle between the edge direction found in recorded frames and their reference."""
-    for reference in sorted(RECORDED.glob("*/reference.json")):
-        for name, true in references(json.loads(reference.read_text())):
-            depth = reference.with_name(name + DEPTH_ENDING)
-            rgb = next((path for ending in COLOUR_ENDINGS if (path := reference.with_name(name + ending)).exists()), None)
-            label = f"{reference.parent.name} {name}"
-            if rgb is None or not depth.exists():
-                yield f"| {label} | | | | no depth and colour image beside the reference |"
-                continue
-            files = [path for path in reference.parent.glob("*_camera.toml") if name.startswith(path.stem.removesuffix("_camera"))]
-            calibration = read_camera(files[0]) if files else calibration_of(depth, true)
-            down = None if true.get("gravity") is None else np.array(true["gravity"])
-            sight = StairDetector(DetectorConfig(method="robust")).look(read_frame(rgb, depth, calibration), down)
-            if sight.edge_direction_C is None or sight.sigma_rad is None:
-                yield f"| {label} | no | | | {sight.reason} |"
-            else:
-                edge = np.array(true["edge_direction_camera"] if "edge_direction_camera" in true else true["edge_direction"])
-                off = angle_between(sight.edge_direction_C, edge) / DEG
-                yield f"| {label} | yes | {off:.3f}° | {sight.sigma_rad / DEG:.3f}° | |"
+    """Yield the errors of the edge direction in recorded frames, shifted by pixels, halved, cut and mirrored."""
+    for real in real_frames():
+        mirror = mirrored(real)
+        kinds = {
+            "": [real],
+            ", 24 phases": phases_of(real, 1),
+            ", halved, 24 phases": phases_of(real, 2),
+            ", cut": crops_of(real),
+            ", mirrored, 24 phases": phases_of(mirror, 1),
+        }
+        for label, frames in kinds.items():
+            yield f"| {real.name}{label} | {' | '.join(real_cells(list(frames)))} |"
 
 
-def references(table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the name and the reference of each frame of a table, which may be grouped by sensor."""
-    for name, entry in table.items():
-        if isinstance(entry, dict):
-            if any(name.startswith("edge_direction") for name in entry):
-                yield name, entry
-            else:
-                yield from references(entry)
-
-
-def calibration_of(depth: Path, true: dict[str, float]) -> CameraFile:
-    """Return the calibration stored with a reference, for images as large as the depth image."""
-    header = depth.read_bytes()[:24]  # PNG: width and height are the first of its first chunk
-    return CameraFile(
-        width=int.from_bytes(header[16:20]),
-        height=int.from_bytes(header[20:24]),
-        fx_px=true["fx"],
-        fy_px=true["fy"],
-        cx_px=true["cx"],
-        cy_px=true["cy"],
-        depth_unit_m=true["depth_unit_m"],
+def real_cells(frames: Sequence[RealFrame]) -> list[str]:
+    """Return the cells of ``REAL_COLUMNS`` after the label."""
+    errors, inside, sigmas, reasons = [], 0, [], Counter[str]()
+    for real in frames:
+        sight = StairDetector().look(real.frame, real.gravity_C)
+        if not sight.accepted or sight.edge_direction_C is None or sight.sigma_rad is None:
+            reasons[sight.reason or ""] += 1
+            continue
+        errors.append(real.error_deg(sight.edge_direction_C))
+        sigmas.append(sight.sigma_rad / DEG)
+        inside += errors[-1] < 1.96 * math.hypot(sigmas[-1], real.uncertainty_deg)
+    reason = "".join(f"{count} ×: {text}" for text, count in reasons.most_common(1))
+    if not errors:
+        return [percent(0, len(frames)), "", "", "", "", reason]
+    size = np.array(errors)
+    counts = (
+        percent(len(errors), len(frames)),
+        f"{np.sqrt(np.mean(size**2)):.2f}°",
+        f"{size.max():.2f}°",
+        f"{np.median(sigmas):.2f}°",
     )
-
-
-def angle_between(a: Vector3, b: Vector3) -> float:
-    """Return the angle between two lines."""
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), abs(float(a @ b))))
+    return [*counts, percent(inside, len(errors)), reason]
 
 
 def stage_lines(seeds: range) -> Iterator[str]:
@@ -606,6 +591,7 @@ def tables(seeds: range) -> dict[str, Callable[[], None]]:
         "heading": heading,
         "sensors": lambda: rows("Heading by sensor", PAIRED_COLUMNS, (paired_row(case, seeds) for case in sensor_cases())),
         "conditions": conditions,
+        "pixels": lambda: rows("Heading with bad pixels", PAIRED_COLUMNS, (paired_row(case, seeds) for case in pixel_cases())),
         "geometry": lambda: rows("Geometry", GEOMETRY_COLUMNS, (geometry_row(case, seeds) for case in geometry_cases())),
         "axes": lambda: rows("The stair's axes in the camera's frame", AXES_COLUMNS, (axes_row(c, seeds) for c in axes_cases())),
         "drives": lambda: rows(
