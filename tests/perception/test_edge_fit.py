@@ -40,7 +40,7 @@ def off_rad(found: EdgeFit) -> float:
 
 
 def test_perfect_planes_give_the_exact_direction() -> None:
-    assert off_rad(fit([riser(distance_m=distance) for distance in (1.0, 1.3, 1.6)])) < 1e-9
+    assert off_rad(fit([riser(distance_m=distance) for distance in (1.0, 1.3, 1.6)])) < 1e-7
 
 
 def test_risers_that_disagree_are_averaged() -> None:
@@ -89,7 +89,7 @@ def test_one_surface_that_is_no_riser_has_little_say() -> None:
     assert off_rad(fit([*good, riser(12.0 * DEG)])) < 0.6 * DEG
 
 
-def line(yaw_rad: float = 0.0, height_m: float = 0.5) -> Line:
+def line(yaw_rad: float = 0.0, height_m: float = 0.3) -> Line:
     """Return the end of a tread at a distance of 1 m, seen from above and turned about the vertical."""
     along = rotation_y(20.0 * DEG + yaw_rad) @ np.array([1.0, 0.0, 0.0])
     middle = rotation_y(20.0 * DEG) @ np.array([0.0, height_m, 1.0])
@@ -97,22 +97,27 @@ def line(yaw_rad: float = 0.0, height_m: float = 0.5) -> Line:
     return line_between(ends_m, np.cross(along, middle), kind="corner", end="lower")
 
 
-def test_edges_that_turn_with_distance_are_those_of_a_curved_flight() -> None:
-    """Test: six risers, 1 to 2.5 m ahead of the chair, turned by 2.9° per metre as on a radius of 20 m.
+def turning(turn_deg: float, bend_deg: float = 0.0) -> EdgeFit:
+    """Return the fit to six nosings, 1 to 2.5 m away, each turned to the left of the one before, one of them by another angle."""
+    nosings = [riser(-k * turn_deg * DEG - (k == 3) * bend_deg * DEG, 1.0 + 0.3 * k) for k in range(6)]
+    return fit([replace(nosing, step=k) for k, nosing in enumerate(nosings)])
 
-    Expected result: a curved flight, its curvature within 10 %, and the direction at the chair within three deviations.
+
+@pytest.mark.parametrize("turn_deg", [1.5, -3.0, 5.5, -12.0])
+def test_edges_that_turn_from_step_to_step_are_those_of_a_winding_flight(turn_deg: float) -> None:
+    """Test: six risers, each turned by a further angle; one of them by 0.2° more.
+
+    Expected result: a winding flight, its turn per step within 15 %, although single surfaces differ by up to 60°.
     """
-    ahead = rotation_y(20.0 * DEG) @ np.array([0.0, 0.0, 1.0])
-    reach = float(np.array(CAMERA.mount_m) @ CAMERA.R_BC @ ahead)
-    # A turn about the image's downward axis moves the edge's end nearer: against the direction ahead.
-    found = fit([riser(-0.05 * (distance + reach), distance_m=distance) for distance in np.linspace(1.0, 2.5, 6)])
-    assert found.curved > 0.9
-    assert found.curvature_1_m == pytest.approx(0.05, rel=0.1)
-    assert off_rad(found) < 3.0 * sigma_of(found)
+    found = turning(turn_deg, 0.2)
+    assert found.winding > 0.99
+    assert found.turn_per_step_rad == pytest.approx(turn_deg * DEG, rel=0.15)
+    assert found.agreeing == 1.0
 
 
 def test_parallel_edges_are_those_of_a_straight_flight() -> None:
-    assert fit([riser(distance_m=distance) for distance in np.linspace(1.0, 2.5, 6)]).curved < 0.05
+    assert turning(0.0).winding < 0.05
+    assert turning(0.0, 0.3).winding < 0.1
 
 
 @pytest.mark.parametrize("yaw_deg", [0.7, -1.5, 2.5])
@@ -122,18 +127,20 @@ def test_the_edge_of_a_mat_on_a_tread_is_no_nosing(yaw_deg: float) -> None:
     treads = [surface(DOWN, distance_m=distance) for distance in (0.3, 0.5, 0.7)]
     clean, found = (fit_edges(nosings, treads, DOWN, 0.5 * DEG, START, CAMERA) for nosings in (risers, with_mat))
     # Taken for a nosing, it drew the edge by degrees: a warp turns no line, so that one line was believed before five risers.
-    assert off_rad(found) < 0.02 * DEG
-    assert sigma_of(found) < 1.5 * sigma_of(clean)
+    assert off_rad(clean) < 0.02 * DEG
+    assert off_rad(found) < 1.5 * sigma_of(found)
+    assert sigma_of(found) < 0.1 * DEG
 
 
 def test_nosings_that_agree_within_an_uneven_stair_are_kept() -> None:
     def seen_from_above(count: int) -> EdgeFit:
         turned = 0.2 * DEG * np.resize([1.0, -1.0, 0.5, -0.5], count)
-        found = [replace(riser(), riser=None, lines=(line(float(yaw), 0.5 + 0.2 * k),)) for k, yaw in enumerate(turned)]
-        return fit_edges(found, [surface(DOWN, distance_m=0.5 + 0.2 * k) for k in range(count)], DOWN, 0.5 * DEG, START, CAMERA)
+        found = [replace(riser(), riser=None, lines=(line(float(yaw), 0.4 - 0.02 * k),)) for k, yaw in enumerate(turned)]
+        return fit_edges(found, [surface(DOWN, distance_m=0.4 - 0.02 * k) for k in range(count)], DOWN, 0.5 * DEG, START, CAMERA)
 
     assert off_rad(seen_from_above(4)) < 0.15 * DEG
-    assert sigma_of(seen_from_above(8)) < 0.8 * sigma_of(seen_from_above(4))
+    # A motion during the readout turns all lines alike, and does not average out.
+    assert sigma_of(seen_from_above(8)) < sigma_of(seen_from_above(4))
 
 
 @pytest.mark.parametrize("pitch_deg", [10.0, 25.0, 40.0, 60.0])

@@ -1,15 +1,14 @@
 """Edge direction of the stair from all treads, risers and nosings in view, with its uncertainty.
 
 Every tread, every riser and every plane through a nosing and the camera centre contains the edge direction e, so each normal n
-satisfies n·e = 0. The unknowns are small angles relative to an initial direction: α, the rotation of the edges about the vertical,
-ρ, their tilt from horizontal, and the nuisance directions of camera and flight (``nuisance``). Risers determine α,
-treads and gravity ρ, nosings seen from above a mixture of both. A warp tilts all planes from depth, increasingly with distance, but
-no line in the image: lines and planes together, and planes at different places and distances, determine it.
+satisfies n·e = 0. The unknowns are small angles relative to an initial direction: α, the rotation of the edges about the vertical
+at the chair, ρ, their tilt from horizontal, and τ, the turn of a winding flight from one step to the next. Risers determine α,
+treads and gravity ρ, nosings seen from above a mixture of both.
 
-The error of a surface has two parts: sensor noise, visible in the residuals, and irregularity of the stair, whose steps are not
-exactly parallel: riser and nosing of a step rotate together, tread and nosing tilt together. The sizes of irregularity and warp,
-and the hypotheses of a curved flight, a rolling shutter and multipath, are nuisance parameters and are marginalised
-(``nuisance_kernels``).
+The error of a surface has three parts: sensor noise, visible in the residuals; irregularity of the stair, whose steps are not
+exactly parallel: riser and nosing of a step rotate together, tread and nosing tilt together; and errors common to all surfaces
+(``_nuisance``). All are normal, so that one covariance holds them. The sizes of irregularity and warp are unknown and are
+marginalised over a grid, as is whether the flight winds.
 """
 
 from collections.abc import Sequence
@@ -22,44 +21,61 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Vector3
 from treadline.perception._gravity_direction import gravity_variance
-from treadline.perception._irregularity import Prior, prior
+from treadline.perception._irregularity import posterior_weights
 from treadline.perception._nuisance import (
     COLUMNS,
-    CURVATURE,
-    CURVATURE_1_M,
+    DETOUR,
+    DETOUR_RAD,
+    MOTION,
     SPREAD,
     TERMS,
-    NuisanceModel,
-    drift_of,
-    nuisance_model_of,
     reach_of,
-    turns_of_line,
-    turns_of_surface,
+    turns_of_lines,
+    turns_of_surfaces,
 )
-from treadline.perception._nuisance_kernels import marginal_posterior, reject_outliers, variances
+from treadline.perception._nuisance_kernels import normal_equations
 from treadline.perception._step_parts import Axes, NosingObservation, axes_about
 from treadline.perception.plane_segmentation import Surface
 
-ANGLES = np.geomspace(0.0005 * DEG, 2.0 * DEG, 8)
-"""Grid of the standard deviations of step irregularity, about the vertical and from horizontal [rad]."""
-WARPS_PX = np.geomspace(0.0003, 0.1, 7)
+ANGLES = np.geomspace(0.03 * DEG, 1.0 * DEG, 4)
+"""Grid of the standard deviations of step irregularity, about the vertical and from horizontal [rad]: 0.5 to 17 mm over a
+metre."""
+WARPS_PX = np.geomspace(0.01, 0.1, 3)
 """Grid of warp sizes [px of Kinect disparity]: from a good calibration to factory calibration."""
-FINE = prior(ANGLES, ANGLES, WARPS_PX)
-"""Prior on the full grid."""
-ROUGH = prior(ANGLES[4:5], ANGLES[4:5], WARPS_PX, as_drawn=0.0)
-"""Prior for the initial estimate of the rotation."""
-COARSE = prior(*(grid[::3].copy() for grid in (ANGLES, ANGLES, WARPS_PX)), as_drawn=0.0, usual_rad=np.inf)
-"""Prior for outlier rejection; copied, because a different memory layout would compile the kernels again."""
-STRAY, CORNER_STRAY = 0.003, 0.03
-"""Prior probability that a surface or a corner line does not belong to the stair: an object on a tread tilts it, or starts at a
-possible nosing."""
+RANGE_SCALE = 6.0
+"""Size of a smooth range error relative to a disparity warp: multipath of 20 mm over an image at 1.5 m, instead of 0.1 px."""
+FLAT_RAD = 0.5
+"""Prior standard deviation of α and ρ [rad]: nearly uninformative."""
+WINDING, TURNS_RAD, TURN_SHARE = 0.04, np.array([-9.0, -3.0, -1.0, 1.0, 3.0, 9.0]) * DEG, 1.0 / 3.0
+"""Prior probability of a winding flight; means of its turn per step, whose mixture reaches from 0.4 to 15°, radii of 40 to 1 m, to the
+left and to the right [rad], and the standard deviation of each relative to it."""
+TURN_STEPS = np.arange(-15.0, 16.0) * DEG
+"""Turns per step with which nosings may agree [rad]."""
+STRAY = 0.03
+"""Prior probability that a surface or a line does not belong to the stair: an object on a tread tilts it, or has an edge of its
+own."""
 SAME_STEP_M = 0.03
 """Largest distance between a nosing and the plane of its tread [m]."""
 OUTLIER, OUTLIER_SIGMAS = 3.0 * DEG, 5.0
 """Surfaces whose directions differ by more than this angle [rad], and by this number of standard deviations, do not belong to one
-straight flight."""
-ASSUMED_TILT = 0.5 * DEG
-"""Assumed standard deviation of a single tread's tilt in the comparison of risers and nosings [rad]."""
+flight."""
+LEFT_OUT = 0.05
+"""Probability below which straight or winding does not enter the moments: its tail would otherwise dominate the variance."""
+
+
+AS_DRAWN = 0.1
+"""Prior probability of no irregularity, warp and motion at all: rendered images, new concrete before a well calibrated camera."""
+SIZES = np.vstack(
+    [
+        np.column_stack([sizes.ravel() for sizes in np.meshgrid(ANGLES, ANGLES, WARPS_PX, 1.0, indexing="ij")]),
+        [ANGLES[0] / 100.0, ANGLES[0] / 100.0, WARPS_PX[0] / 100.0, 0.0],
+    ]
+)
+"""Sizes of rotation, tilt, warp and motion."""
+LOGS = np.log([*(1.0 - AS_DRAWN) * SIZES[:-1, 2] / SIZES[:-1, 2].sum(), AS_DRAWN])
+"""Log prior of the sizes: any logarithm of an irregularity is as likely, and any warp."""
+COARSE = SIZES[SIZES[:, 2] == WARPS_PX[1]]
+"""Sizes for the rejection of outliers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,10 +97,12 @@ class EdgeFit:
     planes_against_lines_rad: tuple[float, float] | None
     """Angle about the vertical from risers minus that from lines, and its standard deviation [rad]; None unless both are
     available."""
-    curvature_1_m: float
-    """Curvature of the flight if it is curved [1/m]: rotation of the edges per distance ahead of the chair."""
-    curved: float
-    """Probability of a curved flight."""
+    winding: float
+    """Probability that the flight winds."""
+    turn_per_step_rad: float
+    """Turn of the edges from one step to the next if the flight winds, positive to the left [rad]."""
+    turn_sigma_rad: float
+    """Standard deviation of the turn per step if the flight winds [rad]."""
     warp_px: float
     """Root of the mean square of the depth warp's size [px of Kinect disparity]."""
 
@@ -103,25 +121,20 @@ class _Normals:
     """Covariance of the normals; zero for gravity, whose variance depends on the treads."""
     turns: Float[np.ndarray, "k 3 c"]
     """Derivative of each normal with respect to each nuisance direction."""
-    reach_m: Float[np.ndarray, " k"]
-    """Distance of each normal's nosing ahead of the camera [m]; zero for a tread and gravity."""
     tilts: Bool[np.ndarray, " k"]
     """Whether the normal tilts with a tread."""
     group: Int[np.ndarray, " k"]
     """Index of the nosing that rotates with the normal; -1 for none."""
     step: Int[np.ndarray, " k"]
     """Index of the step: that of a nosing, or a separate one for a tread without nosing; -1 for gravity."""
-    stray: Float[np.ndarray, " k"]
-    """Prior probability that the normal does not belong to the stair."""
-    treads: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Rows:
-    """Linear equations ``by · (α, ρ) + turns · nuisances = value``, one per normal."""
+    """Linear equations ``by · (τ, α, ρ) = value``, one per normal, with the covariance of their errors."""
 
     value: Float[np.ndarray, " k"]
-    by: Float[np.ndarray, "k 2"]
+    by: Float[np.ndarray, "k 3"]
     turns: Float[np.ndarray, "k c"]
     noise: Float[np.ndarray, " k"]
     """Variance of the normal's angle across the edges [rad²]."""
@@ -129,20 +142,14 @@ class _Rows:
     """Whether the normal tilts with a tread; this and the following fields as in ``_Normals``."""
     group: Int[np.ndarray, " k"]
     step: Int[np.ndarray, " k"]
-    stray: Float[np.ndarray, " k"]
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Solution:
-    mean: Float[np.ndarray, " n"]
-    """Estimated nuisances, α and ρ."""
-    covariance: Float[np.ndarray, "2 2"]
-    """Covariance of α and ρ [rad²]."""
-    likeliest: Float[np.ndarray, "n n"]
-    """Covariance of all unknowns at the most likely hypothesis, irregularity and warp size."""
-    beliefs: Float[np.ndarray, " h"]
-    """Probability of each hypothesis."""
-    warp_px: float
+    @property
+    def shared(self) -> Float[np.ndarray, "5 k k"]:
+        """Covariances of the errors that normals share: rotation and tilt of a step, warp of 1 px, motion, and all others."""
+        same = (self.step[:, None] == self.step[None, :]) & (self.step >= 0)
+        rotated, tilted = np.where(self.group >= 0, self.by[:, 1], 0.0), np.where(self.tilts, self.by[:, 2], 0.0)
+        common = (self.turns[:, columns] for columns in (slice(0, TERMS), MOTION, slice(SPREAD, DETOUR + 1)))
+        return np.array([same * np.outer(rotated, rotated), same * np.outer(tilted, tilted), *(part @ part.T for part in common)])
 
 
 def fit_edges(
@@ -163,39 +170,86 @@ def fit_edges(
         down: Unit vector in C. Edges are horizontal: gravity is equivalent to one more tread, with its own uncertainty.
         start: Initial edge direction.
         spread_px: Standard deviation of the shift of surfaces' ends that all lines have in common [px].
-        measures_range: Whether the camera is one of time of flight.
+        measures_range: Whether the camera is one of time of flight, which exposes all rows at once and sees detours of light.
     """
-    possible = nuisance_model_of(measures_range=measures_range)
-    edge = start / np.linalg.norm(start)
     nosings = [nosing for nosing in nosings if nosing.has_direction]
-    normals = _normals(nosings, treads, down, edge, camera, spread_px)
-    for last in (False, True):
+    edge = start / np.linalg.norm(start)
+    normals = _normals(nosings, treads, down, edge, camera, spread_px, measures_range=measures_range)
+    steps = _steps_ahead(nosings, camera, axes_about(edge, down).ahead)
+    for _ in range(2):
         axes = axes_about(edge, down)
-        rows = _rows(normals, down_sigma_rad, axes, camera)
-        angles, noise = _angles(rows, len(nosings))
-        kept = _agreeing(angles, noise)
-        chosen = np.concatenate([kept, [True]])[rows.group]
-        chosen[rows.group < 0] = _agreeing_treads(rows)
-        if last:
-            chosen[chosen] = _of_the_stair(_only(rows, chosen))
-        rows = _only(rows, chosen)
-        solution = _solved(rows, *((FINE, possible) if last else (ROUGH, possible.simplest)))
-        alpha, rho = solution.mean[-2:].tolist()
-        edge = axes.right + alpha * axes.ahead - rho * axes.up
+        rows = _rows(normals, down_sigma_rad, axes, steps)
+        angles, variances = _angles(rows, len(nosings))
+        kept = _agreeing_nosings(angles, variances, steps)
+        middle = float(np.average(angles[kept], weights=1.0 / variances[kept]))
+        edge = axes.right + middle * axes.ahead
         edge /= np.linalg.norm(edge)
-    off = angles - alpha
+    chosen = np.append(kept, True)[rows.group]
+    chosen[rows.group < 0] = _agreeing_treads(rows)
+    rows = _only(rows, chosen)
+    rows = _only(rows, _of_the_stair(rows))
+    return _fitted(rows, axes, angles, kept, RANGE_SCALE if measures_range else 1.0)
+
+
+def _fitted(rows: _Rows, axes: Axes, angles: Float[np.ndarray, " n"], kept: Bool[np.ndarray, " n"], warp_scale: float) -> EdgeFit:
+    """Return the edge direction with the sizes of irregularity and warp, and whether the flight winds, marginalised."""
+    sizes = SIZES * [1.0, 1.0, warp_scale, 1.0]
+    squares = np.column_stack([sizes**2, np.ones(len(sizes))])
+    shared = rows.shared
+    logs, products = normal_equations(rows.noise, shared, squares, np.column_stack([rows.by, rows.value]))
+    # A straight flight has no turn per step.
+    deviations = np.array([1e-9, *TURN_SHARE * np.abs(TURNS_RAD)])
+    precisions = np.column_stack([deviations**-2.0, np.full((deviations.size, 2), FLAT_RAD**-2.0)])
+    expected = np.array([0.0, *TURNS_RAD])
+    covariances = np.linalg.inv(products[:, None, :3, :3] + precisions[:, :, None] * np.eye(3))
+    right = products[:, None, :3, 3] + np.outer(expected * precisions[:, 0], [1.0, 0.0, 0.0])
+    means = np.einsum("ghij,ghj->ghi", covariances, right)
+    gained = np.einsum("ghi,ghi->gh", means, right) + np.linalg.slogdet(covariances)[1]
+    gained += np.log(precisions[:, 0]) - expected**2 * precisions[:, 0]
+    beliefs = np.log([1.0 - WINDING, *np.full(TURNS_RAD.size, WINDING / TURNS_RAD.size)])
+    weights = posterior_weights(logs[:, None] + LOGS[:, None] - 0.5 * products[:, 3, 3, None] + 0.5 * gained + beliefs)
+    winding = float(weights[:, 1:].sum())
+    turn, turn_variance = _moments(weights[:, 1:], means[:, 1:, :1], covariances[:, 1:, :1, :1])
+    entering = weights * [winding < 1.0 - LEFT_OUT, *np.full(TURNS_RAD.size, winding > LEFT_OUT)]
+    (alpha, rho), covariance = _moments(entering, means[..., 1:], covariances[..., 1:, 1:])
+    edge = axes.right + alpha * axes.ahead - rho * axes.up
     return EdgeFit(
-        edge=edge,
+        edge=edge / np.linalg.norm(edge),
         ahead=axes.ahead,
         down=-axes.up,
-        covariance=solution.covariance,
+        covariance=covariance,
         agreeing=float(kept.mean()),
-        widest_rad=float(np.abs(off).max()),
-        planes_against_lines_rad=_planes_against_lines(rows, solution),
-        curvature_1_m=CURVATURE_1_M * float(solution.mean[CURVATURE]),
-        curved=float(solution.beliefs[1]),
-        warp_px=solution.warp_px,
+        widest_rad=float(np.abs(angles - angles[kept].mean()).max()),
+        planes_against_lines_rad=_planes_against_lines(rows, shared, squares[[int(weights.sum(axis=1).argmax())]]),
+        winding=winding,
+        turn_per_step_rad=float(turn[0]),
+        turn_sigma_rad=float(np.sqrt(turn_variance[0, 0])),
+        warp_px=float(np.sqrt(weights.sum(axis=1) @ sizes[:, 2] ** 2)),
     )
+
+
+def _moments(
+    weights: Float[np.ndarray, "g h"], means: Float[np.ndarray, "g h n"], covariances: Float[np.ndarray, "g h n n"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "n n"]]:
+    """Return mean and covariance of a mixture."""
+    weights = weights / weights.sum()
+    mean = np.einsum("gh,ghi->i", weights, means)
+    off = means - mean
+    return mean, np.einsum("gh,ghij->ij", weights, covariances + off[..., :, None] * off[..., None, :])
+
+
+def _planes_against_lines(
+    rows: _Rows, shared: Float[np.ndarray, "5 k k"], squares: Float[np.ndarray, "1 5"]
+) -> tuple[float, float] | None:
+    """Return the angle about the vertical between risers and nosings, and its standard deviation, at given sizes."""
+    of_line = (rows.group >= 0) & rows.tilts
+    of_riser = (rows.group >= 0) & ~rows.tilts
+    if not of_line.any() or not of_riser.any():
+        return None
+    right = np.column_stack([rows.by[:, 1] * of_riser, rows.by[:, 1:], rows.value])
+    product = normal_equations(rows.noise, shared, squares, right)[1][0]
+    covariance = np.linalg.inv(product[:3, :3] + np.eye(3) / FLAT_RAD**2)
+    return float(covariance[0] @ product[:3, 3]), float(np.sqrt(covariance[0, 0]))
 
 
 def _steps(nosings: Sequence[NosingObservation], treads: Sequence[Surface]) -> list[int]:
@@ -209,6 +263,13 @@ def _steps(nosings: Sequence[NosingObservation], treads: Sequence[Surface]) -> l
     return found
 
 
+def _steps_ahead(nosings: Sequence[NosingObservation], camera: PinholeCamera, ahead: Vector3) -> Float[np.ndarray, " n"]:
+    """Return the number of steps from the chair to each nosing."""
+    steps, places = np.array([nosing.step for nosing in nosings]), np.array([nosing.ahead_m for nosing in nosings])
+    run_m = np.ptp(places) / max(np.ptp(steps), 1) or 1.0
+    return (places + reach_of(camera, ahead)) / run_m
+
+
 def _normals(
     nosings: Sequence[NosingObservation],
     treads: Sequence[Surface],
@@ -216,49 +277,46 @@ def _normals(
     edge: Vector3,
     camera: PinholeCamera,
     spread_px: float,
+    *,
+    measures_range: bool,
 ) -> _Normals:
-    drift = drift_of(camera)
-    found = [(tread.unit, tread.unit_covariance, turns_of_surface(tread, None, camera, drift), True, -1, STRAY) for tread in treads]
-    for number, nosing in enumerate(nosings):
-        if nosing.riser is not None:
-            turns = turns_of_surface(nosing.riser, edge, camera, drift)
-            found.append((nosing.riser.unit, nosing.riser.unit_covariance, turns, False, number, STRAY))
-        for line in nosing.lines:
-            turns, own = turns_of_line(line, camera, drift, spread_px), STRAY if line.kind == "edge" else CORNER_STRAY
-            found.append((line.normal, line.covariance, turns, True, number, own))
-    found.append((down, np.zeros((3, 3)), np.zeros((3, COLUMNS)), False, -1, 0.0))
-    unit, covariance, of_nuisances, tilts, group, stray = map(np.array, zip(*found, strict=True))
+    risers = [(k, nosing.riser) for k, nosing in enumerate(nosings) if nosing.riser is not None]
+    lines = [(k, line) for k, nosing in enumerate(nosings) for line in nosing.lines]
+    surfaces = [*treads, *(riser for _, riser in risers)]
+    of_surfaces = turns_of_surfaces(surfaces, camera)
+    of_surfaces[len(treads) :, :, DETOUR] = measures_range * DETOUR_RAD * edge
+    turns = np.concatenate([of_surfaces, turns_of_lines([line for _, line in lines], camera, spread_px), np.zeros((1, 3, COLUMNS))])
+    turns[..., MOTION] *= not measures_range
+    group = np.array([*(-1 for _ in treads), *(k for k, _ in risers), *(k for k, _ in lines), -1])
     return _Normals(
-        unit=unit,
-        covariance=covariance,
-        turns=of_nuisances,
-        reach_m=np.array([0.0 if k < 0 else nosings[k].ahead_m for k in group.tolist()]),
-        tilts=tilts,
+        unit=np.array([*(surface.unit for surface in surfaces), *(line.normal for _, line in lines), down]),
+        covariance=np.array(
+            [*(surface.unit_covariance for surface in surfaces), *(line.covariance for _, line in lines), np.zeros((3, 3))]
+        ),
+        turns=turns,
+        tilts=np.array([*(True for _ in treads), *(False for _ in risers), *(True for _ in lines), False]),
         group=group,
-        step=np.array([*_steps(nosings, treads), *group[len(treads) :].tolist()]),
-        stray=stray,
-        treads=len(treads),
+        step=np.array([*_steps(nosings, treads), *group[len(treads) :]]),
     )
 
 
-def _rows(normals: _Normals, down_sigma_rad: float, axes: Axes, camera: PinholeCamera) -> _Rows:
+def _rows(normals: _Normals, down_sigma_rad: float, axes: Axes, steps: Float[np.ndarray, " n"]) -> _Rows:
     """Return the equations of all normals, gravity last."""
     value = -(normals.unit @ axes.right)
-    by = np.column_stack([normals.unit @ axes.ahead, normals.unit @ -axes.up])
-    noise = variances(normals.covariance, axes.right)
-    level = value[: normals.treads] / by[: normals.treads, 1]
-    noise[-1] = gravity_variance(level - value[-1] / by[-1, 1], down_sigma_rad)
-    turns = -np.einsum("i,kit->kt", axes.right, normals.turns)
-    turns[:, CURVATURE] = CURVATURE_1_M * by[:, 0] * (normals.reach_m + reach_of(camera, axes.ahead)) * (normals.group >= 0)
+    by = np.column_stack(
+        [normals.unit @ axes.ahead * np.append(steps, 0.0)[normals.group], normals.unit @ axes.ahead, normals.unit @ -axes.up]
+    )
+    noise = np.asarray(normals.covariance @ axes.right @ axes.right)
+    levels = (normals.group < 0) & normals.tilts
+    noise[-1] = gravity_variance(value[levels] / by[levels, 2] - value[-1] / by[-1, 2], down_sigma_rad)
     return _Rows(
         value=value,
         by=by,
-        turns=turns,
+        turns=-np.einsum("i,kic->kc", axes.right, normals.turns),
         noise=noise,
         tilts=normals.tilts,
         group=normals.group,
         step=normals.step,
-        stray=normals.stray,
     )
 
 
@@ -268,18 +326,21 @@ def _only(rows: _Rows, chosen: Bool[np.ndarray, " k"]) -> _Rows:
 
 def _angles(rows: _Rows, count: int) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return the angle about the vertical of each single nosing, and its variance."""
-    of_nosing = rows.group >= 0
-    weight = rows.by[of_nosing, 0] ** 2 / rows.noise[of_nosing]
-    total = np.bincount(rows.group[of_nosing], weight, count)
-    angle = np.bincount(rows.group[of_nosing], weight * rows.value[of_nosing] / rows.by[of_nosing, 0], count) / total
+    own = rows.group >= 0
+    weight = rows.by[own, 1] ** 2 / rows.noise[own]
+    total = np.bincount(rows.group[own], weight, count)
+    angle = np.bincount(rows.group[own], weight * np.arctan(rows.value[own] / rows.by[own, 1]), count) / total
     return angle, 1.0 / total
 
 
-def _without_nuisances(rows: _Rows, solution: _Solution) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return what estimated tilt and warp leave of the equations' values, and its variance without that of single tilts [rad²]."""
-    others = np.column_stack([rows.turns, np.zeros(len(rows.value)), rows.by[:, 1]])
-    left = rows.value - others @ solution.mean
-    return left, rows.noise + np.einsum("ki,ij,kj->k", others, solution.likeliest, others)
+def _agreeing_nosings(
+    angles: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"], steps: Float[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Return the mask of the nosings in the largest subset that agrees; with a turn per step if at least two more do so."""
+    straight = _agreeing(angles, variances)
+    turned = [_agreeing(angles - turn * steps, variances) for turn in TURN_STEPS]
+    most = max(turned, key=np.count_nonzero)
+    return most if np.count_nonzero(most) >= np.count_nonzero(straight) + 2 else straight
 
 
 def _agreeing(values: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
@@ -294,75 +355,30 @@ def _agreeing(values: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"
 def _agreeing_treads(rows: _Rows) -> Bool[np.ndarray, " t"]:
     """Return the mask of treads, and gravity, consistent with each other."""
     treads = (rows.group < 0) & rows.tilts
-    level = rows.value[treads] / rows.by[treads, 1]
-    return np.append(_agreeing(level, rows.noise[treads]), True)
+    return np.append(_agreeing(rows.value[treads] / rows.by[treads, 2], rows.noise[treads]), True)
 
 
 def _of_the_stair(rows: _Rows) -> Bool[np.ndarray, " k"]:
-    """Return the mask of equations accepted by the evidence; the others fit better as uniform outliers."""
+    """Return the mask of equations accepted by the evidence; the others fit better as uniform outliers, the clearest first."""
     kept = np.ones(len(rows.value), dtype=np.bool_)
-    with np.errstate(divide="ignore"):
-        penalty = np.log(2.0 * OUTLIER) - np.log(rows.stray / (1.0 - rows.stray))
-    reject_outliers(*_equations(rows, SPREAD + 1), COARSE.turns, COARSE.tilts, COARSE.warps, COARSE.logs, TERMS, penalty, kept)
+    count = len(COARSE)
+    squares = np.column_stack([np.tile(COARSE, (2, 1)), np.ones((2 * count, 2)), np.repeat([0.0, TURNS_RAD[-2]], count)]) ** 2
+    beliefs = np.log(np.repeat([1.0 - WINDING, WINDING], count))
+    unknowns = FLAT_RAD * rows.by[:, 1:]
+    shared = np.concatenate([rows.shared, [unknowns @ unknowns.T, np.outer(rows.by[:, 0], rows.by[:, 0])]])
+    loss = np.log(2.0 * OUTLIER * (1.0 - STRAY) / STRAY)
+    while kept.sum() > 2:
+        some = np.flatnonzero(kept)
+        right = np.column_stack([np.eye(some.size), rows.value[some]])
+        logs, products = normal_equations(rows.noise[some], shared[:, some][:, :, some], squares, right)
+        logs = logs + beliefs - 0.5 * products[:, -1, -1]
+        # The density of each value given all others.
+        precision = np.einsum("gkk->gk", products)[:, :-1]
+        own = 0.5 * (np.log(precision / (2.0 * np.pi)) - products[:, :-1, -1] ** 2 / precision)
+        gain = np.logaddexp.reduce(logs[:, None] - own, axis=0) - np.logaddexp.reduce(logs) - loss
+        gain[-1] = -np.inf  # gravity stays
+        worst = int(gain.argmax())
+        if gain[worst] <= 0.0:
+            break
+        kept[some[worst]] = False
     return kept
-
-
-def _solved(rows: _Rows, tried: Prior, possible: NuisanceModel) -> _Solution:
-    """Return nuisances, α and ρ with hypothesis, irregularity and warp size marginalised."""
-    covariance = np.empty((COLUMNS + 2, COLUMNS + 2))
-    mean, spread, beliefs, warp = marginal_posterior(
-        *_equations(rows),
-        tried.turns,
-        tried.tilts,
-        tried.warps,
-        tried.logs,
-        possible.present,
-        possible.logs,
-        possible.scales,
-        TERMS,
-        covariance,
-    )
-    covariance_of_angles = np.array([[spread[0], spread[2]], [spread[2], spread[1]]])
-    return _Solution(
-        mean=mean, covariance=covariance_of_angles, likeliest=covariance, beliefs=beliefs, warp_px=float(np.sqrt(warp))
-    )
-
-
-def _equations(
-    rows: _Rows, columns: int = COLUMNS
-) -> tuple[
-    Float[np.ndarray, "k n"],
-    Float[np.ndarray, " k"],
-    Float[np.ndarray, " k"],
-    Float[np.ndarray, " k"],
-    Float[np.ndarray, " k"],
-    Int[np.ndarray, " k"],
-    int,
-]:
-    """Return coefficients, values, noise and the dependence on the step rotations and tilts, for the compiled kernels.
-
-    Args:
-        columns: Number of nuisance directions in use.
-    """
-    turn_by = np.where(rows.group >= 0, rows.by[:, 0], 0.0)
-    tilt_by = np.where(rows.tilts, rows.by[:, 1], 0.0)
-    by = np.column_stack([rows.turns[:, :columns], rows.by])
-    return by, rows.value, rows.noise, turn_by, tilt_by, rows.step, int(rows.step.max()) + 1
-
-
-def _planes_against_lines(rows: _Rows, solution: _Solution) -> tuple[float, float] | None:
-    """Return the angle about the vertical between risers and nosings without tilt and nuisances, and its standard deviation."""
-    of_line = (rows.group >= 0) & rows.tilts
-    of_riser = (rows.group >= 0) & ~rows.tilts
-    if not of_line.any() or not of_riser.any():
-        return None
-    left, variance = _without_nuisances(rows, solution)
-    variance = variance + np.where(rows.tilts, rows.by[:, 1] * ASSUMED_TILT, 0.0) ** 2
-    means, variances = [], []
-    for chosen in (of_riser, of_line):
-        by = rows.by[chosen, 0]
-        weight = by**2 / variance[chosen]
-        total = float(weight.sum())
-        means.append(float((left[chosen] / by * weight).sum()) / total)
-        variances.append(1.0 / total)
-    return means[0] - means[1], float(np.sqrt(sum(variances)))

@@ -15,49 +15,8 @@ from jaxtyping import Bool, Float
 
 from treadline.core.angles import DEG
 
-AS_DRAWN = 0.2
-"""Prior probability of the first component: the smallest sizes of the grids."""
-USUAL_RAD = 0.5 * DEG
-"""Irregularity at which the prior is halved [rad], decreasing beyond: 9.5 mm between the largest and the smallest step, the limit
-of building codes, over a metre of width."""
-POWER, WARP_POWER = 0.1, 0.3
-"""Exponents of the prior at small sizes, for irregularity and warp."""
 TURNS = np.geomspace(0.003 * DEG, 2.0 * DEG, 18)
 """Grid of the irregularity: standard deviation of the surfaces' angles [rad]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prior:
-    """Grids of the nuisance parameters, and their log prior."""
-
-    turns: Float[np.ndarray, " t"]
-    """Standard deviations of the steps' angles about the vertical [rad]."""
-    tilts: Float[np.ndarray, " k"]
-    """Standard deviations of the steps' tilts from horizontal [rad]."""
-    warps: Float[np.ndarray, " w"]
-    """Sizes of the warp [px]."""
-    logs: Float[np.ndarray, "tk w"]
-    """Log prior of each pair of rotation and tilt, and of each warp."""
-
-
-def prior(
-    turns: Float[np.ndarray, " t"],
-    tilts: Float[np.ndarray, " k"],
-    warps: Float[np.ndarray, " w"],
-    *,
-    as_drawn: float = AS_DRAWN,
-    usual_rad: float = USUAL_RAD,
-) -> Prior:
-    """Return the prior on the given grids."""
-    of_turns, of_tilts = _of_angles(turns, usual_rad), _of_angles(tilts, usual_rad)
-    slab = of_turns[:, None, None] * of_tilts[None, :, None] * warps[None, None, :] ** WARP_POWER
-    belief = (1.0 - as_drawn) * slab / slab.sum()
-    belief[0, 0, 0] += as_drawn
-    return Prior(turns=turns, tilts=tilts, warps=warps, logs=np.log(belief).reshape(-1, len(warps)))
-
-
-def _of_angles(sizes: Float[np.ndarray, " n"], usual_rad: float) -> Float[np.ndarray, " n"]:
-    return sizes**POWER / (1.0 + sizes / usual_rad)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,7 +55,7 @@ def pooled_mean(
     return PooledMean(mean=mean, sigma=float(np.sqrt(belief @ (1.0 / total + (means - mean) ** 2))))
 
 
-def posterior_weights(log_likelihood: Float[np.ndarray, " g"]) -> Float[np.ndarray, " g"]:
+def posterior_weights(log_likelihood: Float[np.ndarray, "*g"]) -> Float[np.ndarray, "*g"]:
     """Return the posterior weight of each irregularity from its log likelihood."""
     weight = np.exp(log_likelihood - log_likelihood.max())
     return np.asarray(weight / weight.sum())

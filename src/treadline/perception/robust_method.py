@@ -122,9 +122,9 @@ def _not_straight(flight: Flight, fit: EdgeFit) -> str | None:
         return "one edge in view has a direction: a straight flight is not distinguished from winders"
     if fit.agreeing < AGREEING or fit.agreeing * len(flight.nosings) < 1.5:
         return f"nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other: no straight flight"
-    turned = fit.curvature_1_m * float(np.mean([nosing.ahead_m for nosing in flight.nosings]))
-    if fit.curved > CURVED and abs(turned) > FORM_LIMIT:
-        return f"edges turn by {fit.curvature_1_m * flight.run_m / DEG:+.1f}° at each step: no straight flight"
+    turned = fit.turn_per_step_rad * float(np.mean([nosing.ahead_m for nosing in flight.nosings])) / flight.run_m
+    if fit.winding > CURVED and abs(turned) > FORM_LIMIT:
+        return f"edges turn by {fit.turn_per_step_rad / DEG:+.1f}° at each step: no straight flight"
     apart = fit.planes_against_lines_rad
     if apart is not None and abs(apart[0]) > max(DISAGREEMENT, DISAGREEMENT_SIGMAS * apart[1]):
         return f"risers and nosings disagree by {abs(apart[0]) / DEG:.1f}°"
