@@ -57,7 +57,7 @@ class View:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Stage:
+class Stage:
     """Constant part of a sequence of views."""
 
     scene: str
@@ -113,7 +113,7 @@ def _motion(recipe: ViewRecipe, rng: np.random.Generator) -> tuple[float, Vector
 
 def draw_view(rng: np.random.Generator, recipe: ViewRecipe) -> View:
     """Return a random view; all open parameters are drawn from ``rng``."""
-    stage, pose = _stage(rng, recipe)
+    stage, pose = draw_stage(rng, recipe)
     view = stage.view(0.0, pose)
     measured_B = _tilted(pose.R_WB.T @ DOWN_W, recipe.gravity_error_deg * DEG, rng)
     return replace(view, gravity_C=stage.declared.R_BC.T @ measured_B)
@@ -129,7 +129,7 @@ class RecordedDrive:
     """
 
     def __init__(self, rng: np.random.Generator, recipe: ViewRecipe) -> None:
-        self._stage, self._start = _stage(rng, recipe)
+        self._stage, self._start = draw_stage(rng, recipe)
         if self._stage.flight is None or self._stage.scene == "edge":
             scenes = "up, top, down, bottom or foot"
             raise SettingsError(f"a sequence needs a chair on a flight or at its foot, not '{self._stage.scene}'; give {scenes}")
@@ -153,7 +153,7 @@ class RecordedDrive:
         return replace(seen, gravity_C=self._stage.declared.R_BC.T @ measured_B / np.linalg.norm(measured_B))
 
 
-def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
+def draw_stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[Stage, Pose]:
     """Return a random scene with its camera, and the pose of the chair."""
     chair = read_chair("wheelchair")
     scene = recipe.scenes[int(rng.integers(len(recipe.scenes)))]
@@ -189,7 +189,7 @@ def _stage(rng: np.random.Generator, recipe: ViewRecipe) -> tuple[_Stage, Pose]:
         puddles=tuple(setting.puddles),
         rng=rng,
     ).facing((), setting.shadows)
-    stage = _Stage(
+    stage = Stage(
         scene=scene,
         chair=chair,
         declared=declared,

@@ -7,6 +7,7 @@
 * ``tl.check(scenario, set=...)``: mechanical feasibility of a scenario.
 * ``tl.climb(scenario, controller=None, seed=0, set=...)``: one simulated traversal, a ``tl.Run``.
 * ``tl.read_frames(path)``: frames of a depth image, a point cloud, a folder, or a log.
+* ``tl.frame_of_points(points)``: frame of an array of points, or of scans that add up in odometry.
 * ``tl.detect_stair(frame)``: heading and geometry of the stair in one frame, or in a depth image with its camera.
 * ``tl.identify(u, y, dt)``: linear model of recorded inputs and outputs, ``tl.Identified``, with ``tl.IdentificationOptions``.
 * ``tl.load_model(path)``: ``tl.LinearModel`` from a file.
@@ -25,6 +26,7 @@ _MODULE_OF = {
     "check": "treadline.api",
     "climb": "treadline.api",
     "detect_stair": "treadline.api",
+    "frame_of_points": "treadline.io.frames",
     "identify": "treadline.api",
     "load_model": "treadline.api",
     "read_frames": "treadline.io.frames",

@@ -10,6 +10,7 @@ from treadline.api import tune as tune
 from treadline.core.models import LinearModel as LinearModel
 from treadline.identification import Identified as Identified
 from treadline.identification.options import IdentificationOptions as IdentificationOptions
+from treadline.io.frames import frame_of_points as frame_of_points
 from treadline.io.frames import read_frames as read_frames
 from treadline.scenario import Scenario as Scenario
 

@@ -33,7 +33,8 @@ def see(
     camera: Path | None = None,
     gravity: List = None,
     unit: str | None = None,
-    axes: str = "camera",
+    axes: str | None = None,
+    pose: List = None,
     topic: str | None = None,
     method: str = "robust",
     threshold: str | None = None,
@@ -55,6 +56,10 @@ def see(
 
     treadline see cloud.ply --unit mm (or .pcd; the camera is found from the points)
 
+    treadline see scan.pcd --pose 0.1,0,0.8 (a level cloud, z up: place of its sensor)
+
+    treadline see FOLDER (NAME.pcd, poses.csv with name,x,y,z,roll,pitch,yaw: the scans add up in odometry)
+
     treadline see walk.mcap --headings walk.csv (or .bag, .db3, or a run folder)
 
     treadline see --live realsense --out seen (or orbbec, oak; Ctrl-C ends)
@@ -67,7 +72,9 @@ def see(
         gravity: Unit vector that points down in the camera's frame: x,y,z; for a folder, of the frames that gravity.csv lacks.
         unit: Unit of depth counts or cloud coordinates: m, cm or mm. Default: the calibration's depth_unit_m; m for clouds.
         axes: Axes of point clouds: camera (x right, y down, z forward), ros (x forward, y left, z up) or opengl (x right, y up,
-            z backward).
+            z backward). Default: ros for a cloud with a pose or with points all around, else camera.
+        pose: Pose of the sensor in clouds of the level frame of a chair: x,y,z in metres and, if known, roll,pitch,yaw in degrees,
+            with x forward, y left, z up and a positive pitch downwards; gravity points down unless --gravity is given.
         topic: Topic of the depth images or point clouds of a log, if several hold depth.
         method: Method: robust, or paper for Algorithm 1 as printed, whose heading by Eq. (2) is 90° where the chair is square to
             the stair (square_deg in the JSON answer).
@@ -90,12 +97,18 @@ def see(
     rule = choice("--threshold", threshold or "median", get_args(ThresholdRule))
     if threshold is not None and chosen != "paper" and out is None:
         raise SettingsError("--threshold is of Algorithm 1: give --method paper, or --out for pictures of its stages")
-    cloud_axes = choice("--axes", axes, AXES)
+    cloud_axes = None if axes is None else choice("--axes", axes, AXES)
     if (source is None) == (live is None):
         raise SettingsError("see needs one input: a file, a folder or a log, or --live CAMERA; treadline see --help shows examples")
     report_compiling()
     if live is not None:
-        given = {"--unit": unit, "--topic": topic, "--threshold": threshold, "--method paper": chosen == "paper" or None}
+        given = {
+            "--unit": unit,
+            "--topic": topic,
+            "--pose": pose,
+            "--threshold": threshold,
+            "--method paper": chosen == "paper" or None,
+        }
         if alone := [name for name, value in given.items() if value is not None]:
             raise SettingsError(
                 f"{alone[0]} is of recorded frames; --live takes --camera, --gravity, --seconds, --headings and --out"
@@ -105,7 +118,9 @@ def see(
         raise SettingsError("--seconds is of --live")
     assert source is not None  # noqa: S101 - for the type checker
     colour = chosen == "paper" or out is not None
-    frames = read_frames(source, depth, camera=camera, gravity=gravity, unit=unit, axes=cloud_axes, topic=topic, colour=colour)
+    frames = read_frames(
+        source, depth, camera=camera, gravity=gravity, unit=unit, axes=cloud_axes, pose=pose, topic=topic, colour=colour
+    )
     return _answer(frames, chosen, rule, headings, out)
 
 

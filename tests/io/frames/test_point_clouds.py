@@ -4,10 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from lidars import LIDARS, draw_lidar
+from surfaces import on_a_flight
 
 from treadline.core.angles import DEG
+from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.rotations import rotation_x, rotation_z
+from treadline.io.frames import frame_of_points
+from treadline.io.frames._poses import SensorPose
 from treadline.io.frames.point_cloud import AXES, PointCloud, cloud_image
 from treadline.perception import StairDetector
 
@@ -133,3 +138,80 @@ def test_sizes_and_empty_clouds_are_refused(rendered, points) -> None:
     for few in (cloud[:0], cloud[:100], np.full_like(cloud, np.nan), np.zeros_like(cloud)):
         with pytest.raises(ImageError, match="points with a return; at least 1000"):
             cloud_image("cloud", PointCloud(points=few))
+
+
+def levelled(frame: RgbdFrame, down: np.ndarray, points) -> tuple[RgbdFrame, np.ndarray, np.ndarray]:
+    """Return a frame whose mount is that of a level chair, its points there, and the pose of its sensor."""
+    ahead = np.array([0.0, 0.0, 1.0]) - down[2] * down
+    ahead /= np.linalg.norm(ahead)
+    M = np.stack([ahead, np.cross(-down, ahead), -down]) @ CAMERA_AXES_IN_CHAIR.T
+    roll, pitch, yaw = np.arctan2(M[2, 1], M[2, 2]), -np.arcsin(M[2, 0]), np.arctan2(M[1, 0], M[0, 0])
+    camera = replace(frame.camera, mount_roll_rad=roll, mount_pitch_rad=pitch, mount_yaw_rad=yaw)
+    at_m = np.array([0.3, -0.1, 0.8])
+    cloud = points(frame) @ camera.R_BC.T + at_m
+    return (
+        replace(frame, camera=camera),
+        cloud[np.isfinite(cloud).all(axis=1)],
+        np.array([*at_m, *np.array([roll, pitch, yaw]) / DEG]),
+    )
+
+
+@pytest.mark.parametrize("heading", [-20.0, 12.0])
+def test_a_level_cloud_gives_the_heading_of_its_depth_image(points, heading: float) -> None:
+    frame, down = on_a_flight(1, heading)
+    level, cloud, pose = levelled(frame, down, points)
+    expected = StairDetector().look(level, down).heading_rad
+    for given, within in ((pose, 0.02), (pose[:3], 0.1)):  # a sensor's angles keep its pixels
+        named = frame_of_points(cloud.astype(np.float32), pose=given)
+        found = StairDetector().look(named.frame, named.gravity_C).heading_rad
+        assert named.mount_known
+        assert found / DEG == pytest.approx(expected / DEG, abs=within)
+
+
+def test_map_coordinates_are_named_and_a_pose_places_the_sensor(points) -> None:
+    _, cloud, pose = levelled(*on_a_flight(1, 12.0), points)
+    at_m = np.array([5.1e5, 5.4e6, 120.0])
+    with pytest.raises(ImageError, match="probably those of a map; give the place of the sensor in it: --pose x,y,z"):
+        frame_of_points(cloud + at_m, axes="ros")
+    placed = frame_of_points(cloud + at_m, pose=[*(pose[:3] + at_m), *pose[3:]])
+    here = frame_of_points(cloud, pose=pose)
+    np.testing.assert_allclose(placed.frame.depth_m, here.frame.depth_m, atol=1e-4)
+
+
+def test_points_all_around_are_cropped_to_the_sector_ahead(rendered, points) -> None:
+    frame = rendered(1, 12.0)
+    ahead = points(frame) @ AXES["ros"][1]
+    ahead = ahead[np.isfinite(ahead).all(axis=1)]
+    around = np.concatenate([ahead @ rotation_z(angle).T for angle in (0.0, 2.0, -2.0, np.pi)])
+    image = cloud_image("cloud", PointCloud(points=around.astype(np.float32)))
+    assert "of the points lie in its sector (x forward, y left, z up)" in str(image.warning)
+    only = cloud_image("cloud", PointCloud(points=ahead.astype(np.float32)), axes="ros")
+    found = StairDetector().look(image.frame).heading_rad
+    assert found / DEG == pytest.approx(heading_deg(only.frame), abs=0.3)
+
+
+@pytest.mark.parametrize("name", sorted(LIDARS))
+def test_lidars_give_a_heading_before_the_flight(name: str) -> None:
+    view = draw_lidar(100, LIDARS[name])
+    several = len(view.clouds) > 1
+    named = frame_of_points(
+        view.clouds if several else view.clouds[0], poses=view.poses if several else None, axes="ros", gravity=[0.0, 1.0, 0.0]
+    )
+    sight = StairDetector().look(named.frame, named.gravity_C)
+    assert sight.accepted, sight.reason
+    assert abs(sight.heading_rad - view.heading_rad) < 2.576 * sight.sigma_rad
+    assert sight.shape.rise_m == pytest.approx(view.rise_m, rel=0.1)
+
+
+def test_scans_add_up_in_the_frame_of_the_last() -> None:
+    wall = np.stack(np.meshgrid([3.0], np.linspace(-1, 1, 60), np.linspace(0, 2, 60)), axis=-1).reshape(-1, 3)
+    poses = [[0.0, 0.0, 0.5, 0.0, 0.0, 0.0], [0.5, 0.2, 0.5, 0.0, 10.0, 25.0]]
+    scans = [(wall - pose[:3]) @ SensorPose.of("pose", pose).R for pose in poses]
+    named = frame_of_points(scans, poses=poses)
+    one = frame_of_points(scans[1], axes="ros")
+    assert np.nanmedian(named.frame.depth_m) == pytest.approx(np.nanmedian(one.frame.depth_m), abs=0.01)
+    down = np.array([0.0, np.cos(10.0 * DEG), np.sin(10.0 * DEG)])
+    R_FC = CAMERA_AXES_IN_CHAIR.T @ named.frame.camera.R_BC
+    np.testing.assert_allclose(R_FC @ named.gravity_C, down, atol=1e-9)
+    with pytest.raises(ImageError, match="1 poses of 2 clouds; give one pose a cloud"):
+        frame_of_points(scans, poses=poses[:1])

@@ -64,8 +64,8 @@ def cloud_of(values: np.ndarray, size_px: tuple[int, int] | None, t_s: float = 0
     missing = [name for name in "xyz" if name not in names]
     if missing:
         raise ImageError(f"no field '{missing[0]}' (there are: {', '.join(names)}); a cloud needs x, y and z")
-    with np.errstate(over="ignore"):  # beyond single precision: Inf, no return
-        points = np.stack([values[name].astype(np.float32) for name in "xyz"], axis=1)
+    kind = np.result_type(np.float32, *(values.dtype[name] for name in "xyz"))  # map coordinates need double precision
+    points = np.stack([values[name].astype(kind.newbyteorder("=")) for name in "xyz"], axis=1)
     return PointCloud(points=points, size_px=size_px, rgb=_colours(values, names), t_s=t_s)
 
 

@@ -55,6 +55,8 @@ class FramesOfLog:
         self._options, self._given = options, options.camera
         self._mount = options.mount if options.camera is None else options.camera.camera
         self._mount_known = options.mount is not None if options.camera is None else options.camera.mount_known
+        self._mount_known |= options.pose is not None
+        self._gravity_C = options.gravity_C
         found = survey(self._log, sealed=self._sealed)
         self.topic = _chosen(path, found, options.topic)
         self.is_cloud = found[self.topic].kind == POINT_CLOUD
@@ -180,7 +182,16 @@ class FramesOfLog:
 
     def _of_cloud(self, t_s: float, size: tuple[int, int], values: np.ndarray) -> tuple[RgbdFrame, bool]:
         cloud, options = cloud_of(values, size if min(size) > 1 else None, t_s), self._options
-        image = cloud_image(f"cloud at {t_s:.3f} s", cloud, self._camera, axes=options.axes, unit=options.unit or "m")
+        image = cloud_image(
+            f"cloud at {t_s:.3f} s",
+            cloud,
+            self._camera,
+            axes=options.axes,
+            unit=options.unit or "m",
+            pose=options.pose,
+            gravity_F=options.gravity_C,
+        )
+        self._gravity_C = image.gravity_C
         if image.warning is not None and not self._noted:
             self._noted[image.warning] = None
         return image.frame, image.has_colour
@@ -193,13 +204,13 @@ class FramesOfLog:
         return later
 
     def _named(self, number: int, frame: RgbdFrame, has_colour: bool) -> NamedFrame:
-        if self._mount is not None:
+        if self._mount is not None and self._options.pose is None:
             frame = replace(frame, camera=with_mount(frame.camera, self._mount))
         return NamedFrame(
             name=f"{number:06d}",
             frame=frame,
             mount_known=self._mount_known,
-            gravity_C=self._options.gravity_C,
+            gravity_C=self._gravity_C,
             has_colour=has_colour,
             t_s=frame.t_s,
         )

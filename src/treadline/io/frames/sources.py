@@ -12,13 +12,16 @@ from treadline.core.errors import ImageError, SettingsError
 from treadline.core.models import BAG_SUFFIXES
 from treadline.io.frames._cloud_files import ENDINGS, read_cloud
 from treadline.io.frames._image_files import is_photo, nominal_camera, read_frame
-from treadline.io.frames.point_cloud import UNITS, Axes, FrameOptions, cloud_image
+from treadline.io.frames._poses import SensorPose, read_poses
+from treadline.io.frames.point_cloud import UNITS, Axes, FrameOptions, PointCloud, cloud_image, fused
 from treadline.scenario.camera_file import CameraFile, read_camera
 
 COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
 """File name endings of colour images."""
 DEPTH_ENDING = "_depth.png"
 """File name ending of depth images."""
+POSES = "poses.csv"
+"""Name of the table of a folder whose clouds add up."""
 
 
 def read_frames(
@@ -28,7 +31,8 @@ def read_frames(
     camera: Path | str | CameraFile | None = None,
     gravity: str | ArrayLike | None = None,
     unit: str | None = None,
-    axes: Axes = "camera",
+    axes: Axes | None = None,
+    pose: str | ArrayLike | None = None,
     topic: str | None = None,
     colour: bool = True,
 ) -> FrameSource:
@@ -41,9 +45,14 @@ def read_frames(
         path: Depth image (16-bit PNG), colour image, .ply or .pcd file, folder, or .mcap, .bag or .db3 file.
         depth: Depth image, if ``path`` is a colour image.
         camera: Calibration, or its file (TOML).
-        gravity: Vector that points down in the camera frame (x right, y down, z forward): three numbers, or text x,y,z.
+        gravity: Vector that points down in the camera frame (x right, y down, z forward): three numbers, or text x,y,z. For clouds
+            it is in their frame, with these axes.
         unit: Unit of depth counts or cloud coordinates: m, cm or mm.
-        axes: Axes of clouds: camera (x right, y down, z forward), ros (x forward, z up) or opengl (y up, z backward).
+        axes: Axes of clouds: camera (x right, y down, z forward), ros (x forward, z up) or opengl (y up, z backward). Default: ros
+            with a pose or with points all around, else camera.
+        pose: Pose of the sensor in clouds of the level frame of a chair: x, y, z [m] and, if known, roll, pitch and yaw [deg], with
+            x forward, y left and z up. A folder with a poses.csv (name,x,y,z,roll,pitch,yaw of each cloud in level odometry) is
+            one frame: its clouds add up.
         topic: Topic of the depth of a log, if it has several.
         colour: Whether the colour images of a log are wanted; depth alone is read faster.
 
@@ -60,7 +69,15 @@ def read_frames(
         wall.png (424, 512)
     """
     calibration = camera if isinstance(camera, CameraFile | None) else read_camera(Path(camera))
-    options = FrameOptions(camera=calibration, gravity_C=gravity_of(gravity), unit=unit, axes=axes, topic=topic, colour=colour)
+    options = FrameOptions(
+        camera=calibration,
+        gravity_C=gravity_of(gravity),
+        unit=unit,
+        axes=axes,
+        pose=None if pose is None else SensorPose.of("--pose", pose),
+        topic=topic,
+        colour=colour,
+    )
     return _opened(Path(path), None if depth is None else Path(depth), options)
 
 
@@ -110,6 +127,8 @@ def _folder(path: Path, options: FrameOptions) -> FrameSource:
     """
     clouds = sorted(file for file in path.iterdir() if file.suffix.lower() in ENDINGS)
     depths = sorted(path.glob("*" + DEPTH_ENDING))
+    if clouds and not depths and (path / POSES).is_file():
+        return _added_up(path, clouds, options)
     if clouds and not depths:
         return _FolderOfFrames(clouds, partial(_cloud, options=options), _unread_cloud)
     calibration = _with_unit(options.camera or read_camera(path / "camera.toml"), options)
@@ -164,14 +183,34 @@ def _image(rgb: Path | None, depth: Path, calibration: CameraFile, options: Fram
     )
 
 
+def _added_up(path: Path, files: list[Path], options: FrameOptions) -> FrameSource:
+    """Return the frame of all clouds of a folder, which add up in the odometry of its poses.csv.
+
+    Raises:
+        ImageError: If a cloud cannot be read, or has no pose.
+    """
+    poses = read_poses(path / POSES)
+    if missing := [file.name for file in files if file.name not in poses]:
+        raise ImageError(f"{path / POSES}: no pose of {missing[0]}; give one row a cloud")
+    clouds, used = [read_cloud(file) for file in files], [poses[file.name] for file in files]
+    cloud, down = fused(path, clouds, used, options.axes or "ros", options.unit or "m", options.gravity_C)
+    named, warning = _of_cloud(path, cloud, replace(options, axes="camera", unit="m", gravity_C=down))
+    return SeveralFrames([named], [] if warning is None else [warning])
+
+
 def _cloud(path: Path, options: FrameOptions) -> tuple[NamedFrame, str | None]:
+    return _of_cloud(path, read_cloud(path), options)
+
+
+def _of_cloud(path: Path, cloud: PointCloud, options: FrameOptions) -> tuple[NamedFrame, str | None]:
     camera = None if options.camera is None else options.camera.camera
-    image = cloud_image(path, read_cloud(path), camera, axes=options.axes, unit=options.unit or "m")
+    given = options.pose, options.gravity_C
+    image = cloud_image(path, cloud, camera, axes=options.axes, unit=options.unit or "m", pose=given[0], gravity_F=given[1])
     named = NamedFrame(
         name=path.name,
         frame=image.frame,
-        gravity_C=options.gravity_C,
-        mount_known=options.camera is not None and options.camera.mount_known,
+        gravity_C=image.gravity_C,
+        mount_known=options.pose is not None or (options.camera is not None and options.camera.mount_known),
         has_colour=image.has_colour,
     )
     return named, image.warning

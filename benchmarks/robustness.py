@@ -1,0 +1,127 @@
+"""Robustness of the detector: ``python benchmarks/robustness.py [--frames N] [--looks N] [--seed S]``.
+
+Recorded frames, if available, and lifelike drawn ones, each seen otherwise (``variations``): smaller, cropped, turned, mirrored,
+with a wrong gravity, or in another size. No frame may end in an exception, an accepted heading may leave its 99 % interval in one
+frame of a hundred, and a scene of another size is accepted with its own rise and run or rejected.
+"""
+
+import argparse
+import secrets
+import traceback
+from collections import Counter
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from perception_cases import percent
+from variations import KINDS, KnownFrame, drawn_frame, recorded_frames, seen_otherwise
+
+from treadline.core.angles import DEG
+from treadline.core.camera_images import PinholeCamera
+from treadline.core.rotations import Vector3
+from treadline.perception import StairDetection, StairDetector
+
+WITHIN_99 = 2.576
+"""Half width of a 99 % interval of a normal distribution, in standard deviations."""
+SAME_SIZE = 0.1
+"""Largest relative error of an accepted rise."""
+
+
+@dataclass(slots=True)
+class Tally:
+    """What became of the frames of one kind."""
+
+    frames: int = 0
+    accepted: int = 0
+    outside: int = 0
+    other_size: int = 0
+    sized: int = 0
+    worst_deg: float = 0.0
+    failures: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, known: KnownFrame, sight: StairDetection) -> None:
+        """Count a result."""
+        self.frames += 1
+        if not sight.accepted or sight.heading_rad is None or sight.sigma_rad is None:
+            return
+        self.accepted += 1
+        error_deg = abs(_off(sight.heading_rad, heading_of(known.edge_C, known.frame.camera))) / DEG
+        sigma_deg = float(np.hypot(sight.sigma_rad, known.edge_sigma_rad)) / DEG
+        if error_deg > WITHIN_99 * sigma_deg:
+            self.outside += 1
+            self.notes.append(f"{known.name}: {error_deg:.2f}° off, sigma {sigma_deg:.2f}°")
+        self.worst_deg = max(self.worst_deg, error_deg)
+        if known.rise_m is not None and sight.shape is not None:
+            self.sized += 1
+            if abs(sight.shape.rise_m / known.rise_m - 1.0) > SAME_SIZE:
+                self.other_size += 1
+                self.notes.append(f"{known.name}: rise {1e3 * sight.shape.rise_m:.0f} of {1e3 * known.rise_m:.0f} mm")
+
+    def row(self, label: str) -> str:
+        """Return the row of a table."""
+        return (
+            f"| {label} | {self.frames} | {percent(self.accepted, self.frames)} | {percent(self.outside, self.accepted)} | "
+            f"{self.worst_deg:.2f}° | {self.other_size} of {self.sized} | {len(self.failures)} |"
+        )
+
+
+COLUMNS = "| | frames | accepted | outside the 99 % interval | worst | rise off by more than 10 % | exceptions |"
+
+
+def heading_of(edge_C: Vector3, camera: PinholeCamera) -> float:
+    """Return the heading about the declared mount of a chair before edges of a direction."""
+    edge_B = camera.R_BC @ edge_C
+    return float(np.arctan2(-edge_B[0], -edge_B[1]))
+
+
+def _off(heading_rad: float, true_rad: float) -> float:
+    """Return the difference of two headings of edges, which have no sense of direction."""
+    return (heading_rad - true_rad + 0.5 * np.pi) % np.pi - 0.5 * np.pi
+
+
+def _measured(known: KnownFrame) -> KnownFrame:
+    """Return a recorded frame with the rise that the frame as recorded gives: a frame of another size is judged by it."""
+    shape = StairDetector().look(known.frame, known.gravity_C).shape
+    return known if shape is None else replace(known, rise_m=shape.rise_m)
+
+
+def tallies(bases: list[KnownFrame], looks: int, rng: np.random.Generator) -> dict[str, Tally]:
+    """Return what becomes of frames seen otherwise, by kind of variation."""
+    detector, found = StairDetector(), {kind: Tally() for kind in KINDS}
+    for number in range(looks):
+        kind = KINDS[number % len(KINDS)]
+        known = seen_otherwise(bases[int(rng.integers(len(bases)))], kind, rng)
+        try:
+            found[kind].add(known, detector.look(known.frame, known.gravity_C))
+        except Exception:  # noqa: BLE001 - what the table counts
+            found[kind].failures.append(f"{known.name}: " + traceback.format_exc(limit=-1).strip().replace("\n", " "))
+    return found
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--frames", type=int, default=80, help="drawn frames that are varied")
+    parser.add_argument("--looks", type=int, default=4000, help="varied frames")
+    parser.add_argument("--seed", type=int, default=None, help="first seed; drawn if not given")
+    arguments = parser.parse_args()
+    first = secrets.randbelow(2**31) if arguments.seed is None else arguments.seed
+    recorded = [_measured(known) for known in recorded_frames()]
+    print(f"{len(recorded)} recorded and {arguments.frames} drawn frames; repeat with --seed {first}")
+    for label, bases in (
+        ("recorded", recorded),
+        ("drawn", [drawn_frame(seed) for seed in range(first, first + arguments.frames)]),
+    ):
+        if not bases:
+            continue
+        found = tallies(bases, arguments.looks // 2, np.random.default_rng(first))
+        print(f"\n### {label}\n\n{COLUMNS}\n|{' --- |' * (COLUMNS.count('|') - 1)}")
+        for kind, tally in found.items():
+            print(tally.row(kind), flush=True)
+        for tally in found.values():
+            for line in [*tally.notes, *Counter(tally.failures)]:
+                print("-", line)
+
+
+if __name__ == "__main__":
+    main()
