@@ -86,10 +86,12 @@ def test_an_end_below_the_image_is_remembered_by_the_travel_of_the_belts() -> No
 
 
 def test_ground_counts_as_far_as_it_was_seen_and_driven() -> None:
-    """Test: 1.3 m seen and nothing beyond, then backwards. Expected result: a pulley stays on known ground, and stops on it."""
-    chair = Chair().look(**FRONT | {"seen_m": 1.3})
-    assert chair.goes(0.1) == pytest.approx(1.3 - PULLEY_M - 0.04, abs=0.002)
-    assert chair.goes(-0.1) == pytest.approx(1.3 - PULLEY_M - 0.08, abs=0.003)
+    """Test: 1.5 m seen and nothing beyond, then backwards. Expected result: 0.34 m and 0.4 s of driving are left before what is out
+    of sight, unless the plan enters a flight there; a pulley stays on known ground, and stops on it."""
+    chair = Chair().look(**FRONT | {"seen_m": 1.5})
+    assert chair.goes(0.1) == pytest.approx(1.5 - PULLEY_M - 0.38, abs=0.002)
+    assert chair.goes(-0.1) == pytest.approx(1.5 - PULLEY_M - 0.42, abs=0.003)
+    assert Chair().look(**FRONT | {"seen_m": 1.5}).goes(0.1, "approach") == pytest.approx(1.5 - PULLEY_M - 0.04, abs=0.002)
     chair.travel_m = 0.5
     for chair.heading_rad, known in ((4.0 * DEG, True), (6.0 * DEG, False), (9.0 * DEG, False)):
         assert [chair.cause(speed_m_s) is None for speed_m_s in (0.1, -0.1)] == [known, known]  # seen and driven: aside beyond 5°
@@ -192,7 +194,7 @@ def test_the_rules_hold_on_their_very_limits() -> None:
     ended = FRONT | {"blind_m": 0.5, "seen_m": 1.0, "end_m": 1.0, "end_sigma_m": 0.0}
     assert Chair(**lengths).look(**ended).cause(0.5) is None
     assert Chair(**lengths).look(**ended).look(**FRONT | {"blind_m": 1.0}).cause(0.625) is not None
-    assert Chair(**lengths).look(**FRONT | {"blind_m": 0.5, "seen_m": 0.75}).cause(0.5) is None
+    assert Chair(**lengths).look(**FRONT | {"blind_m": 0.5, "seen_m": 0.75}).cause(0.5, "approach") is None
     chair = Chair(**lengths).look(**ended)
     chair.travel_m = 0.5
     chair.monitor.update_motion(1.0, 28.0 * DEG)

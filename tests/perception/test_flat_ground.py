@@ -10,7 +10,7 @@ from surfaces import LEG_HALF_M, frame_of
 from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.rotations import rotation_y, rotation_z
-from treadline.perception.flat_ground import obstacle_on_flat_ground
+from treadline.perception.free_ground import ground_ahead
 from treadline.plant.sensors.camera.solids import SceneBox, solids_of
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
@@ -59,7 +59,7 @@ def test_a_box_on_the_landing_is_reported_from_the_flight_by_its_distance(before
     last = staircase.steps[-1]
     box = thing(p_WB[0] + beyond_m + BOX_HALF_M[0], 0.1, last.z_m)
     for seed in range(3):
-        reported = obstacle_on_flat_ground(*seen([*solids_of(stair_boxes(staircase)), box], pitch, p_WB, seed=seed))
+        reported = ground_ahead(*seen([*solids_of(stair_boxes(staircase)), box], pitch, p_WB, seed=seed)).obstacle_m
         assert reported == pytest.approx(beyond_m, abs=SEES_M)
 
 
@@ -70,7 +70,7 @@ def test_an_empty_landing_is_empty(before_m: float, yaw_deg: float) -> None:
     pitch, p_WB = at_the_crest(staircase, before_m)
     for seed in range(3):
         frame = seen(solids_of(stair_boxes(staircase)), pitch, p_WB, seed=seed, yaw_rad=yaw_deg * DEG)
-        assert obstacle_on_flat_ground(*frame) is None
+        assert ground_ahead(*frame).obstacle_m is None
 
 
 @pytest.mark.parametrize("far_m", [0.9, 1.2, 1.5])
@@ -80,9 +80,9 @@ def test_a_leg_on_the_floor_behind_a_descending_chair_is_reported_and_no_step(fa
     p_WB = np.array([first.x_m + 0.45 * math.cos(slope), 0.0, first.z_m + 0.45 * math.sin(slope)])
     solids = solids_of(stair_boxes(staircase))
     for seed in range(3):
-        assert obstacle_on_flat_ground(*seen(solids, slope, p_WB, rear=True, seed=seed)) is None
+        assert ground_ahead(*seen(solids, slope, p_WB, rear=True, seed=seed)).obstacle_m is None
         leg = thing(p_WB[0] - far_m - LEG_HALF_M[0], -0.2, 0.0, LEG_HALF_M)
-        reported = obstacle_on_flat_ground(*seen([*solids, leg], slope, p_WB, rear=True, seed=seed))
+        reported = ground_ahead(*seen([*solids, leg], slope, p_WB, rear=True, seed=seed)).obstacle_m
         # Its top, 0.8 m up, leans towards a chair that comes down pitched.
         leans_m = far_m - (far_m * math.cos(slope) - (2.0 * LEG_HALF_M[2] - p_WB[2]) * math.sin(slope))
         assert far_m - leans_m - SEES_M < reported < far_m + SEES_M
@@ -97,7 +97,7 @@ def test_a_flight_that_falls_away_behind_is_no_obstacle(walls: str, down_m: floa
     level = down_m < 0.0
     p_WB = np.array([last.x_m - down_m * (1.0 if level else math.cos(slope)), 0.0, last.z_m - max(down_m, 0.0) * math.sin(slope)])
     for seed in range(3):
-        assert obstacle_on_flat_ground(*seen(solids, 0.0 if level else slope, p_WB, rear=True, seed=seed)) is None
+        assert ground_ahead(*seen(solids, 0.0 if level else slope, p_WB, rear=True, seed=seed)).obstacle_m is None
 
 
 @pytest.mark.parametrize(("y_m", "half_m"), [(0.9, BOX_HALF_M), (0.0, np.array([0.3, 0.3, 0.03]))])
@@ -105,7 +105,7 @@ def test_what_is_beside_the_way_or_low_is_no_obstacle(y_m: float, half_m: Float[
     staircase = flight()
     pitch, p_WB = at_the_crest(staircase, 0.3)
     aside = thing(p_WB[0] + 1.5, y_m, staircase.steps[-1].z_m, half_m)
-    assert obstacle_on_flat_ground(*seen([*solids_of(stair_boxes(staircase)), aside], pitch, p_WB)) is None
+    assert ground_ahead(*seen([*solids_of(stair_boxes(staircase)), aside], pitch, p_WB)).obstacle_m is None
 
 
 @pytest.mark.parametrize(("model", "half_m"), [("wheelchair", 0.40), ("rescue", 0.345)])
@@ -118,7 +118,7 @@ def test_what_a_chair_passes_by_a_hair_is_no_obstacle_and_what_it_would_touch_is
     for aside_m, met in ((-0.02, True), (0.02, False)):
         leg = thing(p_WB[0] + 1.5, half_m + aside_m + LEG_HALF_M[1], staircase.steps[-1].z_m, LEG_HALF_M)
         frame, down_C = seen([*solids_of(stair_boxes(staircase)), leg], pitch, p_WB)
-        assert (obstacle_on_flat_ground(frame, down_C, chair.swept_half_m) is not None) is met
+        assert (ground_ahead(frame, down_C, chair.swept_half_m).obstacle_m is not None) is met
 
 
 def test_without_ground_nothing_is_reported() -> None:
@@ -126,6 +126,6 @@ def test_without_ground_nothing_is_reported() -> None:
     staircase = flight()
     frame, down_C = seen(solids_of(stair_boxes(staircase)), *at_the_crest(staircase, 0.3))
     frame.depth_m[:] = np.nan
-    assert obstacle_on_flat_ground(frame, down_C) is None
+    assert ground_ahead(frame, down_C).obstacle_m is None
     frame.depth_m[:] = 1.0
-    assert obstacle_on_flat_ground(frame, np.array([0.0, 1.0, 0.0])) is None
+    assert ground_ahead(frame, np.array([0.0, 1.0, 0.0])).obstacle_m is None

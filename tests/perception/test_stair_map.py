@@ -7,8 +7,8 @@ import pytest
 from surfaces import LEG_HALF_M, frame_of
 
 from treadline.core.rotations import rotation_y
-from treadline.perception import _free_ground_kernels as point_kernels
 from treadline.perception import _stair_map as stair_map
+from treadline.perception import _stair_map_kernels as point_kernels
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.plant.sensors.camera.solids import SceneBox, solids_of
 from treadline.scenario.chair import read_chair

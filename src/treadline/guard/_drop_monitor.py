@@ -1,7 +1,8 @@
 """Monitor of the ground on floors and landings: the chair stops before a drop, and drives only over ground that was seen or driven.
 
 ``FreeGround, StairMap, pitch, travel -> cause``. Places are distances along the way of the belts, as ``AheadMonitor`` keeps
-them. An edge is driven over if the planner enters it and the guard's own maps show a falling flight's nosing there.
+them. An edge is driven over if the planner enters it and the guard's own maps show a falling flight's nosing there. The chair keeps
+the same distance from ground that goes out of sight within the camera's range, before a deep drop or a black floor, as from an end.
 """
 
 import math
@@ -31,6 +32,8 @@ class _Ground:
     def _forget_end(self) -> None:
         self.end_m = self._shown_m = self._nosing_m = math.inf
         """Nearest possible places of the end in two consecutive frames that agree and in the latest, and of the nosing there."""
+        self.is_drop = False
+        """Whether a frame has shown a drop at the end, not only that ground goes out of sight there."""
         self._nosing_count = 0
 
     def look(self, ground: FreeGround, place_m: float, reach_m: float) -> None:
@@ -41,9 +44,11 @@ class _Ground:
         bridges = place_m + ground.blind_m - self.known_m <= reach_m and ground.seen_m > ground.blind_m
         self._seen_m, self._seen_rad = place_m + min(ground.seen_m, NEAR_M) if bridges else -math.inf, self._heading_rad
         self.known_m = max(self.known_m, self._seen_m)
-        if ground.end_m is not None:
-            shown_m = place_m + ground.end_m - (ground.end_sigma_m or 0.0)
-            if abs(shown_m - self._shown_m) < SAME_M:
+        if ground.end_m is not None or ground.blind_m < ground.seen_m < NEAR_M:
+            shown_m = place_m + (ground.seen_m if ground.end_m is None else ground.end_m - (ground.end_sigma_m or 0.0))
+            is_same = abs(shown_m - self._shown_m) < SAME_M
+            self.is_drop = ground.end_m is not None or (is_same and self.is_drop)
+            if is_same:
                 self.end_m = shown_m
             self._shown_m = shown_m
         elif place_m + ground.blind_m < self._shown_m < place_m + ground.seen_m - SAME_M:
@@ -123,8 +128,11 @@ class DropMonitor:
             return None
         pulley_m, stopping_m = way * travel_m + self._pulley_m, abs(speed_m_s) * self._config.stopping_s
         ends_m, known_m = ground.end_m - pulley_m, ground.known_m - pulley_m
-        if ends_m < self._config.obstacle_clear_m + stopping_m:
-            return f"the ground ends {ends_m:.2f} m from the belts' leading pulley"
+        # Where the planner enters a flight, or the chair pitches, ground out of sight is usual.
+        counts = ground.is_drop or (phase not in ENTERS and self._flat_s is not None)
+        if counts and ends_m < self._config.obstacle_clear_m + stopping_m:
+            ends = "the ground ends" if ground.is_drop else "no ground is seen beyond"
+            return f"{ends} {ends_m:.2f} m from the belts' leading pulley"
         # A chair that has just come down onto flat ground has not seen it yet.
         if self._flat_s is not None and known_m < stopping_m and t_s - self._flat_s > self._config.silence_s:
             side = "ahead of" if way > 0.0 else "behind"

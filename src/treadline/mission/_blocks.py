@@ -2,7 +2,7 @@
 
 The in-process loop (``mission.loop``) wires the blocks by calls, the nodes (``treadline.ros``) wire the same blocks by channels.
 
-* Camera block: ``ImuSample, TrackReading, RgbdFrame -> FrameQuality, HeadingMeasurement, StairMap, Event``.
+* Camera block: ``ImuSample, TrackReading, RgbdFrame -> FrameQuality, FreeGround, HeadingMeasurement, StairMap, Event``.
 * Driver block: ``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan, TrackCommand``.
 * Seat block: ``ImuSample, SeatReading -> SeatCommand``.
 
@@ -24,6 +24,7 @@ from treadline.core.signals import (
     TICK_S,
     Event,
     FrameQuality,
+    FreeGround,
     HeadingEstimate,
     HeadingMeasurement,
     ImuSample,
@@ -41,8 +42,8 @@ from treadline.mission.belt_controllers import Driver, Proposals
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.perception import StairDetector
 from treadline.perception.detector import FrameResult
-from treadline.perception.flat_ground import SWEPT_HALF_M
 from treadline.perception.frame_quality import quality_of
+from treadline.perception.free_ground import SWEPT_HALF_M, ground_ahead
 
 
 class GravityAtExposure:
@@ -122,7 +123,7 @@ class Detector(Protocol):
 
 
 class CameraBlock:
-    """Frame quality, then stair detection, by the gravity of the frame's exposure and with the monitored mount.
+    """Frame quality, the ground ahead, then stair detection, by the gravity of the frame's exposure and with the monitored mount.
 
     Args:
         detector: Stair detector.
@@ -147,8 +148,8 @@ class CameraBlock:
 
     def step(
         self, frame: RgbdFrame, admit: Callable[[FrameQuality], bool]
-    ) -> Iterator[FrameQuality | HeadingMeasurement | StairMap | Event]:
-        """Yield the quality of a frame and, if ``admit`` accepts the quality, the detected heading and stair map.
+    ) -> Iterator[FrameQuality | FreeGround | HeadingMeasurement | StairMap | Event]:
+        """Yield the quality of a frame and, if ``admit`` accepts the quality, the ground ahead, heading and stair map.
 
         Events report errors of the camera's mount and of the IMU's axes. A frame whose treads contradict gravity has no heading.
         """
@@ -156,10 +157,13 @@ class CameraBlock:
         frame = self._corrected(frame, nominal)
         exposed = self._gravity.exposed(frame.t_s)
         gravity_C = None if exposed is None else gravity_in(exposed, frame.camera)
-        quality = quality_of(frame, gravity_C, self._swept_half_m)
+        ground = None if gravity_C is None else ground_ahead(frame, gravity_C, self._swept_half_m)
+        quality = quality_of(frame, None if ground is None else ground.obstacle_m)
         yield quality
         if not admit(quality):
             return
+        if ground is not None:
+            yield ground.free
         detection = self._detector.see(frame, gravity_C)
         agrees, events = self._check_mount(frame, nominal, exposed, detection)
         corrected = self._corrected(frame, nominal)

@@ -26,6 +26,7 @@ from treadline.core.signals import (
     Event,
     FlipperCommand,
     FlipperReading,
+    FreeGround,
     HeadingEstimate,
     HeadingHealth,
     HeadingMeasurement,
@@ -41,7 +42,7 @@ from treadline.guard import Commands, Guard
 from treadline.mission._blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.planner import Planner
-from treadline.perception.flat_ground import SWEPT_HALF_M
+from treadline.perception.free_ground import SWEPT_HALF_M
 
 Signal = Reading | HeadingEstimate | TrackCommand | SeatCommand | FlipperCommand | MotionPlan | Event
 """Everything that a run's log may hold, apart from ground truth."""
@@ -171,10 +172,7 @@ class Mission:
             case SeatReading() if self._leveller is not None:
                 self._guard.propose(self._leveller.step(signal))
             case RgbdFrame():
-                for detected in self._camera.step(signal, self._guard.admit):
-                    self._log(detected, self._t_s)
-                    if not isinstance(detected, Event):
-                        self._take(detected)
+                self._look(signal)
             case HeadingMeasurement():
                 self._guard.on_message(signal)
                 self._estimate = self._estimator.step(signal)
@@ -183,6 +181,15 @@ class Mission:
                 self._driver.update(signal)
             case _:
                 pass  # used by the guard only
+
+    def _look(self, frame: RgbdFrame) -> None:
+        """Pass what a frame shows to the blocks that use it."""
+        for detected in self._camera.step(frame, self._guard.admit):
+            self._log(detected, self._t_s)
+            if isinstance(detected, FreeGround):
+                self._guard.admit(detected)
+            elif not isinstance(detected, Event):
+                self._take(detected)
 
     def _plan(self, t_s: float) -> MotionPlan:
         plan = self._driver.plan(t_s, self._estimate)

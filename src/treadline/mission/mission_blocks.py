@@ -21,6 +21,7 @@ from treadline.mission.mission_config import MissionConfig, Plugins, is_full_tra
 from treadline.mission.planner import Cruise, Planner
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.frame_quality import quality_of
+from treadline.perception.free_ground import ground_ahead
 
 PERIODS_MISSED = 3
 """Control periods without a command after which the guard holds."""
@@ -142,7 +143,7 @@ def warm_up(config: MissionConfig) -> None:
         t_s=0.0, orientation=(1.0, 0.0, 0.0, 0.0), angular_velocity_rad_s=(0.0,) * 3, linear_acceleration_m_s2=(0.0,) * 3
     )
     for number, (frame, gravity_C) in enumerate(stair_frames(camera, rises=config.direction == "up")):
-        quality_of(frame, gravity_C, config.chair.swept_half_m)
+        quality_of(frame, ground_ahead(frame, gravity_C, config.chair.swept_half_m).obstacle_m)
         seen = detector.see(frame, gravity_C)
         _ = seen.stair_map  # made when it is asked for
         estimator.step(replace(still, t_s=number * TICK_S))

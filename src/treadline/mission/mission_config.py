@@ -89,7 +89,7 @@ class MissionConfig:
     flights: int | None = None
     """Number of flights to traverse. None: continue as long as another flight is seen across a landing."""
     reports_ground: bool = False
-    """Whether the plant reports where the ground ends (``FreeGround``); the guard then awaits it."""
+    """Whether the ground ahead (``FreeGround``) is known from frames or from the plant; the guard then awaits it."""
     loop: Literal["closed", "open"] = "closed"
     vision: Literal["robust", "paper"] = "robust"
     allocation: Literal["climb-safe", "paper"] = "climb-safe"

@@ -13,11 +13,11 @@ from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
-from treadline.perception import _free_ground_kernels as point_kernels
+from treadline.perception import _stair_map_kernels as point_kernels
 from treadline.perception._form import Side
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import Axes, NosingObservation, viewing_direction
-from treadline.perception.flat_ground import SWEPT_HEIGHT_M, first_crowd
+from treadline.perception.free_ground import SWEPT_HEIGHT_M
 from treadline.perception.plane_segmentation import PlanarBlocks
 
 SIDE_WALL = 15.0 * DEG
@@ -124,6 +124,14 @@ def _side_walls(blocks: PlanarBlocks, axes: Axes, middle: float) -> tuple[float 
     along = np.abs(blocks.unit @ axes.right) > np.cos(SIDE_WALL)
     places = blocks.centres[along] @ axes.right - middle
     return _group_nearest(-places), _group_nearest(places)
+
+
+def first_crowd(places: Float[np.ndarray, " k"], within: float, least: int) -> list[float]:
+    """Return the nearest cluster of at least ``least`` places, in order, and its start; an empty list without one."""
+    places = np.sort(places)
+    together = np.searchsorted(places, places + within) - np.arange(places.size)
+    first = np.flatnonzero(together >= least)
+    return places[first[0] : first[0] + together[first[0]]].tolist() if first.size else []
 
 
 def _group_nearest(places: Float[np.ndarray, " k"]) -> float | None:

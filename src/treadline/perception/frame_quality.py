@@ -9,9 +9,7 @@ import zlib
 import numpy as np
 
 from treadline.core.camera_images import RgbdFrame
-from treadline.core.rotations import Vector3
 from treadline.core.signals import FrameQuality
-from treadline.perception.flat_ground import SWEPT_HALF_M, obstacle_on_flat_ground
 
 STRIDE_AT_240 = 8
 """Subsampling for the statistics at 240 rows [px]: 1200 pixels, so fractions are accurate to a hundredth."""
@@ -23,14 +21,13 @@ UNASKED = (0.5, 0.25)
 """Brightness and contrast reported without evaluation."""
 
 
-def quality_of(frame: RgbdFrame, gravity_C: Vector3 | None = None, swept_half_m: float = SWEPT_HALF_M) -> FrameQuality:
-    """Return the quality measures of a frame, and the distance of an obstacle on the ground.
+def quality_of(frame: RgbdFrame, obstacle_m: float | None = None) -> FrameQuality:
+    """Return the quality measures of a frame.
 
     Two depth images of a working camera never agree in all bits, so a checksum detects a frozen one.
 
     Args:
-        gravity_C: Unit vector pointing down, in the camera frame; without it obstacles are not evaluated.
-        swept_half_m: Half width of the volume swept by the chair.
+        obstacle_m: Distance from mid-track to the nearest obstacle on the ground in the frame [m]; None without one.
     """
     stride = max(1, round(STRIDE_AT_240 * frame.camera.height_px / 240))
     depths = frame.depth_m[::stride, ::stride]
@@ -47,7 +44,7 @@ def quality_of(frame: RgbdFrame, gravity_C: Vector3 | None = None, swept_half_m:
         brightness=brightness,
         contrast=contrast,
         valid_share=share,
-        obstacle_m=None if gravity_C is None or share == 0.0 else obstacle_on_flat_ground(frame, gravity_C, swept_half_m),
+        obstacle_m=obstacle_m,
     )
 
 

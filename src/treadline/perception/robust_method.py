@@ -30,7 +30,7 @@ from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import StairShape, axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Direction, Flight, viewing_direction
 from treadline.perception.detection import Parts, StairDetection, refused
-from treadline.perception.flat_ground import SWEPT_HALF_M
+from treadline.perception.free_ground import SWEPT_HALF_M
 from treadline.perception.plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
 
 EVIDENCE, UNCONFIRMED = 5.0, 3.4

@@ -95,7 +95,7 @@ class _AdmittingNode:
 
 
 class CameraNode(_AdmittingNode):
-    """``RgbdFrame -> FrameQuality, HeadingMeasurement, StairMap, Event``; the paper's ``/depth``.
+    """``RgbdFrame -> FrameQuality, FreeGround, HeadingMeasurement, StairMap, Event``; the paper's ``/depth``.
 
     A camera that measures by itself publishes no frames; its measurements are passed on if they are admitted.
     """

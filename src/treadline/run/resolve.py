@@ -38,7 +38,7 @@ SHIPPED = "shipped"
 
 Opener = Callable[[Scenario, int], TruthPlant]
 """Factory of a plant from a scenario and a seed. ``reports_ground = True`` on it, for example on the plant's class, declares that
-the plant reports the ground ahead (``FreeGround``): the guard then awaits it."""
+the plant delivers frames, or reports the ground ahead (``FreeGround``) itself: the guard then awaits it."""
 PlantName = Literal["mujoco", "gazebo"]
 ControllerSource = str | Path | ControllerDesign | Driver | ControllerPlugin | None
 """File, ``module:Class``, entry point name, design, driver or plug-in class; None for the shipped controller of the vehicle."""
@@ -195,19 +195,12 @@ def mission_config(
         payload_kg=scenario.chair.entered.payload_kg,
         climb_speed_m_s=scenario.drive.speed_m_s,
         flights=scenario.stair.flights,
-        reports_ground=_reports_ground(scenario, open_plant),
+        reports_ground=isinstance(open_plant, str) or getattr(open_plant, "reports_ground", False) is True,
         loop=scenario.control.loop,
         vision="paper" if scenario.control.vision == "paper" else "robust",
         allocation=scenario.control.allocation,
         reconstruct=scenario.control.reconstruct,
     )
-
-
-def _reports_ground(scenario: Scenario, plant: Opener | PlantName) -> bool:
-    """Return whether the simulated camera measures by itself, the ground included; an own plant declares it."""
-    if not isinstance(plant, str):
-        return getattr(plant, "reports_ground", False) is True
-    return scenario.sensors.camera_model == "statistical" or scenario.control.vision == "truth"
 
 
 def with_seat_shifted(chair: ChairDescription, shift_m: float) -> ChairDescription:

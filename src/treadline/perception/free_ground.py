@@ -1,0 +1,212 @@
+"""Ground ahead from one depth frame: how far it was seen, where it ends, and what stands on it.
+
+``RgbdFrame, gravity, swept width -> GroundProfile``. Each image column is followed from near to far over the ground. An end needs
+evidence: rays that would have met the ground there go on below it. Where depth is missing, or something stands in front, ground was
+not seen, and does not end either.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from treadline.core.angles import DEG
+from treadline.core.arrays import cross
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.rotations import Vector3
+from treadline.core.signals import FreeGround
+from treadline.perception import _ground_kernels as kernels
+from treadline.perception._step_parts import viewing_direction
+
+SWEPT_HALF_M = 0.40
+"""Half width swept by the shipped wheelchair [m], for frames without a chair."""
+SWEPT_HEIGHT_M = 1.5
+"""Height of a seated person above the ground or the nosing plane [m]."""
+CLEAR_M = 0.10
+"""Height above ground below which an object may be noise, and length of a cluster of its points [m]."""
+FAR_M, RANGE_M = 3.0, 2.0
+"""Largest distance from mid-track of what is searched, and up to which ground counts as seen [m]: depth beyond 3 m is too noisy,
+and the guard uses 1.9 m."""
+FLAT_RAD = 7.0 * DEG
+"""Largest slope of ground [rad]: ramps of 1:12 have 4.8°; mount and gravity may be off by 2°."""
+DROP_M = 0.04
+"""Least height of a drop [m]: belts with a flat run of 0.95 m that tip over it about their middle pitch by 5°, as on a ramp."""
+BRIDGE_M = 0.24
+"""Longest gap in the ground [m], a quarter of the flat run: the belts bear before and behind it."""
+CELL_M, STRIPS, PLACE_M = 0.05, 8, 0.01
+"""Length of a cell of ground [m], number of strips over the swept width, each as wide as a belt, and resolution of an obstacle's
+distance [m]."""
+COLUMNS, COLUMNS_PX = 160, 3
+"""Number of image columns that are followed, and least number in a strip that show its end, half of those at 2 m."""
+WINDOW = 9.0 / 640.0
+"""Width of a depth sensor's matching window, in image widths: an edge lies within it. Kinect 1, see ``scenes.camera``; D435: 7."""
+GRAVITY_SIGMA_RAD = 0.5 * DEG
+"""Standard deviation of the direction of gravity [rad]."""
+LEVEL, LEVEL_BIN_M, LEVEL_WIDTH_M = math.cos(20.0 * DEG), 0.03, 1.0
+"""Cosine of the largest angle between a level patch's normal and up, as noise tilts it at 2 m by 10°; range of heights of a level
+and its least lateral extent [m]: a suitcase's lid is level too, and narrower."""
+POINTS_AT_240 = 40
+"""Least number of patches of a level, and of points of an obstacle, of an image of 240 rows: a cube of ``CLEAR_M`` at 3 m."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundProfile:
+    """Ground ahead in one frame."""
+
+    free: FreeGround
+    obstacle_m: float | None
+    """Distance from mid-track to the nearest object on the ground within the swept width, or along the belts if smaller [m]; None
+    without one."""
+
+
+def ground_ahead(frame: RgbdFrame, gravity_C: Vector3, swept_half_m: float = SWEPT_HALF_M) -> GroundProfile:
+    """Return the ground ahead in one frame.
+
+    The ground of a level chair begins below the camera, in the plane of the belts: a chair whose front hangs over an edge keeps the
+    level of its landing. On a flight the ground is the highest level in view for a front camera, as is the landing, and the lowest
+    one for a rear camera, as is the floor.
+
+    Args:
+        gravity_C: Unit vector pointing down, in the camera frame.
+        swept_half_m: Half width of the volume swept by the chair.
+    """
+    camera, up, R_BC = frame.camera, -gravity_C, frame.camera.R_BC
+    way = viewing_direction(R_BC)
+    ahead = way * R_BC[0] - float(way * R_BC[0] @ up) * up
+    ahead /= max(float(np.linalg.norm(ahead)), 1e-9)
+    axes = np.stack([ahead, cross(up, ahead), up])
+    origin = axes @ R_BC.T @ np.array(camera.mount_m)
+    lean_rad, start_m = math.atan2(float(R_BC[2] @ ahead), float(R_BC[2] @ up)), max(float(origin[0]), 0.0)
+    is_level = abs(lean_rad) < FLAT_RAD
+    level_m = 0.0 if is_level else _level(frame, axes, origin, is_highest=way > 0.0)
+    ground = FreeGround(t_s=frame.t_s, view="front" if way > 0.0 else "rear", blind_m=RANGE_M, seen_m=RANGE_M)
+    if level_m is None:
+        return GroundProfile(free=ground, obstacle_m=None)
+    origin[2] -= level_m
+    start = (start_m, -math.tan(lean_rad) * start_m) if is_level else (math.inf, 0.0)
+    # Steps down to the floor are above the floor, but not above the belts; the top of an object leans towards the chair.
+    belts = np.array([[*-R_BC[0], -camera.mount_m[0]], [*R_BC[2], camera.mount_m[2]]])[: 2 if way < 0.0 else 0]
+    seen, standing = np.zeros((round(FAR_M / CELL_M), STRIPS), np.int64), np.zeros(round(FAR_M / PLACE_M), np.int64)
+    ends = kernels.scan(
+        frame.depth_m,
+        max(1, round(camera.width_px / COLUMNS)),
+        camera.pinhole,
+        axes,
+        origin,
+        belts,
+        start,
+        swept_half_m,
+        (CLEAR_M, SWEPT_HEIGHT_M),
+        (math.tan(FLAT_RAD), DROP_M, BRIDGE_M),
+        seen,
+        standing,
+        (CELL_M, 2.0 * swept_half_m / STRIPS, PLACE_M),
+    )
+    blind_m = min(blind_distance_m(camera, axes, origin, swept_half_m), RANGE_M)
+    ground = replace(ground, blind_m=blind_m, seen_m=_reached(seen, blind_m))
+    return GroundProfile(free=_ended(ground, ends, camera, origin, swept_half_m), obstacle_m=_obstacle(standing, camera))
+
+
+def blind_distance_m(camera: PinholeCamera, axes: Float[np.ndarray, "3 3"], origin: Vector3, half_m: float) -> float:
+    """Return the distance from which on a plane is in the image, over a width [m]; infinite if it never is.
+
+    Args:
+        axes: Rows: along the plane ahead, to the left and its normal, in C.
+        origin: Coordinates of the camera along these, from the point from which distances count.
+    """
+    far = np.arange(0.0, FAR_M, PLACE_M)
+    asides = np.repeat([-half_m, half_m], far.size)
+    x, y, z = axes.T @ (np.stack([np.tile(far, 2), asides, np.zeros(2 * far.size)]) - origin[:, None])
+    with np.errstate(all="ignore"):
+        u, v = camera.fx_px * x / z + camera.cx_px, camera.fy_px * y / z + camera.cy_px
+    inside = (z > 0.0) & (u > -0.5) & (u < camera.width_px - 0.5) & (v > -0.5) & (v < camera.height_px - 0.5)
+    both = inside[: far.size] & inside[far.size :]
+    return float(far[np.argmax(both)]) if both.any() else math.inf
+
+
+def _level(frame: RgbdFrame, axes: Float[np.ndarray, "3 3"], origin: Vector3, *, is_highest: bool) -> float | None:
+    """Return the height of the highest or lowest level that is wide enough to drive on [m]; None without one."""
+    step = max(1, round(frame.camera.height_px / 60))
+    patches = kernels.level_patches(frame.depth_m, step, frame.camera.pinhole, axes, origin, FAR_M, LEVEL)
+    bins = np.floor(patches[:, 0] / LEVEL_BIN_M)
+    for place in sorted(set(bins.tolist()), reverse=is_highest):
+        here = (bins == place) | (bins == place + (-1.0 if is_highest else 1.0))
+        if here.sum() >= POINTS_AT_240 and np.ptp(patches[here, 1]) > LEVEL_WIDTH_M:
+            return float(np.median(patches[here, 0]))
+    return None
+
+
+def _reached(seen: Int[np.ndarray, "n k"], blind_m: float) -> float:
+    """Return the distance up to which each strip has ground without a gap [m]."""
+    reached_m = np.full(STRIPS, blind_m)
+    for row in range(int(blind_m / CELL_M), len(seen)):
+        middle_m = (row + 0.5) * CELL_M
+        reached_m[(seen[row] > 0) & (reached_m < middle_m) & (middle_m - reached_m < BRIDGE_M)] = middle_m
+    return min(float(reached_m.min()), RANGE_M)
+
+
+def _ended(ground: FreeGround, ends: Float[np.ndarray, "n 3"], camera: PinholeCamera, origin: Vector3, half_m: float) -> FreeGround:
+    """Return the ground with its end.
+
+    Strips in which most columns show an end give the line of the edge, those outside the swept width only if none inside does.
+    Strips whose ground ends on this line belong to the edge as well: rays over a flight steeper than themselves meet nothing.
+    """
+    known_m, width_m = ends[:, 1], 2.0 * half_m / STRIPS
+    row_m = ((known_m - origin[0]) ** 2 + origin[2] ** 2) / (origin[2] * camera.fy_px)
+    window_m = WINDOW * camera.width_px * row_m
+    shows = ends[:, 2] >= 0.0
+    places = known_m + 0.5 * np.where(shows, np.clip(ends[:, 2] - known_m, 0.0, window_m), window_m)
+    strips = np.floor((ends[:, 0] + half_m) / width_m).astype(np.int64)
+    inside = [strips == strip for strip in range(STRIPS)]
+    beside = [strips == strip for strip in range(-STRIPS, 2 * STRIPS) if not 0 <= strip < STRIPS]
+    found = [here & shows for here in inside if _most(here & shows, here, places)]
+    found = found or [here & shows for here in beside if _most(here & shows, here, places)]
+    if not found or origin[2] <= 0.0:
+        return ground
+    middles = np.array([(np.median(ends[here, 0]), np.median(places[here])) for here in found])
+    slope, offset_m = _line(middles)
+    rest_m = places - offset_m - slope * ends[:, 0]
+    sigma_m = math.hypot(float(np.median(window_m[np.any(found, axis=0)])) / math.sqrt(12.0), GRAVITY_SIGMA_RAD * float(origin[2]))
+    if np.abs(middles[:, 1] - offset_m - slope * middles[:, 0]).max() < CELL_M:
+        on_line = np.abs(rest_m) < CELL_M
+        joined = [strip for strip, here in enumerate(inside) if _most(here & on_line, here, places)]
+        if not joined:
+            return ground
+        sides_m = np.array([joined[0], joined[-1] + 1]) * width_m - half_m
+        end_m, crosses = float((offset_m + slope * sides_m).min()), len(joined) == STRIPS
+    else:
+        end_m, crosses = min(float(np.quantile(places[here], 0.1)) for here in found), False
+    if not ground.blind_m < end_m < ground.seen_m + BRIDGE_M:
+        return ground
+    turn_sigma_rad = math.hypot(math.sqrt(2.0) * sigma_m / (2.0 * half_m), GRAVITY_SIGMA_RAD * end_m / float(origin[2]))
+    return replace(
+        ground,
+        seen_m=end_m,
+        end_m=end_m,
+        end_sigma_m=sigma_m,
+        direction_rad=-math.atan(slope) if crosses else None,
+        direction_sigma_rad=turn_sigma_rad if crosses else None,
+    )
+
+
+def _most(some: Bool[np.ndarray, " n"], here: Bool[np.ndarray, " n"], places: Float[np.ndarray, " n"]) -> bool:
+    """Return whether these are most of the columns of a strip that get as far."""
+    count = int(some.sum())
+    return count >= COLUMNS_PX and count > 0.5 * int((here & (places > np.median(places[some]) - BRIDGE_M)).sum())
+
+
+def _line(points: Float[np.ndarray, "n 2"]) -> tuple[float, float]:
+    """Return slope and offset of a line through points (Theil and Sen): the median of all slopes between two of them."""
+    i, j = np.triu_indices(len(points), 1)
+    apart = points[j] - points[i]
+    slope = float(np.median(apart[:, 1] / apart[:, 0])) if i.size else 0.0
+    return slope, float(np.median(points[:, 1] - slope * points[:, 0]))
+
+
+def _obstacle(standing: Int[np.ndarray, " n"], camera: PinholeCamera) -> float | None:
+    """Return the distance to the nearest cluster of points [m]; None without one."""
+    within = round(CLEAR_M / PLACE_M)
+    crowds = np.convolve(standing, np.ones(within, np.int64))[within - 1 :] >= POINTS_AT_240 * camera.height_px / 240
+    first = np.flatnonzero(crowds & (standing > 0))
+    return float(first[0]) * PLACE_M if first.size else None
