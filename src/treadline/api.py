@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource
     from treadline.run.run_scores import Scores
     from treadline.scenario import Scenario
+    from treadline.scenario.camera_file import CameraFile
     from treadline.vehicle.verdict import CheckReport
 
 OnProgress = Callable[[float, float], None]
@@ -244,7 +245,7 @@ def tune(
 
 def detect_stair(
     depth_m: "NamedFrame | RgbdFrame | ArrayLike",
-    camera: "PinholeCamera | str | Path | None" = None,
+    camera: "PinholeCamera | CameraFile | str | Path | None" = None,
     gravity: "ArrayLike | None" = None,
 ) -> "StairDetection":
     """Return the heading and the geometry of the stair in one frame.
@@ -252,7 +253,7 @@ def detect_stair(
     Args:
         depth_m: Frame of ``tl.read_frames``, or a depth image: distance along the optical axis [m], one row per image row; 0, NaN
             and infinity mean no return.
-        camera: Calibration, or a calibration file (TOML). A frame has its own.
+        camera: Calibration, its file (TOML), or the name of a shipped camera. A frame has its own.
         gravity: Vector that points down in the camera's frame (x right, y down, z forward); if left out, the frame's own or, where
             it has none, estimated from the treads.
 
@@ -261,7 +262,7 @@ def detect_stair(
 
     Raises:
         ImageError: If the image is not of the calibration's size, or not in metres.
-        SettingsError: If the calibration is missing, or its file cannot be read.
+        SettingsError: If the calibration is missing or none, or its file cannot be read.
         RecordError: If gravity is not three numbers.
 
     Examples:
@@ -273,10 +274,11 @@ def detect_stair(
         ...     print(frame.name, tl.detect_stair(frame).accepted)
         wall.png False
     """
+    from treadline.core.camera_images import PinholeCamera
     from treadline.perception.single_frame import look_once
-    from treadline.scenario.camera_file import read_camera
+    from treadline.scenario.camera_file import calibration_in
 
-    return look_once(depth_m, read_camera(Path(camera)).camera if isinstance(camera, str | Path) else camera, gravity)
+    return look_once(depth_m, camera if isinstance(camera, PinholeCamera | None) else calibration_in(camera).camera, gravity)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -11,7 +11,8 @@ from pydantic import Field, field_validator, model_validator
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import BASELINES_M, DepthSensor, PinholeCamera
-from treadline.core.settings import Settings, parse_toml, read_toml
+from treadline.core.errors import SettingsError
+from treadline.core.settings import Settings, parse_toml, read_toml, settings_of
 from treadline.scenario.shipped_files import camera_path
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -187,6 +188,25 @@ def read_camera(path: Path) -> CameraFile:
     """
     is_name = str(path) in BASELINES_M and not path.exists()
     return read_toml(camera_path(str(path)) if is_name else path, CameraFile)
+
+
+def calibration_in(camera: object) -> CameraFile:
+    """Return the calibration that is given as such, as a ``PinholeCamera``, or by a file or the name of a shipped camera.
+
+    Raises:
+        SettingsError: If it is none of these, or invalid.
+    """
+    if isinstance(camera, CameraFile):
+        return camera
+    if isinstance(camera, str | Path):
+        return read_camera(Path(camera))
+    if not isinstance(camera, PinholeCamera):
+        known = ", ".join(BASELINES_M)
+        raise SettingsError(f"camera is of type {type(camera).__name__}; give a PinholeCamera, a camera.toml, or a name: {known}")
+    angles_deg = {name: float(getattr(camera, name.replace("_deg", "_rad"))) / DEG for name in MOUNT_ANGLES}
+    tables = {name: float(getattr(camera, name)) for name in INTRINSICS} | (angles_deg if any(angles_deg.values()) else {})
+    size = {"width": camera.width_px, "height": camera.height_px, "mount_m": camera.mount_m, "sensor": camera.sensor}
+    return settings_of(tables | size, CameraFile, where="camera")
 
 
 @cache

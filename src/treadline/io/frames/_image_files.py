@@ -175,4 +175,7 @@ def _is_whole_png(data: bytes) -> bool:
 def _check_size(path: Path, image: np.ndarray, calibration: CameraFile) -> None:
     height, width = image.shape[:2]
     if (width, height) != (calibration.width, calibration.height):
-        raise ImageError(f"{path}: {width}×{height} pixels, the calibration is for {calibration.width}×{calibration.height}")
+        raise ImageError(
+            f"{path}: {width}×{height} pixels, the calibration is for {calibration.width}×{calibration.height}; is the camera file "
+            "of another resolution? scale width, height, fx, fy, cx and cy with the image"
+        )

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from treadline.core.angles import DEG
 from treadline.core.arrays import LARGEST
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, NamedFrame, PinholeCamera, RgbdFrame, gravity_of
-from treadline.core.errors import ImageError
+from treadline.core.errors import ImageError, SettingsError
 from treadline.core.rotations import Rotation, Vector3, rotation_y
 from treadline.io.frames._cloud_projection import SECTOR_TAN, organised, projected, rays_of
 from treadline.io.frames._poses import SensorPose, added_up
@@ -110,6 +110,7 @@ def frame_of_points(
 
     Raises:
         ImageError: If points or poses are not arrays of numbers, or the cloud is refused.
+        SettingsError: If unit or axes are unknown.
 
     Examples:
         >>> import numpy as np
@@ -118,6 +119,8 @@ def frame_of_points(
         >>> tl.detect_stair(tl.frame_of_points(wall, axes="ros")).accepted
         False
     """
+    if unit not in UNITS or axes not in {None, *AXES}:
+        raise SettingsError(f"unit is '{unit}', axes are '{axes}'; allowed: {', '.join(UNITS)}, and {', '.join(AXES)}")
     own = None if pose is None else SensorPose.of("pose", pose)
     down = gravity_of(gravity)
     if poses is None:

@@ -13,8 +13,8 @@ from treadline.core.models import BAG_SUFFIXES
 from treadline.io.frames._cloud_files import ENDINGS, read_cloud
 from treadline.io.frames._image_files import is_photo, nominal_camera, read_frame
 from treadline.io.frames._poses import SensorPose, read_poses
-from treadline.io.frames.point_cloud import UNITS, Axes, FrameOptions, PointCloud, cloud_image, fused
-from treadline.scenario.camera_file import CameraFile, read_camera
+from treadline.io.frames.point_cloud import AXES, UNITS, Axes, FrameOptions, PointCloud, cloud_image, fused
+from treadline.scenario.camera_file import CameraFile, calibration_in, read_camera
 
 COLOUR_ENDINGS = ("_rgb.png", "_color_registered.png")
 """File name endings of colour images."""
@@ -28,7 +28,7 @@ def read_frames(
     path: Path | str,
     depth: Path | str | None = None,
     *,
-    camera: Path | str | CameraFile | None = None,
+    camera: Path | str | CameraFile | PinholeCamera | None = None,
     gravity: str | ArrayLike | None = None,
     unit: str | None = None,
     axes: Axes | None = None,
@@ -44,7 +44,7 @@ def read_frames(
     Args:
         path: Depth image (16-bit PNG), colour image, .ply or .pcd file, folder, or .mcap, .bag or .db3 file.
         depth: Depth image, if ``path`` is a colour image.
-        camera: Calibration, or its file (TOML).
+        camera: Calibration, its file (TOML), or the name of a shipped camera.
         gravity: Vector that points down in the camera frame (x right, y down, z forward): three numbers, or text x,y,z. For clouds
             it is in their frame, with these axes.
         unit: Unit of depth counts or cloud coordinates: m, cm or mm.
@@ -68,7 +68,9 @@ def read_frames(
         ...     print(frame.name, frame.frame.depth_m.shape)
         wall.png (424, 512)
     """
-    calibration = camera if isinstance(camera, CameraFile | None) else read_camera(Path(camera))
+    if axes is not None and axes not in AXES:
+        raise SettingsError(f"axes are '{axes}'; allowed: {', '.join(AXES)}")
+    calibration = None if camera is None else calibration_in(camera)
     options = FrameOptions(
         camera=calibration,
         gravity_C=gravity_of(gravity),
