@@ -1,4 +1,4 @@
-"""Recorded depth frames with a reference of the edge direction, and their variants: pixel phases, crops, mirrored and turned images.
+"""Recorded depth frames with a reference of the edge direction, and variants: pixel phases, crops, mirrored and turned images.
 
 A detector that works on a recorded frame by chance fails on the same frame shifted by a few pixels. Each variant has its own
 calibration and reference. The frames are not part of the project.

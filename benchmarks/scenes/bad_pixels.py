@@ -8,7 +8,7 @@ HOLE_FILLINGS = ("", "left", "nearest", "furthest")
 """Ways to fill holes, as the hole-filling filter of librealsense: from the left neighbour, or from the nearest or the furthest of
 the pixels around the hole; the first is none."""
 JUMP_RATIO = 1.05
-"""Least ratio of two depths beside which pixels mix: 5 % are 5 cm at 1 m, more than a tread seen from the height of a chair has
+"""Least ratio of two adjacent depths at which pixels mix: 5 % are 5 cm at 1 m, more than a tread seen from a chair's height has
 between two pixels."""
 
 
@@ -18,7 +18,7 @@ def lose_pixels(depth_m: Float32[np.ndarray, "h w"], share: float, rng: np.rando
 
 
 def mix_at_edges(depth_m: Float32[np.ndarray, "h w"], share: float, rng: np.random.Generator) -> None:
-    """Give a fraction of the pixels beside a jump a depth between both sides, in place: flying pixels of time of flight."""
+    """Give a fraction of the pixels next to a jump a depth between both sides, in place: flying pixels of time of flight."""
     known = np.nan_to_num(depth_m)
     far = cv2.dilate(known, np.ones((3, 3)))
     near = np.minimum(cv2.erode(np.where(known > 0.0, known, far.max()), np.ones((3, 3))), far)

@@ -43,7 +43,7 @@ def surface(normal: Float[np.ndarray, " 3"], distance_m: float = 2.0, sigma_rad:
 
 def line_between(ends_m: Float[np.ndarray, "2 3"], normal: Float[np.ndarray, " 3"], **fields: Any) -> Line:
     """Return a line with its ends in C, and the normal of the plane through the camera that holds it."""
-    common = {"covariance": 3.5e-4**2 * np.eye(3), "ends_px": np.zeros(4), "count": 200}
+    common = {"covariance": 3.5e-4**2 * np.eye(3), "count": 200}
     return Line(normal=normal / np.linalg.norm(normal), middle=ends_m.mean(axis=0), ends_m=ends_m, **(common | fields))
 
 

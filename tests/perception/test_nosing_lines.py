@@ -25,8 +25,9 @@ def line_of(*beside: tuple[int, int, float]) -> Line:
 
 def test_a_line_reaches_from_the_first_to_the_last_column_of_the_nosing() -> None:
     found = line_of()
-    assert found.ends_px[[0, 2]].tolist() == [FIRST, LAST]
-    assert (found.ends_px[3] - found.ends_px[1]) / (LAST - FIRST) == pytest.approx(SLOPE, abs=0.005)
+    u, v, _ = (found.ends_m / found.ends_m[:, 2:]).T
+    assert CAMERA.fx_px * u + CAMERA.cx_px == pytest.approx([FIRST, LAST], abs=1e-6)
+    assert CAMERA.fy_px * (v[1] - v[0]) / (LAST - FIRST) == pytest.approx(SLOPE, abs=0.005)
     assert found.count == LAST + 1 - FIRST
 
 
@@ -34,6 +35,5 @@ def test_a_line_reaches_from_the_first_to_the_last_column_of_the_nosing() -> Non
 def test_a_ledge_behind_a_side_wall_does_not_make_a_nosing_wider(beside: tuple[int, int, float]) -> None:
     alone, found = line_of(), line_of(beside)
     assert found.count == alone.count
-    assert found.ends_px.tolist() == alone.ends_px.tolist()
     assert found.ends_m.tolist() == alone.ends_m.tolist()
     assert np.allclose(found.covariance, alone.covariance)

@@ -32,7 +32,7 @@ from treadline.perception._step_parts import (
     tread_rows,
 )
 from treadline.perception.lattice_kernels import ANY_RISE_M, ANY_RUN_M, SEARCHED_RISE_M, USUAL_RISE_M, USUAL_RUN_M, best_lattice
-from treadline.perception.plane_segmentation import TURN_LIMIT, Line, PlanarBlocks, Surface, components, planes_of, surfaces_on
+from treadline.perception.plane_segmentation import TURN_LIMIT, Line, PlanarBlocks, Surface, planes_of, surfaces_on
 
 UPRIGHT = 18.0 * DEG
 """Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""
@@ -215,23 +215,15 @@ def _turn_of(flight: Flight, axes: Axes) -> float:
 def _risers_at(scene: Scene, azimuth: float) -> Iterator[Riser]:
     """Yield the vertical surfaces that face an azimuth and are no higher than a step.
 
-    A wall next to the flight can lie in the plane of a riser: planes taller than a step are separated by their connection in the
-    image, and by columns.
+    A wall next to the flight can lie in the plane of a riser: surfaces taller than a step are separated by columns.
     """
     camera, blocks, axes = scene.frame.camera, scene.blocks, _turned_axes(scene.level, azimuth)
     members = scene.upright[np.abs(scene.azimuth - azimuth) < RISER_SPREAD + scene.slack]
-    for plane in planes_of(blocks, members, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS):
-        planes = [plane]
-        if not _are_low(plane.blocks, blocks, axes):
-            planes = [
-                part
-                for component in components(blocks, plane.blocks)
-                for part in planes_of(blocks, component, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
-            ]
-        for part in surfaces_on(planes, blocks, camera):
-            low = part if _are_low(part.blocks, blocks, axes) else _low_part(part, blocks, camera, axes)
-            if low is not None and _turned_from(low, axes.ahead) < RISER_SPREAD:
-                yield riser_of(low, camera)
+    planes = planes_of(blocks, members, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
+    for surface in surfaces_on(planes, blocks, camera):
+        low = surface if _are_low(surface.blocks, blocks, axes) else _low_part(surface, blocks, camera, axes)
+        if low is not None and _turned_from(low, axes.ahead) < RISER_SPREAD:
+            yield riser_of(low, camera)
 
 
 def _low_part(surface: Surface, blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes) -> Surface | None:

@@ -106,21 +106,11 @@ def _add_column(near, first, stop, ys, x, level, slope, off, sums):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _rows_of(count, pinhole):
-    """Return the image coordinate y of each row."""
-    ys = np.empty(count)
-    for v in range(count):
-        ys[v] = (v - pinhole[3]) / pinhole[1]
-    return ys
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
 def cell_sums(nearness, size, pinhole, near, far):
     """Return sums over the pixels from ``near`` to ``far`` of each ``size × size`` cell of the grid."""
     rows, columns = nearness.shape[1] // size, nearness.shape[0] // size
     middle, off = 0.5 * (1.0 / near + 1.0 / far), 0.5 * (1.0 / near - 1.0 / far)
-    sums, ys = np.zeros((rows, columns, 10)), _rows_of(nearness.shape[1], pinhole)
+    sums, ys = np.zeros((rows, columns, 10)), (np.arange(nearness.shape[1]) - pinhole[3]) / pinhole[1]
     for u in range(columns * size):
         x = (u - pinhole[2]) / pinhole[0]
         for i in range(rows):
@@ -203,12 +193,12 @@ def plane_blocks(cells, fits, full, residual_limit, turn_limit):
         turn_limit: Largest standard deviation of its normal [rad].
 
     Returns:
-        For each block its sums, n and its unit vector, its centre, its place: first row and column of cells and number of rows; its
+        For each block its sums, its unit normal, its centre, its place: first row and column of cells and number of rows; its
         RMS residual and the standard deviation of its normal.
     """
     rows, columns = cells.shape[0], cells.shape[1]
     most = 2 * rows * columns
-    sums, planes, units, centres = np.empty((most, 10)), np.empty((most, 3)), np.empty((most, 3)), np.empty((most, 3))
+    sums, units, centres = np.empty((most, 10)), np.empty((most, 3)), np.empty((most, 3))
     places, residuals, turns = np.empty((most, 3), dtype=np.int64), np.empty(most), np.empty(most)
     large = np.zeros((rows + 1, columns), dtype=np.bool_)
     total, plane = np.empty(10), np.empty(3)
@@ -227,7 +217,7 @@ def plane_blocks(cells, fits, full, residual_limit, turn_limit):
                 if not (residual < residual_limit and turn <= turn_limit):
                     continue
                 large[i, j] = large[i, j] or height == 2
-                sums[count], planes[count], residuals[count], turns[count] = total, plane, residual, turn
+                sums[count], residuals[count], turns[count] = total, residual, turn
                 length = math.sqrt(plane[0] * plane[0] + plane[2] * plane[2] + plane[1] * plane[1])
                 centre = centres[count]
                 centre[0], centre[1], centre[2] = total[1] / total[6], total[2] / total[6], total[0] / total[6]
@@ -235,15 +225,7 @@ def plane_blocks(cells, fits, full, residual_limit, turn_limit):
                     units[count, k] = plane[k] / length
                 places[count, 0], places[count, 1], places[count, 2] = i, j, height
                 count += 1
-    return sums[:count], planes[:count], units[:count], centres[:count], places[:count], residuals[:count], turns[:count]
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def _add(sums, total):
-    """Add the sums over some pixels to a total."""
-    for k in range(10):
-        total[k] += sums[k]
+    return sums[:count], units[:count], centres[:count], places[:count], residuals[:count], turns[:count]
 
 
 @njit(cache=True, error_model="numpy")
@@ -263,7 +245,7 @@ def _common_plane(sums, run, limit, inside, plane):
         total[:] = 0.0
         for i in range(run.shape[0]):
             if inside[i]:
-                _add(sums[run[i]], total)
+                total += sums[run[i]]
         if not fit_plane(total, plane)[0] >= 0.0:
             return 0
         changed, count = False, 0
@@ -318,7 +300,7 @@ def planes_along(sums, centres, chosen, direction, gap, least, limit):
                 if inside[i]:
                     members[held] = run[i]
                     held += 1
-                    _add(sums[run[i]], total)
+                    total += sums[run[i]]
             squares[planes] = mean_square(total, normals[planes])
             stops[planes] = held
             planes += 1
@@ -368,18 +350,6 @@ def solved_plane(s, plane, inverse):
     inverse /= xx * inverse[0, 0] + xy * inverse[0, 1] + x * inverse[0, 2]
     left = s[9] - plane[0] * s[7] - plane[1] * s[8] - plane[2] * s[6]
     return left / max(n - 3.0, 1.0)
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def _box_of(places, members, size, margin, columns, rows):
-    """Return first and stop column, first and stop row of the pixels of some blocks, extended by a margin."""
-    left, stop, top, bottom = columns, 0, rows, 0
-    for k in members:
-        i, j, height = places[k]
-        left, stop = min(left, j * size - margin), max(stop, (j + 2) * size + margin + 1)
-        top, bottom = min(top, i * size - margin), max(bottom, (i + height) * size + margin + 1)
-    return max(left, 0), min(stop, columns), max(top, 0), min(bottom, rows)
 
 
 @njit(cache=True, error_model="numpy")
@@ -443,11 +413,13 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
     held, columns = np.zeros(count, dtype=np.int64), np.empty((count, width), dtype=np.int64)
     upper, lower = np.empty((count, width)), np.empty((count, width))
     above, below = np.empty((count, width), dtype=np.int64), np.empty((count, width), dtype=np.int64)
-    ys, ray, sums, begin = _rows_of(height, pinhole), np.ones(3), np.empty(10), 0
+    ys, ray, sums, begin = (np.arange(height) - pinhole[3]) / pinhole[1], np.ones(3), np.empty(10), 0
     for s in range(count):
-        left, stop, top, bottom = _box_of(places, members[begin : stops[s]], size, size + size // 2, width, height)
+        own, margin = places[members[begin : stops[s]]], size + size // 2
         begin, plane, off, k = stops[s], planes[s], max(tolerance, sigmas * math.sqrt(squares[s])), 0
-        for u in range(left, stop):
+        left, stop = own[:, 1].min() * size - margin, (own[:, 1].max() + 2) * size + margin + 1
+        top, bottom = max(own[:, 0].min() * size - margin, 0), min((own[:, 0] + own[:, 2]).max() * size + margin + 1, height)
+        for u in range(max(left, 0), min(stop, width)):
             near, level = nearness[u], plane[0] * ((u - cx) / fx) + plane[2]
             first, last, found = _longest(near, top, bottom, ys, level, plane[1], off)
             if found < 3:
@@ -543,44 +515,39 @@ def fit_line(u, v, near, line):
     for i in range(0, n - half, max(1, half // 24)):
         slope = (v[i + half] - v[i]) / (u[i + half] - u[i])
         level = v[i] - slope * u[i]
-        count = np.count_nonzero(np.abs(v - level - slope * u) < near)
+        count = 0
+        for k in range(n):
+            count += abs(v[k] - level - slope * u[k]) < near
         if count > best:
             best, a, b = count, slope, level
     # Ragged edges scatter by more than the first tolerance; truncation would underestimate the scatter.
     far = np.abs(v - b - a * u)
     near = min(max(near, WIDENED * np.median(far[far < 3.0 * near])), 3.0 * near)
     for _ in range(3):
-        count, su, sv, uu, uv = 0, 0.0, 0.0, 0.0, 0.0
-        for k in range(n):
-            if abs(v[k] - b - a * u[k]) < near:
-                across, down = u[k] - u[0], v[k] - v[0]
-                count += 1
-                su += across
-                sv += down
-                uu += across * across
-                uv += across * down
-        if count < 16:
+        on = np.abs(v - b - a * u) < near
+        if np.count_nonzero(on) < 16:
             return 0
-        mu, mv = su / count, sv / count
-        uu -= su * mu
-        a = (uv - sv * mu) / uu
-        mu, mv = mu + u[0], mv + v[0]
-        b = mv - a * mu
-    eighths, square, within = np.zeros((8, 2)), 0.0, 0
-    for k in range(n):
-        off = v[k] - b - a * u[k]
-        if abs(off) < near:
-            part = min(8 * within // count, 7)
-            eighths[part, 0] += off
-            eighths[part, 1] += 1.0
-            square += off * off
-            within += 1
-    spread = np.sum(eighths[:, 0] ** 2 / np.maximum(eighths[:, 1], 1.0))
-    filled = np.count_nonzero(eighths[:, 1])
+        u0, v0 = np.mean(u[on]), np.mean(v[on])
+        across = u[on] - u0
+        uu = np.sum(across * across)
+        a = np.sum(across * (v[on] - v0)) / uu
+        b = v0 - a * u0
+    off = (v - b - a * u)[np.abs(v - b - a * u) < near]
+    count, spread = off.size, 0.0
+    for part in range(8):
+        eighth = off[part * count // 8 : (part + 1) * count // 8]
+        spread += np.sum(eighth) ** 2 / max(eighth.size, 1)
     # Sum of squares for independent errors of adjacent points; correlated errors give more. Two degrees of freedom are used.
-    square = max(square / max(within - 2, 1), spread / max(filled - 2, 1))
-    line[0], line[1], line[2], line[3], line[4] = a, mv, mu, square / uu, square / count
+    square = max(np.sum(off * off) / max(count - 2, 1), spread / 6.0)
+    line[0], line[1], line[2], line[3], line[4] = a, v0, u0, square / uu, square / max(count, 1)
     return count
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _in_view(rows, follows, height):
+    """Return the mask of columns in which neither an object in front nor the image border ends a surface."""
+    return (follows != BEFORE) & (rows >= BORDER_PX) & (rows < height - BORDER_PX)
 
 
 @njit(cache=True, error_model="numpy")
@@ -599,48 +566,38 @@ def nosing_line(columns, rows, follows, plane, height, near, least, aliasing, pi
     Returns:
         Number of columns, 0 without a line; its kind: ``BEYOND`` for a larger depth behind, ``CREASE`` for a corner, ``UNKNOWN``
         for a line past which nothing is known; the plane's unit normal and its covariance; the line's middle and ends on the
-        surface; u1, v1, u2, v2 of its ends, the left one first.
+        surface, the left end first.
     """
-    normal, covariance, points, ends = np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty(4)
+    normal, covariance, points = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
     line, count, kind = np.empty(5), 0, UNKNOWN
     known = follows.size - np.count_nonzero(follows == UNKNOWN)
-    beyond = np.count_nonzero(follows == BEYOND)
-    majority = BEYOND if 2 * beyond >= known else CREASE
+    majority = BEYOND if 2 * np.count_nonzero(follows == BEYOND) >= known else CREASE
     u, v = columns.astype(np.float64), rows
     for what in (majority, UNKNOWN):
-        if what == UNKNOWN:
-            usable = (follows != BEFORE) & (rows >= BORDER_PX) & (rows < height - BORDER_PX)
-            enough = max(least, follows.size // 2)
-        else:
-            usable = follows == what
-            enough = max(least, known // 2)
-        if np.count_nonzero(usable) < enough:
-            continue
+        usable = _in_view(rows, follows, height) if what == UNKNOWN else follows == what
         u, v = columns[usable].astype(np.float64), rows[usable]
+        if u.size < max(least, (follows.size if what == UNKNOWN else known) // 2):
+            continue
         count, kind = fit_line(u, v, near, line), what
-        # Past which nothing is known, a line has to hold a large part of the end.
+        # A line past which nothing is known has to hold half of the end.
         if count >= max(least, u.size // 2 if what == UNKNOWN else 0):
             break
         count = 0
-    if count == 0:
-        return 0, kind, normal, covariance, points, ends
     a, v0, u0 = line[0], line[1], line[2]
     # Other ends at the surface's level, beyond a wall next to the flight, do not belong to the line.
     on = u[np.abs(v - v0 - a * (u - u0)) < near]
-    if on.size < 2:
-        return 0, kind, normal, covariance, points, ends
-    left, right = on[0], on[-1]
-    ends[0], ends[1], ends[2], ends[3] = left, v0 + a * (left - u0), right, v0 + a * (right - u0)
-    for k, at, row in ((0, u0, v0), (1, ends[0], ends[1]), (2, ends[2], ends[3])):
+    if count == 0 or on.size < 2:
+        return 0, kind, normal, covariance, points
+    for k, at in enumerate((u0, on[0], on[-1])):
         ray = points[k]
-        ray[0], ray[1], ray[2] = (at - pinhole[2]) / pinhole[0], (row - pinhole[3]) / pinhole[1], 1.0
+        ray[0], ray[1], ray[2] = (at - pinhole[2]) / pinhole[0], (v0 + a * (at - u0) - pinhole[3]) / pinhole[1], 1.0
         nearness = along(ray, plane)
         if nearness <= 0.0:  # behind the camera
-            return 0, kind, normal, covariance, points, ends
+            return 0, kind, normal, covariance, points
         for i in range(3):
             ray[i] /= nearness
-    _through_eye(a, v0, u0, line[3] + (aliasing / (right - left)) ** 2, line[4], pinhole, normal, covariance)
-    return count, kind, normal, covariance, points, ends
+    _through_eye(a, v0, u0, line[3] + (aliasing / (on[-1] - on[0])) ** 2, line[4], pinhole, normal, covariance)
+    return count, kind, normal, covariance, points
 
 
 @njit(cache=True, error_model="numpy")
@@ -651,14 +608,11 @@ def height_of_end(columns, rows, follows, plane, up, height, pinhole):
     Args:
         height: Number of image rows.
     """
-    fx, fy, cx, cy = pinhole
-    heights, count, ray = np.empty(columns.size), 0, np.ones(3)
-    for k in range(columns.size):
-        if follows[k] != BEFORE and BORDER_PX <= rows[k] < height - BORDER_PX:
-            ray[0], ray[1] = (columns[k] - cx) / fx, (rows[k] - cy) / fy
-            heights[count] = along(ray, up) / along(ray, plane)
-            count += 1
-    return np.nan if 2 * count < columns.size or count == 0 else np.median(heights[:count])
+    seen = _in_view(rows, follows, height)
+    x, y = (columns[seen] - pinhole[2]) / pinhole[0], (rows[seen] - pinhole[3]) / pinhole[1]
+    if 2 * x.size < columns.size or x.size == 0:
+        return np.nan
+    return np.median((up[0] * x + up[1] * y + up[2]) / (plane[0] * x + plane[1] * y + plane[2]))
 
 
 @njit(cache=True, error_model="numpy")

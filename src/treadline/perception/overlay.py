@@ -40,7 +40,7 @@ def overlay(frame: RgbdFrame, sight: StairDetection) -> Picture:
     if sight.parts is not None:
         for surfaces, colour in ((sight.parts.treads, TREAD), (sight.parts.risers, RISER)):
             for surface in surfaces:
-                _tint(picture, surface, colour)
+                _tint(picture, surface, colour, picture.shape[1] // sight.parts.blocks.nearness.shape[0])
     picture = cv2.resize(picture, (WIDTH_PX, round(frame.camera.height_px * scale)), interpolation=cv2.INTER_LINEAR)
     if sight.parts is not None and sight.axes is not None:
         for nosing in sight.parts.flight:
@@ -103,11 +103,11 @@ def _words(sight: StairDetection) -> list[tuple[str, tuple[int, int, int]]]:
     return [(heading, NEEDLE), (stair, NEEDLE)]
 
 
-def _tint(picture: Picture, surface: Surface, colour: tuple[int, int, int]) -> None:
-    """Colour the pixels of a surface, column by column."""
+def _tint(picture: Picture, surface: Surface, colour: tuple[int, int, int], side_px: int) -> None:
+    """Colour the pixels of a surface, column by column, each the reduction of a square of pixels."""
     shade = np.array(colour, dtype=float)
     for column, first, last in zip(surface.upper.columns, surface.upper.rows, surface.lower.rows, strict=True):
-        part = picture[int(first + 0.5) : int(last + 0.5), column]
+        part = picture[side_px * int(first + 0.5) : side_px * int(last + 0.5), side_px * column : side_px * (column + 1)]
         part[:] = ((1.0 - TINT) * part + TINT * shade).astype(np.uint8)
 
 

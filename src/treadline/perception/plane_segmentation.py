@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
@@ -43,18 +42,14 @@ TOLERANCE, TOLERANCE_SIGMAS = 0.22 / DISPARITY_PX_M, 3.5
 NOISE_QUANTILE, NOISE_MARGIN, NOISE_MOST = 0.35, 2.2, 3.0
 """Quantile of the residuals of all blocks that stands for a frame's noise, its ratio to the largest residual of a planar block
 (recorded Kinect 1 frames give a noise of 1 to 1.8), and the largest noise: beyond it steps 2 m away are no planes."""
-LAW_EXPONENT = -0.3
-"""Largest exponent of the noise of w over depth of a time-of-flight camera. Exponents over 36 kinds of rendered frames: -0.1 to 0.3
-for disparities, -1.4 to -0.7 for time of flight; recorded frames of a Kinect 1 have 0.03 and 0.05, one of a Kinect 2 -0.6."""
-ALIKE_DEPTHS = 0.1
-"""Standard deviation of log depth at which half of an exponent counts: in a frame of one depth, noise has none."""
+FALLING_NOISE = -0.1
+"""Largest change of the logarithm of the noise of w in a standard deviation of log depth of a time-of-flight camera: -0.5 to
+-0.25 over its kinds of rendered frames, -0.22 in a recorded frame of a Kinect 2, above -0.05 for disparities."""
 LOWEST_M = 0.1
 """Rise of a low step [m]."""
 RANGE_SENSORS = ("kinect2", "tof")
 """Kinds of sensors that measure the time of flight."""
-CHI_SQUARE_MEDIAN = 0.455
-"""Median of the square of a standard normal number."""
-CELLS_ALIKE = 1.7
+CELLS_ALIKE = 1.8
 """Ratio of a matching window's width to the square root of its contrast, both less one: adjacent cells share a window. A mean
 over 7×7 px has a contrast of 4.1² in cells of 8 px, one over 3×3 px of 2.3² in cells of 4 px."""
 JUMP = 0.45 / DISPARITY_PX_M
@@ -81,8 +76,6 @@ class PlanarBlocks:
     """Inverse depth 1/Z, one row per image column; NaN without depth."""
 
     sums: Float[np.ndarray, "b 10"]
-    normals: Float[np.ndarray, "b 3"]
-    """Normals n with n·p = 1; the length is the inverse distance."""
     unit: Float[np.ndarray, "b 3"]
     """Unit normals pointing away from the camera."""
     centres: Float[np.ndarray, "b 3"]
@@ -113,25 +106,19 @@ def reduced(frame: RgbdFrame) -> RgbdFrame:
     Next to a pixel with depth, a fraction of ``dense`` of the pixels has depth. If pixels miss at random, a square of n pixels has
     depth with a probability of 1 - (1 - dense)ⁿ. Holes that are wider than a few pixels leave ``dense`` near one.
     """
-    known = frame.depth_m > 0.0
+    known, camera, side = frame.depth_m > 0.0, frame.camera, 1
     beside = int(np.count_nonzero(known[1:] & known[:-1]) + np.count_nonzero(known[:, 1:] & known[:, :-1]))
     dense = beside / max(int(np.count_nonzero(known[1:]) + np.count_nonzero(known[:, 1:])), 1)
-    side = 1
     while beside > 0 and 1.0 - (1.0 - dense) ** side**2 < FULL:
         side += 1
     if side == 1:
         return frame
-    depth_m, camera = surface_kernels.pooled(frame.depth_m, side, JUMP), frame.camera
-    smaller = replace(
-        camera,
-        height_px=depth_m.shape[0],
-        width_px=depth_m.shape[1],
-        fx_px=camera.fx_px / side,
-        fy_px=camera.fy_px / side,
-        cx_px=(camera.cx_px + 0.5) / side - 0.5,
-        cy_px=(camera.cy_px + 0.5) / side - 0.5,
-    )
-    return replace(frame, depth_m=depth_m, camera=smaller)
+    depth_m = surface_kernels.pooled(frame.depth_m, side, JUMP)
+    smaller = replace(camera, height_px=depth_m.shape[0], width_px=depth_m.shape[1])
+    smaller = replace(smaller, fx_px=camera.fx_px / side, fy_px=camera.fy_px / side)
+    smaller = replace(smaller, cx_px=(camera.cx_px + 0.5) / side - 0.5, cy_px=(camera.cy_px + 0.5) / side - 0.5)
+    # Pixels that miss in a pattern, as every second row, leave less than those that miss at random.
+    return reduced(replace(frame, depth_m=depth_m, camera=smaller))
 
 
 def noise_of(fits: Float[np.ndarray, "r c 7"]) -> tuple[float, float]:
@@ -144,7 +131,7 @@ def noise_of(fits: Float[np.ndarray, "r c 7"]) -> tuple[float, float]:
     if residuals.size == 0:
         return 1.0, 1.0
     quantile = float(np.quantile(residuals, NOISE_QUANTILE))
-    white = float(np.median(contrasts[residuals <= quantile])) / CHI_SQUARE_MEDIAN
+    white = float(np.mean(contrasts[residuals <= quantile]))
     window_px = 1.0 + CELLS_ALIKE * (math.sqrt(max(white, 1.0)) - 1.0)
     return float(np.clip(NOISE_MARGIN * quantile / BLOCK_RESIDUAL, 1.0, NOISE_MOST)), window_px
 
@@ -171,17 +158,16 @@ def _blocks_of(
     fits = surface_kernels.block_fits(cells, full)
     noise, window_px = noise_of(fits) if known is None else (known.noise, known.window_px)
     turn_limit = TURN_LIMIT if known is None else math.inf
-    sums, normals, unit, centres, places, residuals, turns = surface_kernels.plane_blocks(
+    sums, unit, centres, places, residuals, turns = surface_kernels.plane_blocks(
         cells, fits, full, BLOCK_RESIDUAL * noise, turn_limit
     )
     measures_range = camera.sensor in RANGE_SENSORS
     if camera.sensor == "auto":
         large = places[:, 2] == 2
-        measures_range = _noise_law(centres[large, 2], residuals[large]) < LAW_EXPONENT if known is None else known.measures_range
+        measures_range = _noise_law(centres[large, 2], residuals[large]) < FALLING_NOISE if known is None else known.measures_range
     return PlanarBlocks(
         nearness=nearness,
         sums=sums,
-        normals=normals,
         unit=unit,
         centres=centres,
         places=places,
@@ -197,15 +183,15 @@ def _blocks_of(
 
 
 def _noise_law(depths_m: Float[np.ndarray, " b"], residuals: Float[np.ndarray, " b"]) -> float:
-    """Return the exponent of the noise of w over depth.
+    """Return the change of the logarithm of the noise of w in a standard deviation of log depth.
 
-    A disparity has the same noise at all depths, an exponent of 0. A range whose error does not grow has -2.
+    A disparity has the same noise at all depths; the noise of a range that is as accurate at all depths falls with their square.
     """
     if depths_m.size == 0:
         return 0.0
     x, y = np.log(depths_m), np.log(np.maximum(residuals, LEAST_RESIDUAL**2))
     x -= x.mean()
-    return float(x @ y / (x @ x + depths_m.size * ALIKE_DEPTHS**2))
+    return float(x @ y / math.sqrt(max(depths_m.size * (x @ x), 1e-12)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -231,8 +217,6 @@ class Line:
     """Middle of the line on its surface, in C [m]."""
     ends_m: Float[np.ndarray, "2 3"]
     """Ends of the line on its surface, left end first, in C [m]."""
-    ends_px: Float[np.ndarray, " 4"]
-    """Ends of the line u1, v1, u2, v2, left end first [px]."""
     kind: LineKind
     """Surroundings of the line: a larger depth (``edge``), an adjacent surface (``corner``), or nothing known (``vague``)."""
     count: int
@@ -318,17 +302,9 @@ class Surface:
         along a corner, so that the direction of the line is correct.
         """
         ends = self.upper if end == "upper" else self.lower
-        count, kind, normal, covariance, points, ends_px = surface_kernels.nosing_line(
-            ends.columns,
-            ends.rows,
-            ends.follows,
-            self.normal,
-            camera.height_px,
-            NEAR_AT_240 * camera.height_px / 240,
-            LEAST_SHARE * camera.width_px,
-            ALIASING_PX,
-            camera.pinhole,
-        )
+        near_px, least = NEAR_AT_240 * camera.height_px / 240, LEAST_SHARE * camera.width_px
+        end_of = ends.columns, ends.rows, ends.follows, self.normal, camera.height_px
+        count, kind, normal, covariance, points = surface_kernels.nosing_line(*end_of, near_px, least, ALIASING_PX, camera.pinhole)
         if not count:
             return None
         return Line(
@@ -336,7 +312,6 @@ class Surface:
             covariance=covariance,
             middle=points[0],
             ends_m=points[1:],
-            ends_px=ends_px,
             kind=_KINDS[kind],
             count=count,
             end=end,
@@ -388,19 +363,11 @@ def surfaces_on(planes: Sequence[Plane], blocks: PlanarBlocks, camera: PinholeCa
     """Return the surfaces on planes, each fitted to all of its pixels; without those whose pixels determine none."""
     if not planes:
         return []
+    members, stops = np.concatenate([plane.blocks for plane in planes]), np.cumsum([plane.blocks.size for plane in planes])
+    normals, squares = np.array([plane.normal for plane in planes]), np.array([plane.square for plane in planes])
+    limits = TOLERANCE * blocks.noise, TOLERANCE_SIGMAS, JUMP * blocks.noise, LEAST_RESIDUAL**2
     found = surface_kernels.surfaces(
-        blocks.nearness,
-        np.concatenate([plane.blocks for plane in planes]),
-        np.cumsum([plane.blocks.size for plane in planes]),
-        blocks.places,
-        blocks.cell_px,
-        np.array([plane.normal for plane in planes]),
-        np.array([plane.square for plane in planes]),
-        TOLERANCE * blocks.noise,
-        TOLERANCE_SIGMAS,
-        JUMP * blocks.noise,
-        LEAST_RESIDUAL**2,
-        camera.pinhole,
+        blocks.nearness, members, stops, blocks.places, blocks.cell_px, normals, squares, *limits, camera.pinhole
     )
     normals, covariances, centres, held, columns, upper, lower, above, below = found
     # Pixels within a matching window have a common error.
@@ -417,16 +384,3 @@ def surfaces_on(planes: Sequence[Plane], blocks: PlanarBlocks, camera: PinholeCa
         for s, count in enumerate(held.tolist())
         if count
     ]
-
-
-def components(blocks: PlanarBlocks, members: Int[np.ndarray, " m"]) -> list[Int[np.ndarray, " k"]]:
-    """Return some blocks separated by their connection in the image, the largest component first."""
-    mask = np.zeros(np.max(blocks.places[:, :2], axis=0) + 2, dtype=np.uint8)
-    row, column, height = blocks.places[members].T
-    for down, right in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        inside = down < height
-        mask[row[inside] + down, column[inside] + right] = 1
-    count, labels = cv2.connectedComponents(mask, connectivity=8)
-    of_member = labels[row, column]
-    groups = [members[of_member == label] for label in range(1, count)]
-    return sorted(groups, key=len, reverse=True)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from jaxtyping import Float32
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
@@ -208,18 +209,26 @@ def detect_stair(
     if depth_m.dtype != np.float32 or not (depth_m.flags.c_contiguous and depth_m.flags.writeable):
         # A contiguous copy: each memory layout would compile the kernels again.
         frame = replace(frame, depth_m=np.require(depth_m, np.float32, ["C", "W"]))
-    camera, frame = frame.camera, reduced(frame)
-    search = _Search(frame=frame, camera=camera, swept_half_m=swept_half_m, watch=watch or Stopwatch())
-    blocks = surface_blocks(frame.depth_m, frame.camera)
+    dense = reduced(frame)
+    search = _Search(frame=dense, camera=frame.camera, swept_half_m=swept_half_m, watch=watch or Stopwatch())
+    blocks = surface_blocks(dense.depth_m, dense.camera)
     if len(blocks.sums) < 3 * LEAST_BLOCKS:
-        share = float(np.mean(frame.depth_m > 0.0))
-        return refused(
-            f"only {len(blocks.sums)} blocks with a plane in the depth image, {share:.0%} of which has a depth: "
-            + ("nothing flat in range" if share > HALF else "too little of it")
-            + ", or noise beyond three times that of a Kinect 1"
-        )
+        return refused(_too_few(blocks, frame.depth_m))
     search.watch.lap("blocks")
     return search.without_imu(blocks) if gravity_C is None else search.with_imu(blocks, gravity_C)
+
+
+def _too_few(blocks: PlanarBlocks, depth_m: Float32[np.ndarray, "h w"]) -> str:
+    """Return why an image has too few planar blocks for a stair."""
+    (rows, columns), share = depth_m.shape, float(np.mean(depth_m > 0.0))
+    least_px = (1 + math.isqrt(3 * LEAST_BLOCKS) + 1) * blocks.cell_px
+    if min(rows, columns) < least_px:
+        return f"an image of {columns}×{rows} pixels is too small for the planes of a stair: {least_px}×{least_px} are needed"
+    return (
+        f"only {len(blocks.sums)} blocks with a plane in the depth image, {share:.0%} of which has a depth: "
+        + ("nothing flat in range" if share > HALF else "too little of it")
+        + ", or noise beyond three times that of a Kinect 1"
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,0 +1,75 @@
+"""Depth images with missing, copied and mixed pixels, images of any size, and recorded frames in other pixel phases."""
+
+from itertools import islice
+
+import numpy as np
+import pytest
+from real_frames import mirrored, phases_of, real_frames
+from scenes import ViewRecipe, draw_view
+
+from treadline.core.angles import DEG
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.perception import StairDetector
+from treadline.perception._plane_segmentation_kernels import pooled
+
+GRAVITY_C = np.array([0.0, 0.9, 0.4])
+KNOWN = [real for real in real_frames() if real.gravity_C is not None]
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [{"missing": 0.6}, {"missing": 0.8}, {"missing": 0.6, "scenes": ("down",)}, {"missing": 0.6, "sensor": "d435"}]
+    + [{"holes": 0.2, "hole_filling": filling} for filling in ("left", "nearest", "furthest")]
+    + [{"sensor": "tof", "height_px": 288, "flying": 0.5}],
+    ids=str,
+)
+def test_bad_pixels_cost_no_frame(bad: dict[str, object]) -> None:
+    """Test: six flights each. Expected result: at least five accepted, all within three declared deviations and 1°."""
+    accepted = 0
+    for seed in range(41_500_000, 41_500_006):
+        view = draw_view(np.random.default_rng(seed), ViewRecipe(**bad))  # type: ignore[arg-type]
+        sight = StairDetector().look(view.frame, view.gravity_C)
+        accepted += sight.accepted
+        if sight.accepted:
+            error = abs(sight.heading_rad - view.stair.heading_rad)
+            assert error < min(3.0 * sight.sigma_rad, 1.0 * DEG)
+    assert accepted >= 5
+
+
+def test_every_second_row_is_enough() -> None:
+    view = draw_view(np.random.default_rng(41_500_007), ViewRecipe(height_px=480))
+    view.frame.depth_m[1::2] = np.nan
+    assert StairDetector().look(view.frame, view.gravity_C).accepted
+
+
+def test_the_median_of_a_square_lies_on_one_surface() -> None:
+    """Test: squares with two pixels at 1 and 2 m; at 1 and 1.002 m; with none. Expected result: the nearer one, the mean, NaN."""
+    depth_m = np.full((2, 6), np.nan, dtype=np.float32)
+    depth_m[0, [0, 1, 2, 3]] = 2.0, 1.0, 1.0, 1.002
+    assert pooled(depth_m, 2, 0.01)[0] == pytest.approx([1.0, 1.001, np.nan], nan_ok=True)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 640), (5, 7), (15, 16), (48, 64)])
+def test_images_of_any_size_and_content_have_one_answer(size: tuple[int, int]) -> None:
+    """Test: all equal, none, infinite, noise, one pixel. Expected result: a refusal, which names the least size of small images."""
+    some, one = np.random.default_rng(5).random(size), np.full(size, np.nan)
+    one[0, 0] = 1.0
+    camera = PinholeCamera(width_px=size[1], height_px=size[0], fx_px=60.0, fy_px=60.0, cx_px=0.5 * size[1], cy_px=0.5 * size[0])
+    for depth_m in (np.ones(size), np.full(size, np.nan), np.zeros(size), np.full(size, np.inf), 1.0 + some, one):
+        frame = RgbdFrame(t_s=0.0, rgb=np.zeros((*size, 3), dtype=np.uint8), depth_m=depth_m.astype(np.float32), camera=camera)
+        for gravity_C in (GRAVITY_C, None):
+            sight = StairDetector().look(frame, gravity_C)
+            assert not sight.accepted
+            assert ("18×18 are needed" in sight.reason) == (min(size) < 18)
+
+
+@pytest.mark.skipif(not KNOWN, reason="no recorded frames next to the project")
+@pytest.mark.parametrize("step", [1, 2])
+def test_recorded_frames_are_accepted_in_all_pixel_phases(step: int) -> None:
+    """Test: every sixth phase of frames of a Kinect 1, whole and halved, and their mirror images. Expected result: within 1.5°."""
+    for real in KNOWN:
+        for variant in (real, mirrored(real)):
+            for moved in islice(phases_of(variant, step), 0, None, 6):
+                sight = StairDetector().look(moved.frame, moved.gravity_C)
+                assert sight.accepted
+                assert moved.error_deg(sight.edge_direction_C) < 1.5
