@@ -170,7 +170,7 @@ def riser_of(surface: Surface, camera: PinholeCamera) -> Riser:
 def tread_rows(
     treads: Sequence[Tread], blocks: PlanarBlocks, axes: Axes, camera: PinholeCamera, direction: Direction
 ) -> Float[np.ndarray, "t 10"]:
-    """Return the rows of ``lattice_kernels`` for treads, mirrored for a falling flight."""
+    """Return the rows of ``_lattice_kernels`` for treads, mirrored for a falling flight."""
     rows = np.empty((len(treads), 10))
     for row, tread in zip(rows, treads, strict=True):
         near, far = tread.ends(axes)
@@ -201,7 +201,7 @@ def _place(line: Line | None, axes: Axes, camera: PinholeCamera) -> tuple[float,
 
 
 def riser_rows(risers: Sequence[Riser], blocks: PlanarBlocks, axes: Axes, camera: PinholeCamera) -> Float[np.ndarray, "r 10"]:
-    """Return the rows of ``lattice_kernels`` for risers."""
+    """Return the rows of ``_lattice_kernels`` for risers."""
     rows = np.empty((len(risers), 10))
     for row, riser in zip(rows, risers, strict=True):
         surface = riser.surface

@@ -16,10 +16,10 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.rotations import Vector3
 from treadline.core.signals import HeadingMeasurement, StairMap
+from treadline.perception._robust_method import Stopwatch, detect_stair
 from treadline.perception._stair_shape import StairShape
 from treadline.perception.detection import StairDetection
 from treadline.perception.paper.algorithm import PaperConfig, look_as_printed
-from treadline.perception.robust_method import Stopwatch, detect_stair
 
 PAPER_SIGMA_RAD = 2.0 * DEG
 """Declared standard deviation of Algorithm 1 [rad]: the printed method has none; its RMSE on accepted frames is 2.2°."""

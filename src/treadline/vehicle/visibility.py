@@ -24,7 +24,7 @@ ASIDES = 13
 SIDE_ASIDES, END_SEEN_M = 57, 0.01
 """Number of points per edge tested for the visibility of its sides, and distance of the last one in view from a visible end [m]."""
 LEAST_WIDTH_M = 0.3
-"""Least visible width of an edge [m], as required by ``perception.lattice_kernels``."""
+"""Least visible width of an edge [m], as required by ``perception._lattice_kernels``."""
 BEYOND_PX, OUTSIDE_PX = 40.0, -1000.0
 """Margin outside the image within which an edge can be detected from its riser [px]; and the margin assigned to hidden edges
 [px]."""

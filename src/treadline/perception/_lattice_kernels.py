@@ -44,19 +44,21 @@ OVERLAP_M = 0.08
 """Least common width of steps in view one after another [m]: two blocks 2 m away."""
 SIGMAS = 3.0
 """Largest residual of a part of the lattice, in standard deviations."""
-FOREIGN, CONTRADICTED = -0.7, -3.0
-"""Log-probabilities of a level between two steps, and of a step that the depth image contradicts."""
+CONTRADICTED, EMPTY = -3.0, -2.0
+"""Log-probabilities of a step that the depth image contradicts, in parts of it if it does so at fewer points, and of a step without
+any part between others that have some: 1 % of those of drawn flights (20 of 1,890), 20 % from 5 m."""
 PROBES = ((0.15, 0.0), (0.4, 0.0), (0.65, 0.0), (0.0, 0.1))
 """Points of a step that are compared with the depth image: place behind its nosing [runs], and below it [rises]. Of a falling
 flight the part next to the nosing is in view; the front is as high as the board of an open step."""
 ASIDES = 7
 """Number of these points across the step."""
 CONTRADICTED_SHARE = 0.5
-"""Least fraction of these points at which the depth image shows something further away, or something nearer, by half a step."""
+"""Fraction of these points at which the depth image shows something further away, or something nearer, by half a step, of a step
+that counts as contradicted."""
 BELOW_EYE_M = 0.10
 """Least height of the camera above a tread that is compared with the depth image [m]."""
 HIDDEN_SHARE = 0.1
-"""Height below a nosing at which a ray over it may still pass, in rises: more than its irregularity."""
+"""Least height above a nosing at which a ray passes it for certain, in rises: more than its irregularity."""
 SAME_EVIDENCE = 1e-6
 """Difference of log-evidence below which two lattices are the same: rounding [nats]."""
 KEPT, FITS = 8, 2
@@ -280,7 +282,7 @@ def _seeds(points, treads, risers, nearness, pinhole, axes, best, of_tread, fron
         of_tread, front_on, of_riser, room: Buffers, as in ``_fit``.
     """
     best[:] = -np.inf
-    lattice = np.empty(5)
+    spans, bounds, lattice = room[2], room[5], np.empty(5)
     for i in range(points.shape[0]):
         for j in range(points.shape[0]):
             if points[i, 0] != points[j, 0]:
@@ -300,7 +302,7 @@ def _seeds(points, treads, risers, nearness, pinhole, axes, best, of_tread, fron
                 evidence = _fit(treads, risers, lattice, of_tread, front_on, of_riser, room)
                 if not evidence > best[place, 0] or not _is_step(lattice[0], lattice[1]):
                     continue
-                evidence += _against(treads, nearness, pinhole, axes, lattice, of_tread, room)
+                evidence += _contradictions(nearness, pinhole, axes, lattice, bounds, spans)
                 # Pairs of one staircase lead to the same lattice.
                 known = np.abs(best[:, 0] - evidence).min() < SAME_EVIDENCE
                 if evidence > best[place, 0] and not known:
@@ -333,7 +335,7 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
         np.empty(8),
         np.empty(8),
     )
-    bounds, up = room[5], room[6]
+    spans, bounds, up = room[2], room[5], room[6]
     best, found = np.empty((KEPT, 6)), np.full(8, np.nan)
     mine, mine_on, my_risers = np.empty_like(of_tread), np.empty_like(front_on), np.empty_like(of_riser)
     _seeds(points, treads, risers, nearness, pinhole, axes, best, mine, mine_on, my_risers, room)
@@ -346,7 +348,7 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
             evidence = _fit(treads, risers, lattice, mine, mine_on, my_risers, room)
         if not _is_step(lattice[0], lattice[1]):
             continue
-        evidence += _against(treads, nearness, pinhole, axes, lattice, mine, room)
+        evidence += _contradictions(nearness, pinhole, axes, lattice, bounds, spans)
         if evidence > -np.inf and not evidence <= found[0]:
             found[0], found[1], found[2], found[3] = evidence, lattice[0], lattice[1], lattice[3]
             found[4], found[5], found[6], found[7] = bounds[0], bounds[1], up[7], lattice[4]
@@ -354,32 +356,6 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
             front_on[:] = mine_on
             of_riser[:] = my_risers
     return found
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def _against(treads, nearness, pinhole, axes, lattice, of_tread, room):
-    """Return the log-probability of what the scene shows against a lattice: foreign levels, and contradicted steps."""
-    spans, bounds = room[2], room[5]
-    rise, run, x0, z0 = lattice[:4]
-    foreign = _foreign_levels(treads, rise, run, x0, z0, of_tread, bounds, spans)
-    return foreign + _contradictions(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans)
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def _foreign_levels(treads, rise, run, x0, z0, of_tread, bounds, spans):
-    """Return the log-probability of the levels in the midst of the lattice that do not belong to it."""
-    total = 0.0
-    for t in range(treads.shape[0]):
-        k = of_tread[t]
-        if k == NONE:
-            level = (treads[t, 0] - z0) / rise
-            at = int(math.floor(level))
-            inside = bounds[0] < level < bounds[1] and min(treads[t, 9], x0 + (at + 2) * run) > max(treads[t, 8], x0 + at * run)
-            if inside and min(treads[t, 7], spans[at + LAST, 1]) - max(treads[t, 6], spans[at + LAST, 0]) > OVERLAP_M:
-                total += FOREIGN
-    return total
 
 
 @njit(cache=True, error_model="numpy")
@@ -392,25 +368,28 @@ def _is_hidden(along, height, rise, run, x0, z0, last):
         first, stop = int(math.floor((along - x0) / run)) + 1, int(math.ceil(-x0 / run))
     for k in range(max(first, -LAST), min(stop, last + 1)):
         place = x0 + k * run
-        if height * place / along < z0 + (k - HIDDEN_SHARE) * rise and abs(place) < abs(along) - HIDDEN_SHARE * run:
+        if height * place / along < z0 + (k + HIDDEN_SHARE) * rise and abs(place) < abs(along) - HIDDEN_SHARE * run:
             return True
     return False
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _contradictions(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans):
+def _contradictions(nearness, pinhole, axes, lattice, bounds, spans):
     """Return the log-probability of the treads that would be in view where the depth image shows something else.
 
     Past a tread that is not there it shows something further away; where a tread would lie inside of something solid, something
     nearer. The lowest step rises from another tread or a floor: a seat or a shelf does not have one there.
     """
     fx, fy, cx, cy = pinhole
+    rise, run, x0, z0 = lattice[:4]
     total, low, high = 0.0, np.inf, -np.inf
     for k in range(bounds[1], bounds[0] - 2, -1):
         # A step without a part is as wide as the one above.
-        if k >= bounds[0] and spans[k + LAST, 1] > spans[k + LAST, 0]:
+        if spans[k + LAST, 1] > spans[k + LAST, 0] and k >= bounds[0]:
             low, high = spans[k + LAST, 0], spans[k + LAST, 1]
+        elif k > bounds[0]:
+            total += EMPTY
         if not high > low:
             continue
         further = nearer = seen = 0
@@ -440,6 +419,6 @@ def _contradictions(nearness, pinhole, axes, rise, run, x0, z0, bounds, spans):
                 nearer += off < -0.5
         # Below the lowest step lies the floor.
         against = max(further, nearer) if k >= bounds[0] else further
-        if seen >= ASIDES and against > CONTRADICTED_SHARE * seen:
-            total += CONTRADICTED
+        if seen >= ASIDES:
+            total += CONTRADICTED * min(against / (CONTRADICTED_SHARE * seen), 1.0)
     return total

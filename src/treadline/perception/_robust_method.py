@@ -1,16 +1,13 @@
 """Default method of the stair detector: edge direction from all treads, risers and nosings in view.
 
 Gravity sorts surfaces into treads and risers; the flight with the most evidence is searched for among them; the edge direction is
-perpendicular to all of their normals; the heading follows in the chair frame. A frame is rejected, with the reason, unless its
-surfaces repeat as on a stair, unlike walls, shelves and tables. Without an IMU, gravity is estimated from the treads, and more of a
-stair must be visible.
-
-A flight that was found is accepted as a stair that can be driven on, or rejected with a reason.
+perpendicular to all of their normals; the heading follows in the chair frame. Each stage reads what the one before found: planar
+blocks, the scene's surfaces, the flight, its edges, its shape. Without an IMU, gravity is estimated from the treads, and more of a
+stair must be visible. A flight that was found is accepted as a stair that can be driven on, or refused with a cause.
 """
 
-import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -22,136 +19,20 @@ from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
-from treadline.core.step_sizes import RISE_M, RUN_M
+from treadline.perception._acceptance import EVIDENCE, UNCONFIRMED, Finding, lacking_evidence, refusal_of
 from treadline.perception._edge_fit import EdgeFit, fit_edges
-from treadline.perception._form import Bow, Side, bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
+from treadline.perception._form import bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
 from treadline.perception._gravity_direction import down_of_treads, levelled, off_gravity
 from treadline.perception._lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scene_of
 from treadline.perception._stair_map import map_of
-from treadline.perception._stair_shape import StairShape, axes_of, shape_of, stair_axes_of
+from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Direction, Flight, viewing_direction
 from treadline.perception.detection import Parts, StairDetection, refused
 from treadline.perception.free_ground import SWEPT_HALF_M
 from treadline.perception.plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
 
-EVIDENCE, UNCONFIRMED = 5.0, 3.4
-"""Least log-evidence of a stair, and of an unconfirmed one [nats]: two levels and two fronts reach at most 3.92, a third level that
-fits 6.3. The 90 % quantile of its misfit (χ² of one degree of freedom, 2.7) leaves 5.0. Between 4.2 and 5.0 were 11 of 21 false
-detections and 3 of 2050 true ones."""
-HEADING_LIMIT = 45.0 * DEG
-"""Largest accepted heading [rad]."""
-SLOPE_LIMIT = 45.0 * DEG
-"""Largest accepted slope [rad]."""
-AGREEING = 0.7
-"""Least fraction of consistent nosings: winders are not parallel."""
-STRAIGHT_LEAST = 2
-"""Least number of nosings with a direction, which are parallel on a straight flight."""
-SIGMA_LIMIT = 1.5 * DEG
-"""Largest accepted standard deviation of the heading [rad]: (4° - 1°) / 1.96. By such a frame a chair that is square to within 1°
-is less than 4° off with 95 %, the largest heading error at which it drives down a flight. Noise decreases as the chair approaches.
-With 3°, flights of 6 m radius are accepted with errors of 7°."""
-FORM_LIMIT = 1.0 * DEG
-"""Largest accepted rotation of a curved flight's edges between those in view and the chair, and largest accepted standard deviation
-of the heading on bowed edges [rad]: the heading error of a chair that counts as square. It does not decrease as the chair
-approaches."""
-NARROWER_M = 0.3
-"""Largest width by which a step may be narrower than those above it [m]: treads of gratings, which are seen through, reach 0.29 m,
-footstools before a sofa 0.40 to 0.56 m."""
-CURVED = 0.5
-"""Probability above which a flight is called curved."""
-DISAGREEMENT, DISAGREEMENT_SIGMAS = 2.0 * DEG, 4.0
-"""Angle between risers and nosings [rad], and number of standard deviations, above which one of them does not belong to the
-stair."""
-
-
-def _lacking_evidence(flight: Flight) -> str:
-    """Return which evidence is lacking for a stair."""
-    shown = math.floor(10.0 * flight.evidence) / 10.0  # never rounded up to what is needed
-    return (
-        f"steps of {1e3 * flight.rise_m:.0f} by {1e3 * flight.run_m:.0f} mm would explain what is seen, evidence "
-        f"{shown:.1f} of {EVIDENCE:.1f} needed"
-    )
-
-
-def rejection_reason(
-    heading_rad: float,
-    sigma_rad: float,
-    flight: Flight,
-    fit: EdgeFit,
-    shape: StairShape,
-    bow: Bow,
-    sides: tuple[Side | None, Side | None],
-    *,
-    narrower_m: float,
-    swept_half_m: float | None,
-    least_levels: int,
-) -> str | None:
-    """Return the reason for rejection as a stair, or None.
-
-    Args:
-        sides: Left and right side of the flight.
-        narrower_m: Largest width by which a step is narrower than those above it.
-        swept_half_m: Half width of the volume swept by the chair; None without a chair.
-        least_levels: Least number of evenly spaced treads.
-    """
-    unfit = _unfit_size(shape)
-    if unfit is not None:
-        return unfit
-    if flight.levels < least_levels:
-        return f"no gravity, and {flight.levels} evenly spaced level(s) to replace it; {least_levels} needed"
-    if abs(heading_rad) > HEADING_LIMIT:
-        return f"heading {heading_rad / DEG:.0f}° is beyond ±{HEADING_LIMIT / DEG:.0f}°"
-    if narrower_m > NARROWER_M:
-        return f"a step is {narrower_m:.2f} m narrower than the steps above it: no flight"
-    return _not_straight(flight, fit) or _uncertain(sigma_rad, bow) or _too_narrow(sides, swept_half_m)
-
-
-def _unfit_size(shape: StairShape) -> str | None:
-    """Return how the steps are too high, too long or too steep for the chair, or None."""
-    steps = f"steps of {1e3 * shape.rise_m:.0f} by {1e3 * shape.run_m:.0f} mm"
-    for name, size_m, (least_m, most_m) in (("high", shape.rise_m, RISE_M), ("deep", shape.run_m, RUN_M)):
-        if not least_m <= size_m <= most_m:
-            wrong = f"too {name}" if size_m > most_m else f"not {name} enough"
-            return f"the {steps} are {wrong} for a flight of stairs: {1e3 * least_m:.0f} to {1e3 * most_m:.0f} mm"
-    if shape.slope_rad > SLOPE_LIMIT:
-        return f"the {steps} rise by {shape.slope_rad / DEG:.0f}°, too steep to drive on: at most {SLOPE_LIMIT / DEG:.0f}°"
-    return None
-
-
-def _not_straight(flight: Flight, fit: EdgeFit) -> str | None:
-    if sum(nosing.has_direction for nosing in flight.nosings) < STRAIGHT_LEAST:
-        return "one edge in view has a direction: a straight flight is not distinguished from winders"
-    if fit.agreeing < AGREEING or fit.agreeing * len(flight.nosings) < 1.5:
-        return f"nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other: no straight flight"
-    turned = fit.turn_per_step_rad * float(np.mean([nosing.ahead_m for nosing in flight.nosings])) / flight.run_m
-    if fit.winding > CURVED and abs(turned) > FORM_LIMIT:
-        return f"edges turn by {fit.turn_per_step_rad / DEG:+.1f}° at each step: no straight flight"
-    apart = fit.planes_against_lines_rad
-    if apart is not None and abs(apart[0]) > max(DISAGREEMENT, DISAGREEMENT_SIGMAS * apart[1]):
-        return f"risers and nosings disagree by {abs(apart[0]) / DEG:.1f}°"
-    return None
-
-
-def _uncertain(sigma_rad: float, bow: Bow) -> str | None:
-    limit_rad = FORM_LIMIT if bow.is_bowed else SIGMA_LIMIT
-    if sigma_rad <= limit_rad:
-        return None
-    known = f"the heading is known to ±{1.96 * sigma_rad / DEG:.1f}° only, {1.96 * limit_rad / DEG:.1f}° needed"
-    return f"edges bowed by {abs(bow.curvature_1_m):.2f} per metre: {known}" if bow.is_bowed else known
-
-
-def _too_narrow(sides: tuple[Side | None, Side | None], swept_half_m: float | None) -> str | None:
-    left, right = sides
-    if swept_half_m is None or left is None or right is None or right.aside_m - left.aside_m >= 2.0 * swept_half_m:
-        return None
-    return (
-        f"the flight is {right.aside_m - left.aside_m:.2f} m wide between {left.kind} and {right.kind} side; the chair sweeps "
-        f"{2.0 * swept_half_m:.2f} m"
-    )
-
-
 HALF = 0.5
-"""Valid depth fraction below which a rejection names missing depth as the reason, instead of missing planes."""
+"""Valid depth fraction below which a refusal names missing depth as the cause, instead of missing planes."""
 LOOKING_AHEAD, LOOKING_DOWN = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG)
 """Ranges of camera pitch for gravity from treads [rad]: nearer to horizontal, treads vanish; nearer to straight down, a wall seen
 from the front and a floor seen from above are indistinguishable."""
@@ -203,7 +84,7 @@ def detect_stair(
     """Return the detection result of a frame.
 
     Args:
-        swept_half_m: Half width of the volume swept by the chair; a narrower flight is rejected. None without a chair.
+        swept_half_m: Half width of the volume swept by the chair; a narrower flight is refused. None without a chair.
     """
     depth_m = frame.depth_m
     if depth_m.dtype != np.float32 or not (depth_m.flags.c_contiguous and depth_m.flags.writeable):
@@ -213,9 +94,34 @@ def detect_stair(
     search = _Search(frame=dense, camera=frame.camera, swept_half_m=swept_half_m, watch=watch or Stopwatch())
     blocks = surface_blocks(dense.depth_m, dense.camera)
     if len(blocks.sums) < 3 * LEAST_BLOCKS:
-        return refused(_too_few(blocks, frame.depth_m))
+        share = float(np.mean(frame.depth_m > 0.0))
+        return refused(
+            ("nothing flat is in range" if share > HALF else "there is too little depth")
+            + f": {len(blocks.sums)} blocks with a plane, {share:.0%} of the pixels with a depth"
+        )
     search.watch.lap("blocks")
-    return search.without_imu(blocks) if gravity_C is None else search.with_imu(blocks, gravity_C)
+    if gravity_C is not None:
+        return search.with_imu(blocks, gravity_C)
+    sight = refused("gravity is not known, and no treads show it")
+    for down in _downs_of_treads(blocks):
+        tried = search.under(down, blocks)
+        sight = tried if tried.accepted or down.may_be_unconfirmed else sight
+        if sight.accepted:
+            break
+    return sight
+
+
+def _downs_of_treads(blocks: PlanarBlocks) -> Iterator[_Down]:
+    """Yield the hypotheses for gravity by treads, without an IMU."""
+    ahead = down_of_treads(blocks.unit, LOOKING_AHEAD)
+    if ahead is not None:
+        yield _Down(direction=ahead, reference=ahead, sigma_rad=TREADS_SIGMA)
+    steep = down_of_treads(blocks.unit, LOOKING_DOWN)
+    if steep is not None:
+        # Seen from the front, higher parts of furniture are farther away, as on an ascending flight; a descending one is excluded.
+        yield _Down(
+            direction=steep, reference=steep, sigma_rad=TREADS_SIGMA, least_levels=3, directions=("up",), may_be_unconfirmed=False
+        )
 
 
 def _too_few(blocks: PlanarBlocks, depth_m: Float32[np.ndarray, "h w"]) -> str:
@@ -246,15 +152,14 @@ class _Search:
         """Return the result with gravity from the IMU.
 
         Risers alone do not determine the tilt of the edges: gravity does, and its error enters the heading. A frame with hardly a
-        tread is rejected if others agree on another gravity, because the error of gravity makes all treads appear tilted.
+        tread is refused if others agree on another gravity, because the error of gravity makes all treads appear tilted.
         """
         length = float(np.linalg.norm(gravity_C))
         if not (np.isfinite(length) and length > 0.0):
             return refused(f"gravity is not a direction but ({', '.join(f'{part:g}' for part in gravity_C)})")
         imu_down = gravity_C / length
-        sight = self.under(
-            _Down(direction=levelled(imu_down, blocks.unit, UPRIGHT), reference=imu_down, sigma_rad=GRAVITY_SIGMA), blocks
-        )
+        down = _Down(direction=levelled(imu_down, blocks.unit, UPRIGHT), reference=imu_down, sigma_rad=GRAVITY_SIGMA)
+        sight = self.under(down, blocks)
         if sight.parts is None or len(sight.parts.treads) >= TREADS_LEAST:
             return sight
         guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
@@ -267,24 +172,6 @@ class _Search:
         if off is None:
             return sight
         return refused(f"{len(treads)} treads agree on a level {off / DEG:.0f}° off the IMU's gravity", edge_count=sight.edge_count)
-
-    def without_imu(self, blocks: PlanarBlocks) -> StairDetection:
-        """Return the result with gravity from the treads."""
-        sight = refused("no gravity, and no treads to estimate it from")
-        guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
-        if guess is not None:
-            sight = self.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), blocks)
-            if sight.accepted:
-                return sight
-        guess = down_of_treads(blocks.unit, LOOKING_DOWN)
-        if guess is None:
-            return sight
-        # Seen from the front, higher parts of furniture are farther away, as on an ascending flight; a descending one is excluded.
-        ladder = _Down(
-            direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=3, directions=("up",), may_be_unconfirmed=False
-        )
-        tried = self.under(ladder, blocks)
-        return tried if tried.accepted else sight
 
     def under(self, down: _Down, blocks: PlanarBlocks) -> StairDetection:
         """Return the result under one hypothesis of gravity."""
@@ -307,7 +194,7 @@ class _Search:
         if isinstance(flight, str):
             return refused(flight)
         if flight.evidence < UNCONFIRMED or (flight.evidence < EVIDENCE and not down.may_be_unconfirmed):
-            return refused(_lacking_evidence(flight), edge_count=len(flight.nosings), evidence=flight.evidence)
+            return refused(lacking_evidence(flight), edge_count=len(flight.nosings), evidence=flight.evidence)
         fit = fit_edges(
             flight.nosings,
             flight.treads,
@@ -324,7 +211,7 @@ class _Search:
         return sight
 
     def _detection(self, down: _Down, blocks: PlanarBlocks, flight: Flight, fit: EdgeFit) -> StairDetection:
-        """Return the heading on a flight with its interval, or the reason of its rejection."""
+        """Return the heading on a flight with its interval, or the cause of its refusal."""
         camera = self.frame.camera
         R_BC = camera.R_BC
         in_view = Axes(ahead=fit.ahead, up=-fit.down, right=fit.edge)
@@ -347,20 +234,22 @@ class _Search:
         ]
         level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, flight.treads, adjoining_rad)
         shape = shape_of(flight, blocks, camera, level, fit.warp_px)
-        reason = rejection_reason(
-            heading,
-            sigma,
-            flight,
-            fit,
-            shape,
-            bow,
-            sides,
-            narrower_m=narrower_by_m(ends, np.array(steps)),
-            swept_half_m=self.swept_half_m,
-            least_levels=down.least_levels,
+        cause = refusal_of(
+            Finding(
+                flight=flight,
+                fit=fit,
+                shape=shape,
+                bow=bow,
+                sides=sides,
+                narrower_m=narrower_by_m(ends, np.array(steps)),
+                heading_rad=heading,
+                sigma_rad=sigma,
+                swept_half_m=self.swept_half_m,
+                least_levels=down.least_levels,
+            )
         )
-        if reason is not None:
-            return refused(reason, edge_count=len(flight.nosings), evidence=flight.evidence)
+        if cause is not None:
+            return refused(cause, edge_count=len(flight.nosings), evidence=flight.evidence)
 
         @cache
         def draw_map() -> StairMap:
@@ -373,7 +262,7 @@ class _Search:
         confirmed, apart = flight.evidence >= EVIDENCE, fit.planes_against_lines_rad
         return StairDetection(
             accepted=confirmed,
-            reason=None if confirmed else _lacking_evidence(flight),
+            reason=None if confirmed else lacking_evidence(flight),
             unconfirmed=not confirmed,
             heading_rad=heading,
             sigma_rad=sigma,

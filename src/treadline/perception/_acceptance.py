@@ -1,0 +1,160 @@
+"""Acceptance of a flight that was found: it is refused by its size, its form, its width or the error of its heading.
+
+How much evidence makes a stair is decided before (``EVIDENCE``); each rule here names one cause, in a sentence with its figures. A
+rule is a function of the finding; the first one that answers names the refusal.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from treadline.core.angles import DEG
+from treadline.core.step_sizes import RISE_M, RUN_M
+from treadline.perception._edge_fit import EdgeFit
+from treadline.perception._form import Bow, Side
+from treadline.perception._stair_shape import StairShape
+from treadline.perception._step_parts import Flight
+
+EVIDENCE, UNCONFIRMED = 5.0, 3.4
+"""Least log-evidence of a stair, and of an unconfirmed one [nats]: two levels and two fronts reach at most 3.92, a third level that
+fits 6.3. The 90 % quantile of its misfit (χ² of one degree of freedom, 2.7) leaves 5.0."""
+HEADING_LIMIT = 45.0 * DEG
+"""Largest accepted heading [rad]."""
+SLOPE_LIMIT = 45.0 * DEG
+"""Largest accepted slope [rad]."""
+AGREEING = 0.7
+"""Least fraction of consistent nosings: winders are not parallel."""
+STRAIGHT_LEAST = 2
+"""Least number of nosings with a direction, which are parallel on a straight flight."""
+SIGMA_LIMIT = 1.5 * DEG
+"""Largest accepted standard deviation of the heading [rad]: (4° - 1°) / 1.96. By such a frame a chair that is square to within 1°
+is less than 4° off with 95 %, the largest heading error at which it drives down a flight. Noise falls as the chair approaches."""
+FORM_LIMIT = 1.0 * DEG
+"""Largest accepted rotation of a winding flight's edges between those in view and the chair, and largest accepted deviation
+of the heading on bowed edges [rad]: the heading error of a chair that counts as square. It does not decrease as the chair
+approaches."""
+NARROWER_M = 0.3
+"""Largest width by which a step may be narrower than those above it [m]: treads of gratings, which are seen through, reach 0.29 m,
+footstools before a sofa 0.40 to 0.56 m."""
+WINDING = 0.9
+"""Probability above which a flight is called winding; below it, the heading's interval allows for it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Finding:
+    """A flight with its measured heading and form."""
+
+    flight: Flight
+    fit: EdgeFit
+    shape: StairShape
+    bow: Bow
+    sides: tuple[Side | None, Side | None]
+    """Left and right side of the flight in the camera's view."""
+    narrower_m: float
+    """Largest width by which a step is narrower than those above it [m]."""
+    heading_rad: float
+    sigma_rad: float
+    swept_half_m: float | None
+    """Half width of the volume swept by the chair [m]; None if no chair is known."""
+    least_levels: int
+    """Least number of evenly spaced treads."""
+
+
+def refusal_of(finding: Finding) -> str | None:
+    """Return the cause of the refusal of a flight, or None if the chair may drive on it."""
+    return next((cause for rule in RULES if (cause := rule(finding)) is not None), None)
+
+
+def lacking_evidence(flight: Flight) -> str:
+    """Return which evidence is lacking for a stair."""
+    shown = np.floor(10.0 * flight.evidence) / 10.0  # never rounded up to what is needed
+    return f"too little shows a stair: {_steps(flight.rise_m, flight.run_m)}, evidence {shown:.1f} of {EVIDENCE:.1f} needed"
+
+
+def _steps(rise_m: float, run_m: float) -> str:
+    return f"steps of {1e3 * rise_m:.0f} by {1e3 * run_m:.0f} mm"
+
+
+def _unfit_size(finding: Finding) -> str | None:
+    shape = finding.shape
+    steps = _steps(shape.rise_m, shape.run_m)
+    for size_m, (least_m, most_m), small, large in (
+        (shape.rise_m, RISE_M, "low", "high"),
+        (shape.run_m, RUN_M, "short", "long"),
+    ):
+        if not least_m <= size_m <= most_m:
+            wrong = large if size_m > most_m else small
+            return (
+                f"the steps are too {wrong} for a flight that a chair climbs: {steps}, {1e3 * least_m:.0f} to {1e3 * most_m:.0f} mm"
+            )
+    if shape.slope_rad > SLOPE_LIMIT:
+        return f"the flight is too steep: {shape.slope_rad / DEG:.0f}°, at most {SLOPE_LIMIT / DEG:.0f}°; {steps}"
+    return None
+
+
+def _unlevelled(finding: Finding) -> str | None:
+    levels = finding.flight.levels
+    if levels >= finding.least_levels:
+        return None
+    return f"gravity is not known: {levels} evenly spaced level(s) in view, {finding.least_levels} needed in its place"
+
+
+def _turned_away(finding: Finding) -> str | None:
+    if abs(finding.heading_rad) <= HEADING_LIMIT:
+        return None
+    return f"the flight is too far aside: heading {finding.heading_rad / DEG:.0f}°, at most ±{HEADING_LIMIT / DEG:.0f}°"
+
+
+def _footstool(finding: Finding) -> str | None:
+    if finding.narrower_m <= NARROWER_M:
+        return None
+    return f"furniture, no flight: a step is {finding.narrower_m:.2f} m narrower than the steps above it"
+
+
+def _winding(finding: Finding) -> str | None:
+    flight, fit = finding.flight, finding.fit
+    turned_rad = fit.turn_per_step_rad * float(np.mean([nosing.ahead_m for nosing in flight.nosings])) / flight.run_m
+    if fit.winding > WINDING and abs(turned_rad) > FORM_LIMIT:
+        side = "left" if fit.turn_per_step_rad > 0.0 else "right"
+        turn = f"{abs(fit.turn_per_step_rad) / DEG:.1f} ± {1.96 * fit.turn_sigma_rad / DEG:.1f}°"
+        return f"the flight winds by {turn} per step to the {side}"
+    if fit.agreeing < AGREEING or fit.agreeing * len(flight.nosings) < 1.5:
+        return f"the flight is not straight: nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other"
+    if sum(nosing.has_direction for nosing in flight.nosings) < STRAIGHT_LEAST:
+        return "too little is in view: one edge has a direction, which does not tell a straight flight from winders"
+    return None
+
+
+def _uncertain(finding: Finding) -> str | None:
+    limit_rad = FORM_LIMIT if finding.bow.is_bowed else SIGMA_LIMIT
+    if finding.sigma_rad <= limit_rad:
+        return None
+    cause = (
+        f"the edges are bowed by {abs(finding.bow.curvature_1_m):.2f} per metre"
+        if finding.bow.is_bowed
+        else "the flight is too far away, or too little of it is in view"
+    )
+    return f"{cause}: heading known to ±{1.96 * finding.sigma_rad / DEG:.1f}°, ±{1.96 * limit_rad / DEG:.1f}° needed"
+
+
+def _too_narrow(finding: Finding) -> str | None:
+    left, right = finding.sides
+    swept_m = 2.0 * (finding.swept_half_m or 0.0)
+    if left is None or right is None or right.aside_m - left.aside_m >= swept_m:
+        return None
+    width_m = right.aside_m - left.aside_m
+    between = f"between {left.kind} and {right.kind} side"
+    return f"the flight is too narrow: {width_m:.2f} m wide {between}; the chair sweeps {swept_m:.2f} m"
+
+
+RULES: tuple[Callable[[Finding], str | None], ...] = (
+    _unfit_size,
+    _unlevelled,
+    _turned_away,
+    _footstool,
+    _winding,
+    _uncertain,
+    _too_narrow,
+)
+"""Rules of acceptance, in the order in which they are asked."""
