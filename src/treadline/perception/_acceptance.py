@@ -149,11 +149,11 @@ def _too_narrow(finding: Finding) -> str | None:
 
 
 RULES: tuple[Callable[[Finding], str | None], ...] = (
-    _unfit_size,
     _unlevelled,
+    _winding,
+    _unfit_size,
     _turned_away,
     _footstool,
-    _winding,
     _uncertain,
     _too_narrow,
 )
