@@ -47,8 +47,8 @@ RANGE_SCALE = 6.0
 FLAT_RAD = 0.5
 """Prior standard deviation of α and ρ [rad]: nearly uninformative."""
 WINDING, TURNS_RAD, TURN_SHARE = 0.04, np.array([-9.0, -3.0, -1.0, 1.0, 3.0, 9.0]) * DEG, 1.0 / 3.0
-"""Prior probability of a winding flight; means of its turn per step, whose mixture reaches from 0.4 to 15°, radii of 40 to 1 m, to the
-left and to the right [rad], and the standard deviation of each relative to it."""
+"""Prior probability of a winding flight; means of its turn per step, whose mixture reaches from 0.4 to 15°, radii of 40 to 1 m, to
+the left and to the right [rad], and the standard deviation of each relative to it."""
 TURN_STEPS = np.arange(-15.0, 16.0) * DEG
 """Turns per step with which nosings may agree [rad]."""
 STRAY = 0.03

@@ -6,6 +6,7 @@ blocks, the scene's surfaces, the flight, its edges, its shape. Without an IMU, 
 stair must be visible. A flight that was found is accepted as a stair that can be driven on, or refused with a cause.
 """
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -94,11 +95,7 @@ def detect_stair(
     search = _Search(frame=dense, camera=frame.camera, swept_half_m=swept_half_m, watch=watch or Stopwatch())
     blocks = surface_blocks(dense.depth_m, dense.camera)
     if len(blocks.sums) < 3 * LEAST_BLOCKS:
-        share = float(np.mean(frame.depth_m > 0.0))
-        return refused(
-            ("nothing flat is in range" if share > HALF else "there is too little depth")
-            + f": {len(blocks.sums)} blocks with a plane, {share:.0%} of the pixels with a depth"
-        )
+        return refused(_too_few(blocks, frame.depth_m))
     search.watch.lap("blocks")
     if gravity_C is not None:
         return search.with_imu(blocks, gravity_C)
@@ -130,11 +127,8 @@ def _too_few(blocks: PlanarBlocks, depth_m: Float32[np.ndarray, "h w"]) -> str:
     least_px = (1 + math.isqrt(3 * LEAST_BLOCKS) + 1) * blocks.cell_px
     if min(rows, columns) < least_px:
         return f"an image of {columns}×{rows} pixels is too small for the planes of a stair: {least_px}×{least_px} are needed"
-    return (
-        f"only {len(blocks.sums)} blocks with a plane in the depth image, {share:.0%} of which has a depth: "
-        + ("nothing flat in range" if share > HALF else "too little of it")
-        + ", or noise beyond three times that of a Kinect 1"
-    )
+    cause = "nothing flat is in range" if share > HALF else "there is too little depth"
+    return f"{cause}: {len(blocks.sums)} blocks with a plane, {share:.0%} of the pixels with a depth"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
