@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import BASELINES_M, PinholeCamera, RgbdFrame
 from treadline.core.rotations import Rotation, Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
@@ -47,8 +47,6 @@ FALLING_NOISE = -0.1
 -0.25 over its kinds of rendered frames, -0.22 in a recorded frame of a Kinect 2, above -0.05 for disparities."""
 LOWEST_M = 0.1
 """Rise of a low step [m]."""
-RANGE_SENSORS = ("kinect2", "tof")
-"""Kinds of sensors that measure the time of flight."""
 CELLS_ALIKE = 1.8
 """Ratio of a matching window's width to the square root of its contrast, both less one: adjacent cells share a window. A mean
 over 7×7 px has a contrast of 4.1² in cells of 8 px, one over 3×3 px of 2.3² in cells of 4 px."""
@@ -161,7 +159,7 @@ def _blocks_of(
     sums, unit, centres, places, residuals, turns = surface_kernels.plane_blocks(
         cells, fits, full, BLOCK_RESIDUAL * noise, turn_limit
     )
-    measures_range = camera.sensor in RANGE_SENSORS
+    measures_range = BASELINES_M.get(camera.sensor) == 0.0
     if camera.sensor == "auto":
         large = places[:, 2] == 2
         measures_range = _noise_law(centres[large, 2], residuals[large]) < FALLING_NOISE if known is None else known.measures_range
