@@ -173,7 +173,7 @@ def drive(seed: int, kind: str, *, rear: bool) -> Iterator[Record]:
 def calibration_of(kind: str, *, rear: bool) -> PinholeCamera:
     """Return a kind of camera as it is in the loop."""
     scenario = Scenario(sensors=Sensors(camera=kind))
-    return read_chair(scenario).camera_at(scenario.sensors.rows_px, rear=rear)
+    return scenario.read_chair().camera_at(scenario.sensors.rows_px, rear=rear)
 
 
 def poses(flight: TiltedFlight, rng: np.random.Generator, *, rear: bool) -> Iterator[tuple[float, str, Rotation, Vector3]]:

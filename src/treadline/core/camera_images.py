@@ -66,8 +66,8 @@ class PinholeCamera:
         return np.stack(np.broadcast_arrays(x, y, depth_m), axis=-1)
 
 
-MOUNT_FIELDS = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m")
-"""Fields of a ``PinholeCamera`` that describe its mount on the chair."""
+MOUNT_FIELDS = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m", "sensor")
+"""Fields of a ``PinholeCamera`` that the messages of a camera do not hold: its mount on the chair, and the kind of its sensor."""
 
 
 @lru_cache(maxsize=64)

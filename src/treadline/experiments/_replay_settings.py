@@ -34,13 +34,14 @@ from treadline.scenario.camera_file import INTRINSICS, MOUNT_ANGLES, CameraFile
 from treadline.scenario.scenario import Control, DriveSettings
 from treadline.scenario.shipped_files import shipped_controller
 
-CAMERA = ("width", "height", *INTRINSICS, "depth_unit_m", *MOUNT_ANGLES, "mount_m")
+CAMERA = ("width", "height", *INTRINSICS, "depth_unit_m", *MOUNT_ANGLES, "mount_m", "sensor")
 """Keys of a calibration file that stand in place of the log's values, or of the chair file's."""
 MEANINGS = {
     "camera.width": "Width of the images [px]; images of another size are rejected.",
     "camera.height": "Height of the images [px]; images of another size are rejected.",
     "camera.depth_unit_m": "Depth per count of a 16-bit depth image [m].",
     "camera.mount_m": "Position of the camera on the chair [m], from mid-track.",
+    "camera.sensor": "Kind of the depth sensor, which decides what it measures.",
     "imu.axes": "Axes of the IMU: the chair's (x forward, y left, z up), or the camera's (x right, y down, z forward).",
 }
 """Meanings of the keys that are neither of a scenario nor of a block."""

@@ -4,7 +4,6 @@ The log is read as in a replay. The IMU must be on the chair: an IMU on the came
 detector receives no gravity: gravity transformed by the assumed mount would confirm the assumption.
 """
 
-import json
 from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import asdict, replace
@@ -18,14 +17,13 @@ from treadline.core.camera_images import MOUNT_FIELDS, PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.models import write_whole
 from treadline.core.ports import Reading
-from treadline.core.settings import settings_of
 from treadline.core.signals import TICK_S, ImuSample, TrackReading
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate
 from treadline.experiments.replay import kind_of, source_of
 from treadline.io.sensor_log import SensorLog
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.perception import StairDetector
-from treadline.scenario.camera_file import CameraFile
+from treadline.scenario.camera_file import MOUNT_ANGLES, CameraFile
 
 ANGLES = ("pitch", "roll", "yaw")
 GOOD_SHARE = 0.5
@@ -41,9 +39,7 @@ def write_calibration(path: Path, values: dict[str, Any], camera: CameraFile) ->
         f"{name} ±{1.96 * values[f'{name}_sigma_deg']:.3f}" for name in ANGLES if values[f"{name}_sigma_deg"] is not None
     )
     lines = [f"# Mount estimated from {values['counted']} frames: {known} degrees (95 %); other angles are unchanged."]
-    # Numbers, strings and lists of JSON are also valid TOML.
-    table = camera.model_dump(mode="json", exclude_none=True)
-    write_whole(path, "\n".join([*lines, *(f"{key} = {json.dumps(value)}" for key, value in table.items())]) + "\n")
+    write_whole(path, "\n".join([*lines, camera.text]))
 
 
 class MountStudy:
@@ -197,10 +193,7 @@ class MountStudy:
         return self._used
 
     def _camera_file(self, camera: PinholeCamera) -> CameraFile:
-        mount: dict[str, Any] = {f"mount_{name}_deg": getattr(camera, f"mount_{name}_rad") / DEG for name in ANGLES}
-        mount["mount_m"] = camera.mount_m
-        if self._given is not None:
-            return self._given.model_copy(update=mount)
-        intrinsics = {name: getattr(camera, name) for name in ("fx_px", "fy_px", "cx_px", "cy_px")}
-        sizes = {"width": camera.width_px, "height": camera.height_px, "depth_unit_m": self._depth_unit_m}
-        return settings_of(sizes | intrinsics | mount, CameraFile, where=str(self._log))
+        found = CameraFile.of(camera, str(self._log), self._depth_unit_m)
+        if self._given is None:
+            return found
+        return self._given.model_copy(update={name: getattr(found, name) for name in (*MOUNT_ANGLES, "mount_m")})

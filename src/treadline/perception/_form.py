@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
-from treadline.core.camera_images import PinholeCamera
+from treadline.core.camera_images import BASELINES_M, PinholeCamera
 from treadline.perception import _form_kernels as form_kernels
 from treadline.perception._irregularity import pooled_mean
 from treadline.perception._step_parts import Axes
@@ -22,9 +22,6 @@ SideKind = Literal["wall", "open"]
 """What follows beyond the side of a flight."""
 LOOK_SHARE = 24
 """Image width divided by the largest number of columns past a surface's end in which its surroundings are looked for."""
-BASELINES_M = {"kinect1": 0.075, "d435": 0.050, "d455": 0.095, "kinect2": 0.0, "tof": 0.0, "auto": 0.095}
-"""Distance between the imagers of a stereo camera, or imager and projector, of each kind of sensor [m] (data sheets): the largest
-for an unknown one."""
 SAME_SIDE_M, SURPASSED_M = 0.05, 0.08
 """Largest lateral distance of ends at one side [m], and distance by which another surface surpasses a side that is none."""
 ENDS_LEAST = 2
@@ -132,7 +129,7 @@ def lateral_ends_of(
                 way,
                 look,
                 JUMP * blocks.noise,
-                BASELINES_M[camera.sensor],
+                BASELINES_M.get(camera.sensor, max(BASELINES_M.values())),  # the largest for an unknown one
                 camera.pinhole,
             )
         found.append(LateralEnds(outward_m=way * places, kinds=kinds))

@@ -32,7 +32,7 @@ from treadline.perception._step_parts import (
     tread_of,
     tread_rows,
 )
-from treadline.perception.plane_segmentation import TURN_LIMIT, Line, PlanarBlocks, Surface, planes_of, surfaces_on
+from treadline.perception.plane_segmentation import TURN_LIMIT, Line, PlanarBlocks, Surface, surfaces_along
 
 UPRIGHT = 18.0 * DEG
 """Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""
@@ -140,8 +140,8 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Vector3, *, is_uncert
     slack = TURN_SIGMAS * blocks.turns * is_uncertain
     upright = np.flatnonzero(np.abs(rise) < np.sin(np.minimum(UPRIGHT + slack, 0.5 * np.pi)))
     level_blocks = (np.abs(rise) > np.cos(UPRIGHT)) & (blocks.turns <= TURN_LIMIT)
-    planes = planes_of(blocks, np.flatnonzero(level_blocks), level.up, gap_m=TREAD_GAP_M, least=LEAST_BLOCKS)
-    surfaces = surfaces_on(planes, blocks, frame.camera)
+    flat = np.flatnonzero(level_blocks)
+    surfaces = surfaces_along(blocks, flat, level.up, frame.camera, gap_m=TREAD_GAP_M, least=LEAST_BLOCKS)
     # A horizontal surface above the camera is the underside of an object.
     kept = [s for s in surfaces if _turned_from(s, level.up) < UPRIGHT and float(s.centre @ level.up) < 0.0]
     units = blocks.unit[upright]
@@ -219,8 +219,7 @@ def _risers_at(scene: Scene, azimuth: float) -> Iterator[Riser]:
     """
     camera, blocks, axes = scene.frame.camera, scene.blocks, _turned_axes(scene.level, azimuth)
     members = scene.upright[np.abs(scene.azimuth - azimuth) < RISER_SPREAD + scene.slack]
-    planes = planes_of(blocks, members, axes.ahead, gap_m=RISER_GAP_M, least=LEAST_BLOCKS)
-    for surface in surfaces_on(planes, blocks, camera):
+    for surface in surfaces_along(blocks, members, axes.ahead, camera, gap_m=RISER_GAP_M, least=LEAST_BLOCKS):
         low = surface if _are_low(surface.blocks, blocks, axes) else _low_part(surface, blocks, camera, axes)
         if low is not None and _turned_from(low, axes.ahead) < RISER_SPREAD:
             yield riser_of(low, camera)

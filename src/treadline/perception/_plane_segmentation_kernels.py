@@ -208,12 +208,13 @@ def plane_blocks(cells, fits, full, residual_limit, turn_limit):
             for j in range(columns - 1):
                 if height == 1 and (large[i, j] or (i > 0 and large[i - 1, j])):
                     continue
-                if height == 2 and not (fits[i, j, 3] < residual_limit and fits[i, j, 4] <= turn_limit):
-                    continue
                 _sum_block(cells, i, j, height, total)
                 if total[0] < 2.0 * height * full:
                     continue
-                residual, turn = fit_plane(total, plane)
+                if height == 2:
+                    plane[:], residual, turn = fits[i, j, :3], fits[i, j, 3], fits[i, j, 4]
+                else:
+                    residual, turn = fit_plane(total, plane)
                 if not (residual < residual_limit and turn <= turn_limit):
                     continue
                 large[i, j] = large[i, j] or height == 2
@@ -221,8 +222,7 @@ def plane_blocks(cells, fits, full, residual_limit, turn_limit):
                 length = math.sqrt(plane[0] * plane[0] + plane[2] * plane[2] + plane[1] * plane[1])
                 centre = centres[count]
                 centre[0], centre[1], centre[2] = total[1] / total[6], total[2] / total[6], total[0] / total[6]
-                for k in range(3):
-                    units[count, k] = plane[k] / length
+                units[count] = plane / length
                 places[count, 0], places[count, 1], places[count, 2] = i, j, height
                 count += 1
     return sums[:count], units[:count], centres[:count], places[:count], residuals[:count], turns[:count]
@@ -449,11 +449,8 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
             continue
         held[s] = k
         ray[0], ray[1] = sums[1] / sums[0], sums[2] / sums[0]
-        nearness_there = dot(normals[s], ray)
-        for i in range(3):
-            centres[s, i] = ray[i] / nearness_there
-            for j in range(3):
-                covariances[s, i, j] *= max(square, least_square)
+        centres[s] = ray / dot(normals[s], ray)
+        covariances[s] *= max(square, least_square)
     return normals, covariances, centres, held, columns, upper, lower, above, below
 
 
@@ -515,9 +512,7 @@ def fit_line(u, v, near, line):
     for i in range(0, n - half, max(1, half // 24)):
         slope = (v[i + half] - v[i]) / (u[i + half] - u[i])
         level = v[i] - slope * u[i]
-        count = 0
-        for k in range(n):
-            count += abs(v[k] - level - slope * u[k]) < near
+        count = np.count_nonzero(np.abs(v - level - slope * u) < near)
         if count > best:
             best, a, b = count, slope, level
     # Ragged edges scatter by more than the first tolerance; truncation would underestimate the scatter.
@@ -594,9 +589,17 @@ def nosing_line(columns, rows, follows, plane, height, near, least, aliasing, pi
         nearness = along(ray, plane)
         if nearness <= 0.0:  # behind the camera
             return 0, kind, normal, covariance, points
-        for i in range(3):
-            ray[i] /= nearness
-    _through_eye(a, v0, u0, line[3] + (aliasing / (on[-1] - on[0])) ** 2, line[4], pinhole, normal, covariance)
+        ray /= nearness
+    # Line y = A x + B in normalised image coordinates; m is the normalised (A, -1, B).
+    fx, fy, cx, cy = pinhole
+    normal[0], normal[1], normal[2] = a * fx / fy, -1.0, (v0 + a * (cx - u0) - cy) / fy
+    length = math.sqrt(dot(normal, normal))
+    normal /= length
+    by_a, by_v = np.array([fx / fy / length, 0.0, (cx - u0) / fy / length]), np.array([0.0, 0.0, 1.0 / fy / length])
+    across_a, across_v = dot(normal, by_a), dot(normal, by_v)
+    var_a, var_v = line[3] + (aliasing / (on[-1] - on[0])) ** 2, line[4]
+    by_a, by_v = by_a - across_a * normal, by_v - across_v * normal
+    covariance[:] = var_a * np.outer(by_a, by_a) + var_v * np.outer(by_v, by_v)
     return count, kind, normal, covariance, points
 
 
@@ -613,23 +616,3 @@ def height_of_end(columns, rows, follows, plane, up, height, pinhole):
     if 2 * x.size < columns.size or x.size == 0:
         return np.nan
     return np.median((up[0] * x + up[1] * y + up[2]) / (plane[0] * x + plane[1] * y + plane[2]))
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def _through_eye(a, v0, u0, var_a, var_v, pinhole, m, covariance):
-    """Fill ``m`` with the unit normal of the plane through camera centre and line v = v₀ + a (u - u₀), and its covariance."""
-    fx, fy, cx, cy = pinhole
-    # Line y = A x + B in normalised image coordinates.
-    A = a * fx / fy
-    B = (v0 + a * (cx - u0) - cy) / fy
-    length = math.sqrt(A * A + 1.0 + B * B)
-    m[0], m[1], m[2] = A / length, -1.0 / length, B / length
-    by_a = np.array([fx / fy / length, 0.0, (cx - u0) / fy / length])
-    by_v = np.array([0.0, 0.0, 1.0 / fy / length])
-    across_a, across_v = dot(m, by_a), dot(m, by_v)
-    for i in range(3):
-        by_a[i], by_v[i] = by_a[i] - across_a * m[i], by_v[i] - across_v * m[i]
-    for i in range(3):
-        for j in range(3):
-            covariance[i, j] = var_a * (by_a[i] * by_a[j]) + var_v * (by_v[i] * by_v[j])

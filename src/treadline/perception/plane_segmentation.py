@@ -9,7 +9,6 @@ a tread. Depth along the edge, where it is least accurate, is not needed.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -18,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.camera_images import BASELINES_M, PinholeCamera, RgbdFrame
 from treadline.core.rotations import Rotation, Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
@@ -47,8 +46,6 @@ FALLING_NOISE = -0.1
 -0.25 over its kinds of rendered frames, -0.22 in a recorded frame of a Kinect 2, above -0.05 for disparities."""
 LOWEST_M = 0.1
 """Rise of a low step [m]."""
-RANGE_SENSORS = ("kinect2", "tof")
-"""Kinds of sensors that measure the time of flight."""
 CELLS_ALIKE = 1.8
 """Ratio of a matching window's width to the square root of its contrast, both less one: adjacent cells share a window. A mean
 over 7×7 px has a contrast of 4.1² in cells of 8 px, one over 3×3 px of 2.3² in cells of 4 px."""
@@ -127,11 +124,12 @@ def noise_of(fits: Float[np.ndarray, "r c 7"]) -> tuple[float, float]:
     The quantile holds planar blocks alone as long as a third of the image is flat. Noise that is correlated over a square of
     ``window`` pixels has cell means of ``window²`` times the variance of white noise.
     """
-    residuals, contrasts = fits[np.isfinite(fits[..., 3])][:, [3, 5]].T
+    residuals = fits[..., 3][np.isfinite(fits[..., 3])]
     if residuals.size == 0:
         return 1.0, 1.0
-    quantile = float(np.quantile(residuals, NOISE_QUANTILE))
-    white = float(np.mean(contrasts[residuals <= quantile]))
+    at = int(NOISE_QUANTILE * (residuals.size - 1))
+    quantile = float(np.partition(residuals, at)[at])
+    white = float(np.mean(fits[..., 5][fits[..., 3] <= quantile]))
     window_px = 1.0 + CELLS_ALIKE * (math.sqrt(max(white, 1.0)) - 1.0)
     return float(np.clip(NOISE_MARGIN * quantile / BLOCK_RESIDUAL, 1.0, NOISE_MOST)), window_px
 
@@ -161,7 +159,7 @@ def _blocks_of(
     sums, unit, centres, places, residuals, turns = surface_kernels.plane_blocks(
         cells, fits, full, BLOCK_RESIDUAL * noise, turn_limit
     )
-    measures_range = camera.sensor in RANGE_SENSORS
+    measures_range = BASELINES_M.get(camera.sensor) == 0.0
     if camera.sensor == "auto":
         large = places[:, 2] == 2
         measures_range = _noise_law(centres[large, 2], residuals[large]) < FALLING_NOISE if known is None else known.measures_range
@@ -260,12 +258,8 @@ class Surface:
 
     def heights_m(self, camera: PinholeCamera, up: Vector3) -> Float[np.ndarray, " k"]:
         """Return the height of the surface in each of its columns [m]."""
-        x = (self.upper.columns - camera.cx_px) / camera.fx_px
-        ends = [
-            np.column_stack([x, (rows - camera.cy_px) / camera.fy_px, np.ones(x.size)])
-            for rows in (self.upper.rows, self.lower.rows)
-        ]
-        top, bottom = ((rays @ up) / (rays @ self.normal) for rays in ends)
+        rays = (camera.pixel_to_point(end.columns, end.rows) for end in (self.upper, self.lower))
+        top, bottom = ((ray @ up) / (ray @ self.normal) for ray in rays)
         return np.asarray(top - bottom)
 
     @property
@@ -327,60 +321,35 @@ class Surface:
         return replace(self, blocks=self.blocks[full], upper=upper, lower=lower)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plane:
-    """Plane of a run of blocks, not yet fitted to its pixels."""
-
-    blocks: Int[np.ndarray, " k"]
-    """Indices of its blocks."""
-    normal: Vector3
-    square: float
-    """Mean squared residual of its blocks [1/m²]."""
-
-
-def planes_of(blocks: PlanarBlocks, members: Int[np.ndarray, " m"], direction: Vector3, *, gap_m: float, least: int) -> list[Plane]:
-    """Return the planes among some blocks: runs of blocks at one level along a direction.
+def surfaces_along(
+    blocks: PlanarBlocks, members: Int[np.ndarray, " m"], direction: Vector3, camera: PinholeCamera, *, gap_m: float, least: int
+) -> list[Surface]:
+    """Return the surfaces among some blocks: runs of blocks at one level along a direction, each fitted to all of its pixels.
 
     Args:
         members: Indices of the blocks.
-        direction: Unit vector in C along which planes are separated.
-        gap_m: Separation of different planes.
-        least: Least number of blocks of a plane.
+        direction: Unit vector in C along which surfaces are separated.
+        gap_m: Separation of different surfaces.
+        least: Least number of blocks of a surface.
     """
-    if members.size < least:
-        return []
-    members, stops, normals, squares = surface_kernels.planes_along(
+    held, stops, planes, squares = surface_kernels.planes_along(
         blocks.sums, blocks.centres, members, direction, gap_m, least, BLOCK_RESIDUAL * blocks.noise
     )
-    starts = [0, *stops.tolist()]
-    return [
-        Plane(blocks=members[start:stop], normal=normal, square=float(square))
-        for start, stop, normal, square in zip(starts[:-1], starts[1:], normals, squares, strict=True)
-    ]
-
-
-def surfaces_on(planes: Sequence[Plane], blocks: PlanarBlocks, camera: PinholeCamera) -> list[Surface]:
-    """Return the surfaces on planes, each fitted to all of its pixels; without those whose pixels determine none."""
-    if not planes:
-        return []
-    members, stops = np.concatenate([plane.blocks for plane in planes]), np.cumsum([plane.blocks.size for plane in planes])
-    normals, squares = np.array([plane.normal for plane in planes]), np.array([plane.square for plane in planes])
     limits = TOLERANCE * blocks.noise, TOLERANCE_SIGMAS, JUMP * blocks.noise, LEAST_RESIDUAL**2
-    found = surface_kernels.surfaces(
-        blocks.nearness, members, stops, blocks.places, blocks.cell_px, normals, squares, *limits, camera.pinhole
+    normals, covariances, centres, counts, columns, upper, lower, above, below = surface_kernels.surfaces(
+        blocks.nearness, held, stops, blocks.places, blocks.cell_px, planes, squares, *limits, camera.pinhole
     )
-    normals, covariances, centres, held, columns, upper, lower, above, below = found
     # Pixels within a matching window have a common error.
-    covariances = covariances * blocks.window_px**2
+    covariances *= blocks.window_px**2
     return [
         Surface(
             normal=normals[s],
             covariance=covariances[s],
             centre=centres[s],
-            blocks=planes[s].blocks,
+            blocks=own,
             upper=Ends(columns=columns[s, :count], rows=upper[s, :count], follows=above[s, :count]),
             lower=Ends(columns=columns[s, :count], rows=lower[s, :count], follows=below[s, :count]),
         )
-        for s, count in enumerate(held.tolist())
+        for s, (count, own) in enumerate(zip(counts.tolist(), np.split(held, stops), strict=False))
         if count
     ]

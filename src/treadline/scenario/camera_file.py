@@ -1,5 +1,6 @@
 """Camera from a TOML file: intrinsics, mount, and for the simulator the errors, rate and latency."""
 
+import json
 import math
 from collections.abc import Mapping
 from functools import cache
@@ -36,7 +37,7 @@ INTRINSICS = ("fx_px", "fy_px", "cx_px", "cy_px")
 class CameraFile(Settings):
     """Pinhole camera, the unit of its depth images, its mount on the chair, and what the simulator needs to render it.
 
-    A key that is missing has the value of the sensor's kind; intrinsics are scaled to the image's size.
+    A key that is missing has the value of the sensor's kind; intrinsics only for images of its size.
     """
 
     width: Pixels
@@ -70,15 +71,12 @@ class CameraFile(Settings):
     @model_validator(mode="before")
     @classmethod
     def _complete(cls, tables: object) -> object:
-        """Add the values of the sensor's kind; intrinsics only for images of its aspect ratio."""
+        """Add the values of the sensor's kind; intrinsics only for images of its size."""
         if not isinstance(tables, Mapping) or tables.get("sensor") not in BASELINES_M:
             return tables
         known = _kind(tables["sensor"])
-        scale = height / known["height"] if isinstance(height := tables.get("height", known["height"]), int) else 0.0
-        if tables.get("width", known["width"]) != round(known["width"] * scale):
-            return {"range_m": known["range_m"], **tables}
-        scaled = {key: (known[key] + 0.5 * (key[0] == "c")) * scale - 0.5 * (key[0] == "c") for key in INTRINSICS}
-        return known | scaled | {"height": height} | dict(tables)
+        is_whole = all(tables.get(side, known[side]) == known[side] for side in ("width", "height"))
+        return (known if is_whole else {"range_m": known["range_m"]}) | dict(tables)
 
     @field_validator("X_depth_colour", mode="before")
     @classmethod
@@ -140,6 +138,21 @@ class CameraFile(Settings):
                 f"{SQUARE[1]:g}: calibrate the camera again"
             )
         return self
+
+    @classmethod
+    def of(cls, camera: PinholeCamera, where: str, depth_unit_m: float = 0.001) -> "CameraFile":
+        """Return the file of a calibration; ``where`` names its source in messages. A mount without angles is unknown."""
+        angles = {name: round(float(getattr(camera, name.replace("_deg", "_rad"))) / DEG, 9) for name in MOUNT_ANGLES}
+        lens = {name: float(getattr(camera, name)) for name in INTRINSICS} | (angles if any(angles.values()) else {})
+        size = {"width": camera.width_px, "height": camera.height_px, "mount_m": camera.mount_m, "sensor": camera.sensor}
+        return settings_of(lens | size | {"depth_unit_m": depth_unit_m}, cls, where=where)
+
+    @property
+    def text(self) -> str:
+        """The file, with the keys that are set."""
+        table = self.model_dump(mode="json", exclude_none=True, exclude_unset=True)
+        # Numbers, strings and lists of JSON are also valid TOML.
+        return "".join(f"{key} = {json.dumps(value)}\n" for key, value in table.items())
 
     @property
     def kind(self) -> DepthSensor:
@@ -203,10 +216,7 @@ def calibration_in(camera: object) -> CameraFile:
     if not isinstance(camera, PinholeCamera):
         known = ", ".join(BASELINES_M)
         raise SettingsError(f"camera is of type {type(camera).__name__}; give a PinholeCamera, a camera.toml, or a name: {known}")
-    angles_deg = {name: float(getattr(camera, name.replace("_deg", "_rad"))) / DEG for name in MOUNT_ANGLES}
-    tables = {name: float(getattr(camera, name)) for name in INTRINSICS} | (angles_deg if any(angles_deg.values()) else {})
-    size = {"width": camera.width_px, "height": camera.height_px, "mount_m": camera.mount_m, "sensor": camera.sensor}
-    return settings_of(tables | size, CameraFile, where="camera")
+    return CameraFile.of(camera, "camera")
 
 
 @cache

@@ -97,6 +97,9 @@ together. On the steepest surface in range, a tread 0.3 m below a Kinect 1, neig
 CELLS = 32
 """Number of patches along the width of the image: at 1 m a patch is 5 cm wide, a third of a rise."""
 
+_Shot = tuple[Float[np.ndarray, "h w"], Int[np.ndarray, "h w"], Float[np.ndarray, " b"], Int[np.ndarray, " 4"]]
+"""Exact depth, faces, albedos, and start positions of the frame's random numbers."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SensorModel:
@@ -122,26 +125,21 @@ class SensorModel:
         places: Int[np.ndarray, " 4"],
     ) -> Float32[np.ndarray, "h w"]:
         """Return the measured depth; ``places`` are the start positions of this frame's random numbers."""
+        shot = exact_m, face, albedos, places
         if isinstance(self.sensor, ActiveStereo):
-            measured = self._stereo(self.sensor, exact_m, face, albedos, places)
+            measured = self._stereo(self.sensor, shot)
         elif isinstance(self.sensor, TimeOfFlight):
-            measured = self._time_of_flight(self.sensor, exact_m, face, albedos, places)
+            measured = self._time_of_flight(self.sensor, shot)
         else:
-            measured = self._structured_light(self.sensor, exact_m, face, places)
+            measured = self._structured_light(self.sensor, shot)
         if self.sigma_m is not None:
             floor_m, gain, exponent = self.sigma_m
             noise = self.normal[places[3] : places[3] + measured.size].reshape(measured.shape)
             measured += (floor_m + gain * measured**exponent) * noise
         return measured
 
-    def _time_of_flight(
-        self,
-        sensor: TimeOfFlight,
-        exact_m: Float[np.ndarray, "h w"],
-        face: Int[np.ndarray, "h w"],
-        albedos: Float[np.ndarray, " b"],
-        places: Int[np.ndarray, " 4"],
-    ) -> Float32[np.ndarray, "h w"]:
+    def _time_of_flight(self, sensor: TimeOfFlight, shot: _Shot) -> Float32[np.ndarray, "h w"]:
+        exact_m, face, albedos, places = shot
         camera, measured = self.camera, np.empty(exact_m.shape, dtype=np.float32)
         kernels.time_of_flight(
             exact_m,
@@ -163,13 +161,8 @@ class SensorModel:
             measured += multipath_bias(camera, exact_m, face, albedos).astype(np.float32)
         return measured
 
-    def _structured_light(
-        self,
-        sensor: StructuredLight,
-        exact_m: Float[np.ndarray, "h w"],
-        face: Int[np.ndarray, "h w"],
-        places: Int[np.ndarray, " 4"],
-    ) -> Float32[np.ndarray, "h w"]:
+    def _structured_light(self, sensor: StructuredLight, shot: _Shot) -> Float32[np.ndarray, "h w"]:
+        exact_m, face, _, places = shot
         measured = np.empty(exact_m.shape, dtype=np.float32)
         kernels.kinect(
             exact_m,
@@ -187,15 +180,9 @@ class SensorModel:
         )
         return measured
 
-    def _stereo(
-        self,
-        sensor: ActiveStereo,
-        exact_m: Float[np.ndarray, "h w"],
-        face: Int[np.ndarray, "h w"],
-        albedos: Float[np.ndarray, " b"],
-        places: Int[np.ndarray, " 4"],
-    ) -> Float32[np.ndarray, "h w"]:
-        scale = self.camera.width_px / SENSOR_WIDTH_PX
+    def _stereo(self, sensor: ActiveStereo, shot: _Shot) -> Float32[np.ndarray, "h w"]:
+        exact_m, face, albedos, places = shot
+        scale = self.camera.fx_px / FILES[self.kind].fx_px
         strength_px_m = FILES[self.kind].fx_px * BASELINES_M[self.kind]
         disparity = np.nan_to_num(strength_px_m / exact_m).astype(np.float32)
         size = 2 * round(0.5 * (sensor.window_px - 1) * scale) + 1

@@ -6,17 +6,18 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import DepthSensor, PinholeCamera, RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import ImageError
 from treadline.core.models import write_whole
 from treadline.core.rotations import Vector3, rotation_z
 from treadline.plant.sensors.camera.ray_camera import Camera
+from treadline.scenario.camera_file import CameraFile
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.stair_solids import stair_boxes
 from treadline.vehicle.staircase import build_staircase
@@ -50,7 +51,7 @@ def stair_frames(
         scenario = scenario.changed(sensors={"model": sensor} if sensor == "ideal" else {"camera": sensor, "model": "rendered"})
     chair, descends = scenario.read_chair(), scenario.drive.direction == "down"
     calibration, device = chair.camera_at(scenario.sensors.rows_px, rear=descends), chair.mount_of(rear=descends).device
-    kind: DepthSensor | Literal["ideal"] = "ideal" if scenario.sensors.camera_model == "ideal" else device.kind
+    kind = "ideal" if scenario.sensors.camera_model == "ideal" else device.kind
     look = partial(Camera, kind=kind, device=device, texture=scenario.stair.texture, light=scenario.stair.light)
     for number in range(count):
         rng = np.random.default_rng([seed, number])
@@ -88,7 +89,7 @@ def write_frames(folder: Path, frames: Iterable[TrueFrame], watch: Callable[[str
         for name, frame, gravity_C, row in frames:
             if not gravity:
                 columns = ("name", *row)
-                write_whole(folder / "camera.toml", _camera_toml(frame.camera))
+                write_whole(folder / "camera.toml", CameraFile.of(frame.camera, str(folder), DEPTH_UNIT_M).text)
             _write_images(folder, name, frame)
             gravity.append([name, *gravity_C.tolist()])
             truth.append([name, *row.values()])
@@ -116,22 +117,3 @@ def _write_images(folder: Path, name: str, frame: RgbdFrame) -> None:
         if not done:
             raise ImageError(f"{name}_{ending}.png could not be written as PNG")
         write_whole(folder / f"{name}_{ending}.png", data.tobytes())
-
-
-def _camera_toml(camera: PinholeCamera) -> str:
-    """Return the calibration used by the detector."""
-    values = {
-        "width": camera.width_px,
-        "height": camera.height_px,
-        "fx_px": camera.fx_px,
-        "fy_px": camera.fy_px,
-        "cx_px": camera.cx_px,
-        "cy_px": camera.cy_px,
-        "depth_unit_m": DEPTH_UNIT_M,
-        "mount_pitch_deg": round(camera.mount_pitch_rad / DEG, 9),
-        "mount_roll_deg": round(camera.mount_roll_rad / DEG, 9),
-        "mount_yaw_deg": round(camera.mount_yaw_rad / DEG, 9),
-        "mount_m": list(camera.mount_m),
-    }
-    sensor = "" if camera.sensor == "auto" else f'sensor = "{camera.sensor}"\n'
-    return "".join(f"{key} = {value}\n" for key, value in values.items()) + sensor
