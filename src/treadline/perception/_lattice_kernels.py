@@ -59,10 +59,8 @@ BELOW_EYE_M = 0.10
 """Least height of the camera above a tread that is compared with the depth image [m]."""
 HIDDEN_SHARE = 0.1
 """Least height above a nosing at which a ray passes it for certain, in rises: more than its irregularity."""
-SAME_EVIDENCE = 1e-6
-"""Difference of log-evidence below which two lattices are the same: rounding [nats]."""
-KEPT, FITS = 8, 2
-"""Number of hypotheses that are refined, and of fits to their parts."""
+FITS = 2
+"""Number of fits of a lattice to its parts."""
 NONE = -1000
 """Step number of a part outside the lattice."""
 LOG_2PI = math.log(2.0 * math.pi)
@@ -272,51 +270,12 @@ def _fit(treads, risers, lattice, of_tread, front_on, of_riser, room):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _seeds(points, treads, risers, nearness, pinhole, axes, best, of_tread, front_on, of_riser, room):
-    """Keep the lattices with the most evidence of all pairs of points.
-
-    Args:
-        points: Kind, x, z, lateral range; kind 2 are feet of risers, one rise below their nosing.
-        nearness, pinhole, axes: As in ``best_lattice``.
-        best: Filled with evidence, rise, run, x0, z0, and whether the size is not a usual one.
-        of_tread, front_on, of_riser, room: Buffers, as in ``_fit``.
-    """
-    best[:] = -np.inf
-    spans, bounds, lattice = room[2], room[5], np.empty(5)
-    for i in range(points.shape[0]):
-        for j in range(points.shape[0]):
-            if points[i, 0] != points[j, 0]:
-                continue
-            along, up = points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-            if not (along > 0.0 and up > 0.0):
-                continue
-            if min(points[i, 4], points[j, 4]) - max(points[i, 3], points[j, 3]) < OVERLAP_M:
-                continue
-            for count in range(1, STEPS_APART + 1):
-                rise, run = up / count, along / count
-                if not _is_step(rise, run):
-                    continue
-                lattice[0], lattice[1], lattice[2] = rise, run, points[i, 1]
-                lattice[3] = points[i, 2] + (rise if points[i, 0] == 2.0 else 0.0)
-                place = np.argmin(best[:, 0])
-                evidence = _fit(treads, risers, lattice, of_tread, front_on, of_riser, room)
-                if not evidence > best[place, 0] or not _is_step(lattice[0], lattice[1]):
-                    continue
-                evidence += _contradictions(nearness, pinhole, axes, lattice, bounds, spans)
-                # Pairs of one staircase lead to the same lattice.
-                known = np.abs(best[:, 0] - evidence).min() < SAME_EVIDENCE
-                if evidence > best[place, 0] and not known:
-                    best[place, 0] = evidence
-                    best[place, 1:] = lattice
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
 def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, front_on, of_riser):
-    """Return the staircase with the most evidence; NaN evidence without one.
+    """Return the staircase with the most evidence of those that pairs of points propose; NaN evidence without one.
 
     Args:
-        points: Seeds of the search: kind (0 fronts of treads, 1 tops of risers, 2 feet of risers), x, z, lateral range.
+        points: Seeds of the search: kind (0 fronts of treads, 1 tops of risers, 2 feet of risers, one rise below their nosing), x,
+            z, lateral range.
         nearness: Inverse depth, one row per column of the image; ``pinhole``: fx, fy, cx, cy.
         axes: Rows: directions in C of x, z and the lateral coordinate.
         of_tread, front_on, of_riser: Filled with the assignment of the parts, as in ``_assign``.
@@ -325,36 +284,38 @@ def best_lattice(points, treads, risers, nearness, pinhole, axes, of_tread, fron
         Evidence, rise, run, z0, first and last step, number of steps with a height, and whether the size is not a usual one.
     """
     size = 2 * LAST + 1
-    room = (
+    heights, places, spans, bounds = (
         np.empty((size, 2, 2)),
         np.empty((size, 2, 2)),
         np.empty((size, 2)),
-        np.empty(size),
-        np.empty(size),
         np.empty(2, dtype=np.int64),
-        np.empty(8),
-        np.empty(8),
     )
-    spans, bounds, up = room[2], room[5], room[6]
-    best, found = np.empty((KEPT, 6)), np.full(8, np.nan)
+    room = heights, places, spans, np.empty(size), np.empty(size), bounds, np.empty(8), np.empty(8)
     mine, mine_on, my_risers = np.empty_like(of_tread), np.empty_like(front_on), np.empty_like(of_riser)
-    _seeds(points, treads, risers, nearness, pinhole, axes, best, mine, mine_on, my_risers, room)
-    for s in range(KEPT):
-        if best[s, 0] == -np.inf:
-            continue
-        lattice = best[s, 1:]
-        evidence = -np.inf
-        for _ in range(FITS):
-            evidence = _fit(treads, risers, lattice, mine, mine_on, my_risers, room)
-        if not _is_step(lattice[0], lattice[1]):
-            continue
-        evidence += _contradictions(nearness, pinhole, axes, lattice, bounds, spans)
-        if evidence > -np.inf and not evidence <= found[0]:
-            found[0], found[1], found[2], found[3] = evidence, lattice[0], lattice[1], lattice[3]
-            found[4], found[5], found[6], found[7] = bounds[0], bounds[1], up[7], lattice[4]
-            of_tread[:] = mine
-            front_on[:] = mine_on
-            of_riser[:] = my_risers
+    lattice, found = np.empty(5), np.full(8, np.nan)
+    for i in range(points.shape[0]):
+        for j in range(points.shape[0]):
+            along, up = points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+            overlap = min(points[i, 4], points[j, 4]) - max(points[i, 3], points[j, 3])
+            if points[i, 0] != points[j, 0] or not along > 0.0 or not up > 0.0 or overlap < OVERLAP_M:
+                continue
+            for count in range(1, STEPS_APART + 1):
+                lattice[0], lattice[1], lattice[2] = up / count, along / count, points[i, 1]
+                lattice[3] = points[i, 2] + (lattice[0] if points[i, 0] == 2.0 else 0.0)
+                evidence = -np.inf
+                for _ in range(FITS):
+                    if not _is_step(lattice[0], lattice[1]):
+                        evidence = -np.inf
+                        break
+                    evidence = _fit(treads, risers, lattice, mine, mine_on, my_risers, room)
+                # What the depth image says against it lowers the evidence.
+                if evidence == -np.inf or evidence <= found[0]:
+                    continue
+                evidence += _contradictions(nearness, pinhole, axes, lattice, bounds, spans)
+                if not evidence <= found[0]:
+                    found[0], found[1], found[2], found[3] = evidence, lattice[0], lattice[1], lattice[3]
+                    found[4], found[5], found[6], found[7] = bounds[0], bounds[1], room[6][7], lattice[4]
+                    of_tread[:], front_on[:], of_riser[:] = mine, mine_on, my_risers
     return found
 
 
