@@ -19,13 +19,13 @@ from treadline.core.rotations import Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._gravity_direction import gravity_variance
 from treadline.perception._irregularity import pooled_mean, posterior_weights
-from treadline.perception._nuisance import stretch_of
-from treadline.perception._nuisance_kernels import normal_equations
-from treadline.perception._step_parts import Axes, Direction, Flight, axes_about, riser_rows, tread_rows
 from treadline.perception._lattice_kernels import (
     HIDDEN_SIGMA_M,
     OVERHANG_SIGMA_M,
 )
+from treadline.perception._nuisance import stretch_of
+from treadline.perception._nuisance_kernels import normal_equations
+from treadline.perception._step_parts import Axes, Direction, Flight, axes_about, riser_rows, tread_rows
 from treadline.perception.plane_segmentation import Ends, PlanarBlocks, Surface
 
 IRREGULAR_M = np.geomspace(0.0005, 0.015, 6)
