@@ -56,10 +56,10 @@ def test_each_kind_sees_the_heading_rendered_and_statistically(kind: str) -> Non
     device = read_camera(Path(kind))
     assert frame.depth_m.shape == ((240, 320) if kind == "kinect1" else (device.height, device.width))
     seen = StairDetector().see(frame).measurement
-    told = [reading for _, reading in readings(drawn, 60) if isinstance(reading, HeadingMeasurement)]
-    assert len(told) >= 3
+    declared = [reading for _, reading in readings(drawn, 60) if isinstance(reading, HeadingMeasurement)]
+    assert len(declared) >= 3
     assert seen is not None
-    assert [seen.heading_rad, np.mean([item.heading_rad for item in told])] == pytest.approx([8.0 * DEG] * 2, abs=1.0 * DEG)
+    assert [seen.heading_rad, np.mean([item.heading_rad for item in declared])] == pytest.approx([8.0 * DEG] * 2, abs=1.0 * DEG)
 
 
 def test_a_camera_file_gives_lens_mount_rate_and_latency(tmp_path: Path) -> None:
