@@ -91,6 +91,7 @@ def tallies(bases: list[KnownFrame], looks: int, rng: np.random.Generator) -> di
     for number in range(looks):
         kind = KINDS[number % len(KINDS)]
         known = seen_otherwise(bases[int(rng.integers(len(bases)))], kind, rng)
+        known = replace(known, name=f"{kind}: {known.name}")
         try:
             found[kind].add(known, detector.look(known.frame, known.gravity_C))
         except Exception:  # noqa: BLE001 - what the table counts

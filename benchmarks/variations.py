@@ -64,7 +64,7 @@ def drawn_frame(seed: int) -> KnownFrame:
     assert view.stair is not None  # noqa: S101 - for the type checker
     return KnownFrame(
         name=f"{seed} {case.label}, {view.scene}",
-        frame=view.frame,
+        frame=_of_depth(view.frame.depth_m, view.frame.camera),
         gravity_C=view.gravity_C,
         edge_C=view.stair.edge_C,
         rise_m=view.stair.rise_m,
@@ -106,8 +106,7 @@ def _turn(angle_deg: float) -> np.ndarray:
 
 def _scaled(known: KnownFrame, factor: float) -> KnownFrame:
     """Return the frame of a scene of another size, all of it at the same angles."""
-    frame = known.frame
-    smaller = RgbdFrame(t_s=frame.t_s, rgb=_colourless(frame.camera), depth_m=factor * frame.depth_m, camera=frame.camera)
+    smaller = _of_depth(factor * known.frame.depth_m, known.frame.camera)
     size = {name: None if (value := getattr(known, name)) is None else factor * value for name in ("rise_m", "run_m")}
     return replace(known, name=f"{known.name} x{factor:.2f}", frame=smaller, **size)
 
@@ -152,7 +151,7 @@ def _through(
     R[:2, :2] = M.T
     return replace(
         known,
-        frame=RgbdFrame(t_s=known.frame.t_s, rgb=_colourless(plane), depth_m=np.ascontiguousarray(seen), camera=plane),
+        frame=_of_depth(np.ascontiguousarray(seen), plane),
         gravity_C=None if known.gravity_C is None else R @ known.gravity_C,
         edge_C=R @ known.edge_C,
     )
@@ -163,5 +162,6 @@ def _is_square(M: np.ndarray) -> bool:
     return bool(np.abs(np.abs(M).max(axis=0) - 1.0).max() < 1e-9)
 
 
-def _colourless(camera: PinholeCamera) -> np.ndarray:
-    return black(camera.height_px, camera.width_px)
+def _of_depth(depth_m: np.ndarray, camera: PinholeCamera) -> RgbdFrame:
+    """Return a frame without colour, whose painter would hold the scene."""
+    return RgbdFrame(t_s=0.0, rgb=black(camera.height_px, camera.width_px), depth_m=depth_m, camera=camera)

@@ -122,7 +122,7 @@ def test_the_spacing_of_steps_has_a_true_interval(alone_m: float, accumulated_m:
     for _ in range(400):
         heights = RISE * steps + np.cumsum(accumulated_m * rng.standard_normal(6))
         heights += alone_m * rng.standard_normal(6) + 0.0001 * rng.standard_normal(6)
-        part = Placed(steps=steps, values_m=heights, variances_m2=np.full(6, 1e-8), common_m=np.zeros((6, 1)))
+        part = Placed(steps, heights, np.full(6, 1e-8), shared_m=np.zeros((6, 1)), common_m=np.zeros((6, 1)))
         found = spacing([part], (0.17, 0.035))
         strains.append((found.mean_m - RISE) / found.sigma_m)
     assert least <= np.mean(np.square(strains)) < most
@@ -139,7 +139,7 @@ def test_an_error_common_to_all_steps_does_not_average_out() -> None:
     for _ in range(400):
         heights = RISE * steps + common[:, 0] * rng.standard_normal() + 0.001 * rng.standard_normal(6)
         for known, errors in strains.items():
-            part = Placed(steps=steps, values_m=heights, variances_m2=np.full(6, 1e-6), common_m=common if known else 0.0 * common)
+            part = Placed(steps, heights, np.full(6, 1e-6), np.zeros((6, 1)), common_m=common if known else 0.0 * common)
             found = spacing([part], (0.17, 0.035))
             errors.append((found.mean_m - RISE) / found.sigma_m)
     assert 0.8 < np.mean(np.square(strains[True])) < 1.2

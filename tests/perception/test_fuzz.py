@@ -12,6 +12,7 @@ import treadline as tl
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import SettingsError, TreadlineError
+from treadline.perception._gravity_direction import gravity_variance
 from treadline.scenario.camera_file import CameraFile
 
 LOOKS = int(os.environ.get("TREADLINE_FUZZ", "48"))
@@ -74,3 +75,12 @@ def test_a_pinhole_camera_and_a_calibration_serve_alike(tmp_path) -> None:
     assert tl.detect_stair(np.full((48, 64), 1.5), file).reason == tl.detect_stair(named, mounted).reason
     with pytest.raises(TreadlineError, match="is the camera file of another resolution"):
         list(tl.read_frames(tmp_path / "depth.png", camera=replace(CAMERA, width_px=128, height_px=96, cx_px=63.5, cy_px=47.5)))
+
+
+@pytest.mark.parametrize(
+    ("gap_deg", "spread_deg", "count", "is_rejected"), [(7.0, 2.0, 8, True), (7.0, 5.0, 2, False), (0.5, 0.2, 8, False)]
+)
+def test_gravity_far_from_scattered_treads_is_no_reference(gap_deg, spread_deg, count, is_rejected) -> None:
+    tilts = (gap_deg + spread_deg * np.linspace(-1.0, 1.0, count)) * DEG
+    variance = gravity_variance(tilts, 0.5 * DEG)
+    assert variance == pytest.approx((gap_deg * DEG) ** 2 if is_rejected else (0.5 * DEG) ** 2)

@@ -26,6 +26,8 @@ def climb(
     A scenario that fails treadline check, even after shifting the seat by up to 0.10 m, is not run: exit code 1, no run folder.
     --set drive.check=false runs it all the same.
 
+    treadline climb up-28 --set sensors.camera=d455 --out runs/d455 (kinect1, kinect2, d435, d455, tof, or a camera file)
+
     A controller, detector or estimator of your own is module:Class, path/to/file.py:Class, or the name of an entry point
     (groups treadline.controllers, treadline.detectors, treadline.estimators); shipped names the shipped block.
 

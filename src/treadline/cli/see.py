@@ -68,7 +68,7 @@ def see(
         source: Depth image, colour image, point cloud, folder of these, log, or run folder.
         depth: Depth image, 16 bit, if the first file is a colour image.
         live: Camera: realsense, orbbec or oak.
-        camera: Calibration file (TOML). Default for a folder: its camera.toml; a cloud, a log and a live camera have their own.
+        camera: Camera file (TOML), or a kind: kinect1, kinect2, d435, d455 or tof. Default for a folder: its camera.toml; a cloud, a log and a live camera have their own.
         gravity: Unit vector that points down in the camera's frame: x,y,z; for a folder, of the frames that gravity.csv lacks.
         unit: Unit of depth counts or cloud coordinates: m, cm or mm. Default: the calibration's depth_unit_m; m for clouds.
         axes: Axes of point clouds: camera (x right, y down, z forward), ros (x forward, y left, z up) or opengl (x right, y up,

@@ -47,8 +47,8 @@ RANGE_SCALE = 6.0
 FLAT_RAD = 0.5
 """Prior standard deviation of α and ρ [rad]: nearly uninformative."""
 WINDING, TURNS_RAD, TURN_SHARE = 0.04, np.array([-9.0, -3.0, -1.0, 1.0, 3.0, 9.0]) * DEG, 1.0 / 3.0
-"""Prior probability of a winding flight; means of its turn per step, whose mixture reaches from 0.4 to 15°, radii of 40 to 1 m, to
-the left and to the right [rad], and the standard deviation of each relative to it."""
+"""Prior probability of a winding flight; means of its turn per step, to the right and to the left [rad], and the standard deviation
+of each relative to it: the mixture reaches from 0.4 to 15°, radii of 40 to 1 m."""
 TURN_STEPS = np.arange(-15.0, 16.0) * DEG
 """Turns per step with which nosings may agree [rad]."""
 STRAY = 0.03
@@ -338,6 +338,8 @@ def _agreeing_nosings(
 ) -> Bool[np.ndarray, " n"]:
     """Return the mask of the nosings in the largest subset that agrees; with a turn per step if at least two more do so."""
     straight = _agreeing(angles, variances)
+    if np.count_nonzero(straight) > len(angles) - 2:
+        return straight
     turned = [_agreeing(angles - turn * steps, variances) for turn in TURN_STEPS]
     most = max(turned, key=np.count_nonzero)
     return most if np.count_nonzero(most) >= np.count_nonzero(straight) + 2 else straight

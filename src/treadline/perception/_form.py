@@ -26,24 +26,20 @@ SAME_SIDE_M, SURPASSED_M = 0.05, 0.08
 """Largest lateral distance of ends at one side [m], and distance by which another surface surpasses a side that is none."""
 ENDS_LEAST = 2
 """Least number of surfaces that end at one side."""
-BIN_M, BINS = 0.04, 61
-"""Width and number of bins across the flight for the common profile: 1.2 m to either side of the camera."""
-PARTS = 16
-"""Number of parts of a profile whose scatter gives the standard deviation of its curvature."""
+BIN_M, BINS = 0.04, 101
+"""Width and number of bins across the flight for the profiles of edges: 2 m to either side of the camera."""
+LEAST_BINS = 6
+"""Least number of bins of a profile: three for its shape, three for its scatter."""
+KEPT_SIGMAS = 3.7
+"""Largest residual of a bin in medians of their size: 2.5 standard deviations."""
 CAMERA_BOW, CAMERA_WARP_PX = 0.02, 0.05
 """Standard deviation of a curvature that is the camera's, common to all edges [1/m], and the depth warp that has it [px]: at 1.5 m
 it bends half a metre by 2.5 mm. It is also the largest one, because bowed edges make the estimated warp larger than it is."""
 STEP_BOWS = np.geomspace(0.002, 0.5, 10)
 """Grid of the scatter of curvature between the edges of one flight [1/m]: 0.2 mm of bow over a metre, as drawn, to the errors of
 profiles that objects cut off."""
-BOWED, BOW_1_M = 0.05, 0.1
+BOWED, BOW_1_M = 0.1, 0.1
 """Prior probability of bowed edges, and standard deviation of their curvature [1/m]: a sagitta of 2 cm over 1.3 m."""
-BOW_KNOWN = 0.12
-"""Largest standard deviation of a curvature that is evaluated [1/m]. Of 156 frames facing down nine had a false curvature above
-four deviations, all with deviations of 0.17 and more; of 24 frames of edges bowed by 15 cm the largest deviation was 0.09."""
-COMMON_LEAST = 2.0
-"""Least ratio of the mean square of the common profile to that expected from its scatter: noise alone reaches 2 in one frame of
-four."""
 UNSEEN_MIDDLE_M, MIDDLE_SIGMA_M, TURN_SHARE = 0.30, 0.05, 0.3
 """Assumed distance of the visible part from the middle of a bowed flight whose sides are not in view; error of the middle if they
 are [m], and relative error of the correction."""
@@ -78,14 +74,11 @@ class Bow:
     """Standard deviation of the curvature [1/m]; infinite without a profile."""
     seen_aside_m: float
     """Mean lateral position of the profiles, to the right of the camera [m]."""
-    uneven_rad: float
-    """Standard deviation of the edges' angle by what all profiles have in common beyond a curvature: a runner, or multipath near a
-    wall [rad]."""
 
     @property
     def bowed(self) -> float:
         """Probability that the edges are bowed."""
-        if self.sigma_1_m > BOW_KNOWN:
+        if math.isinf(self.sigma_1_m):
             return 0.0
         wide = self.sigma_1_m**2 + BOW_1_M**2
         gain = 0.5 * self.curvature_1_m**2 * (1.0 / self.sigma_1_m**2 - 1.0 / wide)
@@ -107,33 +100,45 @@ class Bow:
 def sides_of(ends: Sequence[LateralEnds]) -> tuple[Side | None, Side | None]:
     """Return the left and right side of a flight in the camera's view; None where none is seen."""
     left, right = (_side(end.outward_m, end.kinds, way) for way, end in zip((-1, 1), ends, strict=True))
+    if left is not None and right is not None and left.aside_m >= right.aside_m:
+        return None, None
     return left, right
 
 
 def lateral_ends_of(
     surfaces: Sequence[Surface], blocks: PlanarBlocks, camera: PinholeCamera, axes: Axes
 ) -> tuple[LateralEnds, LateralEnds]:
-    """Return where the surfaces of a flight end on the left and on the right."""
-    look = max(2, camera.width_px // LOOK_SHARE)
-    found: list[LateralEnds] = []
-    for way in (-1, 1):
-        places, kinds = np.empty(len(surfaces)), np.empty(len(surfaces), dtype=np.int64)
-        for k, surface in enumerate(surfaces):
-            places[k], kinds[k] = form_kernels.side_of(
-                blocks.nearness,
-                surface.upper.columns,
-                surface.upper.rows,
-                surface.lower.rows,
-                surface.normal,
-                axes.right,
-                way,
-                look,
-                JUMP * blocks.noise,
-                BASELINES_M.get(camera.sensor, max(BASELINES_M.values())),  # the largest for an unknown one
-                camera.pinhole,
-            )
-        found.append(LateralEnds(outward_m=way * places, kinds=kinds))
-    return found[0], found[1]
+    """Return where the surfaces of a flight end on the left and on the right, in the flight's axes.
+
+    Columns of an image rolled by more than 45° do not run along the flight: no ends are known. Upside down, left is right.
+    """
+    places, kinds = form_kernels.sides_of(
+        blocks.nearness,
+        *_columns([(surface, surface.upper) for surface in surfaces])[:4],
+        np.array([surface.normal for surface in surfaces]).reshape(-1, 3),
+        axes.right,
+        max(2, camera.width_px // LOOK_SHARE),
+        JUMP * blocks.noise,
+        BASELINES_M.get(camera.sensor, max(BASELINES_M.values())),  # the largest for an unknown one
+        camera.pinhole,
+    )
+    if abs(axes.right[1]) > abs(axes.right[0]):
+        places[:] = np.nan
+    sides = (0, 1) if axes.right[0] > 0.0 else (1, 0)
+    left, right = (
+        LateralEnds(outward_m=way * places[:, side], kinds=kinds[:, side]) for way, side in zip((-1, 1), sides, strict=True)
+    )
+    return left, right
+
+
+def _columns(profiles: Sequence[tuple[Surface, Ends]]) -> tuple[np.ndarray, ...]:
+    """Return columns, upper and lower rows of surfaces, one after the other, their stops, and rows and surroundings of an end."""
+    if not profiles:
+        whole, rows = np.zeros(0, dtype=np.int64), np.zeros(0)
+        return whole, rows, rows, whole, rows, whole
+    parts = [(surface.upper.columns, surface.upper.rows, surface.lower.rows, end.rows, end.follows) for surface, end in profiles]
+    columns, upper, lower, rows, follows = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return columns, upper, lower, np.cumsum([part[0].size for part in parts]), rows, follows
 
 
 def narrower_by_m(ends: Sequence[LateralEnds], steps: Int[np.ndarray, " k"]) -> float:
@@ -165,16 +170,16 @@ def narrower_by_m(ends: Sequence[LateralEnds], steps: Int[np.ndarray, " k"]) -> 
 def _side(outward: Float[np.ndarray, " k"], kinds: np.ndarray, way: int) -> Side | None:
     """Return the outermost position at which several surfaces end, unless others surpass it."""
     known = np.isfinite(outward)
-    for kind, name in ((form_kernels.WALL, "wall"), (form_kernels.OPEN, "open")):
-        ends = np.sort(outward[known & (kinds == kind)])[::-1]
-        for place in ends.tolist():
+    names: tuple[tuple[int, SideKind], ...] = ((form_kernels.WALL, "wall"), (form_kernels.OPEN, "open"))
+    for kind, name in names:
+        ends = outward[known & (kinds == kind)]
+        for place in sorted(ends.tolist(), reverse=True):
             together = ends[np.abs(ends - place) < SAME_SIDE_M]
-            if together.size < ENDS_LEAST:
-                continue
-            side_m = float(np.median(together))
-            if (outward[known] > side_m + SURPASSED_M).any():
+            if together.size >= ENDS_LEAST:
+                side_m = float(np.median(together))
+                if not (outward[known] > side_m + SURPASSED_M).any():
+                    return Side(aside_m=way * side_m, kind=name)
                 break
-            return Side(aside_m=way * side_m, kind="wall" if name == "wall" else "open")
     return None
 
 
@@ -192,52 +197,60 @@ def bow_of(
         fronts: Treads whose front is a nosing, with that end.
         warp_px: Size of the depth warp [px of Kinect disparity].
     """
-    curvatures: list[float] = []
-    variances: list[float] = []
-    middles: list[float] = []
-    profiles = [(tread, end, False) for tread, end in fronts] + [(riser, riser.upper, True) for riser in risers]
-    widths: list[float] = []
-    of_riser: list[bool] = []
-    shapes, weights = np.zeros((2, len(profiles) + 1, BINS))
-    for surface, end, is_riser in profiles:
-        row = len(curvatures)
-        curvature, sigma, middle, width = form_kernels.curvature_of(
-            blocks.nearness,
-            surface.upper.columns,
-            surface.upper.rows,
-            surface.lower.rows,
-            end.rows,
-            end.follows,
-            surface.normal,
-            axes.ahead,
-            axes.right,
-            is_riser,
-            PARTS,
-            BIN_M,
-            camera.pinhole,
-            shapes[row],
-            weights[row],
-        )
-        if math.isfinite(curvature):
-            widths.append(width)
-            of_riser.append(is_riser)
-            curvatures.append(curvature)
-            variances.append(sigma**2)
-            middles.append(middle)
-    if not curvatures:
-        return Bow(curvature_1_m=0.0, sigma_1_m=math.inf, seen_aside_m=0.0, uneven_rad=0.0)
-    pooled = pooled_mean(np.array(curvatures), np.array(variances), np.zeros(len(curvatures), dtype=bool), STEP_BOWS)
-    precision = 1.0 / np.array(variances)
-    # The slope of deviations that are alike over the whole width: that of a uniform density has a variance of 1/12.
-    faces = np.array(of_riser)
-    square, ratio = form_kernels.common_square(shapes[: len(faces)][faces], weights[: len(faces)][faces])
-    uneven_m = math.sqrt(square * max(1.0 - COMMON_LEAST / max(ratio, COMMON_LEAST), 0.0))
+    edges = [*fronts, *((riser, riser.upper) for riser in risers)]
+    columns, upper, lower, stops, rows, follows = _columns(edges)
+    places, counts = form_kernels.profiles_of(
+        blocks.nearness,
+        columns,
+        upper,
+        lower,
+        rows,
+        follows,
+        stops,
+        np.array([surface.normal for surface, _ in edges]).reshape(-1, 3),
+        np.arange(len(edges)) >= len(fronts),
+        axes.ahead,
+        axes.right,
+        BIN_M,
+        BINS,
+        camera.pinhole,
+    )
+    curvatures, variances, middles = _curvatures(places, counts)
+    known = np.isfinite(variances)
+    if not known.any():
+        return Bow(curvature_1_m=0.0, sigma_1_m=math.inf, seen_aside_m=0.0)
+    pooled = pooled_mean(curvatures[known], variances[known], np.zeros(np.count_nonzero(known), dtype=bool), STEP_BOWS)
     return Bow(
         curvature_1_m=pooled.mean,
         sigma_1_m=math.hypot(pooled.sigma, CAMERA_BOW * min(warp_px / CAMERA_WARP_PX, 1.0)),
-        seen_aside_m=float(precision @ middles) / float(precision.sum()),
-        uneven_rad=math.sqrt(12.0) * uneven_m / float(np.median(widths)),
+        seen_aside_m=float(np.average(middles[known], weights=1.0 / variances[known])),
     )
+
+
+def _curvatures(
+    places: Float[np.ndarray, "s b"], counts: Float[np.ndarray, "s b"]
+) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
+    """Return the curvature of each profile, its variance and mean lateral position; an infinite variance without a profile.
+
+    Errors of adjacent columns are correlated: the scatter of the bins gives the variance.
+    """
+    # Depth is ragged where a surface ends: the outermost bins do not belong to the profile.
+    filled = np.cumsum(counts > 0.0, axis=1)
+    weights = np.where((filled > 1) & (filled < filled[:, -1:]), counts, 0.0)
+    x = BIN_M * (np.arange(places.shape[1]) - places.shape[1] // 2)
+    middles = weights @ x / np.maximum(weights.sum(axis=1), 1.0)
+    t = x - middles[:, None]
+    by = np.stack([np.ones(t.shape), t, 0.5 * t * t], axis=1)
+    for _ in range(3):
+        used = np.count_nonzero(weights, axis=1)
+        weighted = by * weights[:, None, :]
+        inverse = np.linalg.inv(weighted @ by.transpose(0, 2, 1) + 1e-12 * np.eye(3))
+        shapes = inverse @ weighted @ places[:, :, None]
+        sizes = np.sqrt(weights) * np.abs(places - (shapes.transpose(0, 2, 1) @ by)[:, 0])
+        variances = np.where(used < LEAST_BINS, np.inf, (sizes**2).sum(axis=1) / np.maximum(used - 3, 1) * inverse[:, 2, 2])
+        medians = np.sort(sizes, axis=1)[np.arange(len(used)), sizes.shape[1] - 1 - used // 2]
+        weights = np.where(sizes <= KEPT_SIGMAS * medians[:, None], weights, 0.0)
+    return shapes[:, 2, 0], variances, middles
 
 
 def turn_by(bow: Bow, sides: tuple[Side | None, Side | None]) -> tuple[float, float]:

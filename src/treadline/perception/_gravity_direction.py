@@ -86,8 +86,8 @@ def gravity_variance(tilts: Float[np.ndarray, " k"], sigma_rad: float) -> float:
         sigma_rad: Declared standard deviation.
     """
     if len(tilts) >= 2:
-        gap = abs(median(tilts.tolist()))
-        if gap > GRAVITY_REJECTED * sigma_rad and float(np.ptp(tilts)) < AGREED_SHARE * gap:
+        gap, error = abs(median(tilts.tolist())), float(np.std(tilts, ddof=1)) / math.sqrt(len(tilts))
+        if gap > GRAVITY_REJECTED * math.hypot(sigma_rad, error):
             return gap**2
     return sigma_rad**2
 

@@ -221,12 +221,8 @@ class _Search:
         # The chair's right is the image's left for a rear camera.
         edge = chord if float((R_BC @ chord)[1]) < 0.0 else -chord
         heading, change = _heading(edge, R_BC)
-        sigma = float(np.hypot(fit.sigma_of(change), np.hypot(turn_sigma, bow.uneven_rad)))
-        runs_m = {id(tread.surface): flight.run_m for _, on, tread in flight.matched_treads if on}
-        adjoining_rad = [
-            tread.adjoining_tilt_rad(camera, fit.ahead, blocks.noise, runs_m.get(id(tread), np.inf)) for tread in flight.treads
-        ]
-        level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, flight.treads, adjoining_rad)
+        sigma = float(np.hypot(fit.sigma_of(change), turn_sigma))
+        level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, flight, blocks, camera)
         shape = shape_of(flight, blocks, camera, level, fit.warp_px)
         cause = refusal_of(
             Finding(

@@ -8,6 +8,7 @@ risers at its ends within the tolerance of its plane turn it towards the nosing 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -23,20 +24,20 @@ from treadline.perception._lattice_kernels import (
     OVERHANG_SIGMA_M,
 )
 from treadline.perception._nuisance import stretch_of
+from treadline.perception._nuisance_kernels import normal_equations
 from treadline.perception._step_parts import Axes, Direction, Flight, axes_about, riser_rows, tread_rows
-from treadline.perception.plane_segmentation import End, PlanarBlocks, Surface
+from treadline.perception.plane_segmentation import Ends, PlanarBlocks, Surface
 
 IRREGULAR_M = np.geomspace(0.0005, 0.015, 6)
 """Grid of the standard deviations of single steps from the lattice, and of single spacings [m]: from cast steps to worn ones."""
-ENDS: tuple[End, End] = ("upper", "lower")
-"""Ends of a surface in the image."""
-PAST_SIGMA_M = 0.010
-"""Standard deviation of the shift of ends without a surface next to them [m]: half of the width of a metal strip or a shadow."""
 USUAL_M = 0.0031
 """Standard deviation at which the prior of the irregularity is halved [m], decreasing beyond: the largest and the smallest of ten
 risers then differ by 9.5 mm, the limit of building codes (IBC 1011.5.4)."""
-IRREGULAR_LOGS = -np.add.outer(np.log1p(IRREGULAR_M / USUAL_M), np.log1p(IRREGULAR_M / USUAL_M)).ravel()
-"""Log prior of each pair of standard deviations, of steps and of spacings."""
+DETOUR_M = 0.005
+"""Standard deviation of the change of range along a tread towards its corner with the next riser, by light that takes a detour over
+that riser to a time-of-flight camera [m]: of 2 to 50 mm in a corner (Fuchs, ICPR 2010)."""
+PAST_SIGMA_M = 0.010
+"""Standard deviation of the shift of ends without a surface next to them [m]: half of the width of a metal strip or a shadow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,17 +73,17 @@ class Levelled:
     """Standard deviation of the vertical [rad]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Placed:
-    """Values of one kind of part: heights of treads, tops of risers, and so on."""
+class Placed(NamedTuple):
+    """Values of parts on a lattice: heights of treads, tops of risers, and so on."""
 
     steps: Int[np.ndarray, " k"]
     values_m: Float[np.ndarray, " k"]
     variances_m2: Float[np.ndarray, " k"]
+    """Variance of each value; infinite for an unknown one."""
+    shared_m: Float[np.ndarray, "k o"]
+    """Change of each value by one standard deviation of each error that parts of one kind have in common."""
     common_m: Float[np.ndarray, "k c"]
-    """Change of each value by one standard deviation of each error that all parts have in common."""
-    offset_sigma_m: float = 0.0
-    """Standard deviation of an offset common to the kind [m]; zero for the kind that defines the nosing."""
+    """Change by each error that all surfaces of the frame have in common."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,31 +103,29 @@ class Spacing:
 
 
 def axes_of(
-    edge: Vector3,
-    down: Vector3,
-    down_sigma_rad: float,
-    treads: Sequence[Surface],
-    adjoining_rad: Sequence[float],
+    edge: Vector3, down: Vector3, down_sigma_rad: float, flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera
 ) -> Levelled:
     """Return the axes of the stair, with the vertical as weighted mean of treads and gravity.
 
     Args:
         edge: Unit vector along the edges, pointing right in the camera's view.
         down: Gravity direction from the IMU or from the treads.
-        treads: Surfaces assumed to be horizontal.
-        adjoining_rad: Standard deviation of the tilt of each by pixels of adjacent risers.
     """
     start = axes_about(edge, down)
     d, ahead = -start.up, start.ahead
-    tilts, variances = [0.0], [down_sigma_rad**2]
-    for tread, by_risers_rad in zip(treads, adjoining_rad, strict=True):
-        n = tread.unit if float(tread.unit @ d) > 0.0 else -tread.unit
-        tilts.append(float(np.arctan2(n @ ahead, n @ d)))
+    runs_m = {id(tread.surface): flight.run_m for _, on, tread in flight.matched_treads if on}
+    tilts, variances, detours = [0.0], [down_sigma_rad**2], [0.0]
+    for tread in flight.treads:
+        n = math.copysign(1.0, float(tread.unit @ d)) * tread.unit
+        tilts.append(math.atan2(float(n @ ahead), float(n @ d)))
+        by_risers_rad = tread.adjoining_tilt_rad(camera, ahead, blocks.noise, runs_m.get(id(tread), math.inf))
         variances.append(float(ahead @ tread.unit_covariance @ ahead) + by_risers_rad**2)
-    variances[0] = gravity_variance(np.array(tilts[1:]), down_sigma_rad)
-    regular = np.zeros(len(tilts), dtype=bool)
-    regular[0] = True
-    tilt = pooled_mean(np.array(tilts), np.array(variances), regular)
+        along_normal = tread.distance_m / float(np.linalg.norm(tread.centre))
+        detours.append(DETOUR_M * along_normal / flight.run_m if blocks.measures_range else 0.0)
+    by_detours = float(np.mean(np.square(detours[1:]))) if flight.treads else 0.0
+    variances[0] = gravity_variance(np.array(tilts[1:]), math.sqrt(down_sigma_rad**2 + by_detours)) - by_detours
+    regular = np.arange(len(tilts)) == 0
+    tilt = pooled_mean(np.array(tilts), np.array(variances), regular, common=np.array(detours))
     d = np.cos(tilt.mean) * d + np.sin(tilt.mean) * ahead
     return Levelled(axes=Axes(ahead=cross(edge, d), up=-d, right=edge), down_sigma_rad=tilt.sigma)
 
@@ -179,67 +178,51 @@ def _rise_and_run(
 ) -> tuple[Spacing, Spacing]:
     """Return rise and run: planes determine them, ends add to them."""
     axes, sign = levelled.axes, 1.0 if flight.direction == "up" else -1.0
+    of_tread = np.array([step for step, *_ in flight.matched_treads], dtype=np.int64)
+    of_riser = np.array([step for step, _ in flight.matched_risers], dtype=np.int64)
+    front_on = np.array([on for _, on, _ in flight.matched_treads], dtype=np.bool_)
     treads = tread_rows([tread for *_, tread in flight.matched_treads], blocks, axes, camera, flight.direction)
     risers = riser_rows([riser for _, riser in flight.matched_risers], blocks, axes, camera)
-    of_tread = np.array([step for step, *_ in flight.matched_treads], dtype=np.int64)
-    front_on = np.array([on for _, on, _ in flight.matched_treads], dtype=np.bool_)
-    of_riser = np.array([step for step, _ in flight.matched_risers], dtype=np.int64)
-    surfaces = [tread.surface for *_, tread in flight.matched_treads] + [riser.surface for _, riser in flight.matched_risers]
+    faces = [riser.surface for _, riser in flight.matched_risers]
+    surfaces = [*(tread.surface for *_, tread in flight.matched_treads), *faces]
     centres = np.array([surface.centre for surface in surfaces])
-    stretch = warp_px * stretch_of(centres, camera)
     noise = np.array([surface.distance_variance for surface in surfaces])
+    stretch = warp_px * stretch_of(centres, camera)
     # A rotation about the edges lowers what is ahead, and moves what is above ahead.
-    lowered, moved = (levelled.down_sigma_rad * (centres @ axis)[:, None] for axis in (-axes.ahead, sign * axes.up))
+    lowered, moved = (levelled.down_sigma_rad * (centres @ axis) for axis in (-axes.ahead, sign * axes.up))
+    own, above = slice(None, len(treads)), slice(len(treads), None)
 
-    def placed(
-        steps: Int[np.ndarray, " k"],
-        values: Float[np.ndarray, "k 2"],
-        turned: Float[np.ndarray, "k 1"],
-        stretched: Float[np.ndarray, "k t"],
-        offset_sigma_m: float,
-        shifts_m: Float[np.ndarray, "k 2"] | float = 0.0,
-    ) -> Placed:
-        known = np.isfinite(values[:, 1])
-        shifts = np.full((len(values), 2), shifts_m)
-        common = np.column_stack([values[:, :1] * stretched, shifts, turned])[known]
-        return Placed(
-            steps=steps[known],
-            values_m=values[known, 0],
-            variances_m2=values[known, 1],
-            common_m=common,
-            offset_sigma_m=offset_sigma_m,
-        )
+    def placed(steps: Any, values: Any, variances: Any, of: slice, turned: Any, *shared: Any) -> Placed:
+        """Return parts, with the errors that their kind shares: an offset of its own, and shifts of ends."""
+        columns = np.zeros((len(values), 4))
+        for k, column in shared:
+            columns[:, k] = column
+        return Placed(steps, values, variances, columns, np.column_stack([values[:, None] * stretch[of], turned[of]]))
 
-    of_treads, of_risers = slice(None, len(treads)), slice(len(treads), None)
-    heights, places = treads[:, 0], risers[:, 0]
-    own_heights = np.column_stack([heights, noise[of_treads] * heights**2])
-    own_places = np.column_stack([places, noise[of_risers] * places**2])
-    low, high = lowered[of_risers], stretch[of_risers]
-    of_upper, of_lower = (_shifts_m([riser.surface for _, riser in flight.matched_risers], end, blocks, camera) for end in ENDS)
-    rise = [
-        placed(of_tread, own_heights, lowered[of_treads], stretch[of_treads], 0.0),
-        placed(of_riser, risers[:, 2:4], low, high, HIDDEN_SIGMA_M, of_upper),
-        placed(of_riser - 1, risers[:, 4:6], low, high, HIDDEN_SIGMA_M, -of_lower),
-    ]
+    rise = [placed(of_tread, treads[:, 0], noise[own] * treads[:, 0] ** 2, own, lowered)]
+    for end, down, at, outward in (("upper", 0, 2, 1.0), ("lower", 1, 4, -1.0)):
+        past, of_window = outward * _shifts_m(faces, [getattr(face, end) for face in faces], blocks, camera)
+        offset = (down, HIDDEN_SIGMA_M)
+        rise.append(placed(of_riser - down, risers[:, at], risers[:, at + 1], above, lowered, offset, (2, past), (3, of_window)))
+    fronts = np.where(front_on, treads[:, 3], np.inf)
     run = [
-        placed(of_riser, own_places, moved[of_risers], stretch[of_risers], 0.0),
-        placed(
-            of_tread[front_on], treads[front_on, 2:4], moved[of_treads][front_on], stretch[of_treads][front_on], OVERHANG_SIGMA_M
-        ),
+        placed(of_riser, risers[:, 0], noise[above] * risers[:, 0] ** 2, above, moved),
+        placed(of_tread, treads[:, 2], fronts, own, moved, (0, OVERHANG_SIGMA_M)),
     ]
     return spacing(rise, flight.size_prior[0]), spacing(run, flight.size_prior[1])
 
 
-def _shifts_m(risers: Sequence[Surface], end: End, blocks: PlanarBlocks, camera: PinholeCamera) -> Float[np.ndarray, "k 2"]:
+def _shifts_m(
+    risers: Sequence[Surface], ends: Sequence[Ends], blocks: PlanarBlocks, camera: PinholeCamera
+) -> Float[np.ndarray, "2 k"]:
     """Return the standard deviations of the common outward shifts of the risers' ends that have no surface next to them [m].
 
     A metal strip or a shadow shifts all of them alike; a matching window shifts those before a larger depth by pixels.
     """
-    ends = [riser.upper if end == "upper" else riser.lower for riser in risers]
-    follows = np.array([np.bincount(found.follows, minlength=1).argmax() for found in ends], dtype=np.int64)
+    follows = np.array([np.bincount(end.follows, minlength=1).argmax() for end in ends], dtype=np.int64)
     pixels_m = np.array([riser.distance_m for riser in risers]) / camera.fy_px
     of_window = np.where(follows == surface_kernels.BEYOND, blocks.spread_px * pixels_m, 0.0)
-    return np.column_stack([np.where(follows == surface_kernels.CREASE, 0.0, PAST_SIGMA_M), of_window])
+    return np.array([np.where(follows == surface_kernels.CREASE, 0.0, PAST_SIGMA_M), of_window])
 
 
 def spacing(parts: Sequence[Placed], prior: tuple[float, float]) -> Spacing:
@@ -251,32 +234,22 @@ def spacing(parts: Sequence[Placed], prior: tuple[float, float]) -> Spacing:
     Args:
         prior: Mean and standard deviation of the spacing.
     """
-    steps = np.concatenate([part.steps for part in parts])
-    values = np.concatenate([part.values_m for part in parts])
-    common = np.concatenate([part.common_m for part in parts])
-    noise = np.diag(np.concatenate([part.variances_m2 for part in parts])) + common @ common.T
-    kinds = np.concatenate([np.full(part.steps.size, k) for k, part in enumerate(parts)])
-    offsets = np.array([part.offset_sigma_m for part in parts])[kinds] ** 2
-    noise += np.where(kinds[:, None] == kinds[None, :], offsets[:, None], 0.0)
-    # One weighted mean for each step has all of the information on the lattice.
-    of_step = np.unique(steps)
-    at = (steps[:, None] == of_step[None, :]).astype(float)
-    pooled = np.linalg.inv(noise) @ at
-    own = np.linalg.inv(at.T @ pooled)
-    values, common = own @ pooled.T @ values, own @ pooled.T @ common
-    after = (of_step - of_step[0]).astype(float)
-    by = np.column_stack([np.ones(after.size), after])
-    squares = IRREGULAR_M[:, None, None] ** 2
-    alone, accumulated = squares * np.eye(after.size), squares * np.minimum.outer(after, after)
-    inverse = np.linalg.inv(own + (alone[:, None] + accumulated[None, :]).reshape(-1, after.size, after.size))
-    normal = by.T @ inverse @ by + np.diag([0.0, prior[1] ** -2])
-    covariance = np.linalg.inv(normal)
-    right = by.T @ inverse @ values + [0.0, prior[0] / prior[1] ** 2]
-    solution = np.einsum("gij,gj->gi", covariance, right)
-    chi = values @ inverse @ values + (prior[0] / prior[1]) ** 2 - np.einsum("gi,gi->g", solution, right)
-    likelihoods = 0.5 * (np.linalg.slogdet(inverse)[1] + np.linalg.slogdet(covariance)[1] - chi)
-    weights = posterior_weights(likelihoods + IRREGULAR_LOGS)
+    known = np.concatenate([np.isfinite(part.variances_m2) for part in parts])
+    steps, values, variances, shared, common = (np.concatenate(field)[known] for field in zip(*parts, strict=True))
+    after = (steps - steps.min(initial=0)).astype(float)
+    kinds = np.array([after[:, None] == after, np.minimum.outer(after, after), shared @ shared.T + common @ common.T])
+    alone, accumulated = (sizes.ravel() for sizes in np.meshgrid(IRREGULAR_M, IRREGULAR_M))
+    squares = np.column_stack([alone, accumulated, np.ones(alone.size)]) ** 2
+    right = np.column_stack([np.ones(after.size), after, values, common])
+    logs, products = normal_equations(variances, kinds, squares, right)
+    weight = prior[1] ** -2.0
+    target = products[:, :2, 2] + np.array([0.0, prior[0] * weight])
+    # The first height is hardly known in advance: to a metre.
+    covariance = np.linalg.inv(products[:, :2, :2] + np.diag([1.0, weight]))
+    solution = np.einsum("gij,gj->gi", covariance, target)
+    logs = logs + 0.5 * (np.linalg.slogdet(covariance)[1] + np.einsum("gi,gi->g", solution, target) - products[:, 2, 2])
+    weights = posterior_weights(logs - np.log1p(alone / USUAL_M) - np.log1p(accumulated / USUAL_M))
     mean = float(weights @ solution[:, 1])
     total = float(weights @ (covariance[:, 1, 1] + (solution[:, 1] - mean) ** 2))
-    response = weights @ (covariance[:, 1:] @ by.T @ inverse @ common)[:, 0]
+    response = weights @ np.einsum("gi,gic->gc", covariance[:, 1], products[:, :2, 3:])
     return Spacing(mean_m=mean, own_variance_m2=max(total - float(response @ response), 0.0), common_m=response)

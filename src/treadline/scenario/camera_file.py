@@ -75,8 +75,8 @@ class CameraFile(Settings):
         if not isinstance(tables, Mapping) or tables.get("sensor") not in BASELINES_M:
             return tables
         known = _kind(tables["sensor"])
-        is_whole = all(tables.get(side, known[side]) == known[side] for side in ("width", "height"))
-        return (known if is_whole else {"range_m": known["range_m"]}) | dict(tables)
+        has_its_size = all(tables.get(side, known[side]) == known[side] for side in ("width", "height"))
+        return (known if has_its_size else {"range_m": known["range_m"]}) | dict(tables)
 
     @field_validator("X_depth_colour", mode="before")
     @classmethod
