@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
@@ -32,7 +32,7 @@ from treadline.perception._step_parts import (
     tread_of,
     tread_rows,
 )
-from treadline.perception.plane_segmentation import TURN_LIMIT, Line, PlanarBlocks, Surface, surfaces_along
+from treadline.perception.plane_segmentation import TURN_LIMIT, PlanarBlocks, Surface, surfaces_along
 
 UPRIGHT = 18.0 * DEG
 """Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""
@@ -53,16 +53,14 @@ TURNED = 1.0 * DEG
 """Angle between vote and matched parts above which the parts are measured again in their own axes [rad]."""
 VOTE_LIMIT = 50.0 * DEG
 """Azimuth beyond which a vertical surface is a side wall [rad]."""
-VOTE_BIN = 2.0 * DEG
-"""Width of a bin of the vote [rad]."""
 VOTES = 3
-"""Number of peaks tried: a wall at the landing can outvote the last risers."""
+"""Number of azimuths tried: a wall at the landing can outvote the last risers."""
 PEAKS_APART = 14.0 * DEG
-"""Least angle between two peaks [rad]."""
+"""Least angle between two of them [rad]."""
 LEAST_VOTES = 16
-"""Least number of votes of a peak."""
+"""Least number of blocks and lines of a flight."""
 PLACE_STEP, PLACE_BIN_M = 3.0 * DEG, 0.04
-"""Steps of azimuth [rad] and of distance [m] in the search of azimuths at which blocks lie at few distances: half a step turns a
+"""Steps of azimuth [rad] and of distance [m] in the search of azimuths at which parts lie at few distances: half a step turns a
 riser 1 m wide over 26 mm of distance."""
 WIDTH_PX = 320
 """Image width at which a line's columns have the same weight as blocks [px]."""
@@ -84,46 +82,6 @@ class Scene:
     """Largest error of each azimuth [rad]; zero for blocks with a certain normal."""
     is_uncertain: bool
     """Whether blocks with an uncertain normal are included."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Match:
-    """Parts of a scene as numbers in the axes of the edges, the staircase that explains most of them, and the step of each."""
-
-    axes: Axes
-    direction: Direction
-    evidence: float
-    """Log-evidence against a scene without a stair [nats]."""
-    rise_m: float
-    run_m: float
-    z0_m: float
-    """Height of nosing 0 of the lattice, which need not be in view [m]."""
-    first: int
-    last: int
-    """First and last step in view."""
-    levels: int
-    """Number of steps with a measured height."""
-    is_unusual: bool
-    """Whether rise and run are not those of usual stairs."""
-    risers: list[Riser]
-    tread_rows: Float[np.ndarray, "t 10"]
-    riser_rows: Float[np.ndarray, "r 10"]
-    of_tread: Int[np.ndarray, " t"]
-    of_riser: Int[np.ndarray, " r"]
-    front_on: Bool[np.ndarray, " t"]
-    """Whether the front of a tread is a nosing."""
-
-    def treads_of(self, step: int) -> list[int]:
-        """Return the indices of a step's treads."""
-        return [t for t, own in enumerate(self.of_tread.tolist()) if own == step]
-
-    def fronts_of(self, step: int) -> list[int]:
-        """Return the indices of the treads whose fronts are the step's nosing."""
-        return [t for t in self.treads_of(step) if self.front_on[t]]
-
-    def risers_of(self, step: int) -> list[int]:
-        """Return the indices of a step's risers."""
-        return [r for r, own in enumerate(self.of_riser.tolist()) if own == step]
 
 
 def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Vector3, *, is_uncertain: bool = False) -> Scene | None:
@@ -159,40 +117,27 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Vector3, *, is_uncert
 
 def flight_in(scene: Scene, directions: Sequence[Direction]) -> Flight | str:
     """Return the flight with the most evidence, or the reason of its absence."""
-    level, camera = scene.level, scene.frame.camera
-    if scene.is_uncertain:
-        peaks = list(_place_votes(scene.blocks.centres[scene.upright], level))
-    else:
-        lines = [line for tread in scene.treads for line in (tread.lower, tread.upper) if line is not None]
-        peaks = list(_votes(scene.azimuth, *_line_votes(lines, camera.width_px, level)))
-    if not peaks:
+    level = scene.level
+    azimuths = list(_azimuths(scene))
+    if not azimuths:
         return "no riser and no nosing faces the camera"
-    risers = [list(_risers_at(scene, peak)) for peak in peaks]
-    found = [match for peak, own in zip(peaks, risers, strict=True) for match in _matches_at(scene, peak, own, directions)]
-    best = _best_of(scene, found)
+    best = _best_at(scene, azimuths, directions)
     if best is None:
-        most = max(len(own) for own in risers)
-        return f"{len(scene.treads)} level surface(s) and {most} riser(s) in view, none of which repeat as steps do"
+        return f"nothing repeats as steps do: {len(scene.treads)} level surface(s) in view"
     # In axes along its edges the flight's parts are measured once more.
     azimuth = math.atan2(float(best.facing @ level.right), float(best.facing @ level.ahead))
     turn = _turn_of(best, _turned_axes(level, azimuth))
-    if abs(turn) >= TURNED:
-        azimuth += turn
-        best = _best_of(scene, _matches_at(scene, azimuth, list(_risers_at(scene, azimuth)), directions)) or best
-    return best
+    return (_best_at(scene, [azimuth + turn], directions) if abs(turn) >= TURNED else None) or best
 
 
-def _matches_at(scene: Scene, azimuth: float, risers: list[Riser], directions: Sequence[Direction]) -> list[Match]:
-    """Return the staircase with the most evidence in each direction at an azimuth."""
-    axes = _turned_axes(scene.level, azimuth)
-    found = [_matched(scene, risers if direction == "up" else [], axes, direction) for direction in directions]
-    return [match for match in found if match is not None]
-
-
-def _best_of(scene: Scene, matches: Sequence[Match]) -> Flight | None:
-    """Return the flight of the staircase with the most evidence whose nosings have a direction."""
-    by_evidence = sorted(matches, key=lambda match: match.evidence, reverse=True)
-    return next((flight for match in by_evidence if (flight := _flight_of(scene, match)) is not None), None)
+def _best_at(scene: Scene, azimuths: Sequence[float], directions: Sequence[Direction]) -> Flight | None:
+    """Return the flight with the most evidence that faces one of some azimuths."""
+    found = []
+    for azimuth in azimuths:
+        axes = _turned_axes(scene.level, azimuth)
+        risers = list(_risers_at(scene, azimuth))
+        found += [_matched(scene, risers if direction == "up" else [], axes, direction) for direction in directions]
+    return max((flight for flight in found if flight is not None), key=lambda flight: flight.evidence, default=None)
 
 
 def _turned_axes(level: Axes, azimuth: float) -> Axes:
@@ -236,8 +181,8 @@ def _low_part(surface: Surface, blocks: PlanarBlocks, camera: PinholeCamera, axe
     return part if part.blocks.size >= LEAST_BLOCKS and _are_low(part.blocks, blocks, axes) else None
 
 
-def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction) -> Match | None:
-    """Return the staircase with the most evidence in one direction, or None."""
+def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction) -> Flight | None:
+    """Return the flight with the most evidence in one direction; None without a nosing that has a direction."""
     camera, blocks = scene.frame.camera, scene.blocks
     treads = tread_rows(scene.treads, blocks, axes, camera, direction)
     upright = riser_rows(risers, blocks, axes, camera)
@@ -257,74 +202,64 @@ def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
     )
     if not math.isfinite(found[0]):
         return None
-    evidence, rise, run, z0, first, last, levels, is_unusual = found.tolist()
-    return Match(
-        axes=axes,
-        direction=direction,
-        evidence=evidence,
-        rise_m=rise,
-        run_m=run,
-        z0_m=z0,
-        first=int(first),
-        last=int(last),
-        levels=int(levels),
-        is_unusual=bool(is_unusual),
-        risers=risers,
-        tread_rows=treads,
-        riser_rows=upright,
-        of_tread=of_tread,
-        of_riser=of_riser,
-        front_on=front_on,
-    )
-
-
-def _flight_of(scene: Scene, match: Match) -> Flight | None:
-    """Return the flight of a staircase with its nosings; None if none of them has a direction."""
-    sign = 1.0 if match.direction == "up" else -1.0
-    steps = range(match.first, match.last + 1)
-    observed = (_nosing(scene, match, k, sign) for k in steps)
-    nosings = [nosing for nosing in observed if nosing is not None]
+    evidence, rise_m, run_m, z0_m, first, last, levels, is_unusual = found.tolist()
+    steps = range(int(first), int(last) + 1)
+    on = zip(of_tread.tolist(), front_on.tolist(), scene.treads, strict=True)
+    own_treads = [part for part in on if part[0] in steps]
+    own_risers = [(step, riser) for step, riser in zip(of_riser.tolist(), risers, strict=True) if step in steps]
+    nosings = []
+    for step in steps:
+        its_treads = [tread for own, _, tread in own_treads if own == step]
+        fronts = [tread for own, is_front, tread in own_treads if own == step and is_front]
+        its_risers = [riser for own, riser in own_risers if own == step]
+        if its_risers or fronts:
+            nosings.append(_nosing(step, z0_m + step * rise_m, its_treads, fronts, its_risers, blocks, axes, direction))
     if not any(nosing.has_direction for nosing in nosings):
         return None
-    inside = (match.of_tread >= match.first) & (match.of_tread <= match.last)
-    standing = (match.of_riser >= match.first) & (match.of_riser <= match.last)
     return Flight(
-        direction=match.direction,
-        evidence=match.evidence,
-        rise_m=match.rise_m,
-        run_m=match.run_m,
-        levels=match.levels,
-        size_prior=ANY_SIZE if match.is_unusual else USUAL_SIZE,
-        risers=[nosing.riser for nosing in nosings if nosing.riser is not None],
+        direction=direction,
+        evidence=evidence,
+        rise_m=rise_m,
+        run_m=run_m,
+        levels=int(levels),
+        size_prior=ANY_SIZE if is_unusual else USUAL_SIZE,
         treads=[tread.surface for tread in scene.treads],
-        steps=[tread.surface for tread, own in zip(scene.treads, inside.tolist(), strict=True) if own],
         nosings=sorted(nosings, key=lambda nosing: nosing.ahead_m),
-        facing=match.axes.ahead,
-        matched_treads=[(int(match.of_tread[t]), bool(match.front_on[t]), scene.treads[t]) for t in np.flatnonzero(inside)],
-        matched_risers=[(int(match.of_riser[r]), match.risers[r]) for r in np.flatnonzero(standing)],
+        facing=axes.ahead,
+        matched_treads=own_treads,
+        matched_risers=own_risers,
     )
 
 
-def _nosing(scene: Scene, match: Match, step: int, sign: float) -> NosingObservation | None:
-    """Return the nosing of one step from its parts; None without a riser and a front."""
-    axes, fronts, own = match.axes, match.fronts_of(step), match.risers_of(step)
-    if not fronts and not own:
-        return None
-    lines: list[Line] = []
-    for t in fronts:
-        near, far = scene.treads[t].ends(axes)
-        line = near if sign > 0.0 else far
-        if line is not None:
-            lines.append(line)
+def _nosing(
+    step: int,
+    height_m: float,
+    treads: Sequence[Tread],
+    fronts: Sequence[Tread],
+    risers: Sequence[Riser],
+    blocks: PlanarBlocks,
+    axes: Axes,
+    direction: Direction,
+) -> NosingObservation:
+    """Return the nosing of one step from its parts.
+
+    Args:
+        height_m: Height of the lattice's nosing, for a step without a tread.
+        treads: Treads of the step, with ``fronts``, those that end at its nosing.
+    """
+    nosing_lines = [tread.ends(axes)[0 if direction == "up" else 1] for tread in fronts]
+    lines = [line for line in nosing_lines if line is not None]
     # A tread is wider in view at its far end than at its nosing.
-    asides = [*(float(aside) for line in lines for aside in line.ends_m @ axes.right), *match.riser_rows[own, 6:8].ravel().tolist()]
-    riser = max((match.risers[r] for r in own), key=lambda r: r.surface.blocks.size, default=None)
+    asides = [float(aside) for line in lines for aside in line.ends_m @ axes.right]
+    asides += [aside for riser in risers for aside in riser.surface.span_m(blocks, axes.right)]
+    places = [riser.surface.centre for riser in risers] or [line.middle for line in lines]
+    ahead_m = float(np.mean([place @ axes.ahead for place in places]))
+    riser = max(risers, key=lambda riser: riser.surface.blocks.size, default=None)
     if riser is not None and riser.upper is not None:
         lines.append(riser.upper)
-    ahead_m = float(match.riser_rows[own, 0].mean()) if own else sign * float(match.tread_rows[fronts, 2].mean())
-    start = riser.surface.centre if riser is not None else lines[0].middle
-    heights = [_height_at(scene.treads[t].surface, start, axes) for t in match.treads_of(step)]
-    up_m = float(np.mean(heights)) if heights else match.z0_m + step * match.rise_m
+    start = lines[0].middle if riser is None else riser.surface.centre
+    heights = [_height_at(tread.surface, start, axes) for tread in treads]
+    up_m = float(np.mean(heights)) if heights else height_m
     point = start + (up_m - float(start @ axes.up)) * axes.up + (ahead_m - float(start @ axes.ahead)) * axes.ahead
     return NosingObservation(
         step=step,
@@ -351,60 +286,28 @@ def _turned_from(surface: Surface, direction: Vector3) -> float:
     return float(np.arccos(min(1.0, abs(float(surface.unit @ direction)))))
 
 
-def _line_votes(lines: Sequence[Line], width_px: int, level: Axes) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-    """Return the azimuths of lines, and their weights."""
-    azimuths, weights = [], []
-    for line in lines:
-        across = cross(cross(line.normal, level.up), level.up)
-        across = across if across @ level.ahead > 0.0 else -across
-        azimuths.append(math.atan2(float(across @ level.right), float(across @ level.ahead)))
-        weights.append(line.count * WIDTH_PX / width_px)
-    return np.array(azimuths), np.array(weights)
+def _azimuths(scene: Scene) -> Iterator[float]:
+    """Yield the azimuths at which blocks and lines lie at the fewest distances, as risers and nosings do, the best first.
 
-
-def _votes(
-    blocks: Float[np.ndarray, " b"], lines: Float[np.ndarray, " k"], line_weights: Float[np.ndarray, " k"]
-) -> Iterator[float]:
-    """Yield the azimuths with most vertical blocks and lines, the strongest first."""
-    seen = np.concatenate([blocks, lines])
-    weights = np.concatenate([np.ones(len(blocks)), line_weights])
-    inside = np.abs(seen) < VOTE_LIMIT
-    seen, weights = seen[inside], weights[inside]
-    edges = np.arange(-VOTE_LIMIT, VOTE_LIMIT + VOTE_BIN, VOTE_BIN)
-    counts = np.bincount(np.searchsorted(edges, seen, side="right") - 1, weights, minlength=edges.size - 1)[: edges.size - 1]
-    smooth = np.convolve(counts, [0.5, 1.0, 1.0, 1.0, 0.5], mode="same")
-    for _ in range(VOTES):
-        top = int(np.argmax(smooth))
-        if smooth[top] < LEAST_VOTES:
-            return
-        peak = float(edges[top] + 0.5 * VOTE_BIN)
-        for width in (10.0 * DEG, 6.0 * DEG):
-            near = np.abs(seen - peak) < width
-            if near.any():
-                peak = _weighted_median(seen[near], weights[near])
-        yield peak
-        middle = edges[:-1] + 0.5 * VOTE_BIN
-        smooth[np.abs(middle - edges[top]) < PEAKS_APART] = 0.0
-
-
-def _place_votes(points: Float[np.ndarray, "b 3"], level: Axes) -> Iterator[float]:
-    """Yield the azimuths at which points lie at the fewest distances, as those on risers do, the best first."""
+    Distances need no normal of a block, which noise turns far away.
+    """
+    blocks, level = scene.blocks, scene.level
+    lines = [line for tread in scene.treads for line in (tread.lower, tread.upper) if line is not None]
+    facing = scene.upright[np.abs(scene.azimuth) < VOTE_LIMIT + scene.slack]
+    points = np.concatenate([blocks.centres[facing], *([*line.ends_m, line.middle] for line in lines)])
+    of_line = [count for line in lines for count in 3 * [line.count * WIDTH_PX / scene.frame.camera.width_px / 3.0]]
+    weights = np.concatenate([np.ones(facing.size), of_line])
+    if weights.sum() < LEAST_VOTES:
+        return
     azimuths = np.arange(-VOTE_LIMIT, VOTE_LIMIT + PLACE_STEP, PLACE_STEP)
+    ahead = np.outer(np.cos(azimuths), level.ahead) + np.outer(np.sin(azimuths), level.right)
+    places = np.maximum(ahead @ points.T / PLACE_BIN_M, 0.0).astype(np.int64)
     scores = np.empty(azimuths.size)
-    for k, azimuth in enumerate(azimuths):
-        places = points @ (math.cos(azimuth) * level.ahead + math.sin(azimuth) * level.right) / PLACE_BIN_M
-        counts = np.bincount(np.maximum(places, 0.0).astype(np.int64), minlength=2)
+    for k, own in enumerate(places):
+        counts = np.bincount(own, weights, minlength=2)
         both = counts[:-1] + counts[1:]
         scores[k] = float(both @ both)
     for _ in range(VOTES):
         best = int(np.argmax(scores))
-        if not scores[best] > 0.0:
-            return
         yield float(azimuths[best])
         scores[np.abs(azimuths - azimuths[best]) < PEAKS_APART] = 0.0
-
-
-def _weighted_median(values: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -> float:
-    order = np.argsort(values)
-    total = np.cumsum(weights[order])
-    return float(values[order[int(np.searchsorted(total, 0.5 * total[-1]))]])

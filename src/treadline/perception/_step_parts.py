@@ -115,11 +115,8 @@ class Flight:
     """Number of steps with a measured height."""
     size_prior: tuple[tuple[float, float], tuple[float, float]]
     """Mean and standard deviation of the rise, and of the run, before the measurement [m]."""
-    risers: list[Surface]
     treads: list[Surface]
     """All horizontal surfaces in view."""
-    steps: list[Surface]
-    """Treads of the flight, with a floor or landing on its lattice."""
     nosings: list[NosingObservation]
     """Nosings, nearest first."""
     facing: Vector3
@@ -127,6 +124,17 @@ class Flight:
     matched_treads: list[tuple[int, bool, Tread]]
     """Step, whether the front is a nosing, and tread."""
     matched_risers: list[tuple[int, Riser]]
+    """Step and riser."""
+
+    @property
+    def risers(self) -> list[Surface]:
+        """Risers of the nosings."""
+        return [nosing.riser for nosing in self.nosings if nosing.riser is not None]
+
+    @property
+    def steps(self) -> list[Surface]:
+        """Treads of the flight, with a floor or landing on its lattice."""
+        return [tread.surface for *_, tread in self.matched_treads]
 
 
 def viewing_direction(R_BC: Rotation) -> float:
