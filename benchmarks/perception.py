@@ -1,6 +1,6 @@
 """Accuracy of the stair perception: ``python benchmarks/perception.py [--quick] [--only heading] [--frames N] [--seed S]``.
 
-Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Ten tables:
+Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Eleven tables:
 
 heading    error of the heading by slope, heading, light, sensor, place, clutter and calibration error
 sensors    the same by depth sensor, noise, image size and distance
@@ -9,6 +9,7 @@ pixels     the same with pixels missing at random or in blotches, holes filled b
 geometry   error of slope, rise, run, nosings, walls and the flight's end
 axes       error of the stair's axes in the camera frame, the input of the mount calibration
 drives     heading by vision and fused with a gyro, and the mount's calibration, over a minute on a flight
+ground     edges of landings, docks and kerbs ahead, and drops reported where there are none
 stairless  number of scenes without a stair in which a stair is detected (target: none)
 paper      Algorithm 1 as printed, and again with 90° taken off: with it Eq. (2) is an arcsine
 real       recorded frames with a reference, if available
@@ -26,6 +27,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from ground import FLOOR_COLUMNS, GROUND_COLUMNS, edge_rows, floor_rows
 from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, pixel_cases, sensor_cases
 from real_frames import RECORDED, RealFrame, crops_of, mirrored, phases_of, real_frames
 from scenes import STAIRLESS_SCENES, RecordedDrive, StairTruth, View, ViewRecipe, draw_view
@@ -39,7 +41,7 @@ from treadline.estimation import HeadingFilter, MountCalibrator, MountConfig
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
 from treadline.plant.sensors.imu import IMUS, Imu
 
-TABLES = ("heading", "sensors", "conditions", "pixels", "geometry", "axes", "drives", "stairless", "paper", "real")
+TABLES = ("heading", "sensors", "conditions", "pixels", "geometry", "axes", "drives", "ground", "stairless", "paper", "real")
 GRAVITY_ERROR_RAD = 0.5 * DEG
 """Angle of the IMU's error of the gravity direction on a drive [rad], in a random direction."""
 NEXT_NOSING_M = 1.4
@@ -587,6 +589,10 @@ def tables(seeds: range) -> dict[str, Callable[[], None]]:
             return
         rows("Recorded frames, with gravity where it is known", REAL_COLUMNS, real_rows())
 
+    def ground() -> None:
+        rows("Edges ahead", GROUND_COLUMNS, edge_rows(seeds))
+        rows("Ground without an edge", FLOOR_COLUMNS, floor_rows(seeds))
+
     return {
         "heading": heading,
         "sensors": lambda: rows("Heading by sensor", PAIRED_COLUMNS, (paired_row(case, seeds) for case in sensor_cases())),
@@ -599,6 +605,7 @@ def tables(seeds: range) -> dict[str, Callable[[], None]]:
             DRIVE_COLUMNS,
             (drive_row(way, seeds[: max(len(seeds) // 15, 1)]) for way in drive_cases()),
         ),
+        "ground": ground,
         "stairless": lambda: rows("Places without a stair", STAIRLESS_COLUMNS, stairless_rows(seeds)),
         "paper": lambda: rows("Heading, Algorithm 1", HEADING_COLUMNS, (heading_row(case, seeds) for case in paper_cases())),
         "real": real,

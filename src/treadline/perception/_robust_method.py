@@ -20,7 +20,7 @@ from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
-from treadline.perception._acceptance import EVIDENCE, UNCONFIRMED, Finding, lacking_evidence, refusal_of
+from treadline.perception._acceptance import EVIDENCE, UNCONFIRMED, Finding, lacking_evidence, refusal_of, winds
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._form import bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
 from treadline.perception._gravity_direction import down_of_treads, levelled, off_gravity
@@ -28,6 +28,7 @@ from treadline.perception._lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scen
 from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Direction, Flight, viewing_direction
+from treadline.perception._winding import turn_per_step
 from treadline.perception.detection import Parts, StairDetection, refused
 from treadline.perception.free_ground import SWEPT_HALF_M
 from treadline.perception.plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
@@ -146,7 +147,8 @@ class _Search:
         """Return the result with gravity from the IMU.
 
         Risers alone do not determine the tilt of the edges: gravity does, and its error enters the heading. A frame with hardly a
-        tread is refused if others agree on another gravity, because the error of gravity makes all treads appear tilted.
+        tread is refused if others agree on another gravity, because the error of gravity makes all treads appear tilted; so is one
+        that shows no stair under the IMU's gravity, and one under theirs.
         """
         length = float(np.linalg.norm(gravity_C))
         if not (np.isfinite(length) and length > 0.0):
@@ -154,7 +156,7 @@ class _Search:
         imu_down = gravity_C / length
         down = _Down(direction=levelled(imu_down, blocks.unit, UPRIGHT), reference=imu_down, sigma_rad=GRAVITY_SIGMA)
         sight = self.under(down, blocks)
-        if sight.parts is None or len(sight.parts.treads) >= TREADS_LEAST:
+        if sight.parts is not None and len(sight.parts.treads) >= TREADS_LEAST:
             return sight
         guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
         if guess is None or float(guess @ imu_down) > np.cos(UPRIGHT):
@@ -165,7 +167,8 @@ class _Search:
         off = off_gravity(normals, imu_down)
         if off is None:
             return sight
-        return refused(f"{len(treads)} treads agree on a level {off / DEG:.0f}° off the IMU's gravity", edge_count=sight.edge_count)
+        cause = f"gravity is wrong: {len(treads)} level surfaces agree on a vertical {off / DEG:.0f}° off the IMU's"
+        return refused(cause, edge_count=sight.edge_count)
 
     def under(self, down: _Down, blocks: PlanarBlocks) -> StairDetection:
         """Return the result under one hypothesis of gravity."""
@@ -185,6 +188,10 @@ class _Search:
             return refused("the camera looks straight up or down")
         flight = flight_in(scene, down.directions)
         self.watch.lap("flight")
+        if isinstance(flight, str) or flight.evidence < EVIDENCE:
+            turn_rad = turn_per_step(scene.treads, scene.level)
+            if turn_rad is not None:
+                return refused(winds(turn_rad))
         if isinstance(flight, str):
             return refused(flight)
         if flight.evidence < UNCONFIRMED or (flight.evidence < EVIDENCE and not down.may_be_unconfirmed):

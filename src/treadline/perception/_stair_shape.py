@@ -26,6 +26,7 @@ from treadline.perception._lattice_kernels import (
 from treadline.perception._nuisance import stretch_of
 from treadline.perception._nuisance_kernels import normal_equations
 from treadline.perception._step_parts import Axes, Direction, Flight, axes_about, riser_rows, tread_rows
+from treadline.perception.free_ground import blind_distance_m
 from treadline.perception.plane_segmentation import Ends, PlanarBlocks, Surface
 
 IRREGULAR_M = np.geomspace(0.0005, 0.015, 6)
@@ -55,6 +56,8 @@ class StairShape:
     """Standard deviation of the angle of the nosing plane in the camera frame, which has no error of the vertical [rad]."""
     distance_m: float
     """Horizontal distance from the camera to the nearest visible nosing, perpendicular to the nosing [m]."""
+    blind_m: float
+    """Distance from the camera below which a nosing of this flight is below the image [m]: a nearer one may be there."""
     direction: Direction
     """Direction of the visible flight: rising or falling."""
 
@@ -160,17 +163,28 @@ def shape_of(flight: Flight, blocks: PlanarBlocks, camera: PinholeCamera, levell
     own = (run.mean_m**2 * rise.own_variance_m2 + rise.mean_m**2 * run.own_variance_m2) / square**2
     # The angle of the nosing plane in the camera frame is the slope less the error of the vertical, which is the last one.
     in_camera = common + np.append(np.zeros(common.size - 1), levelled.down_sigma_rad)
+    slope_rad = math.atan2(rise.mean_m, run.mean_m)
     return StairShape(
         rise_m=rise.mean_m,
         run_m=run.mean_m,
         rise_sigma_m=rise.sigma_m,
         run_sigma_m=run.sigma_m,
-        slope_rad=math.atan2(rise.mean_m, run.mean_m),
+        slope_rad=slope_rad,
         slope_sigma_rad=math.sqrt(own + float(common @ common)),
         plane_sigma_rad=math.sqrt(own + float(in_camera @ in_camera)),
         distance_m=flight.nosings[0].ahead_m,
+        blind_m=_blind_m(flight, camera, levelled.axes, slope_rad if flight.direction == "up" else -slope_rad),
         direction=flight.direction,
     )
+
+
+def _blind_m(flight: Flight, camera: PinholeCamera, axes: Axes, tilt_rad: float) -> float:
+    """Return the horizontal distance from which on the nosing plane is in the image, straight ahead [m]."""
+    along = math.cos(tilt_rad) * axes.ahead + math.sin(tilt_rad) * axes.up
+    plane = np.stack([along, -axes.right, cross(-axes.right, -along)])
+    height_m = -float(plane[2] @ flight.nosings[0].point)
+    seen_m = blind_distance_m(camera, plane, np.array([0.0, 0.0, height_m]), 0.0)
+    return min(seen_m * math.cos(tilt_rad) + height_m * math.sin(tilt_rad), flight.nosings[0].ahead_m)
 
 
 def _rise_and_run(

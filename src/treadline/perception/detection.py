@@ -79,7 +79,10 @@ class StairDetection(Printable):
             rows += [
                 ("flight", f"{shape.direction}, slope {shape.slope_rad / DEG:.1f}°"),
                 ("rise, run", f"{shape.rise_m:.3f} m, {shape.run_m:.3f} m"),
-                ("distance", f"{shape.distance_m:.2f} m to the nearest nosing"),
+                (
+                    "nearest nosing seen",
+                    f"{shape.distance_m:.2f} m; nosings nearer than {shape.blind_m:.2f} m would be out of view",
+                ),
             ]
         return f"heading {self.heading_rad / DEG:+.2f}° ± {1.96 * self.sigma_rad / DEG:.2f}° (95 %)", rows
 

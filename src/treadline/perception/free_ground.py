@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from numpy.polynomial import Polynomial
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
@@ -37,10 +38,14 @@ BRIDGE_M = 0.24
 CELL_M, STRIPS, PLACE_M = 0.05, 8, 0.01
 """Length of a cell of ground [m], number of strips over the swept width, each as wide as a belt, and resolution of an obstacle's
 distance [m]."""
+STRIPS_SEEN = 3 * STRIPS
+"""Number of strips in which ends are searched: the swept width and as much on either side."""
 COLUMNS, COLUMNS_PX = 160, 3
 """Number of image columns that are followed, and least number in a strip that show its end, half of those at 2 m."""
-WINDOW = 9.0 / 640.0
-"""Width of a depth sensor's matching window, in image widths: an edge lies within it. Kinect 1, see ``scenes.camera``; D435: 7."""
+EXTENSIONS = 3
+"""Number of fits that extend the line of an edge to columns whose ground ends on it."""
+HALF_WINDOW = 4.5 / 640.0
+"""Half of the matching window of a depth sensor, in image widths: surfaces grow or shrink by it at an edge. Kinect 1: 9 px of 640."""
 GRAVITY_SIGMA_RAD = 0.5 * DEG
 """Standard deviation of the direction of gravity [rad]."""
 LEVEL, LEVEL_BIN_M, LEVEL_WIDTH_M = math.cos(20.0 * DEG), 0.03, 1.0
@@ -104,8 +109,8 @@ def ground_ahead(frame: RgbdFrame, gravity_C: Vector3, swept_half_m: float = SWE
         (CELL_M, 2.0 * swept_half_m / STRIPS, PLACE_M),
     )
     blind_m = min(blind_distance_m(camera, axes, origin, swept_half_m), RANGE_M)
-    ground = replace(ground, blind_m=blind_m, seen_m=_reached(seen, blind_m))
-    return GroundProfile(free=_ended(ground, ends, camera, origin, swept_half_m), obstacle_m=_obstacle(standing, camera))
+    free = _ended(replace(ground, blind_m=blind_m, seen_m=_reached(seen, blind_m)), ends, camera, origin, swept_half_m)
+    return GroundProfile(free=free, obstacle_m=_obstacle(standing, camera))
 
 
 def blind_distance_m(camera: PinholeCamera, axes: Float[np.ndarray, "3 3"], origin: Vector3, half_m: float) -> float:
@@ -143,65 +148,67 @@ def _reached(seen: Int[np.ndarray, "n k"], blind_m: float) -> float:
     for row in range(int(blind_m / CELL_M), len(seen)):
         middle_m = (row + 0.5) * CELL_M
         reached_m[(seen[row] > 0) & (reached_m < middle_m) & (middle_m - reached_m < BRIDGE_M)] = middle_m
-    return min(float(reached_m.min()), RANGE_M)
+    return float(reached_m.min())
 
 
 def _ended(ground: FreeGround, ends: Float[np.ndarray, "n 3"], camera: PinholeCamera, origin: Vector3, half_m: float) -> FreeGround:
-    """Return the ground with its end.
+    """Return the ground, up to the range or its end.
 
-    Strips in which most columns show an end give the line of the edge, those outside the swept width only if none inside does.
-    Strips whose ground ends on this line belong to the edge as well: rays over a flight steeper than themselves meet nothing.
+    Strips in which most columns show an end give the line of the edge. Strips whose ground ends on this line belong to the edge as
+    well: rays over a flight steeper than themselves meet nothing. Without a line, strips of the swept width count by themselves.
     """
-    known_m, width_m = ends[:, 1], 2.0 * half_m / STRIPS
-    row_m = ((known_m - origin[0]) ** 2 + origin[2] ** 2) / (origin[2] * camera.fy_px)
-    window_m = WINDOW * camera.width_px * row_m
-    shows = ends[:, 2] >= 0.0
-    places = known_m + 0.5 * np.where(shows, np.clip(ends[:, 2] - known_m, 0.0, window_m), window_m)
-    strips = np.floor((ends[:, 0] + half_m) / width_m).astype(np.int64)
-    inside = [strips == strip for strip in range(STRIPS)]
-    beside = [strips == strip for strip in range(-STRIPS, 2 * STRIPS) if not 0 <= strip < STRIPS]
-    found = [here & shows for here in inside if _most(here & shows, here, places)]
-    found = found or [here & shows for here in beside if _most(here & shows, here, places)]
-    if not found or origin[2] <= 0.0:
-        return ground
-    middles = np.array([(np.median(ends[here, 0]), np.median(places[here])) for here in found])
-    slope, offset_m = _line(middles)
-    rest_m = places - offset_m - slope * ends[:, 0]
-    sigma_m = math.hypot(float(np.median(window_m[np.any(found, axis=0)])) / math.sqrt(12.0), GRAVITY_SIGMA_RAD * float(origin[2]))
-    if np.abs(middles[:, 1] - offset_m - slope * middles[:, 0]).max() < CELL_M:
-        on_line = np.abs(rest_m) < CELL_M
-        joined = [strip for strip, here in enumerate(inside) if _most(here & on_line, here, places)]
-        if not joined:
-            return ground
-        sides_m = np.array([joined[0], joined[-1] + 1]) * width_m - half_m
-        end_m, crosses = float((offset_m + slope * sides_m).min()), len(joined) == STRIPS
+    in_range = replace(ground, seen_m=min(ground.seen_m, RANGE_M))
+    strips = np.floor((ends[:, 0] + 3.0 * half_m) / (2.0 * half_m) * STRIPS)
+    ends, strips = ends[(strips >= 0.0) & (strips < STRIPS_SEEN)], strips[(strips >= 0.0) & (strips < STRIPS_SEEN)].astype(np.int64)
+    places_m, shows = ends[:, 1], ends[:, 2] >= 0.0
+    shown_m, shown = _medians(strips[shows], places_m[shows])
+    reach = np.bincount(strips[places_m > shown_m[strips] - BRIDGE_M], minlength=STRIPS_SEEN)
+    evident = (shown >= COLUMNS_PX) & (shown > 0.5 * reach)
+    inside = np.arange(STRIPS_SEEN) // STRIPS == 1
+    if not evident.any() or origin[2] <= 0.0:
+        return in_range
+    middles_m = ((np.arange(STRIPS_SEEN) + 0.5) / STRIPS * 2.0 - 3.0) * half_m
+    line = _line(middles_m, shown_m, evident) or _line(middles_m, shown_m, evident & inside)
+    if line is not None:
+        all_m, count = _medians(strips, places_m)
+        for _ in range(EXTENSIONS):
+            edge = (np.abs(all_m - line(middles_m)) < CELL_M) & (count >= COLUMNS_PX)
+            line = _line(middles_m, all_m, edge) or line
+        sides_m = np.concatenate([middles_m[edge & inside] - half_m / STRIPS, middles_m[edge & inside] + half_m / STRIPS])
+        end_m = float(line(sides_m).min(initial=math.inf))
     else:
-        end_m, crosses = min(float(np.quantile(places[here], 0.1)) for here in found), False
-    if not ground.blind_m < end_m < ground.seen_m + BRIDGE_M:
-        return ground
+        here = [places_m[shows & (strips == strip)] for strip in np.flatnonzero(evident & inside)]
+        end_m = min((float(np.quantile(of_strip, 0.1)) for of_strip in here), default=math.inf)
+    if not ground.blind_m < end_m < in_range.seen_m + 2.0 * CELL_M:
+        return in_range
+    row_m = ((end_m - origin[0]) ** 2 + origin[2] ** 2) / (origin[2] * camera.fy_px)
+    sigma_m = math.hypot(HALF_WINDOW * camera.width_px * row_m / math.sqrt(12.0), GRAVITY_SIGMA_RAD * float(origin[2]))
     turn_sigma_rad = math.hypot(math.sqrt(2.0) * sigma_m / (2.0 * half_m), GRAVITY_SIGMA_RAD * end_m / float(origin[2]))
-    return replace(
-        ground,
-        seen_m=end_m,
-        end_m=end_m,
-        end_sigma_m=sigma_m,
-        direction_rad=-math.atan(slope) if crosses else None,
-        direction_sigma_rad=turn_sigma_rad if crosses else None,
-    )
+    ended = replace(ground, seen_m=end_m, end_m=end_m, end_sigma_m=sigma_m)
+    if line is None or not np.all(edge[inside]):
+        return ended
+    return replace(ended, direction_rad=-math.atan(line.coef[1]), direction_sigma_rad=turn_sigma_rad)
 
 
-def _most(some: Bool[np.ndarray, " n"], here: Bool[np.ndarray, " n"], places: Float[np.ndarray, " n"]) -> bool:
-    """Return whether these are most of the columns of a strip that get as far."""
-    count = int(some.sum())
-    return count >= COLUMNS_PX and count > 0.5 * int((here & (places > np.median(places[some]) - BRIDGE_M)).sum())
+def _medians(
+    strips: Int[np.ndarray, " n"], places_m: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
+    """Return the median place of each strip, infinite without any, and the number of its columns."""
+    order = np.lexsort((places_m, strips))
+    count = np.bincount(strips, minlength=STRIPS_SEEN)
+    middle = np.minimum(np.cumsum(count) - (count + 1) // 2, max(len(order) - 1, 0))
+    return np.where(count > 0, places_m[order][middle] if len(order) else math.inf, math.inf), count
 
 
-def _line(points: Float[np.ndarray, "n 2"]) -> tuple[float, float]:
-    """Return slope and offset of a line through points (Theil and Sen): the median of all slopes between two of them."""
-    i, j = np.triu_indices(len(points), 1)
-    apart = points[j] - points[i]
-    slope = float(np.median(apart[:, 1] / apart[:, 0])) if i.size else 0.0
-    return slope, float(np.median(points[:, 1] - slope * points[:, 0]))
+def _line(x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], chosen: Bool[np.ndarray, " n"]) -> Polynomial | None:
+    """Return the line with the median of the slopes between two of the chosen points (Theil and Sen); None unless all lie on it."""
+    x, y = x[chosen], y[chosen]
+    if len(x) < 2:
+        return None
+    i, j = np.triu_indices(len(x), 1)
+    slope = float(np.median((y[j] - y[i]) / (x[j] - x[i])))
+    line = Polynomial([float(np.median(y - slope * x)), slope])
+    return line if np.all(np.abs(y - line(x)) < CELL_M) else None
 
 
 def _obstacle(standing: Int[np.ndarray, " n"], camera: PinholeCamera) -> float | None:
