@@ -120,7 +120,7 @@ def _winding(finding: Finding) -> str | None:
     if fit.agreeing < AGREEING or fit.agreeing * len(flight.nosings) < 1.5:
         return f"the flight is not straight: nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other"
     if sum(nosing.has_direction for nosing in flight.nosings) < STRAIGHT_LEAST:
-        return "too little is in view: one edge has a direction, which does not tell a straight flight from winders"
+        return "too little is in view: one edge has a direction, and a straight flight is not distinguished from winders"
     return None
 
 

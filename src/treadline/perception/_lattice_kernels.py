@@ -345,10 +345,12 @@ def _contradictions(nearness, pinhole, axes, lattice, bounds, spans):
     fx, fy, cx, cy = pinhole
     rise, run, x0, z0 = lattice[:4]
     total, low, high = 0.0, np.inf, -np.inf
+    own_low, own_high = -np.inf, np.inf
     for k in range(bounds[1], bounds[0] - 2, -1):
-        # A step without a part is as wide as the one above.
+        # Compared is the width that a step shares with the one above; a floor and a landing are wider than the flight.
         if spans[k + LAST, 1] > spans[k + LAST, 0] and k >= bounds[0]:
-            low, high = spans[k + LAST, 0], spans[k + LAST, 1]
+            low, high = max(spans[k + LAST, 0], own_low), min(spans[k + LAST, 1], own_high)
+            own_low, own_high = spans[k + LAST, 0], spans[k + LAST, 1]
         elif k > bounds[0]:
             total += EMPTY
         if not high > low:
@@ -357,7 +359,7 @@ def _contradictions(nearness, pinhole, axes, lattice, bounds, spans):
         for part, below in PROBES:
             along, height = x0 + (k + part) * run, z0 + (k - below) * rise
             # A tread is seen from above, the front of a rising step from before it.
-            is_in_view = along > 0.0 if below > 0.0 else height < -BELOW_EYE_M
+            is_in_view = axes[0, 2] > 0.0 and along > 0.0 if below > 0.0 else height < -BELOW_EYE_M
             if not is_in_view or _is_hidden(along, height, rise, run, x0, z0, bounds[1]):
                 continue
             for i in range(ASIDES):
