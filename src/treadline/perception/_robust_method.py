@@ -221,7 +221,7 @@ class _Search:
         ends = lateral_ends_of([*(tread for tread, _ in fronts), *(riser for _, riser in faced)], blocks, camera, in_view)
         steps = [step for step, on, _ in flight.matched_treads if on] + [step for step, _ in faced]
         sides = sides_of(ends)
-        bow = bow_of(fronts, flight.risers, blocks, camera, in_view, fit.warp_px)
+        bow = bow_of(fronts, flight.risers, blocks, camera, in_view)
         turn, turn_sigma = turn_by(bow, sides)
         chord = fit.edge + turn * fit.ahead
         chord /= np.linalg.norm(chord)
