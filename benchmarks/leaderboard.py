@@ -16,7 +16,7 @@ from scenes.known_answers import CONDITIONS, FRAMES_PER_CONDITION, write_benchma
 from scenes.scores import LEAST_SHARE, HeadingResult, HeadingScores, read_results, read_truth, score
 
 from treadline.io.frames.sources import read_frames
-from treadline.perception.frame_evaluation import see_frames
+from treadline.perception.frame_evaluation import FrameEvaluator
 
 REJECTED = HeadingResult(heading_deg=None)
 LABELS = ("treadline", "Algorithm 1 as printed", "Algorithm 1 less 90°")
@@ -27,9 +27,9 @@ REFUSABLE = ("kinect1_bowed", "kinect1_narrow")
 
 def run_method(folder: Path, method: Literal["robust", "paper"]) -> dict[str, HeadingResult]:
     """Return the results of one of our methods. Algorithm 1 declares no standard deviation."""
-    results = {}
+    results, evaluator = {}, FrameEvaluator(method)
     for condition in CONDITIONS:
-        for item in see_frames(read_frames(folder / condition), method=method, out=None):
+        for _, item in map(evaluator.evaluate, read_frames(folder / condition)):
             sigma = item["sigma_deg"] if method == "robust" else None
             answer = HeadingResult(heading_deg=item["heading_deg"], sigma_deg=sigma) if item["accepted"] else REJECTED
             results[f"{condition}/{item['name']}"] = answer

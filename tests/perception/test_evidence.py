@@ -194,8 +194,8 @@ def test_noise_of_a_frame_scales_its_thresholds(noise_px: float, low: float, hig
     from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
     rng = np.random.default_rng(3)
-    nearness = 0.5 + BLOCK_RESIDUAL * noise_px / 0.16 * rng.standard_normal((320, 240))
-    cells = surface_kernels.cell_sums(nearness, 4, (285.0, 285.0, 159.5, 119.5), 0.4, 4.5)
+    nearness = 0.5 + BLOCK_RESIDUAL * noise_px / 0.16 * rng.standard_normal((240, 320))
+    _, cells, _ = surface_kernels.cells_of((1.0 / nearness).astype(np.float32), 4, (285.0, 285.0, 159.5, 119.5), 0.4, 4.5)
     noise, window_px = noise_of(surface_kernels.block_fits(cells, 0.6 * 16))
     assert low <= noise <= high
     # White noise; cells of 16 pixels show its correlation to 0.3 px.

@@ -11,9 +11,6 @@ from treadline.core.angles import DEG
 from treadline.perception import StairDetector
 from treadline.perception._form import LateralEnds, narrower_by_m
 
-# Literals, so that a changed value in the code is noticed here.
-OPEN = 2
-
 
 def test_sides_are_where_the_flight_ends() -> None:
     """Test: 24 flights 1.0 to 1.6 m wide, open at both sides. Expected result: sides within 2 cm, most of them seen, all open;
@@ -87,7 +84,7 @@ def test_a_wider_landing_above_several_steps_is_no_reason_to_reject(narrow: int,
     footstool, is 1.4 m narrower; three steps are a flight with a wide landing."""
     steps = np.repeat(np.arange(narrow + 1), 2)
     outward_m = np.where(steps < narrow, 0.5, 1.2)
-    end = LateralEnds(outward_m=outward_m, kinds=np.full(steps.size, OPEN))
+    end = LateralEnds(outward_m=outward_m, walls=steps < 0, opens=steps >= 0)
     assert narrower_by_m((end, end), steps) == pytest.approx(narrower_m)
 
 

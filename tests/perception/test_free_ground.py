@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from jaxtyping import Float
-from surfaces import LEG_HALF_M, frame_of
+from surfaces import LEG_HALF_M, frame_of, on_a_flight
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
@@ -206,6 +206,12 @@ def test_what_a_chair_passes_by_a_hair_is_no_obstacle_and_what_it_would_touch_is
         leg = thing(p_WB[0] + 1.5, half_m + aside_m + LEG_HALF_M[1], staircase.steps[-1].z_m, LEG_HALF_M)
         frame, down_C = seen([*solids_of(stair_boxes(staircase)), leg], pitch, p_WB)
         assert (ground_ahead(frame, down_C, chair.swept_half_m).obstacle_m is not None) is met
+
+
+@pytest.mark.parametrize("kind", ["kinect1", "d435", "tof"])
+def test_on_a_flight_the_next_step_is_no_obstacle_on_a_tread(kind: str) -> None:
+    """Test: the middle of a long flight, with and without noise that hides the further treads. Expected result: no obstacle."""
+    assert [ground_ahead(*on_a_flight(seed, 0.0, kind=kind)).obstacle_m for seed in range(4)] == [None] * 4
 
 
 def test_without_ground_nothing_is_reported() -> None:

@@ -10,7 +10,7 @@ from surfaces import CAMERA, ends_at, line_between, surface
 
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_y
-from treadline.perception._nuisance import MOTION, SPREAD, turns_of_lines, turns_of_surfaces
+from treadline.perception._nuisance import turns_of_lines, turns_of_surfaces
 from treadline.perception.plane_segmentation import End, surface_blocks
 
 # Literals, so that a changed value in the code is noticed here.
@@ -46,7 +46,7 @@ def test_a_plane_in_rows_of_different_times_is_rotated_as_predicted(part: int) -
     # A point P of the moved camera was at P + t (rate × P + velocity) at the time of the middle row.
     depth = (1.0 - after * float(seen.normal @ velocity)) / (at @ seen.normal + after * (np.cross(rate, at) @ seen.normal))
     fitted = np.linalg.lstsq(at, 1.0 / depth, rcond=None)[0]
-    predicted = turns_of_surfaces([seen], CAMERA)[0, :, MOTION.start + part]
+    predicted = turns_of_surfaces([seen], CAMERA)[0, :, part - 5]
     # Second order: a rotation of 0.24° during the readout, squared, is 2e-5.
     np.testing.assert_allclose((fitted - seen.normal) * seen.distance_m, predicted, atol=6e-5)
 
@@ -63,7 +63,7 @@ def test_a_line_at_the_end_of_a_grown_surface_is_rotated_as_predicted(end: End) 
     shifted = points / points[:, 2:] + (1.0 if end == "lower" else -1.0) * np.array([aside, 3.0 / CAMERA.fy_px, 0.0])
     moved = np.cross(shifted[1], shifted[0])
     moved /= np.linalg.norm(moved) * math.copysign(1.0, moved[1]) * -1.0
-    predicted = turns_of_lines([line], CAMERA, 3.0)[0, :, SPREAD]
+    predicted = turns_of_lines([line], CAMERA, 3.0)[0, :, -1]
     # Second order: 4 px are an angle of 0.015, whose square is 2e-4.
     np.testing.assert_allclose(moved - normal, predicted, atol=3e-4)
     assert abs(float(predicted @ along)) > 1e-3

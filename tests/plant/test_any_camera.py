@@ -13,10 +13,9 @@ from treadline.core.signals import TICK_S, HeadingMeasurement
 from treadline.perception import StairDetector
 from treadline.plant.mujoco import open_plant
 from treadline.plant.sensors.camera import Camera
-from treadline.run.episode import traverse
 from treadline.scenario.camera_file import CameraFile, read_camera
 from treadline.scenario.scenario import Scenario, Sensors, Stair, read_scenario
-from treadline.scenario.shipped_files import CAMERAS, shipped_controller
+from treadline.scenario.shipped_files import CAMERAS
 from treadline.vehicle.staircase import build_staircase
 
 KINDS = [kind for kind in get_args(DepthSensor) if kind != "auto"]
@@ -39,10 +38,10 @@ def test_each_kind_of_sensor_has_a_camera_file_and_a_baseline() -> None:
     assert [read_camera(Path(kind)).sensor for kind in KINDS] == KINDS
 
 
-@pytest.mark.parametrize(("camera", "model"), [("statistical", "statistical"), ("ideal", "ideal"), ("kinect1", "rendered")])
-def test_former_values_stay_valid(camera: str, model: str) -> None:
-    sensors = Sensors(camera=camera)
-    assert (sensors.camera_name, sensors.camera_model, sensors.rows_px) == ("kinect1", model, 240)
+def test_former_values_stay_valid() -> None:
+    former = [Sensors(camera=camera) for camera in ("statistical", "ideal", "kinect1")]
+    assert [sensors.camera_model for sensors in former] == ["statistical", "ideal", "rendered"]
+    assert {(sensors.camera_name, sensors.rows_px) for sensors in former} == {("kinect1", 240)}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -112,10 +111,3 @@ def test_a_camera_that_cannot_be_is_one_line(tmp_path: Path, camera: str, messag
         read_scenario(tmp_path / "scenario.toml").read_chair()
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["d435", "d455"])
-def test_a_short_flight_is_climbed_with_rendered_stereo(kind: str) -> None:
-    scenario = Scenario.model_validate({"stair": {"steps": 5, "landing_m": 3.0}, "sensors": {"camera": kind}})
-    assert traverse(scenario, controller=shipped_controller("wheelchair"), seed=1).verdict == "arrived"

@@ -15,6 +15,7 @@ from treadline.core.errors import SettingsError
 
 if TYPE_CHECKING:
     from treadline.core.camera_images import FrameSource
+    from treadline.perception.frame_evaluation import FrameEvaluator
 
 MANY = 20
 """Number of frames above which progress is shown."""
@@ -68,7 +69,8 @@ def see(
         source: Depth image, colour image, point cloud, folder of these, log, or run folder.
         depth: Depth image, 16 bit, if the first file is a colour image.
         live: Camera: realsense, orbbec or oak.
-        camera: Camera file (TOML), or a kind: kinect1, kinect2, d435, d455 or tof. Default for a folder: its camera.toml; a cloud, a log and a live camera have their own.
+        camera: Camera file (TOML), or a kind: kinect1, kinect2, d435, d455 or tof. Default for a folder: its camera.toml; a cloud,
+            a log and a live camera have their own.
         gravity: Unit vector that points down in the camera's frame: x,y,z; for a folder, of the frames that gravity.csv lacks.
         unit: Unit of depth counts or cloud coordinates: m, cm or mm. Default: the calibration's depth_unit_m; m for clouds.
         axes: Axes of point clouds: camera (x right, y down, z forward), ros (x forward, y left, z up) or opengl (x right, y up,
@@ -128,18 +130,19 @@ def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None
     """Evaluate the frames of a source; a single frame answers for itself, several with a summary."""
     from treadline.core.camera_images import SeveralFrames
     from treadline.io.frames.results import Summary, heading_table
-    from treadline.perception.frame_evaluation import see_frames
+    from treadline.perception.frame_evaluation import FrameEvaluator
 
-    summary, seen = Summary(), list[dict[str, Any]]()
+    evaluator, summary, seen = FrameEvaluator(method, rule), Summary(), list[dict[str, Any]]()
     with ExitStack() as stack:
         table = None if headings is None else stack.enter_context(heading_table(headings))
-        for values in _with_progress(see_frames(frames, method=method, out=out, threshold=rule), frames.count):
+        for values in _with_progress(_evaluated(frames, evaluator, out), frames.count):
             summary.add(values)
             seen.append(values)
             if table is not None:
                 table(values)
     found = dict.fromkeys(item["warning"] for item in seen if item["accepted"] and item["warning"] is not None)
-    notes = [f"warning: {warning}" for warning in (*frames.warnings, *found)]
+    findings = evaluator.findings
+    notes = [f"warning: {warning}" for warning in (*frames.warnings, *found, *findings)]
     if isinstance(frames, SeveralFrames) and len(seen) == 1:
         (values,) = seen
         return Answer(
@@ -148,8 +151,17 @@ def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None
             code=0 if values["accepted"] else 1,
         )
     lines = [f"headings: {headings}"] if headings is not None else [_line(item) for item in seen]
-    values = {"frames": seen, "summary": summary.values, "warnings": list(frames.warnings)}
+    values = {"frames": seen, "summary": summary.values, "calibration": findings, "warnings": list(frames.warnings)}
     return Answer(values=values, summary=[*lines, *summary.lines, *notes])
+
+
+def _evaluated(frames: "FrameSource", evaluator: "FrameEvaluator", out: Path | None) -> Iterator[dict[str, Any]]:
+    """Yield the values of each frame, whose pictures are written."""
+    for named in frames:
+        sight, values = evaluator.evaluate(named)
+        if out is not None:
+            evaluator.write_pictures(named, sight, out)
+        yield values
 
 
 def _with_progress(seen: Iterator[dict[str, Any]], count: int | None) -> Iterator[dict[str, Any]]:
@@ -235,7 +247,7 @@ def _see_live(
             raise
         except KeyboardInterrupt:
             pass  # Ctrl-C is how a person ends a live view
-    warnings = (*frames.warnings, last.get("warning"))
+    warnings = (*frames.warnings, last.get("warning"), *evaluator.findings)
     notes = [f"warning: {warning}" for warning in warnings if warning is not None]
     pictures = [] if picture is None else [f"newest picture: {picture}"]
     return Answer(

@@ -22,17 +22,8 @@ from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Vector3
 from treadline.perception._gravity_direction import gravity_variance
 from treadline.perception._irregularity import posterior_weights
-from treadline.perception._nuisance import (
-    COLUMNS,
-    DETOUR,
-    DETOUR_RAD,
-    MOTION,
-    SPREAD,
-    TERMS,
-    reach_of,
-    turns_of_lines,
-    turns_of_surfaces,
-)
+from treadline.perception._nuisance import SIZES as WARPS
+from treadline.perception._nuisance import reach_of, turns_of_lines, turns_of_surfaces
 from treadline.perception._nuisance_kernels import normal_equations
 from treadline.perception._step_parts import Axes, NosingObservation, axes_about
 from treadline.perception.plane_segmentation import Surface
@@ -63,19 +54,25 @@ LEFT_OUT = 0.05
 """Probability below which straight or winding does not enter the moments: its tail would otherwise dominate the variance."""
 
 
+DETOUR_RAD = 0.35 * DEG
+"""Standard deviation of the tilt of all risers by light that takes a detour to a time-of-flight camera, longer at one side [rad]:
+5 mm of range over 0.8 m, of 2 to 50 mm in a corner (Fuchs, ICPR 2010)."""
 AS_DRAWN = 0.1
 """Prior probability of no irregularity, warp and motion at all: rendered images, new concrete before a well calibrated camera."""
-SIZES = np.vstack(
-    [
-        np.column_stack([sizes.ravel() for sizes in np.meshgrid(ANGLES, ANGLES, WARPS_PX, 1.0, indexing="ij")]),
-        [ANGLES[0] / 100.0, ANGLES[0] / 100.0, WARPS_PX[0] / 100.0, 0.0],
-    ]
-)
-"""Sizes of rotation, tilt, warp and motion."""
-LOGS = np.log([*(1.0 - AS_DRAWN) * SIZES[:-1, 2] / SIZES[:-1, 2].sum(), AS_DRAWN])
-"""Log prior of the sizes: any logarithm of an irregularity is as likely, and any warp."""
-COARSE = SIZES[SIZES[:, 2] == WARPS_PX[1]]
-"""Sizes for the rejection of outliers."""
+
+
+def _grid() -> tuple[Float[np.ndarray, "g 4"], Float[np.ndarray, " g"], Float[np.ndarray, "g 4"]]:
+    """Return the sizes of rotation, tilt, warp and motion, the last none at all, their log prior, and those of one warp.
+
+    Any logarithm of an irregularity is as likely, and any warp.
+    """
+    uneven = np.column_stack([sizes.ravel() for sizes in np.meshgrid(ANGLES, ANGLES, WARPS_PX, 1.0, indexing="ij")])
+    sizes = np.vstack([uneven, [0.01 * ANGLES[0], 0.01 * ANGLES[0], 0.01 * WARPS_PX[0], 0.0]])
+    belief = (1.0 - AS_DRAWN) * uneven[:, 2] / uneven[:, 2].sum()
+    return sizes, np.log([*belief, AS_DRAWN]), uneven[uneven[:, 2] == WARPS_PX[1]]
+
+
+SIZES, LOGS, COARSE = _grid()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -128,28 +125,22 @@ class _Normals:
     step: Int[np.ndarray, " k"]
     """Index of the step: that of a nosing, or a separate one for a tread without nosing; -1 for gravity."""
 
+    def only(self, chosen: Bool[np.ndarray, " k"]) -> "_Normals":
+        """Return some of the normals."""
+        return _Normals(**{field.name: getattr(self, field.name)[chosen] for field in fields(self)})
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Rows:
     """Linear equations ``by · (τ, α, ρ) = value``, one per normal, with the covariance of their errors."""
 
+    normals: _Normals
     value: Float[np.ndarray, " k"]
     by: Float[np.ndarray, "k 3"]
-    turns: Float[np.ndarray, "k c"]
     noise: Float[np.ndarray, " k"]
-    """Variance of the normal's angle across the edges [rad²]."""
-    tilts: Bool[np.ndarray, " k"]
-    """Whether the normal tilts with a tread; this and the following fields as in ``_Normals``."""
-    group: Int[np.ndarray, " k"]
-    step: Int[np.ndarray, " k"]
-
-    @property
-    def shared(self) -> Float[np.ndarray, "5 k k"]:
-        """Covariances of the errors that normals share: rotation and tilt of a step, warp of 1 px, motion, and all others."""
-        same = (self.step[:, None] == self.step[None, :]) & (self.step >= 0)
-        rotated, tilted = np.where(self.group >= 0, self.by[:, 1], 0.0), np.where(self.tilts, self.by[:, 2], 0.0)
-        common = (self.turns[:, columns] for columns in (slice(0, TERMS), MOTION, slice(SPREAD, DETOUR + 1)))
-        return np.array([same * np.outer(rotated, rotated), same * np.outer(tilted, tilted), *(part @ part.T for part in common)])
+    """Variance of each normal's angle across the edges [rad²]."""
+    shared: Float[np.ndarray, "5 k k"]
+    """Covariances of the errors that normals share: rotation and tilt of a step, warp of 1 px, motion, and all others."""
 
 
 def fit_edges(
@@ -184,19 +175,17 @@ def fit_edges(
         middle = float(np.average(angles[kept], weights=1.0 / variances[kept]))
         edge = axes.right + middle * axes.ahead
         edge /= np.linalg.norm(edge)
-    chosen = np.append(kept, True)[rows.group]
-    chosen[rows.group < 0] = _agreeing_treads(rows)
-    rows = _only(rows, chosen)
-    rows = _only(rows, _of_the_stair(rows))
-    return _fitted(rows, axes, angles, kept, RANGE_SCALE if measures_range else 1.0)
+    chosen = np.append(kept, True)[normals.group]
+    chosen[normals.group < 0] = _agreeing_treads(rows)
+    rows = _rows(normals.only(chosen), down_sigma_rad, axes, steps)
+    rows = _rows(rows.normals.only(_of_the_stair(rows)), down_sigma_rad, axes, steps)
+    return _fitted(rows, axes, angles, kept)
 
 
-def _fitted(rows: _Rows, axes: Axes, angles: Float[np.ndarray, " n"], kept: Bool[np.ndarray, " n"], warp_scale: float) -> EdgeFit:
+def _fitted(rows: _Rows, axes: Axes, angles: Float[np.ndarray, " n"], kept: Bool[np.ndarray, " n"]) -> EdgeFit:
     """Return the edge direction with the sizes of irregularity and warp, and whether the flight winds, marginalised."""
-    sizes = SIZES * [1.0, 1.0, warp_scale, 1.0]
-    squares = np.column_stack([sizes**2, np.ones(len(sizes))])
-    shared = rows.shared
-    logs, products = normal_equations(rows.noise, shared, squares, np.column_stack([rows.by, rows.value]))
+    squares = np.column_stack([SIZES**2, np.ones(len(SIZES))])
+    logs, products = normal_equations(rows.noise, rows.shared, squares, np.column_stack([rows.by, rows.value]))
     # A straight flight has no turn per step.
     deviations = np.array([1e-9, *TURN_SHARE * np.abs(TURNS_RAD)])
     precisions = np.column_stack([deviations**-2.0, np.full((deviations.size, 2), FLAT_RAD**-2.0)])
@@ -220,11 +209,11 @@ def _fitted(rows: _Rows, axes: Axes, angles: Float[np.ndarray, " n"], kept: Bool
         covariance=covariance,
         agreeing=float(kept.mean()),
         widest_rad=float(np.abs(angles - angles[kept].mean()).max()),
-        planes_against_lines_rad=_planes_against_lines(rows, shared, squares[[int(weights.sum(axis=1).argmax())]]),
+        planes_against_lines_rad=_planes_against_lines(rows, squares[[int(weights.sum(axis=1).argmax())]]),
         winding=winding,
         turn_per_step_rad=float(turn[0]),
         turn_sigma_rad=float(np.sqrt(turn_variance[0, 0])),
-        warp_px=float(np.sqrt(weights.sum(axis=1) @ sizes[:, 2] ** 2)),
+        warp_px=float(np.sqrt(weights.sum(axis=1) @ squares[:, 2])),
     )
 
 
@@ -238,16 +227,14 @@ def _moments(
     return mean, np.einsum("gh,ghij->ij", weights, covariances + off[..., :, None] * off[..., None, :])
 
 
-def _planes_against_lines(
-    rows: _Rows, shared: Float[np.ndarray, "5 k k"], squares: Float[np.ndarray, "1 5"]
-) -> tuple[float, float] | None:
+def _planes_against_lines(rows: _Rows, squares: Float[np.ndarray, "1 5"]) -> tuple[float, float] | None:
     """Return the angle about the vertical between risers and nosings, and its standard deviation, at given sizes."""
-    of_line = (rows.group >= 0) & rows.tilts
-    of_riser = (rows.group >= 0) & ~rows.tilts
-    if not of_line.any() or not of_riser.any():
+    of_nosing, tilts = rows.normals.group >= 0, rows.normals.tilts
+    of_riser = of_nosing & ~tilts
+    if not of_riser.any() or not (of_nosing & tilts).any():
         return None
     right = np.column_stack([rows.by[:, 1] * of_riser, rows.by[:, 1:], rows.value])
-    product = normal_equations(rows.noise, shared, squares, right)[1][0]
+    product = normal_equations(rows.noise, rows.shared, squares, right)[1][0]
     covariance = np.linalg.inv(product[:3, :3] + np.eye(3) / FLAT_RAD**2)
     return float(covariance[0] @ product[:3, 3]), float(np.sqrt(covariance[0, 0]))
 
@@ -283,10 +270,11 @@ def _normals(
     risers = [(k, nosing.riser) for k, nosing in enumerate(nosings) if nosing.riser is not None]
     lines = [(k, line) for k, nosing in enumerate(nosings) for line in nosing.lines]
     surfaces = [*treads, *(riser for _, riser in risers)]
-    of_surfaces = turns_of_surfaces(surfaces, camera)
-    of_surfaces[len(treads) :, :, DETOUR] = measures_range * DETOUR_RAD * edge
-    turns = np.concatenate([of_surfaces, turns_of_lines([line for _, line in lines], camera, spread_px), np.zeros((1, 3, COLUMNS))])
-    turns[..., MOTION] *= not measures_range
+    of_lines = turns_of_lines([line for _, line in lines], camera, spread_px)
+    turns = np.concatenate([turns_of_surfaces(surfaces, camera), of_lines, np.zeros((1, *of_lines.shape[1:]))])
+    if measures_range:
+        turns = turns * np.repeat([RANGE_SCALE, 0.0, 1.0], [WARPS.size, turns.shape[2] - WARPS.size - 1, 1])
+        turns[len(treads) : len(surfaces), :, -1] = DETOUR_RAD * edge
     group = np.array([*(-1 for _ in treads), *(k for k, _ in risers), *(k for k, _ in lines), -1])
     return _Normals(
         unit=np.array([*(surface.unit for surface in surfaces), *(line.normal for _, line in lines), down]),
@@ -302,35 +290,29 @@ def _normals(
 
 def _rows(normals: _Normals, down_sigma_rad: float, axes: Axes, steps: Float[np.ndarray, " n"]) -> _Rows:
     """Return the equations of all normals, gravity last."""
-    value = -(normals.unit @ axes.right)
-    by = np.column_stack(
-        [normals.unit @ axes.ahead * np.append(steps, 0.0)[normals.group], normals.unit @ axes.ahead, normals.unit @ -axes.up]
-    )
+    value, turned, tilted = (normals.unit @ axis for axis in (-axes.right, axes.ahead, -axes.up))
     noise = np.asarray(normals.covariance @ axes.right @ axes.right)
     levels = (normals.group < 0) & normals.tilts
-    noise[-1] = gravity_variance(value[levels] / by[levels, 2] - value[-1] / by[-1, 2], down_sigma_rad)
+    noise[-1] = gravity_variance(value[levels] / tilted[levels] - value[-1] / tilted[-1], down_sigma_rad)
+    same = (normals.step[:, None] == normals.step) & (normals.step >= 0)
+    of_step = (np.where(own, by, 0.0) for own, by in ((normals.group >= 0, turned), (normals.tilts, tilted)))
+    common = np.split(np.einsum("i,kic->kc", axes.right, normals.turns), [WARPS.size, -1], axis=1)
     return _Rows(
+        normals=normals,
         value=value,
-        by=by,
-        turns=-np.einsum("i,kic->kc", axes.right, normals.turns),
+        by=np.column_stack([turned * np.append(steps, 0.0)[normals.group], turned, tilted]),
         noise=noise,
-        tilts=normals.tilts,
-        group=normals.group,
-        step=normals.step,
+        shared=np.array([*(same * np.outer(by, by) for by in of_step), *(part @ part.T for part in common)]),
     )
-
-
-def _only(rows: _Rows, chosen: Bool[np.ndarray, " k"]) -> _Rows:
-    return _Rows(**{field.name: getattr(rows, field.name)[chosen] for field in fields(rows)})
 
 
 def _angles(rows: _Rows, count: int) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return the angle about the vertical of each single nosing, and its variance."""
-    own = rows.group >= 0
-    weight = rows.by[own, 1] ** 2 / rows.noise[own]
-    total = np.bincount(rows.group[own], weight, count)
-    angle = np.bincount(rows.group[own], weight * np.arctan(rows.value[own] / rows.by[own, 1]), count) / total
-    return angle, 1.0 / total
+    own = rows.normals.group >= 0
+    group, by = rows.normals.group[own], rows.by[own, 1]
+    weight = by**2 / rows.noise[own]
+    total = np.bincount(group, weight, count)
+    return np.bincount(group, weight * np.arctan(rows.value[own] / by), count) / total, 1.0 / total
 
 
 def _agreeing_nosings(
@@ -356,7 +338,7 @@ def _agreeing(values: Float[np.ndarray, " n"], variances: Float[np.ndarray, " n"
 
 def _agreeing_treads(rows: _Rows) -> Bool[np.ndarray, " t"]:
     """Return the mask of treads, and gravity, consistent with each other."""
-    treads = (rows.group < 0) & rows.tilts
+    treads = (rows.normals.group < 0) & rows.normals.tilts
     return np.append(_agreeing(rows.value[treads] / rows.by[treads, 2], rows.noise[treads]), True)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from treadline.core.camera_images import BASELINES_M, PinholeCamera
 from treadline.perception import _form_kernels as form_kernels
@@ -22,27 +22,25 @@ SideKind = Literal["wall", "open"]
 """What follows beyond the side of a flight."""
 LOOK_SHARE = 24
 """Image width divided by the largest number of columns past a surface's end in which its surroundings are looked for."""
-SAME_SIDE_M, SURPASSED_M = 0.05, 0.08
-"""Largest lateral distance of ends at one side [m], and distance by which another surface surpasses a side that is none."""
-ENDS_LEAST = 2
-"""Least number of surfaces that end at one side."""
+SAME_SIDE_M = 0.05
+"""Largest lateral distance of ends at one side [m]."""
 BIN_M, BINS = 0.04, 101
 """Width and number of bins across the flight for the profiles of edges: 2 m to either side of the camera."""
 LEAST_BINS = 6
 """Least number of bins of a profile: three for its shape, three for its scatter."""
 KEPT_SIGMAS = 3.7
 """Largest residual of a bin in medians of their size: 2.5 standard deviations."""
-CAMERA_BOW, CAMERA_WARP_PX = 0.02, 0.05
-"""Standard deviation of a curvature that is the camera's, common to all edges [1/m], and the depth warp that has it [px]: at 1.5 m
-it bends half a metre by 2.5 mm. It is also the largest one, because bowed edges make the estimated warp larger than it is."""
+CAMERA_BOW = 0.02
+"""Standard deviation of a curvature that is the camera's, common to all edges [1/m]: by a warp of 0.05 px of Kinect disparity,
+which at 1.5 m bends half a metre by 2.5 mm."""
 STEP_BOWS = np.geomspace(0.002, 0.5, 10)
 """Grid of the scatter of curvature between the edges of one flight [1/m]: 0.2 mm of bow over a metre, as drawn, to the errors of
 profiles that objects cut off."""
 BOWED, BOW_1_M = 0.1, 0.1
 """Prior probability of bowed edges, and standard deviation of their curvature [1/m]: a sagitta of 2 cm over 1.3 m."""
-UNSEEN_MIDDLE_M, MIDDLE_SIGMA_M, TURN_SHARE = 0.30, 0.05, 0.3
-"""Assumed distance of the visible part from the middle of a bowed flight whose sides are not in view; error of the middle if they
-are [m], and relative error of the correction."""
+UNSEEN_MIDDLE_M, TURN_SHARE = 0.30, 0.3
+"""Assumed distance of the visible part from the middle of a bowed flight whose sides are not in view [m], and relative error of the
+correction if they are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,8 +58,9 @@ class LateralEnds:
 
     outward_m: Float[np.ndarray, " k"]
     """Lateral distance of each end from the camera, outward [m]; NaN where unknown."""
-    kinds: Int[np.ndarray, " k"]
-    """What follows: ``form_kernels.CUT``, ``WALL`` or ``OPEN``."""
+    walls: Bool[np.ndarray, " k"]
+    """Whether something nearer follows, and ``opens`` whether something further away or nothing; neither where it is cut off."""
+    opens: Bool[np.ndarray, " k"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +98,7 @@ class Bow:
 
 def sides_of(ends: Sequence[LateralEnds]) -> tuple[Side | None, Side | None]:
     """Return the left and right side of a flight in the camera's view; None where none is seen."""
-    left, right = (_side(end.outward_m, end.kinds, way) for way, end in zip((-1, 1), ends, strict=True))
+    left, right = (_side(end, way) for way, end in zip((-1, 1), ends, strict=True))
     if left is not None and right is not None and left.aside_m >= right.aside_m:
         return None, None
     return left, right
@@ -112,7 +111,7 @@ def lateral_ends_of(
 
     Columns of an image rolled by more than 45° do not run along the flight: no ends are known. Upside down, left is right.
     """
-    places, kinds = form_kernels.sides_of(
+    places, walls, opens = form_kernels.sides_of(
         blocks.nearness,
         *_columns([(surface, surface.upper) for surface in surfaces])[:4],
         np.array([surface.normal for surface in surfaces]).reshape(-1, 3),
@@ -126,7 +125,8 @@ def lateral_ends_of(
         places[:] = np.nan
     sides = (0, 1) if axes.right[0] > 0.0 else (1, 0)
     left, right = (
-        LateralEnds(outward_m=way * places[:, side], kinds=kinds[:, side]) for way, side in zip((-1, 1), sides, strict=True)
+        LateralEnds(outward_m=way * places[:, side], walls=walls[:, side], opens=opens[:, side])
+        for way, side in zip((-1, 1), sides, strict=True)
     )
     return left, right
 
@@ -155,9 +155,9 @@ def narrower_by_m(ends: Sequence[LateralEnds], steps: Int[np.ndarray, " k"]) -> 
         known = np.isfinite(end.outward_m)
         places_m: dict[int, float] = {}
         for step in np.unique(steps).tolist():
-            own = known & (steps == step) & (end.kinds != form_kernels.CUT)
-            together = np.count_nonzero(own) >= ENDS_LEAST and np.ptp(end.outward_m[own]) < SAME_SIDE_M
-            if together and (end.kinds[own] == form_kernels.OPEN).any():
+            own = known & (steps == step) & (end.walls | end.opens)
+            together = np.count_nonzero(own) >= 2 and np.ptp(end.outward_m[own]) < SAME_SIDE_M
+            if together and end.opens[own].any():
                 places_m[step] = float(end.outward_m[own].mean())
         for step, place_m in places_m.items():
             above = known & (steps > step)
@@ -167,17 +167,17 @@ def narrower_by_m(ends: Sequence[LateralEnds], steps: Int[np.ndarray, " k"]) -> 
     return max(most_m.values(), default=0.0)
 
 
-def _side(outward: Float[np.ndarray, " k"], kinds: np.ndarray, way: int) -> Side | None:
+def _side(end: LateralEnds, way: int) -> Side | None:
     """Return the outermost position at which several surfaces end, unless others surpass it."""
-    known = np.isfinite(outward)
-    names: tuple[tuple[int, SideKind], ...] = ((form_kernels.WALL, "wall"), (form_kernels.OPEN, "open"))
-    for kind, name in names:
-        ends = outward[known & (kinds == kind)]
-        for place in sorted(ends.tolist(), reverse=True):
-            together = ends[np.abs(ends - place) < SAME_SIDE_M]
-            if together.size >= ENDS_LEAST:
+    known = end.outward_m[np.isfinite(end.outward_m)]
+    kinds: tuple[tuple[Bool[np.ndarray, " k"], SideKind], ...] = ((end.walls, "wall"), (end.opens, "open"))
+    for own, name in kinds:
+        places = np.sort(end.outward_m[own & np.isfinite(end.outward_m)])[::-1]
+        for place in places:
+            together = places[np.abs(places - place) < SAME_SIDE_M]
+            if together.size >= 2:
                 side_m = float(np.median(together))
-                if not (outward[known] > side_m + SURPASSED_M).any():
+                if not (known > side_m + SAME_SIDE_M).any():
                     return Side(aside_m=way * side_m, kind=name)
                 break
     return None
@@ -189,13 +189,11 @@ def bow_of(
     blocks: PlanarBlocks,
     camera: PinholeCamera,
     axes: Axes,
-    warp_px: float,
 ) -> Bow:
     """Return the curvature of the edges, pooled over the fronts of treads and the faces of risers.
 
     Args:
         fronts: Treads whose front is a nosing, with that end.
-        warp_px: Size of the depth warp [px of Kinect disparity].
     """
     edges = [*fronts, *((riser, riser.upper) for riser in risers)]
     columns, upper, lower, stops, rows, follows = _columns(edges)
@@ -222,7 +220,7 @@ def bow_of(
     pooled = pooled_mean(curvatures[known], variances[known], np.zeros(np.count_nonzero(known), dtype=bool), STEP_BOWS)
     return Bow(
         curvature_1_m=pooled.mean,
-        sigma_1_m=math.hypot(pooled.sigma, CAMERA_BOW * min(warp_px / CAMERA_WARP_PX, 1.0)),
+        sigma_1_m=math.hypot(pooled.sigma, CAMERA_BOW),
         seen_aside_m=float(np.average(middles[known], weights=1.0 / variances[known])),
     )
 
@@ -260,4 +258,4 @@ def turn_by(bow: Bow, sides: tuple[Side | None, Side | None]) -> tuple[float, fl
         return 0.0, bow.root_mean_square_1_m * UNSEEN_MIDDLE_M
     middle = 0.5 * (left.aside_m + right.aside_m)
     turn = bow.curvature_1_m * (middle - bow.seen_aside_m)
-    return turn, math.hypot(bow.curvature_1_m * MIDDLE_SIGMA_M, TURN_SHARE * turn)
+    return turn, abs(TURN_SHARE * turn)

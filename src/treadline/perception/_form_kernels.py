@@ -8,8 +8,6 @@ import numpy as np
 from treadline.core.kernel_cache import njit
 from treadline.perception._plane_segmentation_kernels import BEFORE, BORDER_PX
 
-CUT, WALL, OPEN = 0, 1, 2
-"""Codes for the side of a surface: cut off by the image or unknown, a nearer surface, a further one or nothing."""
 ROWS = 9
 """Number of rows in which the side of a surface is looked at."""
 
@@ -17,7 +15,7 @@ ROWS = 9
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def sides_of(nearness, columns, upper, lower, stops, planes, right, look, jump, baseline, pinhole):
-    """Return the lateral place of the first and last column of each surface and the codes of what follows.
+    """Return the lateral place of the first and last column of each surface, and whether it ends at a wall or openly there.
 
     Args:
         nearness: Inverse depth, one row per column of the image.
@@ -29,7 +27,7 @@ def sides_of(nearness, columns, upper, lower, stops, planes, right, look, jump, 
     """
     fx, fy, cx, cy = pinhole
     width = nearness.shape[0]
-    places, codes = np.full((stops.size, 2), np.nan), np.full((stops.size, 2), CUT)
+    places, walls, opens = np.full((stops.size, 2), np.nan), np.zeros((stops.size, 2)) > 0.0, np.zeros((stops.size, 2)) > 0.0
     for s in range(stops.size):
         start = stops[s - 1] if s else 0
         if stops[s] == start:
@@ -64,11 +62,9 @@ def sides_of(nearness, columns, upper, lower, stops, planes, right, look, jump, 
             # No depth at all past a surface is a drop out of range; a shadow falls on one side of a sensor alone.
             if (u if way < 0 else width - 1 - u) < BORDER_PX + fx * baseline * there:
                 empty = 0
-            if nearer > max(further + empty, on_plane):
-                codes[s, side] = WALL
-            elif further + empty > on_plane:
-                codes[s, side] = OPEN
-    return places, codes
+            walls[s, side] = nearer > max(further + empty, on_plane)
+            opens[s, side] = not walls[s, side] and further + empty > on_plane
+    return places, walls, opens
 
 
 @njit(cache=True, error_model="numpy")

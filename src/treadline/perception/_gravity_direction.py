@@ -40,10 +40,10 @@ def down_of_treads(unit: Float[np.ndarray, "b 3"], pitch_limits_rad: tuple[float
     candidates = away[(pitch > pitch_limits_rad[0]) & (pitch < pitch_limits_rad[1]) & (np.abs(roll) < ROLL_LIMIT)]
     if len(candidates) < BUNDLE_BLOCKS:
         return None
-    # A subset of a few hundred normals suffices as candidates for the centre of the bundle.
+    # A few hundred normals suffice to find the centre of the largest bundle.
     middles = candidates[:: max(1, len(candidates) // MIDDLES)]
-    alike = middles @ candidates.T > np.cos(BUNDLE)
-    bundle = candidates[alike[int(np.argmax(alike.sum(axis=1)))]]
+    centre = middles[int(np.argmax(np.count_nonzero(middles @ middles.T > np.cos(BUNDLE), axis=1)))]
+    bundle = candidates[candidates @ centre > np.cos(BUNDLE)]
     if len(bundle) < BUNDLE_BLOCKS:
         return None
     mean = np.median(bundle, axis=0)

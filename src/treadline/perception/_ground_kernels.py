@@ -16,7 +16,7 @@ from treadline.core.kernel_cache import njit
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def level_patches(depth, step, pinhole, axes, origin, furthest, cosine):
-    """Return height and lateral position of level patches: pixels whose neighbours below and to the right lie level with them.
+    """Return distance, lateral position and height of level patches: pixels whose neighbours below and to the right lie level with them.
 
     Args:
         step: Distance of pixels and of neighbours [px].
@@ -27,7 +27,7 @@ def level_patches(depth, step, pinhole, axes, origin, furthest, cosine):
     """
     fx, fy, cx, cy = pinhole
     rows, columns = depth.shape
-    found = np.empty(((rows // step + 1) * (columns // step + 1), 2))
+    found = np.empty(((rows // step + 1) * (columns // step + 1), 3))
     count, points = 0, np.empty((3, 3))
     for v in range(0, rows - step, step):
         for u in range(0, columns - step, step):
@@ -37,8 +37,9 @@ def level_patches(depth, step, pinhole, axes, origin, furthest, cosine):
                 points[k] = (j - cx) / fx * z, (i - cy) / fy * z, z
             normal = np.cross(points[1] - points[0], points[2] - points[0])
             if abs(dot(normal, axes[2])) > cosine * math.sqrt(dot(normal, normal)):
-                found[count, 0], found[count, 1] = origin[2] + dot(points[0], axes[2]), origin[1] + dot(points[0], axes[1])
-                count += origin[0] + dot(points[0], axes[0]) < furthest
+                for k in range(3):
+                    found[count, k] = origin[k] + dot(points[0], axes[k])
+                count += found[count, 0] < furthest
     return found[:count].copy()
 
 

@@ -5,7 +5,6 @@ Each direction is an unknown of the edge fit, scaled to a prior standard deviati
 * Warp of the depth image, specific to the camera: Legendre terms in the image coordinates, with decreasing sizes.
 * Spread of edges: a matching window enlarges near surfaces by half of its width, which shifts the lines at their ends outwards. A
   shifted image line of an edge that is not parallel to the image has another direction.
-* Detour: light that reaches a riser over treads and walls increases the distances of a time-of-flight camera, more so at one side.
 * Motion during the readout of a rolling shutter: each row sees the stair from another pose.
 """
 
@@ -21,23 +20,8 @@ from treadline.perception.plane_segmentation import DISPARITY_PX_M, Line, Surfac
 
 ORDER = 3
 """Largest order of the Legendre terms, down and across the image."""
-POWERS = tuple((i, j) for i in range(ORDER + 1) for j in range(ORDER + 1) if i + j)
-"""Orders down and across the image; the constant term is excluded."""
-TERMS = len(POWERS)
-"""Number of warp terms."""
-_SIZES = np.array([1.0 / (1.0 + i + j) for i, j in POWERS])
-_SQUARES = np.array([1.0 / ((2.0 * i + 1.0) * (2.0 * j + 1.0)) for i, j in POWERS])
-SIZES = _SIZES / np.sqrt(_SIZES**2 @ _SQUARES) / DISPARITY_PX_M
-"""Standard deviation of each term [1/m] for a warp of 1 px of Kinect disparity over the image."""
 POINTS = 16
 """Number of columns used to represent a surface."""
-SPREAD, DETOUR, MOTION = TERMS, TERMS + 1, slice(TERMS + 2, TERMS + 6)
-"""Columns of spread, detour and motion, three angular rates about the axes of C and the speed of the chair; warp terms precede."""
-COLUMNS = TERMS + 6
-"""Number of directions."""
-DETOUR_RAD = 0.35 * DEG
-"""Standard deviation of the tilt of all risers by light that takes a detour [rad]: 5 mm of range over 0.8 m, of 2 to 50 mm in a
-corner (Fuchs, ICPR 2010)."""
 READOUT_S = 0.033
 """Largest readout time of a rolling shutter [s]: one frame at 30 Hz."""
 RATE_RAD_S, SPEED_M_S = 8.0 * DEG, 0.2
@@ -45,16 +29,29 @@ RATE_RAD_S, SPEED_M_S = 8.0 * DEG, 0.2
 at 0.2 m/s."""
 
 
+def _sizes() -> Float[np.ndarray, " t"]:
+    """Return the standard deviation of each warp term [1/m] for a warp of 1 px of Kinect disparity over the image.
+
+    Terms of higher order are smaller, because distortions of lens and projector are smooth; the constant term is excluded.
+    """
+    down, across = np.indices((ORDER + 1, ORDER + 1)).reshape(2, -1)[:, 1:]
+    sizes = 1.0 / (1.0 + down + across)
+    mean_squares = 1.0 / ((2.0 * down + 1.0) * (2.0 * across + 1.0))
+    return np.asarray(sizes / np.sqrt(sizes**2 @ mean_squares) / DISPARITY_PX_M)
+
+
+SIZES = _sizes()
+
+
 def turns_of_surfaces(surfaces: Sequence[Surface], camera: PinholeCamera) -> Float[np.ndarray, "s 3 c"]:
-    """Return the derivative of the unit normal of each surface with respect to each direction but spread and detour."""
+    """Return the derivative of the unit normal of each surface with respect to each direction: warp terms, motion, spread."""
     samples = np.array([_sampled(surface, camera) for surface in surfaces]).reshape(-1, 3, POINTS)
     columns, tops, bottoms = samples[:, 0], samples[:, 1], samples[:, 2]
     u, v = np.tile(columns, 3), np.concatenate([tops, 0.5 * (tops + bottoms), bottoms], axis=1)
     normals = np.array([surface.normal for surface in surfaces]).reshape(-1, 3)
     rays = np.stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones(u.shape)], axis=-1)
-    errors = np.zeros((*u.shape, COLUMNS))
-    errors[..., :TERMS] = _warps(u, v, camera)
-    errors[..., MOTION] = _motions(normals, rays, np.einsum("spi,si->sp", rays, normals), camera)
+    motions = _motions(normals, rays, np.einsum("spi,si->sp", rays, normals), camera)
+    errors = np.concatenate([_warps(u, v, camera), motions, np.zeros((*u.shape, 1))], axis=-1)
     turned = np.linalg.solve(np.einsum("spi,spj->sij", rays, rays), np.einsum("spi,spc->sic", rays, errors))
     return np.asarray(turned / np.linalg.norm(normals, axis=1)[:, None, None])
 
@@ -76,9 +73,9 @@ def turns_of_lines(lines: Sequence[Line], camera: PinholeCamera, spread_px: floa
         * np.sign(normals[:, 1])
         * (np.abs(normals[:, 0]) / camera.fx_px + np.abs(normals[:, 1]) / camera.fy_px)
     )
-    errors = np.zeros((len(lines), 2, COLUMNS))
-    errors[..., SPREAD] = shift[:, None]
-    errors[..., MOTION] = _motions(normals, rays, 1.0 / ends_m[..., 2], camera)
+    motions = _motions(normals, rays, 1.0 / ends_m[..., 2], camera)
+    warps, spreads = np.zeros((len(lines), 2, SIZES.size)), np.broadcast_to(shift[:, None, None], (len(lines), 2, 1))
+    errors = np.concatenate([warps, motions, spreads], axis=-1)
     products = np.einsum("spi,spj->sij", rays, rays) + normals[:, :, None] * normals[:, None, :]
     return np.linalg.solve(products, np.einsum("spi,spc->sic", rays, errors))
 

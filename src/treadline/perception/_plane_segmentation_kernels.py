@@ -63,21 +63,6 @@ def pooled(depth, side, jump):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def nearness_of(depth):
-    """Return w = 1/Z of each pixel, NaN without depth, transposed: one row per image column, as surfaces are read by columns."""
-    rows, columns = depth.shape
-    near = np.empty((columns, rows))
-    # Eight rows at a time, so that what is written lies in one line of the cache.
-    for top in range(0, rows, 8):
-        for u in range(columns):
-            for v in range(top, min(top + 8, rows)):
-                z = depth[v, u]
-                near[u, v] = 1.0 / z if 0.0 < z < np.inf else np.nan
-    return near
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
 def _add_column(near, first, stop, ys, x, level, slope, off, sums):
     """Add the pixels of a part of a column that are less than ``off`` from w = level + slope·y; x is constant along a column."""
     n = 0
@@ -106,16 +91,29 @@ def _add_column(near, first, stop, ys, x, level, slope, off, sums):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def cell_sums(nearness, size, pinhole, near, far):
-    """Return sums over the pixels from ``near`` to ``far`` of each ``size × size`` cell of the grid."""
-    rows, columns = nearness.shape[1] // size, nearness.shape[0] // size
+def cells_of(depth, size, pinhole, near, far):
+    """Return w = 1/Z of each pixel, the sums over the pixels of ``size × size`` cells, and the fractions of copies among them.
+
+    w is NaN without depth, and transposed: one row per image column, as surfaces are read by columns. The sums hold the pixels from
+    ``near`` to ``far``. A copy has the depth of its left neighbour.
+    """
+    rows, columns = depth.shape[0] // size, depth.shape[1] // size
     middle, off = 0.5 * (1.0 / near + 1.0 / far), 0.5 * (1.0 / near - 1.0 / far)
-    sums, ys = np.zeros((rows, columns, 10)), (np.arange(nearness.shape[1]) - pinhole[3]) / pinhole[1]
-    for u in range(columns * size):
-        x = (u - pinhole[2]) / pinhole[0]
-        for i in range(rows):
-            _add_column(nearness[u], i * size, (i + 1) * size, ys, x, middle, 0.0, off, sums[i, u // size])
-    return sums
+    nearness, ys = np.empty((depth.shape[1], depth.shape[0])), (np.arange(depth.shape[0]) - pinhole[3]) / pinhole[1]
+    sums, copies = np.zeros((rows, columns, 10)), np.zeros((rows, columns))
+    for top in range(0, depth.shape[0], size):
+        stop, i = min(top + size, depth.shape[0]), top // size
+        for u in range(depth.shape[1]):
+            same = 0
+            for v in range(top, stop):
+                z = depth[v, u]
+                nearness[u, v] = 1.0 / z if 0.0 < z < np.inf else np.nan
+                same += u > 0 and z == depth[v, u - 1]
+            j = u // size
+            if i < rows and j < columns:
+                _add_column(nearness[u], top, stop, ys, (u - pinhole[2]) / pinhole[0], middle, 0.0, off, sums[i, j])
+                copies[i, j] += same / (size * size)
+    return nearness, sums, copies
 
 
 @njit(cache=True, error_model="numpy")
@@ -391,7 +389,7 @@ def _ending(near, v, way, ys, level, slope, jump):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, least_square, pinhole):
+def surfaces(nearness, members, stops, places, size, planes, squares, tolerance, sigmas, jump, pinhole):
     """Return the surfaces of some planes, each fitted to all of its pixels, with its ends in each column of the image.
 
     Args:
@@ -401,7 +399,6 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
         planes: n of each plane, ``squares`` the mean squared residuals of its blocks.
         tolerance: Least distance from the plane for a pixel to be rejected [1/m], and ``sigmas`` the same in RMS residuals.
         jump: Difference separating two surfaces [1/m].
-        least_square: Lower limit of a surface's mean squared residual.
 
     Returns:
         n of each surface, its covariance, its centre, and its number of columns; none if its pixels do not determine a plane. Then
@@ -450,7 +447,7 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
         held[s] = k
         ray[0], ray[1] = sums[1] / sums[0], sums[2] / sums[0]
         centres[s] = ray / dot(normals[s], ray)
-        covariances[s] *= max(square, least_square)
+        covariances[s] *= max(square, 1e-12)  # depth without noise
     return normals, covariances, centres, held, columns, upper, lower, above, below
 
 

@@ -174,10 +174,10 @@ class _Search:
         """Return the result under one hypothesis of gravity."""
         sight = self._among(down, blocks, is_uncertain=False)
         found = (sight.evidence or 0.0) >= EVIDENCE
-        if found or down.sigma_rad > GRAVITY_SIGMA or blocks.unresolved < 3 * LEAST_BLOCKS:
+        if found or down.sigma_rad > GRAVITY_SIGMA or blocks.unresolved < 2 * LEAST_BLOCKS:
             return sight
         # Steps far away are lower than a block. Noise turns the normals of smaller blocks, but not the planes of whole risers.
-        other = self._among(down, uncertain_blocks(blocks, self.frame.camera), is_uncertain=True)
+        other = self._among(down, uncertain_blocks(self.frame.depth_m, self.frame.camera, blocks), is_uncertain=True)
         return other if other.accepted else sight
 
     def _among(self, down: _Down, blocks: PlanarBlocks, *, is_uncertain: bool) -> StairDetection:
@@ -221,7 +221,7 @@ class _Search:
         ends = lateral_ends_of([*(tread for tread, _ in fronts), *(riser for _, riser in faced)], blocks, camera, in_view)
         steps = [step for step, on, _ in flight.matched_treads if on] + [step for step, _ in faced]
         sides = sides_of(ends)
-        bow = bow_of(fronts, flight.risers, blocks, camera, in_view, fit.warp_px)
+        bow = bow_of(fronts, flight.risers, blocks, camera, in_view)
         turn, turn_sigma = turn_by(bow, sides)
         chord = fit.edge + turn * fit.ahead
         chord /= np.linalg.norm(chord)

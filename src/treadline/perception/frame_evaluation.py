@@ -1,7 +1,6 @@
 """Evaluation of frames for ``treadline see``: frames in, JSON values and pictures out."""
 
 import time
-from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -12,8 +11,7 @@ from jaxtyping import UInt8
 from treadline.core.angles import DEG, radians_hint
 from treadline.core.camera_images import NamedFrame, RgbdFrame
 from treadline.core.errors import ImageError
-from treadline.core.signals import StairMap
-from treadline.perception._stair_shape import StairShape
+from treadline.perception._calibration_check import CalibrationCheck
 from treadline.perception.detection import StairDetection, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.overlay import overlay
@@ -37,7 +35,7 @@ other, and has no sign."""
 
 
 class FrameEvaluator:
-    """Detector whose results are JSON values; it measures the processing time of each frame."""
+    """Detector whose results are JSON values; it measures the processing time of each frame and checks the calibration over all."""
 
     def __init__(self, method: Literal["paper", "robust"], threshold: ThresholdRule = "median", *, warm_up: bool = True) -> None:
         """Make the detector.
@@ -50,6 +48,12 @@ class FrameEvaluator:
         self._paper = PaperConfig(threshold=threshold)
         self._detector = StairDetector(DetectorConfig(method=method, paper=self._paper))
         self._loaded = not warm_up
+        self._check = CalibrationCheck()
+
+    @property
+    def findings(self) -> list[str]:
+        """What of the calibration does not fit the frames so far, one sentence each."""
+        return self._check.findings
 
     def evaluate(self, named: NamedFrame) -> tuple[StairDetection, dict[str, Any]]:
         """Return the detection in a frame, and its values with the keys of the JSON output.
@@ -66,14 +70,14 @@ class FrameEvaluator:
             self._loaded = self._detector.look(named.frame, named.gravity_C).accepted
         started = time.perf_counter()
         sight = self._detector.look(named.frame, named.gravity_C)
-        return sight, _answer(named, sight, (time.perf_counter() - started) * 1e3, SQUARE_DEG[self._method])
+        spent_ms = (time.perf_counter() - started) * 1e3
+        self._check.add(named.frame.camera, sight, named.gravity_C)
+        return sight, _answer(named, sight, spent_ms, SQUARE_DEG[self._method])
 
     def write_pictures(self, named: NamedFrame, sight: StairDetection, folder: Path) -> None:
         """Write the six stages of Fig. 5, if the frame has colour, and the detections of the robust method."""
-        if named.frame is None:
-            return
         prefix = Path(named.name).stem
-        if named.has_colour:
+        if named.frame is not None and named.has_colour:
             printed = StairDetector(DetectorConfig(method="paper", paper=self._paper))
             shown = printed.look(named.frame, named.gravity_C, stages=True)
             if shown.stages is not None:
@@ -89,28 +93,6 @@ def write_seen(named: NamedFrame, sight: StairDetection, path: Path) -> None:
         write_picture(overlay(frame, sight), path)
 
 
-def see_frames(
-    frames: Iterable[NamedFrame],
-    *,
-    method: Literal["paper", "robust"],
-    out: Path | None,
-    threshold: ThresholdRule = "median",
-) -> Iterator[dict[str, Any]]:
-    """Yield the result of each frame, with the keys of the JSON output.
-
-    Args:
-        threshold: Rule for Canny's thresholds in Algorithm 1.
-        out: Folder for the images of each frame: the six stages of Fig. 5 (``NAME-1.png … -6.png``) and the detections of the
-            robust method (``NAME-seen.png``).
-    """
-    evaluator = FrameEvaluator(method, threshold)
-    for named in frames:
-        sight, values = evaluator.evaluate(named)
-        if out is not None:
-            evaluator.write_pictures(named, sight, out)
-        yield values
-
-
 def _depth_in_grey(frame: RgbdFrame) -> UInt8[np.ndarray, "h w 3"]:
     """Return the depth image as grey values, near is bright; pixels without a return are black."""
     depth = frame.depth_m
@@ -124,25 +106,28 @@ def _depth_in_grey(frame: RgbdFrame) -> UInt8[np.ndarray, "h w 3"]:
 
 
 def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float, square_deg: float) -> dict[str, Any]:
-    shape = sight.shape
     return {
         "name": named.name,
         **({} if named.t_s is None else {"t_s": named.t_s}),
         "accepted": sight.accepted,
         "reason": sight.reason,
-        "heading_deg": None if sight.heading_rad is None else sight.heading_rad / DEG,
+        "heading_deg": _deg(sight.heading_rad),
         "square_deg": square_deg,
-        "sigma_deg": None if sight.sigma_rad is None else sight.sigma_rad / DEG,
+        "sigma_deg": _deg(sight.sigma_rad),
         "edge_direction": None if sight.edge_direction_C is None else sight.edge_direction_C.tolist(),
         "edges": sight.edge_count,
         "box_px": sight.box_px,
-        "planes_against_lines_deg": None if sight.planes_against_lines_rad is None else sight.planes_against_lines_rad / DEG,
-        "stair": None if shape is None else _stair(shape, sight.stair_map),
+        "planes_against_lines_deg": _deg(sight.planes_against_lines_rad),
+        "stair": _stair(sight),
         "ms": spent_ms,
         "mount_known": named.mount_known,
         "warning": _calibration_warning(named),
         **({} if named.mount_known else _without_mount(sight)),
     }
+
+
+def _deg(angle_rad: float | None) -> float | None:
+    return None if angle_rad is None else angle_rad / DEG
 
 
 def _calibration_warning(named: NamedFrame) -> str | None:
@@ -154,31 +139,19 @@ def _calibration_warning(named: NamedFrame) -> str | None:
 
 def _without_mount(sight: StairDetection) -> dict[str, float | None]:
     """Return the heading at camera yaw 0, for a chair on the flight and for one on horizontal ground."""
-    if sight.axes is None:
-        return {"heading_on_flight_deg": None, "heading_on_level_deg": None}
-    on_flight = heading_about(sight.axes.normal_C, sight.axes.edge_C)
-    on_level = heading_about(-sight.axes.down_C, sight.axes.edge_C)
-    return {
-        "heading_on_flight_deg": None if on_flight is None else on_flight / DEG,
-        "heading_on_level_deg": None if on_level is None else on_level / DEG,
-    }
+    up = {} if sight.axes is None else {"heading_on_flight_deg": sight.axes.normal_C, "heading_on_level_deg": -sight.axes.down_C}
+    headings = {name: _deg(heading_about(normal, sight.axes.edge_C)) for name, normal in up.items() if sight.axes is not None}
+    return {"heading_on_flight_deg": None, "heading_on_level_deg": None} | headings
 
 
-def _stair(shape: StairShape, seen: StairMap | None) -> dict[str, Any]:
+def _stair(sight: StairDetection) -> dict[str, Any] | None:
     """Return the dimensions of the stair and, in the chair frame, the map."""
-    measures: dict[str, Any] = {
-        "direction": shape.direction,
-        "rise_m": shape.rise_m,
-        "run_m": shape.run_m,
-        "slope_deg": shape.slope_rad / DEG,
-        "distance_m": shape.distance_m,
-    }
+    shape, seen = sight.shape, sight.stair_map
+    if shape is None:
+        return None
+    measures: dict[str, Any] = {name: getattr(shape, name) for name in ("direction", "rise_m", "run_m")}
+    measures |= {"slope_deg": _deg(shape.slope_rad), "distance_m": shape.distance_m}
     if seen is not None:
-        measures |= {
-            "nosings_m": [list(place) for place in seen.nosings_B],
-            "ends": seen.ends,
-            "left_wall_m": seen.left_wall_m,
-            "right_wall_m": seen.right_wall_m,
-            "obstacle_m": seen.obstacle_m,
-        }
+        measures["nosings_m"] = [list(place) for place in seen.nosings_B]
+        measures |= {name: getattr(seen, name) for name in ("ends", "left_wall_m", "right_wall_m", "obstacle_m")}
     return measures

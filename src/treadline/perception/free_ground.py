@@ -48,9 +48,9 @@ HALF_WINDOW = 4.5 / 640.0
 """Half of the matching window of a depth sensor, in image widths: surfaces grow or shrink by it at an edge. Kinect 1: 9 px of 640."""
 GRAVITY_SIGMA_RAD = 0.5 * DEG
 """Standard deviation of the direction of gravity [rad]."""
-LEVEL, LEVEL_BIN_M, LEVEL_WIDTH_M = math.cos(20.0 * DEG), 0.03, 1.0
-"""Cosine of the largest angle between a level patch's normal and up, as noise tilts it at 2 m by 10°; range of heights of a level
-and its least lateral extent [m]: a suitcase's lid is level too, and narrower."""
+LEVEL, LEVEL_BIN_M, LEVEL_SIZE_M = math.cos(20.0 * DEG), 0.03, (0.55, 1.0)
+"""Cosine of the largest angle between a level patch's normal and up, as noise tilts it at 2 m by 10°; range of heights of a level,
+and its least length ahead and width [m]: a tread is level too, and at most 0.52 m long, a suitcase's lid is narrower."""
 POINTS_AT_240 = 40
 """Least number of patches of a level, and of points of an obstacle, of an image of 240 rows: a cube of ``CLEAR_M`` at 3 m."""
 
@@ -134,11 +134,11 @@ def _level(frame: RgbdFrame, axes: Float[np.ndarray, "3 3"], origin: Vector3, *,
     """Return the height of the highest or lowest level that is wide enough to drive on [m]; None without one."""
     step = max(1, round(frame.camera.height_px / 60))
     patches = kernels.level_patches(frame.depth_m, step, frame.camera.pinhole, axes, origin, FAR_M, LEVEL)
-    bins = np.floor(patches[:, 0] / LEVEL_BIN_M)
+    bins = np.floor(patches[:, 2] / LEVEL_BIN_M)
     for place in sorted(set(bins.tolist()), reverse=is_highest):
         here = (bins == place) | (bins == place + (-1.0 if is_highest else 1.0))
-        if here.sum() >= POINTS_AT_240 and np.ptp(patches[here, 1]) > LEVEL_WIDTH_M:
-            return float(np.median(patches[here, 0]))
+        if here.sum() >= POINTS_AT_240 and (np.ptp(patches[here, :2], axis=0) > LEVEL_SIZE_M).all():
+            return float(np.median(patches[here, 2]))
     return None
 
 

@@ -15,22 +15,22 @@ from treadline.perception.plane_segmentation import Surface
 
 Picture = UInt8[np.ndarray, "h w 3"]
 
-TREAD, RISER, NOSING, NEEDLE, OBSTACLE = (70, 150, 255), (255, 150, 50), (255, 235, 60), (255, 255, 255), (255, 60, 60)
-"""Colours of the drawn objects."""
+COLOURS = {
+    "tread": (70, 150, 255),
+    "riser": (255, 150, 50),
+    "nosing": (255, 235, 60),
+    "text": (255, 255, 255),
+    "obstacle": (255, 60, 60),
+}
+"""Colours of the drawn objects (red, green, blue)."""
 TINT = 0.45
 """Opacity of the surface colours."""
-WIDTH_PX = 960
-"""Width of the image [px], for the text layout."""
-BAND_PX, LINE_PX = 66, 26
-"""Height of the text band and of a line of text [px]."""
-DIAL_PX, DIAL_SPAN = 96, 60.0 * DEG
-"""Radius of the dial [px], and the heading at its ends [rad]."""
-LABEL_PX, LETTER_PX, DIAL_HALF_PX = 12, 7.5, 130
-"""Distance from the dial's arc to its labels, width of a letter, and half width of dial and labels [px]."""
+WIDTH_PX, BAND_PX = 960, 66
+"""Width of the image, for the text layout, and height of the band with two lines of text [px]."""
+DIAL_PX = 96
+"""Radius of the dial [px]."""
 JPEG_QUALITY = 80
 """Quality of compressed overlays, 0 to 100: text stays legible, an image of 960 by 786 pixels takes about 70 kB."""
-LEAST_WEDGE = 0.6 * DEG
-"""Least drawn width of the interval [rad]."""
 
 
 def overlay(frame: RgbdFrame, sight: StairDetection) -> Picture:
@@ -38,19 +38,21 @@ def overlay(frame: RgbdFrame, sight: StairDetection) -> Picture:
     scale = WIDTH_PX / frame.camera.width_px
     picture = np.ascontiguousarray(frame.rgb.copy())
     if sight.parts is not None:
-        for surfaces, colour in ((sight.parts.treads, TREAD), (sight.parts.risers, RISER)):
+        side_px = picture.shape[1] // sight.parts.blocks.nearness.shape[0]
+        for kind, surfaces in (("tread", sight.parts.treads), ("riser", sight.parts.risers)):
             for surface in surfaces:
-                _tint(picture, surface, colour, picture.shape[1] // sight.parts.blocks.nearness.shape[0])
+                _tint(picture, surface, COLOURS[kind], side_px)
     picture = cv2.resize(picture, (WIDTH_PX, round(frame.camera.height_px * scale)), interpolation=cv2.INTER_LINEAR)
     if sight.parts is not None and sight.axes is not None:
         for nosing in sight.parts.flight:
             _line(picture, frame.camera, ends_of(nosing, sight.axes.edge_C, sight.parts.aside), scale)
     canvas = np.zeros((picture.shape[0] + BAND_PX, WIDTH_PX, 3), dtype=np.uint8)
     canvas[: picture.shape[0]] = picture
-    for number, (line, colour) in enumerate(_words(sight)):
-        _write(canvas, line, (12, picture.shape[0] + LINE_PX * (number + 1)), colour)
+    for number, (line, kind) in enumerate(_words(sight), start=1):
+        _write(canvas, line, (12, picture.shape[0] + number * BAND_PX * 2 // 5), COLOURS[kind])
     if sight.heading_rad is not None and sight.sigma_rad is not None:
-        _dial(canvas, (WIDTH_PX - DIAL_HALF_PX - 8, picture.shape[0] - 20), sight.heading_rad, 1.96 * sight.sigma_rad)
+        centre = WIDTH_PX - DIAL_PX - 20, picture.shape[0] - 20
+        _dial(canvas, centre, sight.heading_rad, 1.96 * sight.sigma_rad)
     return canvas
 
 
@@ -62,13 +64,16 @@ def jpeg(picture: Picture) -> bytes:
 
 def as_jpeg(picture: Picture, width_px: int) -> bytes:
     """Return a picture as a JPEG file, scaled to a width."""
-    size = width_px, round(width_px * picture.shape[0] / picture.shape[1])
-    return jpeg(np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8))
+    return jpeg(_resized(picture, width_px))
 
 
 def from_jpeg(data: bytes, width_px: int) -> Picture:
     """Return a JPEG image, scaled to a width."""
-    picture = cv2.cvtColor(np.asarray(cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)), cv2.COLOR_BGR2RGB)
+    bgr = np.asarray(cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR))
+    return _resized(np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)), width_px)
+
+
+def _resized(picture: Picture, width_px: int) -> Picture:
     size = width_px, round(width_px * picture.shape[0] / picture.shape[1])
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
@@ -83,24 +88,23 @@ def ends_of(nosing: NosingObservation, edge: Vector3, aside: Vector3) -> Float[n
     return np.asarray(nosing.point + along[:, None] * edge)
 
 
-def _words(sight: StairDetection) -> list[tuple[str, tuple[int, int, int]]]:
-    """Return the lines of text under the image and their colours."""
+def _words(sight: StairDetection) -> list[tuple[str, str]]:
+    """Return the lines of text under the image and the kinds of their colours."""
     if sight.heading_rad is None or sight.sigma_rad is None:
-        return [("no heading", OBSTACLE), (sight.reason or "", NEEDLE)]
+        return [("no heading", "obstacle"), (sight.reason or "", "text")]
     heading = f"heading {sight.heading_rad / DEG:+.2f}° ± {1.96 * sight.sigma_rad / DEG:.2f}° (95 %)"
     heading += f" from {sight.edge_count} nosings"
     if sight.unconfirmed:
-        return [(f"{heading}, unconfirmed", NEEDLE), (sight.reason or "", NEEDLE)]
-    if sight.stair_map is None:
-        return [(heading, NEEDLE)]
-    seen = sight.stair_map
+        return [(f"{heading}, unconfirmed", "text"), (sight.reason or "", "text")]
+    if (seen := sight.stair_map) is None:
+        return [(heading, "text")]
     stair = f"flight {seen.direction}: rise {1e3 * seen.rise_m:.0f} mm, run {1e3 * seen.run_m:.0f} mm, "
     stair += f"slope {seen.slope_rad / DEG:.1f}°" + (", ends in view" if seen.ends else "")
     walls = [(seen.left_wall_m, "left"), (seen.right_wall_m, "right")]
     stair += "".join(f", {word} wall {1e2 * free:.0f} cm" for free, word in walls if free is not None)
     if seen.obstacle_m is not None:
-        return [(heading, NEEDLE), (f"{stair}, obstacle in {seen.obstacle_m:.2f} m", OBSTACLE)]
-    return [(heading, NEEDLE), (stair, NEEDLE)]
+        return [(heading, "text"), (f"{stair}, obstacle in {seen.obstacle_m:.2f} m", "obstacle")]
+    return [(heading, "text"), (stair, "text")]
 
 
 def _tint(picture: Picture, surface: Surface, colour: tuple[int, int, int], side_px: int) -> None:
@@ -117,47 +121,29 @@ def _line(picture: Picture, camera: PinholeCamera, ends: Float[np.ndarray, "2 3"
     u = camera.fx_px * ends[:, 0] / ends[:, 2] + camera.cx_px
     v = camera.fy_px * ends[:, 1] / ends[:, 2] + camera.cy_px
     places = np.round((np.column_stack([u, v]) + 0.5) * scale - 0.5).astype(int)
-    cv2.line(picture, tuple(places[0].tolist()), tuple(places[1].tolist()), NOSING, 2, cv2.LINE_AA)
+    cv2.line(picture, tuple(places[0].tolist()), tuple(places[1].tolist()), COLOURS["nosing"], 2, cv2.LINE_AA)
 
 
 def _dial(canvas: Picture, centre: tuple[int, int], heading_rad: float, half_rad: float) -> None:
     """Draw the heading as a needle seen from above, the flight straight up, with its interval as a wedge; left is anticlockwise."""
-    box = canvas[centre[1] - DIAL_PX - 40 : centre[1] + 16, centre[0] - DIAL_HALF_PX : centre[0] + DIAL_HALF_PX]
+
+    def at(radius: float, angle_rad: float) -> tuple[int, int]:
+        return round(centre[0] - radius * math.sin(angle_rad)), round(centre[1] - radius * math.cos(angle_rad))
+
+    box = canvas[centre[1] - DIAL_PX - 20 : centre[1] + 16, centre[0] - DIAL_PX - 16 : centre[0] + DIAL_PX + 16]
     box[:] = (0.35 * box).astype(np.uint8)
-    cv2.ellipse(canvas, centre, (DIAL_PX, DIAL_PX), -90.0, -DIAL_SPAN / DEG, DIAL_SPAN / DEG, NEEDLE, 1, cv2.LINE_AA)
+    cv2.ellipse(canvas, centre, (DIAL_PX, DIAL_PX), -90.0, -60.0, 60.0, COLOURS["text"], 1, cv2.LINE_AA)
     for tick_deg in range(-60, 61, 15):
-        long = 10 if tick_deg % 30 == 0 else 5
-        cv2.line(
-            canvas,
-            _at(centre, float(DIAL_PX), tick_deg * DEG),
-            _at(centre, float(DIAL_PX - long), tick_deg * DEG),
-            NEEDLE,
-            1,
-            cv2.LINE_AA,
-        )
-        if tick_deg % 30 == 0:
-            _label(canvas, centre, tick_deg)
-    half = max(half_rad, LEAST_WEDGE)
-    wedge = [centre, *(_at(centre, DIAL_PX - 12.0, heading_rad + part * half) for part in np.linspace(-1.0, 1.0, 9))]
-    cv2.fillPoly(canvas, [np.array(wedge, dtype=np.int32)], NOSING, cv2.LINE_AA)
+        cv2.line(canvas, at(DIAL_PX, tick_deg * DEG), at(DIAL_PX - 10 + tick_deg % 30 // 3, tick_deg * DEG), COLOURS["text"])
+    half = max(half_rad, 1.0 / DIAL_PX)
+    wedge = [centre, *(at(DIAL_PX - 12.0, heading_rad + part * half) for part in np.linspace(-1.0, 1.0, 9))]
+    cv2.fillPoly(canvas, [np.array(wedge, dtype=np.int32)], COLOURS["nosing"], cv2.LINE_AA)
 
 
-def _label(canvas: Picture, centre: tuple[int, int], tick_deg: int) -> None:
-    """Write the label of a tick beyond the arc, right-aligned on the left and left-aligned on the right."""
-    text = (f"{tick_deg:+d}" if tick_deg else "0") + ("°" if hasattr(cv2, "FontFace") else "")
-    u, v = _at(centre, float(DIAL_PX + LABEL_PX), tick_deg * DEG)
-    before = 0.5 * (1.0 + math.sin(tick_deg * DEG))
-    _write(canvas, text, (round(u - before * LETTER_PX * len(text)), v + 5), NEEDLE, size=13)
-
-
-def _at(centre: tuple[int, int], radius: float, angle_rad: float) -> tuple[int, int]:
-    return round(centre[0] - radius * math.sin(angle_rad)), round(centre[1] - radius * math.cos(angle_rad))
-
-
-def _write(canvas: Picture, text: str, place: tuple[int, int], colour: tuple[int, int, int], *, size: int = 18) -> None:
+def _write(canvas: Picture, text: str, place: tuple[int, int], colour: tuple[int, int, int]) -> None:
     """Write a line of text; OpenCV before 5 has no degree sign."""
     if hasattr(cv2, "FontFace"):
-        cv2.putText(canvas, text, place, colour, cv2.FontFace("sans"), size)
+        cv2.putText(canvas, text, place, colour, cv2.FontFace("sans"), 18)
         return
     plain = text.replace("°", " deg").replace("±", "+-")
-    cv2.putText(canvas, plain, place, cv2.FONT_HERSHEY_SIMPLEX, size / 32.0, colour, 1, cv2.LINE_AA)
+    cv2.putText(canvas, plain, place, cv2.FONT_HERSHEY_SIMPLEX, 0.56, colour, 1, cv2.LINE_AA)

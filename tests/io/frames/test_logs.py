@@ -16,7 +16,7 @@ from treadline.core.errors import ImageError, LogFormatError, SettingsError
 from treadline.io.frames import read_frames
 from treadline.io.frames._recorded_frames import FramesOfLog
 from treadline.io.frames.point_cloud import FrameOptions
-from treadline.perception.frame_evaluation import see_frames
+from treadline.perception.frame_evaluation import FrameEvaluator
 
 RATE_HZ = 30.0
 ENDINGS = [".mcap", ".bag", ""]
@@ -62,7 +62,7 @@ def add_cloud(log, topic: str, t_s: float, points: np.ndarray, size: tuple[int, 
 
 
 def headings(source) -> list[float | None]:
-    return [values["heading_deg"] for values in see_frames(source, method="robust", out=None)]
+    return [values["heading_deg"] for _, values in map(FrameEvaluator("robust").evaluate, source)]
 
 
 def direct(frame) -> float:
