@@ -57,8 +57,6 @@ class Finding:
     sigma_rad: float
     swept_half_m: float | None
     """Half width of the volume swept by the chair [m]; None if no chair is known."""
-    least_levels: int
-    """Least number of evenly spaced treads."""
 
 
 def refusal_of(finding: Finding) -> str | None:
@@ -91,13 +89,6 @@ def _unfit_size(finding: Finding) -> str | None:
     if shape.slope_rad > SLOPE_LIMIT:
         return f"the flight is too steep: {shape.slope_rad / DEG:.0f}°, at most {SLOPE_LIMIT / DEG:.0f}°; {steps}"
     return None
-
-
-def _unlevelled(finding: Finding) -> str | None:
-    levels = finding.flight.levels
-    if levels >= finding.least_levels:
-        return None
-    return f"gravity is not known: {levels} evenly spaced level(s) in view, {finding.least_levels} needed in its place"
 
 
 def _turned_away(finding: Finding) -> str | None:
@@ -154,7 +145,6 @@ def _too_narrow(finding: Finding) -> str | None:
 
 
 RULES: tuple[Callable[[Finding], str | None], ...] = (
-    _unlevelled,
     _winding,
     _unfit_size,
     _turned_away,

@@ -115,28 +115,27 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Vector3, *, is_uncert
     )
 
 
-def flight_in(scene: Scene, directions: Sequence[Direction]) -> Flight | str:
+def flight_in(scene: Scene) -> Flight | str:
     """Return the flight with the most evidence, or the reason of its absence."""
     level = scene.level
     azimuths = list(_azimuths(scene))
     if not azimuths:
         return "no riser and no nosing faces the camera"
-    best = _best_at(scene, azimuths, directions)
+    best = _best_at(scene, azimuths)
     if best is None:
         return f"nothing repeats as steps do: {len(scene.treads)} level surface(s) in view"
     # In axes along its edges the flight's parts are measured once more.
     azimuth = math.atan2(float(best.facing @ level.right), float(best.facing @ level.ahead))
     turn = _turn_of(best, _turned_axes(level, azimuth))
-    return (_best_at(scene, [azimuth + turn], directions) if abs(turn) >= TURNED else None) or best
+    return (_best_at(scene, [azimuth + turn]) if abs(turn) >= TURNED else None) or best
 
 
-def _best_at(scene: Scene, azimuths: Sequence[float], directions: Sequence[Direction]) -> Flight | None:
+def _best_at(scene: Scene, azimuths: Sequence[float]) -> Flight | None:
     """Return the flight with the most evidence that faces one of some azimuths."""
     found = []
     for azimuth in azimuths:
         axes = _turned_axes(scene.level, azimuth)
-        risers = list(_risers_at(scene, azimuth))
-        found += [_matched(scene, risers if direction == "up" else [], axes, direction) for direction in directions]
+        found += [_matched(scene, list(_risers_at(scene, azimuth)), axes, "up"), _matched(scene, [], axes, "down")]
     return max((flight for flight in found if flight is not None), key=lambda flight: flight.evidence, default=None)
 
 

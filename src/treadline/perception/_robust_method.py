@@ -8,7 +8,7 @@ stair must be visible. A flight that was found is accepted as a stair that can b
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -27,7 +27,7 @@ from treadline.perception._gravity_direction import down_of_treads, levelled, of
 from treadline.perception._lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scene_of
 from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
-from treadline.perception._step_parts import Axes, Direction, Flight, viewing_direction
+from treadline.perception._step_parts import Axes, Flight, viewing_direction
 from treadline.perception._winding import turn_per_step
 from treadline.perception.detection import Parts, StairDetection, refused
 from treadline.perception.free_ground import SWEPT_HALF_M
@@ -35,8 +35,8 @@ from treadline.perception.plane_segmentation import PlanarBlocks, Surface, reduc
 
 HALF = 0.5
 """Valid depth fraction below which a refusal names missing depth as the cause, instead of missing planes."""
-LOOKING_AHEAD, LOOKING_DOWN = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG)
-"""Ranges of camera pitch for gravity from treads [rad]: nearer to horizontal, treads vanish; nearer to straight down, a wall seen
+LOOKING_AHEAD = (5.0 * DEG, 70.0 * DEG)
+"""Range of camera pitch for gravity from treads [rad]: nearer to horizontal, treads vanish; nearer to straight down, a wall seen
 from the front and a floor seen from above are indistinguishable."""
 GRAVITY_SIGMA, TREADS_SIGMA = 0.5 * DEG, 3.0 * DEG
 """Standard deviation of gravity from the IMU, and from treads [rad]."""
@@ -72,12 +72,6 @@ class _Down:
     reference: Vector3
     """Reference for the tilt of edges and treads, with its standard deviation."""
     sigma_rad: float
-    least_levels: int = 0
-    """Least number of evenly spaced tread levels: higher for an uncertain direction."""
-    directions: tuple[Direction, ...] = ("up", "down")
-    """Possible directions of the flight."""
-    may_be_unconfirmed: bool = True
-    """Whether an unconfirmed detection has a heading."""
 
 
 def detect_stair(
@@ -100,26 +94,10 @@ def detect_stair(
     search.watch.lap("blocks")
     if gravity_C is not None:
         return search.with_imu(blocks, gravity_C)
-    sight = refused("gravity is not known, and no treads show it")
-    for down in _downs_of_treads(blocks):
-        tried = search.under(down, blocks)
-        sight = tried if tried.accepted or down.may_be_unconfirmed else sight
-        if sight.accepted:
-            break
-    return sight
-
-
-def _downs_of_treads(blocks: PlanarBlocks) -> Iterator[_Down]:
-    """Yield the hypotheses for gravity by treads, without an IMU."""
-    ahead = down_of_treads(blocks.unit, LOOKING_AHEAD)
-    if ahead is not None:
-        yield _Down(direction=ahead, reference=ahead, sigma_rad=TREADS_SIGMA)
-    steep = down_of_treads(blocks.unit, LOOKING_DOWN)
-    if steep is not None:
-        # Seen from the front, higher parts of furniture are farther away, as on an ascending flight; a descending one is excluded.
-        yield _Down(
-            direction=steep, reference=steep, sigma_rad=TREADS_SIGMA, least_levels=3, directions=("up",), may_be_unconfirmed=False
-        )
+    guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
+    if guess is None:
+        return refused("gravity is not known, and no treads show it")
+    return search.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), blocks)
 
 
 def _too_few(blocks: PlanarBlocks, depth_m: Float32[np.ndarray, "h w"]) -> str:
@@ -186,7 +164,7 @@ class _Search:
         self.watch.lap("treads")
         if scene is None:
             return refused("the camera looks straight up or down")
-        flight = flight_in(scene, down.directions)
+        flight = flight_in(scene)
         self.watch.lap("flight")
         if isinstance(flight, str) or flight.evidence < EVIDENCE:
             turn_rad = turn_per_step(scene.treads, scene.level)
@@ -194,7 +172,7 @@ class _Search:
                 return refused(winds(turn_rad))
         if isinstance(flight, str):
             return refused(flight)
-        if flight.evidence < UNCONFIRMED or (flight.evidence < EVIDENCE and not down.may_be_unconfirmed):
+        if flight.evidence < UNCONFIRMED:
             return refused(lacking_evidence(flight), edge_count=len(flight.nosings), evidence=flight.evidence)
         fit = fit_edges(
             flight.nosings,
@@ -242,7 +220,6 @@ class _Search:
                 heading_rad=heading,
                 sigma_rad=sigma,
                 swept_half_m=self.swept_half_m,
-                least_levels=down.least_levels,
             )
         )
         if cause is not None:
