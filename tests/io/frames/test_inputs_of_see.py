@@ -9,7 +9,7 @@ import pytest
 from frame_files import write_pcd
 
 from treadline.cli import main
-from treadline.core.errors import TreadlineError
+from treadline.core.errors import ImageError, TreadlineError
 from treadline.io.frames import read_frames
 from treadline.io.frames._cloud_files import point_cloud
 from treadline.io.mcap_log import RunLog
@@ -101,3 +101,17 @@ def test_random_damage_of_a_cloud_message_is_an_error_of_ours(recording, tmp_pat
         log.messages[0] = (*log.messages[0][:3], bytes(damaged[: rng.integers(4, len(whole) + 1)]))
         with pytest.raises(TreadlineError):  # 60 points are too few, if nothing else
             list(read_frames(log.write(tmp_path / "walk.mcap")))
+
+
+def test_clouds_of_a_folder_with_poses_add_up_to_one_frame(tmp_path: Path) -> None:
+    wall = np.stack(np.meshgrid([3.0], np.linspace(-1, 1, 60), np.linspace(0, 2, 60)), axis=-1).reshape(-1, 3)
+    for name, x_m in (("a.pcd", 0.0), ("b.pcd", 1.0)):
+        write_pcd(tmp_path / name, wall - [x_m, 0.0, 0.5], (len(wall), 1))
+    (tmp_path / "poses.csv").write_text("name,x,y,z,roll,pitch,yaw\na.pcd,0,0,0.5,0,0,0\nb.pcd,1,0,0.5,0,0,0\n")
+    (named,) = read_frames(tmp_path)
+    assert named.name == tmp_path.name
+    np.testing.assert_allclose(np.nanmedian(named.frame.depth_m), 2.0, atol=0.01)
+    np.testing.assert_allclose(named.gravity_C, named.frame.camera.R_BC.T @ [0.0, 0.0, -1.0], atol=1e-9)
+    (tmp_path / "poses.csv").write_text("name,x,y,z,roll,pitch,yaw\na.pcd,0,0,0.5,0,0,0\n")
+    with pytest.raises(ImageError, match="no pose of b.pcd; give one row a cloud"):
+        read_frames(tmp_path)

@@ -1,6 +1,5 @@
 """Poses of a sensor, and scans that add up in odometry. Axes: x forward, y left, z up, as for the mount of a camera file."""
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,12 +9,12 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR
+from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, named_rows
 from treadline.core.errors import ImageError
 from treadline.core.rotations import Rotation, Vector3, rotation_x, rotation_y, rotation_z
 
-COLUMNS = ("name", "x", "y", "z", "roll", "pitch", "yaw")
-"""Columns of a table of poses: name of the cloud, position [m] and angles [deg]."""
+COLUMNS = ("x", "y", "z", "roll", "pitch", "yaw")
+"""Columns of a table of poses after the name of the cloud: position [m] and angles [deg]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,21 +66,9 @@ def added_up(scans_C: Sequence[Float[np.ndarray, "n 3"]], poses: Sequence[Sensor
 
 
 def read_poses(path: Path) -> dict[str, SensorPose]:
-    """Return the poses in a table with the columns name,x,y,z,roll,pitch,yaw, by the name of the cloud.
+    """Return the poses in a table with the columns name,x,y,z,roll,pitch,yaw [m and deg], by the name of the cloud.
 
     Raises:
         ImageError: If the file is not such a table.
     """
-    try:
-        rows = list(csv.DictReader(path.read_text(encoding="utf-8-sig").splitlines()))
-    except UnicodeDecodeError as error:
-        raise ImageError(f"{path}: not UTF-8 (byte {error.start}); save it as UTF-8 text") from None
-    poses: dict[str, SensorPose] = {}
-    for number, row in enumerate(rows, start=2):
-        name, *cells = (row.get(column) for column in COLUMNS)
-        if name is None or None in cells:
-            raise ImageError(f"{path}:{number}: needs the columns {','.join(COLUMNS)}")
-        if name in poses:
-            raise ImageError(f"{path}:{number}: '{name}' occurs twice; remove one")
-        poses[name] = SensorPose.of(f"{path}:{number}", [str(cell) for cell in cells])
-    return poses
+    return {name: SensorPose.of(where, cells) for where, name, cells in named_rows(path, COLUMNS)}

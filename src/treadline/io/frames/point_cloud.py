@@ -177,9 +177,8 @@ def cloud_image(
     """
     if pose is not None and pose.angles_rad is None and camera is not None:
         pose = replace(pose, angles_rad=(camera.mount_roll_rad, camera.mount_pitch_rad, camera.mount_yaw_rad))
-    points = cloud.points if pose is None else cloud.points.astype(float)
-    used = axes or ("ros" if pose is not None else _axes_of(where, points))
-    points = _in_camera(points, used, UNITS[unit])
+    used = axes or ("camera" if pose is None else "ros")
+    points = _in_camera(cloud.points if pose is None else cloud.points.astype(float), used, UNITS[unit])
     if pose is not None:
         points -= CAMERA_AXES_IN_CHAIR.T @ pose.position_m
         gravity_F = np.array([0.0, 1.0, 0.0]) if gravity_F is None else gravity_F
@@ -189,6 +188,8 @@ def cloud_image(
         raise ImageError(f"{where}: {len(index)} points with a return; at least {FEWEST_POINTS} are needed to see two steps")
     some = points[index[:: max(1, len(index) // SAMPLE)]]
     _check_unit(where, some, unit)
+    if axes is None and pose is None and (used := _axes_of(where, some)) != "camera":
+        points, some = _in_camera(points, used, 1.0), _in_camera(some, used, 1.0)
     share = _share_ahead(some)
     is_turned = pose is None and camera is None and (share < IN_FRONT or _lies_aside(some))
     R_BS, mount = _orientation(some, pose, is_turned=is_turned)
@@ -237,14 +238,12 @@ def _axes_of(where: object, points: Float[np.ndarray, "n 3"]) -> Axes:
     Raises:
         ImageError: If the points lie ahead in other axes: these are a guess that the user has to make.
     """
-    finite = points[np.isfinite(points).all(axis=1) & (points != 0.0).any(axis=1)]
-    some = finite[:: max(1, len(finite) // SAMPLE)]
-    if len(some) == 0 or _share_ahead(some) >= IN_FRONT:
+    if _share_ahead(points) >= IN_FRONT:
         return "camera"
     for axes in AXES:
-        if _share_ahead(_in_camera(some, axes, 1.0)) >= IN_FRONT:
+        if _share_ahead(_in_camera(points, axes, 1.0)) >= IN_FRONT:
             raise ImageError(
-                f"{where}: {_share_ahead(some):.0%} of the points lie in front of the camera ({AXES['camera'][0]}); its axes "
+                f"{where}: {_share_ahead(points):.0%} of the points lie in front of the camera ({AXES['camera'][0]}); its axes "
                 f"are probably {axes} ({AXES[axes][0]}): --axes {axes}"
             )
     return "ros"
