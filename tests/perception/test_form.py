@@ -1,15 +1,20 @@
 """Width, sides and bow of a flight, as the detector reports them."""
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 import pytest
 from scenes import ViewRecipe, draw_view
 from sights import sights
+from surfaces import CAMERA, ends_at, surface
 
 from treadline.core.angles import DEG
+from treadline.core.rotations import rotation_x, rotation_z
 from treadline.perception import StairDetector
-from treadline.perception._form import LateralEnds, narrower_by_m
+from treadline.perception._form import LateralEnds, lateral_ends_of, narrower_by_m, sides_of
+from treadline.perception._step_parts import Axes
+from treadline.perception.plane_segmentation import surface_blocks
 
 
 def test_sides_are_where_the_flight_ends() -> None:
@@ -130,3 +135,20 @@ def test_straight_edges_are_not_bowed() -> None:
     recipe = ViewRecipe(grain_px=1.2, warp_px=0.03, worn_m=0.006, nosing_yaw_jitter_deg=0.15)
     reasons = [sight.reason or "" for _, _, sight in sights(recipe, range(50_000, 50_024))]
     assert not any("bowed" in reason for reason in reasons)
+
+
+@pytest.mark.parametrize("roll_deg", [0.0, 60.0, 90.0, 180.0, 300.0])
+def test_no_flight_has_a_negative_width_under_a_rolled_camera(roll_deg: float) -> None:
+    """Test: a frame of a flight open at both sides, its image turned about the optical axis.
+
+    Expected result: left of right where both sides are seen, as in the upright and the reversed image.
+    """
+    turn = rotation_z(roll_deg * DEG)
+    facing = rotation_x(-30.0 * DEG)
+    axes = Axes(ahead=turn @ facing[2], up=turn @ -facing[1], right=turn @ facing[0])
+    camera = replace(CAMERA, cx_px=160.0, cy_px=120.0)
+    upper, lower = (ends_at(np.arange(60, 260), np.full(200, row)) for row in (90.0, 110.0))
+    treads = [surface(-axes.up, distance_m=1.0 + 0.1 * k, upper=upper, lower=lower) for k in range(3)]
+    blocks = replace(surface_blocks(np.full((240, 320), 9.0, dtype=np.float32), camera), nearness=np.full((320, 240), np.nan))
+    left, right = sides_of(lateral_ends_of(treads, blocks, camera, axes))
+    assert left is None or right is None or left.aside_m < right.aside_m
