@@ -63,30 +63,18 @@ def pooled(depth, side, jump):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _add_column(near, first, stop, ys, x, level, slope, off, sums):
-    """Add the pixels of a part of a column that are less than ``off`` from w = level + slope·y; x is constant along a column."""
-    n = 0
-    a = b = c = d = e = 0.0
-    for v in range(first, stop):
-        w, y = near[v], ys[v]
-        if not abs(w - level - slope * y) < off:
-            continue
-        n += 1
-        a += y
-        b += y * y
-        c += w
-        d += y * w
-        e += w * w
+def _add_column(sums, x, n, y, yy, w, yw, ww):
+    """Add sums over pixels of one column, whose x is constant."""
     sums[0] += n
     sums[1] += n * x
-    sums[2] += a
+    sums[2] += y
     sums[3] += n * x * x
-    sums[4] += x * a
-    sums[5] += b
-    sums[6] += c
-    sums[7] += x * c
-    sums[8] += d
-    sums[9] += e
+    sums[4] += x * y
+    sums[5] += yy
+    sums[6] += w
+    sums[7] += x * w
+    sums[8] += yw
+    sums[9] += ww
 
 
 @njit(cache=True, error_model="numpy")
@@ -97,22 +85,38 @@ def cells_of(depth, size, pinhole, near, far):
     w is NaN without depth, and transposed: one row per image column, as surfaces are read by columns. The sums hold the pixels from
     ``near`` to ``far``. A copy has the depth of its left neighbour.
     """
-    rows, columns = depth.shape[0] // size, depth.shape[1] // size
-    middle, off = 0.5 * (1.0 / near + 1.0 / far), 0.5 * (1.0 / near - 1.0 / far)
-    nearness, ys = np.empty((depth.shape[1], depth.shape[0])), (np.arange(depth.shape[0]) - pinhole[3]) / pinhole[1]
-    sums, copies = np.zeros((rows, columns, 10)), np.zeros((rows, columns))
-    for top in range(0, depth.shape[0], size):
-        stop, i = min(top + size, depth.shape[0]), top // size
-        for u in range(depth.shape[1]):
-            same = 0
+    fx, fy, cx, cy = pinhole
+    height, width = depth.shape
+    rows, columns = height // size, width // size
+    nearness, sums, copies = np.empty((width, height)), np.zeros((rows, columns, 10)), np.zeros((rows, columns))
+    band = np.empty((size, width))
+    # A row of cells at a time, along the rows of the image: such loops have no branch.
+    for top in range(0, height, size):
+        stop = min(top + size, height)
+        n, same, w_sum, yw_sum, ww_sum, y_sum, yy_sum = np.zeros((7, width))
+        for v in range(top, stop):
+            y, row, line = (v - cy) / fy, depth[v], band[v - top]
+            for u in range(width):
+                z = np.float64(row[u])
+                line[u] = 1.0 / z if (z > 0.0) & (z < np.inf) else np.nan
+            for u in range(width):
+                inside = (row[u] > near) & (row[u] < far)
+                one, w = 1.0 if inside else 0.0, line[u] if inside else 0.0
+                n[u] += one
+                y_sum[u] += one * y
+                yy_sum[u] += one * (y * y)
+                w_sum[u] += w
+                yw_sum[u] += y * w
+                ww_sum[u] += w * w
+            for u in range(1, width):
+                same[u] += 1.0 if row[u] == row[u - 1] else 0.0
+        for u in range(width):
             for v in range(top, stop):
-                z = depth[v, u]
-                nearness[u, v] = 1.0 / z if 0.0 < z < np.inf else np.nan
-                same += u > 0 and z == depth[v, u - 1]
-            j = u // size
-            if i < rows and j < columns:
-                _add_column(nearness[u], top, stop, ys, (u - pinhole[2]) / pinhole[0], middle, 0.0, off, sums[i, j])
-                copies[i, j] += same / (size * size)
+                nearness[u, v] = band[v - top, u]
+        for u in range(columns * size if top // size < rows else 0):
+            cell = sums[top // size, u // size]
+            _add_column(cell, (u - cx) / fx, n[u], y_sum[u], yy_sum[u], w_sum[u], yw_sum[u], ww_sum[u])
+            copies[top // size, u // size] += same[u] / (size * size)
     return nearness, sums, copies
 
 
@@ -217,10 +221,9 @@ def plane_blocks(cells, fits, full, residual_limit, turn_limit):
                     continue
                 large[i, j] = large[i, j] or height == 2
                 sums[count], residuals[count], turns[count] = total, residual, turn
-                length = math.sqrt(plane[0] * plane[0] + plane[2] * plane[2] + plane[1] * plane[1])
-                centre = centres[count]
-                centre[0], centre[1], centre[2] = total[1] / total[6], total[2] / total[6], total[0] / total[6]
-                units[count] = plane / length
+                units[count] = plane / math.sqrt(dot(plane, plane))
+                x, y, nearness = total[1] / total[0], total[2] / total[0], total[6] / total[0]
+                centres[count, 0], centres[count, 1], centres[count, 2] = x / nearness, y / nearness, 1.0 / nearness
                 places[count, 0], places[count, 1], places[count, 2] = i, j, height
                 count += 1
     return sums[:count], units[:count], centres[:count], places[:count], residuals[:count], turns[:count]
@@ -238,7 +241,7 @@ def _common_plane(sums, run, limit, inside, plane):
         inside: Mask of the first blocks; filled with those on the plane.
         plane: Filled with n.
     """
-    total, count = np.empty(10), 0
+    total = np.empty(10)
     for _ in range(3):
         total[:] = 0.0
         for i in range(run.shape[0]):
@@ -246,15 +249,9 @@ def _common_plane(sums, run, limit, inside, plane):
                 total += sums[run[i]]
         if not fit_plane(total, plane)[0] >= 0.0:
             return 0
-        changed, count = False, 0
         for i in range(run.shape[0]):
-            fits = mean_square(sums[run[i]], plane) < limit * limit
-            changed = changed or fits != inside[i]
-            inside[i] = fits
-            count += fits
-        if not changed:
-            break
-    return count
+            inside[i] = mean_square(sums[run[i]], plane) < limit * limit
+    return np.count_nonzero(inside)
 
 
 @njit(cache=True, error_model="numpy")
@@ -346,8 +343,7 @@ def solved_plane(s, plane, inverse):
     inverse[0, 2] = inverse[2, 0] = xy * y - yy * x
     inverse[1, 2] = inverse[2, 1] = xy * x - xx * y
     inverse /= xx * inverse[0, 0] + xy * inverse[0, 1] + x * inverse[0, 2]
-    left = s[9] - plane[0] * s[7] - plane[1] * s[8] - plane[2] * s[6]
-    return left / max(n - 3.0, 1.0)
+    return (s[9] - plane[0] * s[7] - plane[1] * s[8] - plane[2] * s[6]) / max(n - 3.0, 1.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -435,9 +431,18 @@ def surfaces(nearness, members, stops, places, size, planes, squares, tolerance,
                     continue
                 first = max(upper[s, before], upper[s, i], upper[s, after])
                 last = min(lower[s, before], lower[s, i], lower[s, after])
-                x = (u - cx) / fx
-                level = plane[0] * x + plane[2]
-                _add_column(nearness[u], int(first + 1.5), int(max(last - 0.5, 0.0)), ys, x, level, plane[1], off, sums)
+                near, x, n = nearness[u], (u - cx) / fx, 0
+                level, y_sum, yy_sum, w_sum, yw_sum, ww_sum = plane[0] * x + plane[2], 0.0, 0.0, 0.0, 0.0, 0.0
+                for v in range(int(first + 1.5), int(max(last - 0.5, 0.0))):
+                    w, y = near[v], ys[v]
+                    if abs(w - level - plane[1] * y) < off:
+                        n += 1
+                        y_sum += y
+                        yy_sum += y * y
+                        w_sum += w
+                        yw_sum += y * w
+                        ww_sum += w * w
+                _add_column(sums, x, n, y_sum, yy_sum, w_sum, yw_sum, ww_sum)
             if sums[0] >= 4 * size * size:
                 break
         square = solved_plane(sums, normals[s], covariances[s])
