@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from surfaces import LEG_HALF_M, frame_of
 
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import rotation_y
 from treadline.perception import _stair_map as stair_map
-from treadline.perception import _stair_map_kernels as point_kernels
+from treadline.perception._stair_shape import StairShape
+from treadline.perception._step_parts import Axes
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.plant.sensors.camera.solids import SceneBox, solids_of
 from treadline.scenario.chair import read_chair
@@ -39,13 +41,14 @@ def test_a_leg_on_a_step_is_in_the_way_of_a_chair_that_is_wide_enough(model: str
 @pytest.mark.parametrize(("depth_m", "height_m", "met"), [(1.5, 0.07, True), (2.6, 0.07, False), (2.6, 0.12, True)])
 def test_what_is_no_higher_than_an_edge_spreads_is_nothing(depth_m: float, height_m: float, met: bool) -> None:
     """Test: a strip some height above the nosing plane, near and far. Expected result: far away, a low one is an edge's blur."""
-    focal, rows = 285.0, np.arange(240)
+    camera = PinholeCamera(width_px=40, height_px=240, fx_px=285.0, fy_px=285.0, cx_px=20.0, cy_px=120.0)
     # The camera looks level along a plane 0.5 m below it; a strip stands upright on it.
-    above = 0.5 - (rows - 120.0) / focal * depth_m
+    above = 0.5 - (np.arange(240) - 120.0) / 285.0 * depth_m
     strip = np.where((above > height_m - 0.01) & (above < height_m), depth_m, np.nan)
-    depth = np.repeat(strip[:, None], 20, axis=1).astype(np.float32)
-    axes = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [0.0, -1.0, 0.0]])
-    found = point_kernels.points_above(
-        depth, 1, (focal, focal, 10.0, 120.0), axes, -0.5, -0.5, stair_map.CLEAR_M, stair_map.BLUR_RAD, 1.5, 0.0, 0.0, 9.0
-    )
-    assert bool(len(found)) is met
+    depth = np.repeat(strip[:, None], 40, axis=1).astype(np.float32)
+    frame = RgbdFrame(t_s=0.0, rgb=np.zeros((240, 40, 3), np.uint8), depth_m=depth, camera=camera)
+    sizes = dict.fromkeys(("rise_sigma_m", "run_sigma_m", "slope_sigma_rad", "plane_sigma_rad", "distance_m", "blind_m"), 0.0)
+    shape = StairShape(rise_m=0.0, run_m=0.3, slope_rad=0.0, direction="up", **sizes)
+    axes = Axes(ahead=np.array([0.0, 0.0, 1.0]), up=np.array([0.0, -1.0, 0.0]), right=np.array([1.0, 0.0, 0.0]))
+    points = [np.array([0.0, 0.5, ahead]) for ahead in (1.0, 9.0)]
+    assert bool(len(stair_map.standing_points(frame, points, axes, shape, ends=False))) is met

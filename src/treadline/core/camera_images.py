@@ -65,6 +65,20 @@ class PinholeCamera:
         x, y = (u - self.cx_px) / self.fx_px * depth_m, (v - self.cy_px) / self.fy_px * depth_m
         return np.stack(np.broadcast_arrays(x, y, depth_m), axis=-1)
 
+    def point_to_pixel(
+        self, points: Float[np.ndarray, "*shape 3"]
+    ) -> tuple[Float[np.ndarray, "*shape"], Float[np.ndarray, "*shape"]]:
+        """Return columns and rows of points in C [m], NaN for points that are not in the image."""
+        x, y, z = np.moveaxis(points, -1, 0)
+        with np.errstate(all="ignore"):
+            u, v = self.fx_px * x / z + self.cx_px, self.fy_px * y / z + self.cy_px
+        inside = (
+            (z > 0.0)
+            & (np.abs(2.0 * u + 1.0 - self.width_px) < self.width_px)
+            & (np.abs(2.0 * v + 1.0 - self.height_px) < self.height_px)
+        )
+        return np.where(inside, u, np.nan), np.where(inside, v, np.nan)
+
 
 MOUNT_FIELDS = ("mount_pitch_rad", "mount_roll_rad", "mount_yaw_rad", "mount_m", "sensor")
 """Fields of a ``PinholeCamera`` that the messages of a camera do not hold: its mount on the chair, and the kind of its sensor."""

@@ -4,72 +4,41 @@ Each pixel says something about the point at which its ray meets the ground's he
 if it lies higher or has no depth, nothing is known of that point. ``pinhole`` is fx, fy, cx, cy in pixels.
 """
 
-import math
 from typing import no_type_check
 
 import numpy as np
 
-from treadline.core.fma import dot
 from treadline.core.kernel_cache import njit
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def level_patches(depth, step, pinhole, axes, origin, furthest, cosine):
-    """Return distance, lateral position and height of level patches: pixels whose neighbours below and to the right lie level with them.
-
-    Args:
-        step: Distance of pixels and of neighbours [px].
-        axes: Rows: ahead, to the left and up, in C.
-        origin: Coordinates of the camera along these, from mid-track [m].
-        furthest: Largest distance ahead [m].
-        cosine: Least cosine of the angle between a patch's normal and up.
-    """
-    fx, fy, cx, cy = pinhole
-    rows, columns = depth.shape
-    found = np.empty(((rows // step + 1) * (columns // step + 1), 3))
-    count, points = 0, np.empty((3, 3))
-    for v in range(0, rows - step, step):
-        for u in range(0, columns - step, step):
-            for k in range(3):
-                i, j = v + step * (k == 1), u + step * (k == 2)
-                z = depth[i, j] if depth[i, j] > 0.0 else np.nan
-                points[k] = (j - cx) / fx * z, (i - cy) / fy * z, z
-            normal = np.cross(points[1] - points[0], points[2] - points[0])
-            if abs(dot(normal, axes[2])) > cosine * math.sqrt(dot(normal, normal)):
-                for k in range(3):
-                    found[count, k] = origin[k] + dot(points[0], axes[k])
-                count += found[count, 0] < furthest
-    return found[:count].copy()
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def scan(depth, step, pinhole, axes, origin, belts, start, half, clear, limits, seen, standing, cells):
+def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing):
     """Return where the ground ends in each image column, and count pixels of ground and of what stands on it.
 
     The height of the ground is followed from pixel to pixel with a limited slope, so that single pixels hardly move it.
 
     Args:
         step: Distance of two columns [px].
-        axes: Rows: ahead, to the left and up, in C.
-        origin: Coordinates of the camera along these, from mid-track and the level of the ground [m].
-        belts: Rows: direction of the belts and their normal in C, and the camera's coordinate; empty where both do not matter.
+        view: Directions ahead, to the left and up, as rows in C; coordinates of the camera along these, from mid-track and the
+            level of the ground [m]; direction of the belts and their normal, as rows in C, with the camera's coordinate, or no rows
+            where both do not matter.
         start: Distance and height at which the ground begins [m].
         half: Half of the swept width [m].
         clear: Least and largest height of what is in the way, above the ground and the belts [m].
-        limits: Largest slope of ground, least height of a drop [m], of which half is the tolerance of ground, and longest gap [m].
-        seen: Pixels of ground less those below it, by distance and lateral position.
-        standing: Pixels of what is in the way, by distance.
-        cells: Length of a cell of ``seen``, its width, and length of one of ``standing`` [m].
+        limits: Largest slope of ground; least height of a drop, of which half is the tolerance of ground; longest gap; length of a
+            cell [m].
+        seen: Pixels of ground less those below it, by cells along the way and strips of the swept width.
+        standing: Pixels of what is in the way, and their least distance, by cells along the way.
 
     Returns:
         For each column with ground: lateral position, last distance with ground and first one without [m], -1 if no end is seen.
     """
     fx, fy, cx, cy = pinhole
-    slope, drop, bridge = limits
+    axes, origin, belts = view
+    slope, drop, bridge, cell = limits
     rows, columns = depth.shape
-    furthest = min(len(seen) * cells[0], len(standing) * cells[2])
+    furthest, per_m = len(seen) * cell, 0.5 * seen.shape[1] / half
     ends, count = np.empty((columns // step + 1, 3)), 0
     for u in range(0, columns, step):
         x, is_open = (u - cx) / fx, True
@@ -91,16 +60,17 @@ def scan(depth, step, pinhole, axes, origin, belts, start, half, clear, limits, 
                     value = z * (belts[k, 0] * x + belts[k, 1] * y + belts[k, 2]) + belts[k, 3]
                     along, over = (min(far, value), over) if k == 0 else (along, value)
                 if over > clear[0] and along > 0.0:
-                    standing[int(along / cells[2])] += 1
+                    standing[int(along / cell), 0] += 1.0
+                    standing[int(along / cell), 1] = min(along, standing[int(along / cell), 1])
             slack = slope * max(far - base, 0.0)
             if not is_open:
                 continue
             if above > 0.5 * drop + slack:
                 # What rises from the ground bears as well; what stands in front of it does not touch it in this column.
-                if known >= 0.0 and known - cells[0] < far < min(known + bridge, furthest):
+                if known >= 0.0 and known - cell < far < min(known + bridge, furthest):
                     known = far
                     if within:
-                        seen[int(far / cells[0]), int((left + half) / cells[1])] += 1
+                        seen[int(far / cell), int((left + half) * per_m)] += 1
                 continue
             meets = (height - origin[2]) / up if up < 0.0 else np.inf
             crossing, crossing_left = origin[0] + meets * ahead, origin[1] + meets * aside
@@ -112,13 +82,13 @@ def scan(depth, step, pinhole, axes, origin, belts, start, half, clear, limits, 
             if not is_low:
                 known, through, place = max(known, far), -1.0, left
                 if within:
-                    seen[int(far / cells[0]), int((left + half) / cells[1])] += 1
+                    seen[int(far / cell), int((left + half) * per_m)] += 1
                 if far > base:
                     height += min(max(above, -slack), slack)
                     base = far
             elif above < -drop - slack:
                 if abs(crossing_left) < half:
-                    seen[int(crossing / cells[0]), int((crossing_left + half) / cells[1])] -= 1
+                    seen[int(crossing / cell), int((crossing_left + half) * per_m)] -= 1
                 if known >= 0.0 and through < 0.0:
                     through, place = crossing, crossing_left
         if known >= 0.0:

@@ -11,14 +11,8 @@ import numpy as np
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.signals import FrameQuality
 
-STRIDE_AT_240 = 8
-"""Subsampling for the statistics at 240 rows [px]: 1200 pixels, so fractions are accurate to a hundredth."""
-WHITE = 255.0
-"""Largest colour value."""
 ENOUGH = 0.4
 """Valid depth fraction above which colours are not evaluated."""
-UNASKED = (0.5, 0.25)
-"""Brightness and contrast reported without evaluation."""
 
 
 def quality_of(frame: RgbdFrame, obstacle_m: float | None = None) -> FrameQuality:
@@ -29,11 +23,12 @@ def quality_of(frame: RgbdFrame, obstacle_m: float | None = None) -> FrameQualit
     Args:
         obstacle_m: Distance from mid-track to the nearest obstacle on the ground in the frame [m]; None without one.
     """
-    stride = max(1, round(STRIDE_AT_240 * frame.camera.height_px / 240))
+    # 1200 pixels, so that fractions are accurate to a hundredth.
+    stride = max(1, round(frame.camera.height_px / 30))
     depths = frame.depth_m[::stride, ::stride]
     share = float(np.mean(np.isfinite(depths) & (depths > 0.0))) if depths.size else 0.0
     fingerprint = zlib.crc32(np.ascontiguousarray(frame.depth_m).data)
-    brightness, contrast = UNASKED
+    brightness, contrast = 0.5, 0.25  # of a frame whose colours are not evaluated
     if share < ENOUGH:
         brightness, contrast = _light_of(frame, stride)
         # Depth images without any return are identical; the colours still show a working camera.
@@ -50,5 +45,5 @@ def quality_of(frame: RgbdFrame, obstacle_m: float | None = None) -> FrameQualit
 
 def _light_of(frame: RgbdFrame, stride: int) -> tuple[float, float]:
     """Return mean and standard deviation of the colours, relative to white."""
-    colours = frame.rgb[::stride, ::stride].astype(np.float32)
-    return (float(colours.mean()) / WHITE, float(colours.std()) / WHITE) if colours.size else (0.0, 0.0)
+    colours = frame.rgb[::stride, ::stride].astype(np.float32) / np.iinfo(np.uint8).max
+    return (float(colours.mean()), float(colours.std())) if colours.size else (0.0, 0.0)

@@ -32,26 +32,23 @@ and the guard uses 1.9 m."""
 FLAT_RAD = 7.0 * DEG
 """Largest slope of ground [rad]: ramps of 1:12 have 4.8°; mount and gravity may be off by 2°."""
 DROP_M = 0.04
-"""Least height of a drop [m]: belts with a flat run of 0.95 m that tip over it about their middle pitch by 5°, as on a ramp."""
+"""Least height of a drop, and height range of one level [m]: belts with a flat run of 0.95 m that tip over it about their middle
+pitch by 5°, as on a ramp."""
 BRIDGE_M = 0.24
 """Longest gap in the ground [m], a quarter of the flat run: the belts bear before and behind it."""
-CELL_M, STRIPS, PLACE_M = 0.05, 8, 0.01
-"""Length of a cell of ground [m], number of strips over the swept width, each as wide as a belt, and resolution of an obstacle's
-distance [m]."""
-STRIPS_SEEN = 3 * STRIPS
-"""Number of strips in which ends are searched: the swept width and as much on either side."""
+CELL_M, STRIPS = 0.05, 8
+"""Length of a cell of ground [m], and number of strips over the swept width, each as wide as a belt."""
 COLUMNS, COLUMNS_PX = 160, 3
 """Number of image columns that are followed, and least number in a strip that show its end, half of those at 2 m."""
-EXTENSIONS = 3
-"""Number of fits that extend the line of an edge to columns whose ground ends on it."""
 HALF_WINDOW = 4.5 / 640.0
-"""Half of the matching window of a depth sensor, in image widths: surfaces grow or shrink by it at an edge. Kinect 1: 9 px of 640."""
+"""Half of the matching window of a depth sensor, in image widths: surfaces grow or shrink by it at an edge. A Kinect 1 has 9 px of
+640."""
 GRAVITY_SIGMA_RAD = 0.5 * DEG
 """Standard deviation of the direction of gravity [rad]."""
-LEVEL, LEVEL_BIN_M, LEVEL_SIZE_M = math.cos(20.0 * DEG), 0.03, (0.55, 1.0)
-"""Cosine of the largest angle between a level patch's normal and up, as noise tilts it at 2 m by 10°; range of heights of a level,
-and its least length ahead and width [m]: a tread is level too, and at most 0.52 m long, a suitcase's lid is narrower."""
-POINTS_AT_240 = 40
+LEVEL, LEVEL_SIZE_M = math.cos(20.0 * DEG), (0.55, 1.0)
+"""Cosine of the largest angle between a level patch's normal and up, as noise tilts it at 2 m by 10°; least length and width of a
+level [m]: a tread is level too, and at most 0.52 m long, a suitcase's lid is narrower."""
+POINTS = 40
 """Least number of patches of a level, and of points of an obstacle, of an image of 240 rows: a cube of ``CLEAR_M`` at 3 m."""
 
 
@@ -84,7 +81,7 @@ def ground_ahead(frame: RgbdFrame, gravity_C: Vector3, swept_half_m: float = SWE
     origin = axes @ R_BC.T @ np.array(camera.mount_m)
     lean_rad, start_m = math.atan2(float(R_BC[2] @ ahead), float(R_BC[2] @ up)), max(float(origin[0]), 0.0)
     is_level = abs(lean_rad) < FLAT_RAD
-    level_m = 0.0 if is_level else _level(frame, axes, origin, is_highest=way > 0.0)
+    level_m = 0.0 if is_level else _level_m(frame, axes, origin, is_highest=way > 0.0)
     ground = FreeGround(t_s=frame.t_s, view="front" if way > 0.0 else "rear", blind_m=RANGE_M, seen_m=RANGE_M)
     if level_m is None:
         return GroundProfile(free=ground, obstacle_m=None)
@@ -92,25 +89,23 @@ def ground_ahead(frame: RgbdFrame, gravity_C: Vector3, swept_half_m: float = SWE
     start = (start_m, -math.tan(lean_rad) * start_m) if is_level else (math.inf, 0.0)
     # Steps down to the floor are above the floor, but not above the belts; the top of an object leans towards the chair.
     belts = np.array([[*-R_BC[0], -camera.mount_m[0]], [*R_BC[2], camera.mount_m[2]]])[: 2 if way < 0.0 else 0]
-    seen, standing = np.zeros((round(FAR_M / CELL_M), STRIPS), np.int64), np.zeros(round(FAR_M / PLACE_M), np.int64)
+    cells = math.ceil(FAR_M / CELL_M)
+    seen, standing = np.zeros((cells, STRIPS), np.int64), np.column_stack([np.zeros(cells), np.full(cells, math.inf)])
     ends = kernels.scan(
         frame.depth_m,
         max(1, round(camera.width_px / COLUMNS)),
         camera.pinhole,
-        axes,
-        origin,
-        belts,
+        (axes, origin, belts),
         start,
         swept_half_m,
         (CLEAR_M, SWEPT_HEIGHT_M),
-        (math.tan(FLAT_RAD), DROP_M, BRIDGE_M),
+        (math.tan(FLAT_RAD), DROP_M, BRIDGE_M, CELL_M),
         seen,
         standing,
-        (CELL_M, 2.0 * swept_half_m / STRIPS, PLACE_M),
     )
     blind_m = min(blind_distance_m(camera, axes, origin, swept_half_m), RANGE_M)
     free = _ended(replace(ground, blind_m=blind_m, seen_m=_reached(seen, blind_m)), ends, camera, origin, swept_half_m)
-    return GroundProfile(free=free, obstacle_m=_obstacle(standing, camera))
+    return GroundProfile(free=free, obstacle_m=_obstacle_m(standing, camera.height_px))
 
 
 def blind_distance_m(camera: PinholeCamera, axes: Float[np.ndarray, "3 3"], origin: Vector3, half_m: float) -> float:
@@ -120,24 +115,28 @@ def blind_distance_m(camera: PinholeCamera, axes: Float[np.ndarray, "3 3"], orig
         axes: Rows: along the plane ahead, to the left and its normal, in C.
         origin: Coordinates of the camera along these, from the point from which distances count.
     """
-    far = np.arange(0.0, FAR_M, PLACE_M)
-    asides = np.repeat([-half_m, half_m], far.size)
-    x, y, z = axes.T @ (np.stack([np.tile(far, 2), asides, np.zeros(2 * far.size)]) - origin[:, None])
-    with np.errstate(all="ignore"):
-        u, v = camera.fx_px * x / z + camera.cx_px, camera.fy_px * y / z + camera.cy_px
-    inside = (z > 0.0) & (u > -0.5) & (u < camera.width_px - 0.5) & (v > -0.5) & (v < camera.height_px - 0.5)
-    both = inside[: far.size] & inside[far.size :]
-    return float(far[np.argmax(both)]) if both.any() else math.inf
+    far_m = np.linspace(0.0, FAR_M, 301)
+    points = np.array([np.column_stack([far_m, np.full(301, aside), np.zeros(301)]) for aside in (-half_m, half_m)]) - origin
+    columns, _ = camera.point_to_pixel(points @ axes)
+    seen = np.flatnonzero(np.isfinite(columns).all(axis=0))
+    return float(far_m[seen[0]]) if seen.size else math.inf
 
 
-def _level(frame: RgbdFrame, axes: Float[np.ndarray, "3 3"], origin: Vector3, *, is_highest: bool) -> float | None:
+def _level_m(frame: RgbdFrame, axes: Float[np.ndarray, "3 3"], origin: Vector3, *, is_highest: bool) -> float | None:
     """Return the height of the highest or lowest level that is wide enough to drive on [m]; None without one."""
     step = max(1, round(frame.camera.height_px / 60))
-    patches = kernels.level_patches(frame.depth_m, step, frame.camera.pinhole, axes, origin, FAR_M, LEVEL)
-    bins = np.floor(patches[:, 2] / LEVEL_BIN_M)
+    pixels = step * np.indices(frame.depth_m[::step, ::step].shape)
+    depth_m = np.where(frame.depth_m > 0.0, frame.depth_m, np.nan)[::step, ::step]
+    points = frame.camera.pixel_to_point(pixels[1], pixels[0], depth_m) @ axes.T
+    below, aside = points[1:, :-1] - points[:-1, :-1], points[:-1, 1:] - points[:-1, :-1]
+    with np.errstate(invalid="ignore"):
+        normals = np.cross(below, aside)
+        is_level = (np.abs(normals[..., 2]) > LEVEL * np.linalg.norm(normals, axis=-1)) & (points[:-1, :-1, 0] < FAR_M - origin[0])
+    patches = points[:-1, :-1][is_level] + origin
+    bins = np.floor(patches[:, 2] / DROP_M)
     for place in sorted(set(bins.tolist()), reverse=is_highest):
         here = (bins == place) | (bins == place + (-1.0 if is_highest else 1.0))
-        if here.sum() >= POINTS_AT_240 and (np.ptp(patches[here, :2], axis=0) > LEVEL_SIZE_M).all():
+        if here.sum() >= POINTS and (np.ptp(patches[here, :2], axis=0) > LEVEL_SIZE_M).all():
             return float(np.median(patches[here, 2]))
     return None
 
@@ -159,19 +158,19 @@ def _ended(ground: FreeGround, ends: Float[np.ndarray, "n 3"], camera: PinholeCa
     """
     in_range = replace(ground, seen_m=min(ground.seen_m, RANGE_M))
     strips = np.floor((ends[:, 0] + 3.0 * half_m) / (2.0 * half_m) * STRIPS)
-    ends, strips = ends[(strips >= 0.0) & (strips < STRIPS_SEEN)], strips[(strips >= 0.0) & (strips < STRIPS_SEEN)].astype(np.int64)
+    ends, strips = ends[(strips >= 0.0) & (strips < 3 * STRIPS)], strips[(strips >= 0.0) & (strips < 3 * STRIPS)].astype(np.int64)
     places_m, shows = ends[:, 1], ends[:, 2] >= 0.0
     shown_m, shown = _medians(strips[shows], places_m[shows])
-    reach = np.bincount(strips[places_m > shown_m[strips] - BRIDGE_M], minlength=STRIPS_SEEN)
+    reach = np.bincount(strips[places_m > shown_m[strips] - BRIDGE_M], minlength=3 * STRIPS)
     evident = (shown >= COLUMNS_PX) & (shown > 0.5 * reach)
-    inside = np.arange(STRIPS_SEEN) // STRIPS == 1
+    inside = np.arange(3 * STRIPS) // STRIPS == 1
     if not evident.any() or origin[2] <= 0.0:
         return in_range
-    middles_m = ((np.arange(STRIPS_SEEN) + 0.5) / STRIPS * 2.0 - 3.0) * half_m
+    middles_m = ((np.arange(3 * STRIPS) + 0.5) / STRIPS * 2.0 - 3.0) * half_m
     line = _line(middles_m, shown_m, evident) or _line(middles_m, shown_m, evident & inside)
     if line is not None:
         all_m, count = _medians(strips, places_m)
-        for _ in range(EXTENSIONS):
+        for _ in range(3):  # along the edge, as the line becomes better
             edge = (np.abs(all_m - line(middles_m)) < CELL_M) & (count >= COLUMNS_PX)
             line = _line(middles_m, all_m, edge) or line
         sides_m = np.concatenate([middles_m[edge & inside] - half_m / STRIPS, middles_m[edge & inside] + half_m / STRIPS])
@@ -195,7 +194,7 @@ def _medians(
 ) -> tuple[Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
     """Return the median place of each strip, infinite without any, and the number of its columns."""
     order = np.lexsort((places_m, strips))
-    count = np.bincount(strips, minlength=STRIPS_SEEN)
+    count = np.bincount(strips, minlength=3 * STRIPS)
     middle = np.minimum(np.cumsum(count) - (count + 1) // 2, max(len(order) - 1, 0))
     return np.where(count > 0, places_m[order][middle] if len(order) else math.inf, math.inf), count
 
@@ -211,9 +210,8 @@ def _line(x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], chosen: Bool[n
     return line if np.all(np.abs(y - line(x)) < CELL_M) else None
 
 
-def _obstacle(standing: Int[np.ndarray, " n"], camera: PinholeCamera) -> float | None:
+def _obstacle_m(standing: Float[np.ndarray, "n 2"], rows: int) -> float | None:
     """Return the distance to the nearest cluster of points [m]; None without one."""
-    within = round(CLEAR_M / PLACE_M)
-    crowds = np.convolve(standing, np.ones(within, np.int64))[within - 1 :] >= POINTS_AT_240 * camera.height_px / 240
-    first = np.flatnonzero(crowds & (standing > 0))
-    return float(first[0]) * PLACE_M if first.size else None
+    count = standing[:, 0] + np.append(standing[1:, 0], 0.0)
+    first = np.flatnonzero((standing[:, 0] > 0.0) & (count >= POINTS * rows / 240))
+    return float(standing[first[0], 1]) if first.size else None
