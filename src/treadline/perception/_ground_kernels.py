@@ -43,6 +43,7 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
     for u in range(0, columns, step):
         x, is_open = (u - cx) / fx, True
         base, height = start
+        lowest = height
         known, through, place = -1.0, -1.0, 0.0
         for v in range(rows - 1, -1, -1):
             z = depth[v, u]
@@ -85,8 +86,8 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
                     seen[int(far / cell), int((left + half) * per_m)] += 1
                 if far > base:
                     height += min(max(above, -slack), slack)
-                    base = far
-            elif above < -drop - slack:
+                    base, lowest = far, min(lowest, height)
+            elif above < lowest - height - drop - slack:  # back from a ramp to the level before it is no drop
                 if abs(crossing_left) < half:
                     seen[int(crossing / cell), int((crossing_left + half) * per_m)] -= 1
                 if known >= 0.0 and through < 0.0:
