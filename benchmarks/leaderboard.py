@@ -15,8 +15,8 @@ from perception_cases import percent
 from scenes.known_answers import CONDITIONS, FRAMES_PER_CONDITION, write_benchmark
 from scenes.scores import LEAST_SHARE, HeadingResult, HeadingScores, read_results, read_truth, score
 
+from treadline.io.frames.evaluation import FrameEvaluator
 from treadline.io.frames.sources import read_frames
-from treadline.perception.frame_evaluation import FrameEvaluator
 
 REJECTED = HeadingResult(heading_deg=None)
 LABELS = ("treadline", "Algorithm 1 as printed", "Algorithm 1 less 90°")

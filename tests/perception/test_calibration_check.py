@@ -11,7 +11,7 @@ from scenes import RecordedDrive, View, ViewRecipe
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_z
 from treadline.perception import StairDetector
-from treadline.perception._calibration_check import CalibrationCheck
+from treadline.perception.calibration_check import CalibrationCheck
 
 FRAMES = 6
 

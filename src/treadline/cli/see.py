@@ -15,7 +15,7 @@ from treadline.core.errors import SettingsError
 
 if TYPE_CHECKING:
     from treadline.core.camera_images import FrameSource
-    from treadline.perception.frame_evaluation import FrameEvaluator
+    from treadline.io.frames.evaluation import FrameEvaluator
 
 MANY = 20
 """Number of frames above which progress is shown."""
@@ -129,8 +129,8 @@ def see(
 def _answer(frames: "FrameSource", method: Any, rule: Any, headings: Path | None, out: Path | None) -> Answer:
     """Evaluate the frames of a source; a single frame answers for itself, several with a summary."""
     from treadline.core.camera_images import SeveralFrames
+    from treadline.io.frames.evaluation import FrameEvaluator
     from treadline.io.frames.results import Summary, heading_table
-    from treadline.perception.frame_evaluation import FrameEvaluator
 
     evaluator, summary, seen = FrameEvaluator(method, rule), Summary(), list[dict[str, Any]]()
     with ExitStack() as stack:
@@ -211,10 +211,10 @@ def _see_live(
     """
     from treadline.core.camera_images import gravity_of
     from treadline.core.processes import Terminated, deferred
+    from treadline.io.frames.evaluation import FrameEvaluator, write_seen
     from treadline.io.frames.results import Summary, heading_table
     from treadline.io.live import camera_by_name
     from treadline.io.live.stream import LiveFrames
-    from treadline.perception.frame_evaluation import FrameEvaluator, write_seen
     from treadline.scenario.camera_file import read_camera
 
     check_times(seconds=seconds)

@@ -113,5 +113,5 @@ def test_clouds_of_a_folder_with_poses_add_up_to_one_frame(tmp_path: Path) -> No
     np.testing.assert_allclose(np.nanmedian(named.frame.depth_m), 2.0, atol=0.01)
     np.testing.assert_allclose(named.gravity_C, named.frame.camera.R_BC.T @ [0.0, 0.0, -1.0], atol=1e-9)
     (tmp_path / "poses.csv").write_text("name,x,y,z,roll,pitch,yaw\na.pcd,0,0,0.5,0,0,0\n")
-    with pytest.raises(ImageError, match="no pose of b.pcd; give one row a cloud"):
+    with pytest.raises(ImageError, match=r"no pose of b\.pcd; give one row a cloud"):
         read_frames(tmp_path)

@@ -15,8 +15,8 @@ from treadline.core.camera_images import NamedFrame, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
 from treadline.io.frames import read_frames
 from treadline.io.frames._recorded_frames import FramesOfLog
+from treadline.io.frames.evaluation import FrameEvaluator
 from treadline.io.frames.point_cloud import FrameOptions
-from treadline.perception.frame_evaluation import FrameEvaluator
 
 RATE_HZ = 30.0
 ENDINGS = [".mcap", ".bag", ""]

@@ -11,7 +11,7 @@ from jaxtyping import UInt8
 from treadline.core.angles import DEG, radians_hint
 from treadline.core.camera_images import NamedFrame, RgbdFrame
 from treadline.core.errors import ImageError
-from treadline.perception._calibration_check import CalibrationCheck
+from treadline.perception.calibration_check import CalibrationCheck
 from treadline.perception.detection import StairDetection, refused
 from treadline.perception.detector import DetectorConfig, StairDetector
 from treadline.perception.overlay import overlay
