@@ -12,6 +12,7 @@ from treadline.core.camera_images import DepthSensor
 from treadline.perception import StairDetector
 from treadline.perception._irregularity import pooled_mean
 from treadline.perception._lattice_kernels import best_lattice
+from treadline.perception._plane_segmentation_kernels import block_fits, cells_of
 from treadline.perception._stair_shape import Placed, spacing
 from treadline.perception._step_parts import seed_points
 from treadline.perception.plane_segmentation import BLOCK_RESIDUAL, noise_of, surface_blocks
@@ -191,12 +192,10 @@ def test_rise_and_run_far_away_are_in_their_intervals(sensor: str, distance_m: f
 @pytest.mark.parametrize(("noise_px", "low", "high"), [(0.055, 1.0, 1.0), (0.15, 1.4, 2.6), (0.6, 3.0, 3.0)])
 def test_noise_of_a_frame_scales_its_thresholds(noise_px: float, low: float, high: float) -> None:
     """Test: white disparity noise on a plane; 0.16 px is a block's limit. Expected result: 1 for a Kinect, 2.2 times the ratio."""
-    from treadline.perception import _plane_segmentation_kernels as surface_kernels
-
     rng = np.random.default_rng(3)
     nearness = 0.5 + BLOCK_RESIDUAL * noise_px / 0.16 * rng.standard_normal((240, 320))
-    _, cells, _ = surface_kernels.cells_of((1.0 / nearness).astype(np.float32), 4, (285.0, 285.0, 159.5, 119.5), 0.4, 4.5)
-    noise, window_px = noise_of(surface_kernels.block_fits(cells, 0.6 * 16))
+    _, cells, _ = cells_of((1.0 / nearness).astype(np.float32), 4, (285.0, 285.0, 159.5, 119.5), 0.4, 4.5)
+    noise, window_px = noise_of(block_fits(cells, 0.6 * 16))
     assert low <= noise <= high
     # White noise; cells of 16 pixels show its correlation to 0.3 px.
     assert window_px < 1.3
