@@ -57,6 +57,8 @@ class Finding:
     sigma_rad: float
     swept_half_m: float | None
     """Half width of the volume swept by the chair [m]; None if no chair is known."""
+    least_levels: int
+    """Least number of evenly spaced treads."""
 
 
 def refusal_of(finding: Finding) -> str | None:
@@ -88,6 +90,16 @@ def _unfit_size(finding: Finding) -> str | None:
             )
     if shape.slope_rad > SLOPE_LIMIT:
         return f"the flight is too steep: {shape.slope_rad / DEG:.0f}°, at most {SLOPE_LIMIT / DEG:.0f}°; {steps}"
+    return None
+
+
+def _unlevelled(finding: Finding) -> str | None:
+    levels, least = finding.flight.levels, finding.least_levels
+    if levels < least:
+        return f"gravity is not known: {levels} evenly spaced level(s) in view, {least} needed in its place"
+    # Furniture seen from the front looks like a falling flight seen from straight above.
+    if least and finding.flight.direction == "down":
+        return "gravity is not known: what may be a falling flight may be furniture seen from the front"
     return None
 
 
@@ -145,6 +157,7 @@ def _too_narrow(finding: Finding) -> str | None:
 
 
 RULES: tuple[Callable[[Finding], str | None], ...] = (
+    _unlevelled,
     _winding,
     _unfit_size,
     _turned_away,

@@ -24,7 +24,9 @@ STEEPEST = 1.75
 USUAL_RISE_M, USUAL_RUN_M = (0.17, 0.035), (0.29, 0.06)
 """Mean and standard deviation of rise and run of usual steps [m]: building codes allow rises of 0.10 to 0.22 m, homes have up to
 0.24 m; codes ask for runs of 0.22 to 0.35 m, gardens have up to 0.45 m."""
-ANY_RISE_M, ANY_RUN_M = (0.30, 0.14), (0.70, 0.35)
+ANY_RISE_M, ANY_RUN_M = (
+    (sum(limits) / len(limits), (limits[1] - limits[0]) / math.sqrt(12)) for limits in (SEARCHED_RISE_M, SEARCHED_RUN_M)
+)
 """Mean and standard deviation of rise and run of other steps [m]: those of uniform distributions over the searched ranges."""
 UNUSUAL = 0.05
 """Prior probability of a flight of other than usual size: stands, terraces, climbing frames."""
@@ -63,7 +65,7 @@ FITS = 2
 """Number of fits of a lattice to its parts."""
 NONE = -1000
 """Step number of a part outside the lattice."""
-LOG_2PI = math.log(2.0 * math.pi)
+LOG_2PI = math.log(math.tau)
 UNUSUAL_LOG_ODDS = math.log(UNUSUAL / (1.0 - UNUSUAL))
 
 

@@ -35,9 +35,9 @@ from treadline.perception.plane_segmentation import PlanarBlocks, Surface, reduc
 
 HALF = 0.5
 """Valid depth fraction below which a refusal names missing depth as the cause, instead of missing planes."""
-LOOKING_AHEAD = (5.0 * DEG, 70.0 * DEG)
-"""Range of camera pitch for gravity from treads [rad]: nearer to horizontal, treads vanish; nearer to straight down, a wall seen
-from the front and a floor seen from above are indistinguishable."""
+LOOKING_AHEAD, LOOKING_DOWN, LEVELS = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG), 3
+"""Ranges of camera pitch for gravity from treads [rad]: nearer to horizontal, treads vanish; nearer to straight down, where a wall
+seen from the front and a floor seen from above are alike, more levels must be evenly spaced."""
 GRAVITY_SIGMA, TREADS_SIGMA = 0.5 * DEG, 3.0 * DEG
 """Standard deviation of gravity from the IMU, and from treads [rad]."""
 TREADS_LEAST = 2
@@ -72,6 +72,8 @@ class _Down:
     reference: Vector3
     """Reference for the tilt of edges and treads, with its standard deviation."""
     sigma_rad: float
+    least_levels: int
+    """Least number of evenly spaced tread levels: higher for an uncertain direction."""
 
 
 def detect_stair(
@@ -94,10 +96,12 @@ def detect_stair(
     search.watch.lap("blocks")
     if gravity_C is not None:
         return search.with_imu(blocks, gravity_C)
-    guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
-    if guess is None:
-        return refused("gravity is not known, and no treads show it")
-    return search.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), blocks)
+    sight = refused("gravity is not known, and no treads show it")
+    for pitch_rad, least_levels in ((LOOKING_AHEAD, 0), (LOOKING_DOWN, LEVELS)):
+        guess = down_of_treads(blocks.unit, pitch_rad)
+        if guess is not None and not sight.accepted:
+            sight = search.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=least_levels), blocks)
+    return sight
 
 
 def _too_few(blocks: PlanarBlocks, depth_m: Float32[np.ndarray, "h w"]) -> str:
@@ -132,14 +136,16 @@ class _Search:
         if not (np.isfinite(length) and length > 0.0):
             return refused(f"gravity is not a direction but ({', '.join(f'{part:g}' for part in gravity_C)})")
         imu_down = gravity_C / length
-        down = _Down(direction=levelled(imu_down, blocks.unit, UPRIGHT), reference=imu_down, sigma_rad=GRAVITY_SIGMA)
+        down = _Down(
+            direction=levelled(imu_down, blocks.unit, UPRIGHT), reference=imu_down, sigma_rad=GRAVITY_SIGMA, least_levels=0
+        )
         sight = self.under(down, blocks)
         if sight.parts is not None and len(sight.parts.treads) >= TREADS_LEAST:
             return sight
         guess = down_of_treads(blocks.unit, LOOKING_AHEAD)
         if guess is None or float(guess @ imu_down) > np.cos(UPRIGHT):
             return sight
-        other = self.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA), blocks)
+        other = self.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=0), blocks)
         treads = () if other.parts is None else other.parts.treads
         normals = np.array([np.copysign(1.0, tread.unit @ guess) * tread.unit for tread in treads]).reshape(-1, 3)
         off = off_gravity(normals, imu_down)
@@ -220,6 +226,7 @@ class _Search:
                 heading_rad=heading,
                 sigma_rad=sigma,
                 swept_half_m=self.swept_half_m,
+                least_levels=down.least_levels,
             )
         )
         if cause is not None:
