@@ -62,14 +62,15 @@ AS_DRAWN = 0.1
 
 
 def _grid() -> tuple[Float[np.ndarray, "g 4"], Float[np.ndarray, " g"], Float[np.ndarray, "g 4"]]:
-    """Return the sizes of rotation, tilt, warp and motion, the last none at all, their log prior, and those of one warp.
+    """Return the sizes of rotation, tilt, warp and motion, the last none at all, their log prior, and a coarser grid of one warp.
 
     Any logarithm of an irregularity is as likely, and any warp.
     """
     uneven = np.column_stack([sizes.ravel() for sizes in np.meshgrid(ANGLES, ANGLES, WARPS_PX, 1.0, indexing="ij")])
     sizes = np.vstack([uneven, [0.01 * ANGLES[0], 0.01 * ANGLES[0], 0.01 * WARPS_PX[0], 0.0]])
     belief = (1.0 - AS_DRAWN) * uneven[:, 2] / uneven[:, 2].sum()
-    return sizes, np.log([*belief, AS_DRAWN]), uneven[uneven[:, 2] == WARPS_PX[1]]
+    coarse = np.isin(uneven[:, :2], ANGLES[::2]).all(axis=1) & (uneven[:, 2] == WARPS_PX[1])
+    return sizes, np.log([*belief, AS_DRAWN]), uneven[coarse]
 
 
 SIZES, LOGS, COARSE = _grid()

@@ -29,7 +29,7 @@ from treadline.perception._step_parts import Axes, Direction, Flight, axes_about
 from treadline.perception.free_ground import blind_distance_m
 from treadline.perception.plane_segmentation import Ends, PlanarBlocks, Surface
 
-IRREGULAR_M = np.geomspace(0.0005, 0.015, 6)
+IRREGULAR_M = np.geomspace(0.0005, 0.015, 4)
 """Grid of the standard deviations of single steps from the lattice, and of single spacings [m]: from cast steps to worn ones."""
 USUAL_M = 0.0031
 """Standard deviation at which the prior of the irregularity is halved [m], decreasing beyond: the largest and the smallest of ten

@@ -201,7 +201,11 @@ def _virtual_camera(x: Float64[np.ndarray, " n"], y: Float64[np.ndarray, " n"]) 
     (left, right), (top, bottom) = (np.percentile(ratio, (0.5, 99.5)) for ratio in (x, y))
     wide, high = max(float(right - left), 1e-3), max(float(bottom - top), 1e-3)
     focal, largest = COARSEST_PX / max(wide, high), LARGEST_PX / max(wide, high)
-    while focal * FINER <= largest and _share_filled((x - left) * focal * FINER, (y - top) * focal * FINER) >= FILLED:
+    # Headings reach 45°; further aside a pinhole camera stretches the rows of a lidar.
+    aside = np.maximum(np.abs(x), np.abs(y))
+    near = aside <= max(1.0, float(np.median(aside)))
+    u, v = x[near] - left, y[near] - top
+    while focal * FINER <= largest and _share_filled(u * focal * FINER, v * focal * FINER) >= FILLED:
         focal *= FINER
     return PinholeCamera(
         width_px=max(16, int(np.ceil(focal * wide))),
