@@ -8,7 +8,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import rotation_z
-from treadline.perception.plane_segmentation import Ends, Line, Surface
+from treadline.perception._plane_segmentation import Ends, Line, Surface
 from treadline.plant.sensors.camera import Camera
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair

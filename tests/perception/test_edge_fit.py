@@ -11,9 +11,9 @@ from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_y, rotation_z
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._gravity_direction import down_of_treads
+from treadline.perception._plane_segmentation import Line, Surface
 from treadline.perception._step_parts import NosingObservation, Tread, level_axes
 from treadline.perception._winding import turn_per_step
-from treadline.perception.plane_segmentation import Line, Surface
 
 DOWN = np.array([0.0, 1.0, 0.0])
 TRUE_EDGE = rotation_y(20.0 * DEG) @ np.array([1.0, 0.0, 0.0])

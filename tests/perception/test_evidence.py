@@ -12,10 +12,10 @@ from treadline.core.camera_images import DepthSensor
 from treadline.perception import StairDetector
 from treadline.perception._irregularity import pooled_mean
 from treadline.perception._lattice_kernels import best_lattice
+from treadline.perception._plane_segmentation import BLOCK_RESIDUAL, noise_of, surface_blocks
 from treadline.perception._plane_segmentation_kernels import block_fits, cells_of
 from treadline.perception._stair_shape import Placed, spacing
 from treadline.perception._step_parts import seed_points
-from treadline.perception.plane_segmentation import BLOCK_RESIDUAL, noise_of, surface_blocks
 
 # Literals, so that a changed value in the code is noticed here.
 EVIDENCE = 5.0

@@ -13,8 +13,8 @@ from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_z
 from treadline.perception import StairDetector
 from treadline.perception._form import LateralEnds, lateral_ends_of, narrower_by_m, sides_of
+from treadline.perception._plane_segmentation import surface_blocks
 from treadline.perception._step_parts import Axes
-from treadline.perception.plane_segmentation import surface_blocks
 
 
 def test_sides_are_where_the_flight_ends() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from surfaces import CAMERA, ends_at, surface
 
-from treadline.perception.plane_segmentation import Line
+from treadline.perception._plane_segmentation import Line
 
 FIRST, LAST, SLOPE = 150, 280, 0.05
 

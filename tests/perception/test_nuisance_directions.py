@@ -11,7 +11,7 @@ from surfaces import CAMERA, ends_at, line_between, surface
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_y
 from treadline.perception._nuisance import turns_of_lines, turns_of_surfaces
-from treadline.perception.plane_segmentation import End, surface_blocks
+from treadline.perception._plane_segmentation import End, surface_blocks
 
 # Literals, so that a changed value in the code is noticed here.
 RATE_RAD_S = 8.0 * DEG

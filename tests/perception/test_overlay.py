@@ -5,8 +5,8 @@ from scenes.recipe import ViewRecipe
 from scenes.views import View, draw_view
 
 from treadline.perception import StairDetector
-from treadline.perception.overlay import ends_of, overlay
-from treadline.perception.plane_segmentation import Surface
+from treadline.perception._plane_segmentation import Surface
+from treadline.perception.overlay import overlay
 
 # Literals, so that a changed value in the code is noticed here.
 BAND_PX = 66
@@ -42,7 +42,7 @@ def test_nosings_are_drawn_no_further_than_they_are_seen() -> None:
     assert sight.box_px is not None
     camera = view.frame.camera
     for nosing in sight.parts.flight:
-        ends = ends_of(nosing, sight.axes.edge_C, sight.parts.aside)
+        ends = nosing.ends_m(sight.axes.edge_C, sight.parts.aside)
         np.testing.assert_allclose(ends @ sight.parts.aside, nosing.sides_m)
         np.testing.assert_allclose(np.cross(ends - nosing.point, sight.axes.edge_C), 0.0, atol=1e-12)
         u = camera.fx_px * ends[:, 0] / ends[:, 2] + camera.cx_px

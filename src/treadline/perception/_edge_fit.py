@@ -25,8 +25,8 @@ from treadline.perception._irregularity import posterior_weights
 from treadline.perception._nuisance import SIZES as WARPS
 from treadline.perception._nuisance import reach_of, turns_of_lines, turns_of_surfaces
 from treadline.perception._nuisance_kernels import normal_equations
+from treadline.perception._plane_segmentation import Surface
 from treadline.perception._step_parts import Axes, NosingObservation, axes_about
-from treadline.perception.plane_segmentation import Surface
 
 ANGLES = np.geomspace(0.03 * DEG, 1.0 * DEG, 4)
 """Grid of the standard deviations of step irregularity, about the vertical and from horizontal [rad]: 0.5 to 17 mm over a

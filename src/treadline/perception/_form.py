@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float, Int
 from treadline.core.camera_images import BASELINES_M, PinholeCamera
 from treadline.perception import _form_kernels as form_kernels
 from treadline.perception._irregularity import pooled_mean
+from treadline.perception._plane_segmentation import JUMP, Ends, PlanarBlocks, Surface
 from treadline.perception._step_parts import Axes
-from treadline.perception.plane_segmentation import JUMP, Ends, PlanarBlocks, Surface
 
 SideKind = Literal["wall", "open"]
 """What follows beyond the side of a flight."""

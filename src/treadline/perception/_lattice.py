@@ -17,6 +17,7 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 from treadline.perception._lattice_kernels import ANY_RISE_M, ANY_RUN_M, SEARCHED_RISE_M, USUAL_RISE_M, USUAL_RUN_M, best_lattice
+from treadline.perception._plane_segmentation import TURN_LIMIT, PlanarBlocks, Surface, surfaces_along
 from treadline.perception._step_parts import (
     LEAST_LEVER,
     Axes,
@@ -32,7 +33,6 @@ from treadline.perception._step_parts import (
     tread_of,
     tread_rows,
 )
-from treadline.perception.plane_segmentation import TURN_LIMIT, PlanarBlocks, Surface, surfaces_along
 
 UPRIGHT = 18.0 * DEG
 """Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""

@@ -16,7 +16,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera
-from treadline.perception.plane_segmentation import DISPARITY_PX_M, Line, Surface
+from treadline.perception._plane_segmentation import DISPARITY_PX_M, Line, Surface
 
 ORDER = 3
 """Largest order of the Legendre terms, down and across the image."""

@@ -25,13 +25,13 @@ from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._form import bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
 from treadline.perception._gravity_direction import down_of_treads, levelled, off_gravity
 from treadline.perception._lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scene_of
+from treadline.perception._plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
 from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Flight, viewing_direction
 from treadline.perception._winding import turn_per_step
 from treadline.perception.detection import Parts, StairDetection, refused
 from treadline.perception.free_ground import SWEPT_HALF_M
-from treadline.perception.plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
 
 HALF = 0.5
 """Valid depth fraction below which a refusal names missing depth as the cause, instead of missing planes."""

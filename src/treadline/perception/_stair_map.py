@@ -15,10 +15,10 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
 from treadline.perception._form import Side
+from treadline.perception._plane_segmentation import PlanarBlocks
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import Axes, NosingObservation, viewing_direction
 from treadline.perception.free_ground import CELL_M, POINTS, SWEPT_HEIGHT_M
-from treadline.perception.plane_segmentation import PlanarBlocks
 
 SIDE_WALL = 15.0 * DEG
 """Largest angle between the normal of a side wall and the edge direction [rad]."""

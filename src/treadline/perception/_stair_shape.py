@@ -25,9 +25,9 @@ from treadline.perception._lattice_kernels import (
 )
 from treadline.perception._nuisance import stretch_of
 from treadline.perception._nuisance_kernels import normal_equations
+from treadline.perception._plane_segmentation import Ends, PlanarBlocks, Surface
 from treadline.perception._step_parts import Axes, Direction, Flight, axes_about, riser_rows, tread_rows
 from treadline.perception.free_ground import blind_distance_m
-from treadline.perception.plane_segmentation import Ends, PlanarBlocks, Surface
 
 IRREGULAR_M = np.geomspace(0.0005, 0.015, 4)
 """Grid of the standard deviations of single steps from the lattice, and of single spacings [m]: from cast steps to worn ones."""

@@ -16,7 +16,7 @@ from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Rotation, Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
-from treadline.perception.plane_segmentation import Ends, Line, PlanarBlocks, Surface
+from treadline.perception._plane_segmentation import Ends, Line, PlanarBlocks, Surface
 
 TREAD_SIGMA_M, FRONT_SIGMA_M, CORNER_SIGMA_M = 0.007, 0.008, 0.010
 """Standard deviations of a tread's height, of its front and of an end next to another surface [m], near the camera: a plane of a
@@ -100,6 +100,15 @@ class NosingObservation:
     def has_direction(self) -> bool:
         """Whether the nosing determines the edge direction."""
         return self.riser is not None or bool(self.lines)
+
+    def ends_m(self, edge: Vector3, aside: Vector3) -> Float[np.ndarray, "2 3"]:
+        """Return the first and last visible point along an edge direction, in C [m].
+
+        Args:
+            aside: Unit vector of ``sides_m``.
+        """
+        along = (np.array(self.sides_m) - float(self.point @ aside)) / float(edge @ aside)
+        return np.asarray(self.point + along[:, None] * edge)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

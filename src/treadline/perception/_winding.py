@@ -7,8 +7,8 @@ import numpy as np
 
 from treadline.core.angles import DEG
 from treadline.core.arrays import cross
+from treadline.perception._plane_segmentation import Line, Surface
 from treadline.perception._step_parts import Axes, Tread
-from treadline.perception.plane_segmentation import Line, Surface
 
 WEDGE, ALIKE = 5.0 * DEG, 6.0 * DEG
 """Least angle between front and back of a wedge-shaped tread [rad], and largest difference between two treads of one flight: treads

@@ -15,8 +15,8 @@ import numpy as np
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Vector3
+from treadline.perception._plane_segmentation import Surface
 from treadline.perception.detection import StairDetection
-from treadline.perception.plane_segmentation import Surface
 
 LEAST_FRAMES = 5
 """Fewest frames of a finding: the median of five has two outliers to spare."""

@@ -11,9 +11,9 @@ from treadline.core.camera_images import StairAxes
 from treadline.core.printing import Printable
 from treadline.core.rotations import Vector3
 from treadline.core.signals import StairMap
+from treadline.perception._plane_segmentation import PlanarBlocks, Surface
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import NosingObservation
-from treadline.perception.plane_segmentation import PlanarBlocks, Surface
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

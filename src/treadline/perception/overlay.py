@@ -8,10 +8,8 @@ from jaxtyping import Float, UInt8
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
-from treadline.core.rotations import Vector3
-from treadline.perception._step_parts import NosingObservation
+from treadline.perception._plane_segmentation import Surface
 from treadline.perception.detection import StairDetection
-from treadline.perception.plane_segmentation import Surface
 
 Picture = UInt8[np.ndarray, "h w 3"]
 
@@ -45,7 +43,7 @@ def overlay(frame: RgbdFrame, sight: StairDetection) -> Picture:
     picture = cv2.resize(picture, (WIDTH_PX, round(frame.camera.height_px * scale)), interpolation=cv2.INTER_LINEAR)
     if sight.parts is not None and sight.axes is not None:
         for nosing in sight.parts.flight:
-            _line(picture, frame.camera, ends_of(nosing, sight.axes.edge_C, sight.parts.aside), scale)
+            _line(picture, frame.camera, nosing.ends_m(sight.axes.edge_C, sight.parts.aside), scale)
     canvas = np.zeros((picture.shape[0] + BAND_PX, WIDTH_PX, 3), dtype=np.uint8)
     canvas[: picture.shape[0]] = picture
     for number, (line, kind) in enumerate(_words(sight), start=1):
@@ -56,15 +54,11 @@ def overlay(frame: RgbdFrame, sight: StairDetection) -> Picture:
     return canvas
 
 
-def jpeg(picture: Picture) -> bytes:
-    """Return a picture as a JPEG file."""
-    _, data = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+def as_jpeg(picture: Picture, width_px: int | None = None) -> bytes:
+    """Return a picture as a JPEG file, scaled to a width if one is given."""
+    scaled = picture if width_px is None else _resized(picture, width_px)
+    _, data = cv2.imencode(".jpg", cv2.cvtColor(scaled, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return bytes(data)
-
-
-def as_jpeg(picture: Picture, width_px: int) -> bytes:
-    """Return a picture as a JPEG file, scaled to a width."""
-    return jpeg(_resized(picture, width_px))
 
 
 def from_jpeg(data: bytes, width_px: int) -> Picture:
@@ -76,16 +70,6 @@ def from_jpeg(data: bytes, width_px: int) -> Picture:
 def _resized(picture: Picture, width_px: int) -> Picture:
     size = width_px, round(width_px * picture.shape[0] / picture.shape[1])
     return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-
-
-def ends_of(nosing: NosingObservation, edge: Vector3, aside: Vector3) -> Float[np.ndarray, "2 3"]:
-    """Return the first and last visible point of an edge along the estimated direction.
-
-    Args:
-        aside: Unit vector of the nosing's lateral range.
-    """
-    along = (np.array(nosing.sides_m) - float(nosing.point @ aside)) / float(edge @ aside)
-    return np.asarray(nosing.point + along[:, None] * edge)
 
 
 def _words(sight: StairDetection) -> list[tuple[str, str]]:

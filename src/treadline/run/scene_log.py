@@ -47,7 +47,7 @@ from treadline.mission import Detection, Detector
 from treadline.mission.loop import Signal
 from treadline.mission.odometry import DeadReckoning, Odometry
 from treadline.perception.detector import FrameResult
-from treadline.perception.overlay import jpeg, overlay
+from treadline.perception.overlay import as_jpeg, overlay
 from treadline.scenario.chair import CameraMount, ChairDescription
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import LINKAGE_BODIES, chair_parts, colour, resting_lugs, stair_parts
@@ -166,7 +166,7 @@ class SceneLog:
         """Write the image with the detection of a frame whose images are kept."""
         self._flush()
         if frame.t_s == self._log.kept_frame_s and isinstance(seen, FrameResult) and seen.sight is not None:
-            image = jpeg(overlay(frame, seen.sight))
+            image = as_jpeg(overlay(frame, seen.sight))
             with deferred():
                 self._log.add([compressed_message("/camera/overlay/compressed", frame.t_s, "camera", image)], frame.t_s)
 
