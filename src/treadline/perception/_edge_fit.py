@@ -297,7 +297,7 @@ def _rows(normals: _Normals, down_sigma_rad: float, axes: Axes, steps: Float[np.
     noise[-1] = gravity_variance(value[levels] / tilted[levels] - value[-1] / tilted[-1], down_sigma_rad)
     same = (normals.step[:, None] == normals.step) & (normals.step >= 0)
     of_step = (np.where(own, by, 0.0) for own, by in ((normals.group >= 0, turned), (normals.tilts, tilted)))
-    common = np.split(np.einsum("i,kic->kc", axes.right, normals.turns), [WARPS.size, -1], axis=1)
+    common = np.split(axes.right @ normals.turns, [WARPS.size, -1], axis=1)
     return _Rows(
         normals=normals,
         value=value,

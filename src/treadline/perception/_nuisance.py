@@ -50,9 +50,10 @@ def turns_of_surfaces(surfaces: Sequence[Surface], camera: PinholeCamera) -> Flo
     u, v = np.tile(columns, 3), np.concatenate([tops, 0.5 * (tops + bottoms), bottoms], axis=1)
     normals = np.array([surface.normal for surface in surfaces]).reshape(-1, 3)
     rays = np.stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones(u.shape)], axis=-1)
-    motions = _motions(normals, rays, np.einsum("spi,si->sp", rays, normals), camera)
+    motions = _motions(normals, rays, (rays @ normals[:, :, None])[..., 0], camera)
     errors = np.concatenate([_warps(u, v, camera), motions, np.zeros((*u.shape, 1))], axis=-1)
-    turned = np.linalg.solve(np.einsum("spi,spj->sij", rays, rays), np.einsum("spi,spc->sic", rays, errors))
+    across = rays.transpose(0, 2, 1)
+    turned = np.linalg.solve(across @ rays, across @ errors)
     return np.asarray(turned / np.linalg.norm(normals, axis=1)[:, None, None])
 
 
@@ -76,8 +77,8 @@ def turns_of_lines(lines: Sequence[Line], camera: PinholeCamera, spread_px: floa
     motions = _motions(normals, rays, 1.0 / ends_m[..., 2], camera)
     warps, spreads = np.zeros((len(lines), 2, SIZES.size)), np.broadcast_to(shift[:, None, None], (len(lines), 2, 1))
     errors = np.concatenate([warps, motions, spreads], axis=-1)
-    products = np.einsum("spi,spj->sij", rays, rays) + normals[:, :, None] * normals[:, None, :]
-    return np.linalg.solve(products, np.einsum("spi,spc->sic", rays, errors))
+    across = rays.transpose(0, 2, 1)
+    return np.linalg.solve(across @ rays + normals[:, :, None] * normals[:, None, :], across @ errors)
 
 
 def stretch_of(points: Float[np.ndarray, "k 3"], camera: PinholeCamera) -> Float[np.ndarray, "k t"]:
@@ -117,5 +118,5 @@ def _motions(
     # The rates move the camera by the lever of the mount.
     drift = np.array([*(RATE_RAD_S * R_BC.T @ cross(axis, np.array(camera.mount_m)) for axis in R_BC.T), SPEED_M_S * R_BC[0]])
     changes = nearness[..., None] * (normals @ drift.T)[:, None, :]
-    changes[..., :3] += RATE_RAD_S * np.einsum("kai,kpi->kpa", np.cross(normals[:, None, :], np.eye(3)), rays)
+    changes[..., :3] += RATE_RAD_S * rays @ np.cross(normals[:, None, :], np.eye(3)).transpose(0, 2, 1)
     return np.asarray(after_s[..., None] * changes)
