@@ -5,7 +5,7 @@ against a scene whose surfaces lie anywhere. How much of it makes a stair is dec
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,8 +53,9 @@ TURNED = 1.0 * DEG
 """Angle between vote and matched parts above which the parts are measured again in their own axes [rad]."""
 VOTE_LIMIT = 50.0 * DEG
 """Azimuth beyond which a vertical surface is a side wall [rad]."""
-VOTES = 3
-"""Number of azimuths tried: a wall at the landing can outvote the last risers."""
+VOTES, AMPLE = 3, 10.0
+"""Number of azimuths tried, because a wall at the landing can outvote the last risers, and evidence with which no other one is tried
+[nats]: twice the least of a stair."""
 PEAKS_APART = 14.0 * DEG
 """Least angle between two of them [rad]."""
 LEAST_VOTES = 16
@@ -130,13 +131,17 @@ def flight_in(scene: Scene) -> Flight | str:
     return (_best_at(scene, [azimuth + turn]) if abs(turn) >= TURNED else None) or best
 
 
-def _best_at(scene: Scene, azimuths: Sequence[float]) -> Flight | None:
-    """Return the flight with the most evidence that faces one of some azimuths."""
-    found = []
+def _best_at(scene: Scene, azimuths: Iterable[float]) -> Flight | None:
+    """Return the flight with the most evidence that faces one of some azimuths; the search ends where it is ample."""
+    best: Flight | None = None
     for azimuth in azimuths:
         axes = _turned_axes(scene.level, azimuth)
-        found += [_matched(scene, list(_risers_at(scene, azimuth)), axes, "up"), _matched(scene, [], axes, "down")]
-    return max((flight for flight in found if flight is not None), key=lambda flight: flight.evidence, default=None)
+        for flight in (_matched(scene, list(_risers_at(scene, azimuth)), axes, "up"), _matched(scene, [], axes, "down")):
+            if flight is not None and (best is None or flight.evidence > best.evidence):
+                best = flight
+        if best is not None and best.evidence > AMPLE:
+            break
+    return best
 
 
 def _turned_axes(level: Axes, azimuth: float) -> Axes:
