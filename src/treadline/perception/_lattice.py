@@ -54,7 +54,7 @@ TURNED = 1.0 * DEG
 VOTE_LIMIT = 50.0 * DEG
 """Azimuth beyond which a vertical surface is a side wall [rad]."""
 VOTES, AMPLE = 3, 10.0
-"""Number of azimuths tried, because a wall at the landing can outvote the last risers, and evidence with which no other one is tried
+"""Number of azimuths tried, because a wall at the landing can outvote the last risers, and evidence with which no other is tried
 [nats]: twice the least of a stair."""
 PEAKS_APART = 14.0 * DEG
 """Least angle between two of them [rad]."""
@@ -293,25 +293,23 @@ def _turned_from(surface: Surface, direction: Vector3) -> float:
 def _azimuths(scene: Scene) -> Iterator[float]:
     """Yield the azimuths at which blocks and lines lie at the fewest distances, as risers and nosings do, the best first.
 
-    Distances need no normal of a block, which noise turns far away.
+    A block votes for azimuths within the error of its own; distances need no normal, which noise turns far away.
     """
     blocks, level = scene.blocks, scene.level
     lines = [line for tread in scene.treads for line in (tread.lower, tread.upper) if line is not None]
-    facing = scene.upright[np.abs(scene.azimuth) < VOTE_LIMIT + scene.slack]
-    points = np.concatenate([blocks.centres[facing], *([*line.ends_m, line.middle] for line in lines)])
+    points = np.concatenate([blocks.centres[scene.upright], *([*line.ends_m, line.middle] for line in lines)])
     of_line = [count for line in lines for count in 3 * [line.count * WIDTH_PX / scene.frame.camera.width_px / 3.0]]
-    weights = np.concatenate([np.ones(facing.size), of_line])
-    if weights.sum() < LEAST_VOTES:
-        return
     azimuths = np.arange(-VOTE_LIMIT, VOTE_LIMIT + PLACE_STEP, PLACE_STEP)
-    ahead = np.outer(np.cos(azimuths), level.ahead) + np.outer(np.sin(azimuths), level.right)
-    places = np.maximum(ahead @ points.T / PLACE_BIN_M, 0.0).astype(np.int64)
     scores = np.empty(azimuths.size)
-    for k, own in enumerate(places):
-        counts = np.bincount(own, weights, minlength=2)
+    for k, azimuth in enumerate(azimuths):
+        facing = np.abs(scene.azimuth - azimuth) < RISER_SPREAD + scene.slack
+        places = np.maximum(points @ _turned_axes(level, azimuth).ahead / PLACE_BIN_M, 0.0).astype(np.int64)
+        counts = np.bincount(places, np.concatenate([facing, of_line]), minlength=2)
         both = counts[:-1] + counts[1:]
-        scores[k] = float(both @ both)
+        scores[k] = float(both @ both) if counts.sum() > LEAST_VOTES else 0.0
     for _ in range(VOTES):
         best = int(np.argmax(scores))
+        if not scores[best] > 0.0:
+            return
         yield float(azimuths[best])
         scores[np.abs(azimuths - azimuths[best]) < PEAKS_APART] = 0.0
