@@ -37,8 +37,9 @@ approaches."""
 NARROWER_M = 0.3
 """Largest width by which a step may be narrower than those above it [m]: treads of gratings, which are seen through, reach 0.29 m,
 footstools before a sofa 0.40 to 0.56 m."""
-WINDING = 0.9
-"""Probability above which a flight is called winding; below it, the heading's interval allows for it."""
+CERTAIN = 0.9
+"""Probability above which a flight is called winding, and edges are called straight; between, the heading's interval allows
+for both."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,7 +119,7 @@ def _footstool(finding: Finding) -> str | None:
 def _winding(finding: Finding) -> str | None:
     flight, fit = finding.flight, finding.fit
     turned_rad = fit.turn_per_step_rad * float(np.mean([nosing.ahead_m for nosing in flight.nosings])) / flight.run_m
-    if fit.winding > WINDING and abs(turned_rad) > FORM_LIMIT:
+    if fit.winding > CERTAIN and abs(turned_rad) > FORM_LIMIT:
         return winds(fit.turn_per_step_rad, fit.turn_sigma_rad)
     if fit.agreeing < AGREEING or fit.agreeing * len(flight.nosings) < 1.5:
         return f"the flight is not straight: nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other"
@@ -135,12 +136,13 @@ def winds(turn_rad: float, sigma_rad: float | None = None) -> str:
 
 
 def _uncertain(finding: Finding) -> str | None:
-    limit_rad = FORM_LIMIT if finding.bow.is_bowed else SIGMA_LIMIT
+    may_be_bowed = finding.bow.bowed > 1.0 - CERTAIN
+    limit_rad = FORM_LIMIT if may_be_bowed else SIGMA_LIMIT
     if finding.sigma_rad <= limit_rad:
         return None
     cause = (
         f"the edges are bowed by {abs(finding.bow.curvature_1_m):.2f} per metre"
-        if finding.bow.is_bowed
+        if may_be_bowed
         else "the flight is too far away, or too little of it is in view"
     )
     return f"{cause}: heading known to ±{1.96 * finding.sigma_rad / DEG:.1f}°, ±{1.96 * limit_rad / DEG:.1f}° needed"
