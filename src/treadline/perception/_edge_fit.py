@@ -92,9 +92,6 @@ class EdgeFit:
     """Fraction of the nosings consistent with the estimate."""
     widest_rad: float
     """Largest angle about the vertical between a nosing and the edge direction [rad]."""
-    planes_against_lines_rad: tuple[float, float] | None
-    """Angle about the vertical from risers minus that from lines, and its standard deviation [rad]; None unless both are
-    available."""
     winding: float
     """Probability that the flight winds."""
     turn_per_step_rad: float
@@ -210,7 +207,6 @@ def _fitted(rows: _Rows, axes: Axes, angles: Float[np.ndarray, " n"], kept: Bool
         covariance=covariance,
         agreeing=float(kept.mean()),
         widest_rad=float(np.abs(angles - angles[kept].mean()).max()),
-        planes_against_lines_rad=_planes_against_lines(rows, squares[[int(weights.sum(axis=1).argmax())]]),
         winding=winding,
         turn_per_step_rad=float(turn[0]),
         turn_sigma_rad=float(np.sqrt(turn_variance[0, 0])),
@@ -226,18 +222,6 @@ def _moments(
     mean = np.einsum("gh,ghi->i", weights, means)
     off = means - mean
     return mean, np.einsum("gh,ghij->ij", weights, covariances + off[..., :, None] * off[..., None, :])
-
-
-def _planes_against_lines(rows: _Rows, squares: Float[np.ndarray, "1 5"]) -> tuple[float, float] | None:
-    """Return the angle about the vertical between risers and nosings, and its standard deviation, at given sizes."""
-    of_nosing, tilts = rows.normals.group >= 0, rows.normals.tilts
-    of_riser = of_nosing & ~tilts
-    if not of_riser.any() or not (of_nosing & tilts).any():
-        return None
-    right = np.column_stack([rows.by[:, 1] * of_riser, rows.by[:, 1:], rows.value])
-    product = normal_equations(rows.noise, rows.shared, squares, right)[1][0]
-    covariance = np.linalg.inv(product[:3, :3] + np.eye(3) / FLAT_RAD**2)
-    return float(covariance[0] @ product[:3, 3]), float(np.sqrt(covariance[0, 0]))
 
 
 def _steps(nosings: Sequence[NosingObservation], treads: Sequence[Surface]) -> list[int]:

@@ -240,7 +240,7 @@ class _Search:
             self.watch.lap("map")
             return stair_map
 
-        confirmed, apart = flight.evidence >= EVIDENCE, fit.planes_against_lines_rad
+        confirmed = flight.evidence >= EVIDENCE
         return StairDetection(
             accepted=confirmed,
             reason=None if confirmed else lacking_evidence(flight),
@@ -253,7 +253,6 @@ class _Search:
             shape=shape,
             stages=None,
             evidence=flight.evidence,
-            planes_against_lines_rad=None if apart is None else apart[0],
             axes=stair_axes_of(self.frame.t_s, level, shape, edge, sigma),
             parts=Parts(
                 risers=tuple(flight.risers),

@@ -59,8 +59,6 @@ class StairDetection(Printable):
     unconfirmed: bool = False
     """Whether the evidence is that of two levels and two fronts, or of a third that fits badly. Furniture before a wall can show
     it as well: the heading is that of a stair if this is one, and rise and run are hardly known."""
-    planes_against_lines_rad: float | None = None
-    """Angle of the edges about the vertical from risers minus that from lines [rad]; None unless both are visible."""
     axes: StairAxes | None = None
     parts: Parts | None = None
     draw_map: Callable[[], StairMap] | None = None

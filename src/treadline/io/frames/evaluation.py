@@ -117,7 +117,6 @@ def _answer(named: NamedFrame, sight: StairDetection, spent_ms: float, square_de
         "edge_direction": None if sight.edge_direction_C is None else sight.edge_direction_C.tolist(),
         "edges": sight.edge_count,
         "box_px": sight.box_px,
-        "planes_against_lines_deg": _deg(sight.planes_against_lines_rad),
         "stair": _stair(sight),
         "ms": spent_ms,
         "mount_known": named.mount_known,
