@@ -59,7 +59,6 @@ def parts() -> Mapping[str, Sequence[Patch]]:
     """Return the patches that switch off each part."""
     sizes, logs = _edge_fit.SIZES, _edge_fit.LOGS
     flat = _form.Bow(curvature_1_m=0.0, sigma_1_m=math.inf, seen_aside_m=0.0)
-    coarse = np.abs(np.log(sizes[:, :2] / _edge_fit.ANGLES[1])).min(axis=1) < math.log(30.0)
     return {
         "rotation of steps": without(0),
         "tilt of steps": without(1),
@@ -67,13 +66,9 @@ def parts() -> Mapping[str, Sequence[Patch]]:
         "motion": without(3),
         "spread and detour": without(4),
         "as drawn": grids(sizes[:-1], logs[:-1]),
-        "sizes: one warp": grids(sizes[sizes[:, 2] == sizes[-2, 2]], logs[sizes[:, 2] == sizes[-2, 2]]),
-        "sizes: as drawn or the rest": grids(sizes[coarse], logs[coarse]),
         "winding": [(_edge_fit, "WINDING", 1e-12)],
         "outliers by evidence": [(_edge_fit, "_of_the_stair", lambda rows: np.ones(len(rows.value), dtype=bool))],
-        "agreement of nosings": [(_edge_fit, "_agreeing", lambda values, _: np.ones(len(values), dtype=bool))],
         "bow": [(_robust_method, "bow_of", lambda *_: flat)],
-        "sides": [(_robust_method, "sides_of", lambda _: (None, None))],
     }
 
 

@@ -2,7 +2,7 @@
 
 Compares three methods that fuse a 100 Hz gyro with 10 Hz vision on the same synthetic drives: the paper's offset as printed, the
 offset with a gate of 5°, and the filter. Every call draws new seeds, which no tuning has used, and prints them, so a run can be
-repeated. ``python benchmarks/perception.py --only drives`` measures fusion and mount calibration on rendered frames.
+repeated.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Recorded depth frames with a reference of the edge direction, and variants: pixel phases, crops, mirrored and turned images.
+"""Recorded depth frames with a reference of the edge direction, and variants: pixel phases, crops and mirrored images.
 
 A detector that works on a recorded frame by chance fails on the same frame shifted by a few pixels. Each variant has its own
 calibration and reference. The frames are not part of the project.
@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
@@ -119,14 +118,8 @@ def crops_of(real: RealFrame) -> Iterator[RealFrame]:
 
 def sampled(real: RealFrame, step: int) -> RealFrame:
     """Return a frame with every ``step``-th pixel of a row and a column."""
-    return _with(real, real.depth_m[::step, ::step], _scaled(real.camera, 1.0 / step, 0.0))
-
-
-def resampled(real: RealFrame, scale: float, interpolation: int = cv2.INTER_NEAREST) -> RealFrame:
-    """Return a frame as a driver scales it, for instance with ``cv2.INTER_LINEAR``, which mixes depths at edges."""
-    size = tuple(max(round(scale * side), 1) for side in real.depth_m.shape[::-1])
-    depth_m = cv2.resize(np.ascontiguousarray(real.depth_m, dtype=np.float32), size, interpolation=interpolation)
-    return _with(real, depth_m, _scaled(real.camera, scale, 0.5))
+    optics = {name: getattr(real.camera, name) / step for name in ("fx_px", "fy_px", "cx_px", "cy_px")}
+    return _with(real, real.depth_m[::step, ::step], replace(real.camera, **optics))
 
 
 def mirrored(real: RealFrame) -> RealFrame:
@@ -135,29 +128,6 @@ def mirrored(real: RealFrame) -> RealFrame:
     camera = replace(real.camera, cx_px=real.camera.width_px - 1.0 - real.camera.cx_px)
     gravity_C = None if real.gravity_C is None else flip * real.gravity_C
     return replace(_with(real, real.depth_m[:, ::-1], camera), edge_C=flip * real.edge_C, gravity_C=gravity_C)
-
-
-def turned(real: RealFrame, quarters: int) -> RealFrame:
-    """Return a frame of a camera that is turned about its optical axis by quarters of a circle, the image anticlockwise."""
-    for _ in range(quarters % 4):
-        camera, R = real.camera, np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-        optics = {
-            "fx_px": camera.fy_px,
-            "fy_px": camera.fx_px,
-            "cx_px": camera.cy_px,
-            "cy_px": camera.width_px - 1.0 - camera.cx_px,
-        }
-        gravity_C = None if real.gravity_C is None else R @ real.gravity_C
-        turned_by_one = _with(real, np.rot90(real.depth_m), replace(camera, **optics))
-        real = replace(turned_by_one, edge_C=R @ real.edge_C, gravity_C=gravity_C)
-    return real
-
-
-def _scaled(camera: PinholeCamera, scale: float, corner_px: float) -> PinholeCamera:
-    """Return the calibration of a scaled image whose first pixel begins ``corner_px`` before its centre."""
-    optics = {"fx_px": scale * camera.fx_px, "fy_px": scale * camera.fy_px}
-    centre = {name: scale * (getattr(camera, name) + corner_px) - corner_px for name in ("cx_px", "cy_px")}
-    return replace(camera, **(optics | centre))
 
 
 def _with(real: RealFrame, depth_m: np.ndarray, camera: PinholeCamera) -> RealFrame:

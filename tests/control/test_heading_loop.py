@@ -10,7 +10,6 @@ from jaxtyping import Float
 from systems import system
 
 from treadline.control import ControllerConfig, HeadingController, closed_loop_poles, tune
-from treadline.control._observer import Observer
 from treadline.control.tune import BELT_DIFFERENCE
 from treadline.core import paper
 from treadline.core.angles import DEG
@@ -98,25 +97,6 @@ def test_without_the_disturbance_the_same_belt_leaves_an_error() -> None:
     headings = run(controller(proportional), Chair(np.array([0.0, 0.0]), 1.02), 60.0)
     # Control for the test above: without an error here, that test would prove nothing.
     assert abs(headings[-1]) > 0.04
-
-
-def observer_of_the_chair() -> Observer:
-    design = tune(chair_model())
-    return Observer(design.model, design.observer_gain, BELT_DIFFERENCE, design.disturbance_gain)
-
-
-def test_observer_finds_the_state_from_a_wrong_start() -> None:
-    model, observer = chair_model(), observer_of_the_chair()
-    rng = np.random.default_rng(7)
-    x = np.array([20.0 * DEG, -3.0 * DEG])
-    observer.start(np.array([-10.0 * DEG, 0.0]))
-    for _ in range(600):
-        u = 0.2 + 0.1 * rng.normal(size=2)
-        observer.update(u, model.C @ x, learn=True)
-        x = model.A @ x + model.B @ (u - model.input_offset)
-    # The slowest error, of the disturbance, has a pole at 0.965: 0.965^600 = 5e-10 of 30° remains.
-    np.testing.assert_allclose(observer.state, x, atol=1e-6)
-    assert abs(observer.disturbance) < 1e-6
 
 
 def held_for_20_s(heading_deg: float) -> HeadingController:

@@ -24,12 +24,6 @@ def modal(poles: list[float], seed: int) -> LinearModel:
     return system(np.diag(poles), B, C)
 
 
-def test_blocks_of_the_hankel_matrix_are_the_response_from_one_on() -> None:
-    response = np.arange(6.0).reshape(6, 1, 1)
-    np.testing.assert_array_equal(hankel(response, 2, 3, 0), [[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]])
-    np.testing.assert_array_equal(hankel(response, 2, 3, 1), [[2.0, 3.0, 4.0], [3.0, 4.0, 5.0]])
-
-
 def test_a_geometric_response_is_a_system_of_one_state() -> None:
     # y_k = 3 · 0.5^(k-1) with feedthrough 7: A = 0.5, CB = 3, D = 7.
     response = np.array([7.0, *(3.0 * 0.5**k for k in range(8))]).reshape(9, 1, 1)
@@ -57,22 +51,6 @@ def test_a_realisation_is_balanced() -> None:
     # Both Gramians are diag(σ); the truncation after 20 samples of response leaves 0.8^40 = 1e-4.
     np.testing.assert_allclose(controllability, np.diag(svd.s[:2]), atol=1e-3)
     np.testing.assert_allclose(observability, np.diag(svd.s[:2]), atol=1e-3)
-
-
-@pytest.mark.parametrize(("rows", "columns"), [(10, 10), (6, 14), (14, 6)])
-def test_leading_values_alone_are_those_of_the_whole_decomposition(rows: int, columns: int) -> None:
-    response = impulse_response(modal([0.9, 0.7, -0.4], 2), 21)
-    response += 0.01 * np.random.default_rng(3).standard_normal(response.shape)
-    svd = HankelSvd(markov=response, rows=rows, columns=columns)
-    (U, s, Vt), (U_whole, s_whole, Vt_whole) = svd.leading(2), np.linalg.svd(svd.matrix)
-    assert svd.s.size == 2 * min(rows, columns)
-    # The square of a ratio of one hundred costs four of sixteen digits.
-    np.testing.assert_allclose(s, s_whole[:2], rtol=1e-12)
-    np.testing.assert_allclose(U * s @ Vt, U_whole[:, :2] * s_whole[:2] @ Vt_whole[:2], atol=1e-11 * s[0])
-    np.testing.assert_allclose([U.T @ U, Vt @ Vt.T], [np.eye(2)] * 2, atol=1e-11)
-    # A different order is cut from the complete decomposition.
-    U, s, Vt = svd.leading(3)
-    np.testing.assert_allclose(U * s @ Vt, U_whole[:, :3] * s_whole[:3] @ Vt_whole[:3], atol=1e-13 * s[0])
 
 
 def test_very_small_singular_values_are_computed_from_the_matrix_itself() -> None:

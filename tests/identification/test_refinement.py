@@ -1,6 +1,5 @@
 """Refinement follows the true derivatives, stays stable, and reaches the Cramér–Rao bound."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,20 +9,17 @@ from scipy.linalg import block_diag
 from systems import STEPS, fit, markov_error, oscillation, system, white_record
 
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification._affine import Affine, modes_of
+from treadline.identification._affine import Affine
 from treadline.identification._gram import Units
 from treadline.identification._recursion_kernels import free_run
 from treadline.identification._refine import (
-    Directions,
     Experiment,
     cost,
     directions,
     experiments_of,
     jacobian,
-    normal_equations,
     predictors_of,
     refined,
-    residual,
 )
 from treadline.identification.validate import impulse_response, simulate
 
@@ -59,66 +55,6 @@ def nearby(model: Affine, seed: int, size: float) -> Affine:
     rng = np.random.default_rng(seed)
     A, B, C, D = (item + size * rng.standard_normal(item.shape) for item in (model.A, model.B, model.C, model.D))
     return Affine(A=A, B=B, C=C, D=D)
-
-
-def by_recursion(
-    model: Affine, runs: Sequence[Experiment], ways: Directions
-) -> tuple[Float[np.ndarray, "d d"], Float[np.ndarray, " d"]]:
-    pairs = [jacobian(model, run, ways) for run in runs]
-    return sum(J.T @ J for J, _ in pairs), sum(J.T @ e for J, e in pairs)
-
-
-@pytest.mark.parametrize("gaps", [False, True], ids=["whole", "gaps"])
-def test_modes_give_the_normal_equations_that_the_recursion_gives(gaps: bool) -> None:
-    true = spring()
-    model = nearby(true, 1, 0.02)
-    runs = [run_of(true, seed, samples=samples, noise=0.1, gaps=gaps) for seed, samples in ((2, 300), (3, 150))]
-    ways = directions(model, FREE)
-    assert modes_of(model) is not None
-    H, g = normal_equations(model, runs, ways)
-    expected_H, expected_g = by_recursion(model, runs, ways)
-    # The condition number of the modes is about ten: two digits of sixteen, and some for the sums.
-    np.testing.assert_allclose(H, expected_H, atol=1e-10 * np.abs(expected_H).max())
-    np.testing.assert_allclose(g, expected_g, atol=1e-10 * np.abs(expected_g).max())
-
-
-def assert_gradient_of_finite_differences(start: Affine, runs: Sequence[Experiment], h: float) -> None:
-    """Assert that the gradient of the cost, a sum of squared residuals, is -2 J'e.
-
-    The central difference errs by h² times the third derivative.
-    """
-    ways = directions(start, FREE)
-    _, g = normal_equations(start, runs, ways)
-    slopes = [(cost(ways.moved(start, h * e), runs) - cost(ways.moved(start, -h * e), runs)) / (2 * h) for e in np.eye(len(g))]
-    np.testing.assert_allclose(slopes, -2.0 * g, atol=1e-6 * np.abs(g).max())
-
-
-def test_the_gradient_is_that_of_finite_differences() -> None:
-    true = spring()
-    assert_gradient_of_finite_differences(nearby(true, 4, 0.02), [run_of(true, 5, noise=0.2, gaps=True)], 1e-5)
-
-
-def test_the_curvature_at_an_exact_fit_is_that_of_finite_differences() -> None:
-    model = spring()
-    runs = [run_of(model, 6)]
-    ways = directions(model, FREE)
-    H, _ = normal_equations(model, runs, ways)
-    h = 1e-6
-    moves = np.array(
-        [(residual(ways.moved(model, h * e), runs[0]) - residual(ways.moved(model, -h * e), runs[0])) for e in np.eye(len(H))]
-    )
-    flat = moves.reshape(len(H), -1) / (2 * h)
-    # Rounding of 1e-15 over steps of 1e-6.
-    np.testing.assert_allclose(flat @ flat.T, H, atol=1e-7 * np.abs(H).max())
-
-
-def test_every_direction_changes_the_behaviour() -> None:
-    model = spring()
-    ways = directions(model, FREE)
-    # n (m + p) + m p and the outputs' offsets: 3·4 + 4 + 2. Each direction changes the behaviour.
-    assert ways.A.shape[2] == 18
-    values = np.linalg.eigvalsh(normal_equations(model, [run_of(model, 7)], ways)[0])
-    assert values[0] > 1e-6 * values[-1]
 
 
 def test_entries_of_D_that_are_zero_by_choice_stay_zero() -> None:
@@ -166,13 +102,6 @@ def test_refinement_without_noise_ends_at_the_system() -> None:
 def double_integrator(growth: float) -> Affine:
     A, B = growth * np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[0.0, 0.0, 0.0], [0.1, 0.05, 0.0]])
     return Affine(A=A, B=B, C=np.eye(2), D=np.zeros((2, 3)))
-
-
-def test_a_double_integrator_has_no_modes_and_its_gradient_comes_from_the_recursion() -> None:
-    true = double_integrator(1.0)
-    assert modes_of(true) is None
-    start = replace(true, B=1.05 * true.B, C=1.02 * true.C)
-    assert_gradient_of_finite_differences(start, [run_of(true, 40, samples=60, noise=0.01)], 1e-6)
 
 
 def test_a_double_pole_is_refined() -> None:

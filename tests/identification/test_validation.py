@@ -10,8 +10,6 @@ from systems import Draw, fit, system
 
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification._gram import gram, units_of
-from treadline.identification._okid import observer_markov
 from treadline.identification.excitation_signal import Excitation, ExcitationConfig
 from treadline.identification.validate import (
     fit_percent,
@@ -177,21 +175,6 @@ def test_the_observer_of_identification_predicts_as_well_as_the_true_one(innovat
     excess = np.var(one_step_residuals(found.model, record), axis=0) / np.var(e, axis=0)
     # Two dozen coefficients from 5000 samples cost half a percent.
     np.testing.assert_array_less(excess, 1.02)
-
-
-def test_the_residual_covariance_is_that_of_the_noise(draw: Draw) -> None:
-    record, rng = draw(9, samples=20_000), np.random.default_rng(10)
-    noise = np.array([[0.05, 0.0], [0.03, 0.04]])
-    # Noise with the structure of an observer of one lag: y itself feeds back.
-    y = np.zeros_like(record.y)
-    for k in range(1, len(y)):
-        y[k] = 0.5 * y[k - 1] + record.u[k - 1] + noise @ rng.standard_normal(2)
-    noisy = InputOutputRecord(u=record.u, y=y, dt_s=1.0)
-    data = gram(noisy, 1, units_of([noisy]))
-    found = observer_markov(data)
-    np.testing.assert_allclose(found.residual_covariance, noise @ noise.T, atol=1e-4)
-    np.testing.assert_allclose(found.beta[0], 0.5 * np.eye(2), atol=3e-3)
-    np.testing.assert_allclose(found.alpha[0], np.eye(2), atol=3e-3)
 
 
 def test_excitation_moves_the_belts_independently_around_the_climb_speed() -> None:

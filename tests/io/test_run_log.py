@@ -180,23 +180,6 @@ def test_a_log_cut_anywhere_is_refused(tmp_path: Path, log: Path) -> None:
             list(read_log(cut))
 
 
-def test_a_changed_byte_is_detected_or_has_no_effect(tmp_path: Path, log: Path) -> None:
-    data = log.read_bytes()
-    whole = [comparable(signal) for signal in read_log(log)]
-    rng = np.random.default_rng(11)
-    changed = tmp_path / "changed.mcap"
-    refused = 0
-    for place in rng.integers(0, len(data), 300).tolist():
-        other = bytearray(data)
-        other[place] ^= int(rng.integers(1, 256))
-        changed.write_bytes(other)
-        try:
-            assert [comparable(signal) for signal in read_log(changed)] == whole
-        except LogFormatError:
-            refused += 1
-    assert refused > 0
-
-
 def test_what_is_no_log_is_refused_by_name(tmp_path: Path) -> None:
     text = tmp_path / "text.mcap"
     text.write_text("t_s,left_m_s\n0,1\n" * 40)
@@ -205,9 +188,8 @@ def test_what_is_no_log_is_refused_by_name(tmp_path: Path) -> None:
             list(read_log(path))
 
 
-@pytest.mark.parametrize("cap", ["MAX_FILE_BYTES", "MAX_CHUNK_BYTES", "MAX_MESSAGES"])
-def test_a_log_beyond_a_cap_is_refused(log: Path, monkeypatch: pytest.MonkeyPatch, cap: str) -> None:
-    monkeypatch.setattr(mcap_read, cap, 10)
+def test_a_file_beyond_its_cap_is_refused(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mcap_read, "MAX_FILE_BYTES", 10)
     with pytest.raises(LogFormatError, match="10"):
         list(read_log(log))
 

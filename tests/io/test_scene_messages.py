@@ -86,16 +86,6 @@ def test_rosbags_reads_the_log_and_keeps_what_is_published_once(log: Path) -> No
     assert read["/tf_static"].transforms[0].transform.rotation.x == 0.5
 
 
-def test_arrays_and_floats_are_aligned() -> None:
-    w = CdrWriter()
-    w.uint8(1)
-    w.floats(0.5, 0.25)
-    w.array(np.array([[1.0, 2.0]]))
-    data = w.message()[4:]
-    assert np.frombuffer(data[4:12], "<f4").tolist() == [0.5, 0.25]
-    assert np.frombuffer(data[16:], "<f8").tolist() == [1.0, 2.0]
-
-
 @pytest.mark.parametrize("writer", [CdrWriter, Ros1Writer])
 def test_a_form_packs_the_bytes_that_a_writer_writes(writer: type[CdrWriter]) -> None:
     """Test: a text whose length needs padding before numbers, an empty sequence, two times, in both wire formats."""

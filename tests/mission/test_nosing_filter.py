@@ -288,22 +288,6 @@ def dense_update(
     return mean + K @ off, kept @ covariance @ kept.T + K @ R @ K.T
 
 
-def test_removing_a_nosing_that_no_frame_shows_again_changes_no_other() -> None:
-    """Test: two filters with the same frames, one without the first nosing. Expected result: the same estimate of the others."""
-    kept, removed = NosingFilter(), NosingFilter()
-    for nosings in (kept, removed):
-        for k in range(5):
-            nosings.add((0.3 * k + 1.0, 0.16 * k))
-        nosings.update([(k, (0.3 * k + 1.001, 0.16 * k), 1.0 + 0.3 * k) for k in range(5)])
-    removed.remove(0)
-    for nosings, first in ((kept, 1), (removed, 0)):
-        nosings.drive(0.3, 0.3, 0.02, 0.4, 1.0)
-        nosings.begin_frame(0.4)
-        nosings.update([(first + k, (0.3 * k + 1.304, 0.16 * k + 0.163), 1.0 + 0.3 * k) for k in range(4)])
-    np.testing.assert_allclose(removed.places_m, kept.places_m[1:], atol=1e-12)
-    np.testing.assert_allclose(removed.covariance_of(range(4)), kept.covariance_of(range(1, 5)), atol=1e-12)
-
-
 def test_the_noise_model_is_that_of_the_statistical_camera_and_of_the_detector() -> None:
     """Test: constants next to the fit and the detector that they stand for. Expected: equal up to the digits of the docstrings."""
     from treadline.mission import _nosing_filter as flight_shape

@@ -1,4 +1,4 @@
-"""Depth images with missing, copied and mixed pixels, images of any size, and recorded frames in other pixel phases."""
+"""Depth images with missing, copied and mixed pixels, and recorded frames in other pixel phases."""
 
 from itertools import islice
 
@@ -8,7 +8,6 @@ from real_frames import mirrored, phases_of, real_frames
 from scenes import ViewRecipe, draw_view
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception import StairDetector
 from treadline.perception._plane_segmentation_kernels import pooled
 
@@ -40,20 +39,6 @@ def test_the_median_of_a_square_lies_on_one_surface() -> None:
     depth_m = np.full((2, 6), np.nan, dtype=np.float32)
     depth_m[0, [0, 1, 2, 3]] = 2.0, 1.0, 1.0, 1.002
     assert pooled(depth_m, 2, 0.01)[0] == pytest.approx([1.0, 1.001, np.nan], nan_ok=True)
-
-
-@pytest.mark.parametrize("size", [(1, 1), (1, 640), (5, 7), (15, 16), (48, 64)])
-def test_images_of_any_size_and_content_have_one_answer(size: tuple[int, int]) -> None:
-    """Test: all equal, none, zero, infinite, noise, one column. Expected result: a refusal, by size if small."""
-    contents = 1.0, np.nan, 0.0, np.inf, 1.0 + np.random.default_rng(5).random(size), np.where(np.arange(size[1]) == 0, 1.0, np.nan)
-    camera = PinholeCamera(width_px=size[1], height_px=size[0], fx_px=60.0, fy_px=60.0, cx_px=0.5 * size[1], cy_px=0.5 * size[0])
-    for content in contents:
-        depth_m = np.broadcast_to(content, size).astype(np.float32)
-        frame = RgbdFrame(t_s=0.0, rgb=np.zeros((*size, 3), dtype=np.uint8), depth_m=depth_m, camera=camera)
-        for gravity_C in (np.array([0.0, 0.9, 0.4]), None):
-            sight = StairDetector().look(frame, gravity_C)
-            assert not sight.accepted
-            assert ("18×18 are needed" in sight.reason) == (min(size) < 18)
 
 
 @pytest.mark.skipif(not KNOWN, reason="no recorded frames next to the project")

@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from jaxtyping import Float
 from surfaces import CAMERA, line_between, surface
 
 from treadline.core.angles import DEG
-from treadline.core.rotations import rotation_x, rotation_y, rotation_z
+from treadline.core.rotations import rotation_x, rotation_y
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._gravity_direction import down_of_treads
-from treadline.perception._plane_segmentation import Line, Surface
+from treadline.perception._plane_segmentation import Line
 from treadline.perception._step_parts import NosingObservation, Tread, level_axes
 from treadline.perception._winding import turn_per_step
 
@@ -42,46 +41,6 @@ def off_rad(found: EdgeFit) -> float:
 
 def test_perfect_planes_give_the_exact_direction() -> None:
     assert off_rad(fit([riser(distance_m=distance) for distance in (1.0, 1.3, 1.6)])) < 1e-7
-
-
-def test_risers_that_disagree_are_averaged() -> None:
-    assert off_rad(fit([riser(-0.3 * DEG), riser(0.3 * DEG)])) < 0.02 * DEG
-
-
-def test_planes_tilting_with_distance_indicate_warped_depth() -> None:
-    warp = 0.002  # 1/m: 0.11 to 0.34° at 1 to 3 m
-
-    def bent(normal: Float[np.ndarray, " 3"], distance_m: float) -> Surface:
-        tilted = normal + warp * distance_m * TRUE_EDGE
-        return surface(tilted / np.linalg.norm(tilted), distance_m=distance_m)
-
-    facing = rotation_y(20.0 * DEG) @ np.array([0.0, 0.0, 1.0])
-    planes = [bent(facing, distance) for distance in (1.0, 1.4, 1.8, 2.2, 2.6, 3.0)]
-    risers = [replace(riser(), riser=plane, point=plane.centre) for plane in planes]
-    found = fit_edges(risers, [bent(DOWN, 0.8), bent(DOWN, 1.2)], DOWN, 0.5 * DEG, START, CAMERA)
-    # The mean of the six is 0.23° off.
-    assert off_rad(found) < 0.1 * DEG
-
-
-def test_nosings_rotating_from_step_to_step_widen_the_irregularity() -> None:
-    winders = fit([riser(turned * DEG, 1.0 + 0.03 * turned) for turned in (-12.0, 0.0, 12.0, 24.0)])
-    assert winders.agreeing < 0.5
-    assert winders.widest_rad > 10.0 * DEG
-    assert fit([riser(0.2 * DEG), riser(-0.3 * DEG), riser()]).agreeing == 1.0
-
-
-def test_disagreement_widens_the_declared_deviation() -> None:
-    def sigma(spread_deg: float) -> float:
-        return sigma_of(fit([riser(part * spread_deg * DEG) for part in (-1.0, -0.3, 0.3, 1.0)]))
-
-    assert sigma(0.0) < sigma(0.3) < sigma(1.0)
-    # Four risers with a spread of 0.86°: 0.43° for the mean of a known spread; not knowing it makes half as much again.
-    assert 0.4 * DEG < sigma(1.0) < 0.7 * DEG
-
-
-def test_more_risers_make_surer() -> None:
-    sigmas = [sigma_of(fit([riser() for _ in range(count)])) for count in (2, 4, 8)]
-    assert sigmas[0] > sigmas[1] > sigmas[2] > 0.0
 
 
 def test_one_surface_that_is_no_riser_has_little_say() -> None:
@@ -131,30 +90,6 @@ def test_the_edge_of_a_mat_on_a_tread_is_no_nosing(yaw_deg: float) -> None:
     assert off_rad(clean) < 0.02 * DEG
     assert off_rad(found) < 1.5 * sigma_of(found)
     assert sigma_of(found) < 0.1 * DEG
-
-
-def test_nosings_that_agree_within_an_uneven_stair_are_kept() -> None:
-    def seen_from_above(count: int) -> EdgeFit:
-        turned = 0.2 * DEG * np.resize([1.0, -1.0, 0.5, -0.5], count)
-        found = [replace(riser(), riser=None, lines=(line(float(yaw), 0.4 - 0.02 * k),)) for k, yaw in enumerate(turned)]
-        return fit_edges(found, [surface(DOWN, distance_m=0.4 - 0.02 * k) for k in range(count)], DOWN, 0.5 * DEG, START, CAMERA)
-
-    assert off_rad(seen_from_above(4)) < 0.15 * DEG
-    # A motion during the readout turns all lines alike, and does not average out.
-    assert sigma_of(seen_from_above(8)) < sigma_of(seen_from_above(4))
-
-
-@pytest.mark.parametrize("pitch_deg", [10.0, 25.0, 40.0, 60.0])
-@pytest.mark.parametrize("heading_deg", [-35.0, 0.0, 35.0])
-def test_down_is_found_among_treads_risers_and_walls(pitch_deg: float, heading_deg: float) -> None:
-    turn = rotation_x(pitch_deg * DEG) @ rotation_y(heading_deg * DEG) @ rotation_z(2.0 * DEG)
-    down = turn @ DOWN
-    rng = np.random.default_rng(1)
-    families = [(down, 60), (turn @ np.array([0.0, 0.0, 1.0]), 150), (turn @ np.array([1.0, 0.0, 0.0]), 80)]
-    normals = np.vstack([np.tile(normal, (count, 1)) for normal, count in families]) + 0.02 * rng.standard_normal((290, 3))
-    found = down_of_treads(normals / np.linalg.norm(normals, axis=1, keepdims=True), AHEAD)
-    # 0.02 rad on each block, 60 blocks: 0.2° is the standard error of their median.
-    assert np.arccos(min(1.0, float(found @ down))) < 1.0 * DEG
 
 
 def test_down_is_not_guessed_without_treads() -> None:

@@ -45,7 +45,7 @@ def test_what_varies_keeps_its_truth(kind: str) -> None:
 
 
 @pytest.mark.parametrize("gravity", [None, [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [np.nan, 0.0, 1.0]])
-@pytest.mark.parametrize("size", [(1, 1), (1, 64), (48, 1), (7, 5), (48, 64)])
+@pytest.mark.parametrize("size", [(1, 1), (1, 640), (48, 1), (7, 5), (15, 16), (48, 64)])
 def test_worthless_depth_gives_a_reason_in_one_line(size: tuple[int, int], gravity: list[float] | None) -> None:
     camera = replace(CAMERA, height_px=size[0], width_px=size[1])
     noise = 1.0 + np.random.default_rng(1).random(size)
@@ -53,6 +53,7 @@ def test_worthless_depth_gives_a_reason_in_one_line(size: tuple[int, int], gravi
         sight = tl.detect_stair(depth, camera, gravity)
         assert not sight.accepted
         assert sight.reason
+        assert ("18×18 are needed" in sight.reason) == (min(size) < 18)
         assert "\n" not in sight.reason
 
 

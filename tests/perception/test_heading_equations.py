@@ -13,12 +13,6 @@ from treadline.perception.paper.printed_heading import delta_d, delta_x, heading
 A, CENTRE = 1.0 / 575.0, 320.0
 
 
-@pytest.mark.parametrize(("heading_deg", "printed_deg"), [(0.0, 90.0), (10.0, 79.8), (30.0, 54.7)])
-def test_the_printed_equation_2_does_not_give_the_heading(heading_deg: float, printed_deg: float) -> None:
-    # ΔD / ΔX is the tangent of the heading; 0.05° is the rounding of the expected values.
-    assert heading_as_printed(math.tan(heading_deg * DEG), 1.0) / DEG == pytest.approx(printed_deg, abs=0.05)
-
-
 @pytest.mark.parametrize("heading_deg", [-35.0, -10.0, 0.0, 10.0, 35.0])
 def test_the_heading_of_an_edge_is_exact_for_a_level_camera(heading_deg: float) -> None:
     along = np.array([-0.4, 0.4])

@@ -1,7 +1,5 @@
 """Steps of any size: each is found with its own rise and run, or refused by its size, never as steps of a fraction of it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scenes import ViewRecipe, draw_view
@@ -31,9 +29,9 @@ def looks(recipe: ViewRecipe, seeds: range, factors: tuple[float, ...]) -> list[
 
 @pytest.mark.parametrize("scene", ["up", "down", "edge"])
 def test_no_size_is_taken_for_another(scene: str) -> None:
-    """Test: stairs scaled by 0.6 to 3. Expected result: no answer with a rise or run off by more than a tenth, steps higher than
+    """Test: stairs scaled by 0.5 to 3. Expected result: no answer with a rise or run off by more than a tenth, steps higher than
     0.25 m refused, and those between 0.12 and 0.22 m found."""
-    seen = looks(ViewRecipe(scenes=(scene,)), range(410_000, 410_008), (0.6, 1.0, 1.3, 1.7, 2.0, 2.5, 3.0))
+    seen = looks(ViewRecipe(scenes=(scene,)), range(410_000, 410_008), (0.5, 0.6, 1.0, 1.3, 1.7, 2.0, 2.5, 3.0))
     for sight, rise_m, run_m in seen:
         if sight.accepted and sight.shape is not None:
             assert sight.shape.rise_m == pytest.approx(rise_m, rel=0.1)
@@ -51,10 +49,3 @@ def test_steps_too_high_are_refused_by_their_size() -> None:
     assert len(reasons) == 8
     named = [reason for reason in reasons if "too high" in reason and any(f"of {rise} by" in reason for rise in range(270, 291))]
     assert len(named) > 4
-
-
-def test_steps_half_as_big_are_not_seen_as_usual_ones() -> None:
-    """Test: stairs scaled by a half. Expected result: no step of twice the rise; a refusal by the size names one below 0.1 m."""
-    for sight, rise_m, _ in looks(replace(ViewRecipe(scenes=("up",)), rise_m=(0.15, 0.19)), range(412_000, 412_008), (0.5,)):
-        if sight.accepted and sight.shape is not None:
-            assert sight.shape.rise_m == pytest.approx(rise_m, rel=0.1)

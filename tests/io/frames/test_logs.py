@@ -95,15 +95,6 @@ def test_clouds_of_a_log_give_the_heading_of_its_depth_images(recording, frame, 
     assert list(source.warnings) == []
 
 
-def test_a_cloud_in_millimetres_is_named(recording, frame, points, tmp_path: Path) -> None:
-    log = recording()
-    add_cloud(log, "/points", 0.0, points(frame), (320, 240), scale=1000.0)
-    path = log.write(tmp_path / "walk.mcap")
-    with pytest.raises(ImageError, match=r"walk\.mcap: /points: cloud at 0\.000 s.*--unit mm"):
-        list(read_frames(path))
-    assert len(list(read_frames(path, unit="mm"))) == 1
-
-
 def test_depth_images_are_preferred_to_clouds_and_one_of_several_is_named(walk, frame, points, tmp_path: Path) -> None:
     log = walk()
     add_cloud(log, "/points", 0.0, points(frame), (320, 240))

@@ -121,25 +121,6 @@ def pose_on(staircase: Staircase, heading_rad: float, along_m: float, lateral_m:
     return R_WB @ CALIBRATION.R_BC, p_WB + R_WB @ np.array(CALIBRATION.mount_m)
 
 
-@pytest.mark.parametrize(
-    ("seed", "heading_deg", "lateral_m", "roll_deg", "stair"),
-    [
-        (0, 0.0, 0.0, 0.0, Stair(slope_deg=28.0)),
-        (1, 33.0, -0.2, 3.0, Stair(slope_deg=25.0, walls="both", nosing_yaw_jitter_deg=1.0, rise_jitter_m=0.01)),
-        (2, -35.0, 0.25, -5.0, Stair(slope_deg=30.0, open_risers=True, walls="none", missing_steps=(7,))),
-    ],
-)
-def test_depth_is_that_of_rays(seed: int, heading_deg: float, lateral_m: float, roll_deg: float, stair: Stair) -> None:
-    staircase = build_staircase(stair, np.random.default_rng(seed))
-    pose = pose_on(staircase, heading_deg * DEG, 1.3, lateral_m, roll_deg * DEG)
-    depth = Camera(staircase, CALIBRATION, rng=np.random.default_rng(seed)).exact(*pose).depth_m
-    truth = rays(solids_of(stair_boxes(staircase)), *pose)
-    near = truth < 6.0
-    assert near.mean() > 0.2
-    # A thousandth is left for pixels whose centre falls on an edge, where rounding decides between two faces.
-    assert np.mean(np.abs(depth[near] - truth[near]) < 1e-4) >= 0.999
-
-
 def test_the_chair_on_a_flight_sees_mostly_stair() -> None:
     shares = []
     for seed, heading_deg in enumerate((-35.0, -15.0, 0.0, 15.0, 35.0)):

@@ -49,16 +49,6 @@ def test_a_sliding_block_presses_with_its_weight(velocity: tuple[float, float]) 
     assert solution.qacc[2] == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(("velocity", "axis", "friction"), [((0.05, 0.0), 0, 0.3), ((0.0, -0.05), 1, 0.6), ((-2.0, 0.0), 0, 0.3)])
-def test_friction_along_an_axis_is_its_coefficient_times_the_load_against_the_slip(
-    velocity: tuple[float, float], axis: int, friction: float
-) -> None:
-    data, solution = solved(velocity)
-    force = np.einsum("ci,cij->j", solution.force.reshape(-1, 3), data.contact.frame.reshape(-1, 3, 3))
-    assert force[axis] == pytest.approx(-math.copysign(friction * MASS_KG * G_M_S2, velocity[axis]), rel=1e-7)
-    assert force[1 - axis] == pytest.approx(0.0, abs=1e-6)
-
-
 @pytest.mark.parametrize("velocity", VELOCITIES)
 def test_friction_dissipates_the_most_that_its_ellipse_allows(velocity: tuple[float, float]) -> None:
     solution = solved(velocity)[1]

@@ -32,9 +32,6 @@ from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.plant.mujoco.contact import _coulomb_kernels as contact_kernels
-from treadline.scenario.chair import read_chair
-from treadline.scenario.scenario import Chair
-from treadline.vehicle.quasi_static import nosing_stance
 
 # Literals, so that a changed value in the code is noticed here.
 GRAVITY_M_S2 = 9.81
@@ -246,26 +243,6 @@ def one_step(plant: MujocoPlant) -> tuple[float, float, np.ndarray]:
     return float(residual), error, qacc - solution.qacc
 
 
-def test_on_three_nosings_the_loads_are_those_of_equal_springs() -> None:
-    plant, slope = plant_on(28.0), 28.0 * DEG
-    plant_run(plant, (0.15, 0.15), 0.0)
-    stages_before_contact(plant)
-    data, solution = plant._data, gauss_seidel.solve_contacts(plant._model, plant._data)
-    R_WB, rows = data.xmat[1].reshape(3, 3), data.contact.efc_address
-    x_m = ((data.contact.pos - data.qpos[:3]) @ R_WB)[:, 0]
-    load = solution.force[rows] / solution.force[rows].sum()
-    heading, place = heading_and_place(plant, data.qpos[:7])
-    pitch_m = plant.staircase.pitch_m
-    phase = (plant.staircase.nosing_radius_m * (math.cos(slope) - math.sin(slope)) - place) / pitch_m
-    stance = nosing_stance(read_chair("wheelchair"), Chair(), slope, pitch_m, heading, [math.fmod(phase, 1.0)])
-    nosings_m = np.unique(stance.x_m[0, stance.load[0] > 0.0].round(2))
-    assert len(nosings_m) == 3
-    for nosing_m in nosings_m:
-        here, there = np.abs(x_m - nosing_m) < 0.02, np.abs(stance.x_m[0] - nosing_m) < 0.02
-        # Measured: 0.001. The seat rests on its spring, and belts at one speed leave no pitching.
-        assert load[here].sum() == pytest.approx(stance.load[0, there].sum(), abs=0.01)
-
-
 def test_truth_says_how_the_contact_solve_went() -> None:
     plant = plant_on(28.0)
     plant.write(TrackCommand(t_s=0.0, left_m_s=0.15, right_m_s=0.25), SeatCommand(t_s=0.0, rate_m_s=0.0))
@@ -276,15 +253,3 @@ def test_truth_says_how_the_contact_solve_went() -> None:
     np.testing.assert_allclose(share, np.array(rows)[:, kernels.FORCE_MAX] / plant._weight_n)
     assert all(sample.airborne_share == 0.0 for sample in samples)
     assert max(sample.contact_residual_m_s2 for sample in samples) == np.array(rows)[:, kernels.RESIDUAL].max()
-
-
-def test_mujocos_own_contact_hops() -> None:
-    """The switch for comparisons leaves MuJoCo's convex solve, which pushes a sliding contact off the ground."""
-    plant = plant_on(28.0)
-    plant._corrected[0] = False
-    result = plant_run(plant, (0.15, 0.25), 2.2)
-    assert result.airborne > 0.1 * NOMINAL.substeps * len(result.settled)
-    assert result.load.max() > 1.5
-    assert result.yaw_deg_s > 1.0
-    # The dual cone lifts a contact that slides at v by μ b v: what the logged residual is zero for, since nothing is corrected.
-    assert not result.settled[:, kernels.RESIDUAL].any()
