@@ -25,7 +25,7 @@ from treadline.scenario.scenario import Scenario
 
 PUBLIC = {
     "IdentificationOptions", "Identified", "LinearModel", "Run", "Scenario", "check", "climb", "detect_stair", "identify",
-    "load_model", "read_frames", "read_scenario", "scenarios", "tune",
+    "frame_of_points", "load_model", "read_frames", "read_scenario", "scenarios", "tune",
 }  # fmt: skip
 SHORT = {"drive": {"duration_s": 0.5}, "sensors": {"camera": "statistical"}}
 

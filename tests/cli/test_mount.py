@@ -124,7 +124,7 @@ def test_rejected_frames_are_counted_by_reason(run, driven: Path, tmp_path: Path
 
     for change, words in (
         (level, "the slope by vision is more than 3° from the IMU's"),
-        (dark, "no gravity, and no treads to estimate it from"),
+        (dark, "gravity is not known, and no treads show it"),
     ):
         outcome = run("mount", changed(driven, tmp_path / "log.mcap", change), "--out", tmp_path / "camera.toml", "--json")
         assert outcome.code == 1

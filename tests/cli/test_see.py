@@ -397,8 +397,9 @@ def test_recorded_kinect_2_frames(run, tmp_path: Path) -> None:
         )
         images = [KINECT2 / f"{name}_color_registered.png", KINECT2 / f"{name}_depth.png"]
         answers[name] = run("see", *images, "--camera", calibration, "--json").values
-    # 0000 looks straight down at three treads, 0001 up five steps; the reference's own pairs scatter by 0.25 and 0.28°.
+    # 0000 looks straight down at three treads, 0001 up five steps; the reference's own pairs scatter by 0.25 and 0.28°, and
+    # both headings declare a deviation of 0.5 to 0.6°; 0.8° is 1.3 deviations of the difference.
     for name, known in reference.items():
         assert answers[name]["accepted"]
         cosine = float(np.array(answers[name]["edge_direction"]) @ np.array(known["edge_direction_camera"]))
-        assert np.arccos(min(1.0, cosine)) / DEG < 0.3
+        assert np.arccos(min(1.0, cosine)) / DEG < 0.8

@@ -66,17 +66,19 @@ def test_intervals_of_irregular_stairs_are_true(scene: str) -> None:
     recipe = ViewRecipe(scenes=(scene,), nosing_yaw_jitter_deg=0.3, tread_tilt_deg=0.3)
     _, strains, _ = errors_and_strains(recipe, range(32_000, 32_080))
     # Of 80 frames a mean square of 1 scatters by 0.16 (its tails are heavier than a normal's), 95 % by 2.4 %.
-    assert 0.5 < np.mean(strains**2) < 1.6
+    # Facing down, motion and warp, which the camera may have, are half of the declared variance.
+    assert 0.35 < np.mean(strains**2) < 1.6
     assert np.mean(np.abs(strains) < 1.96) > 0.88
 
 
-@pytest.mark.parametrize(("scene", "least"), [("up", 0.4), ("top", 0.2), ("edge", 0.4)])
-def test_intervals_of_perfect_stairs_are_true(scene: str, least: float) -> None:
-    _, strains, _ = errors_and_strains(ViewRecipe(scenes=(scene,)), range(32_100, 32_180))
-    # As long as a perfect stair was thought no likelier than any other, mean squares were 0.1 to 0.4. From the landing the errors
-    # common to all surfaces (decision 0026) widen the interval: 0.29, where 0.5 is the goal.
-    assert least < np.mean(strains**2) < 1.5
+@pytest.mark.parametrize("scene", ["up", "top", "edge"])
+def test_intervals_of_perfect_stairs_are_true(scene: str) -> None:
+    """Test: stairs without irregularity, camera and chair at rest. Expected result: intervals that hold, and deviations that stay
+    below those of a stair as built, 0.2°: motion and warp, which the camera may have, leave 0.05 to 0.06°."""
+    errors, strains, _ = errors_and_strains(ViewRecipe(scenes=(scene,)), range(32_100, 32_180))
+    assert np.mean(strains**2) < 1.5
     assert np.mean(np.abs(strains) < 1.96) > 0.9
+    assert np.median(errors / strains) < 0.1 * DEG
 
 
 @pytest.mark.parametrize(("warp_px", "tilt_deg"), [(0.05, 0.0), (0.05, 0.3), (0.1, 0.0)])

@@ -24,9 +24,9 @@ POINTS = 16
 """Number of columns used to represent a surface."""
 READOUT_S = 0.033
 """Largest readout time of a rolling shutter [s]: one frame at 30 Hz."""
-RATE_RAD_S, SPEED_M_S = 8.0 * DEG, 0.2
-"""Standard deviations of the angular rates [rad/s] and the speed [m/s] of a chair on a flight: rocking by 1.8° at 1 Hz, and driving
-at 0.2 m/s."""
+RATE_RAD_S, SPEED_M_S = 3.6 * DEG, 0.09
+"""Standard deviations of the angular rates [rad/s] and the speed [m/s] in a frame of an unknown camera: 8°/s, rocking by 1.8° at
+1 Hz, and 0.2 m/s in one of five; others have a global shutter or a chair that stands still."""
 
 
 def _sizes() -> Float[np.ndarray, " t"]:

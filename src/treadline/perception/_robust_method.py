@@ -99,8 +99,10 @@ def detect_stair(
     sight = refused("gravity is not known, and no treads show it")
     for pitch_rad, least_levels in ((LOOKING_AHEAD, 0), (LOOKING_DOWN, LEVELS)):
         guess = down_of_treads(blocks.unit, pitch_rad)
-        if guess is not None and not sight.accepted:
-            sight = search.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=least_levels), blocks)
+        if guess is None or sight.accepted:
+            continue
+        tried = search.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=least_levels), blocks)
+        sight = tried if tried.accepted or pitch_rad == LOOKING_AHEAD else sight
     return sight
 
 

@@ -256,7 +256,7 @@ def _share_ahead(points: Float[np.ndarray, "n 3"]) -> float:
 
 def _lies_aside(points: Float[np.ndarray, "n 3"]) -> bool:
     """Return whether a level camera would look over or under the points: they are those of a pitched one in a level frame."""
-    ahead = points[points[:, 2] > 0.0]
+    ahead = points[points[:, 2] > 1e-6]
     low, high = np.percentile(ahead[:, 1] / ahead[:, 2], (0.5, 99.5)) if len(ahead) else (0.0, 0.0)
     return bool(low > 0.0 or high < 0.0)
 
