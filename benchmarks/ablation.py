@@ -5,7 +5,6 @@ parts    Each part is switched off in turn, on the same surfaces of the same lif
 winding  Probability of a winding flight, on straight, curved and winding flights.
 """
 
-import argparse
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -14,7 +13,8 @@ from unittest import mock
 
 import numpy as np
 from perception_cases import ROLLING, Case, condition_cases, fixed, sensor_cases
-from scenes import View, draw_view
+from scenes import View
+from tables import frame_options, markdown, seeds_of
 
 from treadline.core.angles import DEG
 from treadline.perception import _edge_fit, _form, _robust_method
@@ -72,14 +72,6 @@ def parts() -> Mapping[str, Sequence[Patch]]:
     }
 
 
-def looks(case: Case, seeds: range) -> Iterator[View]:
-    """Yield the views of a row that show a stair."""
-    for seed in seeds:
-        view = draw_view(np.random.default_rng(seed), case.recipe_of(seed))
-        if view.stair is not None and view.stair.share >= case.least_share:
-            yield view
-
-
 def answers(view: View, gravity_C: Any, variants: Mapping[str, Sequence[Patch]]) -> dict[str, Answer]:
     """Return the answer with each variant; blocks, surfaces and lattice are those of the first."""
     known: dict[Any, Any] = {}
@@ -126,14 +118,13 @@ def print_parts(seeds: range) -> None:
     found: dict[str, list[Answer]] = {label: [] for label in variants}
     for case in (*sensor_cases(), *condition_cases(), *OTHERS):
         lifelike = Case(label=case.label, recipe=case.recipe, least_share=case.least_share, is_lifelike=True)
-        for view in looks(lifelike, seeds):
+        for view in lifelike.views(seeds):
             for label, answer in answers(view, view.gravity_C if case.knows_down else None, variants).items():
                 found[label].append(answer)
     count = int(np.isfinite(np.array(found["all"])[:, 0]).sum())
-    print(f"\n{count} headings in {len(found['all'])} frames.\n")
-    print("| without | headings | RMSE | inside | σ |\n| --- | --- | --- | --- | --- |")
-    for label in list(variants)[1:]:
-        print(f"| {label} | {difference(found['all'], found[label])} |", flush=True)
+    print(f"\n{count} headings in {len(found['all'])} frames.")
+    lines = (f"| {label} | {difference(found['all'], found[label])} |" for label in list(variants)[1:])
+    markdown("| without | headings | RMSE | inside | σ |", lines)
 
 
 def recorded(function: Callable[..., Any], results: list[Any]) -> Callable[..., Any]:
@@ -146,32 +137,29 @@ def recorded(function: Callable[..., Any], results: list[Any]) -> Callable[..., 
     return appending
 
 
-def print_winding(seeds: range) -> None:
-    """Print the table of winding."""
-    print("\n| | fits | below 5 % | 5 to 50 % | 50 to 95 % | above 95 % | headings |\n| --- | --- | --- | --- | --- | --- | --- |")
+def winding_rows(seeds: range) -> Iterator[str]:
+    """Yield the rows of the table of winding."""
     for label, recipe in CURVES:
         fits: list[_edge_fit.EdgeFit] = []
         headings = 0
         with mock.patch.object(_robust_method, "fit_edges", recorded(_edge_fit.fit_edges, fits)):
-            for view in looks(Case(label=label, recipe=recipe, least_share=0.01, is_lifelike=True), seeds):
+            for view in Case(label=label, recipe=recipe, least_share=0.01, is_lifelike=True).views(seeds):
                 headings += _robust_method.detect_stair(view.frame, view.gravity_C, SWEPT_HALF_M).heading_rad is not None
         shares = [fit.winding for fit in fits]
         counts = np.histogram(shares, [0.0, 0.05, 0.5, 0.95, 1.001])[0]
-        print(f"| {label} | {len(shares)} | {' | '.join(str(count) for count in counts)} | {headings} |", flush=True)
+        yield f"| {label} | {len(shares)} | {' | '.join(str(count) for count in counts)} | {headings} |"
 
 
 def main() -> None:
     """Print both tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=12, help="per row")
-    parser.add_argument("--seed", type=int, default=41_300_000, help="first seed")
+    parser = frame_options(__doc__, 12, "per row")
     parser.add_argument("--only", choices=("parts", "winding"), help="this table")
     arguments = parser.parse_args()
-    seeds = range(arguments.seed, arguments.seed + arguments.frames)
+    seeds = seeds_of(arguments)
     if arguments.only != "winding":
         print_parts(seeds)
     if arguments.only != "parts":
-        print_winding(seeds)
+        markdown("| | fits | below 5 % | 5 to 50 % | 50 to 95 % | above 95 % | headings |", winding_rows(seeds))
 
 
 if __name__ == "__main__":

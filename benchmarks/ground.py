@@ -14,7 +14,7 @@ from scenes import STAIRLESS_SCENES, ViewRecipe, draw_view
 from scenes.camera import SceneCamera
 from scenes.placing import oblique_wall
 from scenes.scores import wilson
-from scenes.views import DOWN_W, calibration_of
+from scenes.views import DOWN_W, calibration_of, tilted
 
 from treadline.core.angles import DEG
 from treadline.core.camera_images import MOUNT_FIELDS, RgbdFrame
@@ -72,12 +72,11 @@ def draw_edge(rng: np.random.Generator, kind: str, sensor: str, distance_m: floa
     frame = scene.frame(0.0, R_WC, p_WB + R_WB @ np.array(camera.mount_m))
     frame.depth_m[rng.random(frame.depth_m.shape) < missing] = np.nan
     down_C = R_WC.T @ DOWN_W
-    side = np.cross(down_C, rng.standard_normal(3))
     v, u = np.indices(frame.depth_m.shape)
     heights_m = camera.mount_m[2] - camera.pixel_to_point(u, v, frame.depth_m) @ down_C
     return EdgeView(
         frame=frame,
-        gravity_C=math.cos(0.5 * DEG) * down_C + math.sin(0.5 * DEG) * side / np.linalg.norm(side),
+        gravity_C=tilted(down_C, 0.5 * DEG, rng),
         heading_rad=-heading_rad,
         shows_drop=bool(np.mean(heights_m < -0.05) > 0.002),
     )

@@ -5,8 +5,6 @@ a mast, level, 0.8 m above the floor and 1.2 m before the first nosing. Its clou
 up), with the direction of gravity.
 """
 
-import argparse
-import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -15,6 +13,7 @@ from jaxtyping import Float
 from perception_cases import LIFELIKE, percent
 from scenes import ViewRecipe
 from scenes.views import draw_stage
+from tables import frame_options, markdown, seeds_of
 
 from treadline.core.angles import DEG
 from treadline.io.frames import frame_of_points
@@ -167,15 +166,8 @@ def row(name: str, seeds: range) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=30, help="per sensor")
-    parser.add_argument("--seed", type=int, default=None, help="first seed; drawn if not given")
-    arguments = parser.parse_args()
-    first = secrets.randbelow(2**31) if arguments.seed is None else arguments.seed
-    print(f"seeds {first} to {first + arguments.frames - 1}: repeat with --seed {first} --frames {arguments.frames}\n")
-    print("| | accepted | RMSE | in the 95 % interval |\n| --- | --- | --- | --- |")
-    for name in LIDARS:
-        print(row(name, range(first, first + arguments.frames)), flush=True)
+    seeds = seeds_of(frame_options(__doc__, 30, "per sensor").parse_args())
+    markdown("| | accepted | RMSE | in the 95 % interval |", (row(name, seeds) for name in LIDARS))
 
 
 if __name__ == "__main__":

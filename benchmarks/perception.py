@@ -1,13 +1,15 @@
-"""Accuracy of the stair perception: ``python benchmarks/perception.py [--quick] [--only heading] [--frames N] [--seed S]``.
+"""Accuracy of the stair perception: ``python benchmarks/perception.py [--only heading] [--frames N] [--seed S]``.
 
-Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Nine tables:
+Every call draws new seeds, which no tuning has used, and prints them, so that a run can be repeated. Eleven tables:
 
 heading    error of the heading by place, clutter, warp and calibration error
 sensors    the same by depth sensor, noise, image size and distance
-conditions the same by kinds of stair, motion and mount that break an assumption, with the sides of the flight
+conditions the same by kinds of stair, motion and mount that break an assumption
+sides      sides of the flight, walls or open
 pixels     the same with pixels missing at random or in blotches, holes filled by the driver, and mixed depths at edges
 geometry   error of slope, rise and run
-ground     edges of landings, docks and kerbs ahead, and drops reported where there are none
+ground     edges of landings, docks and kerbs ahead
+floor      drops reported where there are none
 stairless  number of scenes without a stair in which a stair is detected (target: none)
 paper      Algorithm 1 as printed, and again with 90° taken off: with it Eq. (2) is an arcsine
 real       recorded frames with a reference, if available
@@ -15,9 +17,7 @@ real       recorded frames with a reference, if available
 Frames with less than 15 % stair do not count. Fractions have 95 % intervals (Wilson). Times are CPU time of one core.
 """
 
-import argparse
 import math
-import secrets
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -26,15 +26,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from ground import FLOOR_COLUMNS, GROUND_COLUMNS, edge_rows, floor_rows
 from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, pixel_cases, sensor_cases
-from real_frames import RECORDED, RealFrame, crops_of, mirrored, phases_of, real_frames
-from scenes import STAIR_SCENES, STAIRLESS_SCENES, View, draw_view
+from real_frames import RealFrame, crops_of, mirrored, phases_of, real_frames
+from scenes import STAIR_SCENES, STAIRLESS_SCENES, View
 from scenes.recipe import STEPPED_SCENES
 from scenes.scores import wilson
+from tables import frame_options, markdown, seeds_of
 
 from treadline.core.angles import DEG
 from treadline.perception import DetectorConfig, StairDetection, StairDetector
 
-TABLES = ("heading", "sensors", "conditions", "pixels", "geometry", "ground", "stairless", "paper", "real")
 FIELD: dict[str, object] = {"clutter": ("legs", "mat", "bag", "strips", "shadow", "wet", "rail_left", "rail_right")}
 """Recipe with all kinds of clutter, each of which may be present."""
 
@@ -94,13 +94,15 @@ def geometry_cases() -> Iterator[Case]:
             yield Case(label=label, recipe=far, is_lifelike=True, least_share=0.01)
 
 
+def side_cases() -> Iterator[Case]:
+    """Yield the rows of the table of sides."""
+    return (case for case in condition_cases() if "wide" in case.label or case.label in ("plain", "open risers"))
+
+
 def looks(case: Case, seeds: range) -> Iterator[Look]:
     """Yield what a method makes of the frames of a row."""
     detector = StairDetector(DetectorConfig(method=case.method))
-    for seed in seeds:
-        view = draw_view(np.random.default_rng(seed), case.recipe_of(seed))
-        if view.stair is not None and view.stair.share < case.least_share:
-            continue
+    for view in case.views(seeds):
         if case.method == "paper":
             view.frame.rgb  # noqa: B018 - painted before the clock runs
         started = time.process_time()
@@ -263,7 +265,7 @@ def stairless_rows(seeds: range) -> Iterator[str]:
 REAL_COLUMNS = "| | accepted | RMSE | worst | declared σ (median) | in the 95 % interval of both | most frequent reason |"
 
 
-def real_rows() -> Iterator[str]:
+def real_rows(_: range) -> Iterator[str]:
     """Yield the errors of the edge direction in recorded frames, shifted by pixels, halved, cut and mirrored."""
     for real in real_frames():
         mirror = mirrored(real)
@@ -302,64 +304,39 @@ def real_cells(frames: Sequence[RealFrame]) -> list[str]:
     return [*counts, percent(inside, len(errors)), reason]
 
 
-def tables(seeds: range) -> dict[str, Callable[[], None]]:
-    """Return what prints each table."""
+def by_case(row: Callable[[Case, range], str], cases: Callable[[], Iterator[Case]]) -> Callable[[range], Iterator[str]]:
+    """Return the function that yields a row for each case."""
+    return lambda seeds: (row(case, seeds) for case in cases())
 
-    def rows(title: str, columns: str, lines: Iterator[str]) -> None:
-        print(f"\n### {title}\n\n{columns}\n|{' --- |' * (columns.count('|') - 1)}")
-        for line in lines:
-            print(line, flush=True)
 
-    def heading() -> None:
-        rows("Heading, robust method", HEADING_COLUMNS, (heading_row(case, seeds) for case in heading_cases()))
-
-    def conditions() -> None:
-        rows("Heading by condition", PAIRED_COLUMNS, (paired_row(case, seeds) for case in condition_cases()))
-        sided = [case for case in condition_cases() if "wide" in case.label or case.label in ("plain", "open risers")]
-        rows("Sides of the flight", SIDES_COLUMNS, (sides_row(case, seeds) for case in sided))
-
-    def real() -> None:
-        if not RECORDED.exists():
-            print(f"\n### Recorded frames\n\nskipped: no folder {RECORDED.relative_to(RECORDED.parents[3])} beside the project")
-            return
-        rows("Recorded frames, with gravity where it is known", REAL_COLUMNS, real_rows())
-
-    def ground() -> None:
-        rows("Edges ahead", GROUND_COLUMNS, edge_rows(seeds))
-        rows("Ground without an edge", FLOOR_COLUMNS, floor_rows(seeds))
-
-    return {
-        "heading": heading,
-        "sensors": lambda: rows("Heading by sensor", PAIRED_COLUMNS, (paired_row(case, seeds) for case in sensor_cases())),
-        "conditions": conditions,
-        "pixels": lambda: rows("Heading with bad pixels", PAIRED_COLUMNS, (paired_row(case, seeds) for case in pixel_cases())),
-        "geometry": lambda: rows("Geometry", GEOMETRY_COLUMNS, (geometry_row(case, seeds) for case in geometry_cases())),
-        "ground": ground,
-        "stairless": lambda: rows("Places without a stair", STAIRLESS_COLUMNS, stairless_rows(seeds)),
-        "paper": lambda: rows("Heading, Algorithm 1", HEADING_COLUMNS, (heading_row(case, seeds) for case in paper_cases())),
-        "real": real,
-    }
+TABLES: dict[str, tuple[str, str, Callable[[range], Iterator[str]]]] = {
+    "heading": ("Heading, robust method", HEADING_COLUMNS, by_case(heading_row, heading_cases)),
+    "sensors": ("Heading by sensor", PAIRED_COLUMNS, by_case(paired_row, sensor_cases)),
+    "conditions": ("Heading by condition", PAIRED_COLUMNS, by_case(paired_row, condition_cases)),
+    "sides": ("Sides of the flight", SIDES_COLUMNS, by_case(sides_row, side_cases)),
+    "pixels": ("Heading with bad pixels", PAIRED_COLUMNS, by_case(paired_row, pixel_cases)),
+    "geometry": ("Geometry", GEOMETRY_COLUMNS, by_case(geometry_row, geometry_cases)),
+    "ground": ("Edges ahead", GROUND_COLUMNS, edge_rows),
+    "floor": ("Ground without an edge", FLOOR_COLUMNS, floor_rows),
+    "stairless": ("Places without a stair", STAIRLESS_COLUMNS, stairless_rows),
+    "paper": ("Heading, Algorithm 1", HEADING_COLUMNS, by_case(heading_row, paper_cases)),
+    "real": ("Recorded frames, with gravity where it is known", REAL_COLUMNS, real_rows),
+}
+"""Title, columns and rows of each table."""
 
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=None, help="per row; 60, or 12 with --quick")
-    parser.add_argument("--seed", type=int, default=None, help="first seed; drawn if not given")
-    parser.add_argument("--quick", action="store_true", help="a few frames per row: to see that all runs")
+    parser = frame_options(__doc__, 60, "per row")
     parser.add_argument("--only", choices=TABLES, action="append", help="this table; may be given again")
     arguments = parser.parse_args()
-    frames = arguments.frames or (12 if arguments.quick else 60)
-    first = secrets.randbelow(2**31) if arguments.seed is None else arguments.seed
-    seeds = range(first, first + frames)
-    only = "".join(f" --only {name}" for name in arguments.only or ())
-    print(f"Kinect 1 noise at 320×240 and gravity 0.5° off unless said; seeds {seeds.start} to {seeds.stop - 1}:")
-    print(f"repeat with --seed {first} --frames {frames}{only}")
+    seeds = seeds_of(arguments)
+    print("Kinect 1 noise at 320×240 and gravity 0.5° off unless said")
     for _ in looks(Case(label="loads what is compiled"), range(1)):
         pass
-    for name, show in tables(seeds).items():
-        if not arguments.only or name in arguments.only:
-            show()
+    for name in arguments.only or TABLES:
+        title, columns, rows = TABLES[name]
+        markdown(columns, rows(seeds), title)
 
 
 if __name__ == "__main__":

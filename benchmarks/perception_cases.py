@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from scenes import ViewRecipe
+from scenes import View, ViewRecipe, draw_view
 from scenes.bad_pixels import HOLE_FILLINGS
 from scenes.known_answers import AS_BUILT
 from scenes.recipe import ALONE
@@ -49,6 +49,13 @@ class Case:
         # Worn nosings are not supported with some shapes of steps.
         dropped = {"worn_m"} if any("worn_m" in others and name in self.recipe for name, others in ALONE.items()) else set()
         return ViewRecipe(**{name: value for name, value in (drawn | self.recipe).items() if name not in dropped})
+
+    def views(self, seeds: range) -> Iterator[View]:
+        """Yield the frames that count, one for each seed."""
+        for seed in seeds:
+            view = draw_view(np.random.default_rng(seed), self.recipe_of(seed))
+            if view.stair is None or view.stair.share >= self.least_share:
+                yield view
 
 
 def fixed(value: float) -> tuple[float, float]:

@@ -5,14 +5,13 @@ with a wrong gravity, or in another size. No frame may end in an exception, an a
 frame of a hundred, and a scene of another size is accepted with its own rise and run or rejected.
 """
 
-import argparse
-import secrets
 import traceback
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from perception_cases import percent
+from tables import frame_options, markdown, seeds_of
 from variations import KINDS, KnownFrame, drawn_frame, recorded_frames, seen_otherwise
 
 from treadline.core.angles import DEG
@@ -101,24 +100,16 @@ def tallies(bases: list[KnownFrame], looks: int, rng: np.random.Generator) -> di
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=80, help="drawn frames that are varied")
+    parser = frame_options(__doc__, 80, "drawn frames that are varied")
     parser.add_argument("--looks", type=int, default=4000, help="varied frames")
-    parser.add_argument("--seed", type=int, default=None, help="first seed; drawn if not given")
     arguments = parser.parse_args()
-    first = secrets.randbelow(2**31) if arguments.seed is None else arguments.seed
+    seeds = seeds_of(arguments)
     recorded = [_measured(known) for known in recorded_frames()]
-    print(f"{len(recorded)} recorded and {arguments.frames} drawn frames; repeat with --seed {first}")
-    for label, bases in (
-        ("recorded", recorded),
-        ("drawn", [drawn_frame(seed) for seed in range(first, first + arguments.frames)]),
-    ):
+    for label, bases in (("recorded", recorded), ("drawn", [drawn_frame(seed) for seed in seeds])):
         if not bases:
             continue
-        found = tallies(bases, arguments.looks // 2, np.random.default_rng(first))
-        print(f"\n### {label}\n\n{COLUMNS}\n|{' --- |' * (COLUMNS.count('|') - 1)}")
-        for kind, tally in found.items():
-            print(tally.row(kind), flush=True)
+        found = tallies(bases, arguments.looks // 2, np.random.default_rng(seeds.start))
+        markdown(COLUMNS, (tally.row(kind) for kind, tally in found.items()), f"{len(bases)} {label} frames")
         for tally in found.values():
             for line in [*tally.notes, *Counter(tally.failures)]:
                 print("-", line)

@@ -115,7 +115,7 @@ def draw_view(rng: np.random.Generator, recipe: ViewRecipe) -> View:
     """Return a random view; all open parameters are drawn from ``rng``."""
     stage, pose = draw_stage(rng, recipe)
     view = stage.view(0.0, pose)
-    measured_B = _tilted(pose.R_WB.T @ DOWN_W, recipe.gravity_error_deg * DEG, rng)
+    measured_B = tilted(pose.R_WB.T @ DOWN_W, recipe.gravity_error_deg * DEG, rng)
     return replace(view, gravity_C=stage.declared.R_BC.T @ measured_B)
 
 
@@ -137,8 +137,8 @@ class RecordedDrive:
         self._R_WS = np.eye(3) if self._stage.scene in LEVEL else self._stage.flight.staircase.R_WS
         self._yaw_rad = 0.0 if DIRECTIONS[self._stage.scene] == "up" else math.pi
         level = np.array([0.0, 0.0, 1.0])
-        tilted = _tilted(level, recipe.gravity_error_deg * DEG, rng)
-        self._measured_gravity = np.eye(3) + np.outer(tilted - level, level) - np.outer(level, tilted - level)
+        turned = tilted(level, recipe.gravity_error_deg * DEG, rng)
+        self._measured_gravity = np.eye(3) + np.outer(turned - level, level) - np.outer(level, turned - level)
 
     def pose(self, along_m: float, heading_rad: float) -> Pose:
         """Return the pose of the chair after a distance along the flight, or on the floor, at the initial lateral position."""
@@ -231,7 +231,7 @@ def _cameras(chair: ChairDescription, recipe: ViewRecipe, rng: np.random.Generat
     return declared, true
 
 
-def _tilted(direction: Vector3, angle_rad: float, rng: np.random.Generator) -> Vector3:
+def tilted(direction: Vector3, angle_rad: float, rng: np.random.Generator) -> Vector3:
     """Return a direction rotated by an angle towards a random side."""
     side = np.cross(direction, rng.standard_normal(3))
     return math.cos(angle_rad) * direction + math.sin(angle_rad) * side / np.linalg.norm(side)

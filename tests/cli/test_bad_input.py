@@ -145,9 +145,12 @@ def model_path(tmp_path: Path) -> Path:
         (["--input-weight", "x"], "--input-weight"),
         (["--reconstruct", "guess"], "--reconstruct"),
         (["--state-weight", "1,1", "--output-weight", "1,1"], "not both"),
+        *((["--period", value], "multiple of 0.01 s: give --period 0.") for value in ("0.033", "0.001", "0.2500001")),
     ],
 )
-def test_tune_refuses_weights_that_mean_nothing(run, tmp_path: Path, model_path: Path, options: list[str], word: str) -> None:
+def test_tune_refuses_weights_that_mean_nothing_and_periods_that_no_mission_keeps(
+    run, tmp_path: Path, model_path: Path, options: list[str], word: str
+) -> None:
     out = tmp_path / "controller.json"
     assert_refused(run("tune", model_path, *options, "--out", out), word)
     assert not out.exists()
@@ -237,13 +240,6 @@ def test_tune_is_for_a_chair_that_there_is(run, tmp_path: Path, model_path: Path
     own.write_text((CHAIRS / "wheelchair.toml").read_text().replace('name = "wheelchair"', 'name = "ours"'))
     assert run("tune", model_path, "--vehicle", own, "--out", out).code == 0
     assert json.loads(out.read_text())["vehicle"] == "ours"
-
-
-@pytest.mark.parametrize("period", ["0.033", "0.001", "0.2500001"])
-def test_tune_refuses_a_period_that_no_mission_keeps(run, tmp_path: Path, model_path: Path, period: str) -> None:
-    out = tmp_path / "controller.json"
-    assert_refused(run("tune", model_path, "--period", period, "--out", out), period, "multiple of 0.01 s: give --period 0.")
-    assert not out.exists()
 
 
 def test_tune_asks_for_a_period_where_the_model_s_own_is_none_that_a_mission_keeps(run, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_x, rotation_y
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._gravity_direction import down_of_treads
-from treadline.perception._plane_segmentation import Line
 from treadline.perception._step_parts import NosingObservation, Tread, level_axes
 from treadline.perception._winding import turn_per_step
 
@@ -49,14 +48,6 @@ def test_one_surface_that_is_no_riser_has_little_say() -> None:
     assert off_rad(fit([*good, riser(12.0 * DEG)])) < 0.6 * DEG
 
 
-def line(yaw_rad: float = 0.0, height_m: float = 0.3) -> Line:
-    """Return the end of a tread at a distance of 1 m, seen from above and turned about the vertical."""
-    along = rotation_y(20.0 * DEG + yaw_rad) @ np.array([1.0, 0.0, 0.0])
-    middle = rotation_y(20.0 * DEG) @ np.array([0.0, height_m, 1.0])
-    ends_m = np.array([middle - 0.5 * along, middle + 0.5 * along])
-    return line_between(ends_m, np.cross(along, middle), kind="corner", end="lower")
-
-
 def turning(turn_deg: float, bend_deg: float = 0.0) -> EdgeFit:
     """Return the fit to six nosings, 1 to 2.5 m away, each turned to the left of the one before, one of them by another angle."""
     nosings = [riser(-k * turn_deg * DEG - (k == 3) * bend_deg * DEG, 1.0 + 0.3 * k) for k in range(6)]
@@ -78,18 +69,6 @@ def test_edges_that_turn_from_step_to_step_are_those_of_a_winding_flight(turn_de
 def test_parallel_edges_are_those_of_a_straight_flight() -> None:
     assert turning(0.0).winding < 0.05
     assert turning(0.0, 0.3).winding < 0.1
-
-
-@pytest.mark.parametrize("yaw_deg", [0.7, -1.5, 2.5])
-def test_the_edge_of_a_mat_on_a_tread_is_no_nosing(yaw_deg: float) -> None:
-    risers = [riser(distance_m=distance) for distance in (1.0, 1.3, 1.6, 1.9, 2.2)]
-    with_mat = [replace(risers[0], lines=(line(yaw_deg * DEG),)), *risers[1:]]
-    treads = [surface(DOWN, distance_m=distance) for distance in (0.3, 0.5, 0.7)]
-    clean, found = (fit_edges(nosings, treads, DOWN, 0.5 * DEG, START, CAMERA) for nosings in (risers, with_mat))
-    # Taken for a nosing, it drew the edge by degrees: a warp turns no line, so that one line was believed before five risers.
-    assert off_rad(clean) < 0.02 * DEG
-    assert off_rad(found) < 1.5 * sigma_of(found)
-    assert sigma_of(found) < 0.1 * DEG
 
 
 def test_down_is_not_guessed_without_treads() -> None:

@@ -11,7 +11,7 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.paper.algorithm import BOX_COLOUR, PaperConfig, run_steps
 from treadline.perception.paper.edges import canny, grey_of, thresholds
-from treadline.perception.paper.hough_segments import merged, segments, slopes
+from treadline.perception.paper.hough_segments import merged, slopes
 from treadline.perception.paper.pictures import write_stages
 
 CAMERA = PinholeCamera(width_px=320, height_px=240, fx_px=287.5, fy_px=287.5, cx_px=159.5, cy_px=119.5)
@@ -119,16 +119,6 @@ def test_rules_on_the_gradient_find_a_step_in_dim_light_and_no_noise(rule: str, 
 @pytest.mark.parametrize("rule", ["median", "otsu", "rosin", "mad"])
 def test_a_black_picture_has_no_edges(rule: str) -> None:
     assert not canny(np.zeros((40, 40), dtype=np.uint8), rule).any()
-
-
-def test_segments_run_from_left_to_right() -> None:
-    edges = np.zeros((100, 200), dtype=bool)
-    edges[50, 10:190] = True
-    edges[np.arange(90, 10, -1), np.arange(20, 100)] = True
-    found = segments(edges)
-    assert len(found) >= 2
-    assert np.all(found[:, 0] <= found[:, 2])
-    assert segments(np.zeros((100, 200), dtype=bool)).shape == (0, 4)
 
 
 def test_lines_at_other_rows_or_slopes_stay_apart() -> None:

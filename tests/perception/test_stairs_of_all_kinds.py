@@ -61,35 +61,56 @@ def test_what_lies_on_the_treads_costs_nothing() -> None:
     assert np.abs(errors).max() < 0.3 * DEG
 
 
-@pytest.mark.parametrize("scene", ["up", "down"])
-def test_intervals_of_irregular_stairs_are_true(scene: str) -> None:
-    recipe = ViewRecipe(scenes=(scene,), nosing_yaw_jitter_deg=0.3, tread_tilt_deg=0.3)
-    _, strains, _ = errors_and_strains(recipe, range(32_000, 32_080))
-    # Of 80 frames a mean square of 1 scatters by 0.16 (its tails are heavier than a normal's), 95 % by 2.4 %.
-    # Facing down, motion and warp, which the camera may have, are half of the declared variance.
-    assert 0.35 < np.mean(strains**2) < 1.6
-    assert np.mean(np.abs(strains) < 1.96) > 0.88
+def warped(warp_px: float, tilt_deg: float) -> ViewRecipe:
+    return ViewRecipe(grain_px=1.2, warp_px=warp_px, tread_tilt_deg=tilt_deg, nosing_yaw_jitter_deg=0.5 * tilt_deg)
 
 
-@pytest.mark.parametrize("scene", ["up", "top", "edge"])
-def test_intervals_of_perfect_stairs_are_true(scene: str) -> None:
-    """Test: stairs without irregularity, camera and chair at rest. Expected result: intervals that hold, and deviations that stay
-    below those of a stair as built, 0.2°: motion and warp, which the camera may have, leave 0.05 to 0.06°."""
-    errors, strains, _ = errors_and_strains(ViewRecipe(scenes=(scene,)), range(32_100, 32_180))
-    assert np.mean(strains**2) < 1.5
-    assert np.mean(np.abs(strains) < 1.96) > 0.9
-    assert np.median(errors / strains) < 0.1 * DEG
+IRREGULAR = {"nosing_yaw_jitter_deg": 0.3, "tread_tilt_deg": 0.3}
+# On perfect stairs motion and warp, which the camera may have, leave deviations of 0.05 to 0.06°, below the 0.2° of one as built;
+# facing down they are half of the declared variance.
+# Before the warp of a poorly calibrated camera was one of the unknowns, 0.05 px gave 0.28° and an interval that held 80 %.
+INTERVALS = {
+    "irregular, up": (ViewRecipe(scenes=("up",), **IRREGULAR), 32_000, 80, 0.5, 0.35),
+    "irregular, down": (ViewRecipe(scenes=("down",), **IRREGULAR), 32_000, 80, 0.35, 0.35),
+    "perfect, up": (KINDS["up"], 32_100, 80, 0.0, 0.1),
+    "perfect, top": (KINDS["top"], 32_100, 80, 0.0, 0.1),
+    "perfect, edge": (KINDS["edge"], 32_100, 80, 0.0, 0.1),
+    "warp": (warped(0.05, 0.0), 32_200, 60, 0.3, 0.35),
+    "warp, irregular": (warped(0.05, 0.3), 32_200, 60, 0.3, 0.35),
+    "twice the warp": (warped(0.1, 0.0), 32_200, 60, 0.3, 0.35),
+}
 
 
-@pytest.mark.parametrize(("warp_px", "tilt_deg"), [(0.05, 0.0), (0.05, 0.3), (0.1, 0.0)])
-def test_intervals_are_true_for_a_poorly_calibrated_camera(warp_px: float, tilt_deg: float) -> None:
-    recipe = ViewRecipe(grain_px=1.2, warp_px=warp_px, tread_tilt_deg=tilt_deg, nosing_yaw_jitter_deg=0.5 * tilt_deg)
-    errors, strains, count = errors_and_strains(recipe, range(32_200, 32_260))
-    assert len(errors) >= 0.95 * count
-    # Before the warp was one of the unknowns, 0.05 px gave 0.28° and an interval that held 80 %.
+@pytest.mark.parametrize("kind", INTERVALS)
+def test_intervals_are_true(kind: str) -> None:
+    recipe, seed, frames, least, most_deg = INTERVALS[kind]
+    errors, strains, count = errors_and_strains(recipe, range(seed, seed + frames))
+    assert len(errors) >= 0.93 * count
+    assert np.median(errors / strains) < most_deg * DEG
     assert rms(errors) < 0.35 * DEG
-    assert 0.3 < np.mean(strains**2) < 1.7
-    assert np.mean(np.abs(strains) < 1.96) > 0.88
+    # Of 80 frames a mean square of 1 scatters by 0.16 (its tails are heavier than a normal's), 95 % by 2.4 %.
+    assert least < np.mean(strains**2) < (1.5 if "perfect" in kind else 1.6)
+    assert np.mean(np.abs(strains) < 1.96) > (0.9 if "perfect" in kind else 0.88)
+
+
+@pytest.mark.parametrize(
+    ("far_m", "height_px", "seeds", "least", "most"),
+    [(4.0, 480, range(41_000, 41_008), 6, 4.0), (5.0, None, range(54_000, 54_014), 7, 3.0)],
+)
+def test_a_stereo_camera_sees_a_flight_from_far_away(
+    far_m: float, height_px: int | None, seeds: range, least: int, most: float
+) -> None:
+    """Test: a D455 4 and 5 m before a flight, where noise turns the normals of blocks by 18°. Expected result: 6 of 8 and 7 of 14
+    accepted, within 4 and 3 of their deviations of at most 1.5°; a mean squared strain below the 99.9 % quantile of that of 7."""
+    far = ViewRecipe(sensor="d455", scenes=("foot",), place_m=(far_m, far_m), pitch_deg=(10.0, 10.0), height_px=height_px)
+    views = [draw_view(np.random.default_rng(seed), far) for seed in seeds]
+    looks = [(view.stair, DETECTOR.look(view.frame, view.gravity_C)) for view in views]
+    seen = [(truth, sight) for truth, sight in looks if sight.accepted]
+    strains = [(sight.heading_rad - truth.heading_rad) / sight.sigma_rad for truth, sight in seen]
+    assert len(strains) >= least
+    assert np.abs(strains).max() < most
+    assert np.mean(np.square(strains)) < 3.5
+    assert max(sight.sigma_rad for _, sight in seen) <= 1.5 * DEG
 
 
 def test_a_side_wall_does_not_turn_the_heading() -> None:
@@ -105,21 +126,6 @@ def test_winders_with_one_edge_direction_in_view_are_rejected() -> None:
     sight = DETECTOR.look(view.frame, view.gravity_C)
     assert not sight.accepted
     assert "one edge has a direction" in str(sight.reason)
-
-
-def test_a_stereo_camera_sees_a_flight_from_4_m() -> None:
-    """Test: a D455 4 m before a flight, where noise turns the normals of blocks by 18°. Expected result: six of eight accepted.
-
-    The target is 80 %; the errors stay within four deviations.
-    """
-    far = ViewRecipe(sensor="d455", scenes=("foot",), place_m=(4.0, 4.0), pitch_deg=(10.0, 10.0), height_px=480)
-    sights = [
-        (DETECTOR.look(view.frame, view.gravity_C), view.stair)
-        for view in (draw_view(np.random.default_rng(seed), far) for seed in range(41_000, 41_008))
-    ]
-    strains = [(s.heading_rad - t.heading_rad) / s.sigma_rad for s, t in sights if t and s.heading_rad is not None and s.sigma_rad]
-    assert len(strains) >= 6
-    assert np.abs(strains).max() < 4.0
 
 
 def test_a_bench_before_a_planter_has_no_step_below() -> None:

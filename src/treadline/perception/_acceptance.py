@@ -38,8 +38,7 @@ NARROWER_M = 0.3
 """Largest width by which a step may be narrower than those above it [m]: treads of gratings, which are seen through, reach 0.29 m,
 footstools before a sofa 0.40 to 0.56 m."""
 CERTAIN = 0.9
-"""Probability above which a flight is called winding, and edges are called straight; between, the heading's interval allows
-for both."""
+"""Probability above which a flight is called winding; below it, the heading's interval allows for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -136,13 +135,12 @@ def winds(turn_rad: float, sigma_rad: float | None = None) -> str:
 
 
 def _uncertain(finding: Finding) -> str | None:
-    may_be_bowed = finding.bow.bowed > 1.0 - CERTAIN
-    limit_rad = FORM_LIMIT if may_be_bowed else SIGMA_LIMIT
+    limit_rad = FORM_LIMIT if finding.bow.is_bowed else SIGMA_LIMIT
     if finding.sigma_rad <= limit_rad:
         return None
     cause = (
         f"the edges are bowed by {abs(finding.bow.curvature_1_m):.2f} per metre"
-        if may_be_bowed
+        if finding.bow.is_bowed
         else "the flight is too far away, or too little of it is in view"
     )
     return f"{cause}: heading known to ±{1.96 * finding.sigma_rad / DEG:.1f}°, ±{1.96 * limit_rad / DEG:.1f}° needed"

@@ -91,8 +91,12 @@ class Bow:
 
     @property
     def root_mean_square_1_m(self) -> float:
-        """Root of the mean square of the curvature [1/m], straight edges included."""
-        share = BOW_1_M**2 / (BOW_1_M**2 + self.sigma_1_m**2) if self.bowed else 0.0
+        """Root of the mean square of the curvature [1/m], straight edges included.
+
+        The curvature of bowed edges is estimated from itself if it is larger than a usual one (James, Stein 1961).
+        """
+        square = max(BOW_1_M**2, self.curvature_1_m**2 - self.sigma_1_m**2)
+        share = square / (square + self.sigma_1_m**2) if self.bowed else 0.0
         return math.sqrt(self.bowed * ((share * self.curvature_1_m) ** 2 + share * self.sigma_1_m**2)) if share else 0.0
 
 

@@ -54,22 +54,6 @@ def test_on_level_ground_a_belt_stands_on_its_tips_and_on_a_slope_on_the_next_lu
     assert lug_kernels.standing(-0.04, -rise, NUMBERS) == pytest.approx((gap, -slope))
 
 
-def test_arc_length_is_continuous_over_the_parts_of_a_belt() -> None:
-    angle, half, radius = 40.0 * DEG, 0.475, 0.07
-    nose = (half + 0.45 * math.cos(angle), radius + 0.45 * math.sin(angle))
-
-    def at(part: int, x: float, z: float, turn: float) -> float:
-        return float(lug_kernels.arc_length(part, x, z, math.sin(turn), -math.cos(turn), angle, NUMBERS))
-
-    front_start = at(lug_kernels.FRONT, half, 0.0, 0.0)
-    assert at(lug_kernels.FLAT, half, 0.0, 0.0) == pytest.approx(front_start)
-    assert at(lug_kernels.FLAT, -half, 0.0, 0.0) == pytest.approx(at(lug_kernels.REAR, -half, 0.0, 0.0))
-    tangent = (half + radius * math.sin(angle), radius - radius * math.cos(angle))
-    assert at(lug_kernels.APPROACH, *tangent, angle) == pytest.approx(at(lug_kernels.FRONT, *tangent, angle))
-    end = (nose[0] + radius * math.sin(angle), nose[1] - radius * math.cos(angle))
-    assert at(lug_kernels.APPROACH, *end, angle) == pytest.approx(at(lug_kernels.NOSE, *end, angle))
-
-
 def test_lugs_of_no_height_are_the_smooth_belt_to_the_last_bit() -> None:
     smooth, flat = (drive(chair_on(belts), 0.2, 1.0) for belts in (Belts(), Belts(lug="15/80", height_m=0.0)))
     assert smooth == flat

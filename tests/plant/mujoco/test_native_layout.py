@@ -120,15 +120,6 @@ def test_a_belts_side_face_has_no_direction_of_travel_and_the_lower_friction() -
     np.testing.assert_array_equal(real[0, FRAME : FRAME + 9], before[0, FRAME : FRAME + 9])
 
 
-def test_the_contact_list_has_room_for_a_chair_on_a_stair() -> None:
-    climbing = plant_on(heading_deg=10.0, seed=0, belt_mismatch=0.02)
-    log = np.empty((200, kernels.COLUMNS))
-    climbing._drives.command[:] = (0.2, 0.2, 0.0, 0.0, 0.0)
-    climbing._run(200, log, climbing._friction)
-    # A dozen or two are seen: five parts of two belts, each on a nosing or two.
-    assert 4 <= log[:, kernels.CONTACTS].max() < 64
-
-
 @pytest.mark.parametrize(
     ("speed", "asked", "expected"),
     # A tenth of the way to the target a tick, at most 0.02 m/s; targets beyond ±1 m/s are not followed.
