@@ -14,11 +14,11 @@ from treadline.perception._nuisance import turns_of_lines, turns_of_surfaces
 from treadline.perception._plane_segmentation import End, surface_blocks
 
 # Literals, so that a changed value in the code is noticed here.
-RATE_RAD_S = 8.0 * DEG
+RATE_RAD_S = 3.6 * DEG
 READOUT_S = 0.033
-SPEED_M_S = 0.2
+SPEED_M_S = 0.09
 
-RISER = rotation_y(25.0 * DEG) @ rotation_x(-28.0 * DEG) @ np.array([0.0, 0.0, 1.0])
+RISER = rotation_y(25.0 * DEG) @ rotation_x(-23.6 * DEG) @ np.array([0.0, 0.0, 1.0])
 """Unit normal of a riser in C, of a camera that looks down."""
 
 
