@@ -61,7 +61,7 @@ AS_DRAWN = 0.1
 """Prior probability of no irregularity, warp and motion at all: rendered images, new concrete before a well calibrated camera."""
 
 
-def _grid() -> tuple[Float[np.ndarray, "g 4"], Float[np.ndarray, " g"], Float[np.ndarray, "g 4"]]:
+def _grid() -> tuple[Float[np.ndarray, "g 4"], Float[np.ndarray, " g"], Float[np.ndarray, "c 4"]]:
     """Return the sizes of rotation, tilt, warp and motion, the last none at all, their log prior, and a coarser grid of one warp.
 
     Any logarithm of an irregularity is as likely, and any warp.

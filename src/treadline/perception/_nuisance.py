@@ -98,7 +98,7 @@ def _sampled(surface: Surface, camera: PinholeCamera) -> list[Float[np.ndarray, 
     if columns.size < 2:
         columns, top, bottom = np.array([0, camera.width_px - 1]), np.zeros(2), np.full(2, camera.height_px - 1.0)
     at = np.arange(POINTS) * (columns.size - 1) // (POINTS - 1)
-    return [columns[at], top[at], bottom[at]]
+    return [columns[at].astype(float), top[at], bottom[at]]
 
 
 def _warps(u: Float[np.ndarray, "*n"], v: Float[np.ndarray, "*n"], camera: PinholeCamera) -> Float[np.ndarray, "*n t"]:

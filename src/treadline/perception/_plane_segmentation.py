@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import BASELINES_M, PinholeCamera, RgbdFrame
+from treadline.core.camera_images import BASELINES_M, PinholeCamera, RgbdFrame, black
 from treadline.core.rotations import Rotation, Vector3
 from treadline.perception import _plane_segmentation_kernels as surface_kernels
 
@@ -100,7 +100,7 @@ class PlanarBlocks:
 
 
 def reduced(frame: RgbdFrame) -> RgbdFrame:
-    """Return a frame whose depth image is dense enough for planes: the median of the valid pixels of squares.
+    """Return a frame whose depth image is dense enough for planes: the median of the valid pixels of squares, without colours.
 
     Next to a pixel with depth, a fraction of ``dense`` of the pixels has depth. If pixels miss at random, a square of n pixels has
     depth with a probability of 1 - (1 - dense)ⁿ. Holes that are wider than a few pixels leave ``dense`` near one.
@@ -117,7 +117,7 @@ def reduced(frame: RgbdFrame) -> RgbdFrame:
     smaller = replace(smaller, fx_px=camera.fx_px / side, fy_px=camera.fy_px / side)
     smaller = replace(smaller, cx_px=(camera.cx_px + 0.5) / side - 0.5, cy_px=(camera.cy_px + 0.5) / side - 0.5)
     # Pixels that miss in a pattern, as every second row, leave less than those that miss at random.
-    return reduced(replace(frame, depth_m=depth_m, camera=smaller))
+    return reduced(RgbdFrame(t_s=frame.t_s, rgb=black(*depth_m.shape), depth_m=depth_m, camera=smaller))
 
 
 def noise_of(fits: Float[np.ndarray, "r c 7"]) -> tuple[float, float]:
