@@ -118,11 +118,9 @@ def _dial(canvas: Picture, centre: tuple[int, int], heading_rad: float, half_rad
     box[:] = (0.35 * box).astype(np.uint8)
     cv2.ellipse(canvas, centre, (DIAL_PX, DIAL_PX), -90.0, -60.0, 60.0, COLOURS["text"], 1, cv2.LINE_AA)
     for tick_deg in range(-60, 61, 15):
-        cv2.line(
-            canvas, at(float(DIAL_PX), tick_deg * DEG), at(DIAL_PX - 10.0 + tick_deg % 30 // 3, tick_deg * DEG), COLOURS["text"]
-        )
-    half = max(half_rad, 1.0 / DIAL_PX)
-    wedge = [centre, *(at(DIAL_PX - 12.0, heading_rad + part * half) for part in np.linspace(-1.0, 1.0, 9))]
+        inner_px = DIAL_PX - 10.0 + tick_deg % 30 // 3
+        cv2.line(canvas, at(float(DIAL_PX), tick_deg * DEG), at(inner_px, tick_deg * DEG), COLOURS["text"])
+    wedge = [centre, *(at(DIAL_PX - 12.0, heading_rad + part * max(half_rad, 1.0 / DIAL_PX)) for part in np.linspace(-1.0, 1.0, 9))]
     cv2.fillPoly(canvas, [np.array(wedge, dtype=np.int32)], COLOURS["nosing"], cv2.LINE_AA)
 
 
