@@ -292,8 +292,8 @@ def test_the_noise_model_is_that_of_the_statistical_camera_and_of_the_detector()
     """Test: constants next to the fit and the detector that they stand for. Expected: equal up to the digits of the docstrings."""
     from treadline.mission import _nosing_filter as flight_shape
     from treadline.mission import _nosing_filter as nosing_filter
+    from treadline.perception._gravity_direction import GRAVITY_SIGMA
     from treadline.perception._lattice_kernels import RISE_IRREGULAR_M, RUN_IRREGULAR_M
-    from treadline.perception._robust_method import GRAVITY_SIGMA
 
     camera = json.loads((resources.files("treadline") / "data/cameras/statistical.json").read_text(encoding="utf-8"))["kinect1"]
     for axis, name in enumerate(("along", "height")):

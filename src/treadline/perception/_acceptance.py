@@ -13,12 +13,10 @@ from treadline.core.angles import DEG
 from treadline.core.step_sizes import RISE_M, RUN_M
 from treadline.perception._edge_fit import EdgeFit
 from treadline.perception._form import Bow, Side
+from treadline.perception._lattice import EVIDENCE
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import Flight
 
-EVIDENCE, UNCONFIRMED = 5.0, 3.4
-"""Least log-evidence of a stair, and of an unconfirmed one [nats]: two levels and two fronts reach at most 3.92, a third level that
-fits 6.3. The 90 % quantile of its misfit (χ² of one degree of freedom, 2.7) leaves 5.0."""
 HEADING_LIMIT = 45.0 * DEG
 """Largest accepted heading [rad]."""
 SLOPE_LIMIT = 45.0 * DEG

@@ -14,6 +14,8 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.rotations import Vector3
 
+GRAVITY_SIGMA = 0.5 * DEG
+"""Standard deviation of gravity from the IMU [rad]."""
 ROLL_LIMIT = 20.0 * DEG
 """Largest roll of the camera [rad]."""
 BUNDLE = 8.0 * DEG

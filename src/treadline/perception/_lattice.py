@@ -1,7 +1,7 @@
 """Flight in a frame: the staircase with the most evidence from treads, risers and their ends.
 
 One hypothesis, azimuth of the edges, rise, run and place of the first nosing, explains all parts in view; each adds log-evidence
-against a scene whose surfaces lie anywhere. How much of it makes a stair is decided in ``acceptance``.
+against a scene whose surfaces lie anywhere. ``EVIDENCE`` says how much of it makes a stair.
 """
 
 import math
@@ -34,10 +34,13 @@ from treadline.perception._step_parts import (
     tread_rows,
 )
 
+EVIDENCE, UNCONFIRMED = 5.0, 3.4
+"""Least log-evidence of a stair, and of an unconfirmed one [nats]: two levels and two fronts reach at most 3.92, a third level that
+fits 6.3. The 90 % quantile of its misfit (χ² of one degree of freedom, 2.7) leaves 5.0."""
 UPRIGHT = 18.0 * DEG
 """Largest angle of a block's normal from vertical (tread) or horizontal (riser) [rad]."""
 RISER_SPREAD = 14.0 * DEG
-"""Largest azimuth difference between a riser block and the vote [rad]."""
+"""Largest azimuth difference between a riser block and the vote, and least one between two votes [rad]."""
 TURN_SIGMAS = 2.0
 """Error of an uncertain normal within which its block can belong to a riser, in standard deviations."""
 RISER_GAP_M, TREAD_GAP_M = 0.06, 0.045
@@ -53,13 +56,8 @@ TURNED = 1.0 * DEG
 """Angle between vote and matched parts above which the parts are measured again in their own axes [rad]."""
 VOTE_LIMIT = 50.0 * DEG
 """Azimuth beyond which a vertical surface is a side wall [rad]."""
-VOTES, AMPLE = 3, 10.0
-"""Number of azimuths tried, because a wall at the landing can outvote the last risers, and evidence with which no other is tried
-[nats]: twice the least of a stair."""
-PEAKS_APART = 14.0 * DEG
-"""Least angle between two of them [rad]."""
-LEAST_VOTES = 16
-"""Least number of blocks and lines of a flight."""
+VOTES = 3
+"""Number of azimuths tried: a wall at the landing can outvote the last risers."""
 PLACE_STEP, PLACE_BIN_M = 3.0 * DEG, 0.04
 """Steps of azimuth [rad] and of distance [m] in the search of azimuths at which parts lie at few distances: half a step turns a
 riser 1 m wide over 26 mm of distance."""
@@ -81,8 +79,6 @@ class Scene:
     """Azimuth of each of them [rad]."""
     slack: Float[np.ndarray, " v"]
     """Largest error of each azimuth [rad]; zero for blocks with a certain normal."""
-    is_uncertain: bool
-    """Whether blocks with an uncertain normal are included."""
 
 
 def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Vector3, *, is_uncertain: bool = False) -> Scene | None:
@@ -112,7 +108,6 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Vector3, *, is_uncert
         upright=upright,
         azimuth=np.arctan2(units @ level.right, units @ level.ahead),
         slack=slack[upright],
-        is_uncertain=is_uncertain,
     )
 
 
@@ -132,20 +127,24 @@ def flight_in(scene: Scene) -> Flight | str:
 
 
 def _best_at(scene: Scene, azimuths: Iterable[float]) -> Flight | None:
-    """Return the flight with the most evidence that faces one of some azimuths; the search ends where it is ample."""
+    """Return the flight with the most evidence that faces one of some azimuths; twice that of a stair ends the search."""
     best: Flight | None = None
     for azimuth in azimuths:
         axes = _turned_axes(scene.level, azimuth)
         for flight in (_matched(scene, list(_risers_at(scene, azimuth)), axes, "up"), _matched(scene, [], axes, "down")):
             if flight is not None and (best is None or flight.evidence > best.evidence):
                 best = flight
-        if best is not None and best.evidence > AMPLE:
+        if best is not None and best.evidence > 2.0 * EVIDENCE:
             break
     return best
 
 
+def _facing(level: Axes, azimuth: float) -> Vector3:
+    return np.asarray(math.cos(azimuth) * level.ahead + math.sin(azimuth) * level.right)
+
+
 def _turned_axes(level: Axes, azimuth: float) -> Axes:
-    facing = math.cos(azimuth) * level.ahead + math.sin(azimuth) * level.right
+    facing = _facing(level, azimuth)
     return Axes(ahead=facing, up=level.up, right=cross(-level.up, facing))
 
 
@@ -303,13 +302,13 @@ def _azimuths(scene: Scene) -> Iterator[float]:
     scores = np.empty(azimuths.size)
     for k, azimuth in enumerate(azimuths):
         facing = np.abs(scene.azimuth - azimuth) < RISER_SPREAD + scene.slack
-        places = np.maximum(points @ _turned_axes(level, azimuth).ahead / PLACE_BIN_M, 0.0).astype(np.int64)
+        places = np.maximum(points @ _facing(level, azimuth) / PLACE_BIN_M, 0.0).astype(np.int64)
         counts = np.bincount(places, np.concatenate([facing, of_line]), minlength=2)
         both = counts[:-1] + counts[1:]
-        scores[k] = float(both @ both) if counts.sum() > LEAST_VOTES else 0.0
+        scores[k] = float(both @ both) if counts.sum() > 2 * LEAST_BLOCKS else 0.0
     for _ in range(VOTES):
         best = int(np.argmax(scores))
         if not scores[best] > 0.0:
             return
         yield float(azimuths[best])
-        scores[np.abs(azimuths - azimuths[best]) < PEAKS_APART] = 0.0
+        scores[np.abs(azimuths - azimuths[best]) < RISER_SPREAD] = 0.0

@@ -20,11 +20,11 @@ from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import StairMap
-from treadline.perception._acceptance import EVIDENCE, UNCONFIRMED, Finding, lacking_evidence, refusal_of, winds
+from treadline.perception._acceptance import Finding, lacking_evidence, refusal_of, winds
 from treadline.perception._edge_fit import EdgeFit, fit_edges
 from treadline.perception._form import bow_of, lateral_ends_of, narrower_by_m, sides_of, turn_by
-from treadline.perception._gravity_direction import down_of_treads, levelled, off_gravity
-from treadline.perception._lattice import LEAST_BLOCKS, UPRIGHT, flight_in, scene_of
+from treadline.perception._gravity_direction import GRAVITY_SIGMA, down_of_treads, levelled, off_gravity
+from treadline.perception._lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, flight_in, scene_of
 from treadline.perception._plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
 from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
@@ -38,8 +38,8 @@ HALF = 0.5
 LOOKING_AHEAD, LOOKING_DOWN, LEVELS = (5.0 * DEG, 70.0 * DEG), (60.0 * DEG, 100.0 * DEG), 3
 """Ranges of camera pitch for gravity from treads [rad]: nearer to horizontal, treads vanish; nearer to straight down, where a wall
 seen from the front and a floor seen from above are alike, more levels must be evenly spaced."""
-GRAVITY_SIGMA, TREADS_SIGMA = 0.5 * DEG, 3.0 * DEG
-"""Standard deviation of gravity from the IMU, and from treads [rad]."""
+TREADS_SIGMA = 3.0 * DEG
+"""Standard deviation of gravity from treads [rad]."""
 TREADS_LEAST = 2
 """Least number of treads horizontal by gravity, above which no tilted ones are considered."""
 
@@ -102,7 +102,7 @@ def detect_stair(
         if guess is None or sight.accepted:
             continue
         tried = search.under(_Down(direction=guess, reference=guess, sigma_rad=TREADS_SIGMA, least_levels=least_levels), blocks)
-        sight = tried if tried.accepted or pitch_rad == LOOKING_AHEAD else sight
+        sight = tried if tried.accepted or not least_levels else sight
     return sight
 
 
@@ -279,6 +279,5 @@ def _box(camera: PinholeCamera, blocks: PlanarBlocks, surfaces: Sequence[Surface
     if not surfaces:
         return None
     points = blocks.centres[np.concatenate([surface.blocks for surface in surfaces])]
-    u = camera.fx_px * points[:, 0] / points[:, 2] + camera.cx_px
-    v = camera.fy_px * points[:, 1] / points[:, 2] + camera.cy_px
+    u, v = camera.point_to_pixel(points)
     return int(u.min()), int(v.min()), int(u.max()), int(v.max())

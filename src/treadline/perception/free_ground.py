@@ -18,6 +18,7 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import Vector3
 from treadline.core.signals import FreeGround
 from treadline.perception import _ground_kernels as kernels
+from treadline.perception._gravity_direction import GRAVITY_SIGMA
 from treadline.perception._step_parts import viewing_direction
 
 SWEPT_HALF_M = 0.40
@@ -43,8 +44,6 @@ COLUMNS, COLUMNS_PX = 160, 3
 HALF_WINDOW = 4.5 / 640.0
 """Half of the matching window of a depth sensor, in image widths: surfaces grow or shrink by it at an edge. A Kinect 1 has 9 px of
 640."""
-GRAVITY_SIGMA_RAD = 0.5 * DEG
-"""Standard deviation of the direction of gravity [rad]."""
 LEVEL, LEVEL_SIZE_M = math.cos(20.0 * DEG), (0.55, 1.0)
 """Cosine of the largest angle between a level patch's normal and up, as noise tilts it at 2 m by 10°; least length and width of a
 level [m]: a tread is level too, and at most 0.52 m long, a suitcase's lid is narrower."""
@@ -181,8 +180,8 @@ def _ended(ground: FreeGround, ends: Float[np.ndarray, "n 3"], camera: PinholeCa
     if not ground.blind_m < end_m < in_range.seen_m + 2.0 * CELL_M:
         return in_range
     row_m = ((end_m - origin[0]) ** 2 + origin[2] ** 2) / (origin[2] * camera.fy_px)
-    sigma_m = math.hypot(HALF_WINDOW * camera.width_px * row_m / math.sqrt(12.0), GRAVITY_SIGMA_RAD * float(origin[2]))
-    turn_sigma_rad = math.hypot(math.sqrt(2.0) * sigma_m / (2.0 * half_m), GRAVITY_SIGMA_RAD * end_m / float(origin[2]))
+    sigma_m = math.hypot(HALF_WINDOW * camera.width_px * row_m / math.sqrt(12.0), GRAVITY_SIGMA * float(origin[2]))
+    turn_sigma_rad = math.hypot(math.sqrt(2.0) * sigma_m / (2.0 * half_m), GRAVITY_SIGMA * end_m / float(origin[2]))
     ended = replace(ground, seen_m=end_m, end_m=end_m, end_sigma_m=sigma_m)
     if line is None or not np.all(edge[inside]):
         return ended

@@ -15,6 +15,7 @@ from jaxtyping import Float32, Float64, Int64, UInt8
 
 from treadline.core.camera_images import PinholeCamera, black
 from treadline.core.errors import ImageError
+from treadline.scenario.camera_file import INTRINSICS
 
 FIT_PX = 0.5
 """Largest RMS residual of the intrinsics [px]: coordinates rounded to a millimetre at 0.5 m give 0.3 px at fx = 600."""
@@ -230,5 +231,4 @@ def _mounted(fitted: PinholeCamera, camera: PinholeCamera | None) -> PinholeCame
     """Return the fitted intrinsics with the mount of the calibration."""
     if camera is None:
         return fitted
-    intrinsics = {name: getattr(fitted, name) for name in ("fx_px", "fy_px", "cx_px", "cy_px")}
-    return replace(camera, **intrinsics)
+    return replace(camera, **{name: getattr(fitted, name) for name in INTRINSICS})

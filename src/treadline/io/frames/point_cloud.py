@@ -263,18 +263,17 @@ def _lies_aside(points: Float[np.ndarray, "n 3"]) -> bool:
 
 def _orientation(points: Float[np.ndarray, "n 3"], pose: SensorPose | None, *, is_turned: bool) -> tuple[Rotation, dict[str, Any]]:
     """Return the rotation of the camera in B and the fields of its mount; without angles it is pitched to the points ahead."""
-    if pose is not None and pose.angles_rad is not None:
-        roll_rad, pitch_rad, yaw_rad = pose.angles_rad
-    elif pose is None and not is_turned:
+    if pose is None and not is_turned:
         return np.eye(3), {}
+    if pose is not None and pose.angles_rad is not None:
+        R_BS, (roll_rad, pitch_rad, yaw_rad) = pose.R, pose.angles_rad
     else:
         ahead = points[np.abs(points[:, 0]) < SECTOR_TAN * points[:, 2]]
         pitch_rad = float(np.median(np.arctan2(ahead[:, 1], np.hypot(ahead[:, 0], ahead[:, 2])))) if len(ahead) else 0.0
-        roll_rad, yaw_rad = 0.0, 0.0
+        R_BS, roll_rad, yaw_rad = rotation_y(pitch_rad), 0.0, 0.0
     position_m = (0.0, 0.0, 0.0) if pose is None else tuple(pose.position_m.tolist())
     mount = {"mount_roll_rad": roll_rad, "mount_pitch_rad": pitch_rad, "mount_yaw_rad": yaw_rad, "mount_m": position_m}
-    known = pose is not None and pose.angles_rad is not None
-    return (pose.R if known and pose is not None else rotation_y(pitch_rad)), mount
+    return R_BS, mount
 
 
 def _check_unit(where: object, points: Float[np.ndarray, "n 3"], unit: str) -> None:
