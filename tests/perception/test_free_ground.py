@@ -110,6 +110,11 @@ def test_ground_without_depth_or_behind_an_object_is_neither_seen_nor_an_end() -
     assert 1.2 < boxed.seen_m < 1.75
 
 
+@pytest.mark.parametrize(("edge_m", "drop_m"), [(1.0, 0.055), (1.5, 0.06), (2.0, 0.07)])
+def test_a_low_kerb_is_no_ramp_although_the_road_behind_it_goes_on(edge_m: float, drop_m: float) -> None:
+    assert ground_of([slab((-4.0, edge_m), 0.0), slab((-4.0, 8.0), -drop_m)]).end_m == pytest.approx(edge_m, abs=0.05)
+
+
 @pytest.mark.parametrize("edge_m", [0.3, 0.45, 0.6, 0.75])
 def test_a_chair_over_an_edge_below_the_image_does_not_take_the_lower_ground_for_its_own(edge_m: float) -> None:
     """Test: the front pulley, at 0.475 m, over the edge of a flight or before it. Expected result: nothing is seen."""

@@ -63,7 +63,8 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
                 if over > clear[0] and along > 0.0:
                     standing[int(along / cell), 0] += 1.0
                     standing[int(along / cell), 1] = min(along, standing[int(along / cell), 1])
-            slack = slope * max(far - base, 0.0)
+            # Behind a gap the ground goes on at its level: a slope is none that begins with a drop.
+            slack = slope * max(far - base, 0.0) if through < 0.0 else 0.0
             if not is_open:
                 continue
             if above > 0.5 * drop + slack:
