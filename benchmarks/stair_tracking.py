@@ -22,7 +22,7 @@ from tables import table
 from treadline.core.angles import DEG
 from treadline.core.rotations import Vector3, quaternion_of, rotation_y
 from treadline.core.signals import ImuSample, StairMap, TrackReading
-from treadline.mission.stair_tracker import StairTracker
+from treadline.estimation.stair_tracker import StairTracker
 from treadline.perception import StairDetector
 from treadline.perception.detector import DetectorConfig
 from treadline.vehicle.staircase import Staircase

@@ -7,7 +7,7 @@ import pytest
 from world import RISE_M, RUN_M, SLOPE_RAD, stair
 
 from treadline.core.signals import StairMap
-from treadline.mission.stair_tracker import StairTracker
+from treadline.estimation.stair_tracker import StairTracker
 from treadline.run.episode import Traverse, traverse
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario

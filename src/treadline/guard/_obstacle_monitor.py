@@ -12,7 +12,7 @@ OBSTACLE_MAPS, GAP_MAPS = 2, 5
 misses is missed in three or four maps."""
 NEAR_M = 1.9
 """Largest distance from mid-track of a gap, and of ground that counts as seen [m]; equal to the planner's limit for gaps in
-``mission.stair_tracker``, on which the guard does not depend."""
+``estimation.stair_tracker``, on which the guard does not depend."""
 OUT_OF_VIEW_M = 1.2
 """Distance from mid-track below which the camera sees only the upper part of an obstacle, if any [m]."""
 

@@ -18,17 +18,15 @@ from treadline.core.signals import (
     StairMap,
     TrackReading,
 )
+from treadline.estimation.stair_tracker import Side, StairTracker
 from treadline.mission._flat_ground_steering import LevelConfig, LevelSteering
 from treadline.mission._flipper_planner import LIFTED_HEADING_RAD, FlipperPlanner, turning_share
 from treadline.mission._skid_monitor import SkidMonitor
 from treadline.mission._tip_over import TipOverFeedforward
 from treadline.mission.entry_check import certain_reject_reason, reject_reason
 from treadline.mission.planner import PlannerInput
-from treadline.mission.stair_tracker import Side, StairTracker
 from treadline.scenario.chair import ChairDescription
 
-ON_THE_FLIGHT_RAD = 10.0 * DEG
-"""Pitch above which a chair that starts stands on a flight [rad]."""
 LEVEL_RAD = 2.0 * DEG
 """Absolute pitch below which the chair is horizontal [rad]."""
 STUCK_SHARE, STUCK_M = 1.5, 0.5

@@ -13,8 +13,9 @@ from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
 from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
+from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 from treadline.mission._traction_test import TractionConfig, TractionTest
-from treadline.mission._traversal_base import LEVEL_RAD, ON_THE_FLIGHT_RAD, Traversal, TraversalConfig, on_the_tip
+from treadline.mission._traversal_base import LEVEL_RAD, Traversal, TraversalConfig, on_the_tip
 from treadline.mission.planner import PlannerInput
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
@@ -127,7 +128,7 @@ class Ascent(Traversal):
 
     def _search(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         where = self._where
-        if where.pitch_rad > ON_THE_FLIGHT_RAD:
+        if where.pitch_rad > ON_A_FLIGHT_RAD:
             if estimate is not None and where.map_count:
                 if not self._is_laid(t_s, estimate):
                     return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=self._lie(t_s, estimate))

@@ -11,16 +11,16 @@ from dataclasses import dataclass
 from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, FlipperReading, HeadingEstimate, MotionPlan
+from treadline.core.step_sizes import ON_A_FLIGHT_RAD
+from treadline.estimation.stair_tracker import NEAR_M
 from treadline.mission._flipper_planner import FLIPPER_RAD_S
 from treadline.mission._traversal_base import (
     LEVEL_RAD,
-    ON_THE_FLIGHT_RAD,
     Traversal,
     TraversalConfig,
     beside,
     on_the_tip,
 )
-from treadline.mission.stair_tracker import NEAR_M
 
 LETS_DOWN_RAD_S = 3.0 * DEG
 """Rate at which the flipper is lifted out of the belts' line [rad/s], slow enough that a chair leaning on it follows."""
@@ -112,7 +112,7 @@ class Descent(Traversal):
 
     def _search(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         where = self._where
-        if where.pitch_rad > ON_THE_FLIGHT_RAD:
+        if where.pitch_rad > ON_A_FLIGHT_RAD:
             if not where.map_count:
                 return self._stand(t_s)
             if estimate is not None and abs(estimate.heading_rad) > self._config.max_heading_error_rad:

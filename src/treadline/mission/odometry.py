@@ -10,7 +10,7 @@ import numpy as np
 
 from treadline.core.rotations import Vector3
 from treadline.core.signals import ImuSample, Quaternion, TrackReading, Vector
-from treadline.mission._nosing_filter import PITCHED_RAD
+from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 
 GAP_S = 0.2
 """Longest interval between two belt readings that is integrated [s]."""
@@ -46,7 +46,7 @@ class DeadReckoning:
             return None
         w, x, y, z = self._imu.orientation
         forward_W = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)
-        speed_m_s = _speed(reading, pitched=abs(forward_W[2]) > math.sin(PITCHED_RAD))
+        speed_m_s = _speed(reading, pitched=abs(forward_W[2]) > math.sin(ON_A_FLIGHT_RAD))
         passed_s = 0.0 if self._t_s is None else reading.t_s - self._t_s
         self._t_s = reading.t_s
         if 0.0 < passed_s <= GAP_S:

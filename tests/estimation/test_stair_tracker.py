@@ -12,7 +12,7 @@ from world import RISE_M, RUN_M, SLOPE_RAD, Place, belts, imu, stair
 
 from treadline.core.angles import DEG
 from treadline.core.signals import StairMap
-from treadline.mission.stair_tracker import StairTracker
+from treadline.estimation.stair_tracker import StairTracker
 
 KNOWN_AFTER = 2
 """A nosing counts from its second sight on: a ghost is seen once (docs/decisions/0019)."""

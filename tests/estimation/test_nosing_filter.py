@@ -16,8 +16,8 @@ from jaxtyping import Float
 from world import RISE_M, RUN_M, belts, imu, stair
 
 from treadline.core.signals import StairMap
-from treadline.mission._nosing_filter import COMMON, NosingFilter
-from treadline.mission.stair_tracker import StairTracker
+from treadline.estimation._nosing_filter import COMMON, NosingFilter
+from treadline.estimation.stair_tracker import StairTracker
 
 # Literals, so that a changed value in the code is noticed here.
 CORRELATED_M = 0.49
@@ -290,8 +290,8 @@ def dense_update(
 
 def test_the_noise_model_is_that_of_the_statistical_camera_and_of_the_detector() -> None:
     """Test: constants next to the fit and the detector that they stand for. Expected: equal up to the digits of the docstrings."""
-    from treadline.mission import _nosing_filter as flight_shape
-    from treadline.mission import _nosing_filter as nosing_filter
+    from treadline.estimation import _nosing_filter as flight_shape
+    from treadline.estimation import _nosing_filter as nosing_filter
     from treadline.perception._gravity_direction import GRAVITY_SIGMA
     from treadline.perception._lattice_kernels import RISE_IRREGULAR_M, RUN_IRREGULAR_M
 

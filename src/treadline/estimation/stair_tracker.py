@@ -16,7 +16,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from treadline.core.signals import RECENT_DEPTH, ImuSample, Recent, StairMap, TrackReading
-from treadline.mission._nosing_filter import CORRELATED_M, PITCHED_RAD, FlightShape, NosingDetection, NosingFilter
+from treadline.core.step_sizes import ON_A_FLIGHT_RAD
+from treadline.estimation._nosing_filter import CORRELATED_M, FlightShape, NosingDetection, NosingFilter
 
 SAME = 0.5
 """Distance, as a ratio of the pitch, within which a detection belongs to the nearest nosing or to none: half-way to the next."""
@@ -282,7 +283,7 @@ class StairTracker:
         """Return whether a map shows another flight, across a landing."""
         way = 1.0 if seen.direction == "up" else -1.0
         if not self._known:
-            return self.pitch_rad > PITCHED_RAD and -way * seen.nosings_B[0][2] > OFF_BELTS_M
+            return self.pitch_rad > ON_A_FLIGHT_RAD and -way * seen.nosings_B[0][2] > OFF_BELTS_M
         edge, (x_m, z_m), shift_m = self._known[-1 if way > 0.0 else 0], self._places(seen)[0], self._filter.shift_m
         far_m, up_m = way * (x_m + shift_m[0] - edge.x_m), way * (z_m + shift_m[1] - edge.z_m)
         return far_m > LANDING_RUNS * self.run_m and up_m < LANDING_SLOPE * self.rise_m / self.run_m * far_m

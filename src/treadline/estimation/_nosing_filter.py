@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from treadline.core.angles import DEG
+from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 
 OWN_M, FAR_1_M = 0.8e-3, 0.8e-3
 """Standard deviation of a nosing's error that is new in each frame [m], and ratio of the correlated error to the square of the
@@ -38,8 +39,6 @@ DIRECTION_RATIO = 0.5
 moves between horizontal and the belts' line. Mounting at 4° to 24°, it moves 0.13 rad RMS off that line (the same runs)."""
 PIVOT_M = 0.37
 """Height that the middle gains per radian of pitch without travel [m]: largest of the same runs, less than half of the flat run."""
-PITCHED_RAD = 10.0 * DEG
-"""Pitch above which the chair lies on a flight [rad]."""
 SLIDE_M_S = 0.3
 """Standard deviation of the speed of a chair that slides down a flight [m/s]: the largest speed of the belts."""
 DIFFUSE_M = 1.0
@@ -180,7 +179,7 @@ class NosingFilter:
             pitch_rad: Pitch.
             slides: Whether the chair may have lost its grip since.
         """
-        slide_m = SLIDE_M_S * self._time_s if abs(pitch_rad) > PITCHED_RAD else 0.0
+        slide_m = SLIDE_M_S * self._time_s if abs(pitch_rad) > ON_A_FLIGHT_RAD else 0.0
         along_m = math.hypot(self._along_m, slide_m) if slides else SLIP_RATIO * self._along_m
         across_m = math.hypot(DIRECTION_RATIO * self._climbed_m, PIVOT_M * self._turned_rad)
         c, s = math.cos(pitch_rad), math.sin(pitch_rad)
