@@ -9,11 +9,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from perception_cases import percent
 from scenes import STAIRLESS_SCENES, ViewRecipe, draw_view
 from scenes.camera import SceneCamera
 from scenes.placing import oblique_wall
-from scenes.scores import wilson
+from scenes.scores import percent
 from scenes.views import DOWN_W, calibration_of, tilted
 
 from treadline.core.angles import DEG
@@ -140,6 +139,5 @@ def floor_rows(seeds: range) -> Iterator[str]:
                 view = draw_view(np.random.default_rng([seed, index]), recipe)
                 ground = ground_ahead(view.frame, view.gravity_C).free
                 drops, whole, count = drops + (ground.end_m is not None), whole + (ground.seen_m >= 2.0), count + 1
-        low, high = wilson(drops, count)
-        share = f"{drops}, {100 * drops / count:.2f} % [{100 * low:.2f}, {100 * high:.2f}]"
+        share = f"{drops}, {percent(drops, count, 2)}"
         yield f"| {len(STAIRLESS_SCENES) + 1} kinds, {sensor} | {count} | {share} | {percent(whole, count)} |"

@@ -11,9 +11,8 @@ import tempfile
 from pathlib import Path
 from typing import Literal
 
-from perception_cases import percent
 from scenes.known_answers import CONDITIONS, FRAMES_PER_CONDITION, write_benchmark
-from scenes.scores import LEAST_SHARE, HeadingResult, HeadingScores, read_results, read_truth, score
+from scenes.scores import LEAST_SHARE, HeadingResult, HeadingScores, percent, read_results, read_truth, score
 
 from treadline.io.frames.evaluation import FrameEvaluator
 from treadline.io.frames.sources import read_frames

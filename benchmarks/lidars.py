@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from perception_cases import LIFELIKE, percent
+from perception_cases import LIFELIKE
 from scenes import ViewRecipe
+from scenes.scores import percent
 from scenes.views import draw_stage
 from tables import frame_options, markdown, seeds_of
 

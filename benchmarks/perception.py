@@ -25,11 +25,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from ground import FLOOR_COLUMNS, GROUND_COLUMNS, edge_rows, floor_rows
-from perception_cases import LIFELIKE, Case, condition_cases, fixed, percent, pixel_cases, sensor_cases
+from perception_cases import LIFELIKE, Case, condition_cases, fixed, pixel_cases, sensor_cases
 from real_frames import RealFrame, crops_of, mirrored, phases_of, real_frames
 from scenes import STAIR_SCENES, STAIRLESS_SCENES, View
 from scenes.recipe import STEPPED_SCENES
-from scenes.scores import wilson
+from scenes.scores import percent
 from tables import frame_options, markdown, seeds_of
 
 from treadline.core.angles import DEG
@@ -258,8 +258,7 @@ def stairless_rows(seeds: range) -> Iterator[str]:
             f"{np.median([look.spent_ms for look in upright]):.1f} | {', '.join(map(str, sorted(set(taken))[:5]))} |"
         )
     for kind, (hits, frames) in totals.items():
-        low, high = wilson(hits, frames)
-        yield f"| {kind} | {frames} | {hits} | | | {100 * hits / frames:.2f} % [{100 * low:.2f}, {100 * high:.2f}] | | |"
+        yield f"| {kind} | {frames} | {hits} | | | {percent(hits, frames, 2)} | | |"
 
 
 REAL_COLUMNS = "| | accepted | RMSE | worst | declared σ (median) | in the 95 % interval of both | most frequent reason |"

@@ -1,4 +1,4 @@
-"""Rows of the tables ``sensors`` and ``conditions`` of ``perception.py``, and the text of its fractions."""
+"""Rows of the tables ``sensors`` and ``conditions`` of ``perception.py``."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ from scenes import View, ViewRecipe, draw_view
 from scenes.bad_pixels import HOLE_FILLINGS
 from scenes.known_answers import AS_BUILT
 from scenes.recipe import ALONE
-from scenes.scores import LEAST_SHARE, wilson
+from scenes.scores import LEAST_SHARE
 
 LIFELIKE: dict[str, float] = {"grain_px": 1.2, "warp_px": 0.03, "worn_m": 0.006} | AS_BUILT
 """Imperfections of real frames: spatially correlated noise, residual distortion after calibration, uneven steps."""
@@ -61,12 +61,6 @@ class Case:
 def fixed(value: float) -> tuple[float, float]:
     """Return the range that holds one value."""
     return (value, value)
-
-
-def percent(hits: int, count: int) -> str:
-    """Return a fraction with its 95 % interval, in percent."""
-    low, high = wilson(hits, count)
-    return f"{100 * hits / count:.0f} % [{100 * low:.0f}, {100 * high:.0f}]" if count else ""
 
 
 def sensor_cases() -> Iterator[Case]:

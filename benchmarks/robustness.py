@@ -10,7 +10,7 @@ from collections import Counter
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from perception_cases import percent
+from scenes.scores import percent
 from tables import frame_options, markdown, seeds_of
 from variations import KINDS, KnownFrame, drawn_frame, recorded_frames, seen_otherwise
 

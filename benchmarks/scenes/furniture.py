@@ -9,10 +9,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from scenes.placing import BEECH, CARDBOARD, WHITE, legged, oblique_wall, turned
+from scenes.placing import BEECH, CARDBOARD, WHITE, leaning_ladder, legged, oblique_wall, turned
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_y
-from treadline.plant.sensors.camera.solids import Rgb, SceneBox, beam, upright
+from treadline.plant.sensors.camera.solids import Rgb, SceneBox, upright
 
 GALVANISED: Rgb = (150.0, 154.0, 158.0)
 """Colours (red, green, blue)."""
@@ -138,14 +138,9 @@ def sofa(rng: np.random.Generator) -> list[SceneBox]:
 def cable_ladder(rng: np.random.Generator) -> list[SceneBox]:
     """Return a cable ladder that leans, lies on the floor or hangs on a wall: rungs at an even pitch."""
     lean, pitch, half = rng.choice([0.0, 30.0, 60.0, 90.0]) * DEG, rng.uniform(0.15, 0.3), rng.uniform(0.1, 0.3)
-    foot, along = np.array([rng.uniform(0.9, 1.5), 0.0, 0.03]), np.array([math.cos(lean), 0.0, math.sin(lean)])
-    aside = np.array([0.0, half, 0.0])
-    rails = [beam("ladder", foot + side, foot + side + 2.5 * along, (0.01, 0.06), colour=GALVANISED) for side in (-aside, aside)]
-    rungs = [
-        beam("ladder", foot + at * along - aside, foot + at * along + aside, (0.03, 0.02), colour=GALVANISED)
-        for at in np.arange(pitch, 2.4, pitch)
-    ]
-    return [*rails, *rungs, oblique_wall(foot[0] + 2.6 * math.cos(lean) + 0.06, 0.0)]
+    foot = np.array([rng.uniform(0.9, 1.5), 0.0, 0.03])
+    ladder = leaning_ladder(foot, lean, half, 2.5, np.arange(pitch, 2.4, pitch), (0.01, 0.06), (0.03, 0.02), GALVANISED)
+    return [*ladder, oblique_wall(foot[0] + 2.6 * math.cos(lean) + 0.06, 0.0)]
 
 
 def crates(rng: np.random.Generator) -> list[SceneBox]:

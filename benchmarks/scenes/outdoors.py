@@ -5,9 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from scenes.placing import BEECH, WHITE, legged, oblique_wall, turned
+from scenes.placing import BEECH, WHITE, incline, legged, oblique_wall, turned
 from treadline.core.angles import DEG
-from treadline.core.rotations import rotation_y
 from treadline.plant.sensors.camera.solids import Rgb, SceneBox, beam, upright
 
 ASPHALT: Rgb = (78.0, 78.0, 80.0)
@@ -51,11 +50,11 @@ def ramp_turn(rng: np.random.Generator) -> list[SceneBox]:
     """Return two ramps with a landing between them, or a ramp with cross battens."""
     slope, x, half = rng.uniform(4.0, 14.0) * DEG, rng.uniform(0.8, 1.4), rng.uniform(0.5, 0.9)
     length = rng.uniform(1.0, 1.8)
-    first = _incline(x, 0.0, slope, length, half)
+    first = incline(x, 0.0, slope, length, half, ASPHALT)
     end, top = x + length * math.cos(slope), length * math.sin(slope)
     if rng.random() < 0.5:
         flat = upright("ramp", (end, -half, top - 0.2), (end + 0.6, half, top), colour=ASPHALT)
-        return [first, flat, _incline(end + 0.6, top, slope, 2.0, half)]
+        return [first, flat, incline(end + 0.6, top, slope, 2.0, half, ASPHALT)]
     along, up = np.array([math.cos(slope), 0.0, math.sin(slope)]), np.array([-math.sin(slope), 0.0, math.cos(slope)])
     foot, aside = np.array([x, 0.0, 0.0]), np.array([0.0, half, 0.0])
     battens = [
@@ -117,12 +116,6 @@ def fence(rng: np.random.Generator) -> list[SceneBox]:
     ]
     posts = [upright("fence", (x + 0.03, y, 0.0), (x + 0.1, y + 0.08, 1.8), colour=BEECH) for y in np.arange(-half, half, 0.9)]
     return [*(turned(solid, yaw, (x, 0.0)) for solid in (*rails, *posts)), oblique_wall(x + rng.uniform(1.5, 3.0), yaw)]
-
-
-def _incline(x_m: float, low_m: float, slope_rad: float, length_m: float, half_m: float) -> SceneBox:
-    turn = rotation_y(-slope_rad)
-    middle = np.array([x_m, 0.0, low_m]) + turn @ np.array([0.5 * length_m, 0.0, -0.1])
-    return SceneBox(kind="ramp", centre_W=middle, half_m=np.array([0.5 * length_m, half_m, 0.1]), R_WK=turn, colour=ASPHALT)
 
 
 MAKERS: dict[str, Callable[[np.random.Generator], list[SceneBox]]] = {

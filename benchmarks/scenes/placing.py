@@ -1,12 +1,14 @@
-"""Colours, walls and turns shared by the scenes."""
+"""Colours, walls, ramps, ladders and turns shared by the scenes."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 
-from treadline.core.rotations import rotation_z
-from treadline.plant.sensors.camera.solids import Rgb, SceneBox, upright
+from treadline.core.rotations import Vector3, rotation_y, rotation_z
+from treadline.plant.sensors.camera.solids import Rgb, SceneBox, beam, upright
+
+Section = tuple[float, float]
 
 BEECH: Rgb = (176.0, 132.0, 84.0)
 """Colours of furniture (red, green, blue)."""
@@ -29,6 +31,28 @@ def turned(solid: SceneBox, yaw_rad: float, about_m: tuple[float, float]) -> Sce
     turn = rotation_z(yaw_rad)
     pivot = np.array([*about_m, 0.0])
     return replace(solid, centre_W=pivot + turn @ (solid.centre_W - pivot), R_WK=turn @ solid.R_WK)
+
+
+def incline(x_m: float, low_m: float, slope_rad: float, length_m: float, half_m: float, colour: Rgb | None = None) -> SceneBox:
+    """Return a ramp that rises from a place ahead."""
+    turn = rotation_y(-slope_rad)
+    middle = np.array([x_m, 0.0, low_m]) + turn @ np.array([0.5 * length_m, 0.0, -0.1])
+    return SceneBox(kind="ramp", centre_W=middle, half_m=np.array([0.5 * length_m, half_m, 0.1]), R_WK=turn, colour=colour)
+
+
+def leaning_ladder(
+    foot: Vector3, lean_rad: float, half_m: float, length_m: float, rungs_m: np.ndarray, rail: Section, rung: Section, colour: Rgb
+) -> list[SceneBox]:
+    """Return two rails that lean from a foot, and the rungs between them.
+
+    Args:
+        rungs_m: Places of the rungs along the rails.
+        rail: Width and height of the section of a rail [m]; ``rung`` that of a rung.
+    """
+    along, aside = np.array([math.cos(lean_rad), 0.0, math.sin(lean_rad)]), np.array([0.0, half_m, 0.0])
+    rails = [beam("ladder", foot + side, foot + side + length_m * along, rail, colour=colour) for side in (-aside, aside)]
+    places = [foot + at * along for at in rungs_m]
+    return [*rails, *(beam("ladder", place - aside, place + aside, rung, colour=colour) for place in places)]
 
 
 def legged(x: float, y: float, half: tuple[float, float], top: float, leg: float, colour: Rgb) -> list[SceneBox]:

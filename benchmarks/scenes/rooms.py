@@ -10,10 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from scenes import furniture, outdoors
-from scenes.placing import BEECH, CARDBOARD, WALL_M, WHITE, legged, oblique_wall, turned
+from scenes.placing import BEECH, CARDBOARD, WALL_M, WHITE, incline, leaning_ladder, legged, oblique_wall, turned
 from treadline.core.angles import DEG
-from treadline.core.rotations import rotation_y
-from treadline.plant.sensors.camera.solids import Rgb, SceneBox, beam, upright
+from treadline.plant.sensors.camera.solids import Rgb, SceneBox, upright
 
 BOOKS: tuple[Rgb, ...] = ((120.0, 40.0, 40.0), (40.0, 70.0, 110.0), (60.0, 100.0, 60.0), (190.0, 180.0, 150.0))
 """Colours of books (red, green, blue)."""
@@ -116,10 +115,8 @@ def _boxes(rng: np.random.Generator) -> list[SceneBox]:
 
 def _ramp(rng: np.random.Generator) -> list[SceneBox]:
     slope, start, length = rng.uniform(5.0, 30.0) * DEG, rng.uniform(0.8, 1.6), rng.uniform(2.0, 6.0)
-    turn = rotation_y(-slope)
-    middle = np.array([start, 0.0, 0.0]) + turn @ np.array([0.5 * length, 0.0, -0.1])
     return [
-        SceneBox(kind="ramp", centre_W=middle, half_m=np.array([0.5 * length, rng.uniform(0.6, 1.2), 0.1]), R_WK=turn),
+        incline(start, 0.0, slope, length, rng.uniform(0.6, 1.2)),
         *(_sides(rng.uniform(0.7, 1.3)) if rng.random() < 0.5 else []),
     ]
 
@@ -140,14 +137,9 @@ def _steep(rng: np.random.Generator) -> list[SceneBox]:
 def _ladder(rng: np.random.Generator) -> list[SceneBox]:
     """Return a ladder leaning on a wall."""
     lean, gap, half = rng.uniform(62.0, 78.0) * DEG, rng.uniform(0.25, 0.32), rng.uniform(0.2, 0.3)
-    foot, along = np.array([rng.uniform(0.8, 1.6), 0.0, 0.0]), np.array([math.cos(lean), 0.0, math.sin(lean)])
-    aside = np.array([0.0, half, 0.0])
-    stiles = [beam("ladder", foot + side, foot + side + 3.0 * along, (0.03, 0.07), colour=BEECH) for side in (-aside, aside)]
-    rungs = [
-        beam("ladder", foot + up * along - aside, foot + up * along + aside, (0.03, 0.08), colour=BEECH)
-        for up in np.arange(gap, 2.9, gap)
-    ]
-    return [*stiles, *rungs, oblique_wall(foot[0] + 3.0 * math.cos(lean), 0.0)]
+    foot = np.array([rng.uniform(0.8, 1.6), 0.0, 0.0])
+    ladder = leaning_ladder(foot, lean, half, 3.0, np.arange(gap, 2.9, gap), (0.03, 0.07), (0.03, 0.08), BEECH)
+    return [*ladder, oblique_wall(foot[0] + 3.0 * math.cos(lean), 0.0)]
 
 
 def _threshold(rng: np.random.Generator) -> list[SceneBox]:

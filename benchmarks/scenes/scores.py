@@ -83,6 +83,12 @@ def wilson(hits: int, count: int) -> tuple[float, float]:
     return (0.0 if hits == 0 else middle - half, 1.0 if hits == count else middle + half)
 
 
+def percent(hits: int, count: int, digits: int = 0) -> str:
+    """Return a fraction with its 95 % interval, in percent."""
+    low, high = wilson(hits, count)
+    return f"{100 * hits / count:.{digits}f} % [{100 * low:.{digits}f}, {100 * high:.{digits}f}]" if count else ""
+
+
 def score(results: dict[str, HeadingResult], truth: dict[str, TrueFrame]) -> HeadingScores:
     """Return the scores of a detector; ``results`` has an entry for each frame of ``truth``."""
     in_view = [name for name, true in truth.items() if true.heading_deg is not None and true.share >= LEAST_SHARE]
@@ -220,7 +226,4 @@ def _errors(scores: HeadingScores) -> str:
 
 
 def _percent(part: Fraction) -> str:
-    if part.share is None:
-        return "no frames"
-    low, high = part.interval
-    return f"{part.hits}/{part.count} = {100 * part.share:.1f} % [{100 * low:.1f}, {100 * high:.1f}]"
+    return f"{part.hits}/{part.count} = {percent(part.hits, part.count, 1)}" if part.count else "no frames"
