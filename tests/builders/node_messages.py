@@ -60,7 +60,7 @@ SIGNALS = [
     (on.TRACKS, TrackReading(t_s=T_S, left_m_s=0.1, right_m_s=-0.2, brake_on=True)),
     (on.SEAT, SeatReading(t_s=T_S, pitch_rad=0.1, stroke_m=0.2)),
     (on.FLIPPER, FlipperReading(t_s=T_S, angle_rad=0.3, torque_n_m=-40.0)),
-    (on.OPERATOR, OperatorInput(t_s=T_S, dead_man=True, stop=False, rearm=True)),
+    (on.OPERATOR, OperatorInput(t_s=T_S, dead_man=True, stop=False, rearm=True, go_back=True)),
     (on.GROUND, FreeGround(t_s=T_S, view="front", blind_m=0.8, seen_m=2.0, end_m=1.9, end_sigma_m=0.02)),
     (on.PLANT, PlantState(t_s=T_S, fault=None)),
     (on.PLANT, PlantState(t_s=T_S, fault="no command for 0.31 s")),

@@ -18,6 +18,7 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     MotionPlan,
+    OperatorInput,
     SeatCommand,
     SeatReading,
     TrackCommand,
@@ -203,12 +204,13 @@ def test_the_planner_gets_what_it_needs_and_no_frame() -> None:
     readings: list[Reading] = [*stream(0.1), TrackReading(t_s=0.05, left_m_s=0.1, right_m_s=0.1, brake_on=False)]
     readings += [
         FlipperReading(t_s=0.05, angle_rad=0.1, torque_n_m=0.0),
+        OperatorInput(t_s=0.05, flight_ends=True),
         frame(0.06, 200),
         stair(0.06, [(1.0, 0.0, 0.16), (1.3, 0.0, 0.32)], left_seen_m=1.0, right_seen_m=1.0),
     ]
     planner = Scripted(MotionPlan(t_s=0.0, phase="drive", speed_m_s=0.2))
     drive(10, RecordedPlant(sorted(readings, key=lambda reading: reading.t_s)), planner)
-    assert set(planner.inputs) == {"ImuSample", "TrackReading", "FlipperReading", "StairMap"}
+    assert set(planner.inputs) == {"ImuSample", "TrackReading", "FlipperReading", "StairMap", "OperatorInput"}
 
 
 def test_a_period_that_is_no_multiple_of_the_tick_is_refused() -> None:

@@ -9,6 +9,8 @@ from node_messages import CAMERA, DEPTH, SIGNALS, T_S
 
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import LogFormatError
+from treadline.core.signals import OperatorInput
+from treadline.io.messages import joints
 from treadline.ros import channels as on
 from treadline.ros._codec import Decoder, encoded
 from treadline.ros._node_signals import Mounts
@@ -25,6 +27,12 @@ def test_a_signal_comes_back_as_it_was(channel: str, signal: Any, *, ros1: bool)
     assert type(back) is type(signal)
     for field in fields(signal):
         np.testing.assert_array_equal(getattr(back, field.name), getattr(signal, field.name))
+
+
+def test_a_handset_without_the_two_answers_is_still_heard() -> None:
+    """Test: a JointState of dead-man switch, stop and re-arm alone, as handsets sent before. Expected: no answer is pressed."""
+    topic, _, data = joints(on.OPERATOR, T_S, ("dead_man", "stop", "rearm"), (1.0, 0.0, 1.0), (), "operator")
+    assert Decoder(on.OPERATOR, ros1=False).signal(topic, data) == OperatorInput(t_s=T_S, dead_man=True, rearm=True)
 
 
 @pytest.mark.parametrize("ros1", [True, False], ids=["ROS 1", "ROS 2"])

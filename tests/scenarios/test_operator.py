@@ -53,7 +53,7 @@ def test_an_act_lasts_from_its_tick_up_to_its_end() -> None:
             [{"kind": "rearm", "at_s": 2.0}, {"kind": "rearm", "at_s": 2.3}],
             "operator.1: a re-arm at 2.3 s, but operator.0 (rearm) lasts until 2.5 s; a re-arm counts from 2.6 s on",
         ),
-        ([{"kind": "go"}], "operator.0.kind: must be 'stop', 'release' or 'rearm' (got 'go')"),
+        ([{"kind": "go"}], "operator.0.kind: must be 'stop', 'release', 'rearm', 'flight_ends' or 'go_back' (got 'go')"),
     ],
 )
 def test_what_a_person_cannot_do_is_refused_in_one_line(acts: list[dict[str, Any]], said: str, tmp_path: Any) -> None:

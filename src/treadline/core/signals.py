@@ -120,14 +120,22 @@ class FlipperReading:
     """Motor torque after the gear, both sides together [N m]."""
 
 
+BUTTONS = ("stop", "rearm", "flight_ends", "go_back")
+"""Buttons of the operator's handset, as named in ``OperatorInput`` and, after the dead-man switch, in its messages."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorInput:
-    """State of the operator's handset: dead-man switch, stop button, re-arm button."""
+    """State of the operator's handset: dead-man switch, buttons for stop and re-arm, and two answers to the planner."""
 
     t_s: float
     dead_man: bool = True
     stop: bool = False
     rearm: bool = False
+    flight_ends: bool = False
+    """Button "this is the end": the nosing that the planner knows as the last one is the last of the flight."""
+    go_back: bool = False
+    """Button "go back": leave the flight to where the traversal began."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

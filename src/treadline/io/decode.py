@@ -16,6 +16,7 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.ports import Truth
 from treadline.core.signals import (
+    BUTTONS,
     Event,
     FlipperCommand,
     FlipperReading,
@@ -329,8 +330,10 @@ def _seat_reading(r: CdrReader) -> SeatReading:
 
 def _operator(r: CdrReader) -> OperatorInput:
     t_s, _, places, _ = _joints(r)
-    dead_man, stop, rearm = _counted(places, 3)
-    return OperatorInput(t_s=t_s, dead_man=bool(dead_man), stop=bool(stop), rearm=bool(rearm))
+    # A handset, or a log, of version 0.3 reports the switch, stop and re-arm alone.
+    pressed = places if len(places) == 3 else _counted(places, 1 + len(BUTTONS))
+    names = ("dead_man", *BUTTONS)
+    return OperatorInput(t_s=t_s, **{name: bool(place) for name, place in zip(names, pressed, strict=False)})
 
 
 def _estimate(r: CdrReader) -> HeadingEstimate:

@@ -17,6 +17,7 @@ import numpy as np
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import (
+    BUTTONS,
     Event,
     FlipperCommand,
     FlipperReading,
@@ -377,8 +378,8 @@ def _truth(truth: Truth, topic: str, writer: Writer) -> list[Message]:
 
 
 def _operator(operator: OperatorInput, topic: str, writer: Writer) -> list[Message]:
-    names = ("dead_man", "stop", "rearm")
-    values = (float(operator.dead_man), float(operator.stop), float(operator.rearm))
+    names = ("dead_man", *BUTTONS)
+    values = tuple(float(getattr(operator, name)) for name in names)
     return [joints(topic, operator.t_s, names, values, (), "operator", writer)]
 
 

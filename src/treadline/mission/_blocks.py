@@ -3,7 +3,7 @@
 The in-process loop (``mission.loop``) wires the blocks by calls, the nodes (``treadline.ros``) wire the same blocks by channels.
 
 * Camera block: ``ImuSample, TrackReading, RgbdFrame -> FrameQuality, FreeGround, HeadingMeasurement, StairMap, Event``.
-* Driver block: ``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan, TrackCommand``.
+* Driver block: ``ImuSample, TrackReading, FlipperReading, StairMap, OperatorInput, HeadingEstimate -> MotionPlan, TrackCommand``.
 * Seat block: ``ImuSample, SeatReading -> SeatCommand``.
 
 Rates of the blocks: 100 Hz base, 4 Hz control (Table I).

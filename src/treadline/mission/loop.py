@@ -32,6 +32,7 @@ from treadline.core.signals import (
     HeadingMeasurement,
     ImuSample,
     MotionPlan,
+    OperatorInput,
     SeatCommand,
     SeatReading,
     StairMap,
@@ -167,7 +168,7 @@ class Mission:
                 if isinstance(signal, ImuSample) and self._leveller is not None:
                     self._leveller.update(signal)
                 self._driver.update(signal)
-            case FlipperReading():
+            case FlipperReading() | OperatorInput():
                 self._driver.update(signal)
             case SeatReading() if self._leveller is not None:
                 self._guard.propose(self._leveller.step(signal))

@@ -1,14 +1,22 @@
 """Interface of the planners, and the planner of a single flight.
 
-``ImuSample, TrackReading, FlipperReading, StairMap, HeadingEstimate -> MotionPlan``. ``ascent_states`` climbs, ``descent_states``
-descends; both end in phase ``arrived``, in phase ``refused``, or in a plan with a reason to hold.
+``ImuSample, TrackReading, FlipperReading, StairMap, OperatorInput, HeadingEstimate -> MotionPlan``. ``ascent_states`` climbs,
+``descent_states`` descends; both end in phase ``arrived``, in phase ``refused``, or in a plan with a reason to hold.
 """
 
 from typing import Protocol, runtime_checkable
 
-from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, MotionPlan, StairMap, TrackReading
+from treadline.core.signals import (
+    FlipperReading,
+    HeadingEstimate,
+    ImuSample,
+    MotionPlan,
+    OperatorInput,
+    StairMap,
+    TrackReading,
+)
 
-PlannerInput = ImuSample | TrackReading | FlipperReading | StairMap
+PlannerInput = ImuSample | TrackReading | FlipperReading | StairMap | OperatorInput
 """Signals that a planner receives."""
 
 

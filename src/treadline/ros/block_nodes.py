@@ -249,7 +249,7 @@ class DriverNode(_AdmittingNode):
     def listen(self, transport: Transport) -> None:
         """Subscribe to the heading, the stair map, the readings and the state of the guard."""
         self._publish = transport.publish
-        for channel in (on.IMU, on.TRACKS, on.FLIPPER):
+        for channel in (on.IMU, on.TRACKS, on.FLIPPER, on.OPERATOR):
             self._subscribe(transport, channel, self._block.update)
         transport.subscribe(on.MAP, self._block.update)
         transport.subscribe(on.ESTIMATE, self._take_estimate)

@@ -1,6 +1,7 @@
 """Operator actions during a run: the ``[[operator]]`` tables of a scenario.
 
-The operator holds a handset with a stop button, a dead-man switch and a re-arm button; the handset reports ten times per second.
+The operator holds a handset with a dead-man switch and buttons for stop, re-arm, "this is the end" and "go back"; the handset
+reports ten times per second.
 """
 
 import math
@@ -17,10 +18,11 @@ REPORT_S = 0.1
 
 
 class OperatorAct(Settings):
-    """One operator action: a stop, a released dead-man switch, or a re-arm after a hold."""
+    """One operator action: a press of a button, or a released dead-man switch."""
 
-    kind: Literal["stop", "release", "rearm"]
-    """Action: press stop, release the dead-man switch, or press re-arm, which ends a hold."""
+    kind: Literal["stop", "release", "rearm", "flight_ends", "go_back"]
+    """Action: press stop; release the dead-man switch; press re-arm, which ends a hold; declare the last known nosing the last of
+    the flight; send the chair back to where it began."""
     at_s: Annotated[float, Field(ge=0.0)] = 10.0
     """Start time of the action."""
     for_s: Annotated[float, Field(ge=0.2, le=3600.0)] = 0.5

@@ -14,7 +14,7 @@ import numpy as np
 
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Reading
-from treadline.core.signals import TICK_S, HeadingEstimate, MotionPlan, OperatorInput
+from treadline.core.signals import BUTTONS, TICK_S, HeadingEstimate, MotionPlan, OperatorInput
 from treadline.mission import Detection
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.plant.faults import FaultyPlant
@@ -88,8 +88,8 @@ class AttendedPlant(FaultyPlant):
         readings = list(super().read())
         state = self.handset
         if state is not None and self._tick % REPORT_TICKS == 0:
-            report = OperatorInput(t_s=self._tick * TICK_S, dead_man=state.dead_man, stop=state.stop, rearm=state.rearm)
-            readings.append(report)
+            pressed = {name: getattr(state, name) for name in ("dead_man", *BUTTONS)}
+            readings.append(OperatorInput(t_s=self._tick * TICK_S, **pressed))
         return readings
 
 

@@ -31,6 +31,8 @@ class Handset:
     dead_man: bool = True
     stop: bool = False
     rearm: bool = False
+    flight_ends: bool = False
+    go_back: bool = False
     manual: bool = False
     """Whether the person steers instead of the planner."""
     speed_m_s: float = 0.0

@@ -227,7 +227,7 @@ class Session:
         self._command("act", command)
 
     def press(self, button: str) -> None:
-        """Press the stop or the re-arm button of the handset."""
+        """Press a button of the handset, named as in ``OperatorInput``."""
         self._set_handset(replace(self.handset, **{button: True}))
         self._released = (button, time.monotonic() + 2.0 * RELEASED_S)
 

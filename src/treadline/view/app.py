@@ -86,6 +86,8 @@ class App:
         if session.attended:
             self._add_button("STOP", lambda: session.press("stop"), color="red")
             self._add_button("Re-arm", lambda: session.press("rearm"))
+            self._add_button("This is the end", lambda: session.press("flight_ends"))
+            self._add_button("Go back", lambda: session.press("go_back"))
         self._place("state", "camera")
         gui.add_command("Play or pause", hotkey="K").on_trigger(self._locked(lambda _event: session.play()))
         gui.add_command("Back one tick", hotkey="J").on_trigger(self._locked(lambda _event: session.step(-1)))

@@ -22,6 +22,7 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Reading
 from treadline.core.rotations import quaternion_of, rotation_of, rotation_z
 from treadline.core.signals import (
+    BUTTONS,
     ROUNDING_S,
     TICK_S,
     FlipperReading,
@@ -259,8 +260,8 @@ class SensorFaults:
 
     def _heartbeat(self, until_s: float) -> Iterator[OperatorInput]:
         while (t_s := self._next_beat * HEARTBEAT_TICKS * TICK_S) <= until_s + ROUNDING_S:
-            stop, release, rearm = (does(self._acts, kind, t_s) for kind in ("stop", "release", "rearm"))
-            yield OperatorInput(t_s=t_s, dead_man=not release, stop=stop, rearm=rearm)
+            pressed = {kind: does(self._acts, kind, t_s) for kind in BUTTONS}
+            yield OperatorInput(t_s=t_s, dead_man=not does(self._acts, "release", t_s), **pressed)
             self._next_beat += 1
 
 
