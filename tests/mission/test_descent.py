@@ -118,7 +118,7 @@ def test_a_chair_that_wakes_up_on_a_flight_backs_down_with_its_flipper_planner_l
     plan = world.run("descend")
     assert world.flipper_rad < LAID_RAD
     assert f"flipper {world.flipper_rad / DEG:+.0f}°" in plan.cause
-    assert all(plan.speed_m_s == 0.0 for plan in world.plans)
+    assert all(plan.speed_m_s == 0.0 for plan in world.plans[:-1])
     stuck = Landing(x_m=EDGE_M - 1.2, flipper_moves=False)
     stuck.run("descend")
     assert stuck.t_s == pytest.approx((stuck.flipper_rad - LAID_RAD) / FLIPPER_RAD_S + LATE_S, abs=0.15)
@@ -138,11 +138,11 @@ def test_it_turns_square_on_the_landing_before_it_backs(heading_deg: float) -> N
 
 
 def test_a_chair_that_does_not_get_to_the_edge_is_held() -> None:
-    """Test: its rear stands against the end of a wall. Expected result: HOLD after half as much again as to go, and 0.5 m."""
+    """Test: its rear stands against the end of a wall. Expected result: HOLD after ten seconds."""
     world = Landing()
     world.run("approach")
     world.blocked = True
-    assert world.until_held() == "the belts ran 2.2 m for the 1.1 m to go: something is in the chair's way"
+    assert world.until_held() == "no progress in 10 s (approach): the belts slip, or something is in the way"
 
 
 def test_an_edge_under_the_chair_holds_it() -> None:
@@ -250,7 +250,7 @@ def test_a_chair_that_leans_on_its_flipper_planner_is_let_down_gently_from_it() 
         (0.1 * DEG, 0.0, FLIPPER_RAD_S),
     ):
         world.planner.update(flipper(world.t_s, angle_rad, torque_n_m))
-        lift = world.planner._lift(world.t_s)
+        lift = world.planner._lift()
         assert lift.rate_rad_s == rate_rad_s
 
 
@@ -428,7 +428,7 @@ def test_a_chair_with_a_heading_error_on_the_flight_turns_by_climbing_before_it_
     assert "heading error" in world.run("climb").cause
     assert world.run("descend", limit_s=30.0).cause.startswith("square within")
     assert abs(world.heading_rad) < 1.0 * DEG
-    assert all(plan.speed_m_s >= 0.0 for plan in world.plans)
+    assert all(plan.speed_m_s >= 0.0 for plan in world.plans[:-1])
 
 
 @pytest.mark.parametrize("changes", [{"loop": "open"}, {"vision": "paper"}, {"chair": read_chair("wheelchair-fixed")}])

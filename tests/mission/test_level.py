@@ -88,14 +88,14 @@ def test_within_what_is_spared_nothing_is_steered_and_beyond_it_gently(heading: 
     )
 
 
-def search(steering: LevelSteering, skid: float = 1.4) -> tuple[list[float], list[float | None]]:
+def search(steering: LevelSteering, skid: float = 1.4) -> tuple[list[float], list[float]]:
     """Return where a blind chair has turned to [deg], and what was asked, tick by tick until the search ends."""
     heading, turned, asked, headings = 0.0, 0.0, [], []
     for k in range(6000):
         half = steering.sweep(k * TICK_S, turned)
-        asked.append(half)
-        if half is None:
+        if steering.has_swept():
             return headings, asked
+        asked.append(half)
         turned = turned_by(half, skid)
         heading += turned / DEG
         headings.append(heading)
@@ -112,7 +112,7 @@ def test_the_search_looks_first_then_to_both_sides_then_ends_where_it_began(skid
     assert min(headings) == pytest.approx(-39.5, abs=1.7)
     assert abs(headings[-1]) < 3.5
     assert headings.index(max(headings)) < headings.index(min(headings))
-    fastest = max(abs(half) for half in asked if half is not None)
+    fastest = max(abs(half) for half in asked)
     # Half the pace of a turn with a target: 10 °/s, a degree a frame.
     assert turned_by(fastest, CONFIG.skid) == pytest.approx(CONFIG.turn_rad_s * TICK_S)
 

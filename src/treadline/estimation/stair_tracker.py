@@ -213,7 +213,7 @@ class StairTracker:
 
     def roll_back_m(self, t_s: float) -> float | None:
         """Return the distance from the highest position on the flight back to the present one [m]; None without a recent map."""
-        return self._highest_m - self._up_m if t_s - self.map_s <= SLIP_VALID_S else None
+        return self._highest_m - self.up_m if t_s - self.map_s <= SLIP_VALID_S else None
 
     def slip_m_s(self, t_s: float) -> float:
         """Return belt speed minus chair speed, both up the flight [m/s]; 0 without a recent map."""
@@ -238,7 +238,8 @@ class StairTracker:
         return self._odometry_z_m + self._filter.shift_m[1]
 
     @property
-    def _up_m(self) -> float:
+    def up_m(self) -> float:
+        """Place up the flight [m]: along its slope, horizontal before the first map."""
         return self._x_m * math.cos(self.slope_rad) + self._z_m * math.sin(self.slope_rad)
 
     @property
@@ -277,7 +278,7 @@ class StairTracker:
         self._odometry_y_m += moved * math.sin(self.heading_rad)
         self._odometry_z_m += moved_z_m
         self._poses.add(reading.t_s, self._pose())
-        self._highest_m = max(self._highest_m, self._up_m)
+        self._highest_m = max(self._highest_m, self.up_m)
 
     def _is_across(self, seen: StairMap) -> bool:
         """Return whether a map shows another flight, across a landing."""
@@ -307,11 +308,11 @@ class StairTracker:
         self.left_wall_m, self.right_wall_m = seen.left_wall_m, seen.right_wall_m
         if self.map_count == 1:
             self._fit_shape()
-        up_m = self._up_m
+        up_m = self.up_m
         way = 1.0 if seen.direction == "up" else -1.0
         self._take_back(way)
         shown = self._match(self._places(seen))
-        self._note_slip(since_s, self._up_m - up_m)
+        self._note_slip(since_s, self.up_m - up_m)
         self._note_missed(shown)
         self._note_passed(shown, way)
         self._fit_shape()

@@ -90,8 +90,8 @@ class LevelSteering:
             self._square_since_s = t_s
         return t_s - self._square_since_s >= self._config.square_s
 
-    def sweep(self, t_s: float, turned_rad: float) -> float | None:
-        """Return the turn of a search to both sides [m/s]; None at its end, after which the search starts again.
+    def sweep(self, t_s: float, turned_rad: float) -> float:
+        """Return the turn of a search to both sides [m/s].
 
         Args:
             t_s: Mission time.
@@ -105,10 +105,14 @@ class LevelSteering:
         self._swept_rad += turned_rad
         if self._legs and abs(self._legs[0] - self._swept_rad) < 2.0 * DEG:
             self._legs.pop(0)
-        if not self._legs:
-            self._legs = [config.sweep_rad, -config.sweep_rad, 0.0]  # a person may re-arm, and the search starts again
-            return None
-        return self._half(math.copysign(config.turn_rad_s, self._legs[0] - self._swept_rad))
+        return self._half(math.copysign(config.turn_rad_s, self._legs[0] - self._swept_rad)) if self._legs else 0.0
+
+    def has_swept(self) -> bool:
+        """Return whether the search has ended; it starts again then, because a person may re-arm the chair."""
+        ended = not self._legs
+        if ended:
+            self._legs = [self._config.sweep_rad, -self._config.sweep_rad, 0.0]
+        return ended
 
     def rest(self) -> None:
         """Start the next turn from rest, because the belts are braked."""

@@ -12,10 +12,10 @@ from treadline.control.belt_allocation import inner_speed_ratio
 from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
 from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.core.angles import DEG
-from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, Phase, TrackReading
-from treadline.core.step_sizes import ON_A_FLIGHT_RAD
+from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, TrackReading
+from treadline.mission._automaton import Automaton, Exit, State
+from treadline.mission._situation import LEVEL_RAD, FlightSituation, TraversalConfig, Way, on_the_tip
 from treadline.mission._traction_test import TractionConfig, TractionTest
-from treadline.mission._traversal_base import LEVEL_RAD, Traversal, TraversalConfig, on_the_tip
 from treadline.mission.planner import PlannerInput
 
 CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
@@ -27,6 +27,11 @@ LOSES_GRIP_M_S = 0.012
 nosing as a step: with friction of 1.1·tan β, 15 of 59 chairs slid."""
 BACKED_RAD = 0.7 * DEG
 """Pitch below which no part of the chair lies on the first nosing [rad]."""
+
+
+UP = Way(direction="up", sign=1.0, rides_rad=-0.75 * DEG, catches=True)
+"""Way up. A lower tip of the riding flipper meets the next nosing as a step, which takes friction that the chair may not have to
+spare."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,9 +50,6 @@ class AscentConfig(TraversalConfig):
     """Pitch at which the belts have touched the first nosing [rad], whatever the stair map shows."""
     mounted_rad: float = 4.0 * DEG
     """Pitch below the slope at which the belts lie on two nosings [rad]."""
-    test_before_m: float = 0.0
-    """Travel before the rear pulley lifts off the floor at which the traction test begins [m]. At lift-off the nosings carry nearly
-    the whole weight."""
     pulses: int = 2
     """Number of lost traction tests after which the chair backs off. One may be lost by chance: a belt that meets a step during the
     pulse loses a quarter of its speed."""
@@ -59,8 +61,6 @@ class AscentConfig(TraversalConfig):
     landed_m: float = 0.3
     """Travel on the landing, beyond the flat run of the belts, after which the chair has landed even if the landing is not
     horizontal [m]."""
-    mount_m: float = 1.6
-    """Belt travel while mounting above which the belts are slipping on the first nosing [m]."""
     back_off_m: float = 0.5
     """Distance to back off from the stair before the refusal [m]."""
     wall_m: float = 0.50
@@ -69,32 +69,29 @@ class AscentConfig(TraversalConfig):
     """Heading set point per metre of missing distance [rad/m]."""
     aside_limit_rad: float = 2.0 * DEG
     """Largest such heading set point [rad]."""
+    mount_s: float = 8.0
+    """Time without coming further on the first nosings after which the chair backs off [s]: 0.8 m of belt travel."""
     traction: TractionConfig = field(default_factory=TractionConfig)
 
 
-class Ascent(Traversal):
-    """Planner of one traversal up: state machine of the phases in docs/decisions/0019."""
-
-    DIRECTION = "up"
-    WAY = 1.0
-    ROLLING = frozenset({"mount", "climb", "approach"})
-    CATCHES = True
-    RIDES_RAD = -0.75 * DEG
-    """Flipper angle while riding, relative to the belts [rad]. A lower tip meets the next nosing as a step, which takes friction
-    that the chair may not have to spare."""
+class Ascent(FlightSituation):
+    """Planner of one traversal up; ``STATES_UP`` is its table."""
 
     _config: AscentConfig
 
     def __init__(self, config: AscentConfig) -> None:
-        super().__init__(config)
+        super().__init__(config, UP)
+        self._automaton = Automaton(STATES_UP)
         self._end = ""
         self._traction: TractionTest | None = None
         self._pulses = 0
-        self._refusal = ""
 
-    def _face_flight(self) -> None:
-        super()._face_flight()
+    def face_flight(self) -> None:
+        """Reset everything that belongs to one flight."""
+        super().face_flight()
         self._crest: Crest | None = None
+        self._command: CrestCommand | None = None
+        """Command of the crest sequence at this tick."""
         self._is_climbing = True
         """Whether the crest sequence has not lowered the flipper yet."""
         self._slipped = False
@@ -108,93 +105,73 @@ class Ascent(Traversal):
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Return the plan of this tick."""
-        if estimate is not None:
-            self._where.heading_rad = estimate.heading_rad
-        match self._phase:
-            case "search":
-                return self._search(t_s, estimate)
-            case "align":
-                return self._align(t_s, estimate)
-            case "approach" | "mount":
-                return self._go_at_the_stair(t_s, estimate)
-            case "traction" if self._traction is not None:
-                return self._test_traction(t_s, self._traction)
-            case "climb" | "crest" | "land":
-                return self._climb(t_s, estimate)
-            case "back_off":
-                return self._back_off(t_s, estimate)
-            case _:
-                return self._stand(t_s, needs_stair=False)
+        self.begin_tick(t_s, estimate)
+        if self.phase in ("climb", "crest", "land") and self.is_barred_by_a_gap() is None:
+            self._cross()
+        return self._automaton.step(self)
 
-    def _search(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
+    # --- before the flight
+
+    @property
+    def enters(self) -> bool:
+        """Whether the chair is about to drive onto the flight: a side that was not in view does not count as wide enough."""
         where = self._where
-        if where.pitch_rad > ON_A_FLIGHT_RAD:
-            if estimate is not None and where.map_count:
-                if not self._is_laid(t_s, estimate):
-                    return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=self._lie(t_s, estimate))
-                self._begin(t_s, "climb", self._on_a_flight)
-                return self._climb(t_s, estimate)
-            return self._stand(t_s)
-        if estimate is not None and where.known:
-            return self._begin(t_s, "align", f"stair in view, heading {estimate.heading_rad / DEG:+.1f}°")
-        if self._flights_done:
-            return self._look_on(t_s, estimate, self._config.touched_rad)
-        return self._sweep(t_s, "no stair in view, to neither side")
+        return self.phase != "align" and (self._before_m < self._config.mount_from_m or where.pitch_rad > self._config.touched_rad)
 
-    def _align(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        if estimate is None:
-            return self._stand(t_s)
-        if self._level.is_square(estimate, t_s):
-            where = self._where
-            if (refusal := self._infeasible(enters=False)) is not None:
-                return self._begin(t_s, "refused", refusal)
-            shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
-            to_go_m = (where.first_ahead_m() or math.inf) - self._pivot_m
-            cause = f"square to the stair within {abs(estimate.heading_rad) / DEG:.1f}°; {shape}"
-            self._flipper_planner.forget()
-            return self._begin(t_s, "approach", cause, to_go_m)
-        return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
+    def is_unfit(self) -> str | None:
+        """Square to the flight, and every stair that may be the measured one exceeds a limit of the chair."""
+        return self.must_not_enter() if self._is_square() else None
 
-    def _go_at_the_stair(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        config, where = self._config, self._where
-        if (stops := self._missing(config.gap_m) or self._stuck() or self._narrow() or self._idle(t_s)) is not None:
-            return self._stand(t_s, stops)
-        first = where.first_ahead_m()
-        before = math.inf if first is None else first - self._pivot_m
-        ahead = where.ahead_m()
-        enters = before < config.mount_from_m or where.pitch_rad > config.touched_rad
-        if self._phase == "approach" and (side := self._open_side(enters=enters)) is not None:
-            return self._stand(t_s, side)
-        if self._phase == "approach" and (refusal := self._infeasible(enters=enters)) is not None:
-            return self._begin(t_s, "refused", refusal)
-        if self._phase == "approach" and enters:
-            return self._begin(t_s, "mount", f"first step {before:.2f} m ahead of the belts' front pulley")
-        if self._phase == "mount" and where.travel_m - self._from_m > config.mount_m:
-            slope = where.slope_rad / DEG
-            self._refusal = f"the belts ran {config.mount_m:g} m on the first nosings of a {slope:.0f}° stair without getting up"
-            return self._begin(t_s, "back_off", self._refusal)
-        if (
-            self._phase == "mount"
-            and len(ahead) > 1
-            and ahead[0] < self._lift_off_m() + config.test_before_m
-            and where.pitch_rad > where.slope_rad - config.mounted_rad
-        ):
-            self._traction, self._pulses = TractionTest(config.traction, where.slope_rad), 1
-            return self._begin(t_s, "traction", f"the belts lie on two nosings, pitch {where.pitch_rad / DEG:.1f}°")
-        speed = config.slow_m_s if before < config.slow_from_m else config.cruise_m_s
-        turn = self._level.keep(estimate, self._aside())
-        return self._plan(t_s, speed, turn_m_s=turn, flipper=self._flipper_planner.to(t_s, self._mounting_rad))
+    def is_square(self) -> str | None:
+        """Square to the flight for half a second."""
+        if not self._is_square() or self._estimate is None:
+            return None
+        where = self._where
+        shape = f"rise {where.rise_m:.3f} m, run {where.run_m:.3f} m, {where.slope_rad / DEG:.1f}°"
+        return f"square to the stair within {abs(self._estimate.heading_rad) / DEG:.1f}°; {shape}"
 
-    def _idle(self, t_s: float) -> str | None:
-        """Return the fault of a flipper off its commanded angle with the belts on the floor; each re-arm allows another try."""
+    def has_an_idle_flipper(self) -> str | None:
+        """The flipper stands off its commanded angle with the belts on the floor; each re-arm allows another try."""
         if self._flipper is None or self._where.pitch_rad > self._config.touched_rad:
             return None
         stands, asked = self._flipper.angle_rad, self._mounting_rad
         off_rad = abs(stands - asked)
-        if not self._flipper_planner.is_late(t_s, off_rad if off_rad > self._config.idle_rad else 0.0):
+        if not self._flipper_planner.is_late(self.t_s, off_rad if off_rad > self._config.idle_rad else 0.0):
             return None
         seen = f"stands at {stands / DEG:.0f}° above the belts where {asked / DEG:.0f}° are asked"
         return f"the flipper {seen}: it would not carry the chair"
+
+    def reaches_the_first_step(self) -> str | None:
+        """The front pulley is near the first nosing, or the chair's pitch shows that it has touched."""
+        return f"first step {self._before_m:.2f} m ahead of the belts' front pulley" if self.enters else None
+
+    def gets_no_hold(self) -> str | None:
+        """The belts run on the first nosings and the chair does not come further."""
+        if self.stalled_s < self._config.mount_s:
+            return None
+        slope = self._where.slope_rad / DEG
+        return f"the belts ran {self._config.mount_s:g} s on the first nosings of a {slope:.0f}° stair without getting up"
+
+    def lies_on_two_nosings(self) -> str | None:
+        """The belts lie on two nosings, the rear still on the floor."""
+        ahead, where = self._where.ahead_m(), self._where
+        if len(ahead) < 2 or ahead[0] >= self._lift_off_m() or where.pitch_rad <= where.slope_rad - self._config.mounted_rad:
+            return None
+        return f"the belts lie on two nosings, pitch {where.pitch_rad / DEG:.1f}°"
+
+    def go_at_the_stair(self) -> MotionPlan:
+        """Drives at the first step, slower near it, with the flipper lowered to clear the next step."""
+        config = self._config
+        speed = config.slow_m_s if self._before_m < config.slow_from_m else config.cruise_m_s
+        turn = self._level.keep(self._estimate, self._aside())
+        flipper = self._flipper_planner.to(self.t_s, self._mounting_rad)
+        return replace(self.still, speed_m_s=speed, turn_m_s=turn, flipper=flipper)
+
+    @property
+    def _before_m(self) -> float:
+        """Distance of the front pulley before the first nosing [m]; infinite without one."""
+        first = self._where.first_ahead_m()
+        return math.inf if first is None else first - self._pivot_m
 
     @property
     def _mounting_rad(self) -> float:
@@ -207,106 +184,82 @@ class Ascent(Traversal):
         slope, radius = self._where.slope_rad, self._config.chair.tracks.pulley_radius_m
         return self._where.rise_m / math.sin(slope) - radius * math.tan(0.5 * slope) - self._pivot_m
 
-    def _test_traction(self, t_s: float, test: TractionTest) -> MotionPlan:
-        if not test.over:
-            # In line with the belts the flipper carries nothing yet, and is already near its riding angle for the first fall.
-            return self._plan(t_s, test.speed_m_s, turn_m_s=0.0, flipper=self._flipper_planner.to(t_s, 0.0))
-        if not test.holds and self._pulses < self._config.pulses:
+    # --- traction
+
+    def begin_traction_test(self) -> None:
+        """Prepare the first pulse of the traction test."""
+        self._traction, self._pulses = TractionTest(self._config.traction, self._where.slope_rad), 1
+
+    def test_traction(self) -> MotionPlan:
+        """Accelerates with slightly more friction demand than the flight needs; a lost pulse is made again once."""
+        test = self._traction
+        if test is None or test.over:
             self._traction = TractionTest(self._config.traction, self._where.slope_rad)
             self._pulses += 1
-            return self._stand(t_s)
+            return self.still
+        # In line with the belts the flipper carries nothing yet, and is already near its riding angle for the first fall.
+        return replace(self.still, speed_m_s=test.speed_m_s, flipper=self._flipper_planner.to(self.t_s, 0.0))
+
+    def holds(self) -> str | None:
+        """The belts held in the traction test."""
+        test = self._traction
+        return f"enough friction: {self._slip_of(test)}" if test is not None and test.over and test.holds else None
+
+    def slips(self) -> str | None:
+        """The belts slipped in the last pulse of the traction test."""
+        test, config = self._traction, self._config
+        if test is None or not test.over or test.holds or self._pulses < config.pulses:
+            return None
+        wanted = (1.0 + config.traction.wanted) * math.tan(self._where.slope_rad)
+        return f"too little friction: {self._slip_of(test)}, so it is below {wanted:.2f}; dry or roughen the nosings"
+
+    @staticmethod
+    def _slip_of(test: TractionTest) -> str:
+        return f"the belts slipped by {100.0 * max(test.slip, 0.0):.0f} % of a short test drive"
+
+    def forget_traction_test(self) -> None:
+        """End the traction test."""
         self._traction = None
-        slip = f"the belts slipped by {100.0 * max(test.slip, 0.0):.0f} % of a short test drive"
-        if test.holds:
-            plan = self._begin(t_s, "climb", f"enough friction: {slip}")
-            return replace(plan, speed_m_s=min(plan.speed_m_s, self._config.cruise_m_s))
-        wanted = (1.0 + self._config.traction.wanted) * math.tan(self._where.slope_rad)
-        self._refusal = f"too little friction: {slip}, so it is below {wanted:.2f}; dry or roughen the nosings"
-        return self._begin(t_s, "back_off", self._refusal)
 
-    def _climb(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        config, where = self._config, self._where
-        if (missing := self._missing(config.gap_m)) is not None:
-            return self._stand(t_s, missing)
-        top = where.top_ahead_m()
-        unseen = top is not None and top - self._pivot_m < config.unseen_end_m
-        near = top is not None and top - self._pivot_m < config.crest_from_m
-        if self._crest is None and top is not None and ((where.top_ends and near) or unseen):
-            crest_config = CrestConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.cruise_m_s)
-            self._crest = Crest(crest_config, top)
-            seen = "seen" if where.top_ends else "no nosing seen beyond"
-            self._end = f"end of the flight, {seen}"
-        elif self._crest is not None and top is not None and self._is_climbing and not (where.top_ends or unseen):
-            self._crest = None  # a further nosing came into view
-        if self._crest is None or self._imu is None or self._flipper is None or self._tracks is None:
-            return self._on_the_flight(t_s, estimate)
-        if top is not None and where.top_ends:
-            self._crest.nosing_seen(top)
-        command = self._crest.step(self._imu, self._flipper, self._tracks)
-        return self._follow(t_s, command, estimate)
+    def back_off(self) -> MotionPlan:
+        """Backs off the flight."""
+        flipper = self._flipper_planner.to(self.t_s, self._stepping_rad)
+        return self.driving(-self._config.slow_m_s, self._level.keep(self._estimate), flipper)
 
-    def _on_the_flight(self, t_s: float, estimate: HeadingEstimate | None, *, needs_stair: bool = True) -> MotionPlan:
-        aim_rad = self._aside()
-        return self._plan(
-            t_s,
-            self._config.cruise_m_s,
-            turn_m_s=self._steering(t_s, estimate, aim_rad, climbs=True),
+    def is_backed_off(self) -> str | None:
+        """The chair stands on the floor, half a metre from the flight: it is refused for the reason for which it backed off."""
+        backed = self._where.pitch_rad < BACKED_RAD and self._from_m - self._where.travel_m > self._config.back_off_m
+        return self.cause if backed else None
+
+    # --- on the flight
+
+    def climb(self) -> MotionPlan:
+        """Climbs, steered by the heading controller; slowly before the crest."""
+        command = self._command
+        if command is None or command.stage != "slow":
+            return replace(self._on_the_flight(), needs_stair=command is None)
+        turn = self._steering(blind=True)
+        plan = self.driving(command.speed_m_s, turn, self._lie())
+        return replace(plan, pitch_feedforward_m_s=self._pitch_feedforward())
+
+    def _on_the_flight(self) -> MotionPlan:
+        aim_rad, estimate = self._aside(), self._estimate
+        return replace(
+            self.still,
+            speed_m_s=self._config.cruise_m_s,
+            turn_m_s=self._steering(aim_rad),
             heading_rad=aim_rad,
             min_inner_speed_ratio=None if estimate is None else inner_speed_ratio(estimate.heading_rad - aim_rad),
-            pitch_feedforward_m_s=self._pitch_feedforward(t_s, estimate, aim_rad),
-            flipper=self._lie(t_s, estimate, aim_rad),
-            needs_stair=needs_stair,
+            pitch_feedforward_m_s=self._pitch_feedforward(aim_rad),
+            flipper=self._lie(aim_rad),
         )
 
-    def _has_grip(self, t_s: float) -> bool:
-        self._slipped |= self._where.slip_m_s(t_s) > LOSES_GRIP_M_S
+    def _has_grip(self) -> bool:
+        self._slipped |= self._where.slip_m_s(self.t_s) > LOSES_GRIP_M_S
         return not self._slipped
 
-    def _follow(self, t_s: float, command: CrestCommand, estimate: HeadingEstimate | None) -> MotionPlan:
-        self._is_climbing = self._is_climbing and command.stage in ("climb", "slow")
-        match command.stage:
-            case "climb":
-                return self._on_the_flight(t_s, estimate, needs_stair=False)
-            case "slow":
-                if self._phase == "crest":
-                    self._begin(t_s, "climb", command.cause)
-                turn, feedforward = self._steering(t_s, estimate, climbs=True, blind=True), self._pitch_feedforward(t_s, estimate)
-                flipper = self._lie(t_s, estimate)
-                return self._plan(
-                    t_s, command.speed_m_s, turn_m_s=turn, pitch_feedforward_m_s=feedforward, flipper=flipper, needs_stair=False
-                )
-            case "land" | "done":
-                phase: Phase = "land"
-            case _:
-                phase = "crest"
-        if phase != self._phase:
-            pitch = self._where.pitch_rad / DEG
-            seen = self._end if phase == "crest" else "the front has come down on the landing"
-            self._begin(t_s, phase, f"{seen}; pitch {pitch:.1f}°, {on_the_tip(command.tip_n)}")
-        is_level = abs(self._where.pitch_rad) < LEVEL_RAD
-        if command.stage == "done" and (is_level or self._where.travel_m - self._from_m > self._landing_m):
-            if self._goes_on:
-                return self._begin_next(t_s)
-            return self._begin(
-                t_s, "arrived", f"on the landing, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the last nosing"
-            )
-        barred = f"{command.cause}: the chair stands before the crest" if command.stage == "barred" else None
-        turn = self._level.keep(estimate, spare_rad=CREST_SPARE_RAD, keep_m_s_rad=CREST_KEEP_M_S_RAD)
-        # Until the flipper's tip carries load, only the belts can soften the rocking of a chair that stops on its nosings.
-        speed = command.speed_m_s + self._pitch_feedforward(t_s, estimate, allowed=command.stage == "reach")
-        return self._plan(t_s, speed, turn_m_s=turn, flipper=command.flipper, needs_stair=False, hold=barred)
-
-    @property
-    def _landing_m(self) -> float:
-        """Travel from the first contact with the landing until the chair is clear of the last nosing, plus ``landed_m`` [m]."""
-        return 2.0 * self._pivot_m + self._config.landed_m
-
-    def _back_off(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        config, where = self._config, self._where
-        if where.pitch_rad < BACKED_RAD and self._from_m - where.travel_m > config.back_off_m:
-            return self._begin(t_s, "refused", self._refusal)
-        flipper = self._flipper_planner.to(t_s, self._stepping_rad)
-        return self._plan(t_s, -config.slow_m_s, turn_m_s=self._level.keep(estimate), flipper=flipper, needs_stair=False)
+    def _slide(self) -> tuple[float, float]:
+        return self._where.slip_m_s(self.t_s), self._where.roll_back_m(self.t_s) or 0.0
 
     def _aside(self) -> float:
         """Return the heading set point away from a near wall, or towards the middle between two walls [rad]."""
@@ -320,3 +273,155 @@ class Ascent(Traversal):
             lacking = 0.0 if right is None else -max(config.wall_m - right, 0.0)
         # A negative heading leads to the right, away from a wall on the left.
         return -min(max(config.aside_rad_m * lacking, -config.aside_limit_rad), config.aside_limit_rad)
+
+    # --- over the crest
+
+    def _cross(self) -> None:
+        """Begin the crest sequence near the end of the flight, end it when a further nosing comes into view, and step it."""
+        config, where = self._config, self._where
+        top = where.top_ahead_m()
+        unseen = top is not None and top - self._pivot_m < config.unseen_end_m
+        near = top is not None and top - self._pivot_m < config.crest_from_m
+        if self._crest is None and top is not None and ((where.top_ends and near) or unseen):
+            crest_config = CrestConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.cruise_m_s)
+            self._crest = Crest(crest_config, top)
+            seen = "seen" if where.top_ends else "no nosing seen beyond"
+            self._end = f"end of the flight, {seen}"
+        elif self._crest is not None and top is not None and self._is_climbing and not (where.top_ends or unseen):
+            self._crest = None
+        if self._crest is None or self._imu is None or self._flipper is None or self._tracks is None:
+            self._command = None
+            return
+        if top is not None and where.top_ends:
+            self._crest.nosing_seen(top)
+        self._command = self._crest.step(self._imu, self._flipper, self._tracks)
+        self._is_climbing = self._is_climbing and self._command.stage in ("climb", "slow")
+
+    def _stage_in(self, *stages: str) -> CrestCommand | None:
+        return self._command if self._command is not None and self._command.stage in stages else None
+
+    def reaches_down(self) -> str | None:
+        """The flipper reaches down for the landing."""
+        command = self._stage_in("reach", "carry", "lead", "barred", "land", "done")
+        return None if command is None else self._with_load(self._end, command)
+
+    def rides_again(self) -> str | None:
+        """The flipper stood on a nosing, and the chair drives on before it reaches down again."""
+        command = self._stage_in("climb", "slow")
+        return None if command is None else command.cause
+
+    def is_barred(self) -> str | None:
+        """The crossing cannot succeed."""
+        command = self._stage_in("barred")
+        return None if command is None else f"{command.cause}: the chair stands before the crest"
+
+    def lands(self) -> str | None:
+        """The front has come down on the landing."""
+        command = self._stage_in("land", "done")
+        return None if command is None else self._with_load("the front has come down on the landing", command)
+
+    def _with_load(self, seen: str, command: CrestCommand) -> str:
+        return f"{seen}; pitch {self._where.pitch_rad / DEG:.1f}°, {on_the_tip(command.tip_n)}"
+
+    def cross(self) -> MotionPlan:
+        """Follows the crest sequence, and corrects large heading errors alone."""
+        command = self._command
+        if command is None:
+            return self.still
+        turn = self._level.keep(self._estimate, spare_rad=CREST_SPARE_RAD, keep_m_s_rad=CREST_KEEP_M_S_RAD)
+        # Until the flipper's tip carries load, only the belts can soften the rocking of a chair that stops on its nosings.
+        feedforward = self._pitch_feedforward(allowed=command.stage == "reach")
+        return self.driving(command.speed_m_s + feedforward, turn, command.flipper)
+
+    def is_on_a_landing_between(self) -> str | None:
+        """The chair is clear of the last nosing, and another flight follows."""
+        return self._next_flight() if self._is_clear() and self._goes_on else None
+
+    def is_on_the_landing(self) -> str | None:
+        """The chair is clear of the last nosing, and level or further on."""
+        return f"on the landing, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the last nosing" if self._is_clear() else None
+
+    def _is_clear(self) -> bool:
+        beyond_m = 2.0 * self._pivot_m + self._config.landed_m
+        is_level = abs(self._where.pitch_rad) < LEVEL_RAD
+        return self._stage_in("done") is not None and (is_level or self._where.travel_m - self._from_m > beyond_m)
+
+
+_BEFORE_THE_FLIGHT = (
+    Exit(Ascent.is_barred_by_a_gap, "hold"),
+    Exit(Ascent.is_too_narrow, "hold"),
+    Exit(Ascent.has_an_idle_flipper, "hold"),
+)
+STATES_UP: tuple[State[Ascent], ...] = (
+    State(
+        "search",
+        Ascent.look,
+        limit_s=40.0,
+        exits=(
+            Exit(Ascent.is_laid, "climb"),
+            Exit(Ascent.sees_the_stair, "align"),
+            Exit(Ascent.found_nothing, "hold"),
+        ),
+        begins=Ascent.face_next_flight,
+    ),
+    State(
+        "align",
+        Ascent.turn_square,
+        limit_s=30.0,
+        exits=(Exit(Ascent.is_unfit, "refused"), Exit(Ascent.is_square, "approach")),
+    ),
+    State(
+        "approach",
+        Ascent.go_at_the_stair,
+        limit_s=10.0,
+        exits=(
+            *_BEFORE_THE_FLIGHT,
+            Exit(Ascent.has_an_open_side, "hold"),
+            Exit(Ascent.must_not_enter, "refused"),
+            Exit(Ascent.reaches_the_first_step, "mount"),
+        ),
+        begins=Ascent.forget_deadline,
+    ),
+    State(
+        "mount",
+        Ascent.go_at_the_stair,
+        limit_s=20.0,
+        exits=(*_BEFORE_THE_FLIGHT, Exit(Ascent.gets_no_hold, "back_off"), Exit(Ascent.lies_on_two_nosings, "traction")),
+    ),
+    State(
+        "traction",
+        Ascent.test_traction,
+        limit_s=20.0,
+        exits=(Exit(Ascent.holds, "climb"), Exit(Ascent.slips, "back_off")),
+        begins=Ascent.begin_traction_test,
+    ),
+    State(
+        "climb",
+        Ascent.climb,
+        limit_s=20.0,
+        exits=(Exit(Ascent.is_barred_by_a_gap, "hold"), Exit(Ascent.reaches_down, "crest")),
+        begins=Ascent.forget_traction_test,
+    ),
+    State(
+        "crest",
+        Ascent.cross,
+        limit_s=40.0,
+        exits=(Exit(Ascent.is_barred, "hold"), Exit(Ascent.rides_again, "climb"), Exit(Ascent.lands, "land")),
+    ),
+    State(
+        "land",
+        Ascent.cross,
+        limit_s=20.0,
+        exits=(Exit(Ascent.is_on_a_landing_between, "search"), Exit(Ascent.is_on_the_landing, "arrived")),
+    ),
+    State(
+        "back_off",
+        Ascent.back_off,
+        limit_s=30.0,
+        exits=(Exit(Ascent.is_backed_off, "refused"),),
+        begins=Ascent.forget_traction_test,
+    ),
+    State("arrived", Ascent.stand, limit_s=math.inf),
+    State("refused", Ascent.stand, limit_s=math.inf),
+)
+"""States of a traversal up: what the chair does, how long without coming further, and what ends it (docs/decisions/0019)."""

@@ -6,26 +6,25 @@ would pitch onto its front (docs/decisions/0013).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
 from treadline.core.angles import DEG
-from treadline.core.signals import FlipperCommand, FlipperReading, HeadingEstimate, MotionPlan
-from treadline.core.step_sizes import ON_A_FLIGHT_RAD
+from treadline.core.signals import FlipperCommand, HeadingEstimate, MotionPlan
 from treadline.estimation.stair_tracker import NEAR_M
+from treadline.mission._automaton import Automaton, Exit, State
 from treadline.mission._flipper_planner import FLIPPER_RAD_S
-from treadline.mission._traversal_base import (
-    LEVEL_RAD,
-    Traversal,
-    TraversalConfig,
-    beside,
-    on_the_tip,
-)
+from treadline.mission._situation import LEVEL_RAD, FlightSituation, TraversalConfig, Way, beside, on_the_tip
 
 LETS_DOWN_RAD_S = 3.0 * DEG
 """Rate at which the flipper is lifted out of the belts' line [rad/s], slow enough that a chair leaning on it follows."""
 RESTS = ("settle", "leave")
 """Stages of the edge sequence with the chair on nosings and little load on the tip: the tip-over feed-forward acts there."""
+
+
+DOWN = Way(direction="down", sign=-1.0, rides_rad=-2.5 * DEG, catches=False)
+"""Way down. Descending, nosings reach the flipper from the belts and leave it at its tip, so that they lift even a low flipper
+smoothly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,128 +65,141 @@ class DescentConfig(TraversalConfig):
     """Distance of the front pulley past the last nosing at which the chair and its flipper have left the stair [m]."""
 
 
-class Descent(Traversal):
-    """Planner of one traversal down: state machine of the phases in docs/decisions/0019."""
-
-    DIRECTION = "down"
-    WAY = -1.0
-    ROLLING = frozenset({"descend"})
-    CATCHES = False
-    RIDES_RAD = -2.5 * DEG
-    """Flipper angle while riding, relative to the belts [rad]. Descending, nosings reach the flipper from the belts and leave it at
-    its tip, so that they lift even a low flipper smoothly."""
+class Descent(FlightSituation):
+    """Planner of one traversal down; ``STATES_DOWN`` is its table."""
 
     _config: DescentConfig
 
     def __init__(self, config: DescentConfig) -> None:
-        super().__init__(config)
+        super().__init__(config, DOWN)
+        self._automaton = Automaton(STATES_DOWN)
 
-    def _face_flight(self) -> None:
-        super()._face_flight()
+    def face_flight(self) -> None:
+        """Reset everything that belongs to one flight."""
+        super().face_flight()
         self._edge: Edge | None = None
+        self._command: EdgeCommand | None = None
+        """Command of the edge sequence at this tick."""
+        self._gap: str | None = None
+        """Missing step of the flight below the edge."""
         self._turned_back_for = ""
         """Reason for lowering the chair back onto the landing; empty if there is none."""
         self._barred_s = math.inf
+        self._is_late = False
+        """Whether the flipper has not been lifted in time off the last nosings."""
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Return the plan of this tick."""
-        if estimate is not None:
-            self._where.heading_rad = estimate.heading_rad
-        match self._phase:
-            case "search":
-                return self._search(t_s, estimate)
-            case "align":
-                return self._align(t_s, estimate)
-            case "approach" | "edge":
-                return self._over_the_edge(t_s, estimate)
-            case "climb":
-                return self._turn_by_climbing(t_s, estimate)
-            case "descend" | "leave":
-                return self._down(t_s, estimate)
-            case "arrived":
-                flipper = self._flipper_planner.to(t_s, self._flipper_planner.rest_rad)
-                return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=flipper, needs_stair=False)
-            case _:
-                return self._stand(t_s, needs_stair=False)
+        self.begin_tick(t_s, estimate)
+        if self.phase in ("approach", "edge"):
+            self._go_over()
+        elif self.phase in ("descend", "leave"):
+            self._is_late = self._flipper_planner.is_late(t_s, self._low_rad, self._gently_s)
+        return self._automaton.step(self)
 
-    def _search(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        where = self._where
-        if where.pitch_rad > ON_A_FLIGHT_RAD:
-            if not where.map_count:
-                return self._stand(t_s)
-            if estimate is not None and abs(estimate.heading_rad) > self._config.max_heading_error_rad:
-                return self._begin(
-                    t_s, "climb", f"on a flight, heading error {estimate.heading_rad / DEG:+.1f}°: it turns by climbing"
-                )
-            if estimate is not None and not self._is_laid(t_s, estimate):
-                return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=self._lie(t_s, estimate))
-            if estimate is not None:
-                return self._begin(t_s, "descend", self._on_a_flight)
-            return self._stand(t_s)
-        if estimate is not None and where.known:
-            return self._begin(t_s, "align", f"flight in view behind, heading {estimate.heading_rad / DEG:+.1f}°")
-        if self._flights_done:
-            return self._look_on(t_s, estimate, LEVEL_RAD)
-        return self._sweep(t_s, "no stair in view behind, to neither side")
+    # --- before the edge
 
-    def _align(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        if estimate is None:
-            return self._stand(t_s)
-        if not self._level.is_square(estimate, t_s):
-            return self._plan(t_s, 0.0, turn_m_s=self._level.towards(estimate))
-        config, where = self._config, self._where
-        if (refusal := self._infeasible(enters=False)) is not None:
-            return self._begin(t_s, "refused", refusal)
-        edge = where.top_ahead_m()
-        if edge is None or edge > -self._pivot_m:
-            return self._stand(t_s, "square to the flight, and its edge is not behind the chair")
-        below_m = -(where.top_above_m() or 0.0)
-        if below_m > config.lower * where.rise_m:
-            hidden = "the edge is nearer, hidden under the camera"
-            return self._stand(t_s, f"the highest nosing in view is {below_m:.2f} m below the belts: {hidden}")
-        edge_config = EdgeConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.slow_m_s)
-        self._edge = Edge(edge_config, -edge, where.slope_rad)
-        to_go_m = -edge - self._pivot_m
-        cause = f"square within {abs(estimate.heading_rad) / DEG:.1f}°; edge {to_go_m:.2f} m behind"
-        return self._begin(t_s, "approach", cause, to_go_m)
-
-    def _over_the_edge(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        if self._edge is None or self._imu is None or self._flipper is None or self._tracks is None:
-            return self._stand(t_s)
+    @property
+    def enters(self) -> bool:
+        """Whether the chair is about to drive onto the flight: a side that was not in view does not count as wide enough."""
         edge = self._where.top_ahead_m()
-        enters = edge is None or -edge - self._pivot_m < self._config.enter_from_m
-        if self._phase == "approach" and (stops := self._stuck() or self._narrow() or self._open_side(enters=enters)) is not None:
-            return self._stand(t_s, stops)
-        if self._phase == "approach" and (refusal := self._infeasible(enters=enters)) is not None:
-            return self._begin(t_s, "refused", refusal)
+        return self.phase != "align" and (edge is None or -edge - self._pivot_m < self._config.enter_from_m)
+
+    def is_askew_on_the_flight(self) -> str | None:
+        """The chair lies on a flight that is in view, with a heading error that backing down would enlarge."""
+        estimate = self._estimate
+        if not self._lies_on_a_flight or not self._where.map_count or estimate is None:
+            return None
+        off = estimate.heading_rad
+        is_askew = abs(off) > self._config.max_heading_error_rad
+        return f"on a flight, heading error {off / DEG:+.1f}°: it turns by climbing" if is_askew else None
+
+    def is_unfit(self) -> str | None:
+        """Square to the flight, and every stair that may be the measured one exceeds a limit of the chair."""
+        return self.must_not_enter() if self._is_square() else None
+
+    def is_past_the_edge(self) -> str | None:
+        """Square to the flight, and its edge is not behind the chair."""
+        edge = self._where.top_ahead_m()
+        is_past = self._is_square() and (edge is None or edge > -self._pivot_m)
+        return "square to the flight, and its edge is not behind the chair" if is_past else None
+
+    def hides_the_edge(self) -> str | None:
+        """Square to the flight, and its edge is hidden under the camera: the highest nosing in view is below the belts."""
+        below_m = -(self._where.top_above_m() or 0.0)
+        if not self._is_square() or below_m <= self._config.lower * self._where.rise_m:
+            return None
+        hidden = "the edge is nearer, hidden under the camera"
+        return f"the highest nosing in view is {below_m:.2f} m below the belts: {hidden}"
+
+    def is_square(self) -> str | None:
+        """Square to the flight for half a second, its edge behind the chair."""
+        edge = self._where.top_ahead_m()
+        if not self._is_square() or self._estimate is None or edge is None:
+            return None
+        return f"square within {abs(self._estimate.heading_rad) / DEG:.1f}°; edge {-edge - self._pivot_m:.2f} m behind"
+
+    def begin_edge(self) -> None:
+        """Prepare the edge sequence."""
+        config, edge = self._config, self._where.top_ahead_m()
+        edge_config = EdgeConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.slow_m_s)
+        self._edge = None if edge is None else Edge(edge_config, -edge, self._where.slope_rad)
+
+    # --- over the edge
+
+    def _go_over(self) -> None:
+        """Check the flight below the edge, and step the edge sequence."""
+        if self._edge is None or self._imu is None or self._flipper is None or self._tracks is None:
+            self._command = None
+            return
+        edge = self._where.top_ahead_m()
         whole_to_m = -math.inf if edge is None else self._whole_below_edge_m - edge
-        missing = self._missing(self._checked_to_m(whole_to_m) - self._pivot_m)
-        if missing is not None and (self._phase == "approach" or not self._edge.turn_back()):
-            return self._stand(t_s, missing)
-        if missing is None and self._unseen(whole_to_m) and self._edge.turn_back():
-            missing = "no more of the flight is in view than the chair needs to lie on, nor its end"
-        self._turned_back_for = missing or self._turned_back_for
+        self._gap = self._missing(self._checked_to_m(whole_to_m) - self._pivot_m)
+        if self._gap is not None and self.phase == "approach":
+            return
+        against = self._gap
+        if against is None and self._unseen(whole_to_m):
+            against = "no more of the flight is in view than the chair needs to lie on, nor its end"
+        if against is not None and self._edge.turn_back():
+            self._turned_back_for = against
         if edge is not None:
             self._edge.nosing_seen(-edge)
-        command = self._edge.step(self._imu, self._flipper, self._tracks)
-        if command.stage == "done":
-            return self._begin(t_s, "descend", f"the belts lie on the flight, pitch {self._where.pitch_rad / DEG:.1f}°")
-        self._note(command)
-        turn = self._level.keep(estimate)
-        barred = self._barred(t_s, self._flipper) if command.stage == "barred" else None
-        speed = command.speed_m_s + self._pitch_feedforward(t_s, estimate, allowed=command.stage in RESTS)
-        return self._plan(t_s, speed, turn_m_s=turn, flipper=command.flipper, needs_stair=False, hold=barred)
+        self._command = self._edge.step(self._imu, self._flipper, self._tracks)
 
-    def _barred(self, t_s: float, flipper: FlipperReading) -> str | None:
-        """Return the reason for the permanent stop before the edge; None while a horizontal chair still stows its flipper."""
+    def lacks_a_step(self) -> str | None:
+        """A step is missing below the edge, where the chair would lie, and it cannot be set back on the landing."""
+        return None if self._turned_back_for else self._gap
+
+    def presses(self) -> str | None:
+        """The flipper presses on the landing."""
+        command = self._command
+        return None if command is None or command.stage == "approach" else f"{command.stage}: {on_the_tip(command.tip_n)}"
+
+    def lies_on_the_flight(self) -> str | None:
+        """The belts lie on the flight."""
+        is_down = self._command is not None and self._command.stage == "done"
+        return f"the belts lie on the flight, pitch {self._where.pitch_rad / DEG:.1f}°" if is_down else None
+
+    def is_barred(self) -> str | None:
+        """The chair could not be let down; a chair that is level again stows its flipper first."""
+        if self._command is None or self._command.stage != "barred" or self._flipper is None:
+            return None
         config, pitch = self._config, self._where.pitch_rad
-        self._barred_s = min(self._barred_s, t_s)
+        self._barred_s = min(self._barred_s, self.t_s)
         is_level = abs(pitch) < LEVEL_RAD
-        off_rad = abs(flipper.angle_rad - self._flipper_planner.rest_rad)
-        if is_level and off_rad > config.stowed_rad and t_s - self._barred_s < config.stow_s:
+        off_rad = abs(self._flipper.angle_rad - self._flipper_planner.rest_rad)
+        if is_level and off_rad > config.stowed_rad and self.t_s - self._barred_s < config.stow_s:
             return None
         why = self._turned_back_for or "the flipper could not let the chair down over the edge"
         return f"{why}; it " + ("stands on the landing again" if is_level else f"stands at {pitch / DEG:.0f}°")
+
+    def go_over(self) -> MotionPlan:
+        """Follows the edge sequence."""
+        command = self._command
+        if command is None:
+            return self.still
+        feedforward = self._pitch_feedforward(allowed=command.stage in RESTS)
+        return self.driving(command.speed_m_s + feedforward, self._level.keep(self._estimate), command.flipper)
 
     @property
     def _whole_below_edge_m(self) -> float:
@@ -196,7 +208,7 @@ class Descent(Traversal):
 
     def _checked_to_m(self, whole_to_m: float) -> float:
         """Return the distance from mid-track up to which a gap counts [m]; further away a detector may miss a single nosing."""
-        if self._phase != "approach":
+        if self.phase != "approach":
             return whole_to_m
         return min(whole_to_m, NEAR_M - self._step_m)
 
@@ -207,62 +219,177 @@ class Descent(Traversal):
         lifted = where.pitch_rad > where.slope_rad - LEVEL_RAD
         return lifted and not where.bottom_ends and (bottom is None or -bottom < whole_to_m)
 
-    def _note(self, command: EdgeCommand) -> None:
-        if self._phase == "approach" and command.stage != "approach":
-            self._phase = "edge"
-            self._cause = f"{command.stage}: {on_the_tip(command.tip_n)}"
+    # --- on the flight
 
-    def _turn_by_climbing(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        if estimate is not None and abs(estimate.heading_rad) < self._config.square_rad:
-            return self._begin(t_s, "descend", f"square within {abs(estimate.heading_rad) / DEG:.1f}°")
-        return self._plan(t_s, self._config.cruise_m_s, flipper=self._lie(t_s, estimate))
+    def turn_by_climbing(self) -> MotionPlan:
+        """Climbs, steered by the heading controller: belts that back down and turn diverge."""
+        return replace(self.still, speed_m_s=self._config.cruise_m_s, turn_m_s=None, flipper=self._lie())
 
-    def _down(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
-        config, where = self._config, self._where
-        if (missing := self._missing(config.gap_m)) is not None:
-            return self._stand(t_s, missing)
-        foot = where.bottom_ahead_m()
-        before = math.inf if foot is None else -foot - self._pivot_m
-        tips = before < 0.0 or (before < config.slow_from_m and where.pitch_rad < LEVEL_RAD)
-        if self._phase == "descend" and not where.bottom_ends and (tips or before < config.unseen_m):
-            return self._stand(t_s, f"nothing was seen beyond the last nosing, {beside(before)} the rear pulley")
-        if self._phase == "descend" and tips:
-            self._phase, self._cause = "leave", f"last nosing {beside(before)} the rear pulley, the floor beyond it seen"
-        if self._phase == "leave" and abs(where.pitch_rad) < LEVEL_RAD and before < -2.0 * self._pivot_m - config.left_m:
-            if self._goes_on:
-                return self._begin_next(t_s, " on the way down")
-            return self._begin(t_s, "arrived", f"on the floor, pitch {where.pitch_rad / DEG:.1f}°, clear of the first nosing")
-        last_step_m = before + 2.0 * self._pivot_m - self._step_m  # front pulley to the last nosing but one
-        low_rad = self._low_rad if last_step_m < config.lifted_m else 0.0
-        is_late = self._flipper_planner.is_late(t_s, low_rad, self._gently_s)
-        if low_rad > 0.0:
-            return self._raise(t_s, is_late=is_late)
-        slow = before < config.slow_from_m
-        hasty = 0.0 if self._phase == "leave" else min(max((before - config.slow_from_m) / config.slows_m, 0.0), 1.0)
+    def has_turned(self) -> str | None:
+        """The heading error is small."""
+        estimate = self._estimate
+        is_square = estimate is not None and abs(estimate.heading_rad) < self._config.square_rad
+        return f"square within {abs(estimate.heading_rad) / DEG:.1f}°" if estimate is not None and is_square else None
+
+    def saw_no_floor(self) -> str | None:
+        """The rear pulley is near the last nosing in any map, and no map showed the floor beyond."""
+        before = self._before_m
+        is_there = self._tips or before < self._config.unseen_m
+        if self._where.bottom_ends or not is_there:
+            return None
+        return f"nothing was seen beyond the last nosing, {beside(before)} the rear pulley"
+
+    def tips_onto_the_floor(self) -> str | None:
+        """The rear pulley has passed the last nosing, or the chair is level near it."""
+        return f"last nosing {beside(self._before_m)} the rear pulley, the floor beyond it seen" if self._tips else None
+
+    def keeps_its_flipper_low(self) -> str | None:
+        """The flipper is not lifted in time; each re-arm allows another try."""
+        stays = "the flipper does not rise: as the chair left the stair, it would drop off the last nosing"
+        return stays if self._is_late else None
+
+    def is_on_a_landing_between(self) -> str | None:
+        """The chair is clear of the last nosing, and another flight follows."""
+        return self._next_flight() if self._is_clear() and self._goes_on else None
+
+    def is_on_the_floor(self) -> str | None:
+        """The chair is level and clear of the last nosing."""
+        return f"on the floor, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the first nosing" if self._is_clear() else None
+
+    def _is_clear(self) -> bool:
+        return abs(self._where.pitch_rad) < LEVEL_RAD and self._before_m < -2.0 * self._pivot_m - self._config.left_m
+
+    @property
+    def _before_m(self) -> float:
+        """Distance of the rear pulley before the last nosing [m]; infinite without one."""
+        foot = self._where.bottom_ahead_m()
+        return math.inf if foot is None else -foot - self._pivot_m
+
+    @property
+    def _tips(self) -> bool:
+        before = self._before_m
+        return before < 0.0 or (before < self._config.slow_from_m and self._where.pitch_rad < LEVEL_RAD)
+
+    def descend(self) -> MotionPlan:
+        """Backs down, slower near the last nosing, and lifts the flipper before the rear reaches the floor."""
+        config, before = self._config, self._before_m
+        if self._low_rad > 0.0:
+            return self.driving(0.0, 0.0, self._lift())
+        is_near = before < config.slow_from_m
+        hasty = min(max((before - config.slow_from_m) / config.slows_m, 0.0), 1.0)
         speed = -(config.slow_m_s + hasty * (config.cruise_m_s - config.slow_m_s))
-        flipper = self._lift(t_s) if last_step_m < config.lift_from_m else self._lie(t_s, estimate)
-        if self._phase == "leave":
-            return self._plan(t_s, speed, turn_m_s=self._level.keep(estimate), flipper=flipper, needs_stair=False)
-        turn, feedforward = self._steering(t_s, estimate, blind=slow), self._pitch_feedforward(t_s, estimate)
-        return self._plan(t_s, speed, turn_m_s=turn, pitch_feedforward_m_s=feedforward, flipper=flipper, needs_stair=not slow)
+        flipper = self._lift() if self._last_step_m < config.lift_from_m else self._lie()
+        plan = self.driving(speed, self._steering(blind=is_near), flipper)
+        return replace(plan, pitch_feedforward_m_s=self._pitch_feedforward(), needs_stair=not is_near)
 
-    def _lift(self, t_s: float) -> FlipperCommand | None:
+    def leave(self) -> MotionPlan:
+        """Backs off the last nosings with the flipper lifted."""
+        is_low = self._low_rad > 0.0
+        speed, turn = (0.0, 0.0) if is_low else (-self._config.slow_m_s, self._level.keep(self._estimate))
+        return self.driving(speed, turn, self._lift())
+
+    def stow(self) -> MotionPlan:
+        """Stands for good, and stows the flipper."""
+        return self.driving(0.0, 0.0, self._flipper_planner.to(self.t_s, self._flipper_planner.rest_rad))
+
+    @property
+    def _last_step_m(self) -> float:
+        """Distance of the front pulley before the last nosing but one [m]."""
+        return self._before_m + 2.0 * self._pivot_m - self._step_m
+
+    def _lift(self) -> FlipperCommand | None:
         """Return the command that lifts the flipper: slowly while the chair may lean on it."""
         leans = self._flipper is not None and self._flipper.angle_rad < 0.0
-        return self._flipper_planner.to(t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else FLIPPER_RAD_S)
+        return self._flipper_planner.to(self.t_s, self._stepping_rad, lifts_rad_s=LETS_DOWN_RAD_S if leans else FLIPPER_RAD_S)
 
     @property
     def _low_rad(self) -> float:
-        """Angle by which the flipper still has to be lifted to clear a step [rad]; zero without a flipper."""
-        return 0.0 if self._flipper is None else max(self._stepping_rad - self._config.short_rad - self._flipper.angle_rad, 0.0)
+        """Angle by which the flipper still has to be lifted to clear a step near the last nosings [rad]; 0 without a flipper."""
+        if self._flipper is None or self._last_step_m >= self._config.lifted_m:
+            return 0.0
+        return max(self._stepping_rad - self._config.short_rad - self._flipper.angle_rad, 0.0)
 
     @property
     def _gently_s(self) -> float:
         """Time that the flipper needs to reach the belts' line [s]."""
         return 0.0 if self._flipper is None else max(-self._flipper.angle_rad, 0.0) / LETS_DOWN_RAD_S
 
-    def _raise(self, t_s: float, *, is_late: bool) -> MotionPlan:
-        """Return the plan that waits for the flipper, with a hold if the flipper is late; each re-arm allows another try."""
-        stays = "the flipper does not rise: as the chair left the stair, it would drop off the last nosing"
-        flipper = self._lift(t_s)
-        return self._plan(t_s, 0.0, turn_m_s=0.0, flipper=flipper, needs_stair=False, hold=stays if is_late else None)
+
+STATES_DOWN: tuple[State[Descent], ...] = (
+    State(
+        "search",
+        Descent.look,
+        limit_s=40.0,
+        exits=(
+            Exit(Descent.is_askew_on_the_flight, "climb"),
+            Exit(Descent.is_laid, "descend"),
+            Exit(Descent.sees_the_stair, "align"),
+            Exit(Descent.found_nothing, "hold"),
+        ),
+        begins=Descent.face_next_flight,
+    ),
+    State(
+        "align",
+        Descent.turn_square,
+        limit_s=30.0,
+        exits=(
+            Exit(Descent.is_unfit, "refused"),
+            Exit(Descent.is_past_the_edge, "hold"),
+            Exit(Descent.hides_the_edge, "hold"),
+            Exit(Descent.is_square, "approach"),
+        ),
+    ),
+    State(
+        "approach",
+        Descent.go_over,
+        limit_s=10.0,
+        exits=(
+            Exit(Descent.is_too_narrow, "hold"),
+            Exit(Descent.has_an_open_side, "hold"),
+            Exit(Descent.must_not_enter, "refused"),
+            Exit(Descent.lacks_a_step, "hold"),
+            Exit(Descent.presses, "edge"),
+        ),
+        begins=Descent.begin_edge,
+    ),
+    State(
+        "edge",
+        Descent.go_over,
+        limit_s=60.0,
+        exits=(
+            Exit(Descent.lacks_a_step, "hold"),
+            Exit(Descent.is_barred, "hold"),
+            Exit(Descent.lies_on_the_flight, "descend"),
+        ),
+    ),
+    State(
+        "climb",
+        Descent.turn_by_climbing,
+        limit_s=60.0,
+        exits=(Exit(Descent.has_turned, "descend"),),
+    ),
+    State(
+        "descend",
+        Descent.descend,
+        limit_s=20.0,
+        exits=(
+            Exit(Descent.is_barred_by_a_gap, "hold"),
+            Exit(Descent.saw_no_floor, "hold"),
+            Exit(Descent.keeps_its_flipper_low, "hold"),
+            Exit(Descent.tips_onto_the_floor, "leave"),
+        ),
+    ),
+    State(
+        "leave",
+        Descent.leave,
+        limit_s=20.0,
+        exits=(
+            Exit(Descent.is_on_a_landing_between, "search"),
+            Exit(Descent.is_on_the_floor, "arrived"),
+            Exit(Descent.keeps_its_flipper_low, "hold"),
+        ),
+    ),
+    State("arrived", Descent.stow, limit_s=math.inf),
+    State("refused", Descent.stand, limit_s=math.inf),
+)
+"""States of a traversal down: what the chair does, how long without coming further, and what ends it (docs/decisions/0019)."""

@@ -1,0 +1,377 @@
+"""What one traversal knows at a tick: readings, tracked stair, conditions of both directions, steering and flipper on the flight.
+
+``ascent_states`` and ``descent_states`` add their behaviours and tables of states; see docs/decisions/0019.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from treadline.core.angles import DEG
+from treadline.core.signals import (
+    FlipperCommand,
+    FlipperReading,
+    HeadingEstimate,
+    ImuSample,
+    MotionPlan,
+    Phase,
+    StairMap,
+    TrackReading,
+)
+from treadline.core.step_sizes import ON_A_FLIGHT_RAD
+from treadline.estimation.stair_tracker import Side, StairTracker
+from treadline.mission._flat_ground_steering import LevelConfig, LevelSteering
+from treadline.mission._flipper_planner import LIFTED_HEADING_RAD, FlipperPlanner, turning_share
+from treadline.mission._skid_monitor import SkidMonitor
+from treadline.mission._tip_over import TipOverFeedforward
+from treadline.mission.entry_check import certain_reject_reason, reject_reason
+from treadline.mission.planner import PlannerInput
+from treadline.scenario.chair import ChairDescription
+
+LEVEL_RAD = 2.0 * DEG
+"""Absolute pitch below which the chair is horizontal [rad]."""
+FURTHER_M = 0.1
+"""Distance along the flight by which a chair has come further [m]: three standard deviations of the tracker's place on approach."""
+NARROW_MAPS, NARROW_M, ASIDE_M = 10, 0.02, 0.05
+"""Number of consecutive maps in which a wall is nearer than half the chair's width less ``NARROW_M`` [m], and lateral shift
+proposed in excess of that width [m]. Measured walls err by 5 cm for half a second. In a stair 1.2 m wide a chair that started with
+30° of heading error, 0.15 m off the middle, drove onto the wall's end and rolled by 21°."""
+SIDE_MARGIN_M = 0.02
+"""Margin of the swept half width to an open side [m]: the largest error of a measured side (``tests/perception/test_form.py``)."""
+BLIND_RAD = 1.0 * DEG
+"""Heading error that is not corrected on the flight while no stair is in view [rad]. Belts that follow a drifting gyro turn the
+chair; with a belt that has lost friction they turn nothing, which the guard cannot distinguish from gyro drift."""
+
+
+def beside(before_m: float) -> str:
+    """Return a distance in words: before a pulley if positive, behind the pulley if negative."""
+    return f"{before_m:.2f} m before" if before_m > 0.0 else f"{-before_m:.2f} m behind"
+
+
+def on_the_tip(load_n: float) -> str:
+    """Return the load on the flipper's tip in words."""
+    return f"{max(load_n, 0.0):.0f} N on the flipper's tip"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TraversalConfig:
+    """Chair, entered payload, speeds and distances common to both directions; distances along the belts."""
+
+    chair: ChairDescription
+    payload_kg: float
+    """Weight of the passenger as entered by the operator [kg]."""
+    cruise_m_s: float = 0.2
+    """Mean belt speed on the flight [m/s]."""
+    flights: int | None = None
+    """Number of flights to traverse; None continues while another flight is seen across a landing."""
+    look_m: float = 2.5
+    """Travel over a landing to find the next flight [m]: from further away only its first step is in view, or its edge hides it."""
+    slow_m_s: float = 0.1
+    """Mean belt speed onto the stair and off the stair [m/s]."""
+    gap_m: float = 0.45
+    """Distance of the leading pulley before the nosing at a missing step at which the chair stops for good [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """Direction of a traversal."""
+
+    direction: Literal["up", "down"]
+    """Direction of the flights in view of the camera in use; maps of the other direction are ignored."""
+    sign: float
+    """Sign of the speed: 1 climbing, -1 backing down."""
+    rides_rad: float
+    """Angle of a riding flipper relative to the belts [rad]; nosings push the flipper up, as a spring and damper."""
+    catches: bool
+    """Whether the flipper follows a chair that falls onto its front."""
+
+
+class FlightSituation:
+    """Readings, tracked stair and state of one traversal at a tick, and what both directions conclude from them.
+
+    Args:
+        config: Chair, payload, speeds and distances.
+        way: Direction.
+    """
+
+    def __init__(self, config: TraversalConfig, way: Way) -> None:
+        chair = config.chair
+        self._config = config
+        self._way = way
+        self._flipper_planner = FlipperPlanner(chair, way.rides_rad)
+        self._tip_over = TipOverFeedforward()
+        self._pivot_m = 0.5 * chair.tracks.flat_run_m
+        self._half_width_m = chair.half_width_m
+        self._needs_m = chair.swept_half_m + SIDE_MARGIN_M
+        """Half width that the flight must have on either side of the chair's middle [m]."""
+        self.phase: Phase = "search"
+        self.cause = "start of the run"
+        self.t_s = 0.0
+        self.stalled_s = 0.0
+        self._furthest_m = -math.inf
+        """Furthest place of the chair in its direction since the state began [m]."""
+        self._estimate: HeadingEstimate | None = None
+        self._flights_done = 0
+        self._from_m = 0.0
+        """Travel at which the phase began [m]."""
+        self._imu: ImuSample | None = None
+        self._tracks: TrackReading | None = None
+        self._turned_rad = 0.0
+        self.face_flight()
+
+    def face_flight(self) -> None:
+        """Reset everything that belongs to one flight."""
+        self._where = StairTracker()
+        self._level = LevelSteering(LevelConfig(gauge_m=self._config.chair.tracks.gauge_m))
+        self._skid = SkidMonitor()
+        self._narrow_maps = 0
+        self._judged: tuple[int, bool, str | None] = (0, False, None)
+        """Number of maps when the stair was last judged, whether the chair was about to enter, and the judgement."""
+        self._flipper_planner.forget()
+
+    def update(self, signal: PlannerInput) -> None:
+        """Update with one signal."""
+        match signal:
+            case ImuSample():
+                dt_s = 0.0 if self._imu is None else signal.t_s - self._imu.t_s
+                self._turned_rad += dt_s * signal.angular_velocity_rad_s[2]
+                self._imu = signal
+                self._tip_over.update(signal)
+                self._where.update(signal)
+            case TrackReading():
+                self._tracks = signal
+                if signal.brake_on:  # held: belts and flipper do not follow commands
+                    self._level.rest()
+                    self._flipper_planner.forget()
+                self._where.update(signal)
+            case StairMap():
+                if signal.direction == self._way.direction:
+                    self._where.update(signal)
+                    self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - NARROW_M else 0
+            case FlipperReading():
+                self._flipper_planner.update(signal)
+
+    def begin_tick(self, t_s: float, estimate: HeadingEstimate | None) -> None:
+        """Take time and heading of a tick."""
+        is_held = self._tracks is not None and self._tracks.brake_on
+        self.stalled_s += 0.0 if is_held else max(t_s - self.t_s, 0.0)
+        self.t_s, self._estimate = t_s, estimate
+        if estimate is not None:
+            self._where.heading_rad = estimate.heading_rad
+        here_m = self._way.sign * self._where.up_m
+        if here_m > self._furthest_m + FURTHER_M:
+            self._furthest_m, self.stalled_s = here_m, 0.0
+
+    def enter(self, phase: Phase, cause: str) -> None:
+        """Begin a state."""
+        self.phase, self.cause, self._from_m = phase, cause, self._where.travel_m
+        self.try_again()
+
+    def try_again(self) -> None:
+        """Restart the time of the state."""
+        self.stalled_s, self._furthest_m = 0.0, self._way.sign * self._where.up_m
+
+    # --- conditions of both directions
+
+    def sees_the_stair(self) -> str | None:
+        """More than one frame shows the flight, and the heading is known."""
+        if self._estimate is None or not self._where.known or self._lies_on_a_flight:
+            return None
+        view = "stair in view" if self._way.sign > 0.0 else "flight in view behind"
+        return f"{view}, heading {self._estimate.heading_rad / DEG:+.1f}°"
+
+    def found_nothing(self) -> str | None:
+        """The search to both sides has ended without a flight, or the landing without another one."""
+        behind = "" if self._way.sign > 0.0 else " behind"
+        if self._lies_on_a_flight:
+            return None
+        if not self._flights_done:
+            return f"no stair in view{behind}, to neither side" if self._level.has_swept() else None
+        gone_m = self._way.sign * self._where.travel_m
+        if gone_m <= self._config.look_m and self._where.pitch_rad <= 2.0 * LEVEL_RAD:
+            return None
+        return f"no flight in view{behind} within {gone_m:.1f} m on the landing"
+
+    def is_barred_by_a_gap(self) -> str | None:
+        """A step is missing before the leading pulley."""
+        return self._missing(self._config.gap_m)
+
+    def is_too_narrow(self) -> str | None:
+        """A wall stands where the chair, square to the flight, would pass; the hold names the remedy."""
+        if self._narrow_maps < NARROW_MAPS:
+            return None
+        free_m, needs_m = self._free_m(), self._half_width_m
+        wall, other = ("left", "right") if free_m == self._where.left_wall_m else ("right", "left")
+        remedy = f"set the chair {needs_m + ASIDE_M - free_m:.2f} m further to the {other}"
+        return f"the {wall} wall is {free_m:.2f} m from the chair's middle, which needs {needs_m:.2f} m: {remedy}"
+
+    def has_an_open_side(self) -> str | None:
+        """A side of the flight does not bear the chair, or was not seen to; a side that no map has measured is not checked."""
+        sides: tuple[Side, Side] = ("left", "right")
+        for side, other in zip(sides, sides[::-1], strict=True):
+            seen_m, open_m = self._where.side_m(side)
+            needs = f"the chair's middle, which needs {self._needs_m:.2f} m"
+            if open_m is not None and open_m < self._needs_m:
+                remedy = f"set the chair {self._needs_m - open_m:.2f} m further to the {other}, or take another way"
+                return f"the flight's {side} side is open {open_m:.2f} m from {needs}: {remedy}"
+            if self.enters and open_m is None and seen_m is not None and seen_m < self._needs_m:
+                shown = f"was in view up to {max(seen_m, 0.0):.2f} m from" if math.isfinite(seen_m) else "was not in view from"
+                return f"the flight's {side} side {shown} {needs}: start further away, or take another way"
+        return None
+
+    def must_not_enter(self) -> str | None:
+        """The measured steps exceed a limit of the chair.
+
+        Before the chair enters, the measured rise and run count as they are. Further away a stair is refused only if none that may
+        be the true one can be entered, because the measurement improves on the way. Each map is judged once.
+        """
+        config, where = self._config, self._where
+        if self._judged[:2] != (where.map_count, self.enters):
+            if self.enters:
+                reason = reject_reason(config.chair, config.payload_kg, where.rise_m, where.run_m, where.slope_rad)
+            else:
+                sigmas_m = (where.rise_sigma_m, where.run_sigma_m)
+                reason = certain_reject_reason(config.chair, config.payload_kg, where.rise_m, where.run_m, sigmas_m)
+            self._judged = (where.map_count, self.enters, reason)
+        return self._judged[2]
+
+    @property
+    def enters(self) -> bool:
+        """Whether the chair is about to drive onto the flight: a side that was not in view does not count as wide enough."""
+        return False
+
+    # --- motions of both directions
+
+    @property
+    def still(self) -> MotionPlan:
+        """Plan of this tick that stops the belts."""
+        return MotionPlan(t_s=self.t_s, phase=self.phase, speed_m_s=0.0, turn_m_s=0.0, cause=self.cause)
+
+    def driving(self, speed_m_s: float, turn_m_s: float | None, flipper: FlipperCommand | None = None) -> MotionPlan:
+        """Return the plan of this tick that drives off the flight, where no stair need be in view."""
+        return replace(self.still, speed_m_s=speed_m_s, turn_m_s=turn_m_s, flipper=flipper, needs_stair=False)
+
+    def look(self) -> MotionPlan:
+        """Looks for a flight: lays the flipper on a flight, drives on over a landing, turns to both sides on the floor."""
+        if self._lies_on_a_flight:
+            ready = self._estimate is not None and self._where.map_count
+            return replace(self.still, flipper=self._lie()) if ready else self.still
+        if self._flights_done:
+            return self.driving(self._way.sign * self._config.slow_m_s, self._level.keep(self._estimate))
+        turned, self._turned_rad = self._turned_rad, 0.0
+        return self.driving(0.0, self._level.sweep(self.t_s, turned))
+
+    def turn_square(self) -> MotionPlan:
+        """Turns on the spot until it is square to the flight."""
+        return self.still if self._estimate is None else replace(self.still, turn_m_s=self._level.towards(self._estimate))
+
+    def stand(self) -> MotionPlan:
+        """Stands for good."""
+        return self.driving(0.0, 0.0)
+
+    # --- what both directions conclude
+
+    @property
+    def _lies_on_a_flight(self) -> bool:
+        return self._where.pitch_rad > ON_A_FLIGHT_RAD
+
+    def _free_m(self) -> float:
+        """Return the distance from the chair's middle to the nearer wall [m]; infinite without a wall in view."""
+        return min((wall for wall in (self._where.left_wall_m, self._where.right_wall_m) if wall is not None), default=math.inf)
+
+    def _missing(self, within_m: float) -> str | None:
+        """Return the missing step within ``within_m`` of the leading pulley, as a reason to stop; None if there is none."""
+        sign, pivot_m = self._way.sign, self._pivot_m
+        sides = [(sign * low - pivot_m, sign * high - pivot_m) for low, high in self._where.gaps_ahead_m()]
+        gap = min(((min(pair), max(pair)) for pair in sides if max(pair) > 0.0), default=None)
+        if gap is None or gap[0] > within_m:
+            return None
+        (near_m, far_m), leading = gap, "front" if sign > 0.0 else "rear"
+        return f"a step is missing: {far_m - near_m:.2f} m from nosing to nosing, the first {beside(near_m)} the {leading} pulley"
+
+    def _is_square(self) -> bool:
+        return self._estimate is not None and self._level.is_square(self._estimate, self.t_s)
+
+    @property
+    def _goes_on(self) -> bool:
+        """Whether another flight follows the landing."""
+        flights = self._config.flights
+        return self._where.shows_another if flights is None else self._flights_done + 1 < flights
+
+    def _next_flight(self) -> str:
+        """Face the flight across the landing, and return what is seen of it."""
+        seen = "seen" if self._where.shows_another else "not yet seen"
+        return f"on a landing, flight {self._flights_done + 2}{'' if self._way.sign > 0.0 else ' on the way down'} {seen}"
+
+    def face_next_flight(self) -> None:
+        """Begin with the flight across the landing."""
+        self.face_flight()
+        self._flights_done += 1
+
+    def forget_deadline(self) -> None:
+        """Clear the deadline of a flipper's movement."""
+        self._flipper_planner.forget()
+
+    @property
+    def _flipper(self) -> FlipperReading | None:
+        return self._flipper_planner.reading
+
+    @property
+    def _step_m(self) -> float:
+        """Distance from nosing to nosing [m]; 0 while no stair is known."""
+        return math.hypot(self._where.rise_m, self._where.run_m)
+
+    @property
+    def _stepping_rad(self) -> float:
+        """Flipper angle at which the tip clears a step [rad]."""
+        return self._flipper_planner.clears(self._where.rise_m)
+
+    # --- on the flight
+
+    def _lie(self, square_rad: float = 0.0) -> FlipperCommand | None:
+        """Return the flipper command on the flight: riding on the nosings while the chair is square, lifted above them to turn."""
+        share = self._turning_share(square_rad)
+        catches = self._way.catches and self._may_follow(share)
+        return self._flipper_planner.ride(self.t_s, self._step_m, share, falls_rad_s=self._tip_over.rate_rad_s if catches else 0.0)
+
+    def _pitch_feedforward(self, square_rad: float = 0.0, *, allowed: bool = True) -> float:
+        """Return the tip-over feed-forward [m/s]; no speed is added to a turning or slipping chair."""
+        return self._tip_over.step(self.t_s, allowed=allowed and self._may_follow(self._turning_share(square_rad)))
+
+    def _may_follow(self, share: float) -> bool:
+        """Return whether flipper and belts may follow a fall: not while the chair turns, nor after the belts have slipped."""
+        return share < 1.0 and self._has_grip()
+
+    def _turning_share(self, square_rad: float) -> float:
+        off_rad = LIFTED_HEADING_RAD if self._estimate is None else abs(self._estimate.heading_rad - square_rad)
+        return turning_share(off_rad, 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s))
+
+    def _has_grip(self) -> bool:
+        """Return whether the belts have not slipped on this flight."""
+        return True
+
+    def is_laid(self) -> str | None:
+        """The chair lies on a flight that is in view, its flipper laid or late; a held chair cannot move its flipper."""
+        held = self._tracks is not None and self._tracks.brake_on
+        if not self._lies_on_a_flight or self._estimate is None or not self._where.map_count or held:
+            return None
+        if not self._flipper_planner.is_laid(self.t_s, self._step_m, turning_share(abs(self._estimate.heading_rad), 0.0)):
+            return None
+        flipper = "" if self._flipper is None else f", flipper {self._flipper.angle_rad / DEG:+.0f}° off the belts"
+        return f"on a flight, pitched by {self._where.pitch_rad / DEG:.1f}°{flipper}, the stair in view"
+
+    def _steering(self, square_rad: float = 0.0, *, blind: bool = False) -> float | None:
+        """Return the turn on the flight: None for the heading controller to steer, 0 while steering is suspended.
+
+        Args:
+            square_rad: Heading set point.
+            blind: Whether no stair is in view.
+        """
+        slip_m_s, roll_back_m = self._slide()
+        spared = blind and self._estimate is not None and abs(self._estimate.heading_rad - square_rad) < BLIND_RAD
+        steers = self._skid.steering_allowed(self.t_s, self._tracks, self._estimate, square_rad, slip_m_s, roll_back_m)
+        return None if steers and not spared else 0.0
+
+    def _slide(self) -> tuple[float, float]:
+        """Return slip [m/s] and roll-back [m] that suspend steering, so that belts at equal speeds grip again."""
+        return 0.0, 0.0
