@@ -76,7 +76,7 @@ def test_items_of_the_command_line_are_toml_or_text_and_the_last_of_a_key_holds(
     [
         ({"slope_deg": 30}, "slope_deg: unknown key here; it belongs to [stair]"),
         ({"stairs.steps": 30}, "stairs: unknown table; did you mean [stair]?"),
-        ({"stair.steps.x": 30}, "stair.steps: must be a whole number from 2 to 2000 (got a table)"),
+        ({"stair.steps.x": 30}, "stair.steps: must be a whole number from 1 to 2000 (got a table)"),
         ({"stair": 3}, "stair: must be a table, [stair] (got 3)"),
     ],
 )

@@ -36,13 +36,13 @@ def test_every_key_has_a_default(tmp_path: Path) -> None:
 @given(slope_deg=st.floats(5.0, 45.0), run_m=st.floats(0.15, 0.60))
 def test_a_slope_is_another_way_to_write_the_rise(slope_deg: float, run_m: float) -> None:
     rise = run_m * math.tan(math.radians(slope_deg))
-    if 0.05 <= rise <= 0.30:
+    if 0.01 <= rise <= 0.30:
         stair = Stair(slope_deg=slope_deg, run_m=run_m)
         assert stair.rise_m == rise
         # tan and atan2 are each good to a few ulp.
         assert stair.slope_rad == pytest.approx(math.radians(slope_deg), rel=1e-14)
     else:
-        with pytest.raises(ValueError, match=r"slope_deg .*run_m .*rise of .*from 0\.05 to 0\.3 m"):
+        with pytest.raises(ValueError, match=r"slope_deg .*run_m .*rise of .*from 0\.01 to 0\.3 m"):
             Stair(slope_deg=slope_deg, run_m=run_m)
 
 
@@ -52,7 +52,7 @@ def test_a_slope_is_another_way_to_write_the_rise(slope_deg: float, run_m: float
         ("[stair]\nslope_deg = 90", "stair.slope_deg: must be a number from 5 to 45 (got 90)"),
         (
             "[stair]\nslope_deg = 45\nrun_m = 0.6",
-            "stair: slope_deg = 45 with run_m = 0.6 is a rise of 0.600 m; it must be from 0.05 to 0.3 m",
+            "stair: slope_deg = 45 with run_m = 0.6 is a rise of 0.600 m; it must be from 0.01 to 0.3 m",
         ),
         (
             '[belts]\nlug = "15/80"\ntip_m = 0.06',

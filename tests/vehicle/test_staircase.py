@@ -44,6 +44,19 @@ def test_without_jitter_the_nosings_lie_on_one_line_one_pitch_apart(rise: float,
     np.testing.assert_allclose(in_S, expected, atol=1e-12)
 
 
+@given(rise=st.floats(0.01, 0.3), landing=st.floats(0.6, 3.0))
+def test_one_step_is_a_kerb(rise: float, landing: float) -> None:
+    """Test: ``steps = 1``. Expected result: a floor, one nosing at W's origin, and a landing of the given depth behind it."""
+    staircase = build(rise_m=rise, steps=1, landing_m=landing, walls="none")
+    floor, kerb = stair_boxes(staircase)
+    np.testing.assert_allclose(staircase.nosings_W, [[0.0, 0.0, rise]], atol=1e-12)
+    assert (floor.kind, kerb.kind) == ("floor", "landing")
+    assert span_x(kerb) == pytest.approx((0.0, landing))
+    assert span_z(kerb)[1] == pytest.approx(rise)
+    assert staircase.last_nosing_m == pytest.approx(0.0)
+    assert staircase.pitch_m == pytest.approx(math.hypot(rise, 0.30))
+
+
 def test_jitter_comes_from_the_seed_alone() -> None:
     keys = {"rise_jitter_m": 0.005, "nosing_yaw_jitter_deg": 1.0}
     assert build(3, **keys) == build(3, **keys)

@@ -247,6 +247,35 @@ def test_no_shipped_file_is_asked_about_and_neither_is_a_heading_of_two_degrees(
         assert judge(read_chair(path.stem), start={"heading_deg": 2.0}).warnings == []
 
 
+@pytest.mark.parametrize("place", ["floor", "landing"])
+@pytest.mark.parametrize("rise_m", [0.02, 0.05, 0.12, 0.20])
+def test_a_kerb_that_users_clear_is_go_both_ways(rise_m: float, place: str) -> None:
+    """23 of 25 users of a TopChair cleared a kerb of 20 cm. Half the flat run of 0.95 m stands on its nosing as it tips over."""
+    drive = {"direction": "down" if place == "landing" else "up"}
+    report = judge(stair={"steps": 1, "rise_m": rise_m, "landing_m": 3.0}, start={"place": place}, drive=drive)
+    assert (report.verdict, report.reasons) == ("go", [])
+    assert (report.nosings_in_contact, report.nosings_in_view, report.track_length_margin_m) == (1, 1, None)
+    assert report.friction_needed == pytest.approx(math.tan(math.asin(rise_m / 0.475)))
+
+
+@pytest.mark.parametrize(
+    ("rise_m", "said"),
+    [
+        (0.26, "over the kerb of 0.26 m the chair pitches by 33.2°, chair 'wheelchair' is rated for 32°; take another way"),
+        # The flipper of 0.45 m reaches -75°: asin(h / 0.475) + asin(h / 0.45) at a kerb of 0.281 m.
+        (0.29, "the kerb is 0.29 m high, the flipper of chair 'wheelchair' reaches 0.28 m; take another way"),
+    ],
+)
+def test_a_kerb_too_high_is_refused_with_the_height_that_would_do(rise_m: float, said: str) -> None:
+    report = judge(stair={"steps": 1, "rise_m": rise_m, "friction": [1.0, 0.8], "landing_m": 3.0})
+    assert said in report.reasons
+
+
+def test_the_height_of_a_kerb_may_stand_in_a_step() -> None:
+    low = judge(stair={"steps": 1, "landing_m": 3.0}, step=[{"index": 0, "rise_m": 0.015}])
+    assert low.friction_needed == pytest.approx(0.015 / 0.475, rel=1e-3)
+
+
 def test_all_problems_are_reported() -> None:
     report = judge(
         with_piece("tracks", flat_run_m=0.25),

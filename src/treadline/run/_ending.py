@@ -11,6 +11,7 @@ from treadline.core.signals import TICK_S, MotionPlan
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.operator_actions import rearms_until_s
 from treadline.scenario.scenario import Scenario
+from treadline.vehicle.climb import climb_of
 from treadline.vehicle.staircase import as_designed
 
 FALLEN_RAD = 25.0 * DEG
@@ -25,7 +26,7 @@ class Ending:
     """End of a run and its verdict, judged by simulator ground truth."""
 
     def __init__(self, scenario: Scenario, chair: ChairDescription, *, attended: bool = False) -> None:
-        self._slope_rad = scenario.stair.slope_rad
+        self._slope_rad = climb_of(scenario, chair).slope_rad
         self._duration_s = scenario.drive.duration_s
         staircase = as_designed(scenario.stair, scenario.step)
         self._last_x_m = staircase.last_nosing_m

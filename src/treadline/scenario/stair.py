@@ -12,8 +12,8 @@ from pydantic import Field, model_validator
 from treadline.core.angles import DEG
 from treadline.core.settings import Pairs, Settings
 
-RISE_M, RUN_M, SLOPE_DEG = (0.05, 0.30), (0.15, 0.60), (5.0, 45.0)
-"""Bounds of a staircase's rise, run and slope."""
+RISE_M, RUN_M, SLOPE_DEG = (0.01, 0.30), (0.15, 0.60), (5.0, 45.0)
+"""Bounds of a staircase's rise, run and slope: from a threshold, whose run and slope mean nothing, to a dock."""
 TURNING_FLIGHTS = 4
 """Largest number of flights with quarter landings: after four quarters a fifth would lie above the first."""
 WINDER_DEG = 45.0
@@ -39,8 +39,8 @@ class Stair(Settings):
     """Depth of a step, from nosing to nosing."""
     slope_deg: Annotated[float, Field(ge=SLOPE_DEG[0], le=SLOPE_DEG[1])] | None = Field(default=None, exclude=True)
     """Slope of the flight, in place of ``rise_m``."""
-    steps: Annotated[int, Field(ge=2, le=2000)] = 20
-    """Number of steps of each flight; the uppermost is its landing."""
+    steps: Annotated[int, Field(ge=1, le=2000)] = 20
+    """Number of steps of each flight; the uppermost is its landing. One step is a kerb, a threshold or a dock, ``rise_m`` high."""
     flights: Annotated[int, Field(ge=1, le=20)] = 1
     between_m: Annotated[float, Field(ge=0.5, le=20.0)] = 2.5
     """Depth of the landing between two flights, from the nosing of one to the first nosing of the next."""

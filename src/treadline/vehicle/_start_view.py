@@ -10,7 +10,7 @@ from treadline.scenario.chair import CameraMount, ChairDescription
 from treadline.scenario.scenario import Scenario, Start
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.start_pose import standing
-from treadline.vehicle.visibility import LEAST_NOSINGS, geometry_of
+from treadline.vehicle.visibility import geometry_of, least_nosings
 
 PITCHES_DEG = range(-90, 91, 5)
 """Mount pitches that are tried for the remedy [°]."""
@@ -25,6 +25,7 @@ class StartView:
 
     def __init__(self, scenario: Scenario, chair: ChairDescription, staircase: Staircase, mount: CameraMount) -> None:
         self._scenario, self._chair, self._staircase, self._mount = scenario, chair, staircase, mount
+        self._least = least_nosings(staircase)
         self._is_up = scenario.drive.direction == "up"
         self._name = "camera" if self._is_up else "rear_camera"
         mounted = chair.model_copy(update={self._name: mount})
@@ -40,7 +41,7 @@ class StartView:
         views = (self._geometry.visibility(R_WB, here.p_WB) for R_WB in (here.R_WB, turned.R_WB))
         ahead = (view for view in views if view is not None and view.direction == self._scenario.drive.direction)
         count = max((int(view.seen.sum()) for view in ahead), default=0)
-        return count if count >= LEAST_NOSINGS else 0
+        return count if count >= self._least else 0
 
     def problem(self, fits: Callable[[Start], bool]) -> str | None:
         """Return why the run would find no stair, with a remedy, or None.
@@ -50,7 +51,8 @@ class StartView:
         """
         if self.detects(self._scenario.start):
             return None
-        lacking = f"fewer than {LEAST_NOSINGS} nosings are in view of the {self._name.replace('_', ' ')} from the start"
+        few = "no nosing is" if self._least == 1 else f"fewer than {self._least} nosings are"
+        lacking = f"{few} in view of the {self._name.replace('_', ' ')} from the start"
         return f"{lacking}, too few to detect a stair; {self._step_remedy(fits) or self._mount_remedy()}"
 
     def detects(self, start: Start) -> bool:

@@ -259,9 +259,14 @@ class Staircase:
 
     @property
     def pitch_m(self) -> float:
-        """Mean distance between nosings along the first flight, √(h² + w²); with winders, of the longer straight part."""
+        """Mean distance between nosings along the first flight, √(h² + w²); with winders, of the longer straight part.
+
+        A single nosing has the distance by design.
+        """
         flight = self.flights[0] if self.winders is None else max(self.straight_parts, key=len)
         first, last = flight[0], flight[-1]
+        if first is last:
+            return first.rise_m / math.sin(self.slope_rad)
         return math.hypot(last.x_m - first.x_m, last.z_m - first.z_m) / (len(flight) - 1)
 
 

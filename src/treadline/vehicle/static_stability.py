@@ -68,13 +68,17 @@ def _with_flipper(chair: ChairDescription, flipper: Flipper, angle_rad: float | 
     )
 
 
-def static_margins(chair: ChairDescription, loading: Chair, slope_rad: float, pitch_m: float, heading_rad: float) -> Margins:
+def static_margins(chair: ChairDescription, loading: Chair, slope_rad: float, pitch_m: float | None, heading_rad: float) -> Margins:
     """Return the tip-over margins of a chair at rest on a stair, with the seat, if it has a linkage, levelled against the pitch.
 
     A square chair lays its flipper along the flight, where it supports the front; a turned chair lifts it to turn.
+
+    Args:
+        pitch_m: Largest distance between neighbouring nosings [m]; None for a single one: floor and landing bear the belts' ends.
     """
     up = (math.sin(slope_rad) * math.cos(heading_rad), -math.sin(slope_rad) * math.sin(heading_rad), math.cos(slope_rad))
     pitch = math.asin(up[0])
     com = centre_of_mass(chair, loading, pitch)
-    weight_n = Loading(chair=chair, payload_kg=loading.payload_kg).weight_n if heading_rad == 0.0 else None
-    return tipping_margins(com, up, worst_support(chair, pitch_m, weight_n))
+    lifted = heading_rad != 0.0 or pitch_m is None
+    weight_n = None if lifted else Loading(chair=chair, payload_kg=loading.payload_kg).weight_n
+    return tipping_margins(com, up, worst_support(chair, pitch_m or 0.0, weight_n))

@@ -13,6 +13,7 @@ from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle._start_checks import checked_start
 from treadline.vehicle.bodies import oversized_lugs
+from treadline.vehicle.climb import Climb, climb_of, widest_spacing_m
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.staircase import as_designed
@@ -49,12 +50,12 @@ class CheckReport(Printable):
     verdict: str
     """Verdict: ``go`` or ``refuse``."""
     reasons: list[str]
-    track_length_margin_m: float
-    """Track in the nosing plane, a flipper in line with the belts included, beyond 2√(h² + w²) [m]."""
+    track_length_margin_m: float | None
+    """Track in the nosing plane, a flipper in line with the belts included, beyond 2√(h² + w²) [m]; None over a single nosing."""
     nosings_in_contact: int
     """Number of nosings under the track at the worst phase of the nosing cycle."""
     friction_needed: float
-    """Friction required to stand: tan β."""
+    """Friction required to stand: tan β; over a single nosing that of the pitch at which the belts' middle passes."""
     friction_needed_with_reserve: float
     """Friction required by the check, with reserve."""
     friction_available: float
@@ -74,8 +75,12 @@ class CheckReport(Printable):
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the verdict, the margins and the reasons."""
         margins = ", ".join(f"{side} {angle:.1f}°" for side, angle in self.stability_margin_deg.items())
+        longer = [] if self.track_length_margin_m is None else [self.track_length_margin_m]
         rows = [
-            ("track length", f"{self.track_length_margin_m:+.3f} m over 2√(h²+w²), {self.nosings_in_contact} nosings in contact"),
+            *(
+                ("track length", f"{more_m:+.3f} m over 2√(h²+w²), {self.nosings_in_contact} nosings in contact")
+                for more_m in longer
+            ),
             (
                 "friction",
                 f"{self.friction_needed_with_reserve:.2f} needed ({self.friction_needed:.2f} to stand, and a reserve for jolts), "
@@ -83,7 +88,7 @@ class CheckReport(Printable):
             ),
             ("tip-over margins", margins),
             ("seat", _seat_text(self.seat_range_deg)),
-            *([] if self.nosings_in_view is None else [("camera", f"{self.nosings_in_view} nosings in view from the start")]),
+            *([] if self.nosings_in_view is None else [("camera", f"nosings in view from the start: {self.nosings_in_view}")]),
             *(("reason", reason) for reason in self.reasons),
             *(("warning", warning) for warning in self.warnings),
         ]
@@ -101,20 +106,21 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     start_problems, nosings_in_view = checked_start(scenario, chair)
     # On floor and landing the chair turns square before it enters.
     heading = scenario.start.heading_deg * DEG if scenario.start.place == "flight" else 0.0
-    slope = stair.slope_rad
-    widest_m = _widest_spacing_m(scenario, 1)
-    margins = static_margins(chair, loading, slope, widest_m, heading)
+    climb = climb_of(scenario, chair)
+    slope = climb.slope_rad
+    margins = static_margins(chair, loading, slope, climb.spacing_m, heading)
     needs_shift = chair.seat is not None and margins.worst < MARGIN_LIMIT_RAD
-    shift = _shift_that_helps(chair, loading, slope, widest_m, heading) if needs_shift else None
+    shift = _shift_that_helps(chair, loading, climb, heading) if needs_shift else None
     seat_range = None if chair.seat is None else SeatLinkage(chair.seat).angle_range
     length_m, pitch_m = track_on_stair_m(chair), math.hypot(stair.rise_m, stair.run_m)
+    is_flight = climb.spacing_m is not None
     reasons = (
-        _beyond_rating(chair, slope, loading.payload_kg),
-        _too_short(stair, length_m),
-        _too_slippery(stair, heading),
+        _beyond_rating(chair, climb, loading.payload_kg),
+        _too_short(stair, length_m) if is_flight else _beyond_the_flipper(chair, climb),
+        _too_slippery(stair, climb, heading),
         _too_unstable(margins, chair, loading, shift),
-        _too_heavy_for_the_brakes(chair, loading.payload_kg, slope),
-        None if seat_range is None else _too_steep_for_the_seat(seat_range[1], slope),
+        _too_heavy_for_the_brakes(chair, loading.payload_kg, climb),
+        None if seat_range is None else _too_steep_for_the_seat(seat_range[1], climb),
         _no_seat_to_shift(scenario.chair, chair),
         _too_wide_a_gap(scenario, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
@@ -127,8 +133,8 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     return CheckReport(
         verdict="refuse" if any(reasons) else "go",
         reasons=[reason for reason in reasons if reason],
-        track_length_margin_m=length_m - minimum_track_length(stair.rise_m, stair.run_m),
-        nosings_in_contact=nosings_touched(length_m, pitch_m, pitch_m),
+        track_length_margin_m=length_m - minimum_track_length(stair.rise_m, stair.run_m) if is_flight else None,
+        nosings_in_contact=nosings_touched(length_m, pitch_m, pitch_m) if is_flight else 1,
         friction_needed=math.tan(slope),
         friction_needed_with_reserve=TRACTION_RESERVE * math.tan(slope),
         friction_available=stair.mean_friction[0],
@@ -152,14 +158,13 @@ def _unit_warnings(scenario: Scenario, chair: ChairDescription) -> list[str]:
     return [hint for name, angle_deg in angles.items() if (hint := radians_hint(name, angle_deg)) is not None]
 
 
-def _beyond_rating(chair: ChairDescription, slope_rad: float, payload_kg: float) -> str | None:
+def _beyond_rating(chair: ChairDescription, climb: Climb, payload_kg: float) -> str | None:
     rating = chair.rating
     if rating is None:
         return None
-    if slope_rad > rating.slope_deg * DEG + 1e-9:
-        steep = f"the stair is {slope_rad / DEG:.1f}° steep"
-        return f"{steep}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
-    is_steep = slope_rad > rating.steep_deg * DEG
+    if climb.slope_rad > rating.slope_deg * DEG + 1e-9:
+        return f"{climb.steepness}, chair '{chair.name}' is rated for {rating.slope_deg:g}°; take another way"
+    is_steep = climb.slope_rad > rating.steep_deg * DEG
     most_kg = rating.steep_payload_kg if is_steep else rating.payload_kg
     if payload_kg <= most_kg:
         return None
@@ -184,19 +189,38 @@ def _too_short(stair: Stair, length_m: float) -> str | None:
     return f"the track is {lacking_m:.3f} m too short for two nosings of {pitch:.3f} m pitch; use a longer track"
 
 
-def _too_slippery(stair: Stair, heading_rad: float) -> str | None:
-    friction, needed = stair.mean_friction[0], TRACTION_RESERVE * math.tan(stair.slope_rad)
+def _beyond_the_flipper(chair: ChairDescription, climb: Climb) -> str | None:
+    """Return why the front cannot get over a single nosing, or not down from it.
+
+    With the middle of the belts on the nosing, the flipper stands on the landing a kerb's height below its axis.
+    """
+    flipper, length_m = chair.flipper, chair.tracks.approach_m
+    if flipper is None:
+        highest_m = float(chair.nose_m[2])
+    else:
+        low_rad = -flipper.range_deg[0] * DEG
+        heights = (0.001 * mm for mm in range(1, round(1e3 * min(length_m, climb.half_run_m))))
+        reached = (h for h in heights if math.asin(h / climb.half_run_m) + math.asin(h / length_m) <= low_rad)
+        highest_m = max(reached, default=0.0)
+    if climb.rise_m <= highest_m:
+        return None
+    part = "nose" if flipper is None else "flipper"
+    return f"the kerb is {climb.rise_m:.2f} m high, the {part} of chair '{chair.name}' reaches {highest_m:.2f} m; take another way"
+
+
+def _too_slippery(stair: Stair, climb: Climb, heading_rad: float) -> str | None:
+    friction, needed = stair.mean_friction[0], TRACTION_RESERVE * math.tan(climb.slope_rad)
     if friction < needed:
         return (
             f"friction {friction:.2f} is below {TRACTION_RESERVE:g} × tan β = {needed:.2f}; roughen the nosings or take "
-            f"a stair below {math.atan(friction / TRACTION_RESERVE) / DEG:.1f}°"
+            f"{climb.below(math.atan(friction / TRACTION_RESERVE))}"
         )
-    use = friction_use(stair.slope_rad, heading_rad, stair.mean_friction)
+    use = friction_use(climb.slope_rad, heading_rad, stair.mean_friction)
     if use < 1.0:
         return None
     return (
         f"at a heading of {heading_rad / DEG:.0f}° the chair slides (friction use {use:.2f}); start squarer than "
-        f"{largest_heading_rad(stair.slope_rad, stair.mean_friction) / DEG:.0f}°"
+        f"{largest_heading_rad(climb.slope_rad, stair.mean_friction) / DEG:.0f}°"
     )
 
 
@@ -215,9 +239,7 @@ def _too_unstable(margins: Margins, chair: ChairDescription, loading: Chair, shi
     return text + f"shift the seat {abs(change) * 1000.0:.0f} mm {'uphill' if change > 0.0 else 'downhill'}"
 
 
-def _shift_that_helps(
-    chair: ChairDescription, loading: Chair, slope_rad: float, pitch_m: float, heading_rad: float
-) -> float | None:
+def _shift_that_helps(chair: ChairDescription, loading: Chair, climb: Climb, heading_rad: float) -> float | None:
     """Return the smallest seat shift that reaches the margin, or None."""
     for k in range(1, round(SHIFT_LIMIT_M / SHIFT_STEP_M) + 1):
         for sign in (1.0, -1.0):
@@ -225,30 +247,29 @@ def _shift_that_helps(
             if not SEAT_SHIFT_M[0] <= shift <= SEAT_SHIFT_M[1]:
                 continue
             moved = loading.model_copy(update={"seat_shift_m": shift})
-            if static_margins(chair, moved, slope_rad, pitch_m, heading_rad).worst >= MARGIN_LIMIT_RAD:
+            if static_margins(chair, moved, climb.slope_rad, climb.spacing_m, heading_rad).worst >= MARGIN_LIMIT_RAD:
                 return shift
     return None
 
 
-def _too_heavy_for_the_brakes(chair: ChairDescription, payload_kg: float, slope_rad: float) -> str | None:
+def _too_heavy_for_the_brakes(chair: ChairDescription, payload_kg: float, climb: Climb) -> str | None:
     """Return the missing brake force of a belt on the flight, or None."""
     holds_n = chair.drives.brake_hold_n
     upright_n = BRAKE_RESERVE * 0.5 * Loading(chair=chair, payload_kg=payload_kg).weight_n
-    needed_n = upright_n * math.sin(slope_rad)
+    needed_n = upright_n * math.sin(climb.slope_rad)
     if holds_n >= needed_n:
         return None
-    below = math.asin(holds_n / upright_n) / DEG
     return (
-        f"each belt's brake holds {holds_n:.0f} N and needs {needed_n:.0f} N with {payload_kg:g} kg on {slope_rad / DEG:.1f}°; "
-        f"take less payload, or a stair below {below:.1f}°"
+        f"each belt's brake holds {holds_n:.0f} N and needs {needed_n:.0f} N with {payload_kg:g} kg on "
+        f"{climb.slope_rad / DEG:.1f}°; take less payload, or {climb.below(math.asin(holds_n / upright_n))}"
     )
 
 
-def _too_steep_for_the_seat(reach_rad: float, slope_rad: float) -> str | None:
-    needed = slope_rad + SEAT_RESERVE_RAD
+def _too_steep_for_the_seat(reach_rad: float, climb: Climb) -> str | None:
+    needed = climb.slope_rad + SEAT_RESERVE_RAD
     if reach_rad >= needed:
         return None
-    return f"the seat reaches {reach_rad / DEG:.0f}°, the stair needs {needed / DEG:.0f}°; lengthen its stroke"
+    return f"the seat reaches {reach_rad / DEG:.0f}°, the {climb.name} needs {needed / DEG:.0f}°; lengthen its stroke"
 
 
 def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
@@ -256,7 +277,7 @@ def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
 
     The flat run alone counts: a flipper yields to its load, and bridges no gap.
     """
-    needed_m = _widest_spacing_m(scenario, 2)
+    needed_m = widest_spacing_m(scenario, 2)
     if not (scenario.stair.missing_steps or scenario.step) or tracks.flat_run_m > needed_m:
         return None
     what = "missing steps" if scenario.stair.missing_steps else "steps of their own"
@@ -266,27 +287,12 @@ def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
     )
 
 
-def _widest_spacing_m(scenario: Scenario, neighbours: int) -> float:
-    """Return the largest distance from a nosing to the next, or the next but one [m].
-
-    Floor and landing support the track anywhere: they count as a nosing before the first and after the last, one pitch away.
-    """
-    stair, widest_m = scenario.stair, 0.0
-    for steps in as_designed(stair, scenario.step).straight_parts:
-        there = [(step.x_m, step.z_m) for step in steps if not step.missing]
-        first, last = steps[0], steps[-1]
-        there.insert(0, (first.x_m - stair.run_m, first.z_m - stair.rise_m))
-        there.append((last.x_m + stair.run_m, last.z_m + stair.rise_m))
-        widest_m = max(widest_m, *(math.dist(*pair) for pair in zip(there, there[neighbours:], strict=False)))
-    return widest_m
-
-
 def _undetectable_steps(scenario: Scenario) -> str | None:
     """Return a refusal of steps outside the detector's range, of which it accepts no frame, or frames of half steps."""
     stair, control = scenario.stair, scenario.control
     (least_rise, most_rise), (least_run, most_run) = RISE_M, RUN_M
     is_detectable = least_rise <= stair.rise_m <= most_rise and least_run <= stair.run_m <= most_run
-    if is_detectable or control.loop == "open" or control.vision != "robust":
+    if is_detectable or stair.steps == 1 or control.loop == "open" or control.vision != "robust":
         return None
     return (
         f"steps of {stair.rise_m:.3f} by {stair.run_m:.3f} m, and the detector accepts rises of {least_rise:g} to {most_rise:g} m "

@@ -31,7 +31,7 @@ BEYOND_PX, OUTSIDE_PX = 40.0, -1000.0
 RAYS = (12, 9)
 """Columns and rows of the coarse image used for the wall fractions."""
 LEAST_NOSINGS = 2
-"""Least number of visible nosings of a detectable stair."""
+"""Least number of visible nosings of a detectable flight of two steps or more."""
 HEADING_LIMIT_RAD = 45.0 * DEG
 """Largest heading of a detectable stair [rad]."""
 END_HEIGHT, END_BEHIND = 0.9, (1.25, 1.9)
@@ -98,6 +98,11 @@ class Visibility:
         return 2 * int(walled) + int(self.depths_m[0] > FAR_FIRST_M)
 
 
+def least_nosings(staircase: Staircase) -> int:
+    """Return the least number of visible nosings of a detectable flight: one where it has no more."""
+    return min(LEAST_NOSINGS, len(staircase.steps) // staircase.flight_count)
+
+
 class Geometry:
     """Visibility model of a staircase and a camera."""
 
@@ -114,6 +119,7 @@ class Geometry:
         self._edges_W = self._places_W[:, None] + asides[:, None] * self._along_W[:, None]
         self._asides_m = np.linspace(-0.5, 0.5, SIDE_ASIDES) * staircase.width_m
         self._fine_W = self._places_W[:, None] + self._asides_m[:, None] * self._along_W[:, None]
+        self._least = least_nosings(staircase)
         self._best = min(ASIDES, math.ceil(LEAST_WIDTH_M / staircase.width_m * (ASIDES - 1)))
         self._R_BC, self._p_BC = calibration.R_BC, np.array(calibration.mount_m)
         u = (np.arange(RAYS[0]) + 0.5) * calibration.width_px / RAYS[0]
@@ -132,7 +138,7 @@ class Geometry:
         points = (self._edges_W - p_WC) @ R_WC
         margins = np.where(self._hidden(p_WC), OUTSIDE_PX, np.sort(margins_px(self._camera, points), axis=1)[:, -self._best])
         row = self._row(margins > -BEYOND_PX, up=up)
-        if len(row) < LEAST_NOSINGS:
+        if len(row) < self._least:
             return None
         first, last = self._places_W[row[0]], self._places_W[row[-1]]
         flight = int(self._flights[row[0]])
@@ -145,8 +151,10 @@ class Geometry:
             nosings_B=crossings(self._places_W[row], self._along_W[row], R_WB, p_WB),
             margins_px=margins[row],
             depths_m=points[row, ASIDES // 2, 2],
-            rise_m=float(abs(last[2] - first[2])) / (len(row) - 1),
-            run_m=float(abs(last[0] - first[0])) / (len(row) - 1),
+            rise_m=float(abs(last[2] - first[2])) / (len(row) - 1) if len(row) > 1 else steps[0].rise_m,
+            run_m=float(abs(last[0] - first[0])) / (len(row) - 1)
+            if len(row) > 1
+            else self._staircase.pitch_m * math.cos(self._staircase.slope_rad),
             last=int(self._numbers[self._flights == flight][-1 if up else 0]),
             ends=self._ends_up(steps, R_WC, p_WC) if up else self._ends_down(steps, R_WC, p_WC),
             sides=sides if sign > 0.0 else sides[::-1],
@@ -160,7 +168,7 @@ class Geometry:
         walls, sides = self._staircase.walls, []
         for sign, name, share in zip((1.0, -1.0), ("left", "right"), self._wall_shares(flight, R_WC, p_WC), strict=True):
             outward = np.where(shown, sign * (self._asides_m - aside_m), -np.inf).max(axis=1)
-            seen_m = float(np.sort(outward)[-LEAST_NOSINGS])
+            seen_m = float(np.sort(outward)[-self._least])
             end_m = 0.5 * self._staircase.width_m - sign * aside_m
             kind: Literal["wall", "open"] = "wall" if walls in (name, "both") else "open"
             sides.append(VisibleSide(seen_m=seen_m, end_m=end_m, kind=kind, share=share))
@@ -182,7 +190,7 @@ class Geometry:
         row = rows[0]
         for other in rows[1:]:
             # The remainder of a flight no longer hides the one across the landing; a gap within a flight hides the nosings beyond.
-            if len(row) >= LEAST_NOSINGS or self._flights[other[0]] == self._flights[row[0]]:
+            if len(row) >= self._least or self._flights[other[0]] == self._flights[row[0]]:
                 break
             row = other
         return np.asarray(row)

@@ -23,7 +23,7 @@ from treadline.core.signals import FreeGround, HeadingMeasurement, StairMap
 from treadline.core.step_sizes import RUN_M
 from treadline.plant.sensors._free_ground import GroundAhead
 from treadline.vehicle.staircase import Staircase
-from treadline.vehicle.visibility import LEAST_NOSINGS, Visibility, VisibleSide, geometry_of
+from treadline.vehicle.visibility import Visibility, VisibleSide, geometry_of, least_nosings
 
 EXACT_SIGMA_RAD, EXACT_PLACE_M = 0.05 * DEG, 0.001
 """Noise of ``exact``: heading [rad] and nosing position [m]; non-zero, so that a filter has a finite weight."""
@@ -61,6 +61,7 @@ class StatisticalCamera:
         ground: GroundAhead | None = None,
     ) -> None:
         self._geometry = geometry_of(staircase, calibration)
+        self._least = least_nosings(staircase)
         self._rng = rng
         kind = "open" if staircase.open_risers else "closed"
         self._errors = None if exact else _Errors(sensor, kind, len(staircase.steps), rng)
@@ -88,7 +89,7 @@ class StatisticalCamera:
         )
 
     def _exactly(self, seen: Visibility | None) -> "Found | None":
-        if seen is None or int(seen.seen.sum()) < LEAST_NOSINGS:
+        if seen is None or int(seen.seen.sum()) < self._least:
             return None
         nosings = seen.nosings_B[seen.seen]
         nosings[:, ::2] += EXACT_PLACE_M * self._rng.standard_normal((len(nosings), 2))
@@ -167,7 +168,7 @@ class _Errors:
             return None
         table = self._tables[f"{seen.direction} {self._kind}"]
         latent = dict(zip(LATENTS, normal[: len(LATENTS)].tolist(), strict=True))
-        second = np.sort(seen.margins_px)[-2]
+        second = np.sort(seen.margins_px)[-min(2, len(seen.margins_px))]
         accept = table["accept"]["score"][seen.acceptance_row]
         if latent["accept"] > np.interp(second, table["accept"]["margins_px"], accept) or seen.run_m > RUN_M[1]:
             return None
@@ -201,7 +202,7 @@ class _Errors:
         """Return the indices of the reported nosings: at least the two best, because the frame was accepted."""
         row, column = reported_cell(seen)
         spare = np.array(table["score"])[row, column] - normal
-        spare[np.argsort(spare)[-LEAST_NOSINGS:]] = np.inf
+        spare[np.argsort(spare)[-2:]] = np.inf
         return np.flatnonzero(spare > 0.0)
 
     def _nosings(
