@@ -134,6 +134,7 @@ format: $(VENV)/.dev
 docs: $(VENV)/.docs
 	PYTHONPATH=docs/tools $(BIN)/python -m drawings docs/drawings
 	$(BIN)/python docs/tools/tree.py docs/drawings/tree.svg
+	$(BIN)/python docs/tools/automaton.py docs/drawings
 	$(BIN)/python docs/tools/commands.py docs/reference/commands.md
 	$(BIN)/python docs/tools/decisions_index.py docs
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

@@ -252,6 +252,11 @@ class StairTracker:
         """Whether maps have shown the end of the flight at the lowest known nosing."""
         return self._end_at(self._known)
 
+    def declare_end(self, direction: Literal["up", "down"]) -> None:
+        """Take the last known nosing in a direction as the end of the flight, by the word of a person."""
+        if self._known:
+            self._known[-1 if direction == "up" else 0].end_count = KNOWN_AFTER
+
     def gaps_ahead_m(self) -> list[tuple[float, float]]:
         """Return the gaps with missing steps: distances of the nosings below and above ahead of mid-track along the belts [m]."""
         return [(self._ahead_m(low), self._ahead_m(high)) for low, high in self._gaps]

@@ -14,6 +14,7 @@ from treadline.core.signals import (
     HeadingEstimate,
     ImuSample,
     MotionPlan,
+    OperatorInput,
     Phase,
     StairMap,
     TrackReading,
@@ -125,6 +126,8 @@ class FlightSituation:
         self._level = LevelSteering(LevelConfig(gauge_m=self._config.chair.tracks.gauge_m))
         self._skid = SkidMonitor()
         self._narrow_maps = 0
+        self._goes_back = False
+        """Whether the operator has sent the chair back."""
         self._judged: tuple[int, bool, str | None] = (0, False, None)
         """Number of maps when the stair was last judged, whether the chair was about to enter, and the judgement."""
         self._flipper_planner.forget()
@@ -150,6 +153,10 @@ class FlightSituation:
                     self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - NARROW_M else 0
             case FlipperReading():
                 self._flipper_planner.update(signal)
+            case OperatorInput():
+                self._goes_back |= signal.go_back
+                if signal.flight_ends:
+                    self._where.declare_end(self._way.direction)
 
     def begin_tick(self, t_s: float, estimate: HeadingEstimate | None) -> None:
         """Take time and heading of a tick."""
@@ -191,6 +198,10 @@ class FlightSituation:
         if gone_m <= self._config.look_m and self._where.pitch_rad <= 2.0 * LEVEL_RAD:
             return None
         return f"no flight in view{behind} within {gone_m:.1f} m on the landing"
+
+    def is_sent_back(self) -> str | None:
+        """The operator has pressed "go back"."""
+        return "the operator sent the chair back" if self._goes_back else None
 
     def is_barred_by_a_gap(self) -> str | None:
         """A step is missing before the leading pulley."""

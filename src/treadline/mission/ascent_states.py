@@ -6,6 +6,7 @@ flipper end each phase; the plan carries the reason, which the mission logs as a
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from treadline.control.belt_allocation import inner_speed_ratio
@@ -75,13 +76,18 @@ class AscentConfig(TraversalConfig):
 
 
 class Ascent(FlightSituation):
-    """Planner of one traversal up; ``STATES_UP`` is its table."""
+    """Planner of one traversal up.
+
+    Args:
+        config: Distances, angles and speeds.
+        states: Table of states; None for ``STATES_UP``.
+    """
 
     _config: AscentConfig
 
-    def __init__(self, config: AscentConfig) -> None:
+    def __init__(self, config: AscentConfig, states: "Sequence[State[Ascent]] | None" = None) -> None:
         super().__init__(config, UP)
-        self._automaton = Automaton(STATES_UP)
+        self._automaton = Automaton(STATES_UP if states is None else states)
         self._end = ""
         self._traction: TractionTest | None = None
         self._pulses = 0
@@ -222,7 +228,9 @@ class Ascent(FlightSituation):
         self._traction = None
 
     def back_off(self) -> MotionPlan:
-        """Backs off the flight."""
+        """Backs down and off the flight: the flipper rides on the nosings, and is lifted before the rear reaches the floor."""
+        if self._before_m < -2.0 * self._pivot_m - self._step_m:
+            return self.driving(-self._config.slow_m_s, self._steering(), self._lie())
         flipper = self._flipper_planner.to(self.t_s, self._stepping_rad)
         return self.driving(-self._config.slow_m_s, self._level.keep(self._estimate), flipper)
 
@@ -375,6 +383,7 @@ STATES_UP: tuple[State[Ascent], ...] = (
         Ascent.go_at_the_stair,
         limit_s=10.0,
         exits=(
+            Exit(Ascent.is_sent_back, "back_off"),
             *_BEFORE_THE_FLIGHT,
             Exit(Ascent.has_an_open_side, "hold"),
             Exit(Ascent.must_not_enter, "refused"),
@@ -386,20 +395,29 @@ STATES_UP: tuple[State[Ascent], ...] = (
         "mount",
         Ascent.go_at_the_stair,
         limit_s=20.0,
-        exits=(*_BEFORE_THE_FLIGHT, Exit(Ascent.gets_no_hold, "back_off"), Exit(Ascent.lies_on_two_nosings, "traction")),
+        exits=(
+            Exit(Ascent.is_sent_back, "back_off"),
+            *_BEFORE_THE_FLIGHT,
+            Exit(Ascent.gets_no_hold, "back_off"),
+            Exit(Ascent.lies_on_two_nosings, "traction"),
+        ),
     ),
     State(
         "traction",
         Ascent.test_traction,
         limit_s=20.0,
-        exits=(Exit(Ascent.holds, "climb"), Exit(Ascent.slips, "back_off")),
+        exits=(Exit(Ascent.is_sent_back, "back_off"), Exit(Ascent.holds, "climb"), Exit(Ascent.slips, "back_off")),
         begins=Ascent.begin_traction_test,
     ),
     State(
         "climb",
         Ascent.climb,
         limit_s=20.0,
-        exits=(Exit(Ascent.is_barred_by_a_gap, "hold"), Exit(Ascent.reaches_down, "crest")),
+        exits=(
+            Exit(Ascent.is_sent_back, "back_off"),
+            Exit(Ascent.is_barred_by_a_gap, "hold"),
+            Exit(Ascent.reaches_down, "crest"),
+        ),
         begins=Ascent.forget_traction_test,
     ),
     State(

@@ -6,6 +6,7 @@ would pitch onto its front (docs/decisions/0013).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
@@ -14,7 +15,7 @@ from treadline.core.signals import FlipperCommand, HeadingEstimate, MotionPlan
 from treadline.estimation.stair_tracker import NEAR_M
 from treadline.mission._automaton import Automaton, Exit, State
 from treadline.mission._flipper_planner import FLIPPER_RAD_S
-from treadline.mission._situation import LEVEL_RAD, FlightSituation, TraversalConfig, Way, beside, on_the_tip
+from treadline.mission._situation import ASIDE_M, LEVEL_RAD, FlightSituation, TraversalConfig, Way, beside, on_the_tip
 
 LETS_DOWN_RAD_S = 3.0 * DEG
 """Rate at which the flipper is lifted out of the belts' line [rad/s], slow enough that a chair leaning on it follows."""
@@ -31,9 +32,6 @@ smoothly."""
 class DescentConfig(TraversalConfig):
     """Distances, angles and speeds of a traversal down; distances along the belts unless stated otherwise."""
 
-    lower: float = 0.6
-    """Depth of the highest nosing in view below the belts, as a ratio of the rise, above which that nosing is not the edge of the
-    landing that the chair stands on."""
     enter_from_m: float = 0.22
     """Distance of the rear pulley before the edge from which the chair may drive onto the flight [m], as going up."""
     max_heading_error_rad: float = 4.0 * DEG
@@ -66,13 +64,18 @@ class DescentConfig(TraversalConfig):
 
 
 class Descent(FlightSituation):
-    """Planner of one traversal down; ``STATES_DOWN`` is its table."""
+    """Planner of one traversal down.
+
+    Args:
+        config: Distances, angles and speeds.
+        states: Table of states; None for ``STATES_DOWN``.
+    """
 
     _config: DescentConfig
 
-    def __init__(self, config: DescentConfig) -> None:
+    def __init__(self, config: DescentConfig, states: "Sequence[State[Descent]] | None" = None) -> None:
         super().__init__(config, DOWN)
-        self._automaton = Automaton(STATES_DOWN)
+        self._automaton = Automaton(STATES_DOWN if states is None else states)
 
     def face_flight(self) -> None:
         """Reset everything that belongs to one flight."""
@@ -126,11 +129,16 @@ class Descent(FlightSituation):
 
     def hides_the_edge(self) -> str | None:
         """Square to the flight, and its edge is hidden under the camera: the highest nosing in view is below the belts."""
-        below_m = -(self._where.top_above_m() or 0.0)
-        if not self._is_square() or below_m <= self._config.lower * self._where.rise_m:
+        where = self._where
+        top, below_m = where.top_ahead_m(), -(where.top_above_m() or 0.0)
+        if not self._is_square() or top is None or below_m <= 0.5 * where.rise_m:
             return None
-        hidden = "the edge is nearer, hidden under the camera"
-        return f"the highest nosing in view is {below_m:.2f} m below the belts: {hidden}"
+        edge_m = -top - round(below_m / where.rise_m) * where.run_m
+        camera = self._config.chair.camera_at(rear=True)
+        lowest_rad = camera.mount_pitch_rad + math.atan((camera.height_px - 1 - camera.cy_px) / camera.fy_px)
+        shown_m = abs(camera.mount_m[0]) + camera.mount_m[2] / math.tan(lowest_rad)
+        there = f"the edge is hidden under the camera, about {edge_m - self._pivot_m:.2f} m behind the belts"
+        return f"{there}; set the chair {max(shown_m - edge_m, 0.0) + ASIDE_M:.2f} m further from it"
 
     def is_square(self) -> str | None:
         """Square to the flight for half a second, its edge behind the chair."""
@@ -157,7 +165,7 @@ class Descent(FlightSituation):
         self._gap = self._missing(self._checked_to_m(whole_to_m) - self._pivot_m)
         if self._gap is not None and self.phase == "approach":
             return
-        against = self._gap
+        against = self._gap or self.is_sent_back()
         if against is None and self._unseen(whole_to_m):
             against = "no more of the flight is in view than the chair needs to lie on, nor its end"
         if against is not None and self._edge.turn_back():
@@ -238,6 +246,11 @@ class Descent(FlightSituation):
         if self._where.bottom_ends or not is_there:
             return None
         return f"nothing was seen beyond the last nosing, {beside(before)} the rear pulley"
+
+    def cannot_go_back(self) -> str | None:
+        """The operator has pressed "go back" on the flight, where no camera faces the landing; a re-arm goes on down."""
+        sent_back, self._goes_back = self._goes_back, False
+        return "the chair cannot go back up without a view of the landing; re-arm it to go on down" if sent_back else None
 
     def tips_onto_the_floor(self) -> str | None:
         """The rear pulley has passed the last nosing, or the chair is level near it."""
@@ -344,6 +357,7 @@ STATES_DOWN: tuple[State[Descent], ...] = (
         Descent.go_over,
         limit_s=10.0,
         exits=(
+            Exit(Descent.is_sent_back, "refused"),
             Exit(Descent.is_too_narrow, "hold"),
             Exit(Descent.has_an_open_side, "hold"),
             Exit(Descent.must_not_enter, "refused"),
@@ -373,6 +387,7 @@ STATES_DOWN: tuple[State[Descent], ...] = (
         Descent.descend,
         limit_s=20.0,
         exits=(
+            Exit(Descent.cannot_go_back, "hold"),
             Exit(Descent.is_barred_by_a_gap, "hold"),
             Exit(Descent.saw_no_floor, "hold"),
             Exit(Descent.keeps_its_flipper_low, "hold"),
