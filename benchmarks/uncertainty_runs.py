@@ -309,7 +309,7 @@ def _slide(variation: Variation) -> Outcome:
     return "ok", {"slide_speed_m_s": speed, "slide_gap_m_s": speed - theory}
 
 
-ARRIVED = ("arrived",)
+ARRIVED = ("arrived", "arrived_rough")
 RUNS: dict[str, Callable[[Variation], Outcome]] = {
     **{f"turn-{slope}": _turn(slope, plan.PAPER_FRICTION) for slope in plan.SLOPES_DEG},
     "turn-28-mu0.9-0.5": _turn(plan.FIG10_SLOPE, plan.GOOD_GRIP),

@@ -1,4 +1,6 @@
-"""A slide is a retreat that the belts did not drive."""
+"""A slide is a retreat that the belts did not drive; an arrival may be too rough."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,7 +8,8 @@ from world import truth
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
-from treadline.run._ending import Ending, SlideWatch
+from treadline.run._ending import Ending, SlideWatch, rough_cause
+from treadline.run.run_scores import Trace, score
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario
 
@@ -48,3 +51,16 @@ def test_a_slide_of_more_than_half_a_metre_is_a_fall(metres: float, fell: bool) 
     assert (ends[-1] is not None) == fell
     if fell:
         assert ends[-1] == ("fell", "slid 0.51 m down the flight by 2.00 s")
+
+
+@pytest.mark.parametrize(
+    ("passenger_m_s2", "margin_deg", "cause"),
+    [
+        (3.9, 0.1, None),
+        (4.1, 0.1, "passenger at 4.1 m/s², above 4"),
+        (8.3, -1.3, "passenger at 8.3 m/s², above 4; tip-over margin -1.3°, below 0"),
+    ],
+)
+def test_an_arrival_is_rough_by_acceleration_or_margin(passenger_m_s2: float, margin_deg: float, cause: str | None) -> None:
+    scores = score(Trace.of([]))
+    assert rough_cause(replace(scores, passenger_max_m_s2=passenger_m_s2, min_stability_margin_deg=margin_deg)) == cause

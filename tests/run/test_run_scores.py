@@ -7,7 +7,7 @@ import pytest
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
-from treadline.run.run_scores import Trace, lasting_minimum, score, settling_time
+from treadline.run.run_scores import Trace, lasting_minimum, roll_back, score, settling_time
 from treadline.vehicle.comfort import comfort
 
 
@@ -41,9 +41,13 @@ def test_settling_is_the_last_entry_into_the_band() -> None:
     assert settling_time(t, np.full(1001, 3.0 * DEG)) is None
 
 
-def test_roll_back_is_measured_from_the_furthest_point_before() -> None:
-    x = np.concatenate([np.linspace(0.0, 1.0, 101), np.linspace(1.0, 0.7, 101), np.linspace(0.7, 2.0, 101)])
-    assert score(trace(np.zeros(303), x)).roll_back_m == pytest.approx(0.3)
+def test_only_a_retreat_on_the_flight_rolls_back() -> None:
+    """Test: back by 0.3 m on the landing, by 0.1 and 0.2 m on the flight. Expected: 0.2 m, and nothing from the landing."""
+    onward = np.array([0.0, 1.0, 0.7, 0.7, 2.0, 1.9, 2.5, 2.3, 3.0, 2.0])
+    pitch = np.array([0.0, 0.0, 0.0, 20.0, 20.0, 20.0, 20.0, 20.0, 20.0, 0.0]) * DEG
+    assert roll_back(onward, pitch) == pytest.approx(0.2)
+    assert roll_back(onward, -pitch) == pytest.approx(0.2)
+    assert roll_back(onward, 0.0 * pitch) == 0.0
 
 
 def test_lateral_drift_has_no_sign() -> None:

@@ -22,6 +22,7 @@ from treadline.scenario.scenario import Scenario
 
 COLOURS = {
     "arrived": "#009e73",
+    "arrived_rough": "#d55e00",
     "held": "#e69f00",
     "refused": "#56b4e9",
     "end_of_flight": "#0072b2",

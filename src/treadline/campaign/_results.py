@@ -81,7 +81,7 @@ def summarise(rows: Iterable[Row], drawn: Sequence[str], choices: Sequence[str],
     total = verdicts.total()
     return {
         "runs": total,
-        "verdicts": {name: _share(verdicts[name], total) for name in sorted({*verdicts, "arrived", "fell"})},
+        "verdicts": {name: _share(verdicts[name], total) for name in sorted({*verdicts, "arrived", "arrived_rough", "fell"})},
         "by": {key: {value: dict(sorted(values[value].items())) for value in sorted(values)} for key, values in by.items()},
         "causes": dict(causes.most_common(20)),
         "scores": _scores(rows, total, [name for name in names if name not in {*drawn, *NOT_SCORES}]),
@@ -91,9 +91,9 @@ def summarise(rows: Iterable[Row], drawn: Sequence[str], choices: Sequence[str],
 
 
 def worst(rows: Iterable[Row], score: str, count: int = 10) -> list[Row]:
-    """Return the worst runs: falls, then failures, then by the score."""
-    rank = {"fell": 0} | dict.fromkeys(FAILED[1:], 1)
-    return nsmallest(count, map(flat, rows), key=lambda row: (rank.get(row["verdict"], 2), harm(row, score), row["index"]))
+    """Return the worst runs: falls, then failures, then rough arrivals, then by the score."""
+    rank = {"fell": 0} | dict.fromkeys(FAILED[1:], 1) | {"arrived_rough": 2}
+    return nsmallest(count, map(flat, rows), key=lambda row: (rank.get(row["verdict"], 3), harm(row, score), row["index"]))
 
 
 def harm(row: Mapping[str, Any], score: str) -> float:

@@ -184,7 +184,7 @@ def lines(summary: Mapping[str, Any]) -> list[str]:
     said = [f"{total} runs; shares with {100 * CONFIDENCE:.0f} % bounds:"]
     for name, share in sorted(summary["verdicts"].items(), key=lambda item: -item[1]["count"]):
         low, high = (100.0 * bound for bound in share["bounds"])
-        said.append(f"  {name:9s} {share['count']:5d}  {100 * share['share']:6.2f} %  ({low:.2f} to {high:.2f})")
+        said.append(f"  {name:13s} {share['count']:5d}  {100 * share['share']:6.2f} %  ({low:.2f} to {high:.2f})")
     for name in SHOWN:
         if name in summary["scores"]:
             score, unit = summary["scores"][name], suffix(channel(name).unit or "")

@@ -40,7 +40,7 @@ def climb(
         seed: Random seed. The same seed gives byte-identical results.
         log_images: Keep every frame in the log (about 1.7 MB per second at 320×240).
     """
-    from treadline.io.runs import COMPLETED
+    from treadline.io.runs import SUCCEEDED
 
     claim(out, force=force)
     report_compiling()
@@ -76,5 +76,5 @@ def climb(
             f"{scores.min_stability_margin_deg:.1f}°, below 7° for {scores.seconds_below_7_deg:.2f} s",
             f"run folder: {out} (treadline report {out} draws it)",
         ],
-        code=0 if run.verdict in COMPLETED else 1,
+        code=0 if run.verdict in SUCCEEDED else 1,
     )

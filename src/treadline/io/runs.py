@@ -23,7 +23,9 @@ from jaxtyping import Float
 from treadline.core.models import ControllerDesign, write_json, write_whole
 from treadline.core.printing import plain
 
-COMPLETED = ("time_up", "arrived", "end_of_flight")
+SUCCEEDED = ("time_up", "arrived", "end_of_flight")
+"""Verdicts of runs that did what was asked: exit code 0."""
+COMPLETED = (*SUCCEEDED, "arrived_rough")
 """Verdicts of runs that lasted until their time limit or their destination. Any other run ended early, and enters no average: its
 scores are those of a shorter time."""
 LOG = "log.mcap"

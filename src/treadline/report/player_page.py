@@ -45,6 +45,12 @@ IMAGE_PX, IMAGE_QUALITY, MOST_IMAGES = 240, 62, 120
 """Height, JPEG quality and largest number of embedded camera images: about 10 kB each, so 1.2 MB."""
 TALL_M = 1.4
 """Height of a seated passenger's head above the ground [m], with room: the drawn passenger is 1.3 m tall."""
+VERDICTS = {
+    "arrived_rough": "arrived roughly",
+    "end_of_flight": "reached the end of the flight",
+    "time_up": "ran to its time limit",
+}
+"""Verdicts in words, where they differ from their names."""
 SETTLED_RAD = 2.0 * DEG
 """Largest deviation from the final heading of a settled run [rad], as in the settling time of the scores."""
 TRANSIENT_SHARE = 0.5
@@ -168,9 +174,7 @@ def transient_s(recording: Recording) -> float | None:
 def _title_of(recording: Recording) -> str:
     """Return the page's title: name, verdict and duration."""
     name = Path(recording.source).name or "run"
-    verdict = {"end_of_flight": "reached the end of the flight", "time_up": "ran to its time limit"}.get(
-        recording.verdict or "", recording.verdict or "recorded"
-    )
+    verdict = VERDICTS.get(recording.verdict or "", recording.verdict or "recorded")
     cause = f": {recording.cause}" if recording.cause else ""
     return f"{name} {verdict} after {recording.duration_s:.2f} s{cause}"
 

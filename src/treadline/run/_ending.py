@@ -1,6 +1,6 @@
 """End of a run and its verdict, by the simulator's ground truth: arrival, a hold, a fall, a slide down the flight, or the limit.
 
-A slide is a retreat that the belts did not drive.
+A slide is a retreat that the belts did not drive. An arrival that was too rough for a passenger has a verdict of its own.
 """
 
 import math
@@ -8,6 +8,7 @@ import math
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
 from treadline.core.signals import TICK_S, MotionPlan
+from treadline.run.run_scores import LEVEL_RAD, Scores
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.operator_actions import rearms_until_s
 from treadline.scenario.scenario import Scenario
@@ -18,8 +19,9 @@ FALLEN_RAD = 25.0 * DEG
 """Tilt beyond which the chair counts as fallen: pitch above the stair's slope, pitch below horizontal, or roll [rad]."""
 FALLEN_SLIDE_M = 0.5
 """Roll-back beyond which the chair counts as fallen [m]: one and a half steps."""
-LEVEL_RAD = 4.0 * DEG
-"""Pitch up to which the chair counts as level, on the floor or a landing."""
+ROUGH_M_S2, ROUGH_MARGIN_DEG = 4.0, 0.0
+"""Passenger acceleration above which [m/s²], and tip-over margin below which [°], an arrival is rough: beyond 4 m/s² a person
+who is not held slides on a seat, with an assumed friction of 0.4 between clothes and cover; below 0° the chair was tipping over."""
 
 
 class Ending:
@@ -71,6 +73,16 @@ class Ending:
         """Return whether the chair is horizontal with mid-track beyond the flight's last nosing."""
         beyond_m = truth.x_m - self._last_x_m if self._is_up else -truth.x_m
         return abs(truth.pitch_rad) < LEVEL_RAD and beyond_m > 0.0
+
+
+def rough_cause(scores: Scores) -> str | None:
+    """Return why an arrival was rough, or None."""
+    causes = []
+    if scores.passenger_max_m_s2 > ROUGH_M_S2:
+        causes.append(f"passenger at {scores.passenger_max_m_s2:.1f} m/s², above {ROUGH_M_S2:g}")
+    if scores.min_stability_margin_deg < ROUGH_MARGIN_DEG:
+        causes.append(f"tip-over margin {scores.min_stability_margin_deg:.1f}°, below {ROUGH_MARGIN_DEG:g}")
+    return "; ".join(causes) or None
 
 
 class SlideWatch:

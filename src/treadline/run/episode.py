@@ -21,7 +21,7 @@ from treadline.core.signals import TICK_S, Event, HeadingHealth, MotionPlan, Sta
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Blocks, GuardMessage, Mission, Signal, Tick
 from treadline.mission.mission_blocks import warm_up
-from treadline.run._ending import Ending
+from treadline.run._ending import Ending, rough_cause
 from treadline.run.resolve import Opener, PlantName, Setup, resolve
 from treadline.run.run_scores import Scores, Trace, score
 from treadline.scenario.faults import Fault, Message, Process, is_killed, stamp_of
@@ -41,8 +41,8 @@ class Traverse(Brief):
     scenario: Scenario
     seed: int
     verdict: str
-    """``arrived`` (on the landing or the floor), ``end_of_flight`` (a run along one flight that ends at its last nosing), ``held``,
-    ``refused``, ``fell``, ``time_up`` or ``diverged``."""
+    """``arrived`` (on the landing or the floor), ``arrived_rough`` (there, but too rough for a passenger), ``end_of_flight`` (a run
+    along one flight that ends at its last nosing), ``held``, ``refused``, ``fell``, ``time_up`` or ``diverged``."""
     cause: str | None
     scores: Scores
     trace: Trace
@@ -241,12 +241,16 @@ class _EpisodeRecorder:
     def result(self, over: tuple[str, str | None], cpu_s: float) -> Traverse:
         """Return the run."""
         trace = Trace.of(self.truth)
+        upward = self._scenario.drive.direction == "up"
+        scores = score(trace, tuple(self._phases), upward=upward, held_s=self._held_s())
+        if over[0] == "arrived" and (rough := rough_cause(scores)) is not None:
+            over = "arrived_rough", rough
         return Traverse(
             scenario=self._scenario,
             seed=self._seed,
             verdict=over[0],
             cause=over[1],
-            scores=score(trace, tuple(self._phases), upward=self._scenario.drive.direction == "up", held_s=self._held_s()),
+            scores=scores,
             trace=trace,
             estimate_rad=np.array(self._estimates),
             events=tuple(self._events),

@@ -20,6 +20,8 @@ from treadline.plant.mujoco import TOLERANCE_M_S2
 from treadline.vehicle.comfort import Comfort, comfort, lasting
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
+LEVEL_RAD = 4.0 * DEG
+"""Pitch up to which the chair counts as level, on the floor or a landing."""
 SETTLED_RAD = 2.0 * DEG
 STEADY_FROM_S = 20.0
 """Start of the steady interval [s]: any turn from ±30° has ended before (Fig. 10)."""
@@ -66,7 +68,8 @@ class Scores:
     final_heading_deg: float
     max_abs_heading_deg: float
     roll_back_m: float
-    """Largest distance moved against the direction of travel [m], from the furthest point reached before."""
+    """Largest distance moved against the direction of travel on the flight [m], from the furthest point reached there before; a
+    chair that is set back on a floor or a landing does not roll back."""
     lateral_m: float
     """Largest distance across the flight from the start [m]."""
     climbed_m: float
@@ -143,7 +146,7 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         settle_s=settling_time(t, heading),
         final_heading_deg=float(heading[-1]) / DEG,
         max_abs_heading_deg=float(np.abs(heading).max()) / DEG,
-        roll_back_m=float((np.maximum.accumulate(onward) - onward).max()),
+        roll_back_m=roll_back(onward, trace["pitch_rad"]),
         lateral_m=float(np.abs(y - y[0]).max()),
         climbed_m=float(x[-1] - x[0]),
         seat_rms_deg=_reported(np.square(seat), lambda squares: np.sqrt(squares.mean()) / DEG),
@@ -204,6 +207,14 @@ def creep(trace: Trace, held_s: float) -> float | None:
     if minutes * 60.0 < CREEP_LEAST_S:
         return None
     return 1000.0 * float(np.hypot(*(trace[name][last] - trace[name][first] for name in ("x_m", "y_m")))) / minutes
+
+
+def roll_back(onward_m: Float[np.ndarray, " T"], pitch_rad: Float[np.ndarray, " T"]) -> float:
+    """Return the largest retreat from the furthest point of each stretch in which the chair is not level [m]."""
+    tilted = np.abs(pitch_rad) > LEVEL_RAD
+    ends = np.flatnonzero(np.diff(tilted)) + 1
+    stretches = [part for part, on in zip(np.split(onward_m, ends), np.split(tilted, ends), strict=True) if on[0]]
+    return max((float((np.maximum.accumulate(part) - part).max()) for part in stretches), default=0.0)
 
 
 def lasting_minimum(values: Float[np.ndarray, " T"], ticks: int = MARGIN_TICKS) -> float:
