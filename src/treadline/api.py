@@ -301,7 +301,7 @@ class Run(Printable):
 
     @property
     def verdict(self) -> str:
-        """Ending: ``arrived``, ``arrived_rough``, ``end_of_flight``, ``held``, ``refused``, ``fell``, ``time_up`` or ``diverged``."""
+        """``arrived``, ``arrived_rough``, ``end_of_flight``, ``held``, ``refused``, ``fell``, ``time_up`` or ``diverged``."""
         return self.episode.verdict
 
     @property

@@ -210,10 +210,39 @@ def test_an_invalid_sweep_file_is_rejected_in_one_line(spec_file: Write, text: s
     assert re.search(words, message), message
 
 
+def test_a_bound_may_be_another_value_and_a_constant(spec_file: Write) -> None:
+    """Test: a last riser 20 mm lower to 50 mm higher than the drawn rise. Expected result: at the quantiles 0, 0.5 and 1."""
+    text = """
+[[draw]]
+key = "stair.rise_m"
+uniform = [0.14, 0.18]
+[[draw]]
+key = "step.0.index"
+value = -1
+[[draw]]
+key = "step.0.rise_m"
+uniform = [{ times = 1.0, of = "stair.rise_m", plus = -0.02 }, { times = 1.0, of = "stair.rise_m", plus = 0.05 }]
+"""
+    spec = read_spec(spec_file(text))
+    rises = [spec.at((0.5, share), "a run").scenario.step[0].rise_m for share in (0.0, 0.5, 1.0)]
+    assert rises == pytest.approx([0.14, 0.175, 0.21])
+
+
+def test_the_dimensions_of_buildings_reach_their_ends() -> None:
+    """Test: the label "full flight", all else at its upper end. Expected result: literals of the issue that asked for them."""
+    spec = read_spec("buildings")
+    drawn = spec.at([0.7, *[1.0 - 1e-12] * (spec.dimension - 1)], "a run")
+    stair, chair = drawn.scenario.stair, drawn.scenario.chair
+    assert drawn.values["label"] == "full flight"
+    assert (stair.steps, stair.rise_jitter_m, stair.run_jitter_m) == pytest.approx((40, 0.004, 0.004))
+    assert [step.rise_m - stair.rise_m for step in drawn.scenario.step] == pytest.approx([0.05, 0.05, 0.012])
+    assert (*chair.lean_m, stair.side_slope_deg, abs(drawn.scenario.start.lateral_m)) == pytest.approx((0.12, 0.12, 2.0, 0.3))
+
+
 def test_a_sweep_is_not_listed_or_run_as_a_scenario() -> None:
     with pytest.raises(SettingsError, match="shipped: default, down-28, flight-20, paper-28, straight-25, up-28"):
         read_scenario("paper-29")
-    with pytest.raises(SettingsError, match=r"\(shipped: envelope, outside\)"):
+    with pytest.raises(SettingsError, match=r"\(shipped: buildings, envelope, outside\)"):
         read_spec("envelop")
     with pytest.raises(SettingsError, match="a sweep, not one scenario; run it with treadline sweep"):
         read_scenario(ENVELOPE.path)

@@ -57,6 +57,7 @@ def test_an_encoder_quantises_speed_and_loses_no_distance() -> None:
     assert set(np.round(read, 6)) == {0.12, 0.13}
     assert read.sum() * TICK_S == pytest.approx(1.234, abs=1e-4)
     assert Encoder(0.0).speed_m_s(0.1234) == 0.1234
+    assert Encoder(0.0, error=0.02).speed_m_s(0.1) == pytest.approx(0.102)
 
 
 def test_a_plant_delivers_frames_late_with_the_stamp_of_their_exposure() -> None:

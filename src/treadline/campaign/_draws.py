@@ -1,6 +1,7 @@
 """Random variables of a sweep: a scenario key and the distribution of its value.
 
-A bound of ``uniform``, and ``value``, is a number or a multiple of another value: ``{ times = 1.1, of = "stair.tan_slope" }``.
+A bound of ``uniform``, and ``value``, is a number or a multiple of another value, a constant added or not:
+``{ times = 1.1, of = "stair.tan_slope" }``, ``{ times = 1.0, of = "stair.rise_m", plus = 0.05 }``.
 ``when`` limits a draw to runs in which other values satisfy a condition. Draws are evaluated in order and may refer to
 earlier ones.
 
@@ -34,6 +35,10 @@ def check_path(key: str, where: str) -> None:
     """Raise SettingsError unless the scenario has a value at the path."""
     if key == LABEL or key.startswith(tuple(f"{name}." for name in LISTS)):
         return  # one key of an item of a list is checked on complete scenarios
+    above, _, last = key.rpartition(".")
+    if last.isdecimal() and get_value({}, above) is None:
+        check_path(above, where)  # a pair that is unset by default: the file's base gives it
+        return
     settings_of(put({}, tuple(key.split(".")), get_value({}, key), DEFAULTS), Scenario, where=where)
 
 
@@ -144,16 +149,17 @@ def _check_bound(bound: object, where: str) -> None:
         if not abs(bound) <= LARGEST:
             raise SettingsError(f"{where}: a bound is {bound}; it must be finite")
         return
-    if not isinstance(bound, Mapping) or set(bound) != {"times", "of"} or not _is_number(bound["times"]):
+    keys = set(bound) if isinstance(bound, Mapping) else set()
+    if not isinstance(bound, Mapping) or keys - {"plus"} != {"times", "of"} or not all(_is_number(bound[k]) for k in keys - {"of"}):
         raise SettingsError(f'{where}: a bound must be a number, or {{ times = 1.1, of = "stair.tan_slope" }} (got {bound!r})')
     if bound["of"] not in DERIVED:
         check_path(str(bound["of"]), where)
-    if not isinstance(get_value({}, str(bound["of"])), int | float):
+    if not isinstance(get_value({}, str(bound["of"])), int | float | None):
         raise SettingsError(f"{where}: of = {bound['of']!r} is not a number in a scenario and has no multiple")
 
 
 def _bound(bound: Any, tables: Tables) -> Any:
-    return bound["times"] * get_value(tables, bound["of"]) if _is_multiple(bound) else bound
+    return bound["times"] * get_value(tables, bound["of"]) + bound.get("plus", 0.0) if _is_multiple(bound) else bound
 
 
 def _check_when(when: object, where: str) -> None:

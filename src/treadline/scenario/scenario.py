@@ -213,6 +213,9 @@ class Sensors(Settings):
         return 240 if self.image_height_px is None and self.camera_name == "kinect1" else self.image_height_px
 
 
+EncoderError = Annotated[float, Field(ge=-0.1, le=0.1)]
+
+
 class Realism(Settings):
     """Transport of camera readings, resolution of the encoders, limits of the motors, charge of the battery.
 
@@ -230,6 +233,8 @@ class Realism(Settings):
     encoder_counts_m: Annotated[float, Field(ge=0.0, le=1e8)] = 109_000.0
     """Encoder counts per metre of belt [1/m]; a speed is counts per 10 ms. Typical: a 500-line encoder (HEDS-5540: 2000 counts per
     turn) on a motor geared 24:1 to a pulley of 0.07 m, 2000 · 24 / (2π · 0.07 m). Zero reports exact speeds."""
+    encoder_error: tuple[EncoderError, EncoderError] = (0.0, 0.0)
+    """Relative error of the left and the right encoder's scale, unknown to the mission: a worn belt is 1 to 2 % shorter."""
     motor_limits: bool = True
     """Whether motors and brakes have the limits in the chair's file; without, belts follow their speeds at any load."""
     battery_charge: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0

@@ -66,6 +66,10 @@ class Stair(Settings):
     open_risers: bool = False
     """Whether the stair has treads without risers."""
     nosing_radius_m: Annotated[float, Field(ge=0.002, le=0.03)] = 0.01
+    overhang_m: Annotated[float, Field(ge=0.0, le=0.10)] = 0.0
+    """Distance by which each tread stands out over its riser."""
+    side_slope_deg: Annotated[float, Field(ge=-5.0, le=5.0)] = 0.0
+    """Fall of floor, treads and landings to the right, seen by a chair that faces up; MuJoCo only."""
     rise_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
     """Standard deviation of a step's height."""
     run_jitter_m: Annotated[float, Field(ge=0.0, le=0.03)] = 0.0
@@ -119,6 +123,12 @@ class Stair(Settings):
                 f"missing_steps names step {beyond[0]} of {self.flights} flights of {self.steps} steps, counted over all from the "
                 f"floor; it must be below {count - 1} and no flight's uppermost, for that is its landing"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _overhangs_something(self) -> "Stair":
+        if self.overhang_m and self.open_risers:
+            raise ValueError(_hangs_over_nothing(self.overhang_m))
         return self
 
     @model_validator(mode="after")
@@ -315,10 +325,14 @@ def _shape_of_winder(stair: Stair, overrides: Sequence[StepOverride], number: in
 def _overhang(stair: Stair, overrides: Sequence[StepOverride], number: int, index: int) -> str | None:
     overhang_m, run_m = overrides[number].overhang_m, run_of(stair, overrides, index)
     if overhang_m and stair.open_risers:
-        return f"overhang_m is {overhang_m:g}, but stair.open_risers leaves no riser to hang over"
+        return _hangs_over_nothing(overhang_m)
     if overhang_m and overhang_m >= run_m:
         return f"overhang_m is {overhang_m:g}; it must be below the run of {run_m:g} m, for the riser stands under the tread"
     return None
+
+
+def _hangs_over_nothing(overhang_m: float) -> str:
+    return f"overhang_m is {overhang_m:g}, but stair.open_risers leaves no riser to hang over"
 
 
 def _steep_tread(stair: Stair, overrides: Sequence[StepOverride], number: int, index: int) -> str | None:

@@ -304,7 +304,7 @@ def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[
             missing=i in stair.missing_steps,
             friction=(keys.get("friction_left", left), keys.get("friction_right", right)),
             nosing_radius_m=keys.get("nosing_radius_m", stair.nosing_radius_m),
-            overhang_m=keys.get("overhang_m", 0.0),
+            overhang_m=keys.get("overhang_m", stair.overhang_m),
             tread_slope_rad=keys.get("tread_slope_deg", 0.0) * DEG,
         )
         for i, (x_m, y_m, turned, depth_m) in enumerate(places)
@@ -325,6 +325,12 @@ def build_staircase(stair: Stair, rng: np.random.Generator, overrides: Sequence[
         turn_rad=0.5 * math.pi * SIGN_OF_TURN[stair.turn] if winders is None else winders.turn_rad,
         winders=winders,
     )
+
+
+def up_W(stair: Stair) -> Vector3:
+    """Return the unit vector against gravity in W: its z axis, except on a stair that falls to a side."""
+    fall_rad = stair.side_slope_deg * DEG
+    return np.array([0.0, math.sin(fall_rad), math.cos(fall_rad)])
 
 
 def _winders(stair: Stair) -> Winders | None:

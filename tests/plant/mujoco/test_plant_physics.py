@@ -10,7 +10,7 @@ from oracles.plant_runs import STILL, held, plant_on
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
 from treadline.core.rotations import quaternion_of, rotation_of, rotation_z
-from treadline.core.signals import TrackCommand
+from treadline.core.signals import ImuSample, TrackCommand
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Stair, Start
 
@@ -142,6 +142,20 @@ def test_the_chair_starts_at_the_requested_heading(slope_deg: float, heading_deg
     assert first.t_s == 0.0
     assert first.heading_rad == pytest.approx(heading_deg * DEG, abs=0.1 * DEG)
     assert first.pitch_rad > 0.0
+
+
+def test_a_floor_that_falls_to_the_right_rolls_the_chair_for_imu_and_truth() -> None:
+    """Test: 2° of side slope under a chair at rest. Expected result: roll and least margin by 2°, and gravity aside in the IMU."""
+    loaded = Scenario(start=Start(place="floor"), chair=Chair(payload_offset_m=(0.0, -0.2, 0.0)))
+    level, falls = (open_plant(loaded.changed(stair={"side_slope_deg": deg}), 0) for deg in (0.0, 2.0))
+    for made in (level, falls):
+        made.start()
+        made.advance(0.5)
+    upright, rolled = level.truth()[-1], falls.truth()[-1]
+    assert (upright.roll_rad, rolled.roll_rad) == pytest.approx((0.0, 2.0 * DEG), abs=0.1 * DEG)
+    assert upright.stability_margin_rad - rolled.stability_margin_rad == pytest.approx(2.0 * DEG, abs=0.2 * DEG)
+    force = np.mean([reading.linear_acceleration_m_s2 for reading in falls.read() if isinstance(reading, ImuSample)], axis=0)
+    assert math.atan2(force[1], force[2]) == pytest.approx(2.0 * DEG, abs=0.3 * DEG)
 
 
 def test_friction_use_is_the_share_that_the_slope_takes() -> None:

@@ -154,6 +154,8 @@ def _refuse_what_gazebo_cannot(scenario: Scenario) -> None:
         SettingsError: If the passenger sways, or friction is not uniform over the stair.
     """
     stair = scenario.stair
+    if stair.side_slope_deg:
+        raise SettingsError(f"stair.side_slope_deg is {stair.side_slope_deg:g}: Gazebo's stairs are level; use --plant mujoco")
     if scenario.chair.sways:
         raise SettingsError(f"chair.sway_m is {scenario.chair.sway_m}: in Gazebo the passenger sits still; use --plant mujoco")
     own = [step for step in scenario.step if step.friction or step.friction_left or step.friction_right]

@@ -31,6 +31,7 @@ from treadline.plant.sensors.camera.solids import SceneBox
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
 from treadline.scenario.scenario import Chair, Scenario
 from treadline.vehicle.bodies import vehicle
+from treadline.vehicle.staircase import up_W
 from treadline.vehicle.start_pose import standing
 
 SETTLE_S = 1.0
@@ -149,6 +150,8 @@ class MujocoPlant(InstrumentedPlant):
         if any(fault.kind == "obstacle" for fault in self._scenario.fault):
             scene = with_box(scene)
         self._model = mujoco.MjModel.from_xml_string(scene)
+        if self._scenario.stair.side_slope_deg:
+            self._model.opt.gravity = -GRAVITY_M_S2 * up_W(self._scenario.stair)
         self._data = mujoco.MjData(self._model)
         self._is_belt = np.zeros(self._model.ngeom, dtype=np.bool_)
         self._belts = np.array(

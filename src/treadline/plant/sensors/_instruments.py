@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth
-from treadline.core.rotations import Rotation, Vector3
+from treadline.core.rotations import Rotation, Vector3, rotation_x
 from treadline.core.signals import (
     TICK_S,
     FlipperCommand,
@@ -37,7 +37,7 @@ from treadline.scenario.camera_file import KINECT_1
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Chair, Realism, Scenario
 from treadline.vehicle.stair_solids import stair_surfaces
-from treadline.vehicle.staircase import Staircase, build_staircase
+from treadline.vehicle.staircase import Staircase, build_staircase, up_W
 from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
 from treadline.vehicle.tip_over_margin import ROCKING_M, TIP_GAP_M
 from treadline.vehicle.tracks import friction_use
@@ -84,16 +84,17 @@ class CameraLink:
 class Encoder:
     """Belt speed from the counts of an incremental encoder in one tick."""
 
-    def __init__(self, counts_m: float) -> None:
+    def __init__(self, counts_m: float, error: float = 0.0) -> None:
         self._counts_m = counts_m
+        self._scale = 1.0 + error
         self._travel_counts = 0.0
 
     def speed_m_s(self, actual_m_s: float) -> float:
         """Return the measured speed of a belt that ran at ``actual_m_s`` since the last tick; the rest of a count carries over."""
         if self._counts_m == 0.0:
-            return actual_m_s
+            return self._scale * actual_m_s
         before = math.floor(self._travel_counts)
-        self._travel_counts += actual_m_s * TICK_S * self._counts_m
+        self._travel_counts += self._scale * actual_m_s * TICK_S * self._counts_m
         return (math.floor(self._travel_counts) - before) / (self._counts_m * TICK_S)
 
 
@@ -182,7 +183,11 @@ class Instruments:
         self._frames_per_tick = TICK_S * device.rate_hz
         late = {} if device.latency_s is None else {"camera_latency_s": device.latency_s}
         self._link = CameraLink(scenario.realism.model_copy(update=late), streams.link)
-        self._encoders = Encoder(scenario.realism.encoder_counts_m), Encoder(scenario.realism.encoder_counts_m)
+        left, right = scenario.realism.encoder_error
+        self._encoders = Encoder(scenario.realism.encoder_counts_m, left), Encoder(scenario.realism.encoder_counts_m, right)
+        self._up_W = up_W(scenario.stair)
+        self._R_GW = rotation_x(scenario.stair.side_slope_deg * DEG)
+        """Rotation from W into the axes of gravity G, whose z points up."""
         self._nosings_W = staircase.nosings_W
         self._surfaces = stair_surfaces(staircase)
         there = [k for k, steps in enumerate(staircase.flights) for step in steps if not step.missing]
@@ -233,6 +238,8 @@ class Instruments:
         self._velocity_W = state.velocity_W
         left, right = state.belts_m_s.tolist()
         moving = abs(left) + abs(right) > 0.01
+        if self._scenario.stair.side_slope_deg:
+            return self._imu.sample(state.t_s, self._R_GW @ state.R_WB, state.rate_B, self._R_GW @ acceleration, moving=moving)
         return self._imu.sample(state.t_s, state.R_WB, state.rate_B, acceleration, moving=moving)
 
     def _payload_at(self, state: ChairState) -> Vector3:
@@ -272,6 +279,7 @@ class Instruments:
             self._seated,
             self._payload_at(state),
             SUPPORT_WITHIN_M,
+            self._up_W,
         )
         x_m += along_m
         along, across = self._friction_at(x_m)

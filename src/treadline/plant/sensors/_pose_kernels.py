@@ -20,7 +20,23 @@ CHAIR = 13
 @njit(cache=True)
 @no_type_check
 def truth(
-    R_SW, p_WS, R_WB, p_WB, rate, seat_angle, flipper_angle, reach, place, reaches, nosings_W, surfaces, chair, seated, loaded, near
+    R_SW,
+    p_WS,
+    R_WB,
+    p_WB,
+    rate,
+    seat_angle,
+    flipper_angle,
+    reach,
+    place,
+    reaches,
+    nosings_W,
+    surfaces,
+    chair,
+    seated,
+    loaded,
+    near,
+    up_W,
 ):
     """Return the ground truth derived from a simulated chair's pose.
 
@@ -34,9 +50,10 @@ def truth(
         chair: parameters as named above.
         seated: Centre of the payload from the hinge in the seat frame, without sway; ``loaded``: with sway.
         near: Largest distances for support: between a nosing and the belts, and below a front tip.
+        up_W: Unit vector against gravity: z of W, except on a stair that falls to a side.
     """
     heading, heading_rate, x, y = on_stair(R_SW, p_WS, R_WB, p_WB, rate)
-    forward_z, left_z, up_z = R_WB[2, 0], R_WB[2, 1], R_WB[2, 2]
+    forward_z, left_z, up_z = dot(R_WB[:, 0], up_W), dot(R_WB[:, 1], up_W), dot(R_WB[:, 2], up_W)
     c, s = math.cos(seat_angle), math.sin(seat_angle)
 
     if place < 0:
