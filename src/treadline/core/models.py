@@ -141,6 +141,15 @@ class LinearModel(Printable):
         """Number of states."""
         return int(self.A.shape[0])
 
+    @property
+    def turn_per_belt_rad_m(self) -> float:
+        """Yaw rate, the second output, a second after a step of the belt speed difference, per that difference [rad/m]."""
+        step = np.array([-0.5, 0.5])
+        x = np.zeros(self.order)
+        for _ in range(max(round(1.0 / self.dt_s), 1)):
+            x = self.A @ x + self.B @ step
+        return float((self.C @ x + self.D @ step)[1])
+
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, period, channels and poles."""
         poles = ", ".join(f"{pole:.4g}" for pole in np.linalg.eigvals(self.A))

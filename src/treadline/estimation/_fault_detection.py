@@ -186,9 +186,6 @@ class DriftRule:
     """Smallest number of frames of a ramp."""
     window_s: float = 2.0
     """Longest time since onset [s]."""
-    turn_per_belt_rad_m: float = 0.38
-    """Yaw rate per belt speed difference on a flight [rad/m]: a quarter of the kinematic value for 0.65 m between the belts
-    (measured on the plant)."""
     straight_sigma_rad_s: float = 0.35 * DEG
     """Sigma of the yaw rate predicted from equal belt speeds over 0.3 s [rad/s]: nosings turn the chair by as much."""
     turn_sigma: float = 1.0
@@ -211,10 +208,16 @@ class Drift:
 
 
 class GlrDriftDetector:
-    """Propagates the drift signatures and tests them on each frame."""
+    """Propagates the drift signatures and tests them on each frame.
 
-    def __init__(self, rule: DriftRule) -> None:
+    Args:
+        rule: Thresholds.
+        turn_per_belt_rad_m: Yaw rate per belt speed difference [rad/m].
+    """
+
+    def __init__(self, rule: DriftRule, turn_per_belt_rad_m: float) -> None:
         self._rule = rule
+        self._turn_per_belt_rad_m = turn_per_belt_rad_m
         self._gyro_angle = 0.0
         self._odometry_angle: float | None = None
         self._belts_s: float | None = None
@@ -236,7 +239,7 @@ class GlrDriftDetector:
         if dt > 0.1 or self._odometry_angle is None:  # after a pause the integrated prediction is no longer valid
             self._odometry_angle, dt = 0.0, 0.0
             self._steps["odometry_angle"] = np.nan
-        self._odometry_angle += max(dt, 0.0) * self._rule.turn_per_belt_rad_m * difference_m_s
+        self._odometry_angle += max(dt, 0.0) * self._turn_per_belt_rad_m * difference_m_s
         self._belts_s = t_s
 
     def frame(self, t_s: float, innovation: float, variance: float, gain: Float[np.ndarray, " 4"]) -> Drift | None:

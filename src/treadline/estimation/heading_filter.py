@@ -52,6 +52,9 @@ class FilterConfig:
     """Gate on χ² of one measurement: three sigma."""
     reacquisition: ReacquisitionRule = field(default_factory=ReacquisitionRule)
     drift: DriftRule = field(default_factory=DriftRule)
+    turn_per_belt_rad_m: float = 0.38
+    """Yaw rate per belt speed difference on a flight without an identified model [rad/m]: a quarter of the kinematic value for
+    0.65 m between the belts (measured on the plant)."""
     stuck: StuckRule = field(default_factory=StuckRule)
     disagreeing_count: int = 3
     """Consecutive rejected measurements that constitute a disagreement."""
@@ -84,7 +87,7 @@ class HeadingFilter:
     def __init__(self, config: FilterConfig | None = None) -> None:
         self._config = config or FilterConfig()
         self._filters = MultipleModelKalmanFilter(self._config.gyro)
-        self._drifts = GlrDriftDetector(self._config.drift)
+        self._drifts = GlrDriftDetector(self._config.drift, self._config.turn_per_belt_rad_m)
         self._stuck = StuckGyroDetector(self._config.stuck)
         self._rejected = RejectedTrack(self._config.reacquisition)
         self._belts: TrackReading | None = None

@@ -9,7 +9,7 @@ from treadline.core import paper
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.signals import TICK_S, ImuSample
-from treadline.estimation import HeadingFilter, OffsetEstimator
+from treadline.estimation import FilterConfig, HeadingFilter, OffsetEstimator
 from treadline.guard import Guard, GuardConfig
 from treadline.mission._blocks import Detector
 from treadline.mission._warm_up import stair_frames
@@ -118,7 +118,10 @@ def _estimator_of(config: MissionConfig) -> Estimator:
     """
     if config.plugins.estimator is not None:
         return _built("estimator", config.plugins.estimator, config, Estimator)
-    return HeadingFilter() if config.vision == "robust" else OffsetEstimator()
+    if config.vision != "robust":
+        return OffsetEstimator()
+    turn_per_belt = 0.0 if config.controller is None else config.controller.model.turn_per_belt_rad_m
+    return HeadingFilter(FilterConfig(turn_per_belt_rad_m=turn_per_belt) if turn_per_belt > 0.0 else None)
 
 
 def _built(kind: str, plugin: Any, config: MissionConfig, protocol: Any) -> Any:
