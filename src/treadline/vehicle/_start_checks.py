@@ -67,7 +67,7 @@ def checked_start(scenario: Scenario, chair: ChairDescription) -> tuple[tuple[st
 
     The number is None in open loop, which uses no camera, and where the pose has problems.
     """
-    aim = _nowhere_to_go(scenario) or _cannot_come_down(scenario, chair)
+    aim = _nowhere_to_go(scenario) or _cannot_come_down(scenario, chair) or _cannot_mount(scenario, chair)
     known = (
         _outside_the_flight(scenario, chair.tracks),
         _in_the_floor(scenario, chair.tracks),
@@ -149,6 +149,13 @@ def _cannot_come_down(scenario: Scenario, chair: ChairDescription) -> str | None
     if scenario.drive.direction == "up" or not lacking:
         return None
     return f"chair '{chair.name}' lacks {' and '.join(lacking)}, and comes down no stair; give chair.model = 'wheelchair'"
+
+
+def _cannot_mount(scenario: Scenario, chair: ChairDescription) -> str | None:
+    """Return that a chair without flippers only drives along a flight: over a crest it would fall, and so it does not mount."""
+    if chair.flipper is not None or scenario.start.place != "floor" or scenario.control.loop == "open":
+        return None
+    return f"chair '{chair.name}' lacks [flipper], and drives along a flight alone; give start.place = 'flight'"
 
 
 def _outside_the_flight(scenario: Scenario, tracks: Tracks) -> str | None:
