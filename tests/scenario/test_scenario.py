@@ -85,6 +85,11 @@ def test_missing_steps_lie_between_the_floor_and_the_landing(tmp_path: Path) -> 
         assert "18" in message
 
 
+def test_a_stair_of_one_step_has_none_that_may_be_missing(tmp_path: Path) -> None:
+    message = refusal("[stair]\nsteps = 1\nmissing_steps = [0]", tmp_path)
+    assert message == "stair: missing_steps names step 0, and with steps = 1 every step is a landing; remove it"
+
+
 def test_a_start_on_the_flight_stands_on_one_of_its_steps(tmp_path: Path) -> None:
     message = refusal('[stair]\nsteps = 8\n[start]\nplace = "flight"\nstep = 8', tmp_path)
     assert message == "start.step is 8, the flight has 8 steps; give one from 0 to 7"

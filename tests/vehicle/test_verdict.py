@@ -225,8 +225,33 @@ def test_a_landing_too_short_to_stand_on_is_refused_with_the_depth_it_needs() ->
     report = judge(stair={"landing_m": 0.0}, **keys)
     reason = assert_refused_only_for(report, "the landing is 0.30 m deep", "give it a deeper one or start on the flight")
     needed = float(reason.rpartition("needs ")[2].split()[0])
+    for landing_m, too_short in ((needed - 0.01, True), (needed + 0.01, False)):
+        assert any("the landing is" in said for said in judge(stair={"landing_m": landing_m}, **keys).reasons) == too_short
+
+
+@pytest.mark.parametrize(("tables", "what"), [({}, "drop"), ({"end_wall": True}, "wall")])
+def test_a_landing_that_a_chair_cannot_arrive_on_is_refused_with_its_depth(tables: dict[str, Any], what: str) -> None:
+    report = judge(stair={"landing_m": 0.9} | tables)
+    reason = assert_refused_only_for(report, "the landing is 0.90 m deep", what, "take another way, or give stair.landing_m")
+    needed = float(reason.rpartition("needs ")[2].split()[0])
     for landing_m, verdict in ((needed - 0.01, "refuse"), (needed + 0.01, "go")):
-        assert judge(stair={"landing_m": landing_m}, **keys).verdict == verdict
+        assert judge(stair={"landing_m": landing_m} | tables).verdict == verdict
+
+
+@pytest.mark.parametrize("lateral_m", [0.0, 0.3])
+def test_an_edge_hidden_under_the_rear_camera_is_refused_with_what_to_move(lateral_m: float) -> None:
+    """Test: on a landing of 1.2 m, also 0.3 m off its middle. Expected result: the camera at 0.45 m and 40° sees no edge nearer."""
+    tables = {"start": {"place": "landing", "lateral_m": lateral_m}, "drive": {"direction": "down"}}
+    report = judge(stair={"landing_m": 1.2, "width_m": 1.6}, **tables)
+    reason = assert_refused_only_for(report, "the edge, 0.20 m behind the belts, is hidden under the rear camera", "set the chair")
+    needed = float(reason.rpartition("landing of ")[2].split()[0])
+    assert judge(stair={"landing_m": needed + 0.01, "width_m": 1.6}, **tables).verdict == "go"
+
+
+def test_missing_steps_are_the_cause_where_the_others_would_bear_the_chair() -> None:
+    """Test: no first step. Expected result: the remedy is to mend it, not to move the payload."""
+    (margin, *_) = judge(stair={"missing_steps": [0]}).reasons
+    assert re.fullmatch(r"the tipping margin is -\d+\.\d°, below 7°, where two nosings are 0.68 m apart; mend the steps .*", margin)
 
 
 @pytest.mark.parametrize(

@@ -113,6 +113,8 @@ class Stair(Settings):
     def _steps_exist(self) -> "Stair":
         count = self.flights * self.steps
         beyond = [index for index in self.missing_steps if index >= count or (index + 1) % self.steps == 0]
+        if beyond and self.steps == 1:
+            raise ValueError(f"missing_steps names step {beyond[0]}, and with steps = 1 every step is a landing; remove it")
         if beyond and self.flights == 1:
             raise ValueError(
                 f"missing_steps names step {beyond[0]} of a flight of {self.steps} steps; the last that can be missing "
@@ -165,6 +167,8 @@ class Stair(Settings):
                 f"winders is {self.winders} with open_risers; the box of a winder reaches under the next steps, which open risers "
                 "would show: leave one of the two out"
             )
+        if self.steps < 3:
+            return f"winders is {self.winders} of {self.steps} steps; at least two must be straight: give 3 steps or more"
         if self.winders > self.steps - 2:
             return (
                 f"winders is {self.winders} of {self.steps} steps; at least two must be straight, the landing among them: give at "

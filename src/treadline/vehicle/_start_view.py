@@ -9,9 +9,11 @@ from collections.abc import Callable
 from treadline.scenario.chair import CameraMount, ChairDescription
 from treadline.scenario.scenario import Scenario, Start
 from treadline.vehicle.staircase import Staircase
-from treadline.vehicle.start_pose import standing
+from treadline.vehicle.start_pose import LANDING_SPARE_M, from_edge_m, standing
 from treadline.vehicle.visibility import geometry_of, least_nosings
 
+FURTHER_M = [0.01 * cm for cm in range(101)]
+"""Distances from the edge of a landing that are tried for the remedy, beyond the present one [m]."""
 PITCHES_DEG = range(-90, 91, 5)
 """Mount pitches that are tried for the remedy [°]."""
 
@@ -49,15 +51,39 @@ class StartView:
         Args:
             fits: Whether the chair can stand at a start.
         """
-        if self.detects(self._scenario.start):
-            return None
+        hidden = self._hidden_edge()
+        if hidden is not None or self.detects(self._scenario.start):
+            return hidden
         few = "no nosing is" if self._least == 1 else f"fewer than {self._least} nosings are"
         lacking = f"{few} in view of the {self._name.replace('_', ' ')} from the start"
         return f"{lacking}, too few to detect a stair; {self._step_remedy(fits) or self._mount_remedy()}"
 
+    def _hidden_edge(self) -> str | None:
+        """Return by how much to move a chair on a landing whose edge is hidden under the camera; None if it never is in view."""
+        further_m = next((cm for cm in FURTHER_M if self._shows_edge(self._scenario.start, cm)), None)
+        if not further_m:
+            return None
+        tracks, landing_m = self._chair.tracks, self._scenario.stair.landing_m
+        needed_m = from_edge_m(landing_m, tracks) + further_m + tracks.flat_run_m + LANDING_SPARE_M
+        hidden = f"the edge, {from_edge_m(landing_m, tracks):.2f} m behind the belts, is hidden under the rear camera"
+        return f"{hidden}; set the chair {further_m:.2f} m further from it, on a landing of {needed_m:.2f} m"
+
+    def _shows_edge(self, start: Start, further_m: float = 0.0) -> bool:
+        """Return whether a square chair on the landing has its edge in view, or none is needed; without it the next nosing counts.
+
+        Args:
+            further_m: Distance by which the chair stands further from the edge.
+        """
+        if self._is_up or start.place != "landing":
+            return True
+        square = standing(self._staircase, self._chair.tracks, start.model_copy(update={"heading_deg": 0.0}))
+        view = self._geometry.visibility(square.R_WB, square.p_WB + further_m * square.R_WB[:, 0])
+        edge = self._staircase.steps[-1].index
+        return view is not None and view.direction == "down" and edge in view.numbers[view.seen]
+
     def detects(self, start: Start) -> bool:
-        """Return whether enough nosings are in view from a start."""
-        return self.nosings(start) > 0
+        """Return whether enough nosings are in view from a start, the edge of its landing among them."""
+        return self.nosings(start) > 0 and self._shows_edge(start)
 
     def _step_remedy(self, fits: Callable[[Start], bool]) -> str | None:
         """Return the nearest step for a start on the flight from which the stair is in view."""

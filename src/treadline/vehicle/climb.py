@@ -19,6 +19,8 @@ class Climb:
     """Pitch of the chair: the flight's slope; over a single nosing the pitch at which the middle of the belts passes."""
     spacing_m: float | None
     """Largest distance between neighbouring nosings [m]; None for a single one, at which floor and landing bear the belts' ends."""
+    pitch_m: float
+    """Distance between neighbouring nosings by design [m]."""
     half_run_m: float
     """Half of the belts' flat run [m]."""
 
@@ -44,13 +46,19 @@ class Climb:
 def climb_of(scenario: Scenario, chair: ChairDescription) -> Climb:
     """Return what the chair of a scenario climbs."""
     stair, half_run_m = scenario.stair, 0.5 * chair.tracks.flat_run_m
+    pitch_m = math.hypot(stair.rise_m, stair.run_m)
     if stair.steps > 1:
-        spacing_m = widest_spacing_m(scenario, 1)
-        return Climb(rise_m=stair.rise_m, slope_rad=stair.slope_rad, spacing_m=spacing_m, half_run_m=half_run_m)
+        return Climb(
+            rise_m=stair.rise_m,
+            slope_rad=stair.slope_rad,
+            spacing_m=widest_spacing_m(scenario, 1),
+            pitch_m=pitch_m,
+            half_run_m=half_run_m,
+        )
     rise_m = max(step.rise_m for step in as_designed(stair, scenario.step).steps)
     # The rear end stands on the floor, the middle of the flat run on the nosing.
     pitch_rad = math.asin(min(rise_m / half_run_m, 1.0))
-    return Climb(rise_m=rise_m, slope_rad=pitch_rad, spacing_m=None, half_run_m=half_run_m)
+    return Climb(rise_m=rise_m, slope_rad=pitch_rad, spacing_m=None, pitch_m=pitch_m, half_run_m=half_run_m)
 
 
 def widest_spacing_m(scenario: Scenario, neighbours: int) -> float:

@@ -38,6 +38,8 @@ SIDES = ("uphill", "downhill", "left", "right")
 """Directions of tipping."""
 SHIFT_STEP_M, SHIFT_LIMIT_M = 0.01, 0.20
 """Step and limit of the search for a seat shift [m]."""
+END_CLEAR_M = 0.40
+"""Distance of the belts from a drop at a landing's far end [m]: the guard keeps 0.34 m and the stopping distance at 0.1 m/s."""
 LANDING_SPARE_M = 0.60
 """Required depth of a landing between two flights beyond the length of the chair [m]: nearer than 0.45 m the next edge is hidden
 below the camera."""
@@ -118,12 +120,13 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _beyond_rating(chair, climb, loading.payload_kg),
         _too_short(stair, length_m) if is_flight else _beyond_the_flipper(chair, climb),
         _too_slippery(stair, climb, heading),
-        _too_unstable(margins, chair, loading, shift),
+        _too_far_apart(chair, loading, climb, margins, heading) or _too_unstable(margins, chair, loading, shift),
         _too_heavy_for_the_brakes(chair, loading.payload_kg, climb),
         None if seat_range is None else _too_steep_for_the_seat(seat_range[1], climb),
         _no_seat_to_shift(scenario.chair, chair),
         _too_wide_a_gap(scenario, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
+        _too_short_to_arrive(scenario, chair),
         _undetectable_steps(scenario),
         _turning_flights(stair),
         _winders(stair),
@@ -221,6 +224,18 @@ def _too_slippery(stair: Stair, climb: Climb, heading_rad: float) -> str | None:
     return (
         f"at a heading of {heading_rad / DEG:.0f}° the chair slides (friction use {use:.2f}); start squarer than "
         f"{largest_heading_rad(climb.slope_rad, stair.mean_friction) / DEG:.0f}°"
+    )
+
+
+def _too_far_apart(chair: ChairDescription, loading: Chair, climb: Climb, margins: Margins, heading_rad: float) -> str | None:
+    """Return the tip-over margin where the usual steps of the flight would leave enough, and missing or long ones do not."""
+    if margins.worst >= MARGIN_LIMIT_RAD or climb.spacing_m is None:
+        return None
+    if static_margins(chair, loading, climb.slope_rad, climb.pitch_m, heading_rad).worst < MARGIN_LIMIT_RAD:
+        return None
+    return (
+        f"the tipping margin is {margins.worst / DEG:.1f}°, below {MARGIN_LIMIT_RAD / DEG:g}°, where two nosings are "
+        f"{climb.spacing_m:.2f} m apart; mend the steps or take another way"
     )
 
 
@@ -327,3 +342,22 @@ def _too_short_a_landing(stair: Stair, tracks: Tracks) -> str | None:
     if stair.flights == 1 or stair.between_m >= needed_m:
         return None
     return f"the landing between two flights is {stair.between_m:.2f} m deep, the chair needs {needed_m:.2f} m; take another way"
+
+
+def _too_short_to_arrive(scenario: Scenario, chair: ChairDescription) -> str | None:
+    """Return the depth of the uppermost landing that a chair going up needs: its belts, and what follows them."""
+    stair, tracks = scenario.stair, chair.tracks
+    if scenario.drive.direction == "down" or scenario.control.loop == "open" or scenario.start.place == "flight":
+        return None
+    if stair.end_wall:
+        needed_m = 0.5 * tracks.flat_run_m + chair.nose_m[0] + tracks.pulley_radius_m
+        what = "the flipper before the wall at its end"
+    else:
+        needed_m, what = tracks.flat_run_m + END_CLEAR_M, f"{END_CLEAR_M:.2f} m to the drop at its end"
+    depth_m = max(stair.landing_m, stair.run_m)
+    if depth_m >= needed_m:
+        return None
+    return (
+        f"the landing is {depth_m:.2f} m deep, a chair that goes up needs {needed_m:.2f} m: its belts, and {what}; take another "
+        "way, or give stair.landing_m with the floor that follows"
+    )

@@ -7,13 +7,12 @@ Things that stand on the ground hide nothing here: what rises bears.
 import math
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import FreeGround, View
 from treadline.scenario.chair import ChairDescription
-from treadline.scenario.stair import RISE_M
 from treadline.vehicle.stair_solids import ground_m, stair_surfaces
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.visibility import margins_px
@@ -23,9 +22,20 @@ RANGE_M = 2.0
 SIGMA_M = 0.010
 """Standard deviation of the measured end of the ground [m], and distance between two points: that of a falling flight's nosing in
 2.0 to 2.5 m depth, the furthest of the range, in ``data/cameras/statistical.json``."""
+DROP_M = 0.04
+"""Least height of a drop [m], as in ``perception.free_ground``."""
 LINES = 5
 """Number of lines of points over the swept width, 0.2 m apart: between two of them a right-angled corner is at most 0.1 m
 nearer."""
+
+
+def _end_wall(staircase: Staircase) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]] | None:
+    """Return a point on the wall at the far end of the uppermost landing and the direction into it, in plan; None without one."""
+    if not staircase.end_wall:
+        return None
+    last, (R_WF, p_WF) = staircase.steps[-1], staircase.flight_frame(staircase.flight_count - 1)
+    end_F = np.array([last.x_m + max(staircase.landing_m, last.depth_m), 0.0, 0.0])
+    return (p_WF + R_WF @ end_F)[:2], R_WF[:2, 0]
 
 
 class GroundAhead:
@@ -44,6 +54,7 @@ class GroundAhead:
         sigma_m: float = SIGMA_M,
     ) -> None:
         self._surfaces = stair_surfaces(staircase)
+        self._wall = _end_wall(staircase)
         self._camera, self._rng, self._sigma_m = calibration, rng, sigma_m
         self._view: View = "front" if calibration.R_BC[0, 2] > 0.0 else "rear"
         self._way = 1.0 if self._view == "front" else -1.0
@@ -72,7 +83,11 @@ class GroundAhead:
         points_B = (np.column_stack([places, np.full(len(places), level_m)]) - p_WB) @ R_WB
         margins = margins_px(self._camera, (points_B - self._camera.mount_m) @ self._camera.R_BC)
         seen = np.asarray(np.all(margins.reshape(-1, LINES) > 0.0, axis=1))
-        return self._measured(t_s, seen, (tops_m > level_m - RISE_M[0]).reshape(-1, LINES))
+        bears = tops_m > level_m - DROP_M
+        if self._wall is not None:  # a wall rises
+            p_W, ahead_W = self._wall
+            bears |= (places - p_W) @ ahead_W > 0.0
+        return self._measured(t_s, seen, bears.reshape(-1, LINES))
 
     def _measured(self, t_s: float, seen: Bool[np.ndarray, " n"], bears: Bool[np.ndarray, "n k"]) -> FreeGround:
         """Return the measurement of one frame; each takes the same number of random draws.
