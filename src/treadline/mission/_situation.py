@@ -69,6 +69,8 @@ class TraversalConfig:
     """Travel over a landing to find the next flight [m]: from further away only its first step is in view, or its edge hides it."""
     slow_m_s: float = 0.1
     """Mean belt speed onto the stair and off the stair [m/s]."""
+    enter_from_m: float = 0.22
+    """Distance of the leading pulley before the flight from which the chair enters it [m]."""
     gap_m: float = 0.45
     """Distance of the leading pulley before the nosing at a missing step at which the chair stops for good [m]."""
 

@@ -23,10 +23,8 @@ SQUARE_RAD, LOST_RAD = 2.0 * DEG, 8.0 * DEG
 """Heading errors below which a chair has been square, and above which it is lost [rad]. A turn against the belts suspends steering
 only of a chair that has been square and not lost since; otherwise the heading error must be corrected, however much the belts skid.
 Slip never suspends steering of a lost chair."""
-SUSPENDED_S, MAX_SUSPENDED_S = 5.0, 10.0
-"""Duration of a suspension, three nosings at cruise speed, and of a repeated one [s]."""
-REPEAT_S = 5.0
-"""Time after a suspension within which the next one is a repetition [s]."""
+SUSPENDED_S = 5.0
+"""Duration of a suspension [s]: three nosings at cruise speed."""
 SLIPS_M_S, GRIPS_M_S = 0.04, 0.02
 """Slip-speed hysteresis [m/s]: steering is suspended above ``SLIPS_M_S`` and resumed below ``GRIPS_M_S``. With a heading error
 above ``SQUARE_RAD`` this applies only after a roll-back of ``SLID_M``."""
@@ -40,7 +38,6 @@ class SkidMonitor:
 
     def __init__(self) -> None:
         self._until_s = -math.inf
-        self._suspended_s = SUSPENDED_S
         self._was_square = False
         self._turned_rad = 0.0
         self._window: deque[tuple[float, float, float]] = deque()
@@ -81,9 +78,7 @@ class SkidMonitor:
         against_m_s = -side * sum([apart for _, _, apart in self._window]) / len(self._window)
         away_rad = side * (self._turned_rad - self._window[0][1])
         if t_s >= self._until_s and self._was_square and away_rad > AWAY_RAD and against_m_s > APART_M_S:
-            again = t_s < self._until_s + REPEAT_S
-            self._suspended_s = min(2.0 * self._suspended_s, MAX_SUSPENDED_S) if again else SUSPENDED_S
-            self._until_s = t_s + self._suspended_s
+            self._until_s = t_s + SUSPENDED_S
         returns = -away_rad >= TURNS_RAD_S * (t_s - self._window[0][0])
         self._note_slip(slip_m_s, abs(off_rad), returns=returns, has_slid=roll_back_m >= SLID_M)
         return t_s >= self._until_s and not self._slips

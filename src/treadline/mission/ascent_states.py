@@ -15,7 +15,7 @@ from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, TrackReading
 from treadline.mission._automaton import Automaton, Exit, State
-from treadline.mission._situation import LEVEL_RAD, FlightSituation, TraversalConfig, Way, on_the_tip
+from treadline.mission._situation import ASIDE_M, LEVEL_RAD, FlightSituation, TraversalConfig, Way, on_the_tip
 from treadline.mission._traction_test import TractionConfig, TractionTest
 from treadline.mission.planner import PlannerInput
 
@@ -39,18 +39,11 @@ spare."""
 class AscentConfig(TraversalConfig):
     """Distances, angles and speeds of a traversal up; distances along the belts unless stated otherwise."""
 
-    slow_from_m: float = 0.35
-    """Distance of the front pulley before the first nosing at which the chair slows down [m]: the flipper meets the nosing up to
-    0.2 m earlier than the pulley."""
     idle_rad: float = 6.0 * DEG
     """Flipper angle error that counts as a fault while the belts are on the floor [rad]. A traversal up does not begin with a
     flipper that could not lower the chair over the crest."""
-    mount_from_m: float = 0.22
-    """Distance of the front pulley before the first nosing at which mounting begins [m]."""
     touched_rad: float = 4.0 * DEG
-    """Pitch at which the belts have touched the first nosing [rad], whatever the stair map shows."""
-    mounted_rad: float = 4.0 * DEG
-    """Pitch below the slope at which the belts lie on two nosings [rad]."""
+    """Pitch at which the belts have touched the first nosing, and difference from the slope at which they lie on two [rad]."""
     pulses: int = 2
     """Number of lost traction tests after which the chair backs off. One may be lost by chance: a belt that meets a step during the
     pulse loses a quarter of its speed."""
@@ -64,8 +57,6 @@ class AscentConfig(TraversalConfig):
     horizontal [m]."""
     back_off_m: float = 0.5
     """Distance to back off from the stair before the refusal [m]."""
-    wall_m: float = 0.50
-    """Distance of the chair's middle from a wall below which the chair steers away [m]."""
     aside_rad_m: float = 10.0 * DEG
     """Heading set point per metre of missing distance [rad/m]."""
     aside_limit_rad: float = 2.0 * DEG
@@ -122,7 +113,7 @@ class Ascent(FlightSituation):
     def enters(self) -> bool:
         """Whether the chair is about to drive onto the flight: a side that was not in view does not count as wide enough."""
         where = self._where
-        return self.phase != "align" and (self._before_m < self._config.mount_from_m or where.pitch_rad > self._config.touched_rad)
+        return self.phase != "align" and (self._before_m < self._config.enter_from_m or where.pitch_rad > self._config.touched_rad)
 
     def is_unfit(self) -> str | None:
         """Square to the flight, and every stair that may be the measured one exceeds a limit of the chair."""
@@ -161,14 +152,15 @@ class Ascent(FlightSituation):
     def lies_on_two_nosings(self) -> str | None:
         """The belts lie on two nosings, the rear still on the floor."""
         ahead, where = self._where.ahead_m(), self._where
-        if len(ahead) < 2 or ahead[0] >= self._lift_off_m() or where.pitch_rad <= where.slope_rad - self._config.mounted_rad:
+        if len(ahead) < 2 or ahead[0] >= self._lift_off_m() or where.pitch_rad <= where.slope_rad - self._config.touched_rad:
             return None
         return f"the belts lie on two nosings, pitch {where.pitch_rad / DEG:.1f}°"
 
     def go_at_the_stair(self) -> MotionPlan:
         """Drives at the first step, slower near it, with the flipper lowered to clear the next step."""
         config = self._config
-        speed = config.slow_m_s if self._before_m < config.slow_from_m else config.cruise_m_s
+        nose_m = config.chair.reach_m - self._pivot_m  # the flipper meets the nosing before the pulley
+        speed = config.slow_m_s if self._before_m < nose_m else config.cruise_m_s
         turn = self._level.keep(self._estimate, self._aside())
         flipper = self._flipper_planner.to(self.t_s, self._mounting_rad)
         return replace(self.still, speed_m_s=speed, turn_m_s=turn, flipper=flipper)
@@ -271,14 +263,14 @@ class Ascent(FlightSituation):
 
     def _aside(self) -> float:
         """Return the heading set point away from a near wall, or towards the middle between two walls [rad]."""
-        config, where = self._config, self._where
+        config, where, clear_m = self._config, self._where, self._half_width_m + ASIDE_M
         left, right = where.left_wall_m, where.right_wall_m
         if left is not None and right is not None:
             lacking = 0.5 * (right - left)
         elif left is not None:
-            lacking = max(config.wall_m - left, 0.0)
+            lacking = max(clear_m - left, 0.0)
         else:
-            lacking = 0.0 if right is None else -max(config.wall_m - right, 0.0)
+            lacking = 0.0 if right is None else -max(clear_m - right, 0.0)
         # A negative heading leads to the right, away from a wall on the left.
         return -min(max(config.aside_rad_m * lacking, -config.aside_limit_rad), config.aside_limit_rad)
 

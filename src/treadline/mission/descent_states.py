@@ -32,19 +32,13 @@ smoothly."""
 class DescentConfig(TraversalConfig):
     """Distances, angles and speeds of a traversal down; distances along the belts unless stated otherwise."""
 
-    enter_from_m: float = 0.22
-    """Distance of the rear pulley before the edge from which the chair may drive onto the flight [m], as going up."""
     max_heading_error_rad: float = 4.0 * DEG
     """Heading error on the flight above which the chair first turns by climbing [rad]: belts that back down and turn diverge."""
-    square_rad: float = 1.0 * DEG
-    """Heading error below which the turn by climbing ends [rad]."""
     past_m: float = 0.1
     """Largest distance of the front pulley past the edge when the chair lies on the flight [m]."""
     stowed_rad: float = 5.0 * DEG
     """Largest angle between the flipper and its rest at which it counts as stowed, after the chair was lowered back onto the
     landing [rad]."""
-    stow_s: float = 8.0
-    """Time allowed to stow the flipper [s]."""
     slow_from_m: float = 0.5
     """Distance of the rear pulley before the last nosing at which the chair has slowed down [m]."""
     slows_m: float = 0.1
@@ -59,8 +53,6 @@ class DescentConfig(TraversalConfig):
     and drop off it as the chair leaves."""
     unseen_m: float = 0.25
     """Distance of the rear pulley before the last mapped nosing at which the chair stops [m] if no map showed the floor beyond."""
-    left_m: float = 0.45
-    """Distance of the front pulley past the last nosing at which the chair and its flipper have left the stair [m]."""
 
 
 class Descent(FlightSituation):
@@ -87,7 +79,6 @@ class Descent(FlightSituation):
         """Missing step of the flight below the edge."""
         self._turned_back_for = ""
         """Reason for lowering the chair back onto the landing; empty if there is none."""
-        self._barred_s = math.inf
         self._is_late = False
         """Whether the flipper has not been lifted in time off the last nosings."""
 
@@ -192,11 +183,11 @@ class Descent(FlightSituation):
         """The chair could not be let down; a chair that is level again stows its flipper first."""
         if self._command is None or self._command.stage != "barred" or self._flipper is None:
             return None
-        config, pitch = self._config, self._where.pitch_rad
-        self._barred_s = min(self._barred_s, self.t_s)
+        pitch = self._where.pitch_rad
         is_level = abs(pitch) < LEVEL_RAD
         off_rad = abs(self._flipper.angle_rad - self._flipper_planner.rest_rad)
-        if is_level and off_rad > config.stowed_rad and self.t_s - self._barred_s < config.stow_s:
+        off_rad = off_rad if is_level and off_rad > self._config.stowed_rad else 0.0
+        if not self._flipper_planner.is_late(self.t_s, off_rad) and off_rad > 0.0:
             return None
         why = self._turned_back_for or "the flipper could not let the chair down over the edge"
         return f"{why}; it " + ("stands on the landing again" if is_level else f"stands at {pitch / DEG:.0f}°")
@@ -236,8 +227,9 @@ class Descent(FlightSituation):
     def has_turned(self) -> str | None:
         """The heading error is small."""
         estimate = self._estimate
-        is_square = estimate is not None and abs(estimate.heading_rad) < self._config.square_rad
-        return f"square within {abs(estimate.heading_rad) / DEG:.1f}°" if estimate is not None and is_square else None
+        if estimate is None or not self._level.within(estimate):
+            return None
+        return f"square within {abs(estimate.heading_rad) / DEG:.1f}°"
 
     def saw_no_floor(self) -> str | None:
         """The rear pulley is near the last nosing in any map, and no map showed the floor beyond."""
@@ -270,7 +262,8 @@ class Descent(FlightSituation):
         return f"on the floor, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the first nosing" if self._is_clear() else None
 
     def _is_clear(self) -> bool:
-        return abs(self._where.pitch_rad) < LEVEL_RAD and self._before_m < -2.0 * self._pivot_m - self._config.left_m
+        length_m = 2.0 * self._pivot_m + self._config.chair.tracks.approach_m
+        return abs(self._where.pitch_rad) < LEVEL_RAD and self._before_m < -length_m
 
     @property
     def _before_m(self) -> float:
