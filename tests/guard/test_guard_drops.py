@@ -133,7 +133,9 @@ def test_an_edge_is_entered_where_the_guards_own_maps_show_its_nosing(phase: Any
     assert Chair().look(**end).map(1.2, maps=1).goes(-0.1, phase) < 0.35
     assert Chair().look(**end).map(1.4).goes(-0.1, phase) < 0.35  # a nosing elsewhere
     assert Chair().look(**end).map(1.2, direction="up").goes(-0.1, phase) < 0.35
-    assert Chair().look(**end).map(1.2, nosings_B=[(-1.2, 0.0, 0.0)]).goes(-0.1, phase) < 0.35  # one nosing is no flight
+    nosing = [(-1.2, 0.0, 0.0)]
+    assert Chair().look(**end).map(1.2, nosings_B=nosing).goes(-0.1, phase) < 0.35  # one nosing is no flight
+    assert Chair().look(**end).map(1.2, nosings_B=nosing, ends=True).goes(-0.1, phase) > 1.0  # but may be a kerb
 
 
 @pytest.mark.parametrize(("turn_deg", "enters"), [(15.0, True), (44.0, True), (46.0, False)])

@@ -105,8 +105,11 @@ class DropMonitor:
         self._ground[way].look(ground, way * travel_m, reach_m)
 
     def look_on_stair(self, stair: StairMap, travel_m: float) -> None:
-        """Update with the nosings of one map and the belt travel at its exposure; falling flights are seen backwards."""
-        if stair.direction == "down" and len(stair.nosings_B) > 1:
+        """Update with the nosings of one map and the belt travel at its exposure; falling flights are seen backwards.
+
+        One nosing counts if the floor beyond it was seen, as down a kerb.
+        """
+        if stair.direction == "down" and (len(stair.nosings_B) > 1 or stair.ends):
             self._ground[-1.0].look_on_stair(-stair.nosings_B[0][0] - travel_m)
 
     def cause(self, t_s: float, travel_m: float, speed_m_s: float, plan: MotionPlan | None, heading_rad: float) -> str | None:
