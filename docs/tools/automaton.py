@@ -41,11 +41,11 @@ def drawing(states: tuple[Any, ...]) -> str:
     for state in states:
         y, height = tops[state.name], LINE * max(2, len(state.exits)) + 8
         parts += _box(state, y, height)
-        for row, end in enumerate(state.exits):
-            line_y, colour = y + 17 + LINE * row, COLOURS.get(end.to, "#0072b2")
-            parts.append(f'<text x="{LEFT + BOX + 14}" y="{line_y}" fill="#345">{escape(words(end.when))}</text>')
-            parts.append(f'<text x="{WIDTH - 8}" y="{line_y}" fill="{colour}" text-anchor="end">→ {end.to}</text>')
-        for to in dict.fromkeys(end.to for end in state.exits if end.to in tops):
+        for row, (when, to) in enumerate(state.exits.items()):
+            line_y, colour = y + 17 + LINE * row, COLOURS.get(to, "#0072b2")
+            parts.append(f'<text x="{LEFT + BOX + 14}" y="{line_y}" fill="#345">{escape(words(when))}</text>')
+            parts.append(f'<text x="{WIDTH - 8}" y="{line_y}" fill="{colour}" text-anchor="end">→ {to}</text>')
+        for to in dict.fromkeys(to for to in state.exits.values() if to in tops):
             parts.append(_arrow(y + 0.5 * height, tops[to] + 12, 14 + LANE * (lane % LANES), COLOURS.get(to, "#0072b2")))
             lane += 1
     return "\n".join([*parts, "</svg>", ""])

@@ -4,8 +4,8 @@
 what the documentation draws (``docs/tools/automaton.py``).
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Generic, Literal, Protocol, TypeVar
 
 from treadline.core.signals import MotionPlan, Phase
@@ -34,13 +34,8 @@ class Situation(Protocol):
 S_contra = TypeVar("S_contra", bound=Situation, contravariant=True)
 
 
-@dataclass(frozen=True, slots=True)
-class Exit(Generic[S_contra]):
-    """End of a state: a condition, and the next state or a hold."""
-
-    when: Callable[[S_contra], str | None]
-    """Returns the observation with its value, or None while the condition does not hold."""
-    to: Phase | Literal["hold"]
+Exits = Mapping[Callable[[S_contra], str | None], Phase | Literal["hold"]]
+"""Next state, or a hold, by the condition that ends a state."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +46,8 @@ class State(Generic[S_contra]):
     behaviour: Callable[[S_contra], MotionPlan]
     limit_s: float
     """Time without coming further after which the chair is held [s]; infinite where it stands for good."""
-    exits: tuple[Exit[S_contra], ...] = ()
-    """Ends of the state; the first whose condition holds is taken."""
+    exits: Exits[S_contra] = field(default_factory=dict)
+    """Ends of the state; the first condition that returns an observation counts."""
     begins: Callable[[S_contra], None] | None = None
     """What is prepared when the state begins."""
 
@@ -71,7 +66,8 @@ class Automaton(Generic[S_contra]):
         """Return the plan of this tick; a new state acts in the tick in which it begins."""
         for _ in self._states:
             state = self._states[situation.phase]
-            cause, to = next(((cause, end.to) for end in state.exits if (cause := end.when(situation)) is not None), (None, None))
+            ends = ((when(situation), to) for when, to in state.exits.items())
+            cause, to = next(((cause, to) for cause, to in ends if cause is not None), (None, None))
             if cause is None and situation.stalled_s > state.limit_s:
                 situation.try_again()
                 cause, to = f"no progress in {state.limit_s:g} s ({state.name}): the belts slip, or something is in the way", "hold"

@@ -14,7 +14,7 @@ from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
 from treadline.control.flipper import OVER_BELTS_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, TrackReading
-from treadline.mission._automaton import Automaton, Exit, State
+from treadline.mission._automaton import Automaton, Exits, State
 from treadline.mission._situation import ASIDE_M, LEVEL_RAD, FlightSituation, TraversalConfig, Way, on_the_tip
 from treadline.mission._traction_test import TractionConfig, TractionTest
 from treadline.mission.planner import PlannerInput
@@ -347,90 +347,63 @@ class Ascent(FlightSituation):
         return self._stage_in("done") is not None and (is_level or self._where.travel_m - self._from_m > beyond_m)
 
 
-_BEFORE_THE_FLIGHT = (
-    Exit(Ascent.is_barred_by_a_gap, "hold"),
-    Exit(Ascent.is_too_narrow, "hold"),
-    Exit(Ascent.has_an_idle_flipper, "hold"),
-)
+_BEFORE_THE_FLIGHT: Exits[Ascent] = {
+    Ascent.is_barred_by_a_gap: "hold",
+    Ascent.is_too_narrow: "hold",
+    Ascent.has_an_idle_flipper: "hold",
+}
 STATES_UP: tuple[State[Ascent], ...] = (
     State(
         "search",
         Ascent.look,
         limit_s=40.0,
-        exits=(
-            Exit(Ascent.is_laid, "climb"),
-            Exit(Ascent.sees_the_stair, "align"),
-            Exit(Ascent.found_nothing, "hold"),
-        ),
+        exits={Ascent.is_laid: "climb", Ascent.sees_the_stair: "align", Ascent.found_nothing: "hold"},
         begins=Ascent.face_next_flight,
     ),
-    State(
-        "align",
-        Ascent.turn_square,
-        limit_s=30.0,
-        exits=(Exit(Ascent.is_unfit, "refused"), Exit(Ascent.is_square, "approach")),
-    ),
+    State("align", Ascent.turn_square, limit_s=30.0, exits={Ascent.is_unfit: "refused", Ascent.is_square: "approach"}),
     State(
         "approach",
         Ascent.go_at_the_stair,
         limit_s=10.0,
-        exits=(
-            Exit(Ascent.is_sent_back, "back_off"),
-            *_BEFORE_THE_FLIGHT,
-            Exit(Ascent.has_an_open_side, "hold"),
-            Exit(Ascent.must_not_enter, "refused"),
-            Exit(Ascent.reaches_the_first_step, "mount"),
-        ),
+        exits={
+            Ascent.is_sent_back: "back_off",
+            **_BEFORE_THE_FLIGHT,
+            Ascent.has_an_open_side: "hold",
+            Ascent.must_not_enter: "refused",
+            Ascent.reaches_the_first_step: "mount",
+        },
         begins=Ascent.forget_deadline,
     ),
     State(
         "mount",
         Ascent.go_at_the_stair,
         limit_s=20.0,
-        exits=(
-            Exit(Ascent.is_sent_back, "back_off"),
-            *_BEFORE_THE_FLIGHT,
-            Exit(Ascent.gets_no_hold, "back_off"),
-            Exit(Ascent.lies_on_two_nosings, "traction"),
-        ),
+        exits={
+            Ascent.is_sent_back: "back_off",
+            **_BEFORE_THE_FLIGHT,
+            Ascent.gets_no_hold: "back_off",
+            Ascent.lies_on_two_nosings: "traction",
+        },
     ),
     State(
         "traction",
         Ascent.test_traction,
         limit_s=20.0,
-        exits=(Exit(Ascent.is_sent_back, "back_off"), Exit(Ascent.holds, "climb"), Exit(Ascent.slips, "back_off")),
+        exits={Ascent.is_sent_back: "back_off", Ascent.holds: "climb", Ascent.slips: "back_off"},
         begins=Ascent.begin_traction_test,
     ),
     State(
         "climb",
         Ascent.climb,
         limit_s=20.0,
-        exits=(
-            Exit(Ascent.is_sent_back, "back_off"),
-            Exit(Ascent.is_barred_by_a_gap, "hold"),
-            Exit(Ascent.reaches_down, "crest"),
-        ),
+        exits={Ascent.is_sent_back: "back_off", Ascent.is_barred_by_a_gap: "hold", Ascent.reaches_down: "crest"},
         begins=Ascent.forget_traction_test,
     ),
+    State("crest", Ascent.cross, limit_s=40.0, exits={Ascent.is_barred: "hold", Ascent.rides_again: "climb", Ascent.lands: "land"}),
     State(
-        "crest",
-        Ascent.cross,
-        limit_s=40.0,
-        exits=(Exit(Ascent.is_barred, "hold"), Exit(Ascent.rides_again, "climb"), Exit(Ascent.lands, "land")),
+        "land", Ascent.cross, limit_s=20.0, exits={Ascent.is_on_a_landing_between: "search", Ascent.is_on_the_landing: "arrived"}
     ),
-    State(
-        "land",
-        Ascent.cross,
-        limit_s=20.0,
-        exits=(Exit(Ascent.is_on_a_landing_between, "search"), Exit(Ascent.is_on_the_landing, "arrived")),
-    ),
-    State(
-        "back_off",
-        Ascent.back_off,
-        limit_s=30.0,
-        exits=(Exit(Ascent.is_backed_off, "refused"),),
-        begins=Ascent.forget_traction_test,
-    ),
+    State("back_off", Ascent.back_off, limit_s=30.0, exits={Ascent.is_backed_off: "refused"}, begins=Ascent.forget_traction_test),
     State("arrived", Ascent.stand, limit_s=math.inf),
     State("refused", Ascent.stand, limit_s=math.inf),
 )

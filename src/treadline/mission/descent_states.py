@@ -13,7 +13,7 @@ from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, HeadingEstimate, MotionPlan
 from treadline.estimation.stair_tracker import NEAR_M
-from treadline.mission._automaton import Automaton, Exit, State
+from treadline.mission._automaton import Automaton, State
 from treadline.mission._flipper_planner import FLIPPER_RAD_S
 from treadline.mission._situation import ASIDE_M, LEVEL_RAD, FlightSituation, TraversalConfig, Way, beside, on_the_tip
 
@@ -326,76 +326,67 @@ STATES_DOWN: tuple[State[Descent], ...] = (
         "search",
         Descent.look,
         limit_s=40.0,
-        exits=(
-            Exit(Descent.is_askew_on_the_flight, "climb"),
-            Exit(Descent.is_laid, "descend"),
-            Exit(Descent.sees_the_stair, "align"),
-            Exit(Descent.found_nothing, "hold"),
-        ),
+        exits={
+            Descent.is_askew_on_the_flight: "climb",
+            Descent.is_laid: "descend",
+            Descent.sees_the_stair: "align",
+            Descent.found_nothing: "hold",
+        },
         begins=Descent.face_next_flight,
     ),
     State(
         "align",
         Descent.turn_square,
         limit_s=30.0,
-        exits=(
-            Exit(Descent.is_unfit, "refused"),
-            Exit(Descent.is_past_the_edge, "hold"),
-            Exit(Descent.hides_the_edge, "hold"),
-            Exit(Descent.is_square, "approach"),
-        ),
+        exits={
+            Descent.is_unfit: "refused",
+            Descent.is_past_the_edge: "hold",
+            Descent.hides_the_edge: "hold",
+            Descent.is_square: "approach",
+        },
     ),
     State(
         "approach",
         Descent.go_over,
         limit_s=10.0,
-        exits=(
-            Exit(Descent.is_sent_back, "refused"),
-            Exit(Descent.is_too_narrow, "hold"),
-            Exit(Descent.has_an_open_side, "hold"),
-            Exit(Descent.must_not_enter, "refused"),
-            Exit(Descent.lacks_a_step, "hold"),
-            Exit(Descent.presses, "edge"),
-        ),
+        exits={
+            Descent.is_sent_back: "refused",
+            Descent.is_too_narrow: "hold",
+            Descent.has_an_open_side: "hold",
+            Descent.must_not_enter: "refused",
+            Descent.lacks_a_step: "hold",
+            Descent.presses: "edge",
+        },
         begins=Descent.begin_edge,
     ),
     State(
         "edge",
         Descent.go_over,
         limit_s=60.0,
-        exits=(
-            Exit(Descent.lacks_a_step, "hold"),
-            Exit(Descent.is_barred, "hold"),
-            Exit(Descent.lies_on_the_flight, "descend"),
-        ),
+        exits={Descent.lacks_a_step: "hold", Descent.is_barred: "hold", Descent.lies_on_the_flight: "descend"},
     ),
-    State(
-        "climb",
-        Descent.turn_by_climbing,
-        limit_s=60.0,
-        exits=(Exit(Descent.has_turned, "descend"),),
-    ),
+    State("climb", Descent.turn_by_climbing, limit_s=60.0, exits={Descent.has_turned: "descend"}),
     State(
         "descend",
         Descent.descend,
         limit_s=20.0,
-        exits=(
-            Exit(Descent.cannot_go_back, "hold"),
-            Exit(Descent.is_barred_by_a_gap, "hold"),
-            Exit(Descent.saw_no_floor, "hold"),
-            Exit(Descent.keeps_its_flipper_low, "hold"),
-            Exit(Descent.tips_onto_the_floor, "leave"),
-        ),
+        exits={
+            Descent.cannot_go_back: "hold",
+            Descent.is_barred_by_a_gap: "hold",
+            Descent.saw_no_floor: "hold",
+            Descent.keeps_its_flipper_low: "hold",
+            Descent.tips_onto_the_floor: "leave",
+        },
     ),
     State(
         "leave",
         Descent.leave,
         limit_s=20.0,
-        exits=(
-            Exit(Descent.is_on_a_landing_between, "search"),
-            Exit(Descent.is_on_the_floor, "arrived"),
-            Exit(Descent.keeps_its_flipper_low, "hold"),
-        ),
+        exits={
+            Descent.is_on_a_landing_between: "search",
+            Descent.is_on_the_floor: "arrived",
+            Descent.keeps_its_flipper_low: "hold",
+        },
     ),
     State("arrived", Descent.stow, limit_s=math.inf),
     State("refused", Descent.stand, limit_s=math.inf),
