@@ -1,7 +1,8 @@
 """Contact of the tracked chair on a stair in Drake and in MuJoCo: ``python benchmarks/contact.py [--quick]``.
 
 The same chair runs with the same belt speeds under Drake's discrete contact approximations "lagged" and "sap", in treadline's
-MuJoCo plant with and without the contact correction, and in the quasi-static Coulomb model.
+MuJoCo plant with and without the contact correction, and in the quasi-static Coulomb model. The heading gained per nosing pitch at
+three belt speeds is compared with the Coulomb model with the chair's inertia (``tests/plant/mujoco/oracles/dynamic_coulomb.py``).
 """
 
 # ruff: noqa: SLF001 - the uncorrected solver and MuJoCo's contact list are no part of the plant's interface
@@ -13,8 +14,10 @@ import itertools
 import logging
 import math
 import platform
+import sys
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -27,13 +30,17 @@ from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2, read_chair
 from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
 from treadline.vehicle.bodies import vehicle
-from treadline.vehicle.quasi_static import floor_stance, quasi_static_run, steady_motion
+from treadline.vehicle.quasi_static import QuasiStaticRun, quasi_static_run
 from treadline.vehicle.stair_solids import stair_solids
 from treadline.vehicle.static_stability import centre_of_mass
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "plant" / "mujoco"))
+from oracles.dynamic_coulomb import dynamic_run
 
 MISSING = "benchmarks/contact.py needs Drake, which is no dependency of treadline: pip install drake"
 MU = 0.62
 """Friction coefficient along and across the belt. Drake's Coulomb friction is isotropic."""
+RUN_M = 0.30
 FROM_S, UNTIL_S = 1.0, 4.0
 """Evaluation interval [s] after the belts start."""
 SETTLE_S = 1.0
@@ -42,8 +49,13 @@ STEP_S = 0.002
 """Drake's time step [s]; MuJoCo's has the same default."""
 EDGE_M = 0.002
 """Width of the contact geometry along each edge of a belt [m]: one contact point per edge and nosing."""
-CORNER_M = 0.001
-"""Radius of the spheres at the corners of the flat runs [m], on the floor."""
+STICTION_M_S = 1e-5
+"""Slip speed of a sticking contact in Drake under its full friction [m/s]; at the default, 1e-4 m/s, the chair turns by 0.027 °/s
+where it should stick."""
+THEORY_STEP_S = 0.005
+"""Step of the Coulomb models [s]; halving it changes the heading gained per pitch by less than 0.3 %."""
+SPEED_SHARES = (1.0, 0.5, 0.25)
+"""Belt speeds of the comparison per nosing pitch, as shares of the first case's."""
 BELT_KG = 10.0
 """Mass of a belt in Drake [kg], taken off the chassis; its centre is that of the whole chair. Drake regularises static friction in
 proportion to the time step and to the inverse mass of the touching bodies: belts of 0.1 kg creep by 1.4 mm/s on 28°."""
@@ -63,7 +75,7 @@ EDGES_M = tuple(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """A slope (0: floor) and two belt speeds."""
+    """A slope and two belt speeds."""
 
     slope_deg: float
     left_m_s: float
@@ -72,8 +84,7 @@ class Case:
     @property
     def name(self) -> str:
         """Row label."""
-        place = f"{self.slope_deg:.0f}°" if self.slope_deg else "floor"
-        return f"{place} {self.left_m_s:g}/{self.right_m_s:g}"
+        return f"{self.slope_deg:.0f}° {self.left_m_s:g}/{self.right_m_s:g}"
 
 
 CASES = (
@@ -81,7 +92,6 @@ CASES = (
     Case(slope_deg=20.0, left_m_s=0.15, right_m_s=0.25),
     Case(slope_deg=28.0, left_m_s=0.15, right_m_s=0.25),
     Case(slope_deg=28.0, left_m_s=0.2, right_m_s=0.2),
-    Case(slope_deg=0.0, left_m_s=-0.1, right_m_s=0.1),
 )
 
 
@@ -121,25 +131,23 @@ class Track:
 
 
 def started(case: Case, *, corrected: bool = True) -> MujocoPlant:
-    """Return a plant at rest on its nosings, or on the floor."""
-    rise = 0.30 * math.tan((case.slope_deg or 28.0) * DEG)
+    """Return a plant at rest on its nosings."""
+    rise = RUN_M * math.tan(case.slope_deg * DEG)
     scenario = Scenario(
         stair=Stair(rise_m=rise, steps=30, friction=(MU, MU), width_m=10.0, walls="none"),
         chair=LOADING,
-        start=Start(place="flight", step=6) if case.slope_deg else Start(place="floor"),
+        start=Start(place="flight", step=6),
         control=Control(vision="truth"),
     )
     plant = open_plant(scenario, seed=1)
     plant._corrected[0] = corrected
     plant.start()
-    if not case.slope_deg:
-        plant._data.qpos[0] -= 1.0  # clear of the first step during a turn on the spot
     return plant
 
 
-def yaw_and_place(plant: MujocoPlant, case: Case, R_WB: np.ndarray, p_WB: np.ndarray) -> tuple[float, float]:
-    """Return heading [rad] and distance up the flight [m] in the stair's frame; in the world's frame on the floor."""
-    R_SW = plant.staircase.R_WS.T if case.slope_deg else np.eye(3)
+def yaw_and_place(plant: MujocoPlant, R_WB: np.ndarray, p_WB: np.ndarray) -> tuple[float, float]:
+    """Return heading [rad] and distance up the flight [m] in the stair's frame."""
+    R_SW = plant.staircase.R_WS.T
     R_SB = R_SW @ R_WB
     return math.atan2(R_SB[1, 0], R_SB[0, 0]), float((R_SW @ (p_WB - plant.staircase.p_WS))[0])
 
@@ -149,19 +157,19 @@ def load_n(plant: MujocoPlant, case: Case) -> float:
     return plant._weight_n * math.cos(case.slope_deg * DEG)
 
 
-def run_mujoco(case: Case, *, corrected: bool) -> tuple[Track, Float[np.ndarray, "n 2"]]:
+def run_mujoco(case: Case, *, corrected: bool, until_s: float = UNTIL_S) -> tuple[Track, Float[np.ndarray, "n 2"]]:
     """Return the plant's run and its belt speeds at each tick. The force is sampled in the last step of each tick."""
     plant, track, belts = started(case, corrected=corrected), Track(), []
     plant.write(TrackCommand(t_s=0.0, left_m_s=case.left_m_s, right_m_s=case.right_m_s), SeatCommand(t_s=0.0, rate_m_s=0.0))
     airborne, steps, weight = 0.0, 0, load_n(plant, case)
-    for tick in range(1, round(UNTIL_S / TICK_S) + 1):
+    for tick in range(1, round(until_s / TICK_S) + 1):
         began = time.process_time()
         plant.advance(tick * TICK_S)
-        track.cpu += (time.process_time() - began) / UNTIL_S
+        track.cpu += (time.process_time() - began) / until_s
         data, row = plant._data, plant._pending[-1][1]
         rows = data.contact.efc_address
         force = float(data.efc_force[rows[rows >= 0]].sum()) / weight
-        track.add(tick * TICK_S, *yaw_and_place(plant, case, rotation_of(data.qpos[3:7]), data.qpos[:3]), force)
+        track.add(tick * TICK_S, *yaw_and_place(plant, rotation_of(data.qpos[3:7]), data.qpos[:3]), force)
         belts.append(row[kernels.BELTS : kernels.BELTS + 2].copy())
         if tick * TICK_S > FROM_S:
             airborne, steps = airborne + row[kernels.AIRBORNE], steps + plant._physics.substeps
@@ -170,28 +178,24 @@ def run_mujoco(case: Case, *, corrected: bool) -> tuple[Track, Float[np.ndarray,
     return track, np.array(belts)
 
 
-def theory(case: Case, start: Track) -> tuple[str, str]:
-    """Return yaw rate and speed of the quasi-static model, from the pose of a run at ``FROM_S``."""
-    k, slope = round(FROM_S / TICK_S) - 1, case.slope_deg * DEG
-    if not case.slope_deg:
-        motion = steady_motion(floor_stance(CHAIR, LOADING), (MU, MU), case.left_m_s, case.right_m_s)
-        along, across, rate = motion.mean
-        heading = start.yaw_rad[k] + rate * np.linspace(0.0, UNTIL_S - FROM_S, 301)
-        return f"{rate / DEG:.3f}", f"{float(np.mean(along * np.cos(heading) - across * np.sin(heading))):.4f}"
-    radius_m = Stair().nosing_radius_m
-    run = quasi_static_run(
-        CHAIR,
-        LOADING,
-        slope,
-        0.30 / math.cos(slope),
-        (MU, MU),
-        case.left_m_s,
-        case.right_m_s,
-        UNTIL_S - FROM_S,
-        heading_rad=start.yaw_rad[k],
-        # A nosing touches the belt where the axis of its round bar lies, a little up the slope from the sharp edge.
-        nosing_ahead_m=radius_m * (math.cos(slope) - math.sin(slope)) - start.place_m[k],
-    )
+def coulomb(case: Case, start: Track, belts_m_s: tuple[float, float], duration_s: float, *, has_inertia: bool) -> QuasiStaticRun:
+    """Return the run of the Coulomb model from the pose of a run at ``FROM_S``, quasi-static or with the chair's inertia."""
+    k, slope, radius_m = int(np.searchsorted(start.t_s, FROM_S - 1e-9)), case.slope_deg * DEG, Stair().nosing_radius_m
+    # A nosing touches the belt where the axis of its round bar lies, a little up the slope from the sharp edge.
+    place = {
+        "heading_rad": start.yaw_rad[k],
+        "nosing_ahead_m": radius_m * (math.cos(slope) - math.sin(slope)) - start.place_m[k],
+        "step_s": THEORY_STEP_S,
+    }
+    chair, pitch_m = (CHAIR, LOADING, slope), RUN_M / math.cos(slope)
+    if has_inertia:
+        return dynamic_run(*chair, pitch_m, (MU, MU), belts_m_s, duration_s, **place)
+    return quasi_static_run(*chair, pitch_m, (MU, MU), *belts_m_s, duration_s, **place)
+
+
+def theory(case: Case, start: Track, *, has_inertia: bool) -> tuple[str, str]:
+    """Return yaw rate and speed of a Coulomb model, from the pose of a run at ``FROM_S``."""
+    run = coulomb(case, start, (case.left_m_s, case.right_m_s), UNTIL_S - FROM_S, has_inertia=has_inertia)
     return f"{run.yaw_rad_s / DEG:.3f}", f"{run.climb_m_s:.4f}"
 
 
@@ -246,7 +250,9 @@ def _fixed(name: str, world: object, place: np.ndarray) -> object:
 class DrakeChair:
     """The chair in Drake: a free body, and two belts on prismatic joints whose positions are reset after each step."""
 
-    def __init__(self, plant: MujocoPlant, case: Case, approximation: str, step_s: float, belt_kg: float) -> None:
+    def __init__(
+        self, plant: MujocoPlant, case: Case, approximation: str, step_s: float, belt_kg: float, stiction_m_s: float
+    ) -> None:
         from pydrake.geometry import AddContactMaterial, ProximityProperties
         from pydrake.multibody.plant import AddMultibodyPlant, CoulombFriction, MultibodyPlantConfig
         from pydrake.systems.analysis import Simulator
@@ -263,7 +269,12 @@ class DrakeChair:
         )
         self._surface.AddProperty("material", "relaxation_time", 0.5 * soft.relaxation_s)
         builder = DiagramBuilder()
-        config = MultibodyPlantConfig(time_step=step_s, discrete_contact_approximation=approximation, contact_model="point")
+        config = MultibodyPlantConfig(
+            time_step=step_s,
+            discrete_contact_approximation=approximation,
+            contact_model="point",
+            stiction_tolerance=stiction_m_s,
+        )
         self._plant, _ = AddMultibodyPlant(config, builder)
         self._plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -GRAVITY_M_S2])
         self._build_stair()
@@ -274,20 +285,17 @@ class DrakeChair:
         self._pose()
 
     def _build_stair(self) -> None:
-        """Add the floor, or a sphere for each nosing under each edge of a belt.
+        """Add a sphere for each nosing under each edge of a belt.
 
         Drake's penetration query of box and cylinder (EPA) returns normals along the belt where a nosing passes the belt's end. The
         query of box and sphere is exact. Each sphere has the nosing's radius, stands still (its joint is locked), and is put
         under the belt's edge before each step: the contact point is that of the nosing's cylinder.
         """
-        from pydrake.geometry import HalfSpace, Sphere
+        from pydrake.geometry import Sphere
         from pydrake.math import RigidTransform
         from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
 
         self._spheres, world = [], self._plant.world_body()
-        if not self._case.slope_deg:
-            self._plant.RegisterCollisionGeometry(world, RigidTransform(), HalfSpace(), "floor", self._surface)
-            return
         front = self._reference._scenario.start.step
         for solid, edge in itertools.product(stair_solids(self._reference.staircase), range(4)):
             bar = solid.nosing
@@ -309,6 +317,7 @@ class DrakeChair:
             joint.set_translation(self._context, p[1] + R[1, 0] * along + R[1, 1] * y_m)
 
     def _build_chair(self) -> None:
+        from pydrake.geometry import Box
         from pydrake.math import RigidTransform
         from pydrake.multibody.tree import PdControllerGains, PrismaticJoint, SpatialInertia, UnitInertia
 
@@ -329,19 +338,9 @@ class DrakeChair:
             self._plant.AddJointActuator(side, joint).set_controller_gains(PdControllerGains(p=0.0, d=BELT_GAIN_N_S_M))
             self._belts.append(joint)
             for number, edge_y in enumerate(edges):
-                for name, place, shape in self._edge(edge_y):
-                    self._plant.RegisterCollisionGeometry(
-                        belt, RigidTransform(place), shape, f"{side}_{number}_{name}", self._surface
-                    )
-
-    def _edge(self, y_m: float) -> list[tuple[str, list[float], object]]:
-        """Return the contact geometry of a belt's edge: a box on the stair, spheres on the floor."""
-        from pydrake.geometry import Box, Sphere
-
-        run, height = CHAIR.tracks.flat_run_m, CHAIR.tracks.pulley_radius_m
-        if self._case.slope_deg:
-            return [("box", [0.0, y_m, 0.5 * height], Box(run, EDGE_M, height))]
-        return [(f"end_{sign}", [sign * 0.5 * run, y_m, CORNER_M], Sphere(CORNER_M)) for sign in (-1, 1)]
+                box, height = Box(CHAIR.tracks.flat_run_m, EDGE_M, CHAIR.tracks.pulley_radius_m), CHAIR.tracks.pulley_radius_m
+                place = RigidTransform([0.0, edge_y, 0.5 * height])
+                self._plant.RegisterCollisionGeometry(belt, place, box, f"{side}_{number}", self._surface)
 
     def _pose(self) -> None:
         from pydrake.math import RigidTransform, RotationMatrix
@@ -371,22 +370,27 @@ class DrakeChair:
 
 
 def run_drake(
-    case: Case, approximation: str, belts: Float[np.ndarray, "n 2"], step_s: float = STEP_S, belt_kg: float = BELT_KG
+    case: Case,
+    approximation: str,
+    belts: Float[np.ndarray, "n 2"],
+    step_s: float = STEP_S,
+    belt_kg: float = BELT_KG,
+    stiction_m_s: float = STICTION_M_S,
 ) -> Track:
     """Return a run in Drake with the belt speeds that the plant's drives had."""
     reference, track = started(case), Track()
-    chair, weight = DrakeChair(reference, case, approximation, step_s, belt_kg), load_n(reference, case)
-    settle, count, per_tick = round(SETTLE_S / step_s), round(UNTIL_S / step_s), round(TICK_S / step_s)
+    chair, weight = DrakeChair(reference, case, approximation, step_s, belt_kg, stiction_m_s), load_n(reference, case)
+    settle, count, per_tick = round(SETTLE_S / step_s), len(belts) * round(TICK_S / step_s), round(TICK_S / step_s)
     for number in range(1, settle + 1):
         chair.step(number, (0.0, 0.0))
     began, forces = time.process_time(), []
     for number in range(1, count + 1):
         left, right = belts[(number - 1) // per_tick]
         R_WB, p_WB, force = chair.step(settle + number, (left, right))
-        track.add(number * step_s, *yaw_and_place(reference, case, R_WB, p_WB), force / weight)
+        track.add(number * step_s, *yaw_and_place(reference, R_WB, p_WB), force / weight)
         if number * step_s > FROM_S:
             forces.append(force / weight)
-    track.cpu = (time.process_time() - began) / UNTIL_S
+    track.cpu = (time.process_time() - began) / (len(belts) * TICK_S)
     track.largest, track.airborne = max(forces), float(np.mean(np.array(forces) == 0.0))
     return track
 
@@ -403,8 +407,45 @@ def compare(case: Case) -> Float[np.ndarray, "n 2"]:
     show(case, "Drake sap", run_drake(case, "sap", belts).row())
     show(case, "MuJoCo corrected", corrected.row())
     show(case, "MuJoCo uncorrected", run_mujoco(case, corrected=False)[0].row())
-    show(case, "quasi-static", theory(case, corrected))
+    show(case, "Coulomb, quasi-static", theory(case, corrected, has_inertia=False))
+    show(case, "Coulomb, with inertia", theory(case, corrected, has_inertia=True))
     return belts
+
+
+def gained_deg(track: Track, case: Case) -> tuple[float, float]:
+    """Return the heading gained in one nosing pitch after ``FROM_S`` less the creep [°], and the creep [°/s].
+
+    The chair sticks in seven eighths of a pitch, so that the median yaw rate is the creep's.
+    """
+    t_s, yaw = np.array(track.t_s), np.unwrap(track.yaw_rad)
+    span = (t_s > FROM_S - 1e-9) & (t_s < FROM_S + pitch_s(case) + 1e-9)
+    t_s, yaw = t_s[span], yaw[span] / DEG
+    creep = float(np.median(np.diff(yaw) / np.diff(t_s)))
+    return float(yaw[-1] - yaw[0] - creep * (t_s[-1] - t_s[0])), creep
+
+
+def pitch_s(case: Case) -> float:
+    """Return the time in which the slower belt runs over a nosing pitch, whole ticks [s]."""
+    return math.floor(RUN_M / math.cos(case.slope_deg * DEG) / min(case.left_m_s, case.right_m_s) / TICK_S) * TICK_S
+
+
+def per_pitch() -> None:
+    """Print the heading that each engine and each model gains in the same nosing pitch, at three belt speeds."""
+    print("\n| belts m/s | engine | gained ° | creep °/s |")
+    print("| --- | --- | --- | --- |")
+    for share in SPEED_SHARES:
+        case = replace(CASES[0], left_m_s=share * CASES[0].left_m_s, right_m_s=share * CASES[0].right_m_s)
+        plant, belts = run_mujoco(case, corrected=True, until_s=FROM_S + pitch_s(case) + 5 * TICK_S)
+        gained = {"MuJoCo corrected": "{:.3f} | {:.4f}".format(*gained_deg(plant, case))}
+        for step_s, stiction_m_s in itertools.product((STEP_S, 0.0005), (1e-4, STICTION_M_S)):
+            track = run_drake(case, "lagged", belts, step_s, stiction_m_s=stiction_m_s)
+            name = f"Drake lagged, {1e3 * step_s:g} ms, stiction {stiction_m_s:g} m/s"
+            gained[name] = "{:.3f} | {:.4f}".format(*gained_deg(track, case))
+        for name, has_inertia in (("Coulomb, with inertia", True), ("Coulomb, quasi-static", False)):
+            run = coulomb(case, plant, (float(belts[-1][0]), float(belts[-1][1])), pitch_s(case), has_inertia=has_inertia)
+            gained[name] = f"{(run.heading_rad[-1] - run.heading_rad[0]) / DEG:.3f} | –"
+        for name, figures in gained.items():
+            print(f"| {case.left_m_s:g}/{case.right_m_s:g} | {name} | {figures} |", flush=True)
 
 
 def conditions(cases: tuple[Case, ...]) -> None:
@@ -412,7 +453,7 @@ def conditions(cases: tuple[Case, ...]) -> None:
     mass, com, _ = whole_chair(0.0, CHAIR.tracks.approach_angle_deg * DEG)
     print(f"{versions}, Python {platform.python_version()}, {platform.machine()}")
     print(f"chair {CHAIR.name}, {mass:.1f} kg, centre of mass with the seat level with the chassis {np.round(com, 3).tolist()} m")
-    print(f"friction {MU}/{MU}; run 0.30 m, nosing radius 10 mm; evaluated over {FROM_S:g} to {UNTIL_S:g} s after the belts start")
+    print(f"friction {MU}/{MU}; run {RUN_M:.2f} m; evaluated over {FROM_S:g} to {UNTIL_S:g} s after the belts start")
     print(f"time step {1e3 * STEP_S:g} ms; belt mass {BELT_KG} kg, belt gain {BELT_GAIN_N_S_M:g} N·s/m")
     for slope_deg in dict.fromkeys(case.slope_deg for case in cases):
         case = next(case for case in cases if case.slope_deg == slope_deg)
@@ -435,11 +476,13 @@ def main() -> None:
         importlib.import_module("pydrake.multibody.plant")
     except ImportError:
         raise SystemExit(MISSING) from None
-    logging.getLogger("drake").setLevel(logging.ERROR)  # a half space warns that deformable bodies ignore it; there are none
+    logging.getLogger("drake").setLevel(logging.ERROR)
     cases = CASES[:1] if quick else CASES
     conditions(cases)
     belts = [compare(case) for case in cases]
+    per_pitch()
     if not quick:
+        print()
         for number, step_s in itertools.product((0, 2), (0.001, 0.0005)):
             track = run_drake(CASES[number], "lagged", belts[number], step_s)
             show(CASES[number], f"Drake lagged, {1e3 * step_s:g} ms", track.row())

@@ -44,6 +44,7 @@ class Chair:
 
     state: Float[np.ndarray, " 2"]
     right_scale: float = 1.0
+    yaw_gain_scale: float = 1.0
     stuck_difference_m_s: float | None = None
 
     def drive(self, command: TrackCommand) -> None:
@@ -51,7 +52,7 @@ class Chair:
         u = np.array([command.left_m_s, command.right_m_s * self.right_scale])
         if self.stuck_difference_m_s is not None:
             u = 0.2 + BELT_DIFFERENCE * self.stuck_difference_m_s
-        self.state = model.A @ self.state + model.B @ (u - model.input_offset)
+        self.state = model.A @ self.state + self.yaw_gain_scale * model.B @ (u - model.input_offset)
 
     def estimate(self, t_s: float) -> HeadingEstimate:
         return estimate(float(self.state[0]), float(self.state[1]), t_s)
@@ -73,6 +74,19 @@ def run(driver: HeadingController, chair: Chair, seconds: float) -> Float[np.nda
         headings.append(chair.state[0] / DEG)
         chair.drive(driver.step(chair.estimate(t_s), t_s))
     return np.array(headings)
+
+
+@pytest.mark.parametrize(("yaw_gain_scale", "ratio"), [(1.6, 1.0 / 1.6), (0.7, 1.0)])
+def test_a_chair_that_turns_more_than_its_model_gets_less_belt_speed_difference(yaw_gain_scale: float, ratio: float) -> None:
+    driver, chair = controller(), Chair(np.array([90.0 * DEG, 0.0]), yaw_gain_scale=yaw_gain_scale)
+    differences = []
+    for k in range(3):
+        command = driver.step(chair.estimate(k * PERIOD_S), k * PERIOD_S)
+        differences.append(command.right_m_s - command.left_m_s)
+        chair.drive(command)
+    # The first period measures the gain; the observer's correction of the yaw rate changes the second measurement.
+    assert differences[1] == pytest.approx(ratio * differences[0], rel=0.02)
+    assert differences[2] == pytest.approx(ratio * differences[0], rel=0.2)
 
 
 @pytest.mark.parametrize("start_deg", [30.0, -30.0, 10.0])

@@ -41,6 +41,9 @@ class BeltLimits:
     max_speed_m_s: float
     min_inner_speed_ratio: float = INNER_RATIO_CLIMBING
     """Smallest inner belt speed as a ratio of the climb speed."""
+    yaw_gain_ratio: float = 1.0
+    """Measured yaw gain over the identified model's, at least 1. The largest belt speed difference is divided by the ratio: the
+    chair then turns no faster than the model at the largest difference, and the end of the turn is as gentle."""
 
     @property
     def min_inner_m_s(self) -> float:
@@ -62,6 +65,7 @@ def climb_safe(demanded: Float[np.ndarray, " 2"], limits: BeltLimits) -> Float[n
         0.5 * (limits.max_speed_m_s - limits.min_inner_m_s),
         MAX_MEAN_M_S - limits.min_inner_m_s,
     )
+    most /= limits.yaw_gain_ratio
     half = float(np.clip(0.5 * (demanded[1] - demanded[0]), -most, most))
     common = max(limits.climb_speed_m_s, abs(half) + limits.min_inner_m_s)
     return np.array([common - half, common + half])

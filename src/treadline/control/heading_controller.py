@@ -63,6 +63,7 @@ class HeadingController:
         else:
             self._observer.check()
         self._correction = np.linalg.pinv(model.A) @ design.observer_gain
+        self._yaw_gain_ratio = 1.0
         self._last: tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"], bool] | None = None
 
     def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan | None = None) -> TrackCommand:
@@ -72,7 +73,7 @@ class HeadingController:
         reset.
         """
         if plan is not None and plan.turn_m_s is not None:
-            self._last = None
+            self._last, self._yaw_gain_ratio = None, 1.0
             self._observer.forget()
             return TrackCommand.stop(t_s)
         speed = self._config.climb_speed_m_s if plan is None else plan.speed_m_s
@@ -91,7 +92,12 @@ class HeadingController:
         return TrackCommand(t_s=t_s, left_m_s=float(given[0]), right_m_s=float(given[1]))
 
     def _allocated(self, asked: Float[np.ndarray, " 2"], speed_m_s: float, share: float) -> Float[np.ndarray, " 2"]:
-        limits = BeltLimits(climb_speed_m_s=abs(speed_m_s), max_speed_m_s=self._config.max_speed_m_s, min_inner_speed_ratio=share)
+        limits = BeltLimits(
+            climb_speed_m_s=abs(speed_m_s),
+            max_speed_m_s=self._config.max_speed_m_s,
+            min_inner_speed_ratio=share,
+            yaw_gain_ratio=self._yaw_gain_ratio,
+        )
         if speed_m_s < 0.0:
             return back_safe(asked, limits)
         return (climb_safe if self._config.allocation == "climb-safe" else clipped)(asked, limits)
@@ -110,6 +116,8 @@ class HeadingController:
             sticks = _in_dead_zone(float(self._observer.predicted(u)[1]), float(before[1]))
             self._observer.update(u, before, learn=not (limited or sticks))
         seen = y - model.output_offset - model.C @ self._observer.state
+        if self._last is not None and self._last[2]:
+            self._yaw_gain_ratio = _yaw_gain_ratio(float(y[1] - seen[1]), float(y[1]))
         x = self._observer.state + self._correction @ seen
         return np.asarray(centre - self._design.K @ x - self._observer.disturbance * BELT_DIFFERENCE)
 
@@ -121,6 +129,12 @@ def _in_dead_zone(predicted_rad_s: float, measured_rad_s: float) -> bool:
     information about belt mismatch, and the disturbance estimate would wind up (anti-windup).
     """
     return abs(predicted_rad_s) > 3.0 * YAW_RATE_SIGMA_RAD_S and abs(measured_rad_s) < YAW_RATE_SIGMA_RAD_S
+
+
+def _yaw_gain_ratio(predicted_rad_s: float, measured_rad_s: float) -> float:
+    """Return the measured yaw rate over the model's after a period at the largest belt speed difference, at least 1."""
+    is_turning = abs(predicted_rad_s) > 3.0 * YAW_RATE_SIGMA_RAD_S
+    return max(1.0, measured_rad_s / predicted_rad_s) if is_turning else 1.0
 
 
 def inner_ratio_of(plan: MotionPlan | None) -> float:

@@ -23,9 +23,6 @@ SLOW_M_S = 0.1
 """Speed of the inner belt [m/s]."""
 FROM_S, UNTIL_S = 0.3, 0.8
 """Averaging interval of the yaw rate [s]: from two lags of the belt drives after the start, shorter than a nosing's passage."""
-THEORY_STEP_S = 0.05
-"""Integration step of the quasi-static run [s]: ten steps a row. At 10° and 0.05 m/s apart it gives 0.18 °/s; a step of 0.02 s
-gives 0.165 °/s."""
 
 
 def rows(seed: int) -> list[dict[str, Any]]:
@@ -69,6 +66,5 @@ def _theory(scenario: Scenario, heading_rad: float, x_m: float, difference_m_s: 
         UNTIL_S - FROM_S,
         heading_rad=heading_rad,
         nosing_ahead_m=pitch_m - math.fmod(x_m, pitch_m),
-        step_s=THEORY_STEP_S,
     )
     return run.yaw_rad_s

@@ -256,14 +256,14 @@ def quasi_static_run(
     *,
     heading_rad: float = 0.0,
     nosing_ahead_m: float = 0.0,
-    step_s: float = 0.02,
+    step_s: float = 0.005,
 ) -> QuasiStaticRun:
     """Return heading and distance of a run at constant belt speeds.
 
     Args:
         heading_rad: Initial heading.
         nosing_ahead_m: Initial distance of a nosing ahead of B's origin, up the slope.
-        step_s: Integration step: 0.02 s is 3 to 5 mm of travel, a hundredth of a nosing pitch.
+        step_s: Integration step: 0.005 s is 1 mm of travel; half the step changes the heading gained in a pitch by less than 0.3 %.
 
     Raises:
         MechanicsError: If friction cannot hold the chair at some heading, the chair tips over, or the duration is not positive.

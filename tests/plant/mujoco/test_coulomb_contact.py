@@ -1,6 +1,7 @@
 """The shipped plant's contact obeys Signorini and Coulomb: it neither hops nor turns by more than friction gives.
 
-References are the quasi-static theory and the Gauss-Seidel solver; both know nothing of the compiled correction.
+References are the quasi-static theory, Coulomb friction with the chair's inertia and the Gauss-Seidel solver; none of them knows
+anything of the compiled correction.
 
 Regularised friction creeps. A contact that sticks under a tangential force f slides at R f/b, which lets a chair whose belts stand
 still on 28° slide at 0.12 mm/s. A chair that climbs on its slow belt turns by the same law: the belts' moment of about 0.03 N·m per
@@ -36,7 +37,6 @@ from treadline.plant.mujoco.contact import _coulomb_kernels as contact_kernels
 # Literals, so that a changed value in the code is noticed here.
 GRAVITY_M_S2 = 9.81
 
-ISOTROPIC = (0.62, 0.62)
 TOLERANCE_M_S2 = 0.01
 """Accepted residual of the contact forces: a thousandth of gravity."""
 CREEP_DEG_S = 0.03
@@ -45,9 +45,9 @@ DIFFERENCES_M_S = (0.02, 0.1, 0.2)
 
 
 @cache
-def run(slope_deg: float, belts: tuple[float, float], duration_s: float = 2.2, friction: tuple[float, float] = TABLE_I) -> PlantRun:
+def run(slope_deg: float, belts: tuple[float, float], duration_s: float = 2.2) -> PlantRun:
     """Return a run at one command, from a second after its start; 2.2 s are a nosing pitch at 0.15 m/s."""
-    return plant_run(plant_on(slope_deg, friction), belts, duration_s)
+    return plant_run(plant_on(slope_deg), belts, duration_s)
 
 
 def belts_of(slope_deg: float, difference_m_s: float) -> tuple[float, float]:
@@ -108,13 +108,6 @@ def test_at_25_degrees_the_chair_turns_as_coulomb_says(belts: tuple[float, float
     assert result.climb_m_s == pytest.approx(min(belts), rel=0.03)
 
 
-def test_with_one_friction_both_ways_the_chair_turns_as_coulomb_says() -> None:
-    result = run(25.0, (0.15, 0.25), 2.2, ISOTROPIC)
-    theory = theory_from(result.plant, result.begin, 25.0, ISOTROPIC, (0.15, 0.25), 2.2)
-    # Measured 0.211 °/s, in theory 0.251 from this pose.
-    assert result.yaw_deg_s == pytest.approx(theory.yaw_rad_s / DEG, rel=0.2)
-
-
 @pytest.mark.parametrize(
     ("friction", "heading_deg", "belts", "duration_s"),
     [((0.9, 0.5), 0.0, (0.1, 0.3), 2.0), ((0.8, 0.5), 0.0, (0.1, 0.3), 2.0), (TABLE_I, 20.0, (0.5, 0.2), 1.5)],
@@ -124,8 +117,8 @@ def test_outside_the_dead_zone_the_chair_turns_as_coulomb_says(
 ) -> None:
     result = plant_run(plant_on(28.0, friction, heading_deg), belts, duration_s, settle_s=0.5)
     theory = theory_from(result.plant, result.begin, 28.0, friction, belts, duration_s)
-    # Measured: within 2 % where every phase turns, within 10 % where some phases stick.
-    assert result.yaw_deg_s == pytest.approx(theory.yaw_rad_s / DEG, rel=0.15)
+    # Measured: 1 to 3 %.
+    assert result.yaw_deg_s == pytest.approx(theory.yaw_rad_s / DEG, rel=0.05)
     assert result.climb_m_s == pytest.approx(theory.climb_m_s, rel=0.02)
 
 

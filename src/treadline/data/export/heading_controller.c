@@ -89,6 +89,12 @@ static void find_state(heading_state *memory, const double y[2], double speed_m_
         }
     }
     output_of(memory->state, unexplained);
+    if (memory->is_running && memory->was_limited) {
+        /* Yaw gain after a period at the largest belt speed difference. */
+        const bool is_turning = magnitude(unexplained[1]) > 3.0 * HEADING_YAW_RATE_SIGMA_RAD_S;
+        const double ratio = is_turning ? y[1] / unexplained[1] : 1.0;
+        memory->yaw_gain_ratio = ratio > 1.0 ? ratio : 1.0;
+    }
     for (int p = 0; p < 2; p++) {
         unexplained[p] = y[p] - unexplained[p];
     }
@@ -100,20 +106,22 @@ static void find_state(heading_state *memory, const double y[2], double speed_m_
 
 #if HEADING_CLIMB_SAFE
 /* Demanded steering within the limits; the inner belt keeps its ratio of the climb speed. */
-static void allocate(const double asked[2], double speed_m_s, double share, double given[2]) {
+static void allocate(const double asked[2], double speed_m_s, double share, double yaw_gain_ratio, double given[2]) {
     const double slowest = share * speed_m_s;
     const double by_belt = 0.5 * (HEADING_MAX_SPEED_M_S - slowest);
     const double by_mean = HEADING_MAX_MEAN_M_S - slowest;
-    const double half = within(0.5 * (asked[1] - asked[0]), by_belt < by_mean ? by_belt : by_mean);
+    const double most = (by_belt < by_mean ? by_belt : by_mean) / yaw_gain_ratio;
+    const double half = within(0.5 * (asked[1] - asked[0]), most);
     const double least = magnitude(half) + slowest;
     const double common = speed_m_s > least ? speed_m_s : least;
     given[0] = common - half;
     given[1] = common + half;
 }
 #else
-static void allocate(const double asked[2], double speed_m_s, double share, double given[2]) {
+static void allocate(const double asked[2], double speed_m_s, double share, double yaw_gain_ratio, double given[2]) {
     (void)speed_m_s;
     (void)share;
+    (void)yaw_gain_ratio;
     given[0] = within(asked[0], HEADING_MAX_SPEED_M_S);
     given[1] = within(asked[1], HEADING_MAX_SPEED_M_S);
 }
@@ -127,7 +135,7 @@ static void allocate_down(const double asked[2], double speed_m_s, double given[
 }
 
 void heading_reset(heading_state *memory) {
-    const heading_state nothing = {{0.0}, 0.0, {0.0, 0.0}, {0.0, 0.0}, false, false};
+    const heading_state nothing = {{0.0}, 0.0, 1.0, {0.0, 0.0}, {0.0, 0.0}, false, false};
     *memory = nothing;
 }
 
@@ -157,7 +165,7 @@ heading_command heading_step(heading_state *memory, const heading_input *input) 
     if (input->speed_m_s < 0.0) {
         allocate_down(asked, input->speed_m_s, given);
     } else {
-        allocate(asked, input->speed_m_s, input->min_inner_speed_ratio, given);
+        allocate(asked, input->speed_m_s, input->min_inner_speed_ratio, memory->yaw_gain_ratio, given);
     }
     for (int m = 0; m < 2; m++) {
         memory->given_m_s[m] = given[m];

@@ -17,6 +17,7 @@
 typedef struct {
     double state[HEADING_STATES];
     double disturbance_m_s; /* estimated belt mismatch, right minus left */
+    double yaw_gain_ratio; /* measured yaw gain over the model's, at least 1 */
     double given_m_s[2];    /* previous command: left, right */
     double seen[2];         /* previous heading error [rad] and rate [rad/s] */
     bool is_running;

@@ -1,10 +1,11 @@
-"""Runs of the shipped plant on a wide flight or floor, from its log, and the quasi-static run from the same pose."""
+"""Runs of the shipped plant on a wide flight or floor, from its log, and the Coulomb model's run from the same pose."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from oracles.dynamic_coulomb import dynamic_run
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
@@ -14,14 +15,12 @@ from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics, open_plant
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import ChairDescription, read_chair
 from treadline.scenario.scenario import Chair, Scenario
-from treadline.vehicle.quasi_static import QuasiStaticRun, SteadyMotion, quasi_static_run, stair_stance, steady_motion
+from treadline.vehicle.quasi_static import QuasiStaticRun, SteadyMotion, stair_stance, steady_motion
 
 TABLE_I = (0.62, 0.5)
 RUN_M = 0.30
 STILL = SeatCommand(t_s=0.0, rate_m_s=0.0)
 TICKS_A_SECOND = 100
-THEORY_STEP_S = 0.05
-"""Step of the quasi-static run: 7 to 13 mm of a nosing pitch of 330 to 350 mm, so that a turning phase is 2 to 4 % uncertain."""
 
 
 def plant_on(
@@ -84,22 +83,21 @@ def theory_from(
     belts: tuple[float, float],
     duration_s: float,
 ) -> QuasiStaticRun:
-    """Return the quasi-static run that begins in a pose of the plant."""
+    """Return the run of the Coulomb model with the chair's inertia that begins in a pose of the plant."""
     slope = slope_deg * DEG
     heading, place = heading_and_place(plant, pose)
     # A nosing is touched where its round bar's axis lies under the belt, a little up the slope from the sharp edge.
     edge_m = plant.staircase.nosing_radius_m * (math.cos(slope) - math.sin(slope))
-    return quasi_static_run(
+    return dynamic_run(
         read_chair("wheelchair"),
         Chair(),
         slope,
         plant.staircase.pitch_m,
         friction,
-        *belts,
+        belts,
         duration_s,
         heading_rad=heading,
         nosing_ahead_m=edge_m - place,
-        step_s=THEORY_STEP_S,
     )
 
 
