@@ -76,6 +76,8 @@ def _steps(rise_m: float, run_m: float) -> str:
 
 def _unfit_size(finding: Finding) -> str | None:
     shape = finding.shape
+    if finding.flight.is_single:
+        return None
     steps = _steps(shape.rise_m, shape.run_m)
     for size_m, (least_m, most_m), small, large in (
         (shape.rise_m, RISE_M, "low", "high"),
@@ -118,9 +120,9 @@ def _winding(finding: Finding) -> str | None:
     turned_rad = fit.turn_per_step_rad * float(np.mean([nosing.ahead_m for nosing in flight.nosings])) / flight.run_m
     if fit.winding > CERTAIN and abs(turned_rad) > FORM_LIMIT:
         return winds(fit.turn_per_step_rad, fit.turn_sigma_rad)
-    if fit.agreeing < AGREEING or fit.agreeing * len(flight.nosings) < 1.5:
+    if fit.agreeing < AGREEING or (fit.agreeing * len(flight.nosings) < 1.5 and not flight.is_single):
         return f"the flight is not straight: nosings turned by up to {fit.widest_rad / DEG:.1f}° against each other"
-    if sum(nosing.has_direction for nosing in flight.nosings) < STRAIGHT_LEAST:
+    if sum(nosing.has_direction for nosing in flight.nosings) < STRAIGHT_LEAST and not flight.is_single:
         return "too little is in view: one edge has a direction, and a straight flight is not distinguished from winders"
     return None
 

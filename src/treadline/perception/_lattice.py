@@ -114,7 +114,7 @@ def scene_of(frame: RgbdFrame, blocks: PlanarBlocks, down: Vector3, *, is_uncert
 def flight_in(scene: Scene) -> Flight | str:
     """Return the flight with the most evidence, or the reason of its absence."""
     level = scene.level
-    azimuths = list(_azimuths(scene))
+    azimuths = list(voted_azimuths(scene))
     if not azimuths:
         return "no riser and no nosing faces the camera"
     best = _best_at(scene, azimuths)
@@ -122,7 +122,7 @@ def flight_in(scene: Scene) -> Flight | str:
         return f"nothing repeats as steps do: {len(scene.treads)} level surface(s) in view"
     # In axes along its edges the flight's parts are measured once more.
     azimuth = math.atan2(float(best.facing @ level.right), float(best.facing @ level.ahead))
-    turn = _turn_of(best, _turned_axes(level, azimuth))
+    turn = _turn_of(best, turned_axes(level, azimuth))
     return (_best_at(scene, [azimuth + turn]) if abs(turn) >= TURNED else None) or best
 
 
@@ -130,8 +130,8 @@ def _best_at(scene: Scene, azimuths: Iterable[float]) -> Flight | None:
     """Return the flight with the most evidence that faces one of some azimuths; twice that of a stair ends the search."""
     best: Flight | None = None
     for azimuth in azimuths:
-        axes = _turned_axes(scene.level, azimuth)
-        for flight in (_matched(scene, list(_risers_at(scene, azimuth)), axes, "up"), _matched(scene, [], axes, "down")):
+        axes = turned_axes(scene.level, azimuth)
+        for flight in (_matched(scene, list(risers_at(scene, azimuth)), axes, "up"), _matched(scene, [], axes, "down")):
             if flight is not None and (best is None or flight.evidence > best.evidence):
                 best = flight
         if best is not None and best.evidence > 2.0 * EVIDENCE:
@@ -143,7 +143,7 @@ def _facing(level: Axes, azimuth: float) -> Vector3:
     return np.asarray(math.cos(azimuth) * level.ahead + math.sin(azimuth) * level.right)
 
 
-def _turned_axes(level: Axes, azimuth: float) -> Axes:
+def turned_axes(level: Axes, azimuth: float) -> Axes:
     facing = _facing(level, azimuth)
     return Axes(ahead=facing, up=level.up, right=cross(-level.up, facing))
 
@@ -160,12 +160,12 @@ def _turn_of(flight: Flight, axes: Axes) -> float:
     return float(np.median([math.atan2(float(n @ axes.right), float(n @ axes.ahead)) for n in normals]))
 
 
-def _risers_at(scene: Scene, azimuth: float) -> Iterator[Riser]:
+def risers_at(scene: Scene, azimuth: float) -> Iterator[Riser]:
     """Yield the vertical surfaces that face an azimuth and are no higher than a step.
 
     A wall next to the flight can lie in the plane of a riser: surfaces taller than a step are separated by columns.
     """
-    camera, blocks, axes = scene.frame.camera, scene.blocks, _turned_axes(scene.level, azimuth)
+    camera, blocks, axes = scene.frame.camera, scene.blocks, turned_axes(scene.level, azimuth)
     members = scene.upright[np.abs(scene.azimuth - azimuth) < RISER_SPREAD + scene.slack]
     for surface in surfaces_along(blocks, members, axes.ahead, camera, gap_m=RISER_GAP_M, least=LEAST_BLOCKS):
         low = surface if _are_low(surface.blocks, blocks, axes) else _low_part(surface, blocks, camera, axes)
@@ -216,7 +216,7 @@ def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
         fronts = [tread for own, is_front, tread in own_treads if own == step and is_front]
         its_risers = [riser for own, riser in own_risers if own == step]
         if its_risers or fronts:
-            nosings.append(_nosing(step, z0_m + step * rise_m, its_treads, fronts, its_risers, blocks, axes, direction))
+            nosings.append(nosing_of(step, z0_m + step * rise_m, its_treads, fronts, its_risers, blocks, axes, direction))
     if not any(nosing.has_direction for nosing in nosings):
         return None
     return Flight(
@@ -234,7 +234,7 @@ def _matched(scene: Scene, risers: list[Riser], axes: Axes, direction: Direction
     )
 
 
-def _nosing(
+def nosing_of(
     step: int,
     height_m: float,
     treads: Sequence[Tread],
@@ -289,7 +289,7 @@ def _turned_from(surface: Surface, direction: Vector3) -> float:
     return float(np.arccos(min(1.0, abs(float(surface.unit @ direction)))))
 
 
-def _azimuths(scene: Scene) -> Iterator[float]:
+def voted_azimuths(scene: Scene) -> Iterator[float]:
     """Yield the azimuths at which blocks and lines lie at the fewest distances, as risers and nosings do, the best first.
 
     A block votes for azimuths within the error of its own; distances need no normal, which noise turns far away.

@@ -26,6 +26,7 @@ from treadline.perception._form import bow_of, lateral_ends_of, narrower_by_m, s
 from treadline.perception._gravity_direction import GRAVITY_SIGMA, down_of_treads, levelled, off_gravity
 from treadline.perception._lattice import EVIDENCE, LEAST_BLOCKS, UNCONFIRMED, UPRIGHT, flight_in, scene_of
 from treadline.perception._plane_segmentation import PlanarBlocks, Surface, reduced, surface_blocks, uncertain_blocks
+from treadline.perception._single_step import shape_of_single, single_step_in
 from treadline.perception._stair_map import map_of
 from treadline.perception._stair_shape import axes_of, shape_of, stair_axes_of
 from treadline.perception._step_parts import Axes, Flight, viewing_direction
@@ -178,6 +179,8 @@ class _Search:
             turn_rad = turn_per_step(scene.treads, scene.level)
             if turn_rad is not None:
                 return refused(winds(turn_rad))
+        if self.swept_half_m is not None and (isinstance(flight, str) or flight.evidence < UNCONFIRMED):
+            flight = single_step_in(scene, self.swept_half_m) or flight
         if isinstance(flight, str):
             return refused(flight)
         if flight.evidence < UNCONFIRMED:
@@ -216,7 +219,7 @@ class _Search:
         heading, change = _heading(edge, R_BC)
         sigma = float(np.hypot(fit.sigma_of(change), turn_sigma))
         level = axes_of(viewing_direction(R_BC) * edge, down.reference, down.sigma_rad, flight, blocks, camera)
-        shape = shape_of(flight, blocks, camera, level, fit.warp_px)
+        shape = shape_of_single(flight) if flight.is_single else shape_of(flight, blocks, camera, level, fit.warp_px)
         cause = refusal_of(
             Finding(
                 flight=flight,
@@ -238,7 +241,9 @@ class _Search:
         def draw_map() -> StairMap:
             self.watch.resume()
             swept_half_m = SWEPT_HALF_M if self.swept_half_m is None else self.swept_half_m
-            stair_map = map_of(self.frame, blocks, flight.nosings, level.axes, shape, sides, swept_half_m)
+            stair_map = map_of(
+                self.frame, blocks, flight.nosings, level.axes, shape, sides, swept_half_m, is_single=flight.is_single
+            )
             self.watch.lap("map")
             return stair_map
 
@@ -255,7 +260,7 @@ class _Search:
             shape=shape,
             stages=None,
             evidence=flight.evidence,
-            axes=stair_axes_of(self.frame.t_s, level, shape, edge, sigma),
+            axes=None if flight.is_single else stair_axes_of(self.frame.t_s, level, shape, edge, sigma),
             parts=Parts(
                 risers=tuple(flight.risers),
                 treads=tuple(flight.treads),

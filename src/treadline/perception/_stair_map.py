@@ -47,19 +47,22 @@ def map_of(
     shape: StairShape,
     sides: tuple[Side | None, Side | None],
     swept_half_m: float,
+    *,
+    is_single: bool = False,
 ) -> StairMap:
     """Return the map of the stair in the chair frame.
 
     Args:
         sides: Left and right side of the flight in the camera's view.
         swept_half_m: Half width of the volume swept by the chair.
+        is_single: Whether this is a single step, behind which no other was found.
     """
     R_BC, p_BC = frame.camera.R_BC, np.array(frame.camera.mount_m)
     points = [nosing.point for nosing in flight]
     way = viewing_direction(R_BC)
     nosings = np.array([_crossing(point, R_BC, p_BC, axes.right) for point in points])
     middle = float(-(R_BC.T @ p_BC) @ axes.right)
-    ends = _ends(frame, points, axes, shape)
+    ends = is_single or _ends(frame, points, axes, shape)
     standing = standing_points(frame, points, axes, shape, ends=ends)
     free = _free_sides(blocks, standing, axes, middle)
     turn = int(way)

@@ -134,6 +134,8 @@ class Flight:
     """Step, whether the front is a nosing, and tread."""
     matched_risers: list[tuple[int, Riser]]
     """Step and riser."""
+    is_single: bool = False
+    """Whether this is a single step, a kerb: nothing repeats, and the run is nominal."""
 
     @property
     def risers(self) -> list[Surface]:

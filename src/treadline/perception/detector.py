@@ -37,8 +37,8 @@ class DetectorConfig:
     method: Literal["paper", "robust"] = "robust"
     paper: PaperConfig = field(default_factory=PaperConfig)
     swept_half_m: float | None = None
-    """Half width of the volume swept by the chair [m]: objects inside are obstacles, and a narrower flight is rejected. None: no
-    chair, no flight is too narrow."""
+    """Half width of the volume swept by the chair [m]: objects inside are obstacles, a narrower flight is rejected, and a single
+    step (a kerb) as wide as the chair is accepted. None: no chair, no flight is too narrow, and one step is no stair."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,0 +1,113 @@
+"""A single step in a frame, up or down: a kerb, a threshold, a dock.
+
+One nosing repeats nothing, so that the lattice finds no evidence in it. What shows it is the level on which the chair stands,
+another level as deep and as wide as the chair needs, and the straight edge between them: the front of the upper level, and its
+riser on the way up. Only a horizontal chair knows the height of its own level, the plane of the belts.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from treadline.core.rotations import Vector3
+from treadline.perception._lattice import EVIDENCE, Scene, nosing_of, risers_at, turned_axes, voted_azimuths
+from treadline.perception._stair_shape import StairShape
+from treadline.perception._step_parts import TREAD_SIGMA_M, Axes, Direction, Flight, Riser, Tread, viewing_direction
+from treadline.perception.free_ground import DROP_M, FLAT_RAD, LEVEL_SIZE_M
+
+RISE_M = (DROP_M, 0.30)
+"""Range of heights [m]: a lower step is ground, as for the drops of ``free_ground``, a higher one a bench."""
+RUN_M = 0.30
+"""Run by which a single step is described [m], that of usual steps: a map must have one, and a single step has none."""
+AT_EDGE_M = 0.06
+"""Largest distance between the front of the upper level, a riser and the end of the lower level [m]."""
+
+
+def single_step_in(scene: Scene, swept_half_m: float) -> Flight | None:
+    """Return the single step ahead of a horizontal chair as a flight of one nosing, or None.
+
+    Args:
+        swept_half_m: Half width of the volume swept by the chair: both levels must be as wide.
+    """
+    camera = scene.frame.camera
+    up_B = camera.R_BC @ scene.level.up
+    if float(up_B[2]) < math.cos(FLAT_RAD):
+        return None
+    p_BC = np.array(camera.mount_m)
+    ground_m, middle_m = -float(p_BC @ up_B), -float((camera.R_BC.T @ p_BC) @ scene.level.right)
+    direction: Direction = "up" if viewing_direction(camera.R_BC) > 0.0 else "down"
+    for azimuth in voted_azimuths(scene):
+        axes = turned_axes(scene.level, azimuth)
+        for low, high in _pairs(scene, axes, ground_m, direction):
+            front = high.ends(axes)[0 if direction == "up" else 1]
+            if front is None or front.kind == "vague" or float(front.ends_m[1] @ axes.right) - middle_m < swept_half_m:
+                continue
+            if middle_m - float(front.ends_m[0] @ axes.right) < swept_half_m:
+                continue
+            place_m = float(front.middle @ axes.ahead)
+            if not _meet(scene, low, high, axes, place_m, direction):
+                continue
+            risers = [] if direction == "down" else _risers(risers_at(scene, azimuth), axes, place_m)
+            nosing = nosing_of(1, _height(high, axes), [high], [high], risers, scene.blocks, axes, direction)
+            if nosing.has_direction:
+                return Flight(
+                    direction=direction,
+                    evidence=EVIDENCE,
+                    rise_m=_height(high, axes) - _height(low, axes),
+                    run_m=RUN_M,
+                    levels=2,
+                    size_prior=((0.15, 0.1), (RUN_M, 0.1)),
+                    treads=[tread.surface for tread in scene.treads],
+                    nosings=[nosing],
+                    facing=axes.ahead,
+                    matched_treads=[(0, False, low), (1, True, high)],
+                    matched_risers=[(1, riser) for riser in risers],
+                    is_single=True,
+                )
+    return None
+
+
+def shape_of_single(flight: Flight) -> StairShape:
+    """Return the dimensions of a single step, whose run is nominal."""
+    sigma_m = math.sqrt(2.0) * TREAD_SIGMA_M
+    slope_sigma_rad = sigma_m / math.hypot(flight.rise_m, RUN_M)
+    return StairShape(
+        rise_m=flight.rise_m,
+        run_m=RUN_M,
+        slope_rad=math.atan2(flight.rise_m, RUN_M),
+        rise_sigma_m=sigma_m,
+        run_sigma_m=math.inf,
+        slope_sigma_rad=slope_sigma_rad,
+        plane_sigma_rad=slope_sigma_rad,
+        distance_m=flight.nosings[0].ahead_m,
+        blind_m=flight.nosings[0].ahead_m,
+        direction=flight.direction,
+    )
+
+
+def _pairs(scene: Scene, axes: Axes, ground_m: float, direction: Direction) -> Iterator[tuple[Tread, Tread]]:
+    """Yield the chair's own level and another one a step higher or lower: the lower first."""
+    own = [tread for tread in scene.treads if abs(_height(tread, axes) - ground_m) < DROP_M]
+    for level in own:
+        for other in scene.treads:
+            rise_m = _height(other, axes) - _height(level, axes)
+            if RISE_M[0] <= (rise_m if direction == "up" else -rise_m) <= RISE_M[1]:
+                yield (level, other) if direction == "up" else (other, level)
+
+
+def _meet(scene: Scene, low: Tread, high: Tread, axes: Axes, place_m: float, direction: Direction) -> bool:
+    """Return whether the lower level lies on one side of the edge and the upper one on the other, the far one deep enough."""
+    low_m, high_m = (tread.surface.span_m(scene.blocks, axes.ahead) for tread in (low, high))
+    if direction == "up":
+        return low_m[1] < place_m + AT_EDGE_M and high_m[1] - place_m > LEVEL_SIZE_M[0]
+    return high_m[1] < place_m + AT_EDGE_M and low_m[1] - max(low_m[0], place_m) > LEVEL_SIZE_M[0]
+
+
+def _risers(risers: Iterator[Riser], axes: Axes, place_m: float) -> Sequence[Riser]:
+    return [riser for riser in risers if abs(float(riser.surface.centre @ axes.ahead) - place_m) < AT_EDGE_M]
+
+
+def _height(tread: Tread, axes: Axes) -> float:
+    centre: Vector3 = tread.surface.centre
+    return float(centre @ axes.up)
