@@ -81,8 +81,8 @@ for slope in (20.0, *SLOPES_DEG):
             "heading 5°": down(heading_deg=5.0),
             **limited(down, heavy, 0.5 * slope, 20.0),
             "range to -45°": down(range_deg=(-45.0, 60.0)),
-            "range to -45°, belts that do not wait": down(range_deg=(-45.0, 60.0), keep_m=-1.0),
-            "40 N·m, belts that do not wait": down(torque_n_m=40.0, keep_m=-1.0),
+            "range to -45°, belts that do not wait": down(range_deg=(-45.0, 60.0), margin_deg=-60.0),
+            "40 N·m, belts that do not wait": down(torque_n_m=40.0, margin_deg=-60.0),
         },
     )
 

@@ -5,7 +5,7 @@ The sequencers receive the nosing's position and the load with the errors of the
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ from treadline.control.seat_leveller import Leveller, LevellerConfig, PitchFeedF
 from treadline.core.angles import DEG
 from treadline.core.ports import Reading, Truth
 from treadline.core.signals import TICK_S, FlipperReading, ImuSample, SeatReading, TrackCommand, TrackReading
+from treadline.estimation.known_nosings import KnownNosing, KnownNosings
 from treadline.plant.faults import Damage
 from treadline.plant.mujoco import MujocoPlant, open_plant
 from treadline.scenario.chair import ChairDescription, read_chair
@@ -31,6 +32,8 @@ STARTS: dict[tuple[str, str], Literal["floor", "flight", "landing"]] = {
     ("top", "down"): "landing",
 }
 LEVEL_RAD = 2.0 * DEG
+NOSING_SIGMA_M = 0.001
+"""Standard deviation of a nosing's height that the sequencers are told [m]: that of the stair tracker near the chair."""
 HEADING_GAIN_M_S_RAD = 0.3
 """Belt-speed difference to each side per heading error [m/s/rad]: a proportional controller of the initial heading, in place of the
 LQR."""
@@ -62,9 +65,9 @@ class CrestCase:
     """Assumed minus true slope of the flight [°], descent only."""
     gravity_error_deg: float = 0.0
     """Tilt of the IMU's gravity direction [°]."""
-    keep_m: float | None = None
-    """Distance of the centre of mass from the edge after the lift [m], in place of ``EdgeConfig.keep_m``; far below zero the
-    belts never wait for the flipper."""
+    margin_deg: float | None = None
+    """Tip-over margin of the lifted chair before the edge [°], in place of ``EdgeConfig``'s; far below zero the belts never wait
+    for the flipper."""
     range_deg: tuple[float, float] | None = None
     torque_n_m: float | None = None
     motor_lost_at_deg: float | None = None
@@ -160,6 +163,8 @@ class _CrestRun:
         self._slope_rad = plant.staircase.slope_rad
         self._nosing_m = (STEPS - 1) * plant.staircase.pitch_m if case.at == "top" else 0.0
         self._sequencer: Crest | Edge | None = None
+        self._top_m = 0.0
+        """Distance of the uppermost nosing ahead of mid-track along the belts, as the sequencer is told [m]."""
         self._ticks: list[CrossingTick] = []
         self._is_lost = False
 
@@ -167,7 +172,7 @@ class _CrestRun:
         """Read the sensors, compute and send the commands; return whether the chair is across."""
         imu, seat, tracks, flipper = _newest(self._plant.read())
         truth = self._plant.truth()[-1]
-        command = None if flipper is None or self._case.at == "foot" else self._sequence(truth).step(imu, flipper, tracks)
+        command = None if flipper is None or self._case.at == "foot" else self._command(truth, imu, tracks, flipper)
         self._ticks.append(CrossingTick(truth=truth, command=command, flipper=flipper, height_m=self._plant.passenger_height_m))
         if self._is_across():
             return True
@@ -195,26 +200,34 @@ class _CrestRun:
             ticks=tuple(self._ticks),
         )
 
-    def _sequence(self, truth: Truth) -> Crest | Edge:
-        """Return the sequencer, configured at the first tick from ground truth and the errors of the case."""
+    def _command(self, truth: Truth, imu: ImuSample, tracks: TrackReading, flipper: FlipperReading) -> CrestCommand | EdgeCommand:
+        """Return the sequencer's command; it is configured at the first tick from ground truth and the errors of the case."""
+        case = self._case
         if self._sequencer is None:
-            case = self._case
+            level = math.cos(self._slope_rad) if case.direction == "down" else 1.0
+            self._top_m = (self._nosing_m - truth.x_m) / (level * math.cos(truth.heading_rad)) + case.nosing_error_m
+        self._top_m -= 0.5 * (tracks.left_m_s + tracks.right_m_s) * TICK_S
+        around = self._around(imu.pitch_rad)
+        if self._sequencer is None:
             load: Any = {
                 "chair": self._chair,
                 "payload_kg": case.payload_kg + case.payload_error_kg,
                 "com_error_m": case.com_error_m,
             }
-            if case.direction == "up":
-                ahead_m = (self._nosing_m - truth.x_m) / math.cos(truth.heading_rad)
-                self._sequencer = Crest(CrestConfig(**load), ahead_m + case.nosing_error_m)
-            else:
-                behind_m = (truth.x_m - self._nosing_m) / (math.cos(self._slope_rad) * math.cos(truth.heading_rad))
-                config = EdgeConfig(**load)
-                if case.keep_m is not None:
-                    config = replace(config, keep_m=case.keep_m)
-                slope_rad = self._slope_rad + case.slope_error_deg * DEG
-                self._sequencer = Edge(config, behind_m - case.nosing_error_m, slope_rad)
-        return self._sequencer
+            if case.margin_deg is not None:
+                load |= {"wanted_rad": case.margin_deg * DEG, "least_rad": case.margin_deg * DEG}
+            self._sequencer = Crest(CrestConfig(**load), around) if case.direction == "up" else Edge(EdgeConfig(**load), around)
+        return self._sequencer.step(imu, flipper, tracks, around)
+
+    def _around(self, pitch_rad: float) -> KnownNosings:
+        """Return the nosings relative to the chair by the belts' travel, the uppermost on the belts' line."""
+        error_deg = self._case.slope_error_deg if self._case.direction == "down" else 0.0
+        turned_rad, step_m = self._slope_rad + error_deg * DEG - pitch_rad, self._plant.staircase.pitch_m
+        below = [(step_m * k * math.cos(turned_rad), step_m * k * math.sin(turned_rad)) for k in range(STEPS)]
+        zero_m = min(0.0, below[1][1])
+        return KnownNosings(
+            pitch_rad, tuple(KnownNosing(self._top_m - along_m, zero_m - down_m, NOSING_SIGMA_M) for along_m, down_m in below[::-1])
+        )
 
     def _is_across(self) -> bool:
         now = self._ticks[-1]

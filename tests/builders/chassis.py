@@ -1,16 +1,29 @@
 """A chair at the landing's edge for tests of the crest and edge sequences: it follows its commands, and no stair is simulated."""
 
 import math
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from world import belts, flipper, imu
 
 from treadline.control.flipper import FlipperGeometry
 from treadline.core.angles import DEG
+from treadline.estimation.known_nosings import KnownNosing, KnownNosings
 
 GEOMETRY = FlipperGeometry(pivot_m=0.475, radius_m=0.07, length_m=0.45)
 FLIPPER_N = 0.5 * 3.0 * 9.81
 """Weight of the flipper of 3 kg, as far as its tip carries it."""
+
+
+def known(pitch_rad: float, top_m: float, slopes_rad: Sequence[float]) -> KnownNosings:
+    """Return nosings 0.34 m apart, the uppermost ``top_m`` ahead, with the slopes between them from there down."""
+    nosings, (ahead_m, above_m) = [], (top_m, 0.0)
+    for slope_rad in (*slopes_rad, 0.0):
+        nosings.append(KnownNosing(ahead_m, above_m, 0.001))
+        ahead_m -= 0.34 * math.cos(slope_rad - pitch_rad)
+        above_m -= 0.34 * math.sin(slope_rad - pitch_rad)
+    zero_m = max(nosing.above_m for nosing in nosings)
+    return KnownNosings(pitch_rad, tuple(n._replace(above_m=n.above_m - zero_m) for n in nosings[::-1]))
 
 
 class Chassis:
@@ -18,9 +31,11 @@ class Chassis:
 
     AHEAD: ClassVar[float]
     """1 if the nosing lies ahead of mid-track, -1 if behind."""
+    mapped_m: float = 0.0
+    """Error of the nosings' places on the map [m]."""
 
-    def __init__(self, sequence: Any, nosing_m: float, pitch_deg: float) -> None:
-        self.sequence, self.nosing_m, self.pitch_deg = sequence, nosing_m, pitch_deg
+    def __init__(self, sequence: Any, nosing_m: float, pitch_deg: float, slopes_rad: Sequence[float]) -> None:
+        self.sequence, self.nosing_m, self.pitch_deg, self.slopes_rad = sequence, nosing_m, pitch_deg, slopes_rad
         self.angle_rad, self.speed_m_s, self.t_s = 40.0 * DEG, 0.0, 0.0
 
     def stopped(self, tip_n: float) -> float:
@@ -37,6 +52,7 @@ class Chassis:
                 imu(self.t_s, self.pitch_deg * DEG),
                 flipper(self.t_s, self.angle_rad, (FLIPPER_N - tip_n) * lever),
                 belts(self.t_s, self.speed_m_s, self.speed_m_s),
+                known(self.pitch_deg * DEG, self.AHEAD * self.nosing_m + self.mapped_m, self.slopes_rad),
             )
             self.speed_m_s = command.speed_m_s
             self.nosing_m -= self.AHEAD * self.speed_m_s * 0.01

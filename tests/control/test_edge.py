@@ -3,13 +3,13 @@
 import math
 
 import pytest
-from chassis import GEOMETRY, Chassis
+from chassis import GEOMETRY, Chassis, known
 
 from treadline.control.edge_sequence import Edge, EdgeConfig
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.scenario.chair import read_chair
-from treadline.vehicle.loading import plumb
+from treadline.vehicle.loading import before_for_margin, centre_of_mass_level, plumb
 
 CHAIR = read_chair("wheelchair")
 CONFIG = EdgeConfig(chair=CHAIR, payload_kg=50.0)
@@ -25,7 +25,8 @@ class Brink(Chassis):
     AHEAD = -1.0
 
     def __init__(self, behind_m: float = NEAR_M) -> None:
-        super().__init__(Edge(CONFIG, behind_m, SLOPE), behind_m, 0.0)
+        slopes = [SLOPE] * 4
+        super().__init__(Edge(CONFIG, known(0.0, -behind_m, slopes)), behind_m, 0.0, slopes)
 
     def stopped(self, tip_n: float) -> float:
         pitch = self.pitch_deg * DEG
@@ -52,7 +53,7 @@ class Brink(Chassis):
 
 def test_a_chair_with_a_fixed_flipper_planner_is_rejected() -> None:
     with pytest.raises(MechanicsError, match=r"'wheelchair-fixed' has no driven flipper"):
-        Edge(EdgeConfig(chair=read_chair("wheelchair-fixed"), payload_kg=50.0), NEAR_M, SLOPE)
+        Edge(EdgeConfig(chair=read_chair("wheelchair-fixed"), payload_kg=50.0), known(0.0, -NEAR_M, [SLOPE]))
 
 
 def test_it_backs_to_the_edge_slows_down_and_lays_the_flipper() -> None:
@@ -115,8 +116,9 @@ def test_the_lift_ends_at_the_flippers_range() -> None:
     chair = Brink().pressed()
     chair.pitch_deg, far = 27.0, GEOMETRY.past(27.0 * DEG, -73.0 * DEG)
     chair.nosing_m = far - 0.475
-    chair.run(1.0, tip_n=chair.balanced_n(0.05))
-    assert chair.run(0.5, tip_n=chair.balanced_n(0.05)).flipper.rate_rad_s == pytest.approx(0.0, abs=2.5 * DEG)
+    keep_m = before_for_margin(CONFIG, LIFTED_DEG * DEG, 7.0 * DEG)
+    chair.run(1.0, tip_n=chair.balanced_n(keep_m))
+    assert chair.run(0.5, tip_n=chair.balanced_n(keep_m)).flipper.rate_rad_s == pytest.approx(0.0, abs=2.5 * DEG)
 
 
 def test_belts_that_meet_the_next_nosing_end_the_lift() -> None:
@@ -258,9 +260,28 @@ def test_a_flipper_that_does_not_lower_is_given_up_where_it_stands() -> None:
     assert chair.run(0.3, tip_n=200.0).stage == "barred"
 
 
-def test_the_nosing_position_is_updated_until_contact() -> None:
-    chair = Brink()
-    chair.sequence.nosing_seen(0.20)
-    assert chair.run(0.01).stage == "press"
-    chair.sequence.nosing_seen(5.0)
-    assert chair.run(0.1).stage == "press"
+@pytest.mark.parametrize(("top_deg", "refused"), [(28.0, False), (32.0, False), (34.0, True), (36.0, True)])
+def test_uppermost_nosings_steeper_than_the_flippers_range_are_refused_before_the_edge(top_deg: float, *, refused: bool) -> None:
+    """Test: the uppermost pair of nosings is steeper than the flight of 28°. Expected result: at 34° the tip on the landing needs
+    -76° and more with 5° to tipping, beyond the range of -75°: refused with the slope. From afar 34° may be 33°."""
+    around = known(0.0, -1.5, [top_deg * DEG, SLOPE, SLOPE])
+    assert (f"{top_deg:.1f}° steep" in Edge(CONFIG, around).refusal(around, 0.0)) == refused
+    assert not Edge(CONFIG, known(0.0, -1.5, [SLOPE] * 3)).refusal(around, 10.0)
+
+
+@pytest.mark.parametrize(("slope_deg", "refused"), [(28.0, False), (33.0, True)])
+def test_the_rescue_robot_is_let_down_where_its_range_suffices(slope_deg: float, *, refused: bool) -> None:
+    config = EdgeConfig(chair=read_chair("rescue"), payload_kg=3.0)
+    around = known(0.0, -1.5, [slope_deg * DEG] * 3)
+    assert ("the flipper would have to turn below its -75°" in Edge(config, around).refusal(around, 0.0)) == refused
+
+
+@pytest.mark.parametrize("payload_kg", [0.0, 50.0, 90.0])
+def test_the_lifted_chair_has_seven_degrees_to_tipping_where_the_range_allows(payload_kg: float) -> None:
+    """Test: 25°, lifted completely. Expected result: the plumb line through the centre of mass is so far before the edge that
+    gravity could turn by 7° before it passes it."""
+    config = EdgeConfig(chair=CHAIR, payload_kg=payload_kg)
+    pitch = (25.0 + 1.5) * DEG
+    before_m = before_for_margin(config, pitch, 7.0 * DEG)
+    _, z = centre_of_mass_level(config, pitch)
+    assert math.atan((before_m + z * math.tan(pitch)) / z) - pitch == pytest.approx(7.0 * DEG)

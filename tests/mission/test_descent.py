@@ -14,6 +14,7 @@ from treadline.control.edge_sequence import EdgeCommand, EdgeConfig
 from treadline.core.angles import DEG
 from treadline.core.errors import SettingsError
 from treadline.core.signals import FlipperCommand, FlipperReading, ImuSample, MotionPlan, StairMap, TrackReading
+from treadline.estimation.known_nosings import KnownNosings
 from treadline.mission import descent_states as descent
 from treadline.mission.descent_states import Descent, DescentConfig
 from treadline.mission.mission_blocks import planner_of
@@ -81,13 +82,18 @@ class Script:
     made: "list[Script]" = []  # noqa: RUF012  (each test empties it)
     stages: tuple[str, ...] = ("press", "lift", "settle", "leave", "done")
 
-    def __init__(self, config: EdgeConfig, nosing_behind_m: float, slope_rad: float) -> None:
-        self.config, self.behind_m, self.slope_rad = config, nosing_behind_m, slope_rad
+    def __init__(self, config: EdgeConfig, around: KnownNosings) -> None:
+        self.config, self.around = config, around
         self.steps = 0
         Script.made.append(self)
 
-    def nosing_seen(self, behind_m: float) -> None:
-        self.behind_m = behind_m
+    @property
+    def behind_m(self) -> float:
+        return -self.around.top.ahead_m
+
+    def refusal(self, around: KnownNosings, sigmas: float) -> str:
+        del around, sigmas
+        return ""
 
     def turn_back(self) -> bool:
         """As a flipper does that can still let the chair down again."""
@@ -95,8 +101,9 @@ class Script:
         self.stages = ("lower", "barred") if can else self.stages
         return can or "barred" in self.stages
 
-    def step(self, imu: ImuSample, flipper: FlipperReading, tracks: TrackReading) -> EdgeCommand:
+    def step(self, imu: ImuSample, flipper: FlipperReading, tracks: TrackReading, around: KnownNosings) -> EdgeCommand:
         del flipper, tracks
+        self.around = around
         near = self.behind_m < 0.02
         stage: Any = self.stages[min(self.steps // 10, len(self.stages) - 1)] if near else "approach"
         self.steps += near
@@ -159,7 +166,7 @@ def test_the_edge_sequence_gets_place_and_slope_of_the_flight_and_each_update(ed
     world.run("approach")
     (made,) = edge.made
     assert made.behind_m == pytest.approx(1.6, abs=0.02)
-    assert made.slope_rad == pytest.approx(SLOPE_RAD)
+    assert made.around.steepest[0] == pytest.approx(SLOPE_RAD, abs=1e-3)
     assert (made.config.payload_kg, made.config.cruise_m_s) == (CONFIG.payload_kg, CONFIG.slow_m_s)
     world.run("edge")
     assert made.behind_m == pytest.approx(world.x_m - EDGE_M, abs=0.02)

@@ -9,6 +9,7 @@ on with the flipper holding until the centre of mass has passed; lower the pitch
 and by the pitch when the flipper lifts the chair.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,6 +25,7 @@ from treadline.control.flipper import (
 )
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperReading
+from treadline.estimation.known_nosings import SIGMAS, KnownNosings
 from treadline.vehicle.loading import plumb
 
 Stage = Literal["climb", "slow", "reach", "carry", "lead", "land", "done", "barred"]
@@ -37,8 +39,8 @@ PROPPED_RAD = 4.0 * DEG
 EARLY_RAD, EARLY_M = 12.0 * DEG, 0.05
 """Angle above the expected landing at which the tip stands on the nosing instead [rad], and the nosing's distance ahead of the
 front pulley in that case [m]; slipping belts overestimate the progress."""
-CARRIED_M = 1.2
-"""Belt travel with the tip loaded above which the belts are slipping [m]; 0.8 m suffice with all errors combined."""
+PROGRESS_M = 0.02
+"""Distance by which the landing's edge comes nearer when the chair moves [m]."""
 NOT_FOLLOWED_RAD = 0.4 * DEG
 """Pitch lag behind the reference with an unloaded tip [rad]. The load alone is not sufficient: a tip pushed forward over ground
 with high friction is supported by friction, with almost no motor torque (36 to 45° below horizontal, friction 0.7 to 1)."""
@@ -92,84 +94,91 @@ class Crest(Sequencer[Stage]):
 
     Args:
         config: Chair, load and speeds.
-        nosing_ahead_m: Distance of the last nosing ahead of mid-track along the belts, at the first step; from the stair map.
+        around: Nosings around the chair; the uppermost is the landing's edge.
     """
 
-    UNTOUCHED = frozenset({"climb", "slow"})
-
-    def __init__(self, config: CrestConfig, nosing_ahead_m: float) -> None:
-        super().__init__(config, "climb", nosing_ahead_m)
+    def __init__(self, config: CrestConfig, around: KnownNosings) -> None:
+        super().__init__(config, "climb", around)
         self._config = config
         self._press_n = min(config.press_n, PRESS_SHARE * config.weight_n)
-        self._waited_s = self._reached_rad = 0.0
-        self._carried_m = 0.0
-        """Belt travel while the tip was to carry load [m]."""
+        self._waited_s, self._least_m = 0.0, math.inf
+        """Time since the landing's edge last came nearer by ``PROGRESS_M`` [s], and its distance then [m]."""
         self._tries = 0
         """Number of attempts in which the tip stood on the nosing instead of the landing."""
         self._lead_from_m = LATER_M
 
-    def nosing_seen(self, ahead_m: float) -> None:
-        """Update the position of the last nosing, as long as no contact has measured it."""
-        if self._tries == 0:
-            self._see(ahead_m)
-
     def _sequence(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
         config = self._config
-        waits = self._stage in ("reach", "carry") and self._tip.load_n < UNLOADED_N and pitch > SMALL_RAD
-        self._waited_s = self._waited_s + dt_s if waits else 0.0
         beyond = self._com_beyond(pitch)
         match self._stage:
-            case "reach" | "carry" if cause := self._gets_no_further(pitch):
+            case "climb" | "slow" | "reach" | "carry" if cause := self._gets_no_further(pitch, dt_s):
                 self._stage, self._cause = "barred", cause
-            case "climb" if beyond > -config.slow_within_m or self._past_m > -self._geometry.length_m:
+            case "climb" if self._edge_past_m > -self._geometry.length_m:
                 self._stage = "slow"
-            case "slow" if self._past_m > config.reach_from_m:
-                self._stage, self._reached_rad = "reach", pitch
+            case "slow" if self._edge_past_m > config.reach_from_m:
+                self._stage, self._waited_s, self._least_m = "reach", 0.0, math.inf
             case "reach" if self._tip.carries or self._is_lifted(pitch):
                 self._meet(pitch, flipper)
             case "carry" if self._tip.carries and beyond > self._lead_from_m:
                 self._stage = "lead"
                 self._lead_from(pitch)
-            case "lead" if self._tip.load_n < UNLOADED_N and pitch > max(SMALL_RAD, self._lead_rad + NOT_FOLLOWED_RAD):
-                # The chair has not followed: its centre of mass is further back than assumed. Reach for the landing again.
+            case "lead" if beyond < 0.0 or self._is_left_behind(pitch):
                 self._stage = "carry"
-                self._lead_from_m = beyond + LATER_M
+                self._lead_from_m = max(beyond, 0.0) + LATER_M
             case "carry" | "lead" if pitch < config.level_rad:
                 self._stage = "land"
             case "lead" if pitch < SMALL_RAD and self._tip.unloaded_s > LIES_S:
                 self._stage = "land"
-            case "land" if self._ahead_m < -self._geometry.pivot_m:
+            case "land" if self._edge_past_m > 2.0 * self._geometry.pivot_m:
                 self._stage = "done"
             case _:
                 pass
 
-    def _gets_no_further(self, pitch: float) -> str:
+    def _cannot_reach(self) -> str:
+        """Return the reason why the flipper cannot stand on the landing as the centre of mass passes, or an empty string."""
+        slope, sigma = self._around.steepest
+        least_rad = slope - SIGMAS * sigma - LIFTED_RAD
+        if self._most_before_m(least_rad) > -LATER_M:
+            return ""
+        return f"the last nosings are {slope / DEG:.1f}° steep, and the flipper turns to {self._lowest_rad / DEG:.0f}° only"
+
+    def _gets_no_further(self, pitch: float, dt_s: float) -> str:
         """Return the reason why the crossing cannot succeed by current measurements, or an empty string."""
         config = self._config
-        if self._waited_s > config.patience_s:
+        if self._stage in ("climb", "slow"):
+            return self._cannot_reach()
+        self._waited_s += dt_s
+        ahead_m = self._geometry.pivot_m - self._edge_past_m
+        if ahead_m < self._least_m - PROGRESS_M:
+            self._waited_s, self._least_m = 0.0, ahead_m
+        if self._is_lifted(pitch) and pitch > self._around.steepest[0] + PROPPED_RAD:
+            lifted = (pitch - self._around.steepest[0]) / DEG
+            return f"the flipper lifted the chair by {lifted:.1f}°, and stands on something else than the landing"
+        if self._waited_s < config.patience_s:
+            return ""
+        if self._tip.load_n < UNLOADED_N:
             return f"nothing carried the flipper in {config.patience_s:.0f} s: its motor is dead, or the landing is not there"
-        if (lifted := pitch - self._reached_rad) > PROPPED_RAD:
-            return f"the flipper lifted the chair by {lifted / DEG:.1f}°, and stands on something else than the landing"
-        if self._carried_m > CARRIED_M:
-            return f"the belts ran {self._carried_m:.1f} m under a chair that stays: they slip on the last nosing"
-        return ""
+        return f"the chair stayed for {config.patience_s:.0f} s while the belts ran: they slip on the last nosing"
+
+    def _is_left_behind(self, pitch: float) -> bool:
+        """Return whether the chair has not followed an unloaded tip: its centre of mass is further back than assumed."""
+        return self._tip.load_n < UNLOADED_N and pitch > max(SMALL_RAD, self._lead_rad + NOT_FOLLOWED_RAD)
 
     def _meet(self, pitch: float, flipper: FlipperReading) -> None:
         """Classify the contact of the tip by its position: landing or nosing."""
         if self._to_go(pitch, flipper) <= EARLY_RAD:
             self._stage = "carry"
-            self._ahead_m = self._by_the_flipper(pitch, flipper)
+            self._offset_m = self._by_the_flipper(pitch, flipper)
             return
-        self._stage = "slow" if self._may_go_on else "barred"
+        self._stage = "slow" if self._may_go_on(pitch) else "barred"
         self._tries += 1
-        self._ahead_m = self._geometry.pivot_m + EARLY_M
+        self._offset_m = self._geometry.pivot_m + EARLY_M - self._around.top.ahead_m
         self._cause = f"the flipper stood on the last nosing, try {self._tries}: the belts slip, or its position was wrong"
 
-    @property
-    def _may_go_on(self) -> bool:
-        """Whether another attempt leaves the centre of mass behind the nosing, even if its first position was correct."""
+    def _may_go_on(self, pitch: float) -> bool:
+        """Return whether another attempt leaves the centre of mass behind the nosing, even if its first position was correct."""
         goes_m = self._config.reach_from_m + (self._tries + 1) * (EARLY_M + self._config.reach_from_m)
-        return plumb(self._loading, self._reached_rad) < self._geometry.pivot_m - goes_m
+        return plumb(self._loading, pitch) < self._geometry.pivot_m - goes_m
 
     def _act(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
         config = self._config
@@ -195,17 +204,16 @@ class Crest(Sequencer[Stage]):
 
     def _to_go(self, pitch: float, flipper: FlipperReading) -> float:
         """Return the flipper's angle above the expected contact of its tip with the landing."""
-        return flipper.angle_rad + pitch + self._geometry.depression(pitch, self._past_m)
+        return flipper.angle_rad + pitch + self._geometry.depression(pitch, *self._place)
 
     def _is_lifted(self, pitch: float) -> bool:
-        """Return whether the flipper has pitched the chair up: a light chair is lifted before the tip carries the nominal load."""
-        return pitch > self._reached_rad + LIFTED_RAD
+        """Return whether a loaded tip holds the chair above its nosings: a light chair is lifted before the tip carries."""
+        return self._tip.load_n > UNLOADED_N and pitch > self._around.steepest[0] + LIFTED_RAD
 
     def _carry(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
         self._refine(pitch, flipper, dt_s)
-        self._carried_m += abs(speed) * dt_s
         config = self._config
-        _, per_metre = self._geometry.rates(pitch, self._past_m)
+        _, per_metre = self._geometry.rates(pitch, *self._place)
         missing = 0.0 if self._is_lifted(pitch) else max(self._press_n - self._tip.load_n, 0.0)
         rate = (per_metre * speed if missing > 0.0 else 0.0) - config.press_rad_s_n * missing
         waits = self._tip.load_n < UNLOADED_N and self._com_beyond(pitch) > -NEAR_M
@@ -215,13 +223,13 @@ class Crest(Sequencer[Stage]):
         config = self._config
         self._refine(pitch, flipper, dt_s)
         softly = max(config.soften_per_s * pitch, config.touch_rad_s)
-        slides_m = max(self._geometry.slide(max(pitch, 0.0), self._past_m), self._geometry.radius_m)  # avoids division by zero
+        slides_m = max(self._geometry.slide(max(pitch, 0.0), *self._place), self._geometry.radius_m)  # avoids division by zero
         smoothly = config.slide_m_s / slides_m
         lags = self._tip.load_n < UNLOADED_N and pitch > self._lead_rad + LAGS_RAD
         fastest = WAITS_RAD_S if lags else config.lead_rad_s
         self._lead_rad_s = min(self._lead_rad_s + config.lead_rad_s2 * dt_s, fastest, softly, smoothly)
         self._lead_rad = max(self._lead_rad - self._lead_rad_s * dt_s, pitch - config.behind_rad)
-        per_pitch, per_metre = self._geometry.rates(pitch, self._past_m)
+        per_pitch, per_metre = self._geometry.rates(pitch, *self._place)
         trim = config.trim_per_s * (self._lead_rad - pitch)
         if self._tip.load_n < UNLOADED_N:
             trim = max(trim, 0.0)  # the flipper must not move away from a chair that does not follow

@@ -14,10 +14,14 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from treadline.control.flipper import LIFTED_RAD, OVER_BELTS_RAD, UNLOADED_N, PitchCommand, SequenceConfig, Sequencer, flipper_of
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperReading
-from treadline.vehicle.loading import plumb
+from treadline.estimation.known_nosings import KnownNosings
+from treadline.vehicle.loading import before_for_margin, plumb
+from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
 Stage = Literal["approach", "press", "lift", "settle", "leave", "done", "lower", "barred"]
 
@@ -31,6 +35,9 @@ BEARS_SHARE, GIVES_RAD_S = 0.1, 40.0 * DEG
 """Share of the motor's torque above which the flipper yields to a chair whose belts lie, and its rate at full torque [rad/s]. With
 a lower share, a chair whose centre of mass passes a high nosing falls to its rear; with a higher share, the tip drags the
 chair down a flight with low friction."""
+LIFTS, RANGE_SPARE_M = 6, 0.02
+"""Number of pitches that are tried between the highest and the lowest lift, half a degree apart, and error of the centre of mass's
+place by the tip's load for which the flipper's range must suffice [m]: with 3 % of error of weight and reach at 0.6 m of reach."""
 STOWED_RAD = 5.0 * DEG
 """Angle error at which the flipper counts as stowed [rad]."""
 
@@ -43,10 +50,12 @@ class EdgeConfig(SequenceConfig):
     early_m: float = 0.25
     """Margin before the last position from which the chair can be lifted completely [m]: covers 15 cm of delay and 10 cm of error
     of the centre of mass."""
-    keep_m: float = 0.05
-    """Distance of the centre of mass on the landing's side of the nosing after the lift [m]."""
+    wanted_rad: float = MARGIN_LIMIT_RAD
+    """Tip-over margin of the lifted chair before the edge [rad], where the flipper's range allows it."""
+    least_rad: float = 5.0 * DEG
+    """Tip-over margin below which the chair is not lifted over the edge [rad]."""
     keep_per_s: float = 1.0
-    """Belt speed per deviation of the centre of mass from ``keep_m`` [1/s]."""
+    """Belt speed per deviation of the centre of mass from its place before the edge [1/s]."""
     lift_m_s: float = 0.08
     reach_rad_s: float = 12.0 * DEG
     lift_rad_s: float = 9.0 * DEG
@@ -86,30 +95,55 @@ class Edge(Sequencer[Stage]):
 
     Args:
         config: Chair, load and speeds.
-        nosing_behind_m: Distance of the landing's nosing behind mid-track along the belts, at the first step; from the stair map.
-        slope_rad: Slope of the flight [rad]; from the stair map.
+        around: Nosings around the chair; the uppermost is the edge.
     """
 
-    UNTOUCHED = frozenset({"approach"})
-
-    def __init__(self, config: EdgeConfig, nosing_behind_m: float, slope_rad: float) -> None:
-        super().__init__(config, "approach", -nosing_behind_m)
+    def __init__(self, config: EdgeConfig, around: KnownNosings) -> None:
+        super().__init__(config, "approach", around)
         self._config = config
         flipper = flipper_of(config.chair)
         self._max_rate_rad_s = flipper.max_rate_deg_s * DEG
         self._most_n_m = flipper.torque_n_m
-        self._lowest_rad = flipper.range_deg[0] * DEG
-        self._slope_rad = slope_rad
-        self._press_from_m = config.early_m - plumb(config, slope_rad)
         self._level_rad = 0.0
         self._highest_rad = self._waited_s = 0.0
         self._turns_back = False
-        self._lifted_rad = slope_rad + config.steeper_rad
+        self._slope_rad, self._target_rad, self._keep_m = 0.0, 0.0, 0.0
+        """Slope below the edge and pitch of the complete lift [rad], and the centre of mass's distance before the edge then [m]."""
+        self._lifted_rad = 0.0
         self._least_m, self._touched_s = math.inf, 0.0
+        self._aim(around)
 
-    def nosing_seen(self, behind_m: float) -> None:
-        """Update the position of the nosing, as long as no contact has measured it."""
-        self._see(-behind_m)
+    def refusal(self, around: KnownNosings, sigmas: float) -> str:
+        """Return why the chair cannot be let down over this edge, or an empty string.
+
+        Args:
+            around: Nosings around the chair.
+            sigmas: Standard deviations by which the uppermost nosings may be less steep than measured.
+        """
+        slope, sigma = around.steepest
+        if self._lift(slope - sigmas * sigma) is not None:
+            return ""
+        lowest, least = self._lowest_rad / DEG, self._config.least_rad / DEG
+        why = f"to lift the chair to them with {least:.0f}° to tipping, the flipper would have to turn below its {lowest:.0f}°"
+        return f"the uppermost nosings are {slope / DEG:.1f}° steep: {why}; take another way"
+
+    def _aim(self, around: KnownNosings) -> None:
+        """Set pitch and place of the lift by the slope of the uppermost nosings."""
+        self._slope_rad = around.steepest[0]
+        self._target_rad, self._keep_m = self._lift(self._slope_rad) or (self._slope_rad, self._most_before_m(self._slope_rad))
+        self._press_from_m = self._config.early_m - plumb(self._config, self._slope_rad)
+
+    def _lift(self, slope_rad: float) -> tuple[float, float] | None:
+        """Return pitch and distance of the centre of mass before the edge for a complete lift; None if the flipper cannot do it.
+
+        Above the slope the belts touch the next nosing by the flipper alone; a chair lifted less falls by what is lacking.
+        """
+        config = self._config
+        for pitch in np.linspace(slope_rad + config.steeper_rad, slope_rad - LIFTED_RAD, LIFTS).tolist():
+            most_m = self._most_before_m(pitch) - RANGE_SPARE_M
+            if most_m >= before_for_margin(config, pitch, config.least_rad):
+                return pitch, min(before_for_margin(config, pitch, config.wanted_rad), most_m)
+        return None
 
     def turn_back(self) -> bool:
         """Lower the chair onto the landing again, if the flipper still can; return whether it can."""
@@ -119,20 +153,21 @@ class Edge(Sequencer[Stage]):
 
     @property
     def _behind_m(self) -> float:
-        return -self._ahead_m
+        """Distance of the edge behind mid-track [m]."""
+        return self._edge_past_m - self._geometry.pivot_m
 
     def _begin(self, stage: Stage, pitch: float) -> None:
         """Begin to turn the chair from the current pitch."""
         self._stage = stage
         self._lead_from(pitch)
         self._highest_rad, self._waited_s = pitch, 0.0
-        self._lifted_rad = self._slope_rad + self._config.steeper_rad
+        self._lifted_rad = self._target_rad
         self._least_m, self._touched_s = math.inf, 0.0
 
     def _sequence(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
         config = self._config
         match self._stage:
-            case "approach" if self._behind_m < self._press_from_m:
+            case "approach" if self._is_near():
                 self._begin("press", pitch)
                 self._level_rad = pitch
             case "press" if self._tip.carries or pitch > self._level_rad + LIFTED_RAD:
@@ -147,12 +182,17 @@ class Edge(Sequencer[Stage]):
                 self._begin("lift", pitch)
             case "lower" if pitch < self._level_rad + LIFTED_RAD or self._waited_s > 2.0 * config.patience_s:
                 self._stage = "barred"
-            case "settle" if self._past_m < config.leave_m:
+            case "settle" if self._edge_past_m < config.leave_m:
                 self._begin("leave", pitch)
-            case "leave" if self._past_m < 0.0 and self._is_up(flipper, OVER_BELTS_RAD - STOWED_RAD):
+            case "leave" if self._edge_past_m < 0.0 and self._is_up(flipper, OVER_BELTS_RAD - STOWED_RAD):
                 self._stage = "done"
             case _:
                 pass
+
+    def _is_near(self) -> bool:
+        """Return whether the chair is where the tip is pressed down; the map shows ever better how far it is to be lifted."""
+        self._aim(self._around)
+        return self._behind_m < self._press_from_m
 
     def _gives_up(self) -> bool:
         """Whether the chair is to be lowered again: on request, or because the flipper makes no progress."""
@@ -184,9 +224,9 @@ class Edge(Sequencer[Stage]):
     def _com_margin(self, pitch: float) -> float:
         """Return the distance of the centre of mass before the nosing after the complete lift, estimated from the tip load."""
         config = self._config
-        reach = self._geometry.reach(pitch, self._past_m)
+        reach = self._geometry.reach(pitch, *self._place)
         before = self._tip.load_n * reach / (config.weight_n * math.cos(pitch))
-        return before + plumb(config, self._slope_rad) - plumb(config, pitch)
+        return before + plumb(config, self._target_rad) - plumb(config, pitch)
 
     def _settle(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
         """Return the flipper rate that keeps the front on the tip while the chair backs onto the nosings; yields under load."""
@@ -210,7 +250,7 @@ class Edge(Sequencer[Stage]):
     def _balance(self, pitch: float) -> float:
         """Return the belt speed that keeps the centre of mass at its distance before the nosing after the complete lift."""
         config = self._config
-        speed = config.keep_per_s * (config.keep_m - self._com_margin(pitch))
+        speed = config.keep_per_s * (self._keep_m - self._com_margin(pitch))
         highest = config.lift_m_s if self._behind_m < self._press_from_m else 0.0
         return min(max(speed, -config.lift_m_s), highest)
 
@@ -224,7 +264,7 @@ class Edge(Sequencer[Stage]):
             return self._turn(self._level_rad - LIFTED_RAD, pitch, flipper, speed, dt_s)
         self._lead_from(pitch)
         self._watch(pitch, dt_s)
-        _, per_metre = self._geometry.rates(pitch, self._past_m)
+        _, per_metre = self._geometry.rates(pitch, *self._place)
         return per_metre * speed - self._config.seek_rad_s
 
     def _turn(self, target: float, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
@@ -232,10 +272,10 @@ class Edge(Sequencer[Stage]):
         config = self._config
         self._refine(pitch, flipper, dt_s)
         self._watch(pitch, dt_s)
-        per_pitch, per_metre = self._geometry.rates(pitch, self._past_m)
+        per_pitch, per_metre = self._geometry.rates(pitch, *self._place)
         to_go = target - self._lead_rad
         fastest = min(config.lift_rad_s, config.soften_per_s * abs(to_go), 0.9 * self._max_rate_rad_s / -per_pitch)
-        has_range = pitch + self._geometry.depression(pitch, self._past_m) < -self._lowest_rad - config.spare_rad
+        has_range = pitch + self._geometry.depression(pitch, *self._place) < -self._lowest_rad - config.spare_rad
         if to_go > 0.0 and not has_range:
             fastest = 0.0
         self._lead_rad_s = min(self._lead_rad_s + config.lift_rad_s2 * dt_s, fastest)

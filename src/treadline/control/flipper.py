@@ -7,11 +7,12 @@ position, tip load, one command per tick. ``control/crest_sequence.py`` and ``co
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError
 from treadline.core.signals import FlipperCommand, FlipperReading, ImuSample, TrackReading
+from treadline.estimation.known_nosings import KnownNosings
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Flipper
 from treadline.vehicle.loading import Loading, plumb
 
@@ -38,48 +39,49 @@ SMALL_RAD = 8.0 * DEG
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlipperGeometry:
-    """Planar geometry of chair, flipper and landing: belts on the last nosing, tip on the landing."""
+    """Planar geometry of chair, flipper and landing: belts on one nosing, tip on a landing ``landing_m`` above that nosing."""
 
     pivot_m: float
     """Distance of the front pulley's axis ahead of mid-track [m]."""
     radius_m: float
     length_m: float
 
-    def depression(self, pitch_rad: float, past_m: float) -> float:
+    def depression(self, pitch_rad: float, past_m: float, landing_m: float = 0.0) -> float:
         """Return the flipper's angle below horizontal with its tip on the landing [rad].
 
         Args:
             pitch_rad: Chair pitch.
             past_m: Distance of the pivot beyond the nosing, along the belts.
+            landing_m: Height of the landing above the nosing.
         """
-        drop = past_m * math.sin(pitch_rad) - self.radius_m * (1.0 - math.cos(pitch_rad))
+        drop = past_m * math.sin(pitch_rad) - self.radius_m * (1.0 - math.cos(pitch_rad)) - landing_m
         return math.asin(min(max(drop / self.length_m, -0.99), 0.99))
 
-    def past(self, pitch_rad: float, angle_rad: float) -> float:
+    def past(self, pitch_rad: float, angle_rad: float, landing_m: float = 0.0) -> float:
         """Return the distance of the pivot beyond the nosing for a flipper angle [m], tip on the landing.
 
         Inverse of ``depression``; meaningful only above ``SMALL_RAD`` of pitch, because horizontal belts do not determine the
         position of the nosing.
         """
         drop = self.length_m * math.sin(-(angle_rad + pitch_rad))
-        return (drop + self.radius_m * (1.0 - math.cos(pitch_rad))) / math.sin(pitch_rad)
+        return (drop + landing_m + self.radius_m * (1.0 - math.cos(pitch_rad))) / math.sin(pitch_rad)
 
-    def rates(self, pitch_rad: float, past_m: float) -> tuple[float, float]:
+    def rates(self, pitch_rad: float, past_m: float, landing_m: float = 0.0) -> tuple[float, float]:
         """Return the change of flipper angle per pitch, and per metre past the nosing [rad/m], tip on the landing."""
-        level = self.length_m * math.cos(self.depression(pitch_rad, past_m))
+        level = self.length_m * math.cos(self.depression(pitch_rad, past_m, landing_m))
         per_pitch = (past_m * math.cos(pitch_rad) - self.radius_m * math.sin(pitch_rad)) / level
         return -(1.0 + per_pitch), -math.sin(pitch_rad) / level
 
-    def reach(self, pitch_rad: float, past_m: float) -> float:
+    def reach(self, pitch_rad: float, past_m: float, landing_m: float = 0.0) -> float:
         """Return the horizontal distance of the tip ahead of the nosing [m]."""
-        level = self.length_m * math.cos(self.depression(pitch_rad, past_m))
+        level = self.length_m * math.cos(self.depression(pitch_rad, past_m, landing_m))
         return past_m * math.cos(pitch_rad) - self.radius_m * math.sin(pitch_rad) + level
 
-    def slide(self, pitch_rad: float, past_m: float) -> float:
+    def slide(self, pitch_rad: float, past_m: float, landing_m: float = 0.0) -> float:
         """Return the sliding distance of the tip over the landing per pitch reduction [m/rad]: ``-d reach / d pitch``."""
         c, s = math.cos(pitch_rad), math.sin(pitch_rad)
         sinks_m = past_m * c - self.radius_m * s
-        return past_m * s + self.radius_m * c + math.tan(self.depression(pitch_rad, past_m)) * sinks_m
+        return past_m * s + self.radius_m * c + math.tan(self.depression(pitch_rad, past_m, landing_m)) * sinks_m
 
 
 class Tip:
@@ -184,36 +186,36 @@ class SequenceConfig(Loading):
 
 
 class Sequencer(ABC, Generic[StageT]):
-    """State machine for one crossing of the landing's nosing.
+    """State machine for one crossing of the landing's edge.
 
     Args:
         loading: Chair and load.
         stage: Initial stage.
-        nosing_ahead_m: Distance of that nosing ahead of mid-track along the belts, at the first step.
+        around: Nosings around the chair.
     """
 
-    UNTOUCHED: ClassVar[frozenset[str]]
-    """Stages without a contact that determines the position of the nosing."""
-
-    def __init__(self, loading: Loading, stage: StageT, nosing_ahead_m: float) -> None:
+    def __init__(self, loading: Loading, stage: StageT, around: KnownNosings) -> None:
         self._loading = loading
         self._geometry = geometry_of(loading.chair)
         self._tip = Tip(loading)
         self._rate = _FlipperRate(flipper_of(loading.chair))
+        self._lowest_rad = flipper_of(loading.chair).range_deg[0] * DEG
         self._rest_rad = loading.chair.tracks.approach_angle_deg * DEG
         self._stage = stage
         self._cause = ""
-        self._ahead_m = nosing_ahead_m
+        self._around = around
+        self._offset_m = 0.0
+        """Place of the nosings by contact of the flipper, less their place by the stair tracker, along the belts [m]."""
         self._t_s: float | None = None
         self._lead_rad = self._lead_rad_s = 0.0
         """Reference of the pitch [rad] and its rate [rad/s]."""
 
-    def step(self, imu: ImuSample, flipper: FlipperReading, tracks: TrackReading) -> PitchCommand[StageT]:
+    def step(self, imu: ImuSample, flipper: FlipperReading, tracks: TrackReading, around: KnownNosings) -> PitchCommand[StageT]:
         """Return the command for one tick. While the brake is on, time does not advance and the reference is held."""
         dt_s = 0.0 if self._t_s is None else min(max(imu.t_s - self._t_s, 0.0), STEP_MAX_S)
         self._t_s = imu.t_s
         speed = 0.5 * (tracks.left_m_s + tracks.right_m_s)
-        self._ahead_m -= speed * dt_s
+        self._around = around
         pitch = imu.pitch_rad
         self._tip.step(pitch, flipper, dt_s)
         if tracks.brake_on:
@@ -244,30 +246,40 @@ class Sequencer(ABC, Generic[StageT]):
         self._lead_rad, self._lead_rad_s = pitch, 0.0
 
     @property
-    def _past_m(self) -> float:
-        """Distance of the flipper's axis beyond the nosing, along the belts [m]."""
-        return self._geometry.pivot_m - self._ahead_m
+    def _ahead_m(self) -> float:
+        """Distance of the crossed nosing ahead of mid-track, along the belts [m]."""
+        return self._around.crossed.ahead_m + self._offset_m
+
+    @property
+    def _edge_past_m(self) -> float:
+        """Distance of the flipper's axis beyond the landing's edge, along the belts [m]."""
+        return self._geometry.pivot_m - self._around.top.ahead_m - self._offset_m
+
+    @property
+    def _place(self) -> tuple[float, float]:
+        """How far the flipper's axis is past the crossed nosing, along the belts, and the landing's height above that [m]."""
+        return self._geometry.pivot_m - self._ahead_m, self._around.landing_m
+
+    def _most_before_m(self, pitch: float) -> float:
+        """Return how far before the landing's edge the centre of mass may be for the flipper to stand on the landing [m]."""
+        return self._geometry.past(pitch, self._lowest_rad) - self._geometry.pivot_m + plumb(self._loading, pitch)
 
     def _com_beyond(self, pitch: float) -> float:
-        """Return the distance of the centre of mass's plumb line beyond the nosing, along the belts [m]."""
+        """Return the distance of the centre of mass's plumb line beyond the crossed nosing, along the belts [m]."""
         return plumb(self._loading, pitch) - self._ahead_m
 
     def _towards(self, angle_rad: float, flipper: FlipperReading) -> float:
         """Return the rate that moves the flipper to an angle above the belts."""
         return FLIPPER_PER_S * (angle_rad - flipper.angle_rad)
 
-    def _see(self, ahead_m: float) -> None:
-        """Update the position of the nosing, as long as no contact has measured it."""
-        if self._stage in self.UNTOUCHED:
-            self._ahead_m = ahead_m
-
     def _refine(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
-        """Correct the position of the nosing from the flipper's angle: belts on the nosing, tip on the landing."""
+        """Correct the place of the nosings by the flipper's angle: belts on the crossed one, tip on the landing."""
         if self._tip.load_n > UNLOADED_N:
-            self._ahead_m += (self._by_the_flipper(pitch, flipper) - self._ahead_m) * (1.0 - math.exp(-dt_s / REFINE_S))
+            self._offset_m += (self._by_the_flipper(pitch, flipper) - self._offset_m) * (1.0 - math.exp(-dt_s / REFINE_S))
 
     def _by_the_flipper(self, pitch: float, flipper: FlipperReading) -> float:
-        """Return the distance of the nosing ahead with the tip on the landing; the previous value for nearly horizontal belts."""
+        """Return the offset by a tip on the landing; the previous one for nearly horizontal belts."""
         if pitch <= SMALL_RAD:
-            return self._ahead_m
-        return self._geometry.pivot_m - self._geometry.past(pitch, flipper.angle_rad)
+            return self._offset_m
+        past_m = self._geometry.past(pitch, flipper.angle_rad, self._around.landing_m)
+        return self._geometry.pivot_m - past_m - self._around.crossed.ahead_m

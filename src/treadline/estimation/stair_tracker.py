@@ -18,6 +18,7 @@ import numpy as np
 from treadline.core.signals import RECENT_DEPTH, ImuSample, Recent, StairMap, TrackReading
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD
 from treadline.estimation._nosing_filter import CORRELATED_M, FlightShape, NosingDetection, NosingFilter
+from treadline.estimation.known_nosings import KnownNosing, KnownNosings
 
 SAME = 0.5
 """Distance, as a ratio of the pitch, within which a detection belongs to the nearest nosing or to none: half-way to the next."""
@@ -185,6 +186,19 @@ class StairTracker:
             for nosing in self._known
         ]
 
+    def around(self, half_m: float) -> KnownNosings | None:
+        """Return the known nosings relative to a chair whose flat run reaches ``half_m`` to either side; None without nosings."""
+        known = [low for low, high in itertools.pairwise(self._known) if high.x_m - low.x_m > SAME * self.run_m] + self._known[-1:]
+        places = [(self._ahead_m(nosing), self._above_m(nosing)) for nosing in known]
+        under = [k for k, (ahead_m, _) in enumerate(places) if abs(ahead_m) <= half_m]
+        bears = max(under, key=lambda k: places[k][1], default=None)
+        zero_m, bearing = (0.0, None) if bears is None else (places[bears][1], known[bears])
+        nosings = [
+            KnownNosing(ahead_m, above_m - zero_m, self._height_sigma_m(nosing, bearing))
+            for nosing, (ahead_m, above_m) in zip(known, places, strict=True)
+        ]
+        return KnownNosings(self.pitch_rad, tuple(nosings)) if nosings else None
+
     @property
     def rise_sigma_m(self) -> float:
         """Standard deviation of the rise [m]; infinite before the first map."""
@@ -264,6 +278,22 @@ class StairTracker:
     def _ahead_m(self, nosing: _Nosing) -> float:
         along = math.cos(self.pitch_rad) / math.cos(self.heading_rad)
         return (nosing.x_m - self._x_m) * along + (nosing.z_m - self._z_m) * math.sin(self.pitch_rad)
+
+    def _above_m(self, nosing: _Nosing) -> float:
+        return (nosing.z_m - self._z_m) * math.cos(self.pitch_rad) - (nosing.x_m - self._x_m) * math.sin(self.pitch_rad)
+
+    def _height_sigma_m(self, nosing: _Nosing, other: _Nosing | None) -> float:
+        """Return the standard deviation of a nosing's height above the belts' line through another one, or by odometry [m]."""
+        if nosing not in self._nosings or (other is not None and other not in self._nosings):
+            return math.inf
+        across = np.array([-math.sin(self.pitch_rad), math.cos(self.pitch_rad)])
+        number = self._nosings.index(nosing)
+        if other is None:
+            covariance = self._filter.ahead_covariance(number, self.pitch_rad)
+        else:
+            both, apart = self._filter.covariance_of([number, self._nosings.index(other)]), np.hstack([np.eye(2), -np.eye(2)])
+            covariance = apart @ both @ apart.T
+        return math.sqrt(max(float(across @ covariance @ across), 0.0))
 
     def _end_at(self, nosings: Sequence[_Nosing]) -> bool:
         """Return whether maps have shown the end at the first nosing, or at its duplicate after motion without a stair in view."""

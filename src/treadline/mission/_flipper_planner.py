@@ -83,7 +83,7 @@ class FlipperPlanner:
         """Return whether the flipper reaches from nosing to nosing; ``step_m`` is 0 while no stair is known."""
         return 0.0 < SPANS * step_m < self._flipper_m
 
-    def ride(self, t_s: float, step_m: float, share: float, *, falls_rad_s: float) -> FlipperCommand | None:
+    def ride(self, t_s: float, step_m: float, share: float, *, falls_rad_s: float, lies_rad: float = 0.0) -> FlipperCommand | None:
         """Return the command that rides on the nosings, or lifts the flipper for a turn; None without a flipper.
 
         Args:
@@ -91,12 +91,13 @@ class FlipperPlanner:
             step_m: Distance from nosing to nosing.
             share: Lift for a turn, 0 to 1 (``turning_share``).
             falls_rad_s: Pitch rate downwards that the flipper follows; 0 if it must not follow.
+            lies_rad: Angle at which the flipper lies on the nosings as they are; 0 on the belts' line.
         """
         if not self.spans(step_m):
             return self.to(t_s, IN_LINE_RAD + share * (OVER_BELTS_RAD - IN_LINE_RAD))
         if self.reading is None:
             return None
-        off = self._rides_at(share) - self.reading.angle_rad
+        off = lies_rad + self._rides_at(share) - self.reading.angle_rad
         rate = max(FLIPPER_PER_S * off + RIDES_RAD_S * self._load, -FLIPPER_RAD_S)
         if self._load <= MEETS_SHARE:
             rate -= CATCHES * max(falls_rad_s - FALL_RATE_RAD_S, 0.0)

@@ -20,6 +20,7 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.core.step_sizes import ON_A_FLIGHT_RAD
+from treadline.estimation.known_nosings import KnownNosings
 from treadline.estimation.stair_tracker import Side, StairTracker
 from treadline.mission._flat_ground_steering import LevelConfig, LevelSteering
 from treadline.mission._flipper_planner import LIFTED_HEADING_RAD, FlipperPlanner, turning_share
@@ -114,6 +115,8 @@ class FlightSituation:
         self._furthest_m = -math.inf
         """Furthest place of the chair in its direction since the state began [m]."""
         self._estimate: HeadingEstimate | None = None
+        self._around: KnownNosings | None = None
+        """Known nosings relative to the chair at this tick."""
         self._flights_done = 0
         self._from_m = 0.0
         """Travel at which the phase began [m]."""
@@ -167,6 +170,7 @@ class FlightSituation:
         self.t_s, self._estimate = t_s, estimate
         if estimate is not None:
             self._where.heading_rad = estimate.heading_rad
+        self._around = self._where.around(self._pivot_m)
         here_m = self._way.sign * self._where.up_m
         if here_m > self._furthest_m + FURTHER_M:
             self._furthest_m, self.stalled_s = here_m, 0.0
@@ -345,7 +349,15 @@ class FlightSituation:
         """Return the flipper command on the flight: riding on the nosings while the chair is square, lifted above them to turn."""
         share = self._turning_share(square_rad)
         catches = self._way.catches and self._may_follow(share)
-        return self._flipper_planner.ride(self.t_s, self._step_m, share, falls_rad_s=self._tip_over.rate_rad_s if catches else 0.0)
+        falls_rad_s = self._tip_over.rate_rad_s if catches else 0.0
+        return self._flipper_planner.ride(self.t_s, self._step_m, share, falls_rad_s=falls_rad_s, lies_rad=self._lies_rad())
+
+    def _lies_rad(self) -> float:
+        """Return the flipper's angle to the belts on the nosings ahead [rad]; 0 downhill, where they reach it from the belts."""
+        flipper_m = self._config.chair.tracks.approach_m
+        if self._around is None or self._way.sign < 0.0:
+            return 0.0
+        return self._around.flipper_rad(self._pivot_m, flipper_m)
 
     def _pitch_feedforward(self, square_rad: float = 0.0, *, allowed: bool = True) -> float:
         """Return the tip-over feed-forward [m/s]; no speed is added to a turning or slipping chair."""

@@ -278,23 +278,20 @@ class Ascent(FlightSituation):
 
     def _cross(self) -> None:
         """Begin the crest sequence near the end of the flight, end it when a further nosing comes into view, and step it."""
-        config, where = self._config, self._where
-        top = where.top_ahead_m()
-        unseen = top is not None and top - self._pivot_m < config.unseen_end_m
-        near = top is not None and top - self._pivot_m < config.crest_from_m
-        if self._crest is None and top is not None and ((where.top_ends and near) or unseen):
+        config, where, around = self._config, self._where, self._around
+        before_m = math.inf if around is None else around.top.ahead_m - self._pivot_m
+        unseen = before_m < config.unseen_end_m
+        if self._crest is None and around is not None and ((where.top_ends and before_m < config.crest_from_m) or unseen):
             crest_config = CrestConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.cruise_m_s)
-            self._crest = Crest(crest_config, top)
+            self._crest = Crest(crest_config, around)
             seen = "seen" if where.top_ends else "no nosing seen beyond"
             self._end = f"end of the flight, {seen}"
-        elif self._crest is not None and top is not None and self._is_climbing and not (where.top_ends or unseen):
+        elif self._crest is not None and self._is_climbing and not (where.top_ends or unseen):
             self._crest = None
-        if self._crest is None or self._imu is None or self._flipper is None or self._tracks is None:
+        if self._crest is None or around is None or self._imu is None or self._flipper is None or self._tracks is None:
             self._command = None
             return
-        if top is not None and where.top_ends:
-            self._crest.nosing_seen(top)
-        self._command = self._crest.step(self._imu, self._flipper, self._tracks)
+        self._command = self._crest.step(self._imu, self._flipper, self._tracks, around)
         self._is_climbing = self._is_climbing and self._command.stage in ("climb", "slow")
 
     def _stage_in(self, *stages: str) -> CrestCommand | None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, HeadingEstimate, MotionPlan
+from treadline.estimation.known_nosings import SIGMAS
 from treadline.estimation.stair_tracker import NEAR_M
 from treadline.mission._automaton import Automaton, State
 from treadline.mission._flipper_planner import FLIPPER_RAD_S
@@ -140,19 +141,25 @@ class Descent(FlightSituation):
 
     def begin_edge(self) -> None:
         """Prepare the edge sequence."""
-        config, edge = self._config, self._where.top_ahead_m()
+        config, around = self._config, self._around
         edge_config = EdgeConfig(chair=config.chair, payload_kg=config.payload_kg, cruise_m_s=config.slow_m_s)
-        self._edge = None if edge is None else Edge(edge_config, -edge, self._where.slope_rad)
+        self._edge = None if around is None else Edge(edge_config, around)
+
+    def cannot_be_let_down(self) -> str | None:
+        """The flipper's range does not suffice to lift the chair to the uppermost nosings."""
+        if self._edge is None or self._around is None:
+            return None
+        return self._edge.refusal(self._around, 0.0 if self.enters else SIGMAS) or None
 
     # --- over the edge
 
     def _go_over(self) -> None:
         """Check the flight below the edge, and step the edge sequence."""
-        if self._edge is None or self._imu is None or self._flipper is None or self._tracks is None:
+        around = self._around
+        if self._edge is None or around is None or self._imu is None or self._flipper is None or self._tracks is None:
             self._command = None
             return
-        edge = self._where.top_ahead_m()
-        whole_to_m = -math.inf if edge is None else self._whole_below_edge_m - edge
+        whole_to_m = self._whole_below_edge_m - around.top.ahead_m
         self._gap = self._missing(self._checked_to_m(whole_to_m) - self._pivot_m)
         if self._gap is not None and self.phase == "approach":
             return
@@ -161,9 +168,7 @@ class Descent(FlightSituation):
             against = "no more of the flight is in view than the chair needs to lie on, nor its end"
         if against is not None and self._edge.turn_back():
             self._turned_back_for = against
-        if edge is not None:
-            self._edge.nosing_seen(-edge)
-        self._command = self._edge.step(self._imu, self._flipper, self._tracks)
+        self._command = self._edge.step(self._imu, self._flipper, self._tracks, around)
 
     def lacks_a_step(self) -> str | None:
         """A step is missing below the edge, where the chair would lie, and it cannot be set back on the landing."""
@@ -354,6 +359,7 @@ STATES_DOWN: tuple[State[Descent], ...] = (
             Descent.is_too_narrow: "hold",
             Descent.has_an_open_side: "hold",
             Descent.must_not_enter: "refused",
+            Descent.cannot_be_let_down: "refused",
             Descent.lacks_a_step: "hold",
             Descent.presses: "edge",
         },
