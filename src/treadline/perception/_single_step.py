@@ -11,13 +11,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from treadline.core.rotations import Vector3
+from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.perception._lattice import EVIDENCE, Scene, nosing_of, risers_at, turned_axes, voted_azimuths
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import TREAD_SIGMA_M, Axes, Direction, Flight, Riser, Tread, viewing_direction
 from treadline.perception.free_ground import DROP_M, FLAT_RAD, LEVEL_SIZE_M
 
-RISE_M = (DROP_M, 0.30)
-"""Range of heights [m]: a lower step is ground, as for the drops of ``free_ground``, a higher one a bench."""
 RUN_M = 0.30
 """Run by which a single step is described [m], that of usual steps: a map must have one, and a single step has none."""
 AT_EDGE_M = 0.06
@@ -92,7 +91,7 @@ def _pairs(scene: Scene, axes: Axes, ground_m: float, direction: Direction) -> I
     for level in own:
         for other in scene.treads:
             rise_m = _height(other, axes) - _height(level, axes)
-            if RISE_M[0] <= (rise_m if direction == "up" else -rise_m) <= RISE_M[1]:
+            if SINGLE_RISE_M[0] <= (rise_m if direction == "up" else -rise_m) <= SINGLE_RISE_M[1]:
                 yield (level, other) if direction == "up" else (other, level)
 
 

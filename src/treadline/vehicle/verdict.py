@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from treadline.core.angles import DEG, radians_hint
 from treadline.core.printing import Printable
-from treadline.core.step_sizes import RISE_M, RUN_M
+from treadline.core.step_sizes import RISE_M, RUN_M, SINGLE_RISE_M
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import SEAT_SHIFT_M, Chair, Scenario, Stair
 from treadline.vehicle._start_checks import checked_start
@@ -127,7 +127,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         _too_wide_a_gap(scenario, chair.tracks),
         _too_short_a_landing(stair, chair.tracks),
         _too_short_to_arrive(scenario, chair),
-        _undetectable_steps(scenario),
+        _undetectable_steps(scenario, climb),
         _turning_flights(stair),
         _winders(stair),
         *start_problems,
@@ -302,9 +302,12 @@ def _too_wide_a_gap(scenario: Scenario, tracks: Tracks) -> str | None:
     )
 
 
-def _undetectable_steps(scenario: Scenario) -> str | None:
+def _undetectable_steps(scenario: Scenario, climb: Climb) -> str | None:
     """Return a refusal of steps outside the detector's range, of which it accepts no frame, or frames of half steps."""
     stair, control = scenario.stair, scenario.control
+    if stair.steps == 1 and climb.rise_m < SINGLE_RISE_M[0] and control.loop == "closed" and control.vision == "robust":
+        seen = f"the detector sees single steps from {SINGLE_RISE_M[0]:g} m on"
+        return f"a threshold of {climb.rise_m:.3f} m is ground: {seen}; drive over it by hand"
     (least_rise, most_rise), (least_run, most_run) = RISE_M, RUN_M
     is_detectable = least_rise <= stair.rise_m <= most_rise and least_run <= stair.run_m <= most_run
     if is_detectable or stair.steps == 1 or control.loop == "open" or control.vision != "robust":
