@@ -248,7 +248,7 @@ class World(Place):
         if round(self.t_s / TICK_S) % 10 == 0:
             self.maps += 1
             seen = self.spoil(self.camera())
-            signals += [] if seen is None or len(seen.nosings_B) < 2 else [seen]
+            signals += [] if seen is None or len(seen.nosings_B) < min(2, self.steps) else [seen]
         return signals
 
     def camera(self) -> StairMap:

@@ -518,6 +518,16 @@ def test_the_end_that_frames_show_hands_over_to_the_crest_with_its_place(crest: 
     assert not world.plans[-1].needs_stair
 
 
+@pytest.mark.parametrize("steps", [1, 2])
+def test_at_one_or_two_steps_the_mount_is_the_crest(crest: type[Script], steps: int) -> None:
+    """Test: a flight whose last nosing the front reaches before the belts lie on two. Expected result: no traction test with the
+    nose in the air; the crest sequence crosses the nosing from the floor."""
+    world = Foot(steps=steps, grip=0.5)
+    world.run("crest")
+    assert world.phases == ["search", "align", "approach", "mount", "climb", "crest"]
+    assert crest.made[0].ahead_m < PIVOT_M
+
+
 def test_an_end_that_no_frame_shows_is_met_where_the_last_nosing_ever_seen_is(crest: type[Script]) -> None:
     world = Foot(steps=6, spoil=lambda seen: replace(seen, ends=False))
     world.run("crest")

@@ -136,7 +136,7 @@ class Crest(Sequencer[Stage]):
 
     def _cannot_reach(self) -> str:
         """Return the reason why the flipper cannot stand on the landing as the centre of mass passes, or an empty string."""
-        slope, sigma = self._around.steepest
+        slope, sigma = self._lies
         least_rad = slope - SIGMAS * sigma - LIFTED_RAD
         if self._most_before_m(least_rad) > -LATER_M:
             return ""
@@ -151,8 +151,8 @@ class Crest(Sequencer[Stage]):
         ahead_m = self._geometry.pivot_m - self._edge_past_m
         if ahead_m < self._least_m - PROGRESS_M:
             self._waited_s, self._least_m = 0.0, ahead_m
-        if self._is_lifted(pitch) and pitch > self._around.steepest[0] + PROPPED_RAD:
-            lifted = (pitch - self._around.steepest[0]) / DEG
+        if self._is_lifted(pitch) and pitch > self._lies[0] + PROPPED_RAD:
+            lifted = (pitch - self._lies[0]) / DEG
             return f"the flipper lifted the chair by {lifted:.1f}°, and stands on something else than the landing"
         if self._waited_s < config.patience_s:
             return ""
@@ -208,7 +208,7 @@ class Crest(Sequencer[Stage]):
 
     def _is_lifted(self, pitch: float) -> bool:
         """Return whether a loaded tip holds the chair above its nosings: a light chair is lifted before the tip carries."""
-        return self._tip.load_n > UNLOADED_N and pitch > self._around.steepest[0] + LIFTED_RAD
+        return self._tip.load_n > UNLOADED_N and pitch > self._lies[0] + LIFTED_RAD
 
     def _carry(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
         self._refine(pitch, flipper, dt_s)

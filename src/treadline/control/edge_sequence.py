@@ -111,7 +111,7 @@ class Edge(Sequencer[Stage]):
         """Slope below the edge and pitch of the complete lift [rad], and the centre of mass's distance before the edge then [m]."""
         self._lifted_rad = 0.0
         self._least_m, self._touched_s = math.inf, 0.0
-        self._aim(around)
+        self._aim()
 
     def refusal(self, around: KnownNosings, sigmas: float) -> str:
         """Return why the chair cannot be let down over this edge, or an empty string.
@@ -120,17 +120,20 @@ class Edge(Sequencer[Stage]):
             around: Nosings around the chair.
             sigmas: Standard deviations by which the uppermost nosings may be less steep than measured.
         """
-        slope, sigma = around.steepest
+        slope, sigma = around.lies(self._geometry.pivot_m, 0.0)
         if self._lift(slope - sigmas * sigma) is not None:
             return ""
         lowest, least = self._lowest_rad / DEG, self._config.least_rad / DEG
         why = f"to lift the chair to them with {least:.0f}° to tipping, the flipper would have to turn below its {lowest:.0f}°"
         return f"the uppermost nosings are {slope / DEG:.1f}° steep: {why}; take another way"
 
-    def _aim(self, around: KnownNosings) -> None:
+    def _aim(self) -> None:
         """Set pitch and place of the lift by the slope of the uppermost nosings."""
-        self._slope_rad = around.steepest[0]
-        self._target_rad, self._keep_m = self._lift(self._slope_rad) or (self._slope_rad, self._most_before_m(self._slope_rad))
+        self._slope_rad = self._lies[0]
+        self._target_rad, self._keep_m = self._lift(self._slope_rad) or (
+            self._slope_rad,
+            before_for_margin(self._config, self._slope_rad, self._config.least_rad),
+        )
         self._press_from_m = self._config.early_m - plumb(self._config, self._slope_rad)
 
     def _lift(self, slope_rad: float) -> tuple[float, float] | None:
@@ -191,7 +194,7 @@ class Edge(Sequencer[Stage]):
 
     def _is_near(self) -> bool:
         """Return whether the chair is where the tip is pressed down; the map shows ever better how far it is to be lifted."""
-        self._aim(self._around)
+        self._aim()
         return self._behind_m < self._press_from_m
 
     def _gives_up(self) -> bool:
@@ -231,6 +234,9 @@ class Edge(Sequencer[Stage]):
     def _settle(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
         """Return the flipper rate that keeps the front on the tip while the chair backs onto the nosings; yields under load."""
         share = max(-flipper.torque_n_m / self._most_n_m, 0.0)
+        # The further the rear moves away on the floor, the less the chair is pitched.
+        lies_rad, _ = self._around.lies(self._geometry.pivot_m, -self._behind_m)
+        self._lifted_rad = min(self._lifted_rad, lies_rad + self._config.steeper_rad)
         rate = self._turn(self._lifted_rad, pitch, flipper, speed, dt_s)
         return rate + GIVES_RAD_S * max(share - BEARS_SHARE, 0.0)
 

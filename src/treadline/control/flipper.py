@@ -264,6 +264,11 @@ class Sequencer(ABC, Generic[StageT]):
         """Return how far before the landing's edge the centre of mass may be for the flipper to stand on the landing [m]."""
         return self._geometry.past(pitch, self._lowest_rad) - self._geometry.pivot_m + plumb(self._loading, pitch)
 
+    @property
+    def _lies(self) -> tuple[float, float]:
+        """Pitch at which the belts lie as the centre of mass passes the edge, and its standard deviation [rad]."""
+        return self._around.lies(self._geometry.pivot_m, 0.0)
+
     def _com_beyond(self, pitch: float) -> float:
         """Return the distance of the centre of mass's plumb line beyond the crossed nosing, along the belts [m]."""
         return plumb(self._loading, pitch) - self._ahead_m

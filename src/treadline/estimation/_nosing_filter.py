@@ -92,6 +92,24 @@ class NosingFilter:
         away = np.hstack([-np.eye(2), np.eye(2)])
         return away @ self.covariance[np.ix_(both, both)] @ away.T + self._drift(pitch_rad, slides=False)
 
+    def height_variances(self, pitch_rad: float, against: int | None) -> list[float]:
+        """Return the variance of each nosing's height across the belts' line [m²].
+
+        Args:
+            pitch_rad: Pitch of that line.
+            against: Number of the nosing through which the line passes; None: through the chair by odometry.
+        """
+        s, c = -math.sin(pitch_rad), math.cos(pitch_rad)
+        places = s * self.covariance[:, 4::4] + c * self.covariance[:, 5::4]
+        own = s * places[4::4] + c * places[5::4]
+        if against is None:
+            chair, drift = self.covariance[:2, :2] + self._drift(pitch_rad, slides=False), s * places[0] + c * places[1]
+            line, common = s * s * chair[0, 0] + 2.0 * s * c * chair[0, 1] + c * c * chair[1, 1], drift
+        else:
+            line, common = own[against, against], own[against]
+        variances: list[float] = np.maximum(own.diagonal() + line - 2.0 * common, 0.0).tolist()
+        return variances
+
     def drive(self, moved_m: float, ran_m: float, turned_rad: float, pitch_rad: float, dt_s: float) -> None:
         """Add the uncertainty of one interval of odometry.
 

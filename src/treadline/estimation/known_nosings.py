@@ -32,6 +32,8 @@ class KnownNosings:
 
     pitch_rad: float
     nosings: tuple[KnownNosing, ...]
+    rise_m: float = 0.0
+    """Rise of the flight [m]: below a single step the floor."""
 
     @property
     def top(self) -> KnownNosing:
@@ -54,13 +56,31 @@ class KnownNosings:
     @property
     def landing_m(self) -> float:
         """Height of the landing above the crossed nosing [m]."""
-        along_m, above_m = self.top.ahead_m - self.crossed.ahead_m, self.top.above_m - self.crossed.above_m
+        return self._below_m(self.crossed)
+
+    def _below_m(self, nosing: KnownNosing) -> float:
+        """Return the height of the landing above a nosing [m]."""
+        along_m, above_m = self.top.ahead_m - nosing.ahead_m, self.top.above_m - nosing.above_m
         return along_m * math.sin(self.pitch_rad) + above_m * math.cos(self.pitch_rad)
 
     @property
     def steepest(self) -> tuple[float, float]:
         """Larger slope of the two uppermost pairs of nosings and its standard deviation [rad]; zero with a single nosing."""
         return max((self.slope(below) for below in range(min(len(self.nosings) - 1, 2))), default=(0.0, 0.0))
+
+    def lies(self, half_m: float, ahead_m: float) -> tuple[float, float]:
+        """Return the pitch at which the belts lie on the landing's edge and what is behind it, and its standard deviation [rad].
+
+        That is the slope of the uppermost nosings, or less where the rear pulley stands on the floor.
+
+        Args:
+            half_m: Half of the flat run.
+            ahead_m: Distance of the edge ahead of mid-track.
+        """
+        height_m = self._below_m(self.nosings[0]) + self.rise_m
+        behind_m = half_m + max(ahead_m, 0.0)
+        floor = math.asin(min(height_m / behind_m, 1.0)), self.top.sigma_m / behind_m
+        return floor if len(self.nosings) == 1 else min(floor, self.steepest)
 
     def slope(self, below: int = 0) -> tuple[float, float]:
         """Return the slope between two neighbouring nosings and its standard deviation [rad].

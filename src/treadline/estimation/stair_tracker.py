@@ -193,11 +193,12 @@ class StairTracker:
         under = [k for k, (ahead_m, _) in enumerate(places) if abs(ahead_m) <= half_m]
         bears = max(under, key=lambda k: places[k][1], default=None)
         zero_m, bearing = (0.0, None) if bears is None else (places[bears][1], known[bears])
+        sigmas_m = self._height_sigmas_m(bearing)
         nosings = [
-            KnownNosing(ahead_m, above_m - zero_m, self._height_sigma_m(nosing, bearing))
+            KnownNosing(ahead_m, above_m - zero_m, sigmas_m.get(id(nosing), math.inf))
             for nosing, (ahead_m, above_m) in zip(known, places, strict=True)
         ]
-        return KnownNosings(self.pitch_rad, tuple(nosings)) if nosings else None
+        return KnownNosings(self.pitch_rad, tuple(nosings), self.rise_m) if nosings else None
 
     @property
     def rise_sigma_m(self) -> float:
@@ -282,18 +283,13 @@ class StairTracker:
     def _above_m(self, nosing: _Nosing) -> float:
         return (nosing.z_m - self._z_m) * math.cos(self.pitch_rad) - (nosing.x_m - self._x_m) * math.sin(self.pitch_rad)
 
-    def _height_sigma_m(self, nosing: _Nosing, other: _Nosing | None) -> float:
-        """Return the standard deviation of a nosing's height above the belts' line through another one, or by odometry [m]."""
-        if nosing not in self._nosings or (other is not None and other not in self._nosings):
-            return math.inf
-        across = np.array([-math.sin(self.pitch_rad), math.cos(self.pitch_rad)])
-        number = self._nosings.index(nosing)
-        if other is None:
-            covariance = self._filter.ahead_covariance(number, self.pitch_rad)
-        else:
-            both, apart = self._filter.covariance_of([number, self._nosings.index(other)]), np.hstack([np.eye(2), -np.eye(2)])
-            covariance = apart @ both @ apart.T
-        return math.sqrt(max(float(across @ covariance @ across), 0.0))
+    def _height_sigmas_m(self, bearing: _Nosing | None) -> dict[int, float]:
+        """Return the standard deviations of the tracked nosings' heights above the belts' line, by the nosings' identity [m]."""
+        if bearing is not None and bearing not in self._nosings:
+            return {}
+        against = None if bearing is None else self._nosings.index(bearing)
+        variances = self._filter.height_variances(self.pitch_rad, against)
+        return {id(nosing): math.sqrt(variance) for nosing, variance in zip(self._nosings, variances, strict=True)}
 
     def _end_at(self, nosings: Sequence[_Nosing]) -> bool:
         """Return whether maps have shown the end at the first nosing, or at its duplicate after motion without a stair in view."""

@@ -240,12 +240,14 @@ class FlightSituation:
         """The measured steps exceed a limit of the chair.
 
         Before the chair enters, the measured rise and run count as they are. Further away a stair is refused only if none that may
-        be the true one can be entered, because the measurement improves on the way. Each map is judged once.
+        be the true one can be entered, because the measurement improves on the way. Each map is judged once. At a single step the
+        chair is pitched no more than with its rear on the floor, whatever run the map names.
         """
-        config, where = self._config, self._where
+        config, where, around = self._config, self._where, self._around
         if self._judged[:2] != (where.map_count, self.enters):
-            if self.enters:
-                reason = reject_reason(config.chair, config.payload_kg, where.rise_m, where.run_m, where.slope_rad)
+            if around is not None and (self.enters or (len(around.nosings) == 1 and where.top_ends)):
+                slope_rad = min(where.slope_rad, around.lies(self._pivot_m, 0.0)[0])
+                reason = reject_reason(config.chair, config.payload_kg, where.rise_m, where.run_m, slope_rad)
             else:
                 sigmas_m = (where.rise_sigma_m, where.run_sigma_m)
                 reason = certain_reject_reason(config.chair, config.payload_kg, where.rise_m, where.run_m, sigmas_m)

@@ -149,6 +149,13 @@ class Ascent(FlightSituation):
         slope = self._where.slope_rad / DEG
         return f"the belts ran {self._config.mount_s:g} s on the first nosings of a {slope:.0f}° stair without getting up"
 
+    def mounts_the_crest(self) -> str | None:
+        """The front pulley stands on the last nosing before the belts lie on two: one step, or two low ones."""
+        around = self._around
+        if around is None or not self._where.top_ends or around.top.ahead_m > self._pivot_m:
+            return None
+        return f"the front has reached the last nosing, pitch {self._where.pitch_rad / DEG:.1f}°"
+
     def lies_on_two_nosings(self) -> str | None:
         """The belts lie on two nosings, the rear still on the floor."""
         ahead, where = self._where.ahead_m(), self._where
@@ -379,6 +386,7 @@ STATES_UP: tuple[State[Ascent], ...] = (
             Ascent.is_sent_back: "back_off",
             **_BEFORE_THE_FLIGHT,
             Ascent.gets_no_hold: "back_off",
+            Ascent.mounts_the_crest: "climb",
             Ascent.lies_on_two_nosings: "traction",
         },
     ),
