@@ -381,7 +381,13 @@ def _table(found: dict[str, Samples], kind: int, power: float) -> Record:
     # Open or closed, which open stairs are too few to tell apart.
     either = (kind - kind % 2, kind - kind % 2 + 1)
     told = [[_score(found["told"], (kind, row, column)) for column in depths] for row in range(len(MARGINS_PX) + 1)]
-    accept = [[_score(found["accept"], (kind, doubt, cell)) for cell in range(len(ACCEPT_PX) + 1)] for doubt in range(4)]
+    seen = {cell[:2] for cell in found["accept"].cells}
+    accept = []
+    for doubt in range(4):
+        # No drive has a frame of some stairs: those with other risers count, then those with other walls, then other distances.
+        others = ((one, doubt ^ flip) for flip in (0, 2, 1, 3) for one in (kind, kind ^ 1))
+        source = next((other for other in others if other in seen), (kind, doubt))
+        accept.append([_score(found["accept"], (*source, cell)) for cell in range(len(ACCEPT_PX) + 1)])
     return {
         "accept": {"margins_px": ACCEPT_AT_PX, "score": accept},
         "told": {"score": told},
