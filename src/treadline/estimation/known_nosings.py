@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 SIGMAS = 3.0
 """Standard deviations beyond which a nosing counts as off the line of its neighbours: one in 370 that are on it."""
-
+FALLS_RAD = math.radians(2.0)
+"""Angle that a chair may fall freely onto the next nosing [rad]: 2.4 m/s² at the passenger, in proportion to 3 m/s² from 2.5°."""
 SHORT = 0.25
 """Share of the flipper's length from its axis on which a nosing lies under the front pulley rather than the flipper."""
 
@@ -50,7 +51,7 @@ class KnownNosings:
         if len(self.nosings) < 3:
             return self.top
         (high_rad, sigma_rad), (low_rad, _) = self.slope(0), self.slope(1)
-        lies_below = min(low_rad, self.pitch_rad) - high_rad > SIGMAS * sigma_rad
+        lies_below = min(low_rad, self.pitch_rad) - high_rad > max(SIGMAS * sigma_rad, FALLS_RAD)
         return self.nosings[-2] if lies_below else self.top
 
     @property
