@@ -10,15 +10,19 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Vector3
 from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.perception._lattice import EVIDENCE, Scene, nosing_of, risers_at, turned_axes, voted_azimuths
+from treadline.perception._plane_segmentation import Line
 from treadline.perception._stair_shape import StairShape
 from treadline.perception._step_parts import TREAD_SIGMA_M, Axes, Direction, Flight, Riser, Tread, viewing_direction
 from treadline.perception.free_ground import DROP_M, FLAT_RAD, LEVEL_SIZE_M
 
 RUN_M = 0.30
 """Run by which a single step is described [m], that of usual steps: a map must have one, and a single step has none."""
+BORDER = 0.05
+"""Width of the image's border, in image widths: the image cuts a line that ends there. Blocks of a surface are 2 to 4 % wide."""
 AT_EDGE_M = 0.06
 """Largest distance between the front of the upper level, a riser and the end of the lower level [m]."""
 
@@ -37,13 +41,13 @@ def single_step_in(scene: Scene, swept_half_m: float) -> Flight | None:
     ground_m, middle_m = -float(p_BC @ up_B), -float((camera.R_BC.T @ p_BC) @ scene.level.right)
     direction: Direction = "up" if viewing_direction(camera.R_BC) > 0.0 else "down"
     for azimuth in voted_azimuths(scene):
-        axes = turned_axes(scene.level, azimuth)
-        for low, high in _pairs(scene, axes, ground_m, direction):
-            front = high.ends(axes)[0 if direction == "up" else 1]
-            if front is None or front.kind == "vague" or float(front.ends_m[1] @ axes.right) - middle_m < swept_half_m:
+        voted = turned_axes(scene.level, azimuth)
+        for low, high in _pairs(scene, voted, ground_m, direction):
+            front = high.ends(voted)[0 if direction == "up" else 1]
+            if front is None or front.kind == "vague" or not _is_wide(front, camera, voted, middle_m, swept_half_m):
                 continue
-            if middle_m - float(front.ends_m[0] @ axes.right) < swept_half_m:
-                continue
+            along = front.ends_m[1] - front.ends_m[0]
+            axes = turned_axes(scene.level, azimuth - math.atan2(float(along @ voted.ahead), float(along @ voted.right)))
             place_m = float(front.middle @ axes.ahead)
             if not _meet(scene, low, high, axes, place_m, direction):
                 continue
@@ -95,12 +99,23 @@ def _pairs(scene: Scene, axes: Axes, ground_m: float, direction: Direction) -> I
                 yield (level, other) if direction == "up" else (other, level)
 
 
+def _is_wide(front: Line, camera: PinholeCamera, axes: Axes, middle_m: float, half_m: float) -> bool:
+    """Return whether an edge is as wide as the chair sweeps, as far as the image shows it."""
+    asides_m = front.ends_m @ axes.right - middle_m
+    columns, _ = camera.point_to_pixel(front.ends_m)
+    border_px = BORDER * camera.width_px
+    is_cut = ~np.isfinite(columns) | (columns < border_px) | (columns > camera.width_px - 1 - border_px)
+    return bool((is_cut[0] or -asides_m[0] > half_m) and (is_cut[1] or asides_m[1] > half_m))
+
+
 def _meet(scene: Scene, low: Tread, high: Tread, axes: Axes, place_m: float, direction: Direction) -> bool:
     """Return whether the lower level lies on one side of the edge and the upper one on the other, the far one deep enough."""
     low_m, high_m = (tread.surface.span_m(scene.blocks, axes.ahead) for tread in (low, high))
-    if direction == "up":
-        return low_m[1] < place_m + AT_EDGE_M and high_m[1] - place_m > LEVEL_SIZE_M[0]
-    return high_m[1] < place_m + AT_EDGE_M and low_m[1] - max(low_m[0], place_m) > LEVEL_SIZE_M[0]
+    if direction == "down":
+        return low_m[1] - max(low_m[0], place_m) > LEVEL_SIZE_M[0]
+    foot = low.ends(axes)[1]
+    meets = foot is not None and abs(float(foot.middle @ axes.ahead) - place_m) < AT_EDGE_M
+    return meets and high_m[1] - place_m > LEVEL_SIZE_M[0]
 
 
 def _risers(risers: Iterator[Riser], axes: Axes, place_m: float) -> Sequence[Riser]:
