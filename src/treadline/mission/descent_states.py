@@ -88,7 +88,7 @@ class Descent(FlightSituation):
         self.begin_tick(t_s, estimate)
         if self.phase in ("approach", "edge"):
             self._go_over()
-        elif self.phase in ("descend", "leave"):
+        elif self.phase == "leave":
             self._is_late = self._flipper_planner.is_late(t_s, self._low_rad, self._gently_s)
         return self._automaton.step(self)
 
@@ -284,8 +284,6 @@ class Descent(FlightSituation):
     def descend(self) -> MotionPlan:
         """Backs down, slower near the last nosing, and lifts the flipper before the rear reaches the floor."""
         config, before = self._config, self._before_m
-        if self._low_rad > 0.0:
-            return self.driving(0.0, 0.0, self._lift())
         is_near = before < config.slow_from_m
         hasty = min(max((before - config.slow_from_m) / config.slows_m, 0.0), 1.0)
         speed = -(config.slow_m_s + hasty * (config.cruise_m_s - config.slow_m_s))
@@ -380,7 +378,6 @@ STATES_DOWN: tuple[State[Descent], ...] = (
             Descent.cannot_go_back: "hold",
             Descent.is_barred_by_a_gap: "hold",
             Descent.saw_no_floor: "hold",
-            Descent.keeps_its_flipper_low: "hold",
             Descent.tips_onto_the_floor: "leave",
         },
     ),
