@@ -15,6 +15,11 @@ from treadline.vehicle.tracks import pulley_centres
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        (
+            "belt_width_m = 0.10",
+            "belt_width_m = 0.10\nroad_wheels = 1",
+            "tracks.road_wheels: 1 road wheel under each flat run; give 2 or ",
+        ),
         ("gauge_m = 0.65", "", "tracks.gauge_m: missing; give a number > 0 and ≤ 10"),
         ("chassis_kg = 23.4", "chassis_kg = 23400", "masses.chassis_kg: must be a number > 0 and ≤ 1000 (got 23400)"),
         ("max_speed_m_s = 1.0", "max_speed_m_s = 60", "drives.max_speed_m_s: must be a number > 0 and ≤ 10 (got 60)"),

@@ -96,12 +96,13 @@ def read_by_mujoco(xml: str) -> ReadBack:
         (float(model.body_mass[i]), data.xipos[i].copy(), axes[i] @ np.diag(model.body_inertia[i]) @ axes[i].T)
         for i in range(1, model.nbody)
     ]
-    extents = {model.geom(i).name: mjcf_extent(model, data, i) for i in range(model.ngeom) if model.geom_contype[i]}
+    drawn = [i for i in range(model.ngeom) if model.geom_contype[i] and "_wheel_" not in model.geom(i).name]
+    extents = {model.geom(i).name: mjcf_extent(model, data, i) for i in drawn}
     return ReadBack(*summed(parts), extents)
 
 
 def read_mjcf(chair: ChairDescription) -> ReadBack:
-    return read_by_mujoco(model_xml(None, chair, LOADING, friction=0.62))
+    return read_by_mujoco(model_xml(None, chair, LOADING, friction=FRICTION))
 
 
 def read_urdf(chair: ChairDescription) -> ReadBack:
@@ -233,18 +234,39 @@ ODD = Scenario.model_validate(
 def test_stair_and_chair_stand_at_the_same_place_in_mjcf_and_sdf(stair: Staircase) -> None:
     chair = read_chair("rescue")
     here = standing(stair, chair.tracks, Start(place="flight", step=3, heading_deg=20.0, lateral_m=0.1))
-    model, data = loaded(model_xml(stair, chair, LOADING, friction=0.62, start=here))
+    model, data = loaded(model_xml(stair, chair, LOADING, friction=FRICTION, start=here))
     world = fromstring(sdf_world(stair, chair, LOADING, start=here)).find("world")
     link = world.find("model[@name='stair']/link")
-    theirs = [sdf_extent(collision, np.zeros(3), np.eye(3)) for collision in link.findall("collision")]
-    ours = [i for i in range(model.ngeom) if model.geom_bodyid[i] == 0]
-    assert len(theirs) == len(ours) == len(stair_boxes(stair)) + sum(solid.nosing is not None for solid in stair_solids(stair))
-    for i, found in zip(ours, theirs, strict=True):
-        np.testing.assert_allclose(found.centre, data.geom_xpos[i], atol=1e-9)
-        np.testing.assert_allclose(found.half, mjcf_extent(model, data, i).half, atol=1e-7)
+    theirs = {collision.get("name"): sdf_extent(collision, np.zeros(3), np.eye(3)) for collision in link.findall("collision")}
+    ours = {model.geom(i).name: mjcf_extent(model, data, i) for i in range(model.ngeom) if model.geom_bodyid[i] == 0}
+    assert len(theirs) == len(stair_boxes(stair)) + sum(solid.nosing is not None for solid in stair_solids(stair))
+    for name, found in theirs.items():
+        kind, number, _ = name.split("_")
+        # A landing is two boxes in MJCF, one on the other: the upper one is ground for the road wheels.
+        names = [f"{part}_{number}" for part in (("nosing",) if kind == "nosing" else ("ground", "stair"))]
+        layers = [ours.pop(name) for name in names if name in ours]
+        low, high = (sign * np.max([sign * layer.centre + layer.half for layer in layers], axis=0) for sign in (-1.0, 1.0))
+        np.testing.assert_allclose(found.centre, 0.5 * (low + high), atol=1e-7)
+        np.testing.assert_allclose(found.half, 0.5 * (high - low), atol=1e-7)
+    assert not ours
     pose = numbers(world.find("model[@name='rescue']/pose"), "")
     np.testing.assert_allclose(pose[:3], data.body("chair").xpos, atol=1e-12)
     np.testing.assert_allclose(turned(pose[3:]), data.body("chair").xmat.reshape(3, 3), atol=1e-9)
+
+
+@pytest.mark.parametrize(("axis", "coefficient"), [(0, FRICTION[0]), (1, FRICTION[1])])
+def test_an_exported_scene_has_its_friction_along_and_across_the_belts(axis: int, coefficient: float) -> None:
+    stair, chair = as_designed(Stair(width_m=4.0)), read_chair("rescue")
+    here = standing(stair, chair.tracks, Start(place="floor"))
+    model, data = loaded(model_xml(stair, chair, LOADING, friction=FRICTION, start=here))
+    mujoco.mj_step(model, data, 200)
+    data.qvel[axis] = -1.0
+    mujoco.mj_step(model, data, 50)
+    forces_n = np.zeros((data.ncon, 6))
+    for number, force_n in enumerate(forces_n):
+        mujoco.mj_contactForce(model, data, number, force_n)
+    sliding_n = np.hypot(forces_n[:, 1], forces_n[:, 2]).sum()
+    assert sliding_n == pytest.approx(coefficient * forces_n[:, 0].sum(), rel=0.02)
 
 
 def test_angles_turn_back_into_the_rotation_they_came_from() -> None:

@@ -145,8 +145,8 @@ def model(
     else:
         from treadline.plant.mujoco import model_xml
 
-        friction = staircase.friction[0]
-        text = model_xml(None if chair_only else staircase, chair, loading, friction=friction, start=None if chair_only else start)
+        stair, here = (None, None) if chair_only else (staircase, start)
+        text = model_xml(stair, chair, loading, friction=staircase.friction, start=here)
     write_whole(out, text)
     mass_kg = sum(body.mass_kg for body in vehicle(chair, loading).bodies)
     return Answer(

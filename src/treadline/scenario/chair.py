@@ -45,6 +45,16 @@ def _above_zero(torque_n_m: float) -> float:
     return torque_n_m
 
 
+def _two_or_more(road_wheels: int) -> int:
+    """Return a number of road wheels after checking that both ends of the flat run stand on one."""
+    if road_wheels < 2:
+        raise ValueError(
+            f"{road_wheels} road wheel under each flat run; give 2 or more: both ends stand on a wheel, and a chair on one wheel "
+            "a side falls over"
+        )
+    return road_wheels
+
+
 # Bounds far beyond any chair, so that a slipped unit or digit shows.
 Length = Annotated[float, Field(gt=0.0, le=10.0)]
 Place = Annotated[float, Field(ge=-10.0, le=10.0)]
@@ -69,6 +79,9 @@ class Tracks(Settings):
     gauge_m: Length
     """Distance between the belts' centre lines."""
     belt_width_m: Length
+    road_wheels: Annotated[int, Field(le=20), AfterValidator(_two_or_more)] = 6
+    """Number of wheels that carry each flat run on level ground, evenly spaced, the end ones below the pulleys. From 6 on, even or
+    odd, the chair turns within 4 % of a belt loaded along its whole length; 2 wheels load its ends alone."""
 
 
 class Masses(Settings):

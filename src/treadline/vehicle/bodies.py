@@ -5,7 +5,7 @@ and, if driven, the flipper. All joints are at zero: the seat parallel to the ch
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -14,7 +14,7 @@ from treadline.scenario.chair import ChairDescription, Flipper, Point, Seat, Tra
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.static_stability import payload_com, payload_origin, seat_mass_kg
-from treadline.vehicle.tracks import pulley_centres
+from treadline.vehicle.tracks import pulley_centres, road_wheels
 
 FLAT_THICKNESS_M = 0.025
 """Half thickness of a belt's box [m], less than the pulleys' diameter."""
@@ -25,16 +25,20 @@ annex A)."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """Box, or cylinder about y, in the frame of its body."""
+    """Box, or cylinder or capsule about y, in the frame of its body."""
 
     name: str
-    kind: Literal["box", "cylinder"]
+    kind: Literal["box", "cylinder", "capsule"]
     centre_m: Point
     half_m: Point
     """Half extents along the shape's own axes [m]."""
     nose_up_rad: float = 0.0
     belt: Literal["left", "right"] | None = None
     """Belt that moves this surface; None for hull and payload, whose surfaces are at rest."""
+    meets: Literal["stair", "ground", "both"] = "both"
+    """Surfaces that this shape touches: nosings, treads, risers and walls; level ground; or both."""
+    stiffness: float = 1.0
+    """Contact stiffness relative to that of other shapes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +66,8 @@ class Body:
     """Principal moments of inertia about the centre of mass [kg·m²]."""
     hinge: Hinge | None = None
     shapes: tuple[Shape, ...]
+    wheels: tuple[Shape, ...] = ()
+    """Contact helpers: the wheels on which the belts stand on level ground. They lie within the belts and are not drawn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,6 +108,7 @@ def _chassis(chair: ChairDescription) -> Body:
         com_m=masses.chassis_com_m,
         inertia=_box_inertia(masses.chassis_kg, masses.chassis_size_m),
         shapes=(*(shape for side, y_m in sides(chair.tracks) for shape in _belt(chair, side, y_m)), hull),
+        wheels=tuple(wheel for side, y_m in sides(chair.tracks) for wheel in _wheels(chair.tracks, side, y_m)),
     )
 
 
@@ -167,14 +174,32 @@ def _belt(chair: ChairDescription, side: Side, y_m: float) -> list[Shape]:
     # The lower face of the approach lies one radius below the line between the pulley centres.
     down = np.array([math.sin(angle), -math.cos(angle)]) * (tracks.pulley_radius_m - FLAT_THICKNESS_M)
     middle = np.array([0.5 * (half_run + nose_x), 0.5 * (tracks.pulley_radius_m + nose_z)]) + down
-    pulleys = [
+    rear, front, nose = (
         _pulley(tracks, side, name, (x, y_m, z))
         for name, (x, z) in zip(("rear", "front", "nose"), pulley_centres(chair).tolist(), strict=True)
-    ]
+    )
     flat = _run(tracks, f"{side}_flat", side, (0.0, y_m, FLAT_THICKNESS_M), tracks.flat_run_m)
     centre = (float(middle[0]), y_m, float(middle[1]))
     approach = _run(tracks, f"{side}_approach", side, centre, tracks.approach_m, angle)
-    return [*pulleys, flat, approach] if chair.flipper is None else [*pulleys[:2], flat]
+    bearing = [replace(part, meets="stair") for part in (rear, front, flat)]
+    return [*bearing[:2], nose, bearing[2], approach] if chair.flipper is None else bearing
+
+
+def _wheels(tracks: Tracks, side: Side, y_m: float) -> list[Shape]:
+    """Return the road wheels of a belt, the rear one first."""
+    half_m = (tracks.pulley_radius_m, 0.5 * tracks.belt_width_m, tracks.pulley_radius_m)
+    return [
+        Shape(
+            name=f"{side}_wheel_{number}",
+            kind="capsule",
+            centre_m=(x_m, y_m, tracks.pulley_radius_m),
+            half_m=half_m,
+            belt=side,
+            meets="ground",
+            stiffness=stiffness,
+        )
+        for number, (x_m, stiffness) in enumerate(np.column_stack(road_wheels(tracks)).tolist())
+    ]
 
 
 def _section(tracks: Tracks, side: Side, y_m: float) -> list[Shape]:

@@ -28,6 +28,7 @@ from treadline.core.rotations import Vector3
 from treadline.scenario.chair import ChairDescription, Tracks
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.static_stability import centre_of_mass
+from treadline.vehicle.tracks import road_wheels
 
 ROUNDING = np.geomspace(1e-1, 1e-8, 8)
 """Rounding of the kink at zero slip, relative to the faster belt's speed; a sticking contact creeps at about the last value."""
@@ -88,23 +89,30 @@ def nosing_contacts(tracks: Tracks, pitch_m: float, heading_rad: float, phase: f
     return points[np.abs(x) <= half_m]
 
 
-def contact_loads(points: Float[np.ndarray, "n 2"], centre_m: Float[np.ndarray, " 2"]) -> Float[np.ndarray, " n"]:
-    """Return the normal force shares of equal springs under a rigid chair with unilateral contacts.
+def contact_loads(
+    points: Float[np.ndarray, "n 2"], centre_m: Float[np.ndarray, " 2"], stiffness: Float[np.ndarray, " n"] | None = None
+) -> Float[np.ndarray, " n"]:
+    """Return the normal force shares of springs under a rigid chair with unilateral contacts.
 
-    The loads are max(0, c0 + c1 x + c2 y), sum to 1 and have their centre at ``centre_m``. They minimise Σ N_i²/2 under these
-    conditions; a Newton method on the convex dual in (c0, c1, c2) finds the carrying contacts.
+    The loads are k max(0, c0 + c1 x + c2 y), sum to 1 and have their centre at ``centre_m``. They minimise Σ N_i²/(2 k_i) under
+    these conditions; a Newton method on the convex dual in (c0, c1, c2) finds the carrying contacts.
+
+    Args:
+        stiffness: Relative stiffnesses k of the springs; None: equal.
 
     Raises:
         MechanicsError: If the centre lies outside the contacts' convex hull: the chair tips over.
     """
-    rows = np.column_stack([np.ones(len(points)), points])
+    # With rows and loads scaled by √k the springs are equal.
+    root = np.ones(len(points)) if stiffness is None else np.sqrt(stiffness)
+    rows = np.column_stack([np.ones(len(points)), points]) * root[:, None]
     wanted = np.array([1.0, *centre_m])
     plane = np.linalg.lstsq(rows.T @ rows, wanted, rcond=None)[0]
     for _ in range(LOAD_STEPS):
         load = np.maximum(rows @ plane, 0.0)
         left = wanted - rows.T @ load
         if np.abs(left).max() < 1e-12:
-            return load
+            return root * load
         carrying = rows[load > 0.0]
         step = np.linalg.lstsq(carrying.T @ carrying + 1e-12 * np.eye(3), left, rcond=None)[0]
         share, value = 1.0, _dual(rows, wanted, plane)
@@ -136,14 +144,11 @@ def nosing_stance(
 
 
 def floor_stance(chair: ChairDescription, loading: Chair, slope_rad: float = 0.0, heading_rad: float = 0.0) -> Stance:
-    """Return a chair's contacts on a floor or an even ramp: the corners of both belts' flat runs.
-
-    A rigid flat run on a flat floor is statically indeterminate. The plant's box on a box carries at its corners; a uniform load
-    along the edges would give 1.6 times the yaw rate at ±0.1 m/s (14.2 instead of 8.65 °/s).
-    """
-    half_m = 0.5 * chair.tracks.flat_run_m
-    corners = np.array([(x, y) for y in _edges(chair.tracks) for x in (-half_m, half_m)])
-    return _stance(chair, loading, [corners], slope_rad, heading_rad)
+    """Return a chair's contacts on a floor or an even ramp: both edges of each belt on its road wheels, as in the plant."""
+    x, stiffness = road_wheels(chair.tracks)
+    edges = _edges(chair.tracks)
+    points = np.column_stack([np.tile(x, len(edges)), np.repeat(edges, len(x))])
+    return _stance(chair, loading, [points], slope_rad, heading_rad, np.tile(stiffness, len(edges)))
 
 
 def _edges(tracks: Tracks) -> Float[np.ndarray, " 4"]:
@@ -152,7 +157,12 @@ def _edges(tracks: Tracks) -> Float[np.ndarray, " 4"]:
 
 
 def _stance(
-    chair: ChairDescription, loading: Chair, contacts: list[Float[np.ndarray, "_ 2"]], slope_rad: float, heading_rad: float
+    chair: ChairDescription,
+    loading: Chair,
+    contacts: list[Float[np.ndarray, "_ 2"]],
+    slope_rad: float,
+    heading_rad: float,
+    stiffness: Float[np.ndarray, " n"] | None = None,
 ) -> Stance:
     uphill = np.array([math.cos(heading_rad), -math.sin(heading_rad)])
     pull = -math.tan(slope_rad) * uphill
@@ -162,7 +172,7 @@ def _stance(
     padded = np.zeros((3, len(contacts), max(len(points) for points in contacts)))
     for k, points in enumerate(contacts):
         padded[:2, k, : len(points)] = points.T
-        padded[2, k, : len(points)] = contact_loads(points, centre)
+        padded[2, k, : len(points)] = contact_loads(points, centre, stiffness)
     wrench = np.array([pull[0], pull[1], com[0] * pull[1] - com[1] * pull[0]])
     return Stance(x_m=padded[0], y_m=padded[1], load=padded[2], wrench=wrench, uphill=uphill)
 

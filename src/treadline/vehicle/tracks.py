@@ -1,4 +1,4 @@
-"""Tracks: pulleys, length on the nosings, minimum track length; traction on the nosing plane.
+"""Tracks: pulleys, road wheels, length on the nosings, minimum track length; traction on the nosing plane.
 
 Paper: Section II.A, Fig. 3(b). "Wheelchair tracks must be in contact with at least two stair edges": L > 2√(h² + w²).
 
@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import MechanicsError
-from treadline.scenario.chair import ChairDescription
+from treadline.scenario.chair import ChairDescription, Tracks
 
 
 def minimum_track_length(rise_m: float, run_m: float) -> float:
@@ -40,6 +40,18 @@ def pulley_centres(chair: ChairDescription) -> Float[np.ndarray, "3 2"]:
     """Return the centres (x, z) in B of rear, front and nose pulley."""
     half, radius = 0.5 * chair.tracks.flat_run_m, chair.tracks.pulley_radius_m
     return np.array([(-half, radius), (half, radius), chair.nose_m[::2]])
+
+
+def road_wheels(tracks: Tracks) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Return the places of a belt's road wheels along B's x axis [m], and their relative stiffnesses.
+
+    The stiffnesses are the weights of the trapezoid rule: a rigid flat run on n wheels carries like an even elastic bed. Equal
+    stiffnesses load the ends too much, so that the chair turns too slowly.
+    """
+    half_m = 0.5 * tracks.flat_run_m
+    stiffness = np.ones(tracks.road_wheels)
+    stiffness[[0, -1]] = 0.5
+    return np.linspace(-half_m, half_m, tracks.road_wheels), stiffness
 
 
 def in_line_m(chair: ChairDescription) -> float:

@@ -122,12 +122,6 @@ def test_outside_the_dead_zone_the_chair_turns_as_coulomb_says(
     assert result.climb_m_s == pytest.approx(theory.climb_m_s, rel=0.02)
 
 
-def test_on_the_floor_the_chair_turns_as_coulomb_says() -> None:
-    result = run(0.0, (-0.1, 0.1))
-    # Quasi-static with the load on the corners of the flat runs: 8.65 °/s (tests/vehicle/test_quasi_static.py).
-    assert result.yaw_deg_s == pytest.approx(8.65, rel=0.02)
-
-
 def test_on_31_7_degrees_friction_holds_and_on_32_4_the_chair_slides_as_coulomb_says() -> None:
     held, slid = plant_on(31.7), plant_on(32.4)
     held.write(TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0))

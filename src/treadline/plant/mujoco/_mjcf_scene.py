@@ -4,10 +4,14 @@ Belts are boxes and cylinders with native surface motion (``surfacevel``; Pecka 
 ``v + ω × (x - p)`` in the geom's frame, projected on each contact's tangent plane. Box ends hide in the pulleys, whose
 faces move. A step is a box and a capsule for its rounded nosing, which stands its radius in front of the riser. Each half of a step
 has its own friction; floor, walls and obstacles are uniform.
+
+Floor and landings are ground for the road wheels. Flat runs and pulleys touch everything else: nosings, treads, risers and walls. A
+landing is therefore two boxes, ground down to the axis of its nosing, and a step below, whose riser stops the pulleys.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cache
 
 import mujoco
@@ -18,7 +22,7 @@ from jinja2 import Environment, PackageLoader, Template
 from treadline.core.rotations import quaternion_of
 from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S, FLIPPER_STIFFNESS_N_M_RAD
 from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
-from treadline.plant.mujoco.contact._parameters import NOMINAL, Physics
+from treadline.plant.mujoco.contact._parameters import DMAX, DMIN, NOMINAL, Physics
 from treadline.scenario.chair import ChairDescription, Flipper
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.bodies import HULL_FRICTION, Body, Vehicle, vehicle
@@ -42,34 +46,47 @@ def seat_stiffness(seat: Body) -> tuple[float, float]:
 
 def scene_xml(staircase: Staircase, chair: ChairDescription, loading: Chair, physics: Physics = NOMINAL) -> str:
     """Return the whole scene as MJCF, the chair at the world's origin."""
-    return _scene(stair_solids(staircase), staircase.friction[0], vehicle(chair, loading), chair.flipper, physics)
+    return _scene(stair_solids(staircase), staircase.friction, vehicle(chair, loading), chair.flipper, physics)
 
 
 def model_xml(
-    staircase: Staircase | None, chair: ChairDescription, loading: Chair, *, friction: float, start: Standing | None = None
+    staircase: Staircase | None,
+    chair: ChairDescription,
+    loading: Chair,
+    *,
+    friction: tuple[float, float],
+    start: Standing | None = None,
 ) -> str:
     """Return a scene for export: the chair stands where the scenario starts.
 
+    MuJoCo has two coefficients for a pair of geoms alone, across and along its contact frame, whose first tangent is the world's y.
+
     Args:
         staircase: None leaves the chair alone.
-        friction: Along the belt.
+        friction: Coefficients along and across the belts.
     """
-    return _scene(
-        () if staircase is None else stair_solids(staircase), friction, vehicle(chair, loading), chair.flipper, NOMINAL, start=start
-    )
+    solids = () if staircase is None else stair_solids(staircase)
+    return _scene(solids, friction, vehicle(chair, loading), chair.flipper, NOMINAL, start=start, paired=True)
 
 
 def _scene(
     stair: Sequence[Solid],
-    friction: float,
+    friction: tuple[float, float],
     chair: Vehicle,
     flipper: Flipper | None,
     physics: Physics,
     *,
     start: Standing | None = None,
+    paired: bool = False,
 ) -> str:
+    boxes = [placed for number, solid in enumerate(stair) for placed in _boxes(number, solid)]
+    nosings = [(nosing_name(number), solid.nosing) for number, solid in enumerate(stair) if solid.nosing is not None]
+    touched = [(name, kind) for name, kind, _ in boxes] + [(name, "stair") for name, _ in nosings]
+    belts = [shape for body in chair.bodies for shape in body.shapes + body.wheels if shape.belt is not None]
     return _template().render(
-        stair=[(solid, *stair_names(number)) for number, solid in enumerate(stair)],
+        boxes=boxes,
+        nosings=nosings,
+        pairs=[(name, belt) for name, kind in touched for belt in belts if belt.meets in (kind, "both")] if paired else (),
         friction=friction,
         chair=chair,
         flipper=flipper,
@@ -90,7 +107,9 @@ def _template() -> Template:
         "stiffness": FLIPPER_STIFFNESS_N_M_RAD,
         "lag_s": FLIPPER_LAG_S,
     }
-    return engine.get_template("scene.mjcf.j2", globals={"row": _row, "quaternion_of": quaternion_of, **constants})
+    return engine.get_template(
+        "scene.mjcf.j2", globals={"row": _row, "quaternion_of": quaternion_of, "solimp": _solimp, **constants}
+    )
 
 
 def _row(*values: float | tuple[float, ...] | Float[np.ndarray, " n"]) -> str:
@@ -98,9 +117,27 @@ def _row(*values: float | tuple[float, ...] | Float[np.ndarray, " n"]) -> str:
     return " ".join(repr(float(value)) for value in np.hstack(values))
 
 
-def stair_names(number: int) -> tuple[str, str]:
-    """Return the names of the two geoms of a staircase's solid: its box, and the bar of its rounded nosing."""
-    return f"stair_{number}", f"nosing_{number}"
+def _solimp(stiffness: float = 1.0) -> str:
+    """Return MuJoCo's impedances of a contact with a relative stiffness: regularisation R is proportional to (1 - d)/d."""
+    return _row(*(stiffness * d / (1.0 - d + stiffness * d) for d in (DMIN, DMAX)), 0.001)
+
+
+def _boxes(number: int, solid: Solid) -> Iterator[tuple[str, str, Box]]:
+    """Yield name and contact class of the boxes of a staircase's solid."""
+    box, nosing = solid.box, solid.nosing
+    if box.kind != "landing" or nosing is None:
+        kind = "ground" if box.kind == "floor" else "stair"
+        yield f"{kind}_{number}", kind, box
+        return
+    (x, y, half_z), up, r = box.half_m, box.R_WK[:, 2], nosing.radius_m
+    for kind, half_m, shift_m in (("ground", 0.5 * r, half_z - 0.5 * r), ("stair", half_z - 0.5 * r, -0.5 * r)):
+        cx, cy, cz = (np.array(box.centre_W) + shift_m * up).tolist()
+        yield f"{kind}_{number}", kind, replace(box, centre_W=(cx, cy, cz), half_m=(x, y, half_m))
+
+
+def nosing_name(number: int) -> str:
+    """Return the name of the bar of a solid's rounded nosing."""
+    return f"nosing_{number}"
 
 
 def friction_table(model: mujoco.MjModel, staircase: Staircase) -> Float[np.ndarray, "g 8"]:
@@ -108,11 +145,9 @@ def friction_table(model: mujoco.MjModel, staircase: Staircase) -> Float[np.ndar
     table = np.zeros((model.ngeom, coulomb.MU_COLUMNS))
     table[:, coulomb.MU_LEFT : coulomb.MIDDLE] = (*staircase.friction, *staircase.friction)
     for number, solid in enumerate(stair_solids(staircase)):
-        row = _friction_row(solid.box, staircase)
-        box_name, bar_name = stair_names(number)
-        table[model.geom(box_name).id] = row
-        if solid.nosing is not None:
-            table[model.geom(bar_name).id] = row
+        names = [name for name, _, _ in _boxes(number, solid)] + [nosing_name(number)] * (solid.nosing is not None)
+        for name in names:
+            table[model.geom(name).id] = _friction_row(solid.box, staircase)
     return table
 
 

@@ -27,7 +27,7 @@ from treadline.plant._motors_and_battery_kernels import CHARGE, limit_belts, lim
 from treadline.plant._motors_and_battery_kernels import POWER as ELECTRIC_POWER
 from treadline.plant._motors_and_battery_kernels import TRACTION as CONTACT_FORCE
 from treadline.plant.mujoco.contact._coulomb_kernels import add_traction, normal_force, solve_contacts, turn_contacts, weaken
-from treadline.plant.mujoco.contact._rubber_lug_kernels import follow_lugs
+from treadline.plant.mujoco.contact._rubber_lug_kernels import APPROACH, FLAT, PARTS, follow_lugs
 from treadline.plant.sensors._pose_kernels import rotation
 
 _STAGE = types.void(types.uintp, types.uintp)
@@ -161,7 +161,8 @@ def advance(
         command: left, right [m/s], brake (0 or 1), stroke rate [m/s], flipper rate [rad/s].
         drives: speed limit, lag blend, speed step, brake step, seat blend, seat rate limit.
         state: actuator state, rows as in ``_actuator_lag_and_slew_kernels``; changed in place.
-        belts_of: geom ids as (side, rear front nose flat approach).
+        belts_of: geom ids as (side, rear front nose flat approach wheels).
+        radius: distance of pulley and wheel contacts from their axis.
         seat: lower and upper end of the stroke, spacing of ``angles``; empty without a seat.
         angles: seat angle over the stroke; empty without a seat.
         flipper: lowest and highest angle, rate limit, servo deflection at full torque, servo lag, damping of an unpowered motor,
@@ -196,10 +197,12 @@ def advance(
                 state[POWER_CUT] = 1.0  # the fail-safe brakes engage on an empty battery
         for side in range(2):
             actual = state[side] * (1.0 + mismatch[side])
-            for j in range(3):
-                surface_velocity[belts_of[side, j], 5] = actual / radius
-            for j in range(3, 5):
-                surface_velocity[belts_of[side, j], 0] = -actual
+            for geom_id in belts_of[side]:
+                part = part_of[geom_id] % PARTS
+                if part in (FLAT, APPROACH):
+                    surface_velocity[geom_id, 0] = -actual
+                else:
+                    surface_velocity[geom_id, 5] = actual / radius
         # A braked chair is held by static friction, which MuJoCo regularises to a creep of millimetres per minute.
         stands = state[BRAKED] > 0.5 and state[LEFT] == 0.0 and state[RIGHT] == 0.0
         noslip[0] = NOSLIP_ITERATIONS if stands else 0

@@ -153,10 +153,11 @@ class MujocoPlant(InstrumentedPlant):
         if self._scenario.stair.side_slope_deg:
             self._model.opt.gravity = -GRAVITY_M_S2 * up_W(self._scenario.stair)
         self._data = mujoco.MjData(self._model)
+        wheels = [f"wheel_{number}" for number in range(self._chair.tracks.road_wheels)]
         self._is_belt = np.zeros(self._model.ngeom, dtype=np.bool_)
         self._belts = np.array(
             [
-                [self._model.geom(f"{side}_{part}").id for part in ("rear", "front", "nose", "flat", "approach")]
+                [self._model.geom(f"{side}_{part}").id for part in ("rear", "front", "nose", "flat", "approach", *wheels)]
                 for side in ("left", "right")
             ]
         )
@@ -241,7 +242,8 @@ class MujocoPlant(InstrumentedPlant):
             self._state,
             self._belts,
             model.geom_surfacevel,
-            self._chair.tracks.pulley_radius_m,
+            # A lug's contact lies midway between its foot and its tip.
+            self._chair.tracks.pulley_radius_m - 0.5 * self._lugs.parameters.height,
             self._drives.seat,
             self._drives.angles,
             self._drives.flipper,

@@ -17,8 +17,8 @@ from treadline.scenario.chair import Tracks
 from treadline.scenario.scenario import Belts
 from treadline.vehicle.bodies import oversized_lugs
 
-DMAX = 0.99
-"""Largest impedance of a contact, as in the scene's solimp."""
+DMIN, DMAX = 0.95, 0.99
+"""Impedances of a contact at its surface and deeper than 1 mm: MuJoCo's ``solimp``, 0.95 in place of its 0.9."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,16 +88,20 @@ class Lugs:
 
 
 def fit_lugs(
-    settings: Belts, tracks: Tracks, model: mujoco.MjModel, belts: Int[np.ndarray, "2 5"], draws: np.random.Generator
+    settings: Belts, tracks: Tracks, model: mujoco.MjModel, belts: Int[np.ndarray, "2 g"], draws: np.random.Generator
 ) -> Lugs:
     """Set contact stiffness and lugs of the belts in a model.
+
+    Args:
+        belts: geom ids as (side, rear front nose flat approach wheels).
 
     Raises:
         SettingsError: If the lugs are too large for the chair's pulleys.
     """
     height, pitch, tip, flank = settings.measures_m
     part_of = np.full(model.ngeom, lugs.SMOOTH)
-    part_of[belts] = np.arange(belts.size).reshape(belts.shape)
+    wheels = [lugs.REAR, *[lugs.FLAT] * (tracks.road_wheels - 2), lugs.FRONT]
+    part_of[belts] = [[side * lugs.PARTS + part for part in (*range(lugs.PARTS), *wheels)] for side in range(2)]
     if settings.stiffness_s is not None:
         model.geom_solref[belts, 0] = settings.stiffness_s
     time_constant_s = float(model.geom_solref[belts[0, 0], 0])
@@ -114,11 +118,12 @@ def fit_lugs(
     return Lugs(parameters=parameters, start_m=start_m, travel_m=np.zeros(2), part_of=part_of)
 
 
-def _shrink(model: mujoco.MjModel, belts: Int[np.ndarray, "2 5"], height: float) -> None:
+def _shrink(model: mujoco.MjModel, belts: Int[np.ndarray, "2 g"], height: float) -> None:
     """Shrink the belt geoms by the lug height and start contacts at the lug tips, which limits the penetration of the cores."""
     model.geom_margin[belts] = height
-    model.geom_size[belts[:, :3], 0] -= height  # pulleys
-    for geom in belts[:, 3:].ravel():
+    boxes = belts[:, [lugs.FLAT, lugs.APPROACH]]
+    model.geom_size[np.setdiff1d(belts, boxes), 0] -= height  # pulleys and road wheels
+    for geom in boxes.ravel():
         # The upper face of a box stays in place, because only the lower face is on the outside of the belt.
         model.geom_size[geom, 2] -= 0.5 * height
         up = np.zeros(3)
