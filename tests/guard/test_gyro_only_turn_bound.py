@@ -12,7 +12,7 @@ from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.quasi_static import floor_stance, stair_stance, steady_motion
 
-LEVEL_RAD_M = 0.755
+LEVEL_RAD_M = 1.214
 
 TABLE_I = (0.62, 0.5)
 CLIMB = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.1, needs_stair=False)

@@ -14,7 +14,7 @@ from treadline.guard._guard_config import FLIGHT, OVER, GuardConfig
 OVER_SHARE = 0.26
 """Share of the turn of belts that do not skid, over one nosing: measured with a drifting gyro on 0.62/0.5 at 22°; 0.03 to 0.47 at
 22 to 28° and with 0.9/0.5."""
-LEVEL_SHARE = 0.491
+LEVEL_SHARE = 0.789
 """The same on flat ground, by quasi-static friction of 0.62/0.5."""
 SWINGS_RAD_S = 4.5 * DEG
 """Filtered pitch rate above which the chair swings over a nosing [rad/s]. The swing itself turns it by a degree or two, which the
