@@ -43,14 +43,14 @@ def pulley_centres(chair: ChairDescription) -> Float[np.ndarray, "3 2"]:
 
 
 def road_wheels(tracks: Tracks) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Return the places of a belt's road wheels along B's x axis [m], and their relative stiffnesses.
+    """Return the places of a belt's road wheels along B's x axis [m], and their stiffnesses relative to a pulley's.
 
     The stiffnesses are the weights of the trapezoid rule: a rigid flat run on n wheels carries like an even elastic bed. Equal
-    stiffnesses load the ends too much, so that the chair turns too slowly.
+    stiffnesses load the ends too much, so that the chair turns too slowly. All wheels of a belt are as stiff as two pulleys.
     """
     half_m = 0.5 * tracks.flat_run_m
-    stiffness = np.ones(tracks.road_wheels)
-    stiffness[[0, -1]] = 0.5
+    stiffness = np.full(tracks.road_wheels, 2.0 / (tracks.road_wheels - 1))
+    stiffness[[0, -1]] *= 0.5
     return np.linspace(-half_m, half_m, tracks.road_wheels), stiffness
 
 

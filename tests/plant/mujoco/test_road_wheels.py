@@ -28,7 +28,7 @@ def rate_deg_s(run: PlantRun) -> float:
     return float(np.abs(run.settled[:, kernels.QVEL + 3 : kernels.QVEL + 5]).max()) / DEG
 
 
-@pytest.mark.parametrize("road_wheels", [2, 5, 6])
+@pytest.mark.parametrize("road_wheels", [2, 5, 6, 12])
 @pytest.mark.parametrize("friction", [TABLE_I, (0.5, 0.5), (1.0, 0.7)])
 def test_the_plant_turns_on_the_floor_as_the_statics_say(friction: tuple[float, float], road_wheels: int) -> None:
     chair = on_wheels(road_wheels)
@@ -42,7 +42,7 @@ def test_the_plant_turns_on_the_floor_as_the_statics_say(friction: tuple[float, 
 def test_a_chair_on_the_floor_neither_hops_nor_rocks(friction: tuple[float, float], belts: tuple[float, float]) -> None:
     run = plant_run(plant_on(0.0, friction), belts, 2.0)
     assert run.airborne == 0
-    # Measured: 1.0035 at most, from the tolerance of the contact forces, a thousandth of gravity.
+    # Measured: 1.002 at most, from the tolerance of the contact forces, a thousandth of gravity.
     assert run.load.max() < 1.01
     assert rate_deg_s(run) < 0.2
 
