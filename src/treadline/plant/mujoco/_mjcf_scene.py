@@ -6,7 +6,8 @@ faces move. A step is a box and a capsule for its rounded nosing, which stands i
 has its own friction; floor, walls and obstacles are uniform.
 
 Floor and landings are ground for the road wheels. Flat runs and pulleys touch everything else: nosings, treads, risers and walls. A
-landing is therefore two boxes, ground down to the axis of its nosing, and a step below, whose riser stops the pulleys.
+landing is therefore two boxes: ground to a depth that no standing belt reaches, and a step below, whose riser stops the pulleys and
+whose edges carry the flat runs of a chair that tips over them.
 """
 
 import math
@@ -22,7 +23,7 @@ from jinja2 import Environment, PackageLoader, Template
 from treadline.core.rotations import quaternion_of
 from treadline.plant._actuators import FLIPPER_FRICTION_N_M_S_RAD, FLIPPER_LAG_S, FLIPPER_STIFFNESS_N_M_RAD
 from treadline.plant.mujoco.contact import _coulomb_kernels as coulomb
-from treadline.plant.mujoco.contact._parameters import DMAX, DMIN, NOMINAL, Physics
+from treadline.plant.mujoco.contact._parameters import DMAX, DMIN, NOMINAL, WIDTH_M, Physics
 from treadline.scenario.chair import ChairDescription, Flipper
 from treadline.scenario.scenario import Chair
 from treadline.vehicle.bodies import HULL_FRICTION, Body, Vehicle, vehicle
@@ -119,19 +120,19 @@ def _row(*values: float | tuple[float, ...] | Float[np.ndarray, " n"]) -> str:
 
 def _solimp(stiffness: float = 1.0) -> str:
     """Return MuJoCo's impedances of a contact with a relative stiffness: regularisation R is proportional to (1 - d)/d."""
-    return _row(*(stiffness * d / (1.0 - d + stiffness * d) for d in (DMIN, DMAX)), 0.001)
+    return _row(*(stiffness * d / (1.0 - d + stiffness * d) for d in (DMIN, DMAX)), WIDTH_M)
 
 
 def _boxes(number: int, solid: Solid) -> Iterator[tuple[str, str, Box]]:
     """Yield name and contact class of the boxes of a staircase's solid."""
-    box, nosing = solid.box, solid.nosing
-    if box.kind != "landing" or nosing is None:
+    box = solid.box
+    if box.kind != "landing":
         kind = "ground" if box.kind == "floor" else "stair"
         yield f"{kind}_{number}", kind, box
         return
-    (x, y, half_z), up, r = box.half_m, box.R_WK[:, 2], nosing.radius_m
-    for kind, half_m, shift_m in (("ground", 0.5 * r, half_z - 0.5 * r), ("stair", half_z - 0.5 * r, -0.5 * r)):
-        cx, cy, cz = (np.array(box.centre_W) + shift_m * up).tolist()
+    (x, y, z), thin_m = box.half_m, 0.5 * WIDTH_M
+    for kind, half_m, shift_m in (("ground", thin_m, z - thin_m), ("stair", z - thin_m, -thin_m)):
+        cx, cy, cz = (np.array(box.centre_W) + shift_m * box.R_WK[:, 2]).tolist()
         yield f"{kind}_{number}", kind, replace(box, centre_W=(cx, cy, cz), half_m=(x, y, half_m))
 
 

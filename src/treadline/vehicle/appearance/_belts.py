@@ -30,7 +30,7 @@ from treadline.vehicle.appearance._mesh import (
     part,
 )
 from treadline.vehicle.bodies import sides
-from treadline.vehicle.tracks import pulley_centres
+from treadline.vehicle.tracks import pulley_centres, road_wheels
 
 SMOOTH_LUG_M = 1e-3 * LUGS_MM["8/60"][0]
 """Height of the lugs drawn on a belt without lugs in the scenario [m]: the lowest named profile."""
@@ -40,8 +40,6 @@ ARC_POINTS = 13
 """Points of each half circle of a belt."""
 LUG_SIDE_M = 0.004
 """Distance of a lug's end from the edge of the belt [m] (drawn only)."""
-ROLLERS = 4
-"""Number of road wheels between rear and front pulley (drawn only)."""
 
 
 class BeltPath:
@@ -254,12 +252,11 @@ def _running_gear(
             for sign in (-1.0, 1.0)
         ]
         if not levers:
-            end = pulleys[1]
             small = 0.42 * wheel
             low = first[1] - wheel + small
             wheels += [
                 cylinder((x, y - 0.8 * width, low), (x, y + 0.8 * width, low), small, sides=10)
-                for x in np.linspace(first[0], end[0], ROLLERS + 2)[1:-1]
+                for x in road_wheels(tracks)[0][1:-1]
             ]
     if levers:
         bars.append(box((0.62 * last[0], 0.0, last[1]), (0.05, tracks.gauge_m - tracks.belt_width_m, 0.02)))

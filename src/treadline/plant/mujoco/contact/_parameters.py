@@ -17,8 +17,8 @@ from treadline.scenario.chair import Tracks
 from treadline.scenario.scenario import Belts
 from treadline.vehicle.bodies import oversized_lugs
 
-DMIN, DMAX = 0.95, 0.99
-"""Impedances of a contact at its surface and deeper than 1 mm: MuJoCo's ``solimp``, 0.95 in place of its 0.9."""
+DMIN, DMAX, WIDTH_M = 0.95, 0.99, 0.001
+"""Impedances of a contact at its surface and deeper than a width [m]: MuJoCo's ``solimp``, with 0.95 in place of its 0.9."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
