@@ -107,9 +107,9 @@ def search(steering: LevelSteering, skid: float = 1.4) -> tuple[list[float], lis
 def test_the_search_looks_first_then_to_both_sides_then_ends_where_it_began(skid: float) -> None:
     headings, asked = search(LevelSteering(CONFIG), skid)
     assert asked[: round(CONFIG.look_s / TICK_S)] == [0.0] * round(CONFIG.look_s / TICK_S)
-    # A leg ends 2° early, and belts that are set apart gently turn the chair on by up to three.
-    assert max(headings) == pytest.approx(39.5, abs=1.7)
-    assert min(headings) == pytest.approx(-39.5, abs=1.7)
+    # A leg ends 2° early, and belts that are set apart gently turn the chair on by up to four.
+    assert max(headings) == pytest.approx(39.5, abs=2.5)
+    assert min(headings) == pytest.approx(-39.5, abs=2.5)
     assert abs(headings[-1]) < 3.5
     assert headings.index(max(headings)) < headings.index(min(headings))
     fastest = max(abs(half) for half in asked)
