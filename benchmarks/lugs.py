@@ -4,17 +4,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.plant.mujoco import NOMINAL, Physics, open_plant
-from treadline.run.episode import traverse
+from treadline.run.episode import Traverse, traverse
 from treadline.scenario.scenario import Belts, Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
+from treadline.vehicle.comfort import passenger_acceleration
 
 RUN_M = 0.30
 SEEDS = (1, 2, 3, 4)
@@ -33,6 +36,17 @@ BELTS = {
 }
 
 
+MADE = {
+    "15/80": BELTS["15/80"],
+    "15/80, rubber 0.02 s": BELTS["15/80, rubber 0.02 s"],
+    "8/60": BELTS["8/60"],
+    "15/52": Belts(lug="15/80", pitch_m=0.052),
+    "15/40": Belts(lug="15/80", pitch_m=0.04, flank_m=0.008),
+    "10/40": Belts(height_m=0.010, pitch_m=0.04, tip_m=0.02, flank_m=0.01),
+}
+"""What a chair's maker can change about the belts."""
+ISOLATION_HZ, ISOLATION_DAMPING = 2.0, 0.3
+"""Natural frequency [Hz] and damping ratio of a seat on springs."""
 TURNS = ((-30.0, 0.1, 0.7), (30.0, 0.7, 0.1))
 """Start heading [°] and left and right belt speed [m/s] of each turn towards zero heading."""
 
@@ -95,6 +109,55 @@ def beats_m(samples: Sequence[Truth], count: int = 3) -> NDArray[np.float64]:
     return (x[-1] - x[0]) / np.array(best)
 
 
+def traversal(belts: Belts, direction: Literal["up", "down"], seed: int, speed_m_s: float = 0.2) -> Traverse:
+    """Return a whole traversal of six steps at 28°."""
+    scenario = Scenario(
+        stair=Stair(rise_m=RUN_M * math.tan(28.0 * DEG), steps=6),
+        belts=belts,
+        start=Start(place="landing" if direction == "down" else "floor"),
+        drive=DriveSettings(direction=direction, speed_m_s=speed_m_s),
+        sensors=Sensors(camera="statistical"),
+    )
+    return traverse(scenario, controller=shipped_controller("wheelchair"), seed=seed)
+
+
+def isolated(place_W: NDArray[np.float64], axes: Sequence[int], step_s: float = 0.01) -> NDArray[np.float64]:
+    """Return a passenger's place on a seat that is sprung along some axes."""
+    omega, sprung = 2.0 * math.pi * ISOLATION_HZ, place_W.copy()
+    A = np.array([[0.0, 1.0], [-(omega**2), -2.0 * ISOLATION_DAMPING * omega]])
+    b = np.array([[0.0, 0.0], [omega**2, 2.0 * ISOLATION_DAMPING * omega]])
+    lead = expm(np.block([[A, b], [np.zeros((2, 4))]]) * step_s)
+    for axis in axes:
+        base = np.stack([place_W[axis], np.gradient(place_W[axis], step_s)])
+        state = base[:, 0]
+        for k in range(1, base.shape[1]):
+            state = lead[:2, :2] @ state + lead[:2, 2:] @ (0.5 * (base[:, k - 1] + base[:, k]))
+            sprung[axis, k] = state[0]
+    return sprung
+
+
+def _traversals() -> None:
+    """Print the passenger's acceleration in whole traversals: by phase, and on a sprung seat."""
+    print("whole traversals of six steps at 28°: passenger, median of the seeds, least, most; on a seat sprung upwards, all ways")
+    for (name, belts), direction in product(MADE.items(), ("up", "down")):
+        runs = [traversal(belts, direction, seed) for seed in SEEDS]
+        places = [np.stack([run.trace[f"passenger_{axis}_m"] for axis in "xyz"]) for run in runs]
+        for seat, axes in (("", ()), (" sprung upwards", (2,)), (" sprung all ways", (0, 1, 2))):
+            made = [
+                passenger_acceleration(isolated(place, axes), run.trace["yaw_rad"]) for place, run in zip(places, runs, strict=True)
+            ]
+            _row(f"{name}, {direction}{seat}", [float(np.linalg.norm(acceleration, axis=0).max()) for acceleration in made], "m/s²")
+        peaks = [phase_of_peak(run, places[k]) for k, run in enumerate(runs)]
+        print(f"    largest in {', '.join(peaks)}; {', '.join(run.verdict for run in runs)}", flush=True)
+
+
+def phase_of_peak(run: Traverse, place_W: NDArray[np.float64]) -> str:
+    """Return the phase in which the passenger's acceleration is largest."""
+    acceleration = passenger_acceleration(place_W, run.trace["yaw_rad"])
+    at_s = float(run.trace["t_s"][int(np.linalg.norm(acceleration, axis=0).argmax()) + 3])
+    return [name for start_s, name in run.summary()["phases"] if start_s <= at_s][-1]
+
+
 def _row(name: str, values: Sequence[float], unit: str) -> None:
     print(f"  {name:22s} median {np.median(values):6.3f}  least {min(values):6.3f}  most {max(values):6.3f} {unit}", flush=True)
 
@@ -137,6 +200,7 @@ def main() -> None:
             case = Case(friction=(along, 0.8 * along), duration_s=5.0)
             runs = [run(case, belts, seed) for seed in SEEDS]
             _row(f"{name}, friction {along:.2f}", [samples[-1].x_m - samples[0].x_m for samples in runs], "m")
+    _traversals()
     _bumps()
     _smaller_steps()
 
