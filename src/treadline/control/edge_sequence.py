@@ -4,17 +4,14 @@ The crest sequence in reverse (``control/crest_sequence.py``); the sequence is o
 ``ImuSample, FlipperReading, TrackReading -> EdgeCommand``.
 
 Without a flipper a chair whose centre of mass passes the edge falls onto the flight. With a flipper there are five stages:
-back to the edge; stand still and press the tip on the landing; lift the front until the belts are parallel to the flight,
-with the centre of mass still on the landing's side of the nosing; back on until the belts lie; stow the flipper. The tip
-load measures the position of the centre of mass: the belts keep it where the flipper can still lower the chair onto the
-landing.
+back to the edge; stand still and press the tip on the landing; lift the front to the slope of the uppermost nosings, with the
+centre of mass before the edge by the tip-over margin wanted; back on until the belts lie; stow the flipper. The tip load
+measures the position of the centre of mass: the belts keep it where the flipper can still lower the chair onto the landing.
 """
 
 import math
 from dataclasses import dataclass
 from typing import Literal
-
-import numpy as np
 
 from treadline.control.flipper import LIFTED_RAD, OVER_BELTS_RAD, UNLOADED_N, PitchCommand, SequenceConfig, Sequencer, flipper_of
 from treadline.core.angles import DEG
@@ -35,9 +32,9 @@ BEARS_SHARE, GIVES_RAD_S = 0.1, 40.0 * DEG
 """Share of the motor's torque above which the flipper yields to a chair whose belts lie, and its rate at full torque [rad/s]. With
 a lower share, a chair whose centre of mass passes a high nosing falls to its rear; with a higher share, the tip drags the
 chair down a flight with low friction."""
-LIFTS, RANGE_SPARE_M = 6, 0.02
-"""Number of pitches that are tried between the highest and the lowest lift, half a degree apart, and error of the centre of mass's
-place by the tip's load for which the flipper's range must suffice [m]: with 3 % of error of weight and reach at 0.6 m of reach."""
+RANGE_SPARE_M = 0.02
+"""Error of the centre of mass's place by the tip's load for which the flipper's range must suffice [m]: 3 % of error of weight and
+reach at 0.6 m of reach."""
 STOWED_RAD = 5.0 * DEG
 """Angle error at which the flipper counts as stowed [rad]."""
 
@@ -67,14 +64,6 @@ class EdgeConfig(SequenceConfig):
     """Flipper rate per pitch lead over the reference [1/s]: slipping belts let the flipper prop the chair up."""
     behind_rad: float = 1.0 * DEG
     """Largest lead of the reference over the pitch [rad]."""
-    steeper_rad: float = 1.5 * DEG
-    """Lift above the slope [rad]: a chair lifted too little falls the remaining angle, with 3 m/s² from 2.5°."""
-    near_rad: float = 3.0 * DEG
-    """Pitch below the slope from which the belts may touch the next nosing [rad]."""
-    touched_m: float = 0.12
-    """Increase of the centre of mass's distance from the nosing, measured by the tip load, at which the chair pivots about the next
-    nosing [m]."""
-    touched_s: float = 0.1
     spare_rad: float = 3.0 * DEG
     """Margin to the end of the flipper's range [rad]."""
     settle_m_s: float = 0.05
@@ -110,7 +99,6 @@ class Edge(Sequencer[Stage]):
         self._slope_rad, self._target_rad, self._keep_m = 0.0, 0.0, 0.0
         """Slope below the edge and pitch of the complete lift [rad], and the centre of mass's distance before the edge then [m]."""
         self._lifted_rad = 0.0
-        self._least_m, self._touched_s = math.inf, 0.0
         self._aim()
 
     def refusal(self, around: KnownNosings, sigmas: float) -> str:
@@ -139,10 +127,10 @@ class Edge(Sequencer[Stage]):
     def _lift(self, slope_rad: float) -> tuple[float, float] | None:
         """Return pitch and distance of the centre of mass before the edge for a complete lift; None if the flipper cannot do it.
 
-        Above the slope the belts touch the next nosing by the flipper alone; a chair lifted less falls by what is lacking.
+        A chair that lacks a degree of the slope falls by it.
         """
         config = self._config
-        for pitch in np.linspace(slope_rad + config.steeper_rad, slope_rad - LIFTED_RAD, LIFTS).tolist():
+        for pitch in (slope_rad, slope_rad - LIFTED_RAD):
             most_m = self._most_before_m(pitch) - RANGE_SPARE_M
             if most_m >= before_for_margin(config, pitch, config.least_rad):
                 return pitch, min(before_for_margin(config, pitch, config.wanted_rad), most_m)
@@ -165,9 +153,9 @@ class Edge(Sequencer[Stage]):
         self._lead_from(pitch)
         self._highest_rad, self._waited_s = pitch, 0.0
         self._lifted_rad = self._target_rad
-        self._least_m, self._touched_s = math.inf, 0.0
 
     def _sequence(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
+        del dt_s
         config = self._config
         match self._stage:
             case "approach" if self._is_near():
@@ -175,7 +163,7 @@ class Edge(Sequencer[Stage]):
                 self._level_rad = pitch
             case "press" if self._tip.carries or pitch > self._level_rad + LIFTED_RAD:
                 self._begin("lift", pitch)
-            case "lift" if not self._turns_back and (self._touches(pitch, dt_s) or pitch > self._lifted_rad - CLOSE_RAD):
+            case "lift" if not self._turns_back and pitch > self._lifted_rad - CLOSE_RAD:
                 self._stage = "settle"
             case "press" | "lift" | "settle" if self._gives_up():
                 self._begin("lower", pitch)
@@ -236,22 +224,9 @@ class Edge(Sequencer[Stage]):
         share = max(-flipper.torque_n_m / self._most_n_m, 0.0)
         # The further the rear moves away on the floor, the less the chair is pitched.
         lies_rad, _ = self._around.lies(self._geometry.pivot_m, -self._behind_m)
-        self._lifted_rad = min(self._lifted_rad, lies_rad + self._config.steeper_rad)
+        self._lifted_rad = min(self._lifted_rad, lies_rad)
         rate = self._turn(self._lifted_rad, pitch, flipper, speed, dt_s)
         return rate + GIVES_RAD_S * max(share - BEARS_SHARE, 0.0)
-
-    def _touches(self, pitch: float, dt_s: float) -> bool:
-        """Whether the belts have touched the next nosing: lifted further, the chair would pivot about that nosing."""
-        config = self._config
-        if pitch < self._slope_rad - config.near_rad:
-            return False
-        margin = self._com_margin(pitch)
-        self._least_m = min(self._least_m, margin)
-        self._touched_s = self._touched_s + dt_s if margin > self._least_m + config.touched_m else 0.0
-        if self._touched_s < config.touched_s:
-            return False
-        self._lifted_rad = max(pitch, self._slope_rad)
-        return True
 
     def _balance(self, pitch: float) -> float:
         """Return the belt speed that keeps the centre of mass at its distance before the nosing after the complete lift."""
