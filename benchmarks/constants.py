@@ -279,9 +279,12 @@ def table(effects: Mapping[NumericConstant, Effect]) -> str:
         "| constant | value | change | where |",
         "| --- | --- | --- | --- |",
     ]
-    for constant, (size, where) in sorted(effects.items(), key=lambda item: item[1][0]):
-        lines.append(f"| {constant.label} | {constant.text} | {'∞' if size == float('inf') else f'{size:.3f}'} | {where} |")
-    return "\n".join(lines) + "\n"
+    ordered = sorted(effects.items(), key=lambda item: item[1][0])
+    for constant, (size, where) in ordered:
+        if size > 0.0:
+            lines.append(f"| {constant.label} | {constant.text} | {'∞' if size == float('inf') else f'{size:.3f}'} | {where} |")
+    unmoved = (f"{constant.label} = {constant.text}" for constant, (size, _) in ordered if size == 0.0)
+    return "\n".join([*lines, "", "Same digits in all runs: " + "; ".join(unmoved) + "."]) + "\n"
 
 
 def main() -> None:
@@ -292,7 +295,8 @@ def main() -> None:
     parser.add_argument("--publish", action="store_true", help="write docs/evidence/constants.md")
     options = parser.parse_args()
     nominal = {(case, seed): scores(case, seed) for case in CASES for seed in SEEDS}
-    chosen = [constant for constant in constants() if any(word in constant.label for word in options.only)]
+    loaded = [constant for constant in constants() if constant.module in sys.modules]
+    chosen = [constant for constant in loaded if any(word in constant.label for word in options.only)]
     page = table(measured(chosen, nominal, whole=options.all))
     if options.publish:
         write_whole(EVIDENCE, page)
