@@ -360,3 +360,10 @@ def test_any_scenario_gets_a_verdict_whose_reasons_have_number_and_remedy(
 def test_a_flight_leads_from_where_the_chair_starts_to_where_it_goes(place: Any, direction: Any, why: str | None) -> None:
     report = check(Scenario(start=Start(place=place), drive=DriveSettings(direction=direction)), read_chair("wheelchair"))
     assert [reason for reason in report.reasons if "leads" in reason] == ([] if why is None else [why])
+
+
+@pytest.mark.parametrize(("yaw_deg", "verdict"), [(1.9, "go"), (2.1, "refuse")])
+def test_neighbouring_nosings_that_differ_in_direction_by_more_than_two_degrees_are_refused(yaw_deg: float, verdict: str) -> None:
+    report = judge(read_chair("wheelchair"), stair={"rise_m": 0.16, "run_m": 0.30}, step=[{"index": 4, "yaw_deg": yaw_deg}])
+    assert report.verdict == verdict
+    assert all("differ in direction by 2.1°" in reason for reason in report.reasons)
