@@ -100,14 +100,14 @@ class Descent(FlightSituation):
         edge = self._where.top_ahead_m()
         return self.phase != "align" and (edge is None or -edge - self._pivot_m < self._config.enter_from_m)
 
-    def is_askew_on_the_flight(self) -> str | None:
+    def has_a_heading_error(self) -> str | None:
         """The chair lies on a flight that is in view, with a heading error that backing down would enlarge."""
         estimate = self._estimate
         if not self._lies_on_a_flight or not self._where.map_count or estimate is None:
             return None
         off = estimate.heading_rad
-        is_askew = abs(off) > self._config.max_heading_error_rad
-        return f"on a flight, heading error {off / DEG:+.1f}°: it turns by climbing" if is_askew else None
+        is_large = abs(off) > self._config.max_heading_error_rad
+        return f"on a flight, heading error {off / DEG:+.1f}°: it turns by climbing" if is_large else None
 
     def is_unfit(self) -> str | None:
         """Square to the flight, and every stair that may be the measured one exceeds a limit of the chair."""
@@ -330,7 +330,7 @@ STATES_DOWN: tuple[State[Descent], ...] = (
         Descent.look,
         limit_s=40.0,
         exits={
-            Descent.is_askew_on_the_flight: "climb",
+            Descent.has_a_heading_error: "climb",
             Descent.is_laid: "descend",
             Descent.sees_the_stair: "align",
             Descent.found_nothing: "hold",

@@ -144,6 +144,7 @@ def _facing(level: Axes, azimuth: float) -> Vector3:
 
 
 def turned_axes(level: Axes, azimuth: float) -> Axes:
+    """Return level axes turned by an azimuth to the right [rad]."""
     facing = _facing(level, azimuth)
     return Axes(ahead=facing, up=level.up, right=cross(-level.up, facing))
 
