@@ -20,6 +20,8 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from tables import markdown
+
 from treadline.campaign._results import clopper_pearson
 from treadline.core.processes import default_workers
 from treadline.run.episode import traverse
@@ -170,8 +172,8 @@ def ends_rightly(verdict: str, cause: str, passenger_m_s2: float, margin_deg: fl
     return any(re.search(words, cause) is not None and beyond(scenario()) for words, beyond in REASONS)
 
 
-def judged(folder: Path) -> Iterator[str]:
-    """Yield the lines of the judgement of a sweep: shares by label, then the causes of all runs that did not arrive."""
+def judge(folder: Path) -> None:
+    """Print the judgement of a sweep: shares by label, then the causes of all runs that did not arrive."""
     with (folder / "runs.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     counts: dict[str, Counter[str]] = defaultdict(Counter)
@@ -186,8 +188,13 @@ def judged(folder: Path) -> Iterator[str]:
         if row["verdict"] != "arrived":
             words = re.sub(r"[-+]?\d[\d.]*", "#", row["cause"].split(";")[0])
             causes[("right" if right else "WRONG", row["label"], row["drive.direction"], row["verdict"], words)] += 1
-    yield "| label | runs | arrived | 95 % bounds | rough | refused | held | fell | ended rightly |"
-    yield "| --- | --- | --- | --- | --- | --- | --- | --- | --- |"
+    markdown("| label | runs | arrived | 95 % bounds | rough | refused | held | fell | ended rightly |", shares(counts))
+    rows_of_causes = (f"| {number} | {' | '.join(words)} |" for words, number in causes.most_common())
+    markdown("| count | ended | label | way | verdict | cause |", rows_of_causes)
+
+
+def shares(counts: Mapping[str, Counter[str]]) -> Iterator[str]:
+    """Yield a row for each label."""
     for group in sorted(counts):
         count = counts[group]
         total = sum(n for name, n in count.items() if name != "right")
@@ -195,10 +202,6 @@ def judged(folder: Path) -> Iterator[str]:
         ends = " | ".join(str(count[name]) for name in ("arrived_rough", "refused", "held", "fell"))
         arrived, right = (f"{count[name] / total:.1%}" for name in ("arrived", "right"))
         yield f"| {group} | {total} | {arrived} | {low:.1%} to {high:.1%} | {ends} | {right} |"
-    yield ""
-    yield "| count | ended | label | way | verdict | cause |"
-    yield "| --- | --- | --- | --- | --- | --- |"
-    yield from (f"| {number} | {' | '.join(words)} |" for words, number in causes.most_common())
 
 
 def run(name: str, seed: int) -> dict[str, Any]:
@@ -217,10 +220,8 @@ def run(name: str, seed: int) -> dict[str, Any]:
     }
 
 
-def table(runs: Mapping[str, list[dict[str, Any]]]) -> Iterator[str]:
-    """Yield the lines of the table."""
-    yield "| condition | verdicts | ended rightly | pitch rate °/s | passenger m/s² | margin ° | cause |"
-    yield "| --- | --- | --- | --- | --- | --- | --- |"
+def conditions(runs: Mapping[str, list[dict[str, Any]]]) -> Iterator[str]:
+    """Yield a row for each condition."""
     for name, rows in runs.items():
         verdicts = ", ".join(f"{verdict} {count}" for verdict, count in Counter(row["verdict"] for row in rows).most_common())
         spans = [_span([row[key] for row in rows]) for key in ("pitch_rate_deg_s", "passenger_m_s2", "margin_deg")]
@@ -243,8 +244,7 @@ def main() -> None:
     parser.add_argument("--sweep", type=Path, help="folder of a sweep of buildings, which is judged instead")
     arguments = parser.parse_args()
     if arguments.sweep is not None:
-        for line in judged(arguments.sweep):
-            sys.stdout.write(f"{line}\n")
+        judge(arguments.sweep)
         return
     names = [name for name in CASES if any(word in name for word in arguments.only)]
     jobs = list(product(names, range(arguments.seeds)))
@@ -253,8 +253,7 @@ def main() -> None:
         for done, ((name, _), row) in enumerate(zip(jobs, pool.map(run, *zip(*jobs, strict=True)), strict=True), start=1):
             runs[name].append(row)
             sys.stderr.write(f"{done}/{len(jobs)} {name}: {row['verdict']}\n")
-    for line in table(runs):
-        sys.stdout.write(f"{line}\n")
+    markdown("| condition | verdicts | ended rightly | pitch rate °/s | passenger m/s² | margin ° | cause |", conditions(runs))
 
 
 if __name__ == "__main__":

@@ -25,10 +25,10 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.rotations import rotation_of, rotation_y
 from treadline.core.signals import TICK_S, SeatCommand, TrackCommand
-from treadline.plant.mujoco import MujocoPlant, open_plant
+from treadline.plant.mujoco import MujocoPlant
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.scenario.chair import GRAVITY_M_S2, read_chair
-from treadline.scenario.scenario import Chair, Control, Scenario, Stair, Start
+from treadline.scenario.scenario import Chair, Stair
 from treadline.vehicle.bodies import vehicle
 from treadline.vehicle.quasi_static import QuasiStaticRun, quasi_static_run
 from treadline.vehicle.stair_solids import stair_solids
@@ -36,6 +36,7 @@ from treadline.vehicle.static_stability import centre_of_mass
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "plant" / "mujoco"))
 from oracles.dynamic_coulomb import dynamic_run
+from oracles.plant_runs import plant_on
 
 MISSING = "benchmarks/contact.py needs Drake, which is no dependency of treadline: pip install drake"
 MU = 0.62
@@ -132,14 +133,7 @@ class Track:
 
 def started(case: Case, *, corrected: bool = True) -> MujocoPlant:
     """Return a plant at rest on its nosings."""
-    rise = RUN_M * math.tan(case.slope_deg * DEG)
-    scenario = Scenario(
-        stair=Stair(rise_m=rise, steps=30, friction=(MU, MU), width_m=10.0, walls="none"),
-        chair=LOADING,
-        start=Start(place="flight", step=6),
-        control=Control(vision="truth"),
-    )
-    plant = open_plant(scenario, seed=1)
+    plant = plant_on(case.slope_deg, (MU, MU))
     plant._corrected[0] = corrected
     plant.start()
     return plant

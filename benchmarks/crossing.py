@@ -106,11 +106,10 @@ class CrestCase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CrossingTick:
-    """Ground truth, command and flipper reading of one tick."""
+    """Ground truth and command of one tick."""
 
     truth: Truth
     command: CrestCommand | EdgeCommand | None
-    flipper: FlipperReading | None
     height_m: float
     """Height of the passenger's centre in W [m]."""
 
@@ -121,7 +120,6 @@ class Crossing:
 
     is_across: bool
     """Whether the sequencer has ended; without a sequencer, whether the chair lies on the next surface."""
-    duration_s: float
     pitch_rate_deg_s: float
     """Largest magnitude of the pitch rate [°/s]."""
     seat_deg: float
@@ -173,7 +171,7 @@ class _CrestRun:
         imu, seat, tracks, flipper = _newest(self._plant.read())
         truth = self._plant.truth()[-1]
         command = None if flipper is None or self._case.at == "foot" else self._command(truth, imu, tracks, flipper)
-        self._ticks.append(CrossingTick(truth=truth, command=command, flipper=flipper, height_m=self._plant.passenger_height_m))
+        self._ticks.append(CrossingTick(truth=truth, command=command, height_m=self._plant.passenger_height_m))
         if self._is_across():
             return True
         self._fail(truth)
@@ -193,7 +191,6 @@ class _CrestRun:
         velocity = np.diff([tick.height_m for tick in self._ticks]) / TICK_S
         return Crossing(
             is_across=self._is_across(),
-            duration_s=samples[-1].t_s,
             pitch_rate_deg_s=max(abs(sample.pitch_rate_rad_s) for sample in samples) / DEG,
             seat_deg=max(abs(sample.seat_pitch_rad) for sample in samples) / DEG,
             vertical_m_s2=float(np.abs(lasting_change(velocity)).max()),

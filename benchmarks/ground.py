@@ -7,6 +7,7 @@ are those of the nearest point of the edge over the swept width, from mid-track.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scenes import STAIRLESS_SCENES, ViewRecipe, draw_view
@@ -99,15 +100,13 @@ def _edge(kind: str, rng: np.random.Generator) -> tuple[list[SceneBox], float, f
 
 def edge_rows(seeds: range, missing: float = 0.0) -> Iterator[str]:
     """Yield what is reported of edges, by kind, sensor and distance."""
-    for kind in KINDS:
-        for sensor in SENSORS:
-            for distance_m in DISTANCES_M:
-                views = [
-                    draw_edge(np.random.default_rng([seed, index]), kind, sensor, distance_m, rear=bool(seed % 2), missing=missing)
-                    for index, seed in enumerate(seeds)
-                ]
-                grounds = [ground_ahead(view.frame, view.gravity_C).free for view in views]
-                yield f"| {kind} | {sensor} | {distance_m:.1f} m | {_row(views, grounds, distance_m)} |"
+    for kind, sensor, distance_m in product(KINDS, SENSORS, DISTANCES_M):
+        views = [
+            draw_edge(np.random.default_rng([seed, index]), kind, sensor, distance_m, rear=bool(seed % 2), missing=missing)
+            for index, seed in enumerate(seeds)
+        ]
+        grounds = [ground_ahead(view.frame, view.gravity_C).free for view in views]
+        yield f"| {kind} | {sensor} | {distance_m:.1f} m | {_row(views, grounds, distance_m)} |"
 
 
 def _row(views: list[EdgeView], grounds: list[FreeGround], distance_m: float) -> str:

@@ -1,9 +1,11 @@
 """Smooth belts compared with lugged belts, on corrected contact: ``python benchmarks/lugs.py``; see ``docs/evidence/lugs.md``."""
 
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -12,12 +14,13 @@ from scipy.linalg import expm
 
 from treadline.core.angles import DEG
 from treadline.core.ports import Truth
-from treadline.core.signals import SeatCommand, TrackCommand
-from treadline.plant.mujoco import NOMINAL, Physics, open_plant
 from treadline.run.episode import Traverse, traverse
-from treadline.scenario.scenario import Belts, Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
+from treadline.scenario.scenario import Belts, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
 from treadline.vehicle.comfort import passenger_acceleration
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "plant" / "mujoco"))
+from oracles.plant_runs import held, plant_on
 
 RUN_M = 0.30
 SEEDS = (1, 2, 3, 4)
@@ -61,27 +64,13 @@ class Case:
     left_m_s: float = 0.2
     right_m_s: float = 0.2
     duration_s: float = 9.0
-    steps: int = 40
 
 
-def run(case: Case, belts: Belts, seed: int, physics: Physics = NOMINAL) -> list[Truth]:
+def run(case: Case, belts: Belts, seed: int) -> list[Truth]:
     """Return the truth of one run; both belt speeds zero brake the chair."""
-    scenario = Scenario(
-        stair=Stair(
-            rise_m=RUN_M * math.tan(case.slope_deg * DEG), steps=case.steps, friction=case.friction, width_m=10.0, walls="none"
-        ),
-        chair=Chair(belt_mismatch=0.0),
-        belts=belts,
-        start=Start(place="flight", step=6, heading_deg=case.heading_deg),
-        control=Control(vision="truth"),
-    )
-    plant = open_plant(scenario, seed, physics=physics)
-    plant.start()
+    plant = plant_on(case.slope_deg, case.friction, case.heading_deg, seed=seed, steps=40, tables={"belts": belts})
     braked = case.left_m_s == case.right_m_s == 0.0
-    order = TrackCommand.stop(0.0) if braked else TrackCommand(t_s=0.0, left_m_s=case.left_m_s, right_m_s=case.right_m_s)
-    plant.write(order, SeatCommand(t_s=0.0, rate_m_s=0.0))
-    plant.advance(case.duration_s)
-    return list(plant.truth())
+    return held(plant, case.left_m_s, case.right_m_s, case.duration_s, brake=braked)
 
 
 def passenger_m_s2(samples: Sequence[Truth]) -> float:
@@ -95,18 +84,6 @@ def roll_back_m(samples: Sequence[Truth]) -> float:
     """Return how far the chair falls behind its highest place on the flight."""
     x = np.array([sample.x_m for sample in samples])
     return float((np.maximum.accumulate(x) - x).max())
-
-
-def beats_m(samples: Sequence[Truth], count: int = 3) -> NDArray[np.float64]:
-    """Return the strongest periods of the chassis pitch along the flight [m], strongest first."""
-    x = np.array([sample.x_m for sample in samples])[SETTLED:]
-    pitch = np.array([sample.pitch_rad for sample in samples])[SETTLED:]
-    even = np.linspace(x[0], x[-1], 4096)
-    signal = np.interp(even, np.maximum.accumulate(x) + 1e-12 * np.arange(len(x)), pitch)
-    power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(4096)))
-    peaks = [k for k in range(2, 400) if power[k] > power[k - 1] and power[k] > power[k + 1]]
-    best = sorted(peaks, key=lambda k: -power[k])[:count]
-    return (x[-1] - x[0]) / np.array(best)
 
 
 def traversal(belts: Belts, direction: Literal["up", "down"], seed: int, speed_m_s: float = 0.2) -> Traverse:
@@ -174,13 +151,11 @@ def main() -> None:
         _row("", [abs(samples[-1].heading_rad) / DEG for samples in runs], "°")
     compared = {name: BELTS[name] for name in ("smooth", "15/80")}
     print("square to the flight, belts 0.15/0.25 m/s, 3 s: yaw rate after one second (wheels: 8.8 °/s)")
-    for slope_deg in (28.0, 30.0):
-        for name in ("smooth", "8/60", "15/80"):
-            steered = Case(slope_deg=slope_deg, left_m_s=0.15, right_m_s=0.25, duration_s=3.0)
-            runs = [run(steered, BELTS[name], seed) for seed in SEEDS]
-            yaw = [(samples[-1].heading_rad - samples[SETTLED].heading_rad) / 2.0 / DEG for samples in runs]
-            _row(f"{name}, {slope_deg:.0f}°", yaw, "°/s")
-    _closed_loop(compared)
+    for slope_deg, name in product((28.0, 30.0), ("smooth", "8/60", "15/80")):
+        steered = Case(slope_deg=slope_deg, left_m_s=0.15, right_m_s=0.25, duration_s=3.0)
+        runs = [run(steered, BELTS[name], seed) for seed in SEEDS]
+        yaw = [(samples[-1].heading_rad - samples[SETTLED].heading_rad) / 2.0 / DEG for samples in runs]
+        _row(f"{name}, {slope_deg:.0f}°", yaw, "°/s")
     print("turn at 30° from ±30°, belts 0.1/0.7 m/s, 3 s: roll-back, heading reached")
     for name, belts in compared.items():
         turns = [Case(slope_deg=30.0, heading_deg=h, left_m_s=a, right_m_s=b, duration_s=3.0) for h, a, b in TURNS]
@@ -189,66 +164,16 @@ def main() -> None:
         turned = [abs(samples[-1].heading_rad - samples[0].heading_rad) / DEG for samples in runs]
         _row("", turned, "° turned")
     print("braked for 10 s at 28° and 35°: distance slid")
-    for slope_deg in (28.0, 35.0):
-        for name, belts in compared.items():
-            held = Case(slope_deg=slope_deg, left_m_s=0.0, right_m_s=0.0, duration_s=10.0)
-            runs = [run(held, belts, seed) for seed in SEEDS]
-            _row(f"{name}, {slope_deg:.0f}°", [samples[0].x_m - samples[-1].x_m for samples in runs], "m")
+    for slope_deg, (name, belts) in product((28.0, 35.0), compared.items()):
+        braked = Case(slope_deg=slope_deg, left_m_s=0.0, right_m_s=0.0, duration_s=10.0)
+        runs = [run(braked, belts, seed) for seed in SEEDS]
+        _row(f"{name}, {slope_deg:.0f}°", [samples[0].x_m - samples[-1].x_m for samples in runs], "m")
     print("traction: straight at 28°, 5 s at 0.2 m/s, distance climbed (belts run 0.97 m)")
-    for along in (0.40, 0.45, 0.50, 0.55):
-        for name, belts in compared.items():
-            case = Case(friction=(along, 0.8 * along), duration_s=5.0)
-            runs = [run(case, belts, seed) for seed in SEEDS]
-            _row(f"{name}, friction {along:.2f}", [samples[-1].x_m - samples[0].x_m for samples in runs], "m")
+    for along, (name, belts) in product((0.40, 0.45, 0.50, 0.55), compared.items()):
+        case = Case(friction=(along, 0.8 * along), duration_s=5.0)
+        runs = [run(case, belts, seed) for seed in SEEDS]
+        _row(f"{name}, friction {along:.2f}", [samples[-1].x_m - samples[0].x_m for samples in runs], "m")
     _traversals()
-    _bumps()
-    _smaller_steps()
-
-
-def _smaller_steps() -> None:
-    """Print what steps of 2, 1 and 0.5 ms make of a climb with 15/80 from the same starts."""
-    print("15/80 straight up 28°, 6 s, by physics steps: largest load, pitch rate")
-    for seed, step_s in product(SEEDS[:2], (0.002, 0.001, 0.0005)):
-        samples = run(Case(duration_s=6.0), BELTS["15/80"], seed, Physics(timestep_s=step_s))[SETTLED:]
-        load = max(sample.contact_force_share for sample in samples)
-        rate = max(abs(sample.pitch_rate_rad_s) for sample in samples) / DEG
-        print(f"  seed {seed}, {1e3 * step_s:g} ms: {load:.2f} × weight, {rate:.1f} °/s", flush=True)
-
-
-def _closed_loop(compared: dict[str, Belts]) -> None:
-    """Print turns of the shipped controller from 30° on a 30° flight, straight and on to 25 s."""
-    print("shipped controller from ±30° on 30°, 25 s")
-    for name, belts in compared.items():
-        for heading_deg, seed in product((30.0, -30.0), SEEDS[:2]):
-            scenario = Scenario(
-                stair=Stair(rise_m=RUN_M * math.tan(30.0 * DEG), steps=60, width_m=10.0, walls="none"),
-                belts=belts,
-                start=Start(place="flight", step=6, heading_deg=heading_deg),
-                drive=DriveSettings(duration_s=25.0, check=False),
-                control=Control(vision="truth"),
-                sensors=Sensors(camera="statistical"),
-            )
-            ride = traverse(scenario, controller=shipped_controller("wheelchair"), seed=seed)
-            scores = ride.summary()
-            print(
-                f"  {name:22s} {heading_deg:+.0f}° seed {seed}: {ride.verdict} {ride.cause or ''} roll-back "
-                f"{scores['roll_back_m']:.3f} m, passenger {scores['passenger_max_m_s2']:.1f} m/s²",
-                flush=True,
-            )
-
-
-def _bumps() -> None:
-    """Print the periods of the pitch, and the beat of lugs and nosings that the measured slip predicts."""
-    pitch_m, case = RUN_M / math.cos(28.0 * DEG), Case(duration_s=30.0, steps=60)
-    belt_m = 0.2 * (case.duration_s - 0.15)  # less the drive's lag
-    print(f"bumps: strongest periods of the pitch along 28°, 30 s; nosings {pitch_m:.3f} m")
-    for name in ("smooth", "8/60", "15/80"):
-        samples = run(case, BELTS[name], 1)
-        slip = belt_m / (samples[-1].x_m - samples[0].x_m)
-        beat = math.nan if name == "smooth" else pitch_m / ((pitch_m * slip / BELTS[name].measures_m[1]) % 1.0)
-        print(
-            f"  {name:22s} {np.round(beats_m(samples), 3)} m, belt over chair {slip:.3f}, predicted beat {beat:.3f} m", flush=True
-        )
 
 
 if __name__ == "__main__":
