@@ -108,6 +108,5 @@ def rising_by(rise_m: float, until_m: float = 0.0) -> Callable[[StairMap], Stair
     return measured
 
 
-JUST_TOO_HIGH_M, TOO_HIGH_M = (math.tan((32.0 + 1.0) * DEG) * RUN_M + more for more in (0.002, 0.03))
-"""Rises above the limit, 32° and a degree of error of measurement, by less than the standard deviation of the first maps from
-2.4 m, and by far more."""
+JUST_TOO_HIGH_M = math.tan((32.0 + 1.0) * DEG) * RUN_M + 0.002
+"""Rise above the limit of 32° and a degree of measurement error, by less than the deviation of the first maps from 2.4 m."""

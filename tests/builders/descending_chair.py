@@ -25,8 +25,6 @@ class Landing(World):
 
     planner: Descent = field(default_factory=lambda: Descent(CONFIG))
     x_m: float = EDGE_M + 1.6
-    blocked: bool = False
-    """Whether something stands behind its rear."""
     tips: bool = True
     """Whether it pitches over the edge."""
     shows_end: bool = True
@@ -39,7 +37,7 @@ class Landing(World):
 
     def move(self, plan: MotionPlan) -> None:
         self.belts_m_s = plan.speed_m_s
-        moved = 0.0 if self.blocked else plan.speed_m_s * TICK_S
+        moved = plan.speed_m_s * TICK_S
         if plan.flipper is not None and self.flipper_moves:
             self.flipper_rad = min(self.flipper_rad + plan.flipper.rate_rad_s * TICK_S, 0.7)
         self.x_m += moved * math.cos(self.pitch_rad) * math.cos(self.heading_rad)

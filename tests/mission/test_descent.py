@@ -58,14 +58,6 @@ def test_it_turns_square_on_the_landing_before_it_backs(heading_deg: float) -> N
     assert float(behind[1]) == pytest.approx(world.x_m - EDGE_M - PIVOT_M, abs=0.015)
 
 
-def test_a_chair_that_does_not_get_to_the_edge_is_held() -> None:
-    """Test: its rear stands against the end of a wall. Expected result: HOLD after ten seconds."""
-    world = Landing()
-    world.run("approach")
-    world.blocked = True
-    assert world.until_held() == "no progress in 10 s (approach): the belts slip, or something is in the way"
-
-
 def test_an_edge_under_the_chair_holds_it() -> None:
     world = Landing(x_m=EDGE_M + 0.3)
     # A camera of a chair that stands over the edge: it shows the edge all the same.
