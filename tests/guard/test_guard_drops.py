@@ -76,6 +76,12 @@ def test_one_frame_alone_shows_no_end_and_ground_seen_beyond_it_takes_it_back() 
     assert 1.5 - PULLEY_M - chair.goes(0.1) == pytest.approx(0.38, abs=0.002)  # the end in view, not the one frame
 
 
+def test_a_map_without_a_nosing_confirms_no_edge() -> None:
+    chair = Chair().look(view="rear", blind_m=0.5, seen_m=1.4, end_m=1.4, end_sigma_m=0.0)
+    chair.map(1.4, nosings_B=(), ends=True)
+    assert chair.goes(-0.1, "approach") < 0.7  # 0.3 m before the end, and the stopping distance
+
+
 def test_an_end_below_the_image_is_remembered_by_the_travel_of_the_belts() -> None:
     """Test: the end leaves the view at 0.8 m. Expected result: the same place holds, and what was not seen is not free either."""
     chair = Chair().look(**FRONT | {"seen_m": 1.2, "end_m": 1.2, "end_sigma_m": 0.0})

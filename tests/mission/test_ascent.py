@@ -10,7 +10,7 @@ from climbing_chair import CONFIG, JUST_TOO_HIGH_M, Foot, Script, rising_by
 from world import PIVOT_M, RISE_M, SLOPE_RAD, TICK_S, belts, estimate, imu
 
 from treadline.core.angles import DEG
-from treadline.core.signals import FlipperReading, StairMap
+from treadline.core.signals import FlipperReading, OperatorInput, StairMap
 from treadline.mission import ascent_states as ascent
 from treadline.mission._tip_over import TipOverFeedforward
 
@@ -244,7 +244,7 @@ def test_a_chair_that_does_not_get_to_the_stair_is_held_and_tries_again_when_it_
     world = Foot()
     world.run("approach")
     from_s, world.slip = world.t_s, 1.0
-    assert world.until_held() == "no progress in 10 s (approach): the belts slip, or something is in the way"
+    assert world.until_held() == "no progress in 10 s in the state 'approach'"
     assert world.t_s - from_s == pytest.approx(10.0, abs=0.6)  # the belts' first decimetre counts until frames deny it
     world.slip = 0.0
     assert world.run("mount").hold is None
@@ -337,6 +337,17 @@ def test_belts_that_only_slip_on_the_first_nosing_end_the_mount_backed_off_and_r
     assert "without getting up" in plan.cause
     assert "traction" not in world.phases
     assert world.run("refused").cause == plan.cause
+
+
+def test_a_chair_that_is_sent_back_from_far_up_backs_down_to_the_floor() -> None:
+    """Test: "go back" after three metres, 40 s of backing down. Expected result: no hold on the way, refused on the floor."""
+    world = climbing()
+    while world.x_m < world.first_m + 3.0:
+        world.tick()
+    world.planner.update(OperatorInput(t_s=world.t_s, go_back=True))
+    assert world.run("refused", limit_s=90.0).cause == "the operator sent the chair back"
+    assert not any(plan.hold for plan in world.plans)
+    assert world.pitch_rad < 2.0 * DEG
 
 
 def test_a_missing_step_stops_the_chair_for_good_before_it() -> None:

@@ -109,7 +109,7 @@ class Edge(Sequencer[Stage]):
             sigmas: Standard deviations by which the uppermost nosings may be less steep than measured.
         """
         slope, sigma = around.lies(self._geometry.pivot_m, 0.0)
-        if self._lift(slope - sigmas * sigma) is not None:
+        if self._lift(slope - (sigmas * sigma if sigmas else 0.0)) is not None:
             return ""
         lowest, least = self._lowest_rad / DEG, self._config.least_rad / DEG
         why = f"to lift the chair to them with {least:.0f}° to tipping, the flipper would have to turn below its {lowest:.0f}°"

@@ -261,7 +261,12 @@ class Sequencer(ABC, Generic[StageT]):
         return self._geometry.pivot_m - self._ahead_m, self._around.landing_m
 
     def _most_before_m(self, pitch: float) -> float:
-        """Return how far before the landing's edge the centre of mass may be for the flipper to stand on the landing [m]."""
+        """Return how far before the landing's edge the centre of mass may be for the flipper to stand on the landing [m].
+
+        Infinite for nearly horizontal belts, from which the flipper always reaches down to the landing.
+        """
+        if pitch <= SMALL_RAD:
+            return math.inf
         return self._geometry.past(pitch, self._lowest_rad) - self._geometry.pivot_m + plumb(self._loading, pitch)
 
     @property

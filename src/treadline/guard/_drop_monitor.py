@@ -109,7 +109,7 @@ class DropMonitor:
 
         One nosing counts if the floor beyond it was seen, as down a kerb.
         """
-        if stair.direction == "down" and (len(stair.nosings_B) > 1 or stair.ends):
+        if stair.direction == "down" and len(stair.nosings_B) >= (1 if stair.ends else 2):
             self._ground[-1.0].look_on_stair(-stair.nosings_B[0][0] - travel_m)
 
     def cause(self, t_s: float, travel_m: float, speed_m_s: float, plan: MotionPlan | None, heading_rad: float) -> str | None:

@@ -24,8 +24,8 @@ class Situation(Protocol):
     def stalled_s(self) -> float:
         """Time with released brakes since the state began, or since the chair last came further [s]."""
 
-    def enter(self, phase: Phase, cause: str) -> None:
-        """Begin a state."""
+    def enter(self, phase: Phase, cause: str, way: float) -> None:
+        """Begin a state that goes along the traversal, or against it."""
 
     def try_again(self) -> None:
         """Restart the time of the state: a person who re-arms the chair allows another try."""
@@ -50,6 +50,8 @@ class State(Generic[S_contra]):
     """Ends of the state; the first condition that returns an observation counts."""
     begins: Callable[[S_contra], None] | None = None
     """What is prepared when the state begins."""
+    way: float = 1.0
+    """Sign of the motion along the traversal: -1 for a state that drives back."""
 
 
 class Automaton(Generic[S_contra]):
@@ -70,12 +72,13 @@ class Automaton(Generic[S_contra]):
             cause, to = next(((cause, to) for cause, to in ends if cause is not None), (None, None))
             if cause is None and situation.stalled_s > state.limit_s:
                 situation.try_again()
-                cause, to = f"no progress in {state.limit_s:g} s ({state.name}): the belts slip, or something is in the way", "hold"
+                cause, to = f"no progress in {state.limit_s:g} s in the state '{state.name}'", "hold"
             if cause is None or to is None:
                 return state.behaviour(situation)
             if to == "hold":
                 return replace(situation.still, hold=cause, needs_stair=False)
-            situation.enter(to, cause)
-            if (begins := self._states[to].begins) is not None:
-                begins(situation)
+            begun = self._states[to]
+            if begun.begins is not None:
+                begun.begins(situation)
+            situation.enter(to, cause, begun.way)
         return situation.still

@@ -58,7 +58,7 @@ class FlipperPlanner:
 
     Args:
         chair: Chair with or without a flipper.
-        rides_rad: Angle at which the flipper rides on the nosings, ``Traversal.RIDES_RAD``.
+        rides_rad: Angle at which the flipper rides on the nosings, ``Way.rides_rad``.
     """
 
     def __init__(self, chair: ChairDescription, rides_rad: float) -> None:

@@ -112,8 +112,8 @@ class FlightSituation:
         self.cause = "start of the run"
         self.t_s = 0.0
         self.stalled_s = 0.0
-        self._furthest_m = -math.inf
-        """Furthest place of the chair in its direction since the state began [m]."""
+        self._goes, self._furthest_m = way.sign, -math.inf
+        """Sign of the state's motion up the flight, and furthest place of the chair in that direction since it began [m]."""
         self._estimate: HeadingEstimate | None = None
         self._around: KnownNosings | None = None
         """Known nosings relative to the chair at this tick."""
@@ -171,18 +171,18 @@ class FlightSituation:
         if estimate is not None:
             self._where.heading_rad = estimate.heading_rad
         self._around = self._where.around(self._pivot_m)
-        here_m = self._way.sign * self._where.up_m
+        here_m = self._goes * self._where.up_m
         if here_m > self._furthest_m + FURTHER_M:
             self._furthest_m, self.stalled_s = here_m, 0.0
 
-    def enter(self, phase: Phase, cause: str) -> None:
-        """Begin a state."""
-        self.phase, self.cause, self._from_m = phase, cause, self._where.travel_m
+    def enter(self, phase: Phase, cause: str, way: float) -> None:
+        """Begin a state that goes along the traversal, or against it."""
+        self.phase, self.cause, self._from_m, self._goes = phase, cause, self._where.travel_m, way * self._way.sign
         self.try_again()
 
     def try_again(self) -> None:
         """Restart the time of the state."""
-        self.stalled_s, self._furthest_m = 0.0, self._way.sign * self._where.up_m
+        self.stalled_s, self._furthest_m = 0.0, self._goes * self._where.up_m
 
     # --- conditions of both directions
 

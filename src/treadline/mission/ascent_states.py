@@ -91,6 +91,8 @@ class Ascent(FlightSituation):
         """Command of the crest sequence at this tick."""
         self._is_climbing = True
         """Whether the crest sequence has not lowered the flipper yet."""
+        self._knows_the_foot = False
+        """Whether the chair came onto this flight from the floor."""
         self._slipped = False
         """Whether the slip speed of a chair that does not turn has exceeded ``LOSES_GRIP_M_S`` on this flight."""
 
@@ -103,7 +105,7 @@ class Ascent(FlightSituation):
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Return the plan of this tick."""
         self.begin_tick(t_s, estimate)
-        if self.phase in ("climb", "crest", "land") and self.is_barred_by_a_gap() is None:
+        if self.phase in ("crest", "land") or (self.phase == "climb" and self.is_barred_by_a_gap() is None):
             self._cross()
         return self._automaton.step(self)
 
@@ -189,6 +191,11 @@ class Ascent(FlightSituation):
         slope, radius = self._where.slope_rad, self._config.chair.tracks.pulley_radius_m
         return self._where.rise_m / math.sin(slope) - radius * math.tan(0.5 * slope) - self._pivot_m
 
+    def begin_approach(self) -> None:
+        """Remember that the chair comes from the floor, and let the flipper begin anew."""
+        self._knows_the_foot = True
+        self.forget_deadline()
+
     # --- traction
 
     def begin_traction_test(self) -> None:
@@ -237,6 +244,15 @@ class Ascent(FlightSituation):
         """The chair stands on the floor, half a metre from the flight: it is refused for the reason for which it backed off."""
         backed = self._where.pitch_rad < BACKED_RAD and self._from_m - self._where.travel_m > self._config.back_off_m
         return self.cause if backed else None
+
+    def is_sent_back(self) -> str | None:
+        """The operator has pressed "go back", and the foot of the flight is known."""
+        return super().is_sent_back() if self._knows_the_foot else None
+
+    def cannot_go_back(self) -> str | None:
+        """The operator has pressed "go back" over the crest, or where the foot is not known; a re-arm goes on up."""
+        sent_back, self._goes_back = self._goes_back, False
+        return "the chair cannot go back down from here; re-arm it to go on up" if sent_back else None
 
     # --- on the flight
 
@@ -376,7 +392,7 @@ STATES_UP: tuple[State[Ascent], ...] = (
             Ascent.must_not_enter: "refused",
             Ascent.reaches_the_first_step: "mount",
         },
-        begins=Ascent.forget_deadline,
+        begins=Ascent.begin_approach,
     ),
     State(
         "mount",
@@ -401,14 +417,34 @@ STATES_UP: tuple[State[Ascent], ...] = (
         "climb",
         Ascent.climb,
         limit_s=20.0,
-        exits={Ascent.is_sent_back: "back_off", Ascent.is_barred_by_a_gap: "hold", Ascent.reaches_down: "crest"},
+        exits={
+            Ascent.is_sent_back: "back_off",
+            Ascent.cannot_go_back: "hold",
+            Ascent.is_barred_by_a_gap: "hold",
+            Ascent.reaches_down: "crest",
+        },
         begins=Ascent.forget_traction_test,
     ),
-    State("crest", Ascent.cross, limit_s=40.0, exits={Ascent.is_barred: "hold", Ascent.rides_again: "climb", Ascent.lands: "land"}),
     State(
-        "land", Ascent.cross, limit_s=20.0, exits={Ascent.is_on_a_landing_between: "search", Ascent.is_on_the_landing: "arrived"}
+        "crest",
+        Ascent.cross,
+        limit_s=40.0,
+        exits={Ascent.cannot_go_back: "hold", Ascent.is_barred: "hold", Ascent.rides_again: "climb", Ascent.lands: "land"},
     ),
-    State("back_off", Ascent.back_off, limit_s=30.0, exits={Ascent.is_backed_off: "refused"}, begins=Ascent.forget_traction_test),
+    State(
+        "land",
+        Ascent.cross,
+        limit_s=20.0,
+        exits={Ascent.cannot_go_back: "hold", Ascent.is_on_a_landing_between: "search", Ascent.is_on_the_landing: "arrived"},
+    ),
+    State(
+        "back_off",
+        Ascent.back_off,
+        limit_s=30.0,
+        exits={Ascent.is_backed_off: "refused"},
+        begins=Ascent.forget_traction_test,
+        way=-1.0,
+    ),
     State("arrived", Ascent.stand, limit_s=math.inf),
     State("refused", Ascent.stand, limit_s=math.inf),
 )

@@ -369,7 +369,13 @@ STATES_DOWN: tuple[State[Descent], ...] = (
         limit_s=60.0,
         exits={Descent.lacks_a_step: "hold", Descent.is_barred: "hold", Descent.lies_on_the_flight: "descend"},
     ),
-    State("climb", Descent.turn_by_climbing, limit_s=60.0, exits={Descent.has_turned: "descend"}),
+    State(
+        "climb",
+        Descent.turn_by_climbing,
+        limit_s=60.0,
+        exits={Descent.cannot_go_back: "hold", Descent.has_turned: "descend"},
+        way=-1.0,
+    ),
     State(
         "descend",
         Descent.descend,
