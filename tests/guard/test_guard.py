@@ -382,11 +382,11 @@ def blind(phase: Any, *, needs_stair: bool = False) -> Callable[[Drive], None]:
     return lambda drive: drive.guard.on_message(MotionPlan(t_s=drive.t_s, phase=phase, speed_m_s=0.1, needs_stair=needs_stair))
 
 
-@pytest.mark.parametrize(("phase", "apart_m_s", "held_s"), [("climb", 0.05, 1.88), ("descend", -0.05, 1.88), ("land", 0.03, 2.31)])
+@pytest.mark.parametrize(("phase", "apart_m_s", "held_s"), [("climb", 0.05, 1.88), ("descend", -0.05, 1.88), ("land", 0.03, 1.93)])
 def test_belts_that_turn_the_chair_with_the_heading_from_the_gyro_alone_hold(phase: Any, apart_m_s: float, held_s: float) -> None:
     """Test: no stair in view, as planned, and one belt runs faster all the time. Expected result: HOLD after a turn of 3°. On the
     flight belts that do not skid would turn the chair by 4.4 °/s, and the bound stops at the 1.5 °/s by which a gyro may drift; on
-    the landing 0.03 m/s turn it by 1.30 °/s."""
+    the landing 0.03 m/s turn it by 2.1 °/s, which road wheels and Coulomb friction allow (docs/decisions/0034)."""
     drive = Drive(asked=(0.1, 0.1 + apart_m_s))
     drive.silent = {"stair"}
     # The belts need 0.15 s to run apart; the cause is known a tick later.

@@ -85,7 +85,7 @@ def test_compiled_truth_agrees_with_the_mechanics_that_it_repeats(name: str) -> 
         reach = rng.uniform(0.2, 0.6, 4)
         told = kernels.truth(
             *(np.eye(3), np.zeros(3), R_WB, p_WB, np.zeros(3), seat_rad, flipper_rad, reach, -1),
-            *(np.zeros((25, 4)), np.zeros((0, 3)), np.zeros((0, 7)), numbers, payload, payload, (0.015, 0.01)),
+            *(np.zeros((25, 4)), np.zeros((0, 3)), np.zeros((0, 7)), numbers, payload, payload, (0.015, 0.01), (0.0, 0.0, 1.0)),
         )
         support = Support(front_m=reach[0], rear_m=reach[1], left_m=reach[2], right_m=reach[3])
         margins = tipping_margins(centre_of_mass(chair, loading, seat_rad, flipper_rad), tuple(R_WB[2].tolist()), support)
