@@ -44,6 +44,8 @@ class EdgeConfig(SequenceConfig):
     """Chair, assumed load and speeds of the edge sequence."""
 
     edge_m_s: float = 0.1
+    slow_within_m: float = 0.5
+    """Distance before the place where the tip is pressed down, at which the chair slows down [m]."""
     early_m: float = 0.25
     """Margin before the last position from which the chair can be lifted completely [m]: covers 15 cm of delay and 10 cm of error
     of the centre of mass."""

@@ -177,8 +177,6 @@ class SequenceConfig(Loading):
 
     cruise_m_s: float = 0.2
     """Belt speed before the sequence slows down [m/s]."""
-    slow_within_m: float = 0.5
-    """Distance before the nosing (crest), or before the pressing position (edge), at which the chair slows down [m]."""
     trim_per_s: float = 2.0
     """Flipper rate per pitch lag behind the reference [1/s]."""
     patience_s: float = 8.0

@@ -254,6 +254,14 @@ class FlightSituation:
             self._judged = (where.map_count, self.enters, reason)
         return self._judged[2]
 
+    def is_unfit(self) -> str | None:
+        """Square to the flight, and every stair that may be the measured one exceeds a limit of the chair."""
+        return self.must_not_enter() if self._is_square() else None
+
+    def is_on_a_landing_between(self) -> str | None:
+        """The chair is clear of the last nosing, and another flight follows."""
+        return self._next_flight() if self._is_clear() and self._goes_on else None
+
     @property
     def enters(self) -> bool:
         """Whether the chair is about to drive onto the flight: a side that was not in view does not count as wide enough."""
@@ -307,6 +315,10 @@ class FlightSituation:
             return None
         (near_m, far_m), leading = gap, "front" if sign > 0.0 else "rear"
         return f"a step is missing: {far_m - near_m:.2f} m from nosing to nosing, the first {beside(near_m)} the {leading} pulley"
+
+    def _is_clear(self) -> bool:
+        """Return whether the chair has left the flight; each direction says when."""
+        raise NotImplementedError
 
     def _is_square(self) -> bool:
         return self._estimate is not None and self._level.is_square(self._estimate, self.t_s)

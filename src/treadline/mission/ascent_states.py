@@ -117,10 +117,6 @@ class Ascent(FlightSituation):
         where = self._where
         return self.phase != "align" and (self._before_m < self._config.enter_from_m or where.pitch_rad > self._config.touched_rad)
 
-    def is_unfit(self) -> str | None:
-        """Square to the flight, and every stair that may be the measured one exceeds a limit of the chair."""
-        return self.must_not_enter() if self._is_square() else None
-
     def is_square(self) -> str | None:
         """Square to the flight for half a second."""
         if not self._is_square() or self._estimate is None:
@@ -353,10 +349,6 @@ class Ascent(FlightSituation):
         feedforward = self._pitch_feedforward(allowed=command.stage == "reach")
         return self.driving(command.speed_m_s + feedforward, turn, command.flipper)
 
-    def is_on_a_landing_between(self) -> str | None:
-        """The chair is clear of the last nosing, and another flight follows."""
-        return self._next_flight() if self._is_clear() and self._goes_on else None
-
     def is_on_the_landing(self) -> str | None:
         """The chair is clear of the last nosing, and level or further on."""
         return f"on the landing, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the last nosing" if self._is_clear() else None
@@ -448,4 +440,8 @@ STATES_UP: tuple[State[Ascent], ...] = (
     State("arrived", Ascent.stand, limit_s=math.inf),
     State("refused", Ascent.stand, limit_s=math.inf),
 )
-"""States of a traversal up: what the chair does, how long without coming further, and what ends it (docs/decisions/0019)."""
+"""States of a traversal up: what the chair does, how long without coming further, and what ends it (docs/decisions/0019).
+
+Each limit is longer than the longest way of its state: 160° at 10 °/s or 2.5 m at 0.1 m/s in the search, half a turn in ``align``,
+0.1 m at 0.1 m/s where the belts drive, and the stages of the crest sequence, each with a patience of 8 s.
+"""

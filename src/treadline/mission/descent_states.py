@@ -109,10 +109,6 @@ class Descent(FlightSituation):
         is_large = abs(off) > self._config.max_heading_error_rad
         return f"on a flight, heading error {off / DEG:+.1f}°: it turns by climbing" if is_large else None
 
-    def is_unfit(self) -> str | None:
-        """Square to the flight, and every stair that may be the measured one exceeds a limit of the chair."""
-        return self.must_not_enter() if self._is_square() else None
-
     def is_past_the_edge(self) -> str | None:
         """Square to the flight, and its edge is not behind the chair."""
         edge = self._where.top_ahead_m()
@@ -258,10 +254,6 @@ class Descent(FlightSituation):
         stays = "the flipper does not rise: as the chair left the stair, it would drop off the last nosing"
         return stays if self._is_late else None
 
-    def is_on_a_landing_between(self) -> str | None:
-        """The chair is clear of the last nosing, and another flight follows."""
-        return self._next_flight() if self._is_clear() and self._goes_on else None
-
     def is_on_the_floor(self) -> str | None:
         """The chair is level and clear of the last nosing."""
         return f"on the floor, pitch {self._where.pitch_rad / DEG:.1f}°, clear of the first nosing" if self._is_clear() else None
@@ -400,4 +392,7 @@ STATES_DOWN: tuple[State[Descent], ...] = (
     State("arrived", Descent.stow, limit_s=math.inf),
     State("refused", Descent.stand, limit_s=math.inf),
 )
-"""States of a traversal down: what the chair does, how long without coming further, and what ends it (docs/decisions/0019)."""
+"""States of a traversal down: what the chair does, how long without coming further, and what ends it (docs/decisions/0019).
+
+The limits are those of ``STATES_UP``; over the edge the chair may also be lifted and let down again.
+"""

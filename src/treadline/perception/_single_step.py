@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from treadline.core.camera_images import PinholeCamera
-from treadline.core.rotations import Vector3
 from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.perception._lattice import EVIDENCE, Scene, nosing_of, risers_at, turned_axes, voted_azimuths
 from treadline.perception._plane_segmentation import Line
@@ -123,5 +122,4 @@ def _risers(risers: Iterator[Riser], axes: Axes, place_m: float) -> Sequence[Ris
 
 
 def _height(tread: Tread, axes: Axes) -> float:
-    centre: Vector3 = tread.surface.centre
-    return float(centre @ axes.up)
+    return float(tread.surface.centre @ axes.up)

@@ -17,6 +17,7 @@ from treadline.core.arrays import cross
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.rotations import Vector3
 from treadline.core.signals import FreeGround
+from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.perception import _ground_kernels as kernels
 from treadline.perception._gravity_direction import GRAVITY_SIGMA
 from treadline.perception._step_parts import viewing_direction
@@ -32,7 +33,7 @@ FAR_M, RANGE_M = 3.0, 2.0
 and the guard uses 1.9 m."""
 FLAT_RAD = 7.0 * DEG
 """Largest slope of ground [rad]: ramps of 1:12 have 4.8°; mount and gravity may be off by 2°."""
-DROP_M = 0.04
+DROP_M = SINGLE_RISE_M[0]
 """Least height of a drop, and height range of one level [m]: belts with a flat run of 0.95 m that tip over it about their middle
 pitch by 5°, as on a ramp."""
 BRIDGE_M = 0.24

@@ -118,7 +118,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
     needs_shift = chair.seat is not None and margins.worst < MARGIN_LIMIT_RAD
     shift = _shift_that_helps(chair, loading, climb, heading) if needs_shift else None
     seat_range = None if chair.seat is None else SeatLinkage(chair.seat).angle_range
-    length_m, pitch_m = track_on_stair_m(chair), math.hypot(stair.rise_m, stair.run_m)
+    length_m = track_on_stair_m(chair)
     is_flight = climb.spacing_m is not None
     reasons = (
         _beyond_rating(chair, climb, loading.payload_kg),
@@ -142,7 +142,7 @@ def check(scenario: Scenario, chair: ChairDescription) -> CheckReport:
         verdict="refuse" if any(reasons) else "go",
         reasons=[reason for reason in reasons if reason],
         track_length_margin_m=length_m - minimum_track_length(stair.rise_m, stair.run_m) if is_flight else None,
-        nosings_in_contact=nosings_touched(length_m, pitch_m, pitch_m) if is_flight else 1,
+        nosings_in_contact=nosings_touched(length_m, climb.pitch_m, climb.pitch_m) if is_flight else 1,
         friction_needed=math.tan(slope),
         friction_needed_with_reserve=TRACTION_RESERVE * math.tan(slope),
         friction_available=stair.mean_friction[0],

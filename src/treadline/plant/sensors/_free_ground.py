@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.rotations import Rotation, Vector3
 from treadline.core.signals import FreeGround, View
+from treadline.core.step_sizes import SINGLE_RISE_M
 from treadline.scenario.chair import ChairDescription
 from treadline.vehicle.stair_solids import ground_m, stair_surfaces
 from treadline.vehicle.staircase import Staircase
@@ -22,8 +23,6 @@ RANGE_M = 2.0
 SIGMA_M = 0.010
 """Standard deviation of the measured end of the ground [m], and distance between two points: that of a falling flight's nosing in
 2.0 to 2.5 m depth, the furthest of the range, in ``data/cameras/statistical.json``."""
-DROP_M = 0.04
-"""Least height of a drop [m], as in ``perception.free_ground``."""
 LINES = 5
 """Number of lines of points over the swept width, 0.2 m apart: between two of them a right-angled corner is at most 0.1 m
 nearer."""
@@ -83,7 +82,7 @@ class GroundAhead:
         points_B = (np.column_stack([places, np.full(len(places), level_m)]) - p_WB) @ R_WB
         margins = margins_px(self._camera, (points_B - self._camera.mount_m) @ self._camera.R_BC)
         seen = np.asarray(np.all(margins.reshape(-1, LINES) > 0.0, axis=1))
-        bears = tops_m > level_m - DROP_M
+        bears = tops_m > level_m - SINGLE_RISE_M[0]
         if self._wall is not None:  # a wall rises
             p_W, ahead_W = self._wall
             bears |= (places - p_W) @ ahead_W > 0.0
