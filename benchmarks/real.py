@@ -15,9 +15,9 @@ from peers import Fit, PeerError, centred
 from score import fit_percent
 from systems import DataSet, Model, halves
 
+from treadline.core.linear_systems import part
 from treadline.core.models import InputOutputRecord
 from treadline.identification import IdentificationOptions, identify
-from treadline.identification.validate import part
 
 ORDERS = range(1, 13)
 BLOCK_ROWS = (10, 20, 30)

@@ -10,8 +10,8 @@ from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
 from treadline.core import paper
+from treadline.core.linear_systems import part
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification.validate import part
 
 MODES_SEED = 2021
 """Draws the lightly damped system; never used for data."""

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.linear_systems import impulse_response, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, Identified, identify
-from treadline.identification.validate import impulse_response, simulate
 
 Draw = Callable[..., InputOutputRecord]
 """The fixture ``draw``: a record of Eq. (12) for a seed."""

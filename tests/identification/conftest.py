@@ -5,8 +5,8 @@ import pytest
 from systems import Draw, system
 
 from treadline.core import paper
+from treadline.core.linear_systems import simulate
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification.validate import simulate
 
 NAMES = {"input_names": ("left_m_s", "right_m_s"), "output_names": ("heading", "yaw_rate")}
 

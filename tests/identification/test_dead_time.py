@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from systems import fit, system
 
+from treadline.core.linear_systems import impulse_response, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._input_structure import with_delays, without_delays
-from treadline.identification.validate import impulse_response, simulate
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import pytest
 from systems import fit, system
 
 from treadline.core.errors import PoorExcitation
+from treadline.core.linear_systems import impulse_response, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification.validate import impulse_response, simulate
 
 NAMES = ("left_m_s", "right_m_s")
 

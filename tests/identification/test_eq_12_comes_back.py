@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from systems import STEPS, Draw, fit, markov_error
 
+from treadline.core.linear_systems import impulse_response
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification.validate import impulse_response
 
 
 def test_records_without_noise_give_eq_12_to_rounding(draw: Draw, eq_12: LinearModel) -> None:

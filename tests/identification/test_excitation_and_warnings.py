@@ -10,11 +10,11 @@ from jaxtyping import Float
 from systems import Draw, fit, system, white_record
 
 from treadline.core.errors import PoorExcitation
+from treadline.core.linear_systems import crosscorrelation_p, simulate, whiteness_p
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import gram
 from treadline.identification._checks import excitation_order
 from treadline.identification._gram import units_of
-from treadline.identification.validate import crosscorrelation_p, simulate, whiteness_p
 
 LAGS = 12
 

@@ -7,9 +7,9 @@ import pytest
 from systems import Draw, fit, system
 
 from treadline.core.errors import SettingsError
+from treadline.core.linear_systems import impulse_response, part, simulate
 from treadline.core.models import InputOutputRecord
 from treadline.identification import gram
-from treadline.identification.validate import impulse_response, part, simulate
 
 METHODS = ("okid-era", "era-dc", "pbsid")
 

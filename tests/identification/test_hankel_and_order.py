@@ -6,11 +6,11 @@ from scipy.signal import lfilter
 from systems import Draw, fit, system, white_record
 
 from treadline.core.errors import PoorExcitation
+from treadline.core.linear_systems import impulse_response
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import era
 from treadline.identification._era import HankelSvd, hankel, hankel_times
 from treadline.identification._model_order import choose_order
-from treadline.identification.validate import impulse_response
 
 
 def modal(poles: list[float], seed: int) -> LinearModel:

@@ -12,12 +12,12 @@ from jaxtyping import Complex, Float
 from scipy.linalg import block_diag
 from systems import Draw, fit, oscillation, system
 
+from treadline.core.linear_systems import impulse_response, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import Affine, to_model
 from treadline.identification._gram import units_of
 from treadline.identification._pole_intervals import ConfidenceIntervals, of_refined
 from treadline.identification._refine import experiments_of, refined
-from treadline.identification.validate import impulse_response, simulate
 
 FREE = np.zeros((2, 3), dtype=bool)
 OMEGA = np.array([0.05, 0.3, 1.0, 2.5])

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from systems import Draw, fit, markov_error, noise_record
 
+from treadline.core.linear_systems import simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import identify
 from treadline.identification._affine import Affine
 from treadline.identification._fitting import Candidate, Fitting
 from treadline.identification._gram import Units, gram_of
 from treadline.identification._model_selection import free_run_squares
-from treadline.identification.validate import simulate
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.1])

@@ -5,9 +5,9 @@ import pytest
 from systems import fit, markov_error, system
 
 from treadline.core.errors import PoorExcitation, SettingsError
+from treadline.core.linear_systems import impulse_response, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._deconvolution import deconvolve, input_matrix
-from treadline.identification.validate import impulse_response, simulate
 
 SAMPLES = 50
 

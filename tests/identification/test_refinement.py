@@ -8,10 +8,11 @@ from jaxtyping import Float
 from scipy.linalg import block_diag
 from systems import STEPS, fit, markov_error, oscillation, system, white_record
 
+from treadline.core.linear_system_kernels import free_run
+from treadline.core.linear_systems import impulse_response, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import Affine
 from treadline.identification._gram import Units
-from treadline.identification._recursion_kernels import free_run
 from treadline.identification._refine import (
     Experiment,
     cost,
@@ -21,7 +22,6 @@ from treadline.identification._refine import (
     predictors_of,
     refined,
 )
-from treadline.identification.validate import impulse_response, simulate
 
 FREE = np.zeros((2, 3), dtype=bool)
 """Mask without fixed entries of D: two outputs, two inputs and a constant."""

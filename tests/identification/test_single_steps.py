@@ -8,9 +8,9 @@ import pytest
 from systems import Draw, fit
 
 from treadline.core.errors import NotFinite, PoorExcitation, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.core.linear_systems import impulse_response
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import era, okid, pbsid, system_markov
-from treadline.identification.validate import impulse_response
 
 
 def test_okid_and_era_give_eq_12_back(draw: Draw, eq_12: LinearModel) -> None:

@@ -8,10 +8,10 @@ from jaxtyping import Float
 from scipy.linalg import block_diag
 from systems import oscillation, system
 
+from treadline.core.linear_systems import impulse_response
 from treadline.core.models import LinearModel
 from treadline.identification._era import HankelSvd, realise
 from treadline.identification.stabilisation import StabilisationDiagram, modes, stabilisation_of_svd
-from treadline.identification.validate import impulse_response
 
 DT_S = 0.02
 FREQUENCIES_HZ = (2.1, 5.7, 11.3)

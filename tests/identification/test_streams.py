@@ -8,10 +8,10 @@ import pytest
 from systems import Draw, fit
 
 from treadline.core.errors import NotFinite, PeriodMismatch, PoorExcitation, RecordError
+from treadline.core.linear_systems import impulse_response, part
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification import IdentificationOptions, Identified, identify_chunks
 from treadline.identification import _stream as stream
-from treadline.identification.validate import impulse_response, part
 
 
 def in_chunks(record: InputOutputRecord, rows: int) -> list[InputOutputRecord]:

@@ -9,9 +9,7 @@ from scipy.signal import dlsim
 from systems import Draw, fit, system
 
 from treadline.core.errors import PoorExcitation
-from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification.excitation_signal import Excitation, ExcitationConfig
-from treadline.identification.validate import (
+from treadline.core.linear_systems import (
     fit_percent,
     h_step_rmse,
     impulse_response,
@@ -21,6 +19,8 @@ from treadline.identification.validate import (
     vaf_percent,
     whiteness_p,
 )
+from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.identification.excitation_signal import Excitation, ExcitationConfig
 
 GAIN = np.array([[0.6, 0.1], [0.2, 0.4]])
 

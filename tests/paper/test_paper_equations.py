@@ -10,12 +10,12 @@ from treadline.control import lqr_gain
 from treadline.core import paper
 from treadline.core.angles import DEG
 from treadline.core.errors import MechanicsError, PoorExcitation
+from treadline.core.linear_systems import impulse_response, simulate
 from treadline.estimation.offset import heading_offset
 from treadline.experiments.as_printed import paper_model
 from treadline.identification import era
 from treadline.identification._deconvolution import deconvolve, input_matrix
 from treadline.identification._era import hankel
-from treadline.identification.validate import impulse_response, simulate
 from treadline.scenario.chair import read_chair
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.tracks import minimum_track_length, nosings_touched

@@ -13,11 +13,12 @@ import pytest
 from jaxtyping import Float
 from systems import system, white_record
 
+from treadline.core import linear_systems as validate
 from treadline.core.arrays import decimated
 from treadline.core.errors import TreadlineError
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.experiments.as_printed import paper_model
-from treadline.identification import CandidateScore, IdentificationOptions, IdentificationReport, identify, validate
+from treadline.identification import CandidateScore, IdentificationOptions, IdentificationReport, identify
 from treadline.identification._era import HankelSvd
 from treadline.identification.stabilisation import StabilisationDiagram, stabilisation_of_svd
 from treadline.report import _model_figures as figures

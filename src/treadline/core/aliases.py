@@ -38,6 +38,7 @@ PLACES = {
     "gazebo": "plant.gazebo",
     "identification.excitation": "identification.excitation_signal",
     "identification.report": "identification._identified",
+    "identification.validate": "core.linear_systems",
     "mechanics": "vehicle",
     "mechanics.chair": "scenario.chair",
     "mechanics.quasi_static": "vehicle.quasi_static",

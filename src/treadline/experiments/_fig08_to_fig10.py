@@ -18,6 +18,7 @@ import numpy as np
 
 from treadline.core import paper
 from treadline.core.angles import DEG
+from treadline.core.linear_systems import h_step_rmse, impulse_response
 from treadline.core.models import ControllerDesign, InputOutputRecord, LinearModel
 from treadline.experiments._job_pool import RunJob
 from treadline.experiments.plan import (
@@ -35,7 +36,6 @@ from treadline.experiments.plan import (
     without_images,
 )
 from treadline.identification import IdentificationOptions, identify
-from treadline.identification.validate import h_step_rmse, impulse_response
 from treadline.io.runs import COMPLETED
 from treadline.run.excitation_run import PERIOD_S, excite
 from treadline.run.resolve import Opener, PlantName

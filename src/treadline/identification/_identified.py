@@ -11,9 +11,9 @@ from typing import Any, TypedDict
 
 import numpy as np
 
+from treadline.core import linear_systems as validate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text
-from treadline.identification import validate
 from treadline.identification._affine import Affine
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
 from treadline.identification._era import HankelSvd

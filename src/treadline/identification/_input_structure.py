@@ -13,13 +13,13 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.errors import SettingsError
+from treadline.core.linear_systems import chi2_tail
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._factor import inverse
 from treadline.identification._gram import Gram, Units, gram_of, units_of
 from treadline.identification._model_order import min_bic
 from treadline.identification._okid import ObserverMarkov
 from treadline.identification._pole_intervals import ConfidenceIntervals
-from treadline.identification.validate import chi2_tail
 
 SIGNIFICANCE = 1e-4
 """p-value below which an input's coefficients of one lag differ significantly from zero."""

@@ -15,15 +15,15 @@ from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 
 from treadline.core.errors import PoorExcitation
+from treadline.core.linear_system_kernels import observability, observer_run
+from treadline.core.linear_systems import most_recent, part
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import Affine
 from treadline.identification._fitting import GROWTH, Candidate, Fitting
 from treadline.identification._gram import gram_of
 from treadline.identification._model_order import ORDER_MOST
 from treadline.identification._pole_intervals import of_observer
-from treadline.identification._recursion_kernels import observability, observer_run
 from treadline.identification._refine import BRIEF, Experiment, cost, initial_state, residual
-from treadline.identification.validate import most_recent, part
 
 FOLDS = 5
 """Number of cross-validation folds."""

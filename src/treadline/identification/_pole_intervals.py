@@ -17,15 +17,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import gammaincinv
 
+from treadline.core.linear_system_kernels import observability
+from treadline.core.linear_systems import TESTED_LAGS, whiteness_p
 from treadline.identification._affine import Affine
 from treadline.identification._era import HankelSvd, hankel
 from treadline.identification._factor import inverse
 from treadline.identification._gram import Gram, Units
 from treadline.identification._okid import ObserverMarkov, regression
 from treadline.identification._realisation import correlations
-from treadline.identification._recursion_kernels import observability, tangents, unroll
+from treadline.identification._recursion_kernels import tangents, unroll
 from treadline.identification._refine import Directions, Experiment, directions, jacobian, mixed
-from treadline.identification.validate import TESTED_LAGS, whiteness_p
 
 CONFIDENCE = 0.95
 PORTION = 256

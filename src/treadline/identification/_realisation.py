@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.linear_system_kernels import observability
 from treadline.identification._affine import Affine
 from treadline.identification._era import RANK_MOST, HankelSvd, correlated_svd, realise, realise_correlated
 from treadline.identification._factor import solution
 from treadline.identification._gram import Gram
 from treadline.identification._okid import ObserverMarkov, regression, system_markov
-from treadline.identification._recursion_kernels import observability, unroll
+from treadline.identification._recursion_kernels import unroll
 
 BLOCKS_LEAST = 8
 """Smallest number of block rows: two seconds at 4 Hz, enough to separate an integrator from a lag."""

@@ -131,31 +131,6 @@ def hankel_matrix(markov, rows, columns, shift):
 
 @njit(cache=True)
 @no_type_check
-def free_run(A, B, C, D, x0, u):
-    """Return the outputs of x⁺ = Ax + Bu, y = Cx + Du from the initial state x0."""
-    n, m, p, steps = A.shape[0], B.shape[1], C.shape[0], len(u)
-    y, x, following = np.empty((steps, p)), x0.copy(), np.empty(n)
-    for k in range(steps):
-        for o in range(p):
-            total = 0.0
-            for i in range(n):
-                total += C[o, i] * x[i]
-            for j in range(m):
-                total += D[o, j] * u[k, j]
-            y[k, o] = total
-        for i in range(n):
-            total = 0.0
-            for j in range(n):
-                total += A[i, j] * x[j]
-            for j in range(m):
-                total += B[i, j] * u[k, j]
-            following[i] = total
-        x[:] = following
-    return y
-
-
-@njit(cache=True)
-@no_type_check
 def run_residual(A, B, C, D, u, y, there, last):
     """Return the residual e of a free run from zero, and O'O and O'e over the first ``last`` steps with O the rows CA^k."""
     n, m, p, steps = A.shape[0], B.shape[1], C.shape[0], len(u)
@@ -216,43 +191,6 @@ def subtract_initial_response(A, C, x0, there, last, e):
                 total += A[i, j] * x[j]
             following[i] = total
         x[:] = following
-
-
-@njit(cache=True)
-@no_type_check
-def observability(A, C, steps):
-    """Return the observability matrix C, CA, CA², …, as (steps, p, n)."""
-    n, p = A.shape[0], C.shape[0]
-    rows = np.empty((steps, p, n))
-    for o in range(p):
-        for i in range(n):
-            rows[0, o, i] = C[o, i]
-    for k in range(1, steps):
-        for o in range(p):
-            for i in range(n):
-                total = 0.0
-                for j in range(n):
-                    total += rows[k - 1, o, j] * A[j, i]
-                rows[k, o, i] = total
-    return rows
-
-
-@njit(cache=True)
-@no_type_check
-def observer_run(A, closed, drive, correction, whole, x0):
-    """Return the states of x⁺ = (A - LC) x + drive + correction, or of x⁺ = Ax + drive at a missing y."""
-    steps, n = drive.shape
-    states, x, following = np.empty((steps, n)), x0.copy(), np.empty(n)
-    for k in range(steps):
-        states[k] = x
-        M = closed if whole[k] else A
-        for i in range(n):
-            total = drive[k, i] + correction[k, i]
-            for j in range(n):
-                total += M[i, j] * x[j]
-            following[i] = total
-        x[:] = following
-    return states
 
 
 @njit(cache=True, fastmath={"contract", "reassoc", "nsz"})

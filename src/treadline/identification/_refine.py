@@ -15,12 +15,12 @@ from jaxtyping import Bool, Float, Num
 from scipy.linalg import lapack
 
 from treadline.core.arrays import store_contiguous
+from treadline.core.linear_system_kernels import observability
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import ON_CIRCLE, WELL_SEEN, Affine, Modes, derivative_sums, modes_of
 from treadline.identification._gram import Units, runs_of
 from treadline.identification._recursion_kernels import (
     gauge_directions,
-    observability,
     run_residual,
     subtract_initial_response,
     tangents,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from treadline.core.errors import PoorExcitation, SettingsError
+from treadline.core.linear_systems import joined_in_time, most_recent
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import to_model
 from treadline.identification._checks import channel_names, check_alike, check_gaps, check_records, gaps_in
@@ -15,7 +16,6 @@ from treadline.identification._gram import Gram, GramBuilder, Units
 from treadline.identification._identified import Identified
 from treadline.identification._threads import one_thread
 from treadline.identification.options import DEFAULT_OPTIONS, LAGS_MOST, IdentificationOptions, max_supported_lags
-from treadline.identification.validate import joined_in_time, most_recent
 
 METHODS = ("pbsid", "okid-era", "era-dc")
 """Methods that need only the Gram matrix; refinements need all samples."""

@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from treadline.core import linear_systems as validate
 from treadline.core.errors import PoorExcitation, SettingsError
 from treadline.core.models import InputOutputRecord
-from treadline.identification import validate
 from treadline.identification._affine import Affine, stabilised, to_model
 from treadline.identification._checks import (
     channel_names,

@@ -8,8 +8,8 @@ import math
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
+from treadline.core.linear_systems import impulse_response, initial_state, one_step_predictions, part, simulate
 from treadline.core.models import RUN_VALUES, InputOutputRecord, LinearModel
-from treadline.identification.validate import impulse_response, initial_state, one_step_predictions, part, simulate
 
 LEAST_FOLLOWED = 50
 """Smallest number of samples from which the initial state is estimated, as for one-step predictions."""

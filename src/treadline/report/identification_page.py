@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Complex, Float
 from matplotlib.figure import Figure
 
+from treadline.core.linear_systems import part
 from treadline.core.models import InputOutputRecord, LinearModel, write_whole
 from treadline.identification import IdentificationReport
 from treadline.identification.stabilisation import StabilisationDiagram
-from treadline.identification.validate import part
 from treadline.report import _model_figures as figures
 from treadline.report import _model_runs as runs
 from treadline.report._html import page_of

@@ -1,6 +1,6 @@
-"""Validation of a model on unseen data: one-step prediction, multi-step forecast and free run.
+"""Simulation, prediction, fit and residual tests of linear models.
 
-After a missing input the state is estimated anew, as at a record's start (``InputOutputRecord.stretches``).
+After a missing input the state is estimated anew, as at the start of a record (``InputOutputRecord.stretches``).
 """
 
 import math
@@ -13,8 +13,8 @@ from scipy.special import chdtrc
 
 from treadline.core.arrays import markov_parameters
 from treadline.core.errors import PoorExcitation
+from treadline.core.linear_system_kernels import free_run, observability, observer_run
 from treadline.core.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
-from treadline.identification._recursion_kernels import free_run, observability, observer_run
 
 TESTED_LAGS = 10
 """Number of lags over which residuals are tested."""
