@@ -21,16 +21,33 @@ TESTED_LAGS = 10
 
 
 def impulse_response(model: LinearModel, steps: int) -> Float[np.ndarray, "steps p m"]:
-    """Return the impulse response Y_0 = D, Y_k = C A^(k-1) B.
+    """Return the impulse response Y_0 = D, Y_k = C A^(k-1) B, each input's after its dead time.
 
     Paper: Eq. (7), Fig. 8.
     """
-    return markov_parameters(model.A, model.B, model.C, model.D, steps)
+    response = markov_parameters(model.A, model.B, model.C, model.D, steps)
+    return np.stack([_later(response[:, :, j], delay) for j, delay in enumerate(model.input_delay)], axis=2)
+
+
+def _later(values: Float[np.ndarray, "T c"], shift: int) -> Float[np.ndarray, "T c"]:
+    """Return a signal delayed by some samples, zero before it begins."""
+    shift = min(shift, len(values))
+    return np.concatenate([np.zeros((shift, values.shape[1])), values[: len(values) - shift]])
+
+
+def without_dead_time(model: LinearModel, record: InputOutputRecord) -> tuple[LinearModel, InputOutputRecord]:
+    """Return the model without its dead time and the record with the inputs as they act, missing before they first do."""
+    if not any(model.input_delay):
+        return model, record
+    return replace(model, input_delay=()), record.delayed(model.input_delay)
 
 
 def simulate(model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T p"]:
-    """Return the outputs of a free run from the initial state x0."""
-    v = writeable(u - model.input_offset)
+    """Return the outputs of a free run from the initial state x0; before the first sample the inputs are at their offset."""
+    v = u - model.input_offset
+    if any(model.input_delay):
+        v = np.hstack([_later(v[:, j : j + 1], delay) for j, delay in enumerate(model.input_delay)])
+    v = writeable(v)
     y = free_run(*(writeable(item) for item in (model.A, model.B, model.C, model.D, x0)), v)
     return np.asarray(y + model.output_offset)
 
@@ -58,6 +75,7 @@ def fit_percent(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarr
     For a record with missing inputs the runs between the gaps are combined. The fit of an integrator is not informative: its
     free run drifts with the smallest disturbance.
     """
+    model, record = without_dead_time(model, record)
     runs = [part(record, span.start, span.stop) for span in record.stretches(RUN_VALUES * model.order)]
     y = np.vstack([run.y for run in runs])
     predicted = np.vstack([simulate(model, run.u, initial_state(model, run)) for run in runs])
@@ -69,8 +87,9 @@ def fit_percent(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarr
 def predictor_states(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
     """Return the observer's state before each sample; missing outputs are bridged by prediction.
 
-    NaN at a missing input, and between two missing inputs in close succession.
+    NaN at a missing input, before the first input acts, and between two missing inputs in close succession.
     """
+    model, record = without_dead_time(model, record)
     states = np.full((len(record), model.order), np.nan)
     for span in record.stretches(TEST_VALUES * model.order):
         states[span] = _observed(model, part(record, span.start, span.stop))
@@ -90,6 +109,7 @@ def _observed(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray
 
 def one_step_predictions(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the observer's one-step predictions of the outputs."""
+    model, record = without_dead_time(model, record)
     states = predictor_states(model, record)
     return np.asarray(states @ model.C.T + (record.u - model.input_offset) @ model.D.T + model.output_offset)
 
@@ -112,6 +132,7 @@ def h_step_rmse(model: LinearModel, record: InputOutputRecord, steps: int) -> Fl
     """
     if len(record) <= steps + 1:
         raise PoorExcitation(f"{len(record)} samples are too few to forecast {steps} ahead")
+    model, record = without_dead_time(model, record)
     x = predictor_states(model, record)[: len(record) - steps]
     for k in range(steps):
         v = record.u[k : k + len(x)] - model.input_offset

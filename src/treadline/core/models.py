@@ -6,9 +6,9 @@ Identification reads an ``InputOutputRecord`` and returns a ``LinearModel``; tun
 
 import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from numbers import Real
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -91,13 +91,21 @@ class InputOutputRecord(Brief):
         long = [span for span, count in zip(spans, held, strict=True) if count >= values]
         return long or [spans[int(np.argmax(held))]]
 
+    def delayed(self, shifts: Sequence[int]) -> "InputOutputRecord":
+        """Return the record with each input as it acts after a dead time; missing where it was given before the record's start."""
+        u = np.full(self.u.shape, np.nan)
+        for j, shift in enumerate(shifts):
+            u[shift:, j] = self.u[: max(len(self) - shift, 0), j]
+        return replace(self, u=u)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class LinearModel(Printable):
-    """x[k+1] = A x[k] + B (u[k] - input_offset),  y[k] - output_offset = C x[k] + D (u[k] - input_offset).
+    """x[k+1] = A x[k] + B (u[k - d] - input_offset),  y[k] - output_offset = C x[k] + D (u[k - d] - input_offset).
 
-    ``observer_gain`` L corrects the state by L (y - ŷ) each period (predictor form). ``input_offset`` contains the climb speed;
-    without an offset the law u = -Kx would stop the chair. The constructor checks the shapes: A (n n), B (n m), C (p n), D (p m).
+    ``input_delay`` d is the dead time of each input in samples, apart from the states. ``observer_gain`` L corrects the state by
+    L (y - ŷ) each period (predictor form). ``input_offset`` contains the climb speed; without an offset the law u = -Kx would
+    stop the chair. The constructor checks the shapes: A (n n), B (n m), C (p n), D (p m).
 
     Examples:
         >>> import numpy as np
@@ -118,6 +126,7 @@ class LinearModel(Printable):
     input_offset: Float[np.ndarray, " _"]
     output_offset: Float[np.ndarray, " _"]
     observer_gain: Float[np.ndarray, "_ _"] | None = None
+    input_delay: tuple[int, ...] = ()
     input_names: tuple[str, ...] = ()
     output_names: tuple[str, ...] = ()
     provenance: Provenance = field(default_factory=dict)
@@ -128,6 +137,7 @@ class LinearModel(Printable):
         for name in ("input_names", "output_names"):
             object.__setattr__(self, name, _names(name, getattr(self, name)))
         n, m, p = self.A.shape[0], self.B.shape[1], self.C.shape[0]
+        object.__setattr__(self, "input_delay", _delays(self.input_delay, m))
         wanted = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m), "input_offset": (m,), "output_offset": (p,)}
         for name, shape in wanted.items():
             _settle(self, name, shape)
@@ -143,7 +153,7 @@ class LinearModel(Printable):
 
     @property
     def turn_per_belt_rad_m(self) -> float:
-        """Yaw rate, the second output, a second after a step of the belt speed difference, per that difference [rad/m]."""
+        """Yaw rate, the second output, a second after a step of the belt speed difference acts, per that difference [rad/m]."""
         step = np.array([-0.5, 0.5])
         x = np.zeros(self.order)
         for _ in range(max(round(1.0 / self.dt_s), 1)):
@@ -155,6 +165,8 @@ class LinearModel(Printable):
         poles = ", ".join(f"{pole:.4g}" for pole in np.linalg.eigvals(self.A))
         names = {"inputs": (self.input_names, self.B.shape[1]), "outputs": (self.output_names, self.C.shape[0])}
         rows = [(kind, ", ".join(given) or str(count)) for kind, (given, count) in names.items()]
+        if any(self.input_delay):
+            rows.append(("dead time", f"{', '.join(map(str, self.input_delay))} samples"))
         return f"linear model of order {self.order}, period {self.dt_s:g} s", [*rows, ("poles", poles)]
 
     def save(self, path: Path | str) -> None:
@@ -337,6 +349,15 @@ def _names(name: str, given: Iterable[str]) -> tuple[str, ...]:
     if isinstance(given, str) or not all(isinstance(item, str) for item in names):
         raise RecordError(f"{name} is {given!r}; wanted a list of names, one per channel")
     return names
+
+
+def _delays(given: Iterable[int], inputs: int) -> tuple[int, ...]:
+    """Return the dead time of each input; zero for all where none is given."""
+    delays = tuple(given) or (0,) * inputs
+    whole = all(isinstance(delay, int | np.integer) and not isinstance(delay, bool) and delay >= 0 for delay in delays)
+    if not whole or len(delays) != inputs:
+        raise ModelError(f"input_delay is {list(delays)}; give one whole number of samples per input ({inputs}), from 0 up")
+    return tuple(int(delay) for delay in delays)
 
 
 def _check_number(name: str, given: object) -> None:

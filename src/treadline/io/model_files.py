@@ -1,7 +1,7 @@
 """Linear models as files: JSON, or a MAT file for MATLAB.
 
-A MAT file holds the matrices under their usual names: A, B, C, D, dt, the observer gain K, the offsets u0 and y0, and the names of
-inputs and outputs.
+A MAT file holds the matrices under their usual names: A, B, C, D, dt, the observer gain K, the offsets u0 and y0, the dead time
+input_delay of each input in samples (MATLAB's InputDelay), and the names of inputs and outputs.
 """
 
 import io
@@ -30,6 +30,7 @@ def write_model(model: LinearModel, path: Path) -> None:
         "dt": model.dt_s,
         "u0": model.input_offset,
         "y0": model.output_offset,
+        "input_delay": np.array(model.input_delay, dtype=float),
         "input_names": np.array(model.input_names, dtype=object),
         "output_names": np.array(model.output_names, dtype=object),
         "provenance": json.dumps(model.provenance),

@@ -8,7 +8,14 @@ import math
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
-from treadline.core.linear_systems import impulse_response, initial_state, one_step_predictions, part, simulate
+from treadline.core.linear_systems import (
+    impulse_response,
+    initial_state,
+    one_step_predictions,
+    part,
+    simulate,
+    without_dead_time,
+)
 from treadline.core.models import RUN_VALUES, InputOutputRecord, LinearModel
 
 LEAST_FOLLOWED = 50
@@ -26,6 +33,7 @@ ANSWERED = 0.05
 
 def free_run(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the free-run simulation of a record, restarted after each missing input; NaN in sections too short to score."""
+    model, record = without_dead_time(model, record)
     answers = np.full(record.y.shape, np.nan)
     with np.errstate(over="ignore", invalid="ignore"):
         for span in record.stretches(RUN_VALUES * model.order):
@@ -63,7 +71,7 @@ def shown_response(model: LinearModel) -> Float[np.ndarray, "steps p m"]:
     limit = STEPS_MOST
     if is_unstable(model):
         limit = max(STEPS_LEAST // 2, min(limit, int(math.log(GROWTH_MOST) / math.log(radius(model)))))
-        return impulse_response(model, limit)
+        return impulse_response(model, limit + max(model.input_delay))
     response = impulse_response(model, 5 * limit)
     # An integrator's response stays: there, it is its change that has to die out.
     ends = [_died_out(response), _died_out(np.diff(response, axis=0))]
@@ -95,16 +103,18 @@ def frequencies(model: LinearModel, samples: int) -> Float[np.ndarray, " w"]:
 
 
 def frequency_response(model: LinearModel, omega_rad: Float[np.ndarray, " w"]) -> Complex[np.ndarray, "w p m"]:
-    """Return ``G = C (zI - A)^-1 B + D`` at ``z = exp(jω)``; infinite where a pole lies on the point."""
+    """Return ``G = (C (zI - A)^-1 B + D) z^-d`` at ``z = exp(jω)``; infinite where a pole lies on the point."""
+    late = np.exp(-1j * omega_rad[:, None, None] * np.array(model.input_delay))
     values, vectors = np.linalg.eig(model.A)
     if np.linalg.cond(vectors) < 1e8:
         gaps = np.exp(1j * omega_rad)[:, None] - values
         with np.errstate(divide="ignore", invalid="ignore"):
             weighted = (model.C @ vectors) / gaps[:, None, :]
-            return np.asarray(weighted @ np.linalg.solve(vectors, model.B.astype(complex)) + model.D)
-    # Defective, such as a chain of delays: solve at every frequency, an integrator moved by rounding off the circle.
+            return np.asarray((weighted @ np.linalg.solve(vectors, model.B.astype(complex)) + model.D) * late)
+    # Defective: solve at every frequency, an integrator moved by rounding off the circle.
     shifted = np.exp(1j * omega_rad)[:, None, None] * (1.0 + 1e-12) * np.eye(model.order) - model.A
-    return np.asarray(model.C @ np.linalg.solve(shifted, np.broadcast_to(model.B, (len(omega_rad), *model.B.shape))) + model.D)
+    moved = np.linalg.solve(shifted, np.broadcast_to(model.B, (len(omega_rad), *model.B.shape)))
+    return np.asarray((model.C @ moved + model.D) * late)
 
 
 def correlation(a: Float[np.ndarray, " T"], b: Float[np.ndarray, " T"], lags: int) -> Float[np.ndarray, " k"]:
