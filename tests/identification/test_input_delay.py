@@ -10,7 +10,6 @@ from scipy.io import loadmat
 from systems import system
 
 from treadline.core.errors import ModelError, SettingsError
-from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.linear_systems import (
     fit_percent,
     h_step_rmse,
@@ -18,6 +17,7 @@ from treadline.core.linear_systems import (
     one_step_predictions,
     simulate,
 )
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.io.model_files import write_model
 from treadline.report._model_runs import frequency_response
 
