@@ -200,6 +200,7 @@ def tune(
     period_s: float | None = None,
     reconstruct: "Reconstruct" = "observer",
     vehicle: str = "wheelchair",
+    accept_poor_fit: bool = False,
 ) -> "ControllerDesign":
     """Return the LQR gain (Eq. 10) and the observer of a model.
 
@@ -211,9 +212,10 @@ def tune(
         period_s: Control period [s], a multiple of 0.01; another period than the model's resamples the model.
         reconstruct: State reconstruction: ``observer``, or ``static`` for Eq. (11b).
         vehicle: Name of the chair that the controller is for; another chair rejects it.
+        accept_poor_fit: Tune an identified model that explains less than half of each output's variance.
 
     Raises:
-        ModelError: If the model cannot be stabilised or observed, or a weight is not definite.
+        ModelError: If the model cannot be stabilised or observed, explains too little, or a weight is not definite.
         SettingsError: If weights are given twice, or the period is no multiple of 0.01 s.
 
     Examples:
@@ -240,6 +242,7 @@ def tune(
         period_s=period_s,
         reconstruct=reconstruct,
         vehicle=vehicle,
+        accept_poor_fit=accept_poor_fit,
     )
 
 

@@ -19,6 +19,7 @@ def tune(
     period: float | None = None,
     reconstruct: str = "observer",
     vehicle: str = "wheelchair",
+    accept_poor_fit: bool = False,
     out: Path = Path("controller.json"),
     force: Force = False,
 ) -> Answer:
@@ -33,6 +34,7 @@ def tune(
         period: Control period in seconds, a multiple of 0.01. Default: the model's; another period resamples the model.
         reconstruct: State reconstruction: observer, or static for Eq. (11b).
         vehicle: Chair that the controller is for: the name of a shipped chair, or a chair file. Another chair rejects it.
+        accept_poor_fit: Tune a model of which identify says that it explains less than half of each output's variance.
         out: Controller file to write. Default: controller.json.
     """
     from treadline.control import closed_loop_poles
@@ -59,6 +61,7 @@ def tune(
         period_s=period,
         reconstruct=chosen,
         vehicle=chair,
+        accept_poor_fit=accept_poor_fit,
     )
     controller.save(out)
     warning = design_warning(controller)

@@ -7,7 +7,7 @@ in rad.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from treadline.control.lqr import closed_loop_poles, lqr_gain, solvable, static_
 from treadline.core.angles import DEG
 from treadline.core.arrays import LARGEST
 from treadline.core.errors import ModelError, NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
-from treadline.core.models import ControllerDesign, LinearModel, Reconstruct
+from treadline.core.models import EXPLAINED, ControllerDesign, LinearModel, Reconstruct
 from treadline.core.signals import PERIOD_ROUNDING_S, TICK_S, on_the_tick
 
 OUTPUT_WEIGHT = (1.0, 0.0)
@@ -37,6 +37,8 @@ SIGMA_Y = (0.15 * DEG, 0.6 * DEG)
 BELT_DIFFERENCE = np.array([-0.5, 0.5])
 """Direction of the disturbance: right belt faster than the left by 1 m/s."""
 
+EXPLAINED_PERCENT_MIN = 50.0
+"""Share of the variance below which more of the outputs' motion comes from elsewhere than from the inputs [%]."""
 
 OUT_OF_RANGE = ModelError("the design from this model leaves the range of double precision; identify the model again in SI units")
 
@@ -51,6 +53,7 @@ def tune(
     period_s: float | None = None,
     reconstruct: Reconstruct = "observer",
     vehicle: str = "wheelchair",
+    accept_poor_fit: bool = False,
 ) -> ControllerDesign:
     """Return the controller of a model: LQR gain (Eq. 10) and an observer with a constant input disturbance.
 
@@ -62,9 +65,10 @@ def tune(
         period_s: Control period, a multiple of the mission's tick of 0.01 s; the model is resampled to it if different.
         reconstruct: State from an ``observer``, or ``static`` from one output (Eq. 11b).
         vehicle: Name of the chair.
+        accept_poor_fit: Tune an identified model that explains less than half of each output's variance.
 
     Raises:
-        ModelError: If the model cannot be stabilised or observed, or a weight is not definite.
+        ModelError: If the model cannot be stabilised or observed, explains too little, or a weight is not definite.
         SettingsError: If both weights are given, or the period is not a multiple of the tick.
     """
     if state_weight is not None and output_weight is not None:
@@ -72,6 +76,8 @@ def tune(
     if period_s is not None and not (math.isfinite(period_s) and period_s > 0.0):
         raise SettingsError(f"the control period is {period_s} s; it must be positive")
     _check_period(model, period_s)
+    if not accept_poor_fit:
+        _check_fit(model)
     model = model if period_s is None or abs(period_s - model.dt_s) < PERIOD_ROUNDING_S else resampled(model, period_s)
     # The target heading is zero by definition, not the mean heading of the identification data.
     model = replace(model, output_offset=np.zeros(model.C.shape[0]))
@@ -119,6 +125,19 @@ def resampled(model: LinearModel, period_s: float) -> LinearModel:
     rescaled = expm(np.real(logm(whole)) * (period_s / model.dt_s))
     made = {**model.provenance, "resampled_from_s": model.dt_s}
     return replace(model, A=rescaled[:n, :n], B=rescaled[:n, n:], dt_s=period_s, observer_gain=None, provenance=made)
+
+
+def _check_fit(model: LinearModel) -> None:
+    """Reject an identified model that explains none of its outputs; a model without such a figure was not identified here."""
+    given = model.provenance.get(EXPLAINED)
+    shares = {name: value for name, value in given.items() if isinstance(value, int | float)} if isinstance(given, Mapping) else {}
+    if not shares or max(shares.values()) >= EXPLAINED_PERCENT_MIN:
+        return
+    figures = ", ".join(f"{max(value, 0.0):.0f} % of '{name}'" for name, value in shares.items())
+    raise ModelError(
+        f"the model explains {figures}; below {EXPLAINED_PERCENT_MIN:g} % of the variance a gain has no basis: "
+        "identify it again with inputs that move the outputs, or give --accept-poor-fit"
+    )
 
 
 def _check_period(model: LinearModel, period_s: float | None) -> None:

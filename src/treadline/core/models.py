@@ -26,6 +26,8 @@ Reconstruct = Literal["observer", "static"]
 """Method of state reconstruction: an observer, or the static inverse of one output (Eq. 11b)."""
 Provenance = dict[str, Any]
 """Origin of a model: command, versions, seeds, fit. JSON values only."""
+EXPLAINED = "explained_percent"
+"""Key of the provenance of an identified model: explained share of each output's variance [%]."""
 
 BAG_SUFFIXES = (".mcap", ".bag", ".db3")
 """Suffixes of message logs."""

@@ -5,14 +5,14 @@ The report has fit, residual tests and warnings with numbers.
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, TypedDict
 
 import numpy as np
 
 from treadline.core import linear_systems as validate
-from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text
 from treadline.identification._affine import Affine
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
@@ -138,6 +138,20 @@ def validation_scores(model: LinearModel, judged: Sequence[InputOutputRecord]) -
         crossed = [validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True)]
         scores["crosscorrelation_p"] = bonferroni(crossed)
     return scores
+
+
+JUDGED_SAMPLES = 20_000
+"""Number of most recent samples on which the share of the variance in a model's provenance is measured."""
+
+
+def explained_percent(model: LinearModel, judged: Sequence[InputOutputRecord]) -> dict[str, float]:
+    """Return the share of each output's variance that a free run or the one-step prediction explains, the larger of both [%]."""
+    records = validate.most_recent(judged, JUDGED_SAMPLES)
+    with np.errstate(over="ignore", invalid="ignore"):
+        runs = np.mean([1.0 - (1.0 - 0.01 * validate.fit_percent(model, record)) ** 2 for record in records], axis=0)
+        ahead = np.mean([validate.vaf_percent(record.y, validate.one_step_residuals(model, record)) for record in records], axis=0)
+    shares = np.fmax(np.where(np.isfinite(runs), 100.0 * runs, np.nan), np.where(np.isfinite(ahead), ahead, np.nan))
+    return {name: round(_json_number(value), 1) for name, value in zip(model.output_names, shares, strict=True)}
 
 
 def whole_samples(record: InputOutputRecord) -> int:
@@ -279,7 +293,7 @@ class Identified(Printable):
         gram: Gram,
         differential: DifferentialInput | None = None,
     ) -> None:
-        self.model = model
+        self.model = replace(model, provenance=model.provenance | {EXPLAINED: explained_percent(model, judged)})
         self.fitted = fitted
         self.judged = judged
         self.gram = gram

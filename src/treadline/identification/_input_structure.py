@@ -138,6 +138,7 @@ class DifferentialInput:
             B=model.B @ self.signs,
             D=model.D @ self.signs,
             input_offset=about + 0.5 * self.signs.T @ offset,
+            input_delay=2 * model.input_delay,
             input_names=self.names,
             provenance={**model.provenance, "inputs": "difference"},
         )
