@@ -106,6 +106,7 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
   // Before a step: answer when the last order is done, then wait for the next one.
   void Before() {
     if (client_ < 0) Accept();
+    if (flipper_ && is_under_way_) flipper_torque_ += FlipperTorque();  // of single steps ODE's forces jump
     if (steps_left_ == 0) {
       if (is_under_way_) {
         const Answer answer = State();
@@ -116,6 +117,7 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
       is_under_way_ = true;
       std::fill_n(reach_, 4, NO_REACH_M);
       contact_count_ = 0.0;
+      flipper_torque_ = 0.0;
       Obey();
     }
     Servo(seat_, order_[SEAT], 0.0, SEAT_GAIN);
@@ -135,6 +137,9 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
   static void Servo(const JointPtr& joint, double target, double rate, double gain) {
     joint->SetParam("vel", 0, rate + gain * (target - joint->Position(0)));
   }
+
+  // The motor's torque on the flipper; Gazebo reports the opposite, what the flipper exerts on the joint.
+  double FlipperTorque() const { return -flipper_->GetForceTorque(0).body2Torque.Dot(flipper_->LocalAxis(0)); }
 
   // How far the belts' contacts reach from the chair's origin: front, rear, left, right.
   void Reach() {
@@ -172,7 +177,7 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
     answer.seat = seat_->Position(0);
     if (flipper_) {
       answer.flipper = flipper_->Position(0);
-      answer.flipper_torque = flipper_->GetForceTorque(0).body2Torque.Dot(flipper_->LocalAxis(0));
+      answer.flipper_torque = flipper_torque_ / order_[STEPS];
     }
     answer.contacts = contact_count_;
     std::copy_n(reach_, 4, answer.reach);
@@ -200,7 +205,7 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
   gazebo::physics::ModelPtr model_;
   gazebo::physics::LinkPtr chair_;
   JointPtr seat_, flipper_;
-  double flipper_torque_n_m_ = 0.0, seat_start_ = 0.0, flipper_start_ = 0.0;
+  double flipper_torque_n_m_ = 0.0, seat_start_ = 0.0, flipper_start_ = 0.0, flipper_torque_ = 0.0;
   std::array<double, ORDERS> order_{};
   std::array<double, 2> friction_{};
   double reach_[4] = {NO_REACH_M, NO_REACH_M, NO_REACH_M, NO_REACH_M};

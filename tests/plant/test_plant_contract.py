@@ -163,6 +163,26 @@ def test_the_flipper_follows_its_command_within_its_limits(started: Opened) -> N
     assert angles[-1] - angles[0] == pytest.approx(0.2, abs=0.02)
 
 
+def test_the_flippers_torque_bears_its_weight_in_the_air_and_presses_on_the_nosings(started: Opened) -> None:
+    """Test: the motor's torque, noise averaged. Expected in the air: 3 kg at half of 0.45 m, by the flipper's angle to the horizon."""
+    plant = started(heading_deg=0.0)
+    angle_rad, torques_n_m = 40.0 * DEG, []
+    for target_rad in (15.0 * DEG, -3.0 * DEG):
+        for _ in range(300):
+            rate = min(max(3.0 * (target_rad - angle_rad), -15.0 * DEG), 15.0 * DEG)
+            now_s = 0.01 * len(torques_n_m)
+            still = TrackCommand(t_s=now_s, left_m_s=1e-4, right_m_s=1e-4)  # no stop: a brake would hold the flipper too
+            plant.write(still, SeatCommand(t_s=now_s, rate_m_s=0.0), FlipperCommand(t_s=now_s, rate_rad_s=rate))
+            plant.advance(now_s + 0.01)
+            reading = [reading for reading in plant.read() if isinstance(reading, FlipperReading)][-1]
+            angle_rad = reading.angle_rad
+            torques_n_m.append(reading.torque_n_m)
+    weight_n_m = 3.0 * 9.81 * 0.5 * 0.45 * math.cos((28.0 + 15.0) * DEG)
+    # Noise of the reading: 2 N·m, 0.3 N·m in a mean of 50.
+    assert np.mean(torques_n_m[250:300]) == pytest.approx(weight_n_m, abs=1.0)
+    assert np.mean(torques_n_m[550:600]) < -20.0
+
+
 def test_a_command_that_is_not_finite_is_refused(started: Opened) -> None:
     with pytest.raises(SimulationDiverged, match="not finite"):
         started().write(TrackCommand(t_s=0.0, left_m_s=math.nan, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.0))
