@@ -164,7 +164,7 @@ def test_the_flipper_follows_its_command_within_its_limits(started: Opened) -> N
 
 
 def test_the_flippers_torque_bears_its_weight_in_the_air_and_presses_on_the_nosings(started: Opened) -> None:
-    """Test: the motor's torque, noise averaged. Expected in the air: 3 kg at half of 0.45 m, by the flipper's angle to the horizon."""
+    """Test: the motor's mean torque. Expected in the air: 3 kg at half of 0.45 m, by the flipper's angle to the horizon."""
     plant = started(heading_deg=0.0)
     angle_rad, torques_n_m = 40.0 * DEG, []
     for target_rad in (15.0 * DEG, -3.0 * DEG):
