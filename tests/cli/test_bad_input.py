@@ -114,9 +114,8 @@ def record_text(rows: int = 300) -> list[str]:
 
 RECORDS = {
     "missing file": (None, "no such file"),
-    "no header": (record_text()[1:], ":1: no header"),
-    "comment first": (["# a drive", *record_text()], ":1: a comment"),
-    "time by another name": ([record_text()[0].replace("t_s", "Time (s)"), *record_text()[1:]], "or name the time in seconds t_s"),
+    "no header": (record_text()[1:], "there are: 0, 1, 2, 3, 4"),
+    "no time": ([record_text()[0].replace("t_s", "row"), *record_text()[1:]], "give --period, or name the time t_s"),
 }
 
 

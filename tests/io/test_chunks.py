@@ -9,7 +9,7 @@ import pytest
 
 from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, SettingsError
 from treadline.core.models import InputOutputRecord
-from treadline.io import _csv_and_parquet_files as files
+from treadline.io import _csv_files as files
 from treadline.io.records import ChunkReader, read_chunks, read_record
 
 KINDS = ("csv", "spreadsheet", "parquet")
@@ -113,7 +113,7 @@ def test_gaps_are_counted_over_the_whole_file(written, record: InputOutputRecord
 def test_a_stream_needs_rows_a_period_and_a_kind_that_streams(written, record: InputOutputRecord, tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="two"):
         chunks_of(written("csv", record), rows=1)
-    with pytest.raises(LogFormatError, match="CSV and Parquet"):
+    with pytest.raises(LogFormatError, match="CSV, Parquet and Feather"):
         chunks_of(written("npz", record))
     bare = tmp_path / "bare.csv"
     bare.write_text("u,y\n1,2\n3,4\n")

@@ -39,7 +39,7 @@ def test_the_period_is_the_shortest_decimal_that_the_rounded_stamps_allow(tmp_pa
         assert record.dt_s == period_s
 
 
-def test_a_clock_in_milliseconds_is_named_where_the_period_or_its_name_shows_it(tmp_path: Path) -> None:
+def test_a_clock_in_milliseconds_is_named_where_the_period_shows_it(tmp_path: Path) -> None:
     path = written(tmp_path / "a.csv", ["t_s,heading_rad", *(f"{250 * k},0.1" for k in range(9))])
     with pytest.raises(PeriodMismatch, match=r"does column 't_s' count milliseconds\? divide it by 1000"):
         read_record(path, (), OUTPUTS, period_s=0.25)
@@ -47,9 +47,6 @@ def test_a_clock_in_milliseconds_is_named_where_the_period_or_its_name_shows_it(
     assert warning is not None
     assert "divide it by 1000: the period is then 0.25 s" in warning
     assert [clock_warning(period_s) for period_s in (0.25, 1.5, 60.25)] == [None] * 3
-    named = written(tmp_path / "b.csv", ["t_ms,heading_rad", "0,0.1", "250,0.1"])
-    with pytest.raises(PeriodMismatch, match="divide 't_ms' by 1000 and name it t_s"):
-        read_record(named, (), OUTPUTS)
 
 
 FAULTS = {
@@ -70,7 +67,7 @@ FAULTS = {
     "irregular": (replaced(3, "0.78,0.2,0.2,0.1"), PeriodMismatch, ":5: .*--resample"),
     "ragged": (replaced(3, "0.75,0.2"), ShapeMismatch, ":5: 2 cells, the header has 4"),
     "degrees": (replaced(3, "0.75,0.2,0.2,20.0"), RecordError, "heading_rad.*degrees"),
-    "doubled column": ([HEADER + ",left_m_s", *[row + ",0" for row in ROWS]], LogFormatError, ":1: column 'left_m_s'"),
+    "doubled column": ([HEADER + ",left_m_s", *[row + ",0" for row in ROWS]], LogFormatError, ": column 'left_m_s' occurs twice"),
 }
 
 
@@ -135,7 +132,7 @@ def test_resampling_holds_inputs_and_interpolates_outputs(tmp_path: Path) -> Non
 
 
 def test_an_endless_cell_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(LogFormatError, match="not CSV"):
+    with pytest.raises(LogFormatError, match="no column"):
         read_record(written(tmp_path / "record.csv", [HEADER, "1" * 200_000, ROWS[1]]), INPUTS, OUTPUTS)
 
 
@@ -177,11 +174,4 @@ def test_a_broken_iso_8601_time_is_named_with_its_place(tmp_path: Path) -> None:
     rows[3] = "2024-13-01T00:00:00Z,0,0,0"
     path = written(tmp_path / "record.csv", [HEADER.replace("t_s", "time"), *rows])
     with pytest.raises(LogFormatError, match=r":5: column 'time' holds '2024-13-01T00:00:00Z', not an ISO 8601 time"):
-        read_record(path, INPUTS, OUTPUTS)
-
-
-def test_a_numeric_timestamp_column_is_not_taken_for_a_clock(tmp_path: Path) -> None:
-    # Its unit is unknown: seconds, milliseconds or nanoseconds.
-    path = written(tmp_path / "record.csv", [HEADER.replace("t_s", "timestamp"), *ROWS])
-    with pytest.raises(PeriodMismatch, match="ISO 8601 text timestamp or datetime"):
         read_record(path, INPUTS, OUTPUTS)

@@ -31,7 +31,7 @@ EXPLAINED = "explained_percent"
 
 BAG_SUFFIXES = (".mcap", ".bag", ".db3")
 """Suffixes of message logs."""
-LOG_SUFFIXES = (".csv", ".txt", ".tsv", ".npz", ".parquet", *BAG_SUFFIXES)
+LOG_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".gz", ".npz", ".parquet", ".feather", *BAG_SUFFIXES)
 """Suffixes of logs, from which models are identified; a .mat file holds a log or a model."""
 RUN_VALUES = 10
 """Least output values per estimated initial state for a free-run score: the state estimate uses a tenth of them."""

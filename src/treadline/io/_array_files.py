@@ -12,7 +12,8 @@ import io
 import re
 import zipfile
 import zlib
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,11 +22,11 @@ from jaxtyping import Shaped
 from numpy.lib import format as npy
 
 from treadline.core.errors import LogFormatError, ShapeMismatch
-from treadline.io._tables import NANOSECONDS, Table, check_count, clock_of, missing, seconds_of
+from treadline.io._clock import Seconds, Ticks, clocks_of, is_period
+from treadline.io._tables import MAX_BYTES, Table, check_count, place_of
 
-MAX_ARRAY_BYTES = 1024**3
-"""Largest decompressed size of all requested arrays of a file together [bytes]."""
-
+_Read = Callable[[str], Shaped[np.ndarray, "..."]]
+"""Function from the name of an array to the array."""
 _PLACE = re.compile(r"\[(\d{1,6})\]$")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _COMPRESSED = 15
@@ -38,72 +39,85 @@ def _name_of(column: str) -> str:
     return _PLACE.sub("", column)
 
 
-def _table_of(
-    file: Path, wanted: tuple[str, ...], there: Collection[str], array: Callable[[str], Shaped[np.ndarray, "..."]]
-) -> Table:
-    """Return the requested columns as one table; ``array`` reads one array by name."""
-    clock = clock_of(list(there), wanted)
-    every = {name: array(name) for name in dict.fromkeys([*map(_name_of, wanted), *([clock] if clock else [])])}
-    columns = {name: _column(file, name, every[_name_of(name)]) for name in wanted}
-    ticks = None if clock is None else _ticks(file, clock, _column(file, clock, every[clock]))
-    lengths = {name: len(values) for name, values in columns.items()} | ({} if ticks is None else {str(clock): len(ticks)})
-    if len(set(lengths.values())) > 1:
-        first, *others = lengths.items()
-        name, length = next(item for item in others if item[1] != first[1])
-        raise ShapeMismatch(f"{file}: '{first[0]}' has {first[1]} rows, '{name}' has {length}; cut them to one length")
-    rows = next(iter(lengths.values()), 0)
+def _table_of(file: Path, wanted: tuple[str, ...], there: Sequence[str], array: _Read, period_s: float | None) -> Table:
+    """Return the requested columns as one table; a matrix asked for by its name gives all its columns."""
+    names = [there[place_of(file, _name_of(column), there)] for column in wanted]
+    chosen = [_columns(file, column, array(name)) for column, name in zip(wanted, names, strict=True)]
+    columns = [item for part in chosen for item in part]
+    for name, values in columns:
+        _check_kind(file, name, values.dtype)
+    arrays = {clock: [array(name) for name in clock.columns] for clock in clocks_of(there, names)}
+    clock = next((clock for clock, found in arrays.items() if min(values.size for values in found) > 1), None)
+    ticks = (
+        []
+        if clock is None
+        else [_columns(file, name, values)[0] for name, values in zip(clock.columns, arrays[clock], strict=True)]
+    )
+    if clock is not None and ticks[0][1].dtype.kind in "mM":
+        clock = replace(clock, per_s=1e9)
+    lengths = [(name, len(values)) for name, values in (*columns, *ticks)]
+    other = next((item for item in lengths if item[1] != lengths[0][1]), None)
+    if other is not None:
+        raise ShapeMismatch(
+            f"{file}: '{lengths[0][0]}' has {lengths[0][1]} rows, '{other[0]}' has {other[1]}; cut them to one length"
+        )
+    rows = lengths[0][1] if lengths else 0
     check_count(file, rows)
-    values = np.column_stack([column.astype(float) for column in columns.values()] or [np.empty((rows, 0))])
+    periods = [array(name) for name in there if is_period(name)]
     return Table(
         file=file,
-        names=wanted,
-        values=values,
-        clock=clock,
-        t_s=None if ticks is None else seconds_of(ticks, int(ticks[0]) if ticks.dtype.kind == "i" else 0),
+        names=tuple(name for name, _ in columns),
+        values=np.column_stack([column.astype(float) for _, column in columns] or [np.empty((rows, 0))]),
+        clock=None if clock is None else clock.name,
+        t_s=None if clock is None else Seconds(clock, period_s).of([_ticks(values) for _, values in ticks]),
         marks=np.arange(1, rows + 1),
+        header=tuple(there),
+        widths=tuple(map(len, chosen)),
+        period_s=next((float(values.item()) for values in periods if values.size == 1), None),
     )
 
 
-def _check_kind(file: Path, name: str, kind: np.dtype) -> None:
+def _check_kind(file: Path, name: str, kind: np.dtype, kinds: str = "biuf") -> None:
     """Reject arrays of other types than real numbers."""
-    if kind.kind not in "biuf":
+    if kind.kind not in kinds:
         raise LogFormatError(f"{file}: '{name}' holds {kind}, not real numbers; save it as a plain array of numbers")
 
 
 def _check_bytes(file: Path, size: int) -> None:
     """Reject data larger than the memory limit."""
-    if size > MAX_ARRAY_BYTES:
-        raise LogFormatError(f"{file}: unpacks to {size} bytes; at most {MAX_ARRAY_BYTES} are read: save it as Parquet or CSV")
+    if size > MAX_BYTES:
+        raise LogFormatError(f"{file}: unpacks to {size} bytes; at most {MAX_BYTES} are read: save it as Parquet or CSV")
 
 
-def _column(file: Path, column: str, values: Shaped[np.ndarray, "..."]) -> Shaped[np.ndarray, " n"]:
+def _columns(file: Path, column: str, values: Shaped[np.ndarray, "..."]) -> list[tuple[str, Shaped[np.ndarray, " n"]]]:
+    """Return the column that a name means, or all columns of a matrix, with their names."""
     name, found = _name_of(column), _PLACE.search(column)
     place = int(found[1]) if found else None
     if values.ndim <= 2 and values.size == max(values.shape, default=0) and place in {None, 0}:
-        return values.reshape(-1)  # MATLAB stores a vector as a matrix with one row or one column
+        return [(column, values.reshape(-1))]  # MATLAB stores a vector as a matrix with one row or one column
     if values.ndim != 2:
         raise ShapeMismatch(f"{file}: '{name}' has {values.ndim} dimensions; a vector or a matrix is needed")
     rows, count = values.shape
     if rows < count:
         raise ShapeMismatch(f"{file}: '{name}' is {rows} x {count}, but rows are samples; is it transposed?")
-    if place is None or place >= count:
+    if place is None:
+        return [(f"{name}[{k}]", values[:, k]) for k in range(count)]
+    if place >= count:
         raise LogFormatError(f"{file}: '{column}': '{name}' has {count} columns: {name}[0] to [{count - 1}]")
-    return values[:, place]
+    return [(column, values[:, place])]
 
 
-def _ticks(file: Path, clock: str, values: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, " n"]:
-    if clock not in NANOSECONDS:
-        return values.astype(float)
-    if values.dtype.kind not in "iu":
-        raise LogFormatError(f"{file}: '{clock}' holds {values.dtype}; nanoseconds are whole numbers: save them as int64")
-    return values.astype(np.int64)
+def _ticks(values: Shaped[np.ndarray, " n"]) -> Ticks:
+    """Return a column of the clock; numpy's times as whole nanoseconds."""
+    kind = values.dtype.kind
+    return values.astype(f"{kind}8[ns]").astype(np.int64) if kind in "mM" else values
 
 
 # Exceptions raised for damaged archives; zipfile has no common base class.
 _BROKEN = (zipfile.BadZipFile, zlib.error, ValueError, EOFError, OSError, RuntimeError, OverflowError, MemoryError)
 
 
-def read_npz(file: Path, wanted: tuple[str, ...]) -> Table:
+def read_npz(file: Path, wanted: tuple[str, ...], period_s: float | None) -> Table:
     """Return the requested columns of an NPZ file.
 
     Raises:
@@ -112,11 +126,7 @@ def read_npz(file: Path, wanted: tuple[str, ...]) -> Table:
     try:
         with zipfile.ZipFile(file) as archive:
             members = {item.filename.removesuffix(".npy"): item for item in archive.infolist() if item.filename.endswith(".npy")}
-            for name in wanted:
-                if _name_of(name) not in members:
-                    raise missing(file, name, members)
-            _check_bytes(file, sum(members[name].file_size for name in {_name_of(name) for name in wanted}))
-            return _table_of(file, wanted, members, lambda name: _array(file, archive, members[name]))
+            return _table_of(file, wanted, list(members), lambda name: _array(file, archive, members[name]), period_s)
     except _BROKEN as error:
         raise LogFormatError(f"{file}: not a valid NPZ file: {error}; is it truncated or modified?") from None
 
@@ -127,21 +137,18 @@ def _array(file: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Sha
     with archive.open(member) as stream:
         header = npy.read_array_header_1_0 if npy.read_magic(stream) == (1, 0) else npy.read_array_header_2_0
         shape, in_columns, kind = header(stream)
-        _check_kind(file, name, kind)
+        _check_kind(file, name, kind, "biufmM")
         data = stream.read()  # zipfile verifies the checksum, and stops at the size in the directory
     return np.frombuffer(data, kind).reshape(shape, order="F" if in_columns else "C")
 
 
-def read_mat(file: Path, wanted: tuple[str, ...]) -> Table:
+def read_mat(file: Path, wanted: tuple[str, ...], period_s: float | None) -> Table:
     """Return the requested columns of a MAT file.
 
     Raises:
         LogFormatError: If the file is damaged, too large, of version 7.3, or has non-numeric columns.
     """
     there = dict(_paths("", _load(file)))
-    for name in wanted:
-        if _name_of(name) not in there:
-            raise missing(file, name, there)
 
     def array(path: str) -> Shaped[np.ndarray, "..."]:
         value = there[path]
@@ -150,7 +157,7 @@ def read_mat(file: Path, wanted: tuple[str, ...]) -> Table:
         _check_kind(file, path, value.dtype)
         return value
 
-    return _table_of(file, wanted, there, array)
+    return _table_of(file, wanted, list(there), array, period_s)
 
 
 def _load(file: Path) -> dict[str, Any]:
@@ -162,10 +169,10 @@ def _load(file: Path) -> dict[str, Any]:
     _check_bytes(file, file.stat().st_size)
     data = file.read_bytes()
     if _HDF5 in (data[:8], data[512:520]):
-        raise LogFormatError(f"{file}: MAT version 7.3 (HDF5) is not read; in MATLAB: save('{file.name}', …, '-v7')")
+        return _load_hdf5(file)
     try:
         if data[124:128] in {b"\x00\x01IM", b"\x01\x00MI"}:
-            return _variables(data, MAX_ARRAY_BYTES)
+            return _variables(data, MAX_BYTES)
         from scipy.io import loadmat
 
         # Version 4. A stream in memory limits every read to the file size, whatever length a damaged file declares.
@@ -174,6 +181,29 @@ def _load(file: Path) -> dict[str, Any]:
         cause = " ".join(str(error).split())[:200] or "it ends early"
         raise LogFormatError(f"{file}: not a valid MAT file: {cause}; is it truncated or modified?") from None
     return {name: value for name, value in found.items() if not name.startswith("__")}
+
+
+def _load_hdf5(file: Path) -> dict[str, Any]:
+    """Return the arrays of a MAT file of version 7.3, which holds them transposed."""
+    try:
+        import h5py
+    except ImportError:
+        raise LogFormatError(
+            f"{file}: MAT version 7.3 (HDF5) needs h5py: pip install h5py, or in MATLAB: save('{file.name}', …, '-v7')"
+        ) from None
+    found: dict[str, Any] = {}
+
+    def take(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
+            _check_bytes(file, item.nbytes + sum(values.nbytes for values in found.values()))
+            found[name.replace("/", ".")] = item[()].T
+
+    try:
+        with h5py.File(file) as archive:
+            archive.visititems(take)
+    except (OSError, RuntimeError, ValueError, KeyError) as error:
+        raise LogFormatError(f"{file}: not a valid MAT file: {error}; is it truncated or modified?") from None
+    return found
 
 
 def _paths(prefix: str, values: dict[str, Any]) -> list[tuple[str, Any]]:

@@ -6,6 +6,7 @@ rows become rows of NaN instead of interpolated values.
 """
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,14 +16,9 @@ import numpy as np
 from jaxtyping import Float, Float64, Shaped
 
 from treadline.core.arrays import LARGEST
-from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError
+from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, closest
+from treadline.io._clock import IRREGULAR, Seconds, Ticks, Times, clocks_of
 
-SECONDS = ("t_s", "t", "time")
-"""Names of clock columns in seconds."""
-NANOSECONDS = ("t_ns", "timestamp_ns")
-"""Names of clock columns in nanoseconds."""
-TIMESTAMPS = ("timestamp", "datetime")
-"""Names of clock columns in ISO 8601 text, in addition to the names in seconds."""
 UNWRAPPED = "_unwrapped_rad"
 """Name suffix of unwrapped angles, which may exceed π."""
 MOST_GAPS = 0.2
@@ -31,15 +27,12 @@ MOST_NAMED = 12
 """Largest number of names listed in an error message."""
 LONGEST_NAME = 80
 """Largest number of characters of a name in an error message."""
-IRREGULAR = 0.05
-"""Largest relative deviation of a sampling interval from the period."""
+MAX_BYTES = 1024**3
+"""Largest size of what is unpacked from a file [bytes]."""
 MOST_ROWS = 10_000_000
 """Largest number of resampled rows: four weeks at 4 Hz; a single wrong time stamp would require more."""
 RESAMPLE = "pass --resample"
 """Default remedy in error messages."""
-
-Times = Float64[np.ndarray, " n"]
-"""Times [s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +52,10 @@ class Table:
     """Format of a row's location in error messages."""
     header: tuple[str, ...] = ()
     """All column names of the file; empty for formats without a header."""
+    widths: tuple[int, ...] = ()
+    """Number of columns of each name asked for, where a matrix has several; empty: one each."""
+    period_s: float | None = None
+    """Period that the file states."""
 
     def __len__(self) -> int:
         return int(self.values.shape[0])
@@ -71,62 +68,86 @@ class Table:
 class Log:
     """File open for streaming: an iterable of consecutive tables of the requested columns."""
 
-    def __init__(self, file: Path, wanted: tuple[str, ...]) -> None:
+    def __init__(self, file: Path, wanted: tuple[str, ...], period_s: float | None) -> None:
         self._file = file
         self._wanted = wanted
+        self._period_s = period_s
         self._size, self._done = 1, 0
-        self._origin: int | None = None
 
     def __iter__(self) -> Iterator[Table]:
         """Yield the tables in the order of the rows."""
         raise NotImplementedError
+
+    def _table(
+        self, values: Float64[np.ndarray, "n k"], seconds: Seconds | None, ticks: list[Ticks], marks: np.ndarray, **more: Any
+    ) -> Table:
+        """Return the next table of the file."""
+        clock, t_s = (None, None) if seconds is None else (seconds.clock.name, seconds.of(ticks))
+        return Table(file=self._file, names=self._wanted, values=values, clock=clock, t_s=t_s, marks=marks, **more)
 
     @property
     def fraction(self) -> float:
         """Fraction of the file read so far."""
         return self._done / self._size
 
-    def _table(
-        self, values: Float64[np.ndarray, "n k"], clock: str | None, ticks: np.ndarray | None, marks: np.ndarray, **more: Any
-    ) -> Table:
-        """Return the next table of the file; integer ticks are nanoseconds, counted from the first of the file."""
-        if ticks is not None and ticks.dtype.kind == "i" and self._origin is None and len(ticks):
-            self._origin = int(ticks[0])
-        t_s = None if ticks is None else seconds_of(ticks, self._origin or 0)
-        return Table(file=self._file, names=self._wanted, values=values, clock=clock, t_s=t_s, marks=marks, **more)
+
+def place_of(file: Path, name: str, there: Sequence[str]) -> int:
+    """Return the place of a column: by its name, without path, unit and capitals if only one is so named, or by its number from 0.
+
+    Raises:
+        LogFormatError: If there is none, or several.
+    """
+    alike = alike_of(name, there)
+    if len(alike) == 1:
+        return alike[0]
+    if not alike and name.isdecimal() and int(name) < len(there):
+        return int(name)
+    if not alike:
+        raise missing(file, name, there)
+    first, second = (there[place] for place in alike[:2])
+    if first == second:
+        raise LogFormatError(f"{file}: column '{first}' occurs twice; rename one, or give the number of the column ({alike[0]})")
+    raise LogFormatError(f"{file}: '{name}' may be '{first}' or '{second}'; give the whole name")
 
 
-def clock_of(there: Sequence[str], wanted: Sequence[str]) -> str | None:
-    """Return the clock column: ``t_s``, ``t``, ``time`` in seconds, ``t_ns``, ``timestamp_ns`` in nanoseconds."""
-    return next((name for name in (*SECONDS, *NANOSECONDS) if name in there and name not in wanted), None)
+def alike_of(name: str, there: Sequence[str]) -> list[int]:
+    """Return the places of the columns that a name may mean: the exact ones, else those without path, unit and capitals."""
+    bare = [_bare(other) for other in there]
+    ends = tuple(mark + _bare(name) for mark in "/.")
+    return next(
+        filter(
+            None,
+            (
+                [k for k, other in enumerate(there) if other == name],
+                [k for k, other in enumerate(bare) if other == _bare(name)],
+                [k for k, other in enumerate(bare) if other.endswith(ends)],
+            ),
+        ),
+        [],
+    )
 
 
-def seconds_of(ticks: Shaped[np.ndarray, " n"], origin: int) -> Float64[np.ndarray, " n"]:
-    """Return a clock in seconds; integers are nanoseconds, counted from the origin because a float rounds the time since 1970."""
-    return (ticks - origin) / 1e9 if ticks.dtype.kind == "i" else ticks.astype(float)
+def _bare(name: str) -> str:
+    """Return a name without a unit in brackets; a number in brackets is an element."""
+    return re.sub(r"\s*[\[(](?!\d+[\])]$)[^\])]*[\])]$", "", name.strip()).casefold()
 
 
 def missing(file: Path, name: str, there: Iterable[str]) -> LogFormatError:
     """Return the error for a column missing in the file."""
-    return LogFormatError(f"{file}: no column '{name}' (there are: {listed(there)}); name columns with --inputs and --outputs")
+    meant = closest(name, there)
+    hint = "name columns with --inputs and --outputs" if meant is None else f"did you mean '{meant}'?"
+    return LogFormatError(f"{file}: no column '{name}' (there are: {listed(there)}); {hint}")
 
 
 def no_clock(table: Table) -> PeriodMismatch:
-    """Return the error for a table without a clock column."""
-    given = next((name for name in table.names if name in (*SECONDS, *NANOSECONDS)), None)
+    """Return the error for a table without a time column."""
+    given = next(iter(clocks_of(table.names)), None)
     if given is not None:
         return PeriodMismatch(
-            f"{table.file}: column '{given}' is the time: leave it out of --inputs and --outputs, or give --period"
+            f"{table.file}: column '{given.name}' is the time: leave it out of --inputs and --outputs, or give --period"
         )
     there = f" (there are: {listed(table.header)})" if table.header else ""
-    finer = next((name for name in table.header if name.endswith(("_ms", "_us"))), None)
-    if finer is not None:
-        remedy = f"divide '{finer}' by {1000 if finer.endswith('_ms') else 1_000_000} and name it {SECONDS[0]}"
-        return PeriodMismatch(f"{table.file}: no column '{SECONDS[0]}'{there}; {remedy}")
-    return PeriodMismatch(
-        f"{table.file}: no column '{SECONDS[0]}'{there}; give --period, or name the time in seconds {' or '.join(SECONDS)}, in "
-        f"nanoseconds {' or '.join(NANOSECONDS)}, in ISO 8601 text {' or '.join(TIMESTAMPS)}"
-    )
+    return PeriodMismatch(f"{table.file}: no time column{there}; give --period, or name the time t_s, time_ms, t [us] or time_ns")
 
 
 def listed(names: Iterable[str]) -> str:
@@ -204,13 +225,14 @@ def period_of(table: Table, t_s: Times, period_s: float | None, before_s: float 
     """Return the requested period, or the median step, rounded as far as the rounding of the stamps allows; time must increase.
 
     Args:
-        t_s: Clock of the table.
+        t_s: TimeColumn of the table.
         before_s: Time of the row before the table, if the table continues another one.
     """
     steps = _steps(t_s, before_s)
     back = np.flatnonzero(steps <= 0.0)
     if back.size:
-        raise RecordError(f"{_behind(table, int(back[0]), before_s)}: column '{table.clock}' does not increase")
+        where = _behind(table, int(back[0]), before_s)
+        raise RecordError(f"{where}: column '{table.clock}' does not increase; cut the recording there, or remove repeated rows")
     if period_s is not None:
         return period_s
     # Each stamp is rounded by half the spacing of floats, which is at most twice that of the median stamp in an even record.

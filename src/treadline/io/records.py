@@ -17,11 +17,11 @@ import numpy as np
 
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.models import BAG_SUFFIXES, LOG_SUFFIXES, InputOutputRecord, write_whole
+from treadline.io._clock import Times
 from treadline.io._tables import (
     MOST_ROWS,
     Log,
     Table,
-    Times,
     check_gaps,
     check_period,
     check_values,
@@ -38,8 +38,10 @@ from treadline.io.runs import LOG, RECORD
 
 TIME = "t_s"
 """Name of the time column of a record."""
-DELIMITED = (".csv", ".txt", ".tsv")
+DELIMITED = (".csv", ".txt", ".tsv", ".dat", ".gz")
 """Suffixes of delimited text files."""
+ARROW = (".parquet", ".feather")
+"""Suffixes of files that pyarrow reads."""
 
 
 def read_record(
@@ -56,8 +58,8 @@ def read_record(
     Args:
         inputs: Input columns. In MCAP files and bags ``topic.field``: ``/imu.angular_velocity.z``, ``/tracks.data[0]``.
         outputs: Output columns.
-        period_s: Sampling period; by default the median step of the clock column (``t_s``, ``t``, ``time``, ``t_ns``,
-            ``timestamp_ns``).
+        period_s: Sampling period; by default the median step of the clock column (``treadline.io._clock``), or what an array
+            file states as ``Ts`` or ``dt``.
         resample: Resample an irregular time axis to the period: inputs by sample-and-hold, outputs by linear interpolation.
             Channels of a bag have separate time axes and are always resampled.
         allow_gaps: Accept rows with NaN (an empty cell, ``nan``, or a pause in a channel of a bag), and missing rows if all times
@@ -78,10 +80,12 @@ def read_record(
         except LogFormatError as lacking:
             raise _of_a_run(path, lacking) from None
     else:
-        table = _joined(list(_tables(file, wanted)))
+        table = _joined(list(_tables(file, wanted, period_s)))
+        period_s = table.period_s if period_s is None and table.t_s is None else period_s
     check_values(table, allow_gaps=allow_gaps)
     check_gaps(file, gaps_in(table), len(table))
     values = table.values
+    m = sum(table.widths[: len(inputs)]) if table.widths else len(inputs)
     if table.t_s is not None:
         period_s = period_of(table, table.t_s, period_s)
         error = uneven(table, table.t_s, period_s)
@@ -89,11 +93,12 @@ def read_record(
             whole = with_gaps(table, table.t_s, period_s) if allow_gaps and not resample else None
             if whole is None and not resample:
                 raise error
-            values = resampled(table, table.t_s, len(inputs), period_s) if whole is None else whole
+            values = resampled(table, table.t_s, m, period_s) if whole is None else whole
     if period_s is None:
         raise no_clock(table)
-    m = len(inputs)
-    return InputOutputRecord(u=values[:, :m], y=values[:, m:], dt_s=period_s, input_names=inputs, output_names=outputs)
+    return InputOutputRecord(
+        u=values[:, :m], y=values[:, m:], dt_s=period_s, input_names=table.names[:m], output_names=table.names[m:]
+    )
 
 
 def clock_warning(period_s: float) -> str | None:
@@ -128,7 +133,7 @@ def read_chunks(
     period_s: float | None = None,
     allow_gaps: bool = False,
 ) -> "ChunkReader":
-    """Return an iterator over the chunks of a CSV or Parquet file; its ``fraction`` is the progress.
+    """Return an iterator over the chunks of a CSV, Parquet or Feather file; its ``fraction`` is the progress.
 
     Args:
         rows: Largest number of rows per chunk, by default 10 MB with five columns; without missing rows, all chunks but the last
@@ -145,9 +150,9 @@ def read_chunks(
     if rows < 2:
         raise SettingsError(f"chunks of {rows} rows; a chunk needs two")
     file = _file_of(path)
-    log = _open_log(file, (*inputs, *outputs))
+    log = _open_log(file, (*inputs, *outputs), period_s)
     if log is None:
-        raise LogFormatError(f"{file}: only CSV and Parquet are read in chunks; read it whole")
+        raise LogFormatError(f"{file}: only CSV, Parquet and Feather are read in chunks; read it whole")
     return ChunkReader(log, inputs, outputs, rows, period_s, allow_gaps=allow_gaps)
 
 
@@ -255,35 +260,32 @@ def _check_readable(file: Path) -> None:
         raise LogFormatError(f"{file}: {error.strerror or error}") from None
 
 
-def _open_log(file: Path, wanted: tuple[str, ...]) -> Log | None:
-    """Return a streaming reader for a delimited or Parquet file; None for other formats."""
+def _open_log(file: Path, wanted: tuple[str, ...], period_s: float | None) -> Log | None:
+    """Return a streaming reader for a delimited, Parquet or Feather file; None for other formats."""
     suffix = file.suffix.lower()
     if suffix in DELIMITED:
-        from treadline.io._csv_and_parquet_files import CsvLog
+        from treadline.io._csv_files import CsvLog
 
-        return CsvLog(file, wanted)
-    if suffix == ".parquet":
-        from treadline.io._csv_and_parquet_files import ParquetLog
+        return CsvLog(file, wanted, period_s)
+    if suffix in ARROW:
+        from treadline.io._arrow_files import ArrowLog
 
-        return ParquetLog(file, wanted)
+        return ArrowLog(file, wanted, period_s)
     return None
 
 
-def _tables(file: Path, wanted: tuple[str, ...]) -> Iterable[Table]:
+def _tables(file: Path, wanted: tuple[str, ...], period_s: float | None) -> Iterable[Table]:
     """Return a columnar file as consecutive tables."""
-    log = _open_log(file, wanted)
+    log = _open_log(file, wanted, period_s)
     if log is not None:
         return log
-    if file.suffix.lower() == ".npz":
-        from treadline.io._array_files import read_npz
+    if file.suffix.lower() in {".npz", ".mat"}:
+        from treadline.io._array_files import read_mat, read_npz
 
-        return [read_npz(file, wanted)]
-    if file.suffix.lower() == ".mat":
-        from treadline.io._array_files import read_mat
-
-        return [read_mat(file, wanted)]
+        return [(read_npz if file.suffix.lower() == ".npz" else read_mat)(file, wanted, period_s)]
     raise LogFormatError(
-        f"{file}: unsupported log format '{file.suffix}'; supported: {', '.join(LOG_SUFFIXES)}, .mat, a run folder or a bag folder"
+        f"{file}: unsupported log format '{file.suffix}'; supported: {', '.join(LOG_SUFFIXES)}, .mat, a run folder or a bag "
+        "folder; save a spreadsheet as CSV"
     )
 
 

@@ -1,0 +1,116 @@
+"""Time columns: what they are called, in which unit they count, and what to do where the name says no unit.
+
+A name is split into words: ``t_s``, ``Time (ms)``, ``__time``, ``elapsed_us``, ``header.stamp``; the last may be a unit. Seconds
+and nanoseconds may stand in two columns (``stamp.sec``, ``stamp.nanosec``). Without a unit, a number of ten, 13, 16 or 19 digits is
+the time since 1970 in s, ms, µs or ns; else the period that is asked for decides, else the unit is the second.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Shaped
+
+IRREGULAR = 0.05
+"""Largest relative deviation of a sampling interval from the period."""
+_UNITS = {
+    1.0: "s sec secs second seconds",
+    1e3: "ms msec msecs millis millisecond milliseconds",
+    1e6: "us µs μs usec usecs micros microsecond microseconds",
+    1e9: "ns nsec nsecs nanosec nanosecs nanos nanosecond nanoseconds",
+    1.0 / 60.0: "min minute minutes",
+    1.0 / 3600.0: "h hour hours",
+}
+_PER_SECOND = {word: ticks for ticks, words in _UNITS.items() for word in words.split()}
+_TIMES = {"t", "ts", "time", "timestamp", "datetime", "stamp", "elapsed"}
+_OF_TIMES = {*_TIMES, "header", "date", "unix", "epoch", "utc", "ros", "log", "sim"}
+_HEADER_STAMP = ["header", "stamp"]
+_SECONDS, _NANOSECONDS = {"sec", "secs", "seconds"}, {"nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"}
+"""Units of two columns that are added."""
+_PERIODS = {"ts", "dt", "dts", "period", "periods", "sampletime", "samplingtime", "samplingperiod", "samplinginterval"}
+_SINCE_1970 = 1e9, 1e10
+"""Seconds since 1970 from 2001 to 2286: the times with ten digits."""
+
+Times = Float64[np.ndarray, " n"]
+"""Times [s]."""
+Ticks = Shaped[np.ndarray, " n"]
+"""Times in the unit of a clock."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimeColumn:
+    """Time column of a log, or its two columns of seconds and nanoseconds."""
+
+    columns: tuple[str, ...]
+    per_s: float | None = None
+    """Ticks per second; None if the name does not say."""
+
+    @property
+    def name(self) -> str:
+        """Name for error messages."""
+        return " and ".join(self.columns)
+
+
+def clocks_of(there: Iterable[str], wanted: Iterable[str] = ()) -> list[TimeColumn]:
+    """Return the columns that their names make a clock, the plainest name first."""
+    words = {name: _words(name) for name in there if name not in set(wanted)}
+    found = [(len(said), clock) for name in words for said, clock in [_clock(name, words)] if clock is not None]
+    return [clock for _, clock in sorted(found, key=lambda item: item[0])]
+
+
+def _clock(name: str, words: dict[str, list[str]]) -> tuple[list[str], TimeColumn | None]:
+    """Return the words of a name without its unit, and the clock that it is."""
+    *said, last = words[name] or [""]
+    if last in _SECONDS:
+        fine = next((other for other, (*before, unit) in words.items() if before == said and unit in _NANOSECONDS), None)
+        if fine is not None:
+            return said, TimeColumn(columns=(name, fine), per_s=1e9)
+    per_s = _PER_SECOND.get(last)
+    said = words[name] if per_s is None else said
+    is_time = said and said[-1] in _TIMES and _OF_TIMES.issuperset(said)
+    if is_time or said[-2:] == _HEADER_STAMP or (not said and last in _SECONDS):
+        return said, TimeColumn(columns=(name,), per_s=per_s)
+    return said, None
+
+
+def _words(name: str) -> list[str]:
+    """Return the words of a name; a capital T alone is a temperature rather than a time."""
+    return re.findall(r"[^\W_]+", name if name.strip() == "T" else name.casefold()) or [""]
+
+
+def is_period(name: str) -> bool:
+    """Return whether a single number of that name is the sampling period."""
+    return "".join(_words(name.rpartition(".")[2])) in _PERIODS
+
+
+class Seconds:
+    """Times of a log in seconds, block after block."""
+
+    def __init__(self, clock: TimeColumn, period_s: float | None) -> None:
+        self.clock = clock
+        self._period_s = period_s
+        self._per_s = clock.per_s
+        self._origin: int | None = None
+
+    def of(self, columns: Sequence[Ticks]) -> Times:
+        """Return the times in the columns of the clock; whole numbers count from the first of the log, as a float rounds them."""
+        exact = [column.astype(np.int64 if column.dtype.kind in "iu" else float) for column in columns]
+        ticks = exact[0] if len(exact) == 1 else 1_000_000_000 * exact[0] + exact[1]
+        if self._per_s is None:
+            self._per_s = _ticks_per_second(ticks, self._period_s)
+        if ticks.dtype.kind != "i":
+            return ticks / self._per_s
+        if self._origin is None:
+            self._origin = int(ticks[0])
+        return (ticks - self._origin) / self._per_s
+
+
+def _ticks_per_second(ticks: Ticks, period_s: float | None) -> float:
+    """Return the unit of a clock that names none: by the digits of a time since 1970, by the period that is given, or seconds."""
+    first, step = float(ticks[0]), float(np.median(np.diff(ticks))) if len(ticks) > 1 else 0.0
+    units = [per_s for per_s in _UNITS if per_s >= 1.0]
+    low, high = _SINCE_1970
+    since = [per_s for per_s in units if low <= first / per_s < high]
+    given = [per_s for per_s in units if period_s is not None and abs(step / per_s - period_s) <= IRREGULAR * period_s]
+    return next(iter([*since, *given]), 1.0)
