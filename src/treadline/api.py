@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from treadline.core.camera_images import NamedFrame, PinholeCamera, RgbdFrame
-    from treadline.core.models import ControllerDesign, LinearModel, Reconstruct
+    from treadline.core.models import ControllerDesign, InputOutputRecord, LinearModel, Reconstruct
     from treadline.identification import IdentificationOptions, Identified
     from treadline.identification.options import IdentificationKeywords
     from treadline.perception import StairDetection
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from treadline.scenario import Scenario
     from treadline.scenario.camera_file import CameraFile
     from treadline.vehicle.verdict import CheckReport
+
+    Data = ArrayLike | InputOutputRecord | str | Path
 
 OnProgress = Callable[[float, float], None]
 """Receives the mission time and the time limit of a run [s]."""
@@ -105,26 +107,41 @@ def check(scenario: "str | Path | Scenario", *, set: "Mapping[str, object] | Non
 
 
 def identify(
-    u: "ArrayLike",
-    y: "ArrayLike",
-    dt: float,
+    u: "Data | Sequence[Data]",
+    y: "ArrayLike | Sequence[ArrayLike] | None" = None,
+    dt: float | None = None,
     options: "IdentificationOptions | None" = None,
+    *,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    channels_first: bool = False,
     **keywords: "Unpack[IdentificationKeywords]",
 ) -> "Identified":
     """Return the linear model x[k+1] = Ax[k] + Bu[k], y[k] = Cx[k] + Du[k] that fits recorded data.
 
+    The data are one experiment, or a list of experiments, in one of these forms:
+
+    * ``u`` and ``y``: arrays of one row per sample, or data frames (pandas, polars), whose column names are kept.
+    * ``u``: a file (CSV, NPZ, MAT, Parquet, MCAP, ROS bag) or a run folder, or a data frame with all columns, with ``inputs`` and
+      ``outputs``.
+    * ``u``: a ``treadline.models.InputOutputRecord``.
+
     Args:
-        u: Inputs: array of one row per sample, or a data frame, whose column names are kept.
-        y: Outputs, likewise, sampled together with ``u``.
-        dt: Sampling period [s].
+        u: Inputs, or whole experiments.
+        y: Outputs, sampled together with ``u``; left out where ``u`` holds whole experiments.
+        dt: Sampling period [s]; of a file the step of its time column when left out.
         options: Options of the identification; the data decide what is left out.
+        inputs: Input columns of files and whole data frames.
+        outputs: Output columns, likewise.
+        channels_first: Whether arrays have one row per channel instead of one row per sample.
         keywords: Fields of ``IdentificationOptions``, instead of ``options``: ``order=2, method="okid-era", validation=0.3``.
 
     Returns:
-        ``.model``, the ``LinearModel``, and ``.report``, its quality with warnings.
+        ``.model``, the ``LinearModel``, and ``.report``, its quality with warnings. Both offer ``simulate``, ``predict``,
+        ``compare``, ``step``, ``bode``, ``plot`` and more.
 
     Raises:
-        RecordError: If the data cannot carry what is asked.
+        RecordError: If the data cannot carry what is asked, or a file holds no such data.
         SettingsError: If an option is unknown or out of range.
 
     Examples:
@@ -135,13 +152,57 @@ def identify(
         >>> found = tl.identify(u, y, 0.25, order=1, method="okid-era", lags=2)
         >>> found.model.A.round(3)
         array([[1.]])
+        >>> tl.identify([u, u], [y, y], 0.25, order=1, method="okid-era", lags=2).report.samples
+        396
     """
-    from treadline.core.models import InputOutputRecord
+    from treadline.core.samples import is_several
     from treadline.identification import identify as identified
 
-    (inputs, input_names), (outputs, output_names) = _columns("u", u), _columns("y", y)
-    record = InputOutputRecord(u=inputs, y=outputs, dt_s=dt, input_names=input_names, output_names=output_names)
-    return identified(record, _options(options, keywords))
+    chosen = _options(options, keywords)
+    given: Any = u
+    answers: Any = y
+    if not is_several(u):
+        given, answers = [u], [y]
+    elif y is None:
+        answers = [None] * len(given)
+    elif len(given) != len(answers):
+        raise RecordError(f"u holds {len(given)} experiments and y {len(answers)}; give one y for each u")
+    columns = (tuple(inputs), tuple(outputs)) if inputs and outputs else None
+    records = [_record(a, b, dt, columns, channels_first=channels_first) for a, b in zip(given, answers, strict=True)]
+    return identified(records, chosen)
+
+
+def _record(
+    u: Any, y: Any, dt: float | None, columns: tuple[tuple[str, ...], tuple[str, ...]] | None, *, channels_first: bool
+) -> "InputOutputRecord":
+    """Return one experiment in any of the forms of ``identify``."""
+    from treadline.core.models import InputOutputRecord
+    from treadline.core.samples import record_of
+
+    if isinstance(u, InputOutputRecord):
+        return u
+    if isinstance(u, str | Path):
+        if columns is None:
+            raise RecordError(f"{u}: name the columns of the file: inputs=['left_m_s', 'right_m_s'], outputs=['yaw_rate_rad_s']")
+        from treadline.io.records import read_record
+
+        return read_record(Path(u), *columns, period_s=dt)
+    if y is None:
+        if columns is None or not hasattr(u, "to_numpy"):
+            raise RecordError("y is missing; give inputs and outputs, a data frame with inputs= and outputs=, or a file")
+        u, y = (_selected(u, names) for names in columns)
+    if dt is None:
+        raise RecordError("dt is missing; give the sampling period in seconds: tl.identify(u, y, 0.05)")
+    return record_of(u, y, dt, channels_first=channels_first)
+
+
+def _selected(frame: Any, names: Sequence[str]) -> Any:
+    missing = [name for name in names if name not in list(frame.columns)]
+    if missing:
+        meant = closest(missing[0], [str(item) for item in frame.columns])
+        hint = f"columns: {', '.join(map(str, frame.columns))}" if meant is None else f"did you mean {meant}?"
+        raise RecordError(f"the data frame has no column '{missing[0]}'; {hint}")
+    return frame[list(names)]
 
 
 def _options(options: "IdentificationOptions | None", keywords: "IdentificationKeywords") -> "IdentificationOptions":
@@ -157,18 +218,6 @@ def _options(options: "IdentificationOptions | None", keywords: "IdentificationK
             hint = f"known here: {', '.join(known)}" if meant is None else f"did you mean {meant}?"
             raise SettingsError(f"identify has no option '{name}'; {hint}")
     return IdentificationOptions(**keywords) if options is None else options
-
-
-def _columns(name: str, given: Any) -> tuple[Any, tuple[str, ...]]:
-    """Return samples and column names; only a data frame or a series (pandas, polars) has names."""
-    if not hasattr(given, "to_numpy"):
-        return given, ()
-    try:
-        values = given.to_numpy().astype(float)
-    except (TypeError, ValueError):
-        raise RecordError(f"{name}: a column of the data frame holds no numbers; select the columns that were measured") from None
-    names = getattr(given, "columns", [getattr(given, "name", None)])
-    return values, tuple(str(item) for item in names if item is not None)
 
 
 def load_model(path: str | Path) -> "LinearModel":

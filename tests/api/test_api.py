@@ -111,6 +111,68 @@ def test_a_data_frame_keeps_its_column_names() -> None:
         tl.identify(Frame(["left"], np.array([["a"]])), outputs, 0.25)
 
 
+WAYS = {"order": 2, "method": "okid-era", "lags": 6}
+NAMED = {"inputs": ["left", "right"], "outputs": ["heading", "rate"]}
+
+
+class Table(Frame):
+    """A data frame whose columns can be selected by a list of names."""
+
+    def __getitem__(self, names: list[str]) -> "Table":
+        return Table(names, self._values[:, [self.columns.index(name) for name in names]])
+
+
+def test_the_same_record_in_any_form_gives_the_same_model(tmp_path: Path) -> None:
+    u, y = integrator()
+    expected = tl.identify(u, y, 0.25, **WAYS).model.A
+    table = np.column_stack([u, y])
+    path = tmp_path / "log.csv"
+    path.write_text(
+        "t_s,left,right,heading,rate\n"
+        + "\n".join(f"{0.25 * k!r},{','.join(map(repr, row))}" for k, row in enumerate(table.tolist()))
+    )
+    record = InputOutputRecord(u=u, y=y, dt_s=0.25)
+    whole = Table(["left", "right", "heading", "rate"], table)
+    for found in (
+        tl.identify(u.T, y.T, 0.25, channels_first=True, **WAYS),
+        tl.identify(u.tolist(), y.tolist(), 0.25, **WAYS),
+        tl.identify(record, **WAYS),
+        tl.identify(path, **NAMED, **WAYS),
+        tl.identify(str(path), **NAMED, **WAYS),
+        tl.identify(whole, dt=0.25, **NAMED, **WAYS),
+    ):
+        np.testing.assert_array_equal(found.model.A, expected)
+
+
+def test_lists_are_experiments() -> None:
+    u, y = integrator()
+    parts = [(u[:150], y[:150]), (u[150:], y[150:])]
+    records = [InputOutputRecord(u=a, y=b, dt_s=0.25) for a, b in parts]
+    expected = tl.identify(records, **WAYS)
+    assert expected.report.samples == 400 - 2 * 6  # the lags of each experiment are not targets
+    for given in (list, tuple):
+        found = tl.identify(given(a for a, _ in parts), given(b for _, b in parts), 0.25, **WAYS)
+        np.testing.assert_array_equal(found.model.A, expected.model.A)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (tl.identify, "dt is missing; give the sampling period in seconds"),
+        (lambda u, _: tl.identify(u), "y is missing; give inputs and outputs"),
+        (lambda u, y: tl.identify(u.T, y.T, 0.25), "if a row is a channel, give channels_first=True"),
+        (lambda u, y: tl.identify(u, y, 0.25, channels_first=True), "if a row is a channel, leave channels_first out"),
+        (lambda u, y: tl.identify([u, u], [y], 0.25), "u holds 2 experiments and y 1"),
+        (lambda *_: tl.identify("log.csv"), "log.csv: name the columns of the file"),
+        (lambda u, _: tl.identify(Table(["left", "rigth"], u), dt=0.25, **NAMED), "no column 'right'; did you mean rigth"),
+    ],
+)
+def test_data_in_the_wrong_form_are_refused_with_the_remedy(call: Callable[[Any, Any], Any], message: str) -> None:
+    u, y = integrator()
+    with pytest.raises(RecordError, match=message):
+        call(u, np.column_stack([y, y[:, 0]]) if "row is" in message else y)
+
+
 def test_a_stair_is_detected_in_a_depth_array_of_any_kind() -> None:
     view = draw_view(np.random.default_rng(1), ViewRecipe(scenes=("up",), heading_deg=(10.0, 20.0)))
     depth = view.frame.depth_m

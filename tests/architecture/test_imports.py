@@ -97,7 +97,7 @@ print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "
         ("see depth.png --camera camera.toml", 8700, ()),
         ("identify record.csv --method okid-era --no-page --out model.json", 5800, ()),
         ("identify record.csv --method okid-era --out paged.json", 6700, IDENTIFICATION_PAGE),
-        ("tune model.json --out controller.json", 3070, ()),
+        ("tune model.json --out controller.json", 3240, ()),
         ("check paper-28", 3960, ()),
     ],
     ids=lambda value: str(value).split(" --")[0],

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from systems import system, white_record
 
 from treadline.core import linear_systems as validate
+from treadline.core import transfer_function as transfer
 from treadline.core.arrays import decimated
 from treadline.core.errors import TreadlineError
 from treadline.core.models import InputOutputRecord, LinearModel
@@ -27,7 +28,7 @@ from treadline.report.identification_page import write_identification_page
 from treadline.report.labels import channel
 
 HOSTILE = '<script>alert("x")</script><img src=http://example.org/x onerror=alert(1)>{{ 7*7 }}$x$ --><b>'
-SECTIONS = {"identified", "order", "impulse", "frequency", "fit", "residuals", "poles"}
+SECTIONS = {"identified", "order", "responses", "frequency", "fit", "residuals", "poles", "copy"}
 SIZE_MOST = 1_500_000
 
 
@@ -181,7 +182,8 @@ def test_the_page_is_whole_asks_for_nothing_and_has_a_figure_in_each_section(tmp
     assert set(outline.ids) >= SECTIONS
     parts = re.split(r'<h2 id="', page)[1:]
     drawn = {part[: part.index('"')]: part.count("<svg") for part in parts}
-    assert drawn == {"identified": 0, "order": 2, "impulse": 1, "frequency": 1, "fit": 1, "residuals": 1, "poles": 1}
+    one_each = {"fit": 1, "residuals": 1, "poles": 1}
+    assert drawn == {"identified": 0, "order": 2, "responses": 2, "frequency": 2, **one_each, "copy": 0}
     assert "91.23 %" in page
     assert len(page.encode()) < SIZE_MOST
     # It asks for nothing and runs nothing.
@@ -242,12 +244,23 @@ def test_an_output_that_answers_for_a_second_is_not_drawn_for_a_minute() -> None
     t = 0.25 * np.arange(345)
     spike, slow = np.exp(-4.0 * t) + 0.01 * np.exp(-0.05 * t), np.exp(-0.05 * t)
     response = np.stack([slow, spike], axis=1)[:, :, None]
-    figure = figures.impulse(response, None, 0.25, [channel("left_m_s")], [channel("heading_rad"), channel("yaw_rate_rad_s")])
+    figure = figures.time_response(response, None, 0.25, [channel("left_m_s")], [channel("heading_rad"), channel("yaw_rate_rad_s")])
     ends = [ax.lines[-1].get_xdata()[-1] for ax in figure.axes]
     assert ends[0] == t[-1]
     assert ends[1] < 6.0
     assert runs.answering(np.ones((100, 2))) == 100  # an integrator answers for good
-    assert runs.answering(np.zeros((100, 2))) == runs.STEPS_LEAST
+    assert runs.answering(np.zeros((100, 2))) == transfer.STEPS_LEAST
+
+
+def test_the_page_offers_zeros_gains_and_the_model_as_text(tmp_path: Path) -> None:
+    model = replace(model_with(A_CALM, TWO[0][:1], TWO[1][:1]), input_delay=(2,))
+    text = outline_of(page_of(tmp_path, found_with(model))).text
+    zero = model.zeros()[0]
+    assert f"{zero.real:.5f}".replace("-", "−") in text
+    assert f"{abs(model.dcgain()[0, 0]):.4g}" in text
+    assert "model = tl.LinearModel(" in text
+    assert "ss(A, B, C, D, 0.25, 'InputDelay', [2])" in text
+    assert "heading_rad / left_m_s = (" in text
 
 
 def test_p_values_carry_their_verdict(tmp_path: Path, small: Found, small_page: str) -> None:
@@ -344,14 +357,38 @@ def test_runs_begin_anew_behind_a_missing_input_and_bridge_missing_outputs(calm:
 @pytest.mark.parametrize("A", [A_CALM, [[0.5, 1.0], [0.0, 0.5]]], ids=["diagonalisable", "defective"])
 def test_responses_are_those_of_the_model(A: Any) -> None:
     model = model_with(np.array(A), *TWO)
-    response = runs.shown_response(model)
+    response = validate.impulse_response(model, transfer.response_steps(model))
     assert np.abs(response[-1]).max() < 0.05 * np.abs(response).max()
-    omega = runs.frequencies(model, 1000)
+    omega = transfer.frequency_grid(model, 1000)
     assert omega[-1] == pytest.approx(math.pi)
     markov = validate.impulse_response(model, 400)
     np.testing.assert_allclose(response, markov[: len(response)], atol=1e-12)
     summed = np.einsum("wk,kpm->wpm", np.exp(-1j * np.outer(omega, np.arange(400))), markov)
-    np.testing.assert_allclose(runs.frequency_response(model, omega), summed, atol=1e-6)
+    np.testing.assert_allclose(transfer.frequency_response(model, omega), summed, atol=1e-6)
+
+
+@pytest.mark.parametrize("gap", [False, True])
+def test_a_measured_response_follows_the_model_that_made_the_record(gap: bool) -> None:
+    model = model_with(A_CALM, *TWO)
+    record = record_of(model, 20_000)
+    if gap:
+        record.y[9_000:9_010] = np.nan
+    estimate = runs.measured_response([record])
+    assert estimate is not None
+    omega, response = estimate
+    true = transfer.frequency_response(model, omega)
+    # Windows of 2500 samples resolve the resonance; with 15 of them and 1 % noise the median error is a few per cent.
+    assert np.median(np.abs(response - true) / np.abs(true).max(axis=0)) < 0.03
+
+
+def test_no_response_is_measured_where_inputs_explain_nothing_or_data_are_few() -> None:
+    model = model_with(A_CALM, *TWO)
+    record = record_of(model, 2000)
+    noise = replace(record, y=np.random.default_rng(9).standard_normal(record.y.shape))
+    estimate = runs.measured_response([noise])
+    assert estimate is not None
+    assert len(estimate[0]) < 0.2 * 125  # of 125 frequencies few pass by chance
+    assert runs.measured_response([record_of(model, 100)]) is None
 
 
 def test_a_delayed_copy_correlates_at_its_positive_lag() -> None:

@@ -107,16 +107,21 @@ def _observed(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray
     return np.asarray(observer_run(writeable(model.A), closed, v @ model.B.T, correction, whole, x0))
 
 
-def one_step_predictions(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
-    """Return the observer's one-step predictions of the outputs."""
+def predictions(model: LinearModel, record: InputOutputRecord, horizon: int = 1) -> Float[np.ndarray, "T p"]:
+    """Return the outputs predicted ``horizon`` samples ahead with measured inputs: row k knows the outputs up to k - horizon.
+
+    The first rows, which no output precedes by so much, continue from the initial state.
+    """
     model, record = without_dead_time(model, record)
-    states = predictor_states(model, record)
-    return np.asarray(states @ model.C.T + (record.u - model.input_offset) @ model.D.T + model.output_offset)
+    v, x = record.u - model.input_offset, predictor_states(model, record)
+    for _ in range(min(horizon, len(record)) - 1):
+        x = np.vstack([x[:1], x[:-1] @ model.A.T + v[:-1] @ model.B.T])
+    return np.asarray(x @ model.C.T + v @ model.D.T + model.output_offset)
 
 
 def one_step_residuals(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the innovations: errors of the observer's one-step prediction."""
-    return np.asarray(record.y - one_step_predictions(model, record))
+    return np.asarray(record.y - predictions(model, record))
 
 
 def vaf_percent(y: Float[np.ndarray, "T p"], residuals: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
@@ -132,13 +137,8 @@ def h_step_rmse(model: LinearModel, record: InputOutputRecord, steps: int) -> Fl
     """
     if len(record) <= steps + 1:
         raise PoorExcitation(f"{len(record)} samples are too few to forecast {steps} ahead")
-    model, record = without_dead_time(model, record)
-    x = predictor_states(model, record)[: len(record) - steps]
-    for k in range(steps):
-        v = record.u[k : k + len(x)] - model.input_offset
-        x = x @ model.A.T + v @ model.B.T
-    ahead = x @ model.C.T + (record.u[steps:] - model.input_offset) @ model.D.T + model.output_offset
-    return np.asarray(np.sqrt(np.nanmean((record.y[steps:] - ahead) ** 2, axis=0)))
+    error = (record.y - predictions(model, record, steps + 1))[steps:]
+    return np.asarray(np.sqrt(np.nanmean(error**2, axis=0)))
 
 
 def whiteness_p(residuals: Float[np.ndarray, "T p"]) -> float:

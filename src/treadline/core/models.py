@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float
 
 from treadline.core.arrays import check_magnitude, matrix, real, shaped
 from treadline.core.errors import ModelError, NotFinite, RecordError, SettingsError, ShapeMismatch, TreadlineError
+from treadline.core.model_methods import ModelMethods
 from treadline.core.printing import Brief, Printable, plain
 from treadline.core.settings import text_of
 from treadline.core.signals import TICK_S, on_the_tick
@@ -102,7 +103,7 @@ class InputOutputRecord(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class LinearModel(Printable):
+class LinearModel(ModelMethods, Printable):
     """x[k+1] = A x[k] + B (u[k - d] - input_offset),  y[k] - output_offset = C x[k] + D (u[k - d] - input_offset).
 
     ``input_delay`` d is the dead time of each input in samples, apart from the states. ``observer_gain`` L corrects the state by
@@ -148,6 +149,9 @@ class LinearModel(Printable):
         if not self.dt_s > 0.0:
             raise ModelError(f"the model's period is {self.dt_s} s; it must be positive")
 
+    def _linear(self) -> "LinearModel":
+        return self
+
     @property
     def order(self) -> int:
         """Number of states."""
@@ -170,10 +174,6 @@ class LinearModel(Printable):
         if any(self.input_delay):
             rows.append(("dead time", f"{', '.join(map(str, self.input_delay))} samples"))
         return f"linear model of order {self.order}, period {self.dt_s:g} s", [*rows, ("poles", poles)]
-
-    def save(self, path: Path | str) -> None:
-        """Write the model as JSON."""
-        write_json(Path(path), asdict(self))
 
     @classmethod
     def load(cls, path: Path) -> "LinearModel":

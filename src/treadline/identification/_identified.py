@@ -12,6 +12,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from treadline.core import linear_systems as validate
+from treadline.core.model_methods import ModelMethods
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text
 from treadline.identification._affine import Affine
@@ -267,8 +268,8 @@ class FittedSystem:
     scores: Sequence[CvScore] = ()
 
 
-class Identified(Printable):
-    """Identified model; the report and the intervals are computed on first access.
+class Identified(ModelMethods, Printable):
+    """Identified model with its methods; the report and the intervals are computed on first access.
 
     Examples:
         >>> import numpy as np
@@ -302,6 +303,12 @@ class Identified(Printable):
         """Decomposed Hankel matrix of the observer's system."""
         self._found, self._method, self._shifts, self._differential = found, method, shifts, differential
         self._seconds = time.perf_counter() - started
+
+    def _linear(self) -> LinearModel:
+        return self.model
+
+    def _own_record(self) -> InputOutputRecord:
+        return max(self.judged, key=len)
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return order, fit, one-step prediction, poles and warnings."""

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,13 @@ def page_of(template: str, drawings: Mapping[str, Sequence[str]], **values: Any)
     engine = Environment(
         loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    filters: dict[str, Callable[..., str]] = {"number": _number, "degrees": "{:g}°".format, "p_value": p_text, "ratio": ratio}
+    filters: dict[str, Callable[..., str]] = {
+        "number": _number,
+        "degrees": "{:g}°".format,
+        "p_value": p_text,
+        "ratio": ratio,
+        "gain": _gain,
+    }
     engine.filters.update(filters)
     inline = {
         # The package's own drawings, in which text is paths, are the only markup that is not escaped.
@@ -56,6 +63,12 @@ def _number(value: float | None, digits: int = 2, unit: str = "") -> str:
     if value is None:
         return "–"
     return f"{value:.2e}" if abs(value) >= 1e5 else f"{round(value, digits) + 0.0:.{digits}f}{unit}"
+
+
+def _gain(value: float) -> str:
+    """Return a gain of any size in four digits; infinite through an integrator."""
+    text = "∞" if math.isinf(value) else f"{abs(value):.4g}"
+    return f"−{text}" if value < 0.0 else text
 
 
 def json_in_page(value: Any) -> str:

@@ -1,7 +1,8 @@
 """Figures of an identified model. Drawn with few artists and fixed margins: layout by the engine would double the time."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -12,7 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
+from treadline.core.angles import DEG
 from treadline.core.arrays import decimated
+from treadline.core.responses import TimeResponse, unwrapped_phase
 from treadline.identification.stabilisation import StabilisationDiagram
 from treadline.report._model_runs import answering
 from treadline.report.labels import ColumnLabel
@@ -115,33 +118,49 @@ def stabilisation(diagram: StabilisationDiagram, order: int, nyquist_hz: float) 
 
 
 @mpl.rc_context(STYLE)
-def impulse(
+def time_response(
     response: Float[np.ndarray, "steps p m"],
     deviation: Float[np.ndarray, "steps p m"] | None,
     dt_s: float,
     inputs: Sequence[ColumnLabel],
     outputs: Sequence[ColumnLabel],
+    *,
+    after: str = "impulse",
 ) -> Figure:
-    """Return impulse responses, one panel per pair; each output as long as it answers: one may last a second, another stay."""
+    """Return time responses, one panel per pair; each output as long as it answers: one may last a second, another stay.
+
+    Args:
+        deviation: Standard deviation of the response; None without one.
+        after: Input, ``impulse`` or ``step``.
+    """
     figure, panels = _grid(len(outputs), len(inputs), 1.35)
     for i, row in enumerate(panels):
-        shown = answering(response[:, i])
-        t = np.arange(shown) * dt_s
-        marks = "o-" if shown <= 60 else "-"
         for j, ax in enumerate(row):
-            values = response[:shown, i, j]
-            low = high = values
-            if deviation is not None:
-                half = BAND * np.nan_to_num(deviation[:shown, i, j], posinf=0.0)
-                low, high = values - half, values + half
-                ax.fill_between(t, low, high, color=ORANGE, alpha=0.45, linewidth=0.0)
-            ax.axhline(0.0, color=GREY, linewidth=0.8)
-            ax.plot(t, values, marks, color=BLUE, linewidth=1.2, markersize=2.5)
-            ax.set_ylim(*_window(values, low, high))
+            half = None if deviation is None else deviation[:, i, j]
+            _time_panel(ax, response[:, i, j], half, dt_s, answering(moving(response[:, i], after)))
             _pair_labels(ax, outputs[i], inputs[j], "")
             if i == len(outputs) - 1:
-                ax.set_xlabel("time after the impulse [s]")
+                ax.set_xlabel(f"time after the {after} [s]")
     return figure
+
+
+def moving(response: Float[np.ndarray, "steps m"], after: str) -> Float[np.ndarray, "steps m"]:
+    """Return the response to an impulse, of the responses to an impulse or a step."""
+    return response if after == "impulse" else np.diff(response, axis=0, prepend=0.0)
+
+
+def _time_panel(
+    ax: Axes, response: Float[np.ndarray, " steps"], sigma: Float[np.ndarray, " steps"] | None, dt_s: float, shown: int
+) -> None:
+    values, t = response[:shown], np.arange(shown) * dt_s
+    low = high = values
+    if sigma is not None:
+        half = BAND * np.nan_to_num(sigma[:shown], posinf=0.0)
+        low, high = values - half, values + half
+        ax.fill_between(t, low, high, color=ORANGE, alpha=0.45, linewidth=0.0)
+    ax.axhline(0.0, color=GREY, linewidth=0.8)
+    ax.plot(t, values, "o-" if shown <= 60 else "-", color=BLUE, linewidth=1.2, markersize=2.5)
+    ax.set_ylim(*_window(values, low, high))
 
 
 def _window(values: Float[np.ndarray, " k"], low: Float[np.ndarray, " k"], high: Float[np.ndarray, " k"]) -> tuple[float, float]:
@@ -159,42 +178,113 @@ def _pair_labels(ax: Axes, output: ColumnLabel, given: ColumnLabel, symbol: str)
     ax.set_ylabel(f"{symbol}[{unit}]", fontsize=8)
 
 
+Spectrum = tuple[Float[np.ndarray, " w"], Complex[np.ndarray, "w p m"]]
+"""Frequencies [Hz], and the response of a model or one that was measured."""
+Curve = tuple[Float[np.ndarray, " w"], Complex[np.ndarray, " w"]]
+"""Frequencies [Hz], and the response of one pair."""
+BEHIND: Mapping[str, Any] = {"color": GREY, "marker": ".", "markersize": 3.0, "linewidth": 0.6, "alpha": 0.6}
+"""Style of a measured response behind the model's."""
+
+
 @mpl.rc_context(STYLE)
-def frequency(
-    omega_rad: Float[np.ndarray, " w"],
-    response: Complex[np.ndarray, "w p m"],
-    deviation: Float[np.ndarray, "w p m"] | None,
-    dt_s: float,
+def magnitude(
+    modelled: Spectrum,
+    sigma: Float[np.ndarray, "w p m"] | None,
+    measured: Spectrum | None,
     inputs: Sequence[ColumnLabel],
     outputs: Sequence[ColumnLabel],
 ) -> Figure:
-    """Return magnitudes over frequency, one panel per pair."""
+    """Return magnitudes over frequency, one panel per pair, the measured response in grey behind the model's.
+
+    Args:
+        sigma: Standard deviation of the magnitude; None without one.
+    """
     figure, panels = _grid(len(outputs), len(inputs), 1.35)
-    f = omega_rad / (2.0 * np.pi * dt_s)
     for i, row in enumerate(panels):
         for j, ax in enumerate(row):
-            size = np.abs(response[:, i, j])
-            there = np.isfinite(size) & (size > 0.0)
-            floor = 1e-3 * float(size[there].min(initial=np.inf))
-            low = high = size
-            if deviation is not None:
-                half = BAND * np.nan_to_num(deviation[:, i, j], posinf=0.0)
-                low, high = np.maximum(size - half, floor), size + half
-                ax.fill_between(f[there], low[there], high[there], color=ORANGE, alpha=0.45, linewidth=0.0)
-            if there.any():
-                ax.loglog(f[there], size[there], color=BLUE, linewidth=1.2)
-                ax.set_ylim(*_decades(size[there], high[there]))
-                ax.yaxis.set_minor_formatter(NullFormatter())
-                plain_log_labels(ax.yaxis)
-            else:
-                ax.text(0.5, 0.5, "zero", transform=ax.transAxes, ha="center")
-            ax.set_xscale("log")
-            plain_log_labels(ax.xaxis)
-            ax.set_xlim(float(f[0]), float(f[-1]))
+            band = None if sigma is None else sigma[:, i, j]
+            _magnitude_panel(ax, _curve(modelled, i, j), band, None if measured is None else _curve(measured, i, j))
             _pair_labels(ax, outputs[i], inputs[j], "|G| ")
-            if i == len(outputs) - 1:
-                ax.set_xlabel("frequency [Hz], up to Nyquist")
+    _frequency_axes(panels, modelled)
     return figure
+
+
+@mpl.rc_context(STYLE)
+def phase(modelled: Spectrum, measured: Spectrum | None, inputs: Sequence[ColumnLabel], outputs: Sequence[ColumnLabel]) -> Figure:
+    """Return phases over frequency, one panel per pair, the measured response in grey behind the model's."""
+    figure, panels = _grid(len(outputs), len(inputs), 1.35)
+    for i, row in enumerate(panels):
+        for j, ax in enumerate(row):
+            _phase_panel(ax, _curve(modelled, i, j), None if measured is None else _curve(measured, i, j))
+            ax.set_title(f"{inputs[j].quantity} → {outputs[i].quantity}", fontsize=_title_size(outputs[i], inputs[j]))
+    _frequency_axes(panels, modelled)
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def bode(
+    modelled: Spectrum, inputs: Sequence[ColumnLabel], outputs: Sequence[ColumnLabel], step: TimeResponse | None = None
+) -> Figure:
+    """Return magnitude and phase of each output in two rows, its step response in a row above where one is given."""
+    each = 2 if step is None else 3
+    figure, panels = _grid(each * len(outputs), len(inputs), 1.35)
+    for i, output in enumerate(outputs):
+        for j, given in enumerate(inputs):
+            *above, upper, lower = (row[j] for row in panels[each * i : each * (i + 1)])
+            _magnitude_panel(upper, _curve(modelled, i, j), None, None)
+            _phase_panel(lower, _curve(modelled, i, j), None)
+            _pair_labels(upper, output, given, "|G| ")
+            if step is not None:
+                shown = answering(moving(step.y[:, i], "step"))
+                _time_panel(above[0], step.y[:, i, j], None, float(step.t_s[1]), shown)
+                _pair_labels(above[0], output, given, "step ")
+                above[0].set_xlabel("time [s]")
+                upper.set_title("")
+    _frequency_axes([row for k, row in enumerate(panels) if k % each >= each - 2], modelled)
+    return figure
+
+
+def _curve(of: Spectrum, i: int, j: int) -> Curve:
+    return of[0], of[1][:, i, j]
+
+
+def _magnitude_panel(ax: Axes, modelled: Curve, sigma: Float[np.ndarray, " w"] | None, measured: Curve | None) -> None:
+    f, size = modelled[0], np.abs(modelled[1])
+    there = np.isfinite(size) & (size > 0.0)
+    high = size
+    if measured is not None:
+        ax.plot(measured[0], np.abs(measured[1]), **BEHIND)
+    if sigma is not None:
+        half = BAND * np.nan_to_num(sigma, posinf=0.0)
+        low, high = np.maximum(size - half, 1e-3 * float(size[there].min(initial=np.inf))), size + half
+        ax.fill_between(f[there], low[there], high[there], color=ORANGE, alpha=0.45, linewidth=0.0)
+    if not there.any():
+        ax.text(0.5, 0.5, "zero", transform=ax.transAxes, ha="center")
+        return
+    ax.loglog(f[there], size[there], color=BLUE, linewidth=1.2)
+    ax.set_ylim(*_decades(size[there], high[there]))
+    ax.yaxis.set_minor_formatter(NullFormatter())
+    plain_log_labels(ax.yaxis)
+
+
+def _phase_panel(ax: Axes, modelled: Curve, measured: Curve | None) -> None:
+    """Draw phases; the measured ones at the turn nearest to the model's."""
+    f, values = modelled[0], unwrapped_phase(modelled[1]) / DEG
+    if measured is not None:
+        turns = np.round((np.interp(measured[0], f, np.nan_to_num(values)) - np.angle(measured[1], deg=True)) / 360.0)
+        ax.plot(measured[0], np.angle(measured[1], deg=True) + 360.0 * turns, **BEHIND)
+    ax.plot(f, values, color=BLUE, linewidth=1.2)
+    ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 1.5, 3, 4.5, 6, 9, 10]))
+    ax.set_ylabel("phase [°]", fontsize=8)
+
+
+def _frequency_axes(panels: Sequence[Sequence[Axes]], modelled: Spectrum) -> None:
+    for ax in (ax for row in panels for ax in row):
+        ax.set_xscale("log")
+        plain_log_labels(ax.xaxis)
+        ax.set_xlim(float(modelled[0][0]), float(modelled[0][-1]))
+    for ax in panels[-1]:
+        ax.set_xlabel("frequency [Hz], up to Nyquist")
 
 
 def _title_size(output: ColumnLabel, given: ColumnLabel) -> float:
@@ -298,21 +388,26 @@ def _correlation(ax: Axes, lags: Int[np.ndarray, " k"], values: Float[np.ndarray
 
 
 @mpl.rc_context(STYLE)
-def poles(values: Complex[np.ndarray, " n"], radii: Sequence[float] | None) -> Figure:
-    """Return the poles and their discs with the unit circle, with an enlarged view of clustered poles next to it."""
+def poles(values: Complex[np.ndarray, " n"], radii: Sequence[float] | None, zeros: Complex[np.ndarray, " k"]) -> Figure:
+    """Return poles, their discs and zeros with the unit circle, with an enlarged view of clustered poles next to it.
+
+    Zeros farther out than twice the reach of the poles are not drawn.
+    """
     spread = np.zeros(len(values)) if radii is None else np.minimum(np.nan_to_num(radii, posinf=2.0), 2.0)
     slow = np.abs(values) > 0.9
     view = _close_view(values, spread) or _close_view(values[slow], spread[slow])
     figure, (panels,) = _grid(1, 2, 3.55)
-    _pole_panel(panels[0], values, spread)
-    reach = max(1.15, 1.1 * float(np.abs(values).max()))
+    _pole_panel(panels[0], values, spread, zeros)
+    reach = max(1.15, 1.1 * float(np.abs(values).max(initial=0.0)))
+    near = np.abs(zeros[np.abs(zeros) < 2.0 * reach])
+    reach = max(reach, 1.1 * float(near.max(initial=0.0)))
     panels[0].set_xlim(-reach, reach)
     panels[0].set_ylim(-reach, reach)
     if view is None:
         panels[1].set_visible(False)
         return figure
     middle, half = view
-    _pole_panel(panels[1], values, spread)
+    _pole_panel(panels[1], values, spread, zeros)
     panels[1].set_xlim(middle.real - half, middle.real + half)
     panels[1].set_ylim(middle.imag - half, middle.imag + half)
     panels[1].set_title("closer", loc="left")
@@ -335,7 +430,9 @@ def _close_view(values: Complex[np.ndarray, " n"], spread: Float[np.ndarray, " n
     return (0.5 * (low + high), half) if half < 0.5 else None
 
 
-def _pole_panel(ax: Axes, values: Complex[np.ndarray, " n"], spread: Float[np.ndarray, " n"]) -> None:
+def _pole_panel(
+    ax: Axes, values: Complex[np.ndarray, " n"], spread: Float[np.ndarray, " n"], zeros: Complex[np.ndarray, " k"]
+) -> None:
     angle = np.linspace(0.0, 2.0 * np.pi, 1441)
     ax.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=1.2)
     ax.axhline(0.0, color=GREY, linewidth=0.6)
@@ -343,6 +440,7 @@ def _pole_panel(ax: Axes, values: Complex[np.ndarray, " n"], spread: Float[np.nd
     discs = [Circle((pole.real, pole.imag), size) for pole, size in zip(values, spread, strict=True) if 0.0 < size < DISC_MOST]
     ax.add_collection(PatchCollection(discs, facecolor=ORANGE, edgecolor=RED, linewidth=0.6, alpha=0.3))
     inside = np.abs(values) <= 1.0
+    ax.plot(zeros.real, zeros.imag, "o", color=GREY, markersize=6, fillstyle="none", markeredgewidth=1.2)
     ax.plot(values.real[inside], values.imag[inside], "x", color=BLUE, markersize=6, markeredgewidth=1.6)
     ax.plot(values.real[~inside], values.imag[~inside], "P", color=RED, markersize=6)
     ax.set_aspect("equal")

@@ -1,32 +1,24 @@
-"""Data of the figures of a linear model: simulation of a record, impulse and frequency responses, residuals.
+"""Data of the figures of a linear model: simulation of a record, length of responses, residuals.
 
 Models may be unstable: an overflow gives infinity, never an error.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
-from treadline.core.linear_systems import (
-    impulse_response,
-    initial_state,
-    one_step_predictions,
-    part,
-    simulate,
-    without_dead_time,
-)
+from treadline.core.linear_systems import initial_state, part, predictions, simulate, without_dead_time
 from treadline.core.models import RUN_VALUES, InputOutputRecord, LinearModel
+from treadline.core.transfer_function import GROWTH_MOST, STEPS_LEAST, is_unstable, spectral_radius
 
 LEAST_FOLLOWED = 50
 """Smallest number of samples from which the initial state is estimated, as for one-step predictions."""
-GROWTH_MOST = 1e3
-"""Growth up to which the responses of an unstable model are computed."""
-STEPS_LEAST, STEPS_MOST = 20, 400
-"""Smallest and largest length of an impulse response [samples]: a shorter panel looks empty; in a longer one single samples are not
-visible."""
-TAIL = 1e-4
-"""Share of the energy of an impulse response after the end of the drawing: one per cent in amplitude."""
+SEGMENTS = 8
+"""Parts of a record for spectra: 15 windows with half overlap, whose mean halves the noise of a magnitude three times over."""
+SEGMENT_LEAST = 16
+"""Smallest part of a record for spectra [samples]: eight frequencies."""
 ANSWERED = 0.05
 """Share of its peak below which an output is drawn as zero response."""
 
@@ -46,42 +38,14 @@ def free_run(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray,
 def one_step_ahead(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the one-step predictions of a record, restarted after each missing input; NaN in sections too short to score."""
     with np.errstate(over="ignore", invalid="ignore"):
-        return one_step_predictions(model, record)
-
-
-def radius(model: LinearModel) -> float:
-    """Return the spectral radius of A."""
-    return float(np.abs(np.linalg.eigvals(model.A)).max())
-
-
-def is_unstable(model: LinearModel) -> bool:
-    """Whether a pole lies outside the unit circle by more than rounding."""
-    return radius(model) > 1.0 + 1e-6
+        return predictions(model, record)
 
 
 def _followed(model: LinearModel) -> int:
     """Return the number of steps over which the model grows at most ``GROWTH_MOST`` times, at least ``LEAST_FOLLOWED``."""
     if not is_unstable(model):
         return 2**31
-    return max(LEAST_FOLLOWED, int(math.log(GROWTH_MOST) / math.log(radius(model))))
-
-
-def shown_response(model: LinearModel) -> Float[np.ndarray, "steps p m"]:
-    """Return the outputs after a unit impulse of one sample, until they have died out or as far as they can be shown."""
-    limit = STEPS_MOST
-    if is_unstable(model):
-        limit = max(STEPS_LEAST // 2, min(limit, int(math.log(GROWTH_MOST) / math.log(radius(model)))))
-        return impulse_response(model, limit + max(model.input_delay))
-    response = impulse_response(model, 5 * limit)
-    # An integrator's response stays: there, it is its change that has to die out.
-    ends = [_died_out(response), _died_out(np.diff(response, axis=0))]
-    return response[: max(STEPS_LEAST, next((end for end in ends if end <= limit), limit))]
-
-
-def _died_out(response: Float[np.ndarray, "steps p m"]) -> int:
-    """Return the step from which on each pair has only ``TAIL`` of its energy left."""
-    left = np.cumsum(response[::-1] ** 2, axis=0)[::-1]
-    return int(np.count_nonzero((left > TAIL * left[0]).any(axis=(1, 2))))
+    return max(LEAST_FOLLOWED, int(math.log(GROWTH_MOST) / math.log(spectral_radius(model))))
 
 
 def answering(response: Float[np.ndarray, "steps m"]) -> int:
@@ -91,30 +55,47 @@ def answering(response: Float[np.ndarray, "steps m"]) -> int:
     return min(len(response), max(STEPS_LEAST, lasts + lasts // 2))
 
 
-def frequencies(model: LinearModel, samples: int) -> Float[np.ndarray, " w"]:
-    """Return frequencies [rad per sample] up to Nyquist, closer together at the resonances."""
-    lowest = max(2.0 * math.pi / max(samples, 20), 1e-4 * math.pi)  # four decades fit an axis
-    grid = np.geomspace(lowest, math.pi, 160)
-    poles = np.linalg.eigvals(model.A)
-    rates = np.log(poles[np.abs(poles) > 0.5].astype(complex))
-    offsets = np.array([-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0])
-    near = (np.abs(rates.imag)[:, None] + np.abs(rates.real)[:, None] * offsets).ravel()
-    return np.unique(np.concatenate([grid, near[(near > lowest) & (near < math.pi)]]))
+def measured_response(
+    records: Sequence[InputOutputRecord],
+) -> tuple[Float[np.ndarray, " w"], Complex[np.ndarray, "w p m"]] | None:
+    """Return frequencies [rad per sample] and the response estimated from spectra alone, ``G = S_yu S_uu^-1`` (Welch, H1).
+
+    Each record gives its longest stretch without gaps, cut into ``SEGMENTS`` parts and as many overlapping ones. Frequencies at
+    which the inputs explain less than half of the power of every output are left out. None for records that are too short.
+    """
+    spans = [_longest_whole(record) for record in records]
+    length = max(len(span) for span in spans) // SEGMENTS
+    kept = [span for span in spans if len(span) >= 2 * length]
+    if length < SEGMENT_LEAST:
+        return None
+    suu, syu, syy = (np.sum(parts, axis=0) for parts in zip(*(_spectra(span, length) for span in kept), strict=True))
+    omega = 2.0 * math.pi * np.fft.rfftfreq(length)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        G = syu @ np.linalg.pinv(suu, rcond=1e-6, hermitian=True)
+        explained = np.einsum("wpm,wpm->wp", G, syu.conj()).real / syy
+    good = (omega > 0.0) & (np.nan_to_num(explained) > 0.5).any(axis=1)
+    return omega[good], G[good]
 
 
-def frequency_response(model: LinearModel, omega_rad: Float[np.ndarray, " w"]) -> Complex[np.ndarray, "w p m"]:
-    """Return ``G = (C (zI - A)^-1 B + D) z^-d`` at ``z = exp(jω)``; infinite where a pole lies on the point."""
-    late = np.exp(-1j * omega_rad[:, None, None] * np.array(model.input_delay))
-    values, vectors = np.linalg.eig(model.A)
-    if np.linalg.cond(vectors) < 1e8:
-        gaps = np.exp(1j * omega_rad)[:, None] - values
-        with np.errstate(divide="ignore", invalid="ignore"):
-            weighted = (model.C @ vectors) / gaps[:, None, :]
-            return np.asarray((weighted @ np.linalg.solve(vectors, model.B.astype(complex)) + model.D) * late)
-    # Defective: solve at every frequency, an integrator moved by rounding off the circle.
-    shifted = np.exp(1j * omega_rad)[:, None, None] * (1.0 + 1e-12) * np.eye(model.order) - model.A
-    moved = np.linalg.solve(shifted, np.broadcast_to(model.B, (len(omega_rad), *model.B.shape)))
-    return np.asarray((model.C @ moved + model.D) * late)
+def _longest_whole(record: InputOutputRecord) -> InputOutputRecord:
+    edges = np.flatnonzero(np.diff(record.whole.astype(int), prepend=0, append=0)).reshape(-1, 2)
+    if not len(edges):
+        return part(record, 0, 0)
+    start, stop = edges[np.argmax(edges[:, 1] - edges[:, 0])].tolist()
+    return part(record, start, stop)
+
+
+def _spectra(
+    record: InputOutputRecord, length: int
+) -> tuple[Complex[np.ndarray, "w m m"], Complex[np.ndarray, "w p m"], Float[np.ndarray, "w p"]]:
+    """Return the spectra of inputs, of outputs with inputs, and of outputs: Hann windows, half overlapping, means removed."""
+    z = np.hstack([record.u, record.y])
+    windows = np.lib.stride_tricks.sliding_window_view(z, length, axis=0)[:: max(length // 2, 1)]
+    centred = windows - windows.mean(axis=-1, keepdims=True)
+    Z = np.fft.rfft(centred * np.hanning(length), axis=-1)
+    m = record.u.shape[1]
+    U, Y = Z[:, :m], Z[:, m:]
+    return np.einsum("siw,sjw->wij", U, U.conj()), np.einsum("siw,sjw->wij", Y, U.conj()), (np.abs(Y) ** 2).sum(axis=0).T
 
 
 def correlation(a: Float[np.ndarray, " T"], b: Float[np.ndarray, " T"], lags: int) -> Float[np.ndarray, " k"]:

@@ -13,8 +13,10 @@ import numpy as np
 from jaxtyping import Complex, Float
 from matplotlib.figure import Figure
 
-from treadline.core.linear_systems import part
+from treadline.core import transfer_function as transfer
+from treadline.core.linear_systems import impulse_response, part
 from treadline.core.models import InputOutputRecord, LinearModel, write_whole
+from treadline.core.other_libraries import as_matlab, as_python, as_transfer_function
 from treadline.identification import IdentificationReport
 from treadline.identification.stabilisation import StabilisationDiagram
 from treadline.report import _model_figures as figures
@@ -80,7 +82,7 @@ class _Page:
         self.inputs = [channel(name) for name in model.input_names or [f"u{j + 1}" for j in range(model.B.shape[1])]]
         self.outputs = [channel(name) for name in model.output_names or [f"y{i + 1}" for i in range(model.C.shape[0])]]
         self.drawn_in, self.drawn_out = self.inputs[:PAIRS_MOST], self.outputs[:PAIRS_MOST]
-        self.unstable = runs.is_unstable(model)
+        self.unstable = transfer.is_unstable(model)
 
     def html(self, title: str) -> str:
         """Return the page."""
@@ -90,6 +92,7 @@ class _Page:
         record, ahead = self._fit()
         self._residuals(record, ahead)
         self._poles()
+        self._copies()
         return page_of(
             "identification.html.j2",
             {name: [short_svg(figure)] for name, figure in self.drawn.items()},
@@ -137,8 +140,8 @@ class _Page:
             )
         if self.unstable:
             self.notes.append(
-                f"the model is unstable (spectral radius {runs.radius(self.model):.4f}): responses are followed up to a "
-                f"{runs.GROWTH_MOST:.0f}-fold growth, free runs are cut where they leave the data"
+                f"the model is unstable (spectral radius {transfer.spectral_radius(self.model):.4f}): responses are followed up to "
+                f"a {transfer.GROWTH_MOST:.0f}-fold growth, free runs are cut where they leave the data"
             )
 
     def _order(self) -> None:
@@ -149,19 +152,26 @@ class _Page:
             self.drawn["stabilisation"] = figures.stabilisation(self.stabilisation, self.model.order, 0.5 / self.model.dt_s)
 
     def _responses(self) -> None:
-        p, m = len(self.drawn_out), len(self.drawn_in)
-        response = runs.shown_response(self.model)
+        p, m, dt_s = len(self.drawn_out), len(self.drawn_in), self.model.dt_s
+        response = impulse_response(self.model, transfer.response_steps(self.model))[:, :p, :m]
         longest = max((len(record) for record in self.records), default=1000)
-        omega = runs.frequencies(self.model, longest)
-        size = runs.frequency_response(self.model, omega)
+        omega = transfer.frequency_grid(self.model, longest)
+        modelled = (omega / (2.0 * math.pi * dt_s), transfer.frequency_response(self.model, omega)[:, :p, :m])
         spread = spread_f = None
         if self.intervals is not None:
             spread = self.intervals.impulse(len(response))[:, :p, :m]
             spread_f = self.intervals.frequency(omega)[:, :p, :m]
-        channels = (self.model.dt_s, self.drawn_in, self.drawn_out)
-        self.drawn["impulse"] = figures.impulse(response[:, :p, :m], spread, *channels)
-        self.drawn["frequency"] = figures.frequency(omega, size[:, :p, :m], spread_f, *channels)
+        estimate = runs.measured_response(self.records)
+        measured = None if estimate is None else (estimate[0] / (2.0 * math.pi * dt_s), estimate[1][:, :p, :m])
+        channels = (self.drawn_in, self.drawn_out)
+        self.drawn["impulse"] = figures.time_response(response, spread, dt_s, *channels)
+        self.drawn["step"] = figures.time_response(np.cumsum(response, axis=0), None, dt_s, *channels, after="step")
+        self.drawn["frequency"] = figures.magnitude(modelled, spread_f, measured, *channels)
+        self.drawn["phase"] = figures.phase(modelled, measured, *channels)
+        gain = transfer.static_gain(self.model)[:p, :m]
+        self.values["static_gain"] = [(item, row.tolist()) for item, row in zip(self.drawn_out, gain, strict=True)]
         self.values["bands"] = self.intervals is not None
+        self.values["measured"] = measured is not None
         self.values["steps"] = len(response)
 
     def _fit(self) -> tuple[InputOutputRecord, Float[np.ndarray, "T p"]]:
@@ -209,10 +219,20 @@ class _Page:
 
     def _poles(self) -> None:
         values, spread = np.array([complex(*pair) for pair in self.said.poles], dtype=complex), self.said.pole_ci95
-        self.drawn["poles"] = figures.poles(values, spread)
+        zeros = transfer.zeros(self.model)
+        self.drawn["poles"] = figures.poles(values, spread, zeros)
+        self.values["zeros"] = [_number_text(complex(value)) for value in zeros if value.imag >= -1e-12]
         self.values["poles"] = _pole_rows(values, spread, self.model.dt_s)
         self.values["discs"] = spread is not None
         self.values["discs_left"] = sum(not radius < figures.DISC_MOST for radius in spread or [])
+
+    def _copies(self) -> None:
+        model, names = self.model, ([item.name for item in self.inputs], [item.name for item in self.outputs])
+        self.values["copies"] = {
+            "Python": as_python(model),
+            "MATLAB": as_matlab(model),
+            "Transfer function": as_transfer_function(model, *names),
+        }
 
 
 def _pole_rows(values: Complex[np.ndarray, " n"], spread: Sequence[float] | None, dt_s: float) -> list[dict[str, str]]:
@@ -224,7 +244,7 @@ def _pole_rows(values: Complex[np.ndarray, " n"], spread: Sequence[float] | None
 
 def _pole_row(pole: complex, radius: float | None, dt_s: float) -> dict[str, str]:
     pair = pole.imag > 1e-12
-    value = (f"{pole.real:.5f} ± {pole.imag:.5f}i" if pair else f"{pole.real:.5f}").replace("-", "−")
+    value = _number_text(pole)
     said = "–" if radius is None else f"{radius:.2g}"
     if pole == 0:
         rest = {"frequency": "–", "damping": "–", "time_constant": "0", "remark": "a delay of one sample"}
@@ -249,3 +269,9 @@ def _pole_row(pole: complex, radius: float | None, dt_s: float) -> dict[str, str
         "time_constant": "∞" if abs(decay) < 1e-12 else f"{dt_s / abs(decay):.4g}",
         "remark": remark,
     }
+
+
+def _number_text(value: complex) -> str:
+    """Return a pole or zero as text; one of a pair stands for both."""
+    text = f"{value.real:.5f} ± {value.imag:.5f}i" if value.imag > 1e-12 else f"{value.real:.5f}"
+    return text.replace("-", "−")

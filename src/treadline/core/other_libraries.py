@@ -1,0 +1,125 @@
+"""A linear model for other programs: objects of python-control and SciPy, and text to paste into Python or MATLAB."""
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from scipy import signal
+
+from treadline.core.errors import ModelError
+from treadline.core.models import LinearModel
+
+LIBRARIES = ("control", "scipy")
+
+
+def statespace(model: LinearModel, library: str | None = None) -> Any:
+    """Return ``control.StateSpace`` or ``scipy.signal.dlti``, as ``LinearModel.to_statespace`` states.
+
+    Raises:
+        ModelError: If the library is neither, or python-control is not installed.
+    """
+    there = find_spec("control") is not None
+    chosen = library or ("control" if there else "scipy")
+    if chosen not in LIBRARIES:
+        raise ModelError(f"library is {library!r}; allowed: {', '.join(LIBRARIES)}")
+    A, B, C, D = with_delay_states(model)
+    if chosen == "scipy":
+        return signal.StateSpace(A, B, C, D, dt=model.dt_s)
+    if not there:
+        raise ModelError("python-control is not installed: pip install control, or give library='scipy'")
+    import control
+
+    names = {"inputs": list(model.input_names), "outputs": list(model.output_names)}
+    return control.StateSpace(A, B, C, D, model.dt_s, **{key: value for key, value in names.items() if value})
+
+
+def with_delay_states(model: LinearModel) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return A, B, C, D with the dead time of each input as a chain of states, the last of which is the delayed input."""
+    n, total = model.order, model.order + sum(model.input_delay)
+    A, B, C, D = np.eye(total, k=-1), np.zeros((total, model.B.shape[1])), np.zeros((len(model.C), total)), model.D.copy()
+    A[: n + 1, :] = 0.0
+    A[:n, :n], C[:, :n] = model.A, model.C
+    first = n
+    for j, delay in enumerate(model.input_delay):
+        if delay == 0:
+            B[:n, j] = model.B[:, j]
+            continue
+        A[first, :], B[first, j] = 0.0, 1.0
+        first += delay
+        A[:n, first - 1], C[:, first - 1], D[:, j] = model.B[:, j], model.D[:, j], 0.0
+    return A, B, C, D
+
+
+def as_python(model: LinearModel) -> str:
+    """Return Python text that makes the model anew, to the last digit."""
+    arrays = {name: getattr(model, name) for name in ("A", "B", "C", "D", "input_offset", "output_offset")}
+    if model.observer_gain is not None:
+        arrays["observer_gain"] = model.observer_gain
+    rows = [f"    {name}=np.array({value.tolist()!r}).reshape({value.shape})," for name, value in arrays.items()]
+    named = {
+        "dt_s": model.dt_s,
+        "input_delay": model.input_delay,
+        "input_names": model.input_names,
+        "output_names": model.output_names,
+    }
+    rows += [f"    {name}={value!r}," for name, value in named.items()]
+    return "\n".join(["import numpy as np", "import treadline as tl", "", "model = tl.LinearModel(", *rows, ")"])
+
+
+def _array_text(values: np.ndarray) -> str:
+    return f"np.array({values.tolist()!r})" if values.size else f"np.zeros({values.shape})"
+
+
+def as_matlab(model: LinearModel) -> str:
+    """Return MATLAB text that makes a state-space object of the Control System Toolbox; offsets are variables next to it."""
+    rows = [f"{name} = {_matlab(getattr(model, name))};" for name in "ABCD"]
+    rows += [f"u0 = {_matlab(model.input_offset[:, None])};  % inputs at the operating point: model input is u - u0"]
+    rows += [f"y0 = {_matlab(model.output_offset[:, None])};  % outputs there: measured output is y0 + model output"]
+    if model.observer_gain is not None:
+        rows.append(f"K = {_matlab(model.observer_gain)};  % x[k+1] = A*x[k] + B*(u[k] - u0) + K*(y[k] - yhat[k])")
+    delay = f", 'InputDelay', {list(model.input_delay)}" if any(model.input_delay) else ""
+    rows.append(f"model = ss(A, B, C, D, {model.dt_s!r}{delay});")
+    for name, given in (("InputName", model.input_names), ("OutputName", model.output_names)):
+        quoted = ", ".join("'" + item.replace("'", "''").replace("\n", " ") + "'" for item in given)
+        rows += [f"model.{name} = {{{quoted}}};"] if given else []
+    return "\n".join(rows)
+
+
+def _matlab(matrix: np.ndarray) -> str:
+    if matrix.size == 0:
+        return f"zeros({matrix.shape[0]}, {matrix.shape[1]})"
+    return "[" + "; ".join(" ".join(repr(float(value)) for value in row) for row in matrix) + "]"
+
+
+def transfer_functions(model: LinearModel) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
+    """Return output, input, numerator and denominator of each pair, coefficients of falling powers of z."""
+    found = []
+    for j in range(model.B.shape[1]):
+        numerators, denominator = signal.ss2tf(model.A, model.B, model.C, model.D, input=j)
+        found += [(i, j, numerators[i], denominator) for i in range(model.C.shape[0])]
+    return found
+
+
+def as_transfer_function(model: LinearModel, inputs: Sequence[str], outputs: Sequence[str]) -> str:
+    """Return text with the transfer function of each pair, rounded to six digits."""
+    rows = [f"z is one sample of {model.dt_s:g} s ahead"]
+    for i, j, numerator, denominator in transfer_functions(model):
+        late = f" z^-{model.input_delay[j]}" if model.input_delay[j] else ""
+        rows.append(f"{outputs[i]} / {inputs[j]} = ({_polynomial(numerator)}) / ({_polynomial(denominator)}){late}")
+    return "\n".join(rows)
+
+
+def _polynomial(coefficients: np.ndarray) -> str:
+    """Return a polynomial in z as text; coefficients that are rounding errors of the largest are left out."""
+    size, degree = float(np.abs(coefficients).max(initial=0.0)), len(coefficients) - 1
+    text = ""
+    for k, value in enumerate(coefficients.tolist()):
+        if abs(value) <= 1e-12 * size:
+            continue
+        power = degree - k
+        sign = "-" if value < 0.0 else "+"
+        factor = "" if power and abs(value) == 1.0 else f"{abs(value):.6g} "
+        body = (factor + (f"z^{power}" if power > 1 else "z" if power else "")).strip()
+        text += f" {sign} {body}" if text else f"{'-' if value < 0.0 else ''}{body}"
+    return text or "0"

@@ -1,0 +1,73 @@
+"""Recorded data as callers hold them: arrays of either orientation, data frames and series, one or several experiments."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from treadline.core.errors import RecordError, ShapeMismatch
+from treadline.core.models import InputOutputRecord
+
+Samples = tuple[Any, tuple[str, ...]]
+"""Values, one row per sample, and names of the columns; no names for an array."""
+
+
+def samples_of(name: str, given: Any, *, channels_first: bool = False) -> Samples:
+    """Return samples and column names; only a data frame or a series (pandas, polars) has names.
+
+    Args:
+        name: Name of the argument in error messages.
+        given: Array-like, data frame or series.
+        channels_first: Whether an array has one row per channel instead of one row per sample; a data frame never has.
+
+    Raises:
+        RecordError: If a column of the data frame holds no numbers.
+    """
+    if not hasattr(given, "to_numpy"):
+        return (np.asarray(given).T if channels_first else given), ()
+    try:
+        values = given.to_numpy().astype(float)
+    except (TypeError, ValueError):
+        raise RecordError(f"{name}: a column of the data frame holds no numbers; select the columns that were measured") from None
+    names = getattr(given, "columns", [getattr(given, "name", None)])
+    return values, tuple(str(item) for item in names if item is not None)
+
+
+def is_several(given: Any) -> bool:
+    """Whether data are several experiments: a list of files, records, frames or two-dimensional arrays, or of unequal arrays."""
+    if not isinstance(given, Sequence) or isinstance(given, str) or not given:
+        return False
+    if all(isinstance(item, InputOutputRecord | str | Path) or hasattr(item, "to_numpy") for item in given):
+        return True
+    if not all(isinstance(item, np.ndarray) for item in given):
+        return np.ndim(given[0]) >= 2
+    return any(item.ndim >= 2 for item in given) or len({item.shape for item in given}) > 1
+
+
+def record_of(u: Any, y: Any, dt_s: float, *, channels_first: bool = False) -> InputOutputRecord:
+    """Return the record of inputs and outputs; columns of data frames keep their names.
+
+    Args:
+        u: Inputs, as in ``samples_of``.
+        y: Outputs, likewise.
+        dt_s: Sampling period [s].
+        channels_first: As in ``samples_of``.
+
+    Raises:
+        RecordError: If values are not all real numbers.
+        ShapeMismatch: If the numbers of samples differ.
+    """
+    (inputs, input_names), (outputs, output_names) = (
+        samples_of(name, given, channels_first=channels_first) for name, given in (("u", u), ("y", y))
+    )
+    _check_orientation(inputs, outputs, channels_first=channels_first)
+    return InputOutputRecord(u=inputs, y=outputs, dt_s=dt_s, input_names=input_names, output_names=output_names)
+
+
+def _check_orientation(u: Any, y: Any, *, channels_first: bool) -> None:
+    """Reject data whose other orientation would fit: equal second, and unequal first lengths."""
+    shapes = np.shape(u), np.shape(y)
+    if all(len(shape) == 2 for shape in shapes) and shapes[0][0] != shapes[1][0] and shapes[0][1] == shapes[1][1] > 1:
+        remedy = "leave channels_first out" if channels_first else "give channels_first=True"
+        raise ShapeMismatch(f"u is {shapes[0]} and y is {shapes[1]}, with samples in rows; if a row is a channel, {remedy}")
