@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from treadline.core.models import write_whole
+from treadline.core.files import write_whole
 from treadline.run import episode
 from treadline.scenario.scenario import scenario_of
 from treadline.scenario.shipped_files import shipped_controller

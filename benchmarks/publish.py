@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from treadline.core.errors import SettingsError, TreadlineError
-from treadline.core.models import write_whole
+from treadline.core.files import write_whole
 from treadline.report._results import Results, read_part
 from treadline.report.comparison import PUBLISHED_SEEDS, comparisons
 

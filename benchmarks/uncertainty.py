@@ -16,7 +16,7 @@ from typing import Any
 from uncertainty_figures import BudgetRow, RunOutcomes, budget
 from uncertainty_runs import ALL_RUNS, LUG_GROUP, SEED_GROUP, SOURCES, VARIATIONS, BudgetJob, runs_of
 
-from treadline.core.models import write_whole
+from treadline.core.files import write_whole
 from treadline.experiments._job_pool import run_jobs
 from treadline.io.runs import git_commit
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from treadline.core.angles import DEG
 from treadline.core.errors import RecordError, SimulationDiverged
-from treadline.core.models import ControllerDesign, write_whole
+from treadline.core.files import write_whole
+from treadline.core.models import ControllerDesign
 from treadline.core.ports import TruthPlant
 from treadline.core.printing import plain
 from treadline.core.signals import SeatCommand, TrackCommand

@@ -16,7 +16,7 @@ import numpy as np
 from scenes.recipe import ViewRecipe
 from scenes.views import View, draw_view
 from treadline.core.angles import DEG
-from treadline.core.models import write_whole
+from treadline.core.files import write_whole
 from treadline.plant.sensors.camera import TrueFrame, write_frames
 from treadline.plant.sensors.camera.frame_folder import table_text
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from treadline.core.models import read_json, write_whole
+from treadline.core.files import read_json, write_whole
 from treadline.core.ports import Truth
 from treadline.core.signals import FlipperReading, HeadingEstimate, TrackCommand
 from treadline.io.decode import LogDecoder

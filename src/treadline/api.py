@@ -6,9 +6,9 @@ Nothing heavy is imported at the top: each function loads what it needs.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, TypeAlias, Unpack
 
-from treadline.core.errors import ModelError, RecordError, SettingsError, TreadlineError, closest
+from treadline.core.errors import ModelError, SettingsError, TreadlineError, closest
 from treadline.core.printing import Printable
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from treadline.scenario.camera_file import CameraFile
     from treadline.vehicle.verdict import CheckReport
 
-    Data = ArrayLike | InputOutputRecord | str | Path
+    Data: TypeAlias = ArrayLike | InputOutputRecord | str | Path
 
 OnProgress = Callable[[float, float], None]
 """Receives the mission time and the time limit of a run [s]."""
@@ -155,54 +155,12 @@ def identify(
         >>> tl.identify([u, u], [y, y], 0.25, order=1, method="okid-era", lags=2).report.samples
         396
     """
-    from treadline.core.samples import is_several
     from treadline.identification import identify as identified
+    from treadline.io.experiments import experiments_of
 
     chosen = _options(options, keywords)
-    given: Any = u
-    answers: Any = y
-    if not is_several(u):
-        given, answers = [u], [y]
-    elif y is None:
-        answers = [None] * len(given)
-    elif len(given) != len(answers):
-        raise RecordError(f"u holds {len(given)} experiments and y {len(answers)}; give one y for each u")
     columns = (tuple(inputs), tuple(outputs)) if inputs and outputs else None
-    records = [_record(a, b, dt, columns, channels_first=channels_first) for a, b in zip(given, answers, strict=True)]
-    return identified(records, chosen)
-
-
-def _record(
-    u: Any, y: Any, dt: float | None, columns: tuple[tuple[str, ...], tuple[str, ...]] | None, *, channels_first: bool
-) -> "InputOutputRecord":
-    """Return one experiment in any of the forms of ``identify``."""
-    from treadline.core.models import InputOutputRecord
-    from treadline.core.samples import record_of
-
-    if isinstance(u, InputOutputRecord):
-        return u
-    if isinstance(u, str | Path):
-        if columns is None:
-            raise RecordError(f"{u}: name the columns of the file: inputs=['left_m_s', 'right_m_s'], outputs=['yaw_rate_rad_s']")
-        from treadline.io.records import read_record
-
-        return read_record(Path(u), *columns, period_s=dt)
-    if y is None:
-        if columns is None or not hasattr(u, "to_numpy"):
-            raise RecordError("y is missing; give inputs and outputs, a data frame with inputs= and outputs=, or a file")
-        u, y = (_selected(u, names) for names in columns)
-    if dt is None:
-        raise RecordError("dt is missing; give the sampling period in seconds: tl.identify(u, y, 0.05)")
-    return record_of(u, y, dt, channels_first=channels_first)
-
-
-def _selected(frame: Any, names: Sequence[str]) -> Any:
-    missing = [name for name in names if name not in list(frame.columns)]
-    if missing:
-        meant = closest(missing[0], [str(item) for item in frame.columns])
-        hint = f"columns: {', '.join(map(str, frame.columns))}" if meant is None else f"did you mean {meant}?"
-        raise RecordError(f"the data frame has no column '{missing[0]}'; {hint}")
-    return frame[list(names)]
+    return identified(experiments_of(u, y, dt, columns, channels_first=channels_first), chosen)
 
 
 def _options(options: "IdentificationOptions | None", keywords: "IdentificationKeywords") -> "IdentificationOptions":

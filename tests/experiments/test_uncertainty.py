@@ -8,7 +8,7 @@ import pytest
 from uncertainty_figures import FIGURES, VariedFigure, budget
 from uncertainty_runs import ALL_RUNS, NOMINAL_VARIATION, SOURCES, SUMMED, VARIATIONS, Variation
 
-from treadline.core.models import read_json
+from treadline.core.files import read_json
 from treadline.experiments._sensitivity import NEAREST, SENSITIVITY, read_sensitivity, shown, with_nearest, with_sensitivity
 from treadline.report._results import Moves
 from treadline.scenario.chair import read_chair

@@ -14,7 +14,7 @@ import numpy as np
 
 from treadline.campaign._pool import BLOCK, VIEW, Row
 from treadline.campaign._results import ARRIVED, Frontier, flat, frontier_of, has_rms
-from treadline.core.models import write_whole
+from treadline.core.files import write_whole
 from treadline.playback import Recording
 from treadline.report.labels import score_name, score_unit, suffix
 from treadline.report.side_view import SideViews

@@ -25,7 +25,7 @@ from jaxtyping import Bool, Float, Int
 
 from treadline.campaign._pool import BLOCK, TIMES, VIEW, Row
 from treadline.core.arrays import rms
-from treadline.core.models import written_whole
+from treadline.core.files import written_whole
 from treadline.io.runs import COMPLETED
 
 CONFIDENCE = 0.95

@@ -27,7 +27,7 @@ from treadline.campaign._results import CONFIDENCE, FAILED, flat, harm, has_rms,
 from treadline.campaign._sobol_sampling import Sampling, budget, generation_size, points, run_seed, search
 from treadline.campaign.spec import SHAPE, Spec, scenario_toml
 from treadline.core.errors import SettingsError
-from treadline.core.models import read_json, write_json, write_whole
+from treadline.core.files import read_json, write_json, write_whole
 from treadline.io.runs import git_commit, write_manifest
 from treadline.report.labels import channel, suffix
 

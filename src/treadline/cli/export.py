@@ -46,7 +46,8 @@ def export(
         raise SettingsError(f"export --to {to} needs a controller file: treadline export SOURCE --to {to} --out {out}")
     from treadline.control import ControllerConfig
     from treadline.control.c_export import exported
-    from treadline.core.models import ControllerDesign, write_whole
+    from treadline.core.files import write_whole
+    from treadline.core.models import ControllerDesign
     from treadline.scenario.chair import read_chair
 
     claim(out, force=force)
@@ -72,7 +73,7 @@ def export(
 
 def _layouts(source: Path | None, out: Path, *, force: bool) -> Answer:
     """Write the layouts for the viewers of logs."""
-    from treadline.core.models import write_whole
+    from treadline.core.files import write_whole
     from treadline.scenario.shipped_files import DATA
 
     if source is not None:
@@ -115,7 +116,7 @@ def model(
     """
     import numpy as np
 
-    from treadline.core.models import write_whole
+    from treadline.core.files import write_whole
     from treadline.scenario.scenario import read_scenario
     from treadline.vehicle.bodies import vehicle
     from treadline.vehicle.sdf import sdf_model, sdf_world

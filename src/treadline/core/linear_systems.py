@@ -14,13 +14,13 @@ from scipy.special import chdtrc
 from treadline.core.arrays import markov_parameters
 from treadline.core.errors import PoorExcitation
 from treadline.core.linear_system_kernels import free_run, observability, observer_run
-from treadline.core.models import RUN_VALUES, TEST_VALUES, InputOutputRecord, LinearModel
+from treadline.core.state_space import RUN_VALUES, TEST_VALUES, InputOutputRecord, StateSpaceModel
 
 TESTED_LAGS = 10
 """Number of lags over which residuals are tested."""
 
 
-def impulse_response(model: LinearModel, steps: int) -> Float[np.ndarray, "steps p m"]:
+def impulse_response(model: StateSpaceModel, steps: int) -> Float[np.ndarray, "steps p m"]:
     """Return the impulse response Y_0 = D, Y_k = C A^(k-1) B, each input's after its dead time.
 
     Paper: Eq. (7), Fig. 8.
@@ -35,14 +35,14 @@ def _later(values: Float[np.ndarray, "T c"], shift: int) -> Float[np.ndarray, "T
     return np.concatenate([np.zeros((shift, values.shape[1])), values[: len(values) - shift]])
 
 
-def without_dead_time(model: LinearModel, record: InputOutputRecord) -> tuple[LinearModel, InputOutputRecord]:
+def without_dead_time(model: StateSpaceModel, record: InputOutputRecord) -> tuple[StateSpaceModel, InputOutputRecord]:
     """Return the model without its dead time and the record with the inputs as they act, missing before they first do."""
     if not any(model.input_delay):
         return model, record
     return replace(model, input_delay=()), record.delayed(model.input_delay)
 
 
-def simulate(model: LinearModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T p"]:
+def simulate(model: StateSpaceModel, u: Float[np.ndarray, "T m"], x0: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T p"]:
     """Return the outputs of a free run from the initial state x0; before the first sample the inputs are at their offset."""
     v = u - model.input_offset
     if any(model.input_delay):
@@ -57,7 +57,7 @@ def writeable(array: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
     return np.require(array, np.float64, ["C", "W"])
 
 
-def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
+def initial_state(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
     """Return the least-squares initial state of a free run; the inputs must be complete."""
     n = model.order
     response = observability(writeable(model.A), writeable(model.C), len(record))
@@ -69,7 +69,7 @@ def initial_state(model: LinearModel, record: InputOutputRecord) -> Float[np.nda
     return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
 
 
-def fit_percent(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, " p"]:
+def fit_percent(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, " p"]:
     """Return the free-run fit 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%] per output, initial state estimated.
 
     For a record with missing inputs the runs between the gaps are combined. The fit of an integrator is not informative: its
@@ -84,7 +84,7 @@ def fit_percent(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarr
     return np.asarray(100.0 * (1.0 - error / np.maximum(deviation, 1e-300)))
 
 
-def predictor_states(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
+def predictor_states(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
     """Return the observer's state before each sample; missing outputs are bridged by prediction.
 
     NaN at a missing input, before the first input acts, and between two missing inputs in close succession.
@@ -96,7 +96,7 @@ def predictor_states(model: LinearModel, record: InputOutputRecord) -> Float[np.
     return states
 
 
-def _observed(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
+def _observed(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
     gain = np.zeros((model.order, model.C.shape[0])) if model.observer_gain is None else model.observer_gain
     x0 = initial_state(model, part(record, 0, 50))
     v = record.u - model.input_offset
@@ -107,7 +107,7 @@ def _observed(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray
     return np.asarray(observer_run(writeable(model.A), closed, v @ model.B.T, correction, whole, x0))
 
 
-def predictions(model: LinearModel, record: InputOutputRecord, horizon: int = 1) -> Float[np.ndarray, "T p"]:
+def predictions(model: StateSpaceModel, record: InputOutputRecord, horizon: int = 1) -> Float[np.ndarray, "T p"]:
     """Return the outputs predicted ``horizon`` samples ahead with measured inputs: row k knows the outputs up to k - horizon.
 
     The first rows, which no output precedes by so much, continue from the initial state.
@@ -119,7 +119,7 @@ def predictions(model: LinearModel, record: InputOutputRecord, horizon: int = 1)
     return np.asarray(x @ model.C.T + v @ model.D.T + model.output_offset)
 
 
-def one_step_residuals(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
+def one_step_residuals(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the innovations: errors of the observer's one-step prediction."""
     return np.asarray(record.y - predictions(model, record))
 
@@ -129,7 +129,7 @@ def vaf_percent(y: Float[np.ndarray, "T p"], residuals: Float[np.ndarray, "T p"]
     return np.asarray(100.0 * (1.0 - np.nanvar(residuals, axis=0) / np.maximum(np.nanvar(y, axis=0), 1e-300)))
 
 
-def h_step_rmse(model: LinearModel, record: InputOutputRecord, steps: int) -> Float[np.ndarray, " p"]:
+def h_step_rmse(model: StateSpaceModel, record: InputOutputRecord, steps: int) -> Float[np.ndarray, " p"]:
     """Return the RMS error of forecasts ``steps`` ahead from every sample, with measured inputs.
 
     Raises:

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from treadline.core.errors import ModelError, RecordError
-from treadline.core.responses import FrequencyResponse, TimeResponse, figure_of
 
 if TYPE_CHECKING:
     from jaxtyping import Complex, Float
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
-    from treadline.core.models import InputOutputRecord, LinearModel
+    from treadline.core.responses import FrequencyResponse, TimeResponse
+    from treadline.core.state_space import InputOutputRecord, StateSpaceModel
 
 
 class ModelMethods(ABC):
@@ -33,7 +33,7 @@ class ModelMethods(ABC):
     __slots__ = ()
 
     @abstractmethod
-    def _linear(self) -> "LinearModel":
+    def _linear(self) -> "StateSpaceModel":
         """Return the model."""
 
     def _own_record(self) -> "InputOutputRecord":
@@ -41,8 +41,8 @@ class ModelMethods(ABC):
         raise RecordError("a model holds no data; give inputs and outputs: (u, y)")
 
     def _record(self, u: Any, y: Any) -> "InputOutputRecord":
-        from treadline.core.models import InputOutputRecord
         from treadline.core.samples import record_of
+        from treadline.core.state_space import InputOutputRecord
 
         if u is None and y is None:
             return self._own_record()
@@ -171,7 +171,7 @@ class ModelMethods(ABC):
 
         return one_step_residuals(self._linear(), self._record(u, y))
 
-    def step(self, steps: int | None = None) -> TimeResponse:
+    def step(self, steps: int | None = None) -> "TimeResponse":
         """Return the outputs after a step of one unit of each input: the cumulated impulse response.
 
         Args:
@@ -187,7 +187,7 @@ class ModelMethods(ABC):
         """
         return self._time_response("step", steps)
 
-    def impulse(self, steps: int | None = None) -> TimeResponse:
+    def impulse(self, steps: int | None = None) -> "TimeResponse":
         """Return the outputs after an impulse of one unit and one sample of each input: the Markov parameters D, CB, CAB, ….
 
         Paper: Eq. (7), Fig. 8.
@@ -205,8 +205,9 @@ class ModelMethods(ABC):
         """
         return self._time_response("impulse", steps)
 
-    def _time_response(self, kind: str, steps: int | None) -> TimeResponse:
+    def _time_response(self, kind: str, steps: int | None) -> "TimeResponse":
         from treadline.core.linear_systems import impulse_response
+        from treadline.core.responses import TimeResponse
         from treadline.core.transfer_function import response_steps
 
         model = self._linear()
@@ -220,7 +221,7 @@ class ModelMethods(ABC):
             output_names=outputs,
         )
 
-    def bode(self, frequency_hz: "Sequence[float] | Float[np.ndarray, ' w'] | None" = None) -> FrequencyResponse:
+    def bode(self, frequency_hz: "Sequence[float] | Float[np.ndarray, ' w'] | None" = None) -> "FrequencyResponse":
         """Return the frequency response, with magnitude and phase; ``bode().plot()`` draws both.
 
         Args:
@@ -238,6 +239,7 @@ class ModelMethods(ABC):
             >>> lag.bode([5.0]).response.real.round(3)
             array([[[-0.667]]])
         """
+        from treadline.core.responses import FrequencyResponse
         from treadline.core.transfer_function import frequency_grid, frequency_response
 
         model = self._linear()
@@ -337,16 +339,18 @@ class ModelMethods(ABC):
             >>> lag = tl.LinearModel(A=0.5 * one, B=one, C=one, D=0 * one, dt_s=0.1, input_offset=none, output_offset=none)
             >>> lag.save("lag.json")
         """
-        from treadline.core.models import write_json
+        from treadline.core.files import write_json
 
         write_json(Path(path), asdict(self._linear()))
 
     def plot(self) -> "Figure":
         """Return the matplotlib figure of the model: step response, magnitude and phase."""
+        from treadline.core.responses import figure_of
+
         return figure_of("model", self._linear())
 
 
-def channel_names(model: "LinearModel") -> tuple[tuple[str, ...], tuple[str, ...]]:
+def channel_names(model: "StateSpaceModel") -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the names of inputs and outputs: ``u1``, ``y1`` and so on where the model has none."""
     p, m = model.D.shape
     inputs = model.input_names or tuple(f"u{j + 1}" for j in range(m))

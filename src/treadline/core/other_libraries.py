@@ -8,12 +8,12 @@ import numpy as np
 from scipy import signal
 
 from treadline.core.errors import ModelError
-from treadline.core.models import LinearModel
+from treadline.core.state_space import StateSpaceModel
 
 LIBRARIES = ("control", "scipy")
 
 
-def statespace(model: LinearModel, library: str | None = None) -> Any:
+def statespace(model: StateSpaceModel, library: str | None = None) -> Any:
     """Return ``control.StateSpace`` or ``scipy.signal.dlti``, as ``LinearModel.to_statespace`` states.
 
     Raises:
@@ -34,7 +34,7 @@ def statespace(model: LinearModel, library: str | None = None) -> Any:
     return control.StateSpace(A, B, C, D, model.dt_s, **{key: value for key, value in names.items() if value})
 
 
-def with_delay_states(model: LinearModel) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def with_delay_states(model: StateSpaceModel) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return A, B, C, D with the dead time of each input as a chain of states, the last of which is the delayed input."""
     n, total = model.order, model.order + sum(model.input_delay)
     A, B, C, D = np.eye(total, k=-1), np.zeros((total, model.B.shape[1])), np.zeros((len(model.C), total)), model.D.copy()
@@ -51,7 +51,7 @@ def with_delay_states(model: LinearModel) -> tuple[np.ndarray, np.ndarray, np.nd
     return A, B, C, D
 
 
-def as_python(model: LinearModel) -> str:
+def as_python(model: StateSpaceModel) -> str:
     """Return Python text that makes the model anew, to the last digit."""
     arrays = {name: getattr(model, name) for name in ("A", "B", "C", "D", "input_offset", "output_offset")}
     if model.observer_gain is not None:
@@ -71,7 +71,7 @@ def _array_text(values: np.ndarray) -> str:
     return f"np.array({values.tolist()!r})" if values.size else f"np.zeros({values.shape})"
 
 
-def as_matlab(model: LinearModel) -> str:
+def as_matlab(model: StateSpaceModel) -> str:
     """Return MATLAB text that makes a state-space object of the Control System Toolbox; offsets are variables next to it."""
     rows = [f"{name} = {_matlab(getattr(model, name))};" for name in "ABCD"]
     rows += [f"u0 = {_matlab(model.input_offset[:, None])};  % inputs at the operating point: model input is u - u0"]
@@ -92,7 +92,7 @@ def _matlab(matrix: np.ndarray) -> str:
     return "[" + "; ".join(" ".join(repr(float(value)) for value in row) for row in matrix) + "]"
 
 
-def transfer_functions(model: LinearModel) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
+def transfer_functions(model: StateSpaceModel) -> list[tuple[int, int, np.ndarray, np.ndarray]]:
     """Return output, input, numerator and denominator of each pair, coefficients of falling powers of z."""
     found = []
     for j in range(model.B.shape[1]):
@@ -101,7 +101,7 @@ def transfer_functions(model: LinearModel) -> list[tuple[int, int, np.ndarray, n
     return found
 
 
-def as_transfer_function(model: LinearModel, inputs: Sequence[str], outputs: Sequence[str]) -> str:
+def as_transfer_function(model: StateSpaceModel, inputs: Sequence[str], outputs: Sequence[str]) -> str:
     """Return text with the transfer function of each pair, rounded to six digits."""
     rows = [f"z is one sample of {model.dt_s:g} s ahead"]
     for i, j, numerator, denominator in transfer_functions(model):

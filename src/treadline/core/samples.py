@@ -1,13 +1,11 @@
-"""Recorded data as callers hold them: arrays of either orientation, data frames and series, one or several experiments."""
+"""Recorded data as callers hold them: arrays of either orientation, data frames and series."""
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from treadline.core.errors import RecordError, ShapeMismatch
-from treadline.core.models import InputOutputRecord
+from treadline.core.state_space import InputOutputRecord
 
 Samples = tuple[Any, tuple[str, ...]]
 """Values, one row per sample, and names of the columns; no names for an array."""
@@ -32,17 +30,6 @@ def samples_of(name: str, given: Any, *, channels_first: bool = False) -> Sample
         raise RecordError(f"{name}: a column of the data frame holds no numbers; select the columns that were measured") from None
     names = getattr(given, "columns", [getattr(given, "name", None)])
     return values, tuple(str(item) for item in names if item is not None)
-
-
-def is_several(given: Any) -> bool:
-    """Whether data are several experiments: a list of files, records, frames or two-dimensional arrays, or of unequal arrays."""
-    if not isinstance(given, Sequence) or isinstance(given, str) or not given:
-        return False
-    if all(isinstance(item, InputOutputRecord | str | Path) or hasattr(item, "to_numpy") for item in given):
-        return True
-    if not all(isinstance(item, np.ndarray) for item in given):
-        return np.ndim(given[0]) >= 2
-    return any(item.ndim >= 2 for item in given) or len({item.shape for item in given}) > 1
 
 
 def record_of(u: Any, y: Any, dt_s: float, *, channels_first: bool = False) -> InputOutputRecord:

@@ -11,7 +11,7 @@ from jaxtyping import Complex, Float
 from scipy.linalg import schur, solve_sylvester
 
 from treadline.core.linear_systems import impulse_response
-from treadline.core.models import LinearModel
+from treadline.core.state_space import StateSpaceModel
 
 GROWTH_MOST = 1e3
 """Growth up to which the responses of an unstable model are computed."""
@@ -24,23 +24,23 @@ ROOT_EPS = math.sqrt(np.finfo(float).eps)
 """Rounding error of a double eigenvalue: the square root of the machine precision."""
 
 
-def poles(model: LinearModel) -> Complex[np.ndarray, " n"]:
+def poles(model: StateSpaceModel) -> Complex[np.ndarray, " n"]:
     """Return the poles, the eigenvalues of A, the slowest first; the dead time is not among them."""
     values = np.linalg.eigvals(model.A).astype(complex)
     return np.asarray(values[np.argsort(-np.abs(values), kind="stable")])
 
 
-def spectral_radius(model: LinearModel) -> float:
+def spectral_radius(model: StateSpaceModel) -> float:
     """Return the largest magnitude of a pole; 0 without states."""
     return float(np.abs(np.linalg.eigvals(model.A)).max(initial=0.0))
 
 
-def is_unstable(model: LinearModel) -> bool:
+def is_unstable(model: StateSpaceModel) -> bool:
     """Whether a pole lies outside the unit circle by more than rounding."""
     return spectral_radius(model) > 1.0 + 1e-6
 
 
-def zeros(model: LinearModel) -> Complex[np.ndarray, " k"]:
+def zeros(model: StateSpaceModel) -> Complex[np.ndarray, " k"]:
     """Return the finite transmission zeros: values of z at which ``[A - zI, B; C, D]`` loses rank.
 
     The system is reduced to one with an invertible D (Emami-Naeini and Van Dooren, Automatica 18, 1982), first by its outputs,
@@ -87,7 +87,7 @@ def _full_row_rank(
         A, B, C, D = A[:free, :free], B[:free], np.vstack([A[free:, :free], C[:, :free]]), np.vstack([B[free:], D])
 
 
-def static_gain(model: LinearModel) -> Float[np.ndarray, "p m"]:
+def static_gain(model: StateSpaceModel) -> Float[np.ndarray, "p m"]:
     """Return ``G(1)``: the steady change of each output per unit of each input; ±infinity through an integrator.
 
     Poles at 1 are split off, so that the gain of an output that does not see the integrator is finite.
@@ -107,7 +107,7 @@ def static_gain(model: LinearModel) -> Float[np.ndarray, "p m"]:
     return np.asarray(gain)
 
 
-def frequency_grid(model: LinearModel, samples: int) -> Float[np.ndarray, " w"]:
+def frequency_grid(model: StateSpaceModel, samples: int) -> Float[np.ndarray, " w"]:
     """Return frequencies [rad per sample] up to Nyquist, closer together at the resonances.
 
     Args:
@@ -122,7 +122,7 @@ def frequency_grid(model: LinearModel, samples: int) -> Float[np.ndarray, " w"]:
     return np.unique(np.concatenate([grid, near[(near > lowest) & (near < math.pi)]]))
 
 
-def frequency_response(model: LinearModel, omega_rad: Float[np.ndarray, " w"]) -> Complex[np.ndarray, "w p m"]:
+def frequency_response(model: StateSpaceModel, omega_rad: Float[np.ndarray, " w"]) -> Complex[np.ndarray, "w p m"]:
     """Return ``G(exp(jω))``, each input's after its dead time; infinite where a pole lies on the point.
 
     Args:
@@ -141,7 +141,7 @@ def frequency_response(model: LinearModel, omega_rad: Float[np.ndarray, " w"]) -
     return np.asarray((model.C @ moved + model.D) * late)
 
 
-def response_steps(model: LinearModel) -> int:
+def response_steps(model: StateSpaceModel) -> int:
     """Return the number of samples after which an impulse response has died out, or as far as it can be shown."""
     if is_unstable(model):
         grown = int(math.log(GROWTH_MOST) / math.log(spectral_radius(model)))

@@ -7,7 +7,7 @@ A figure that the budget does not vary has the changes of the nearest figure tha
 from pathlib import Path
 from typing import Any
 
-from treadline.core.models import read_json
+from treadline.core.files import read_json
 from treadline.experiments.plan import CONTROLLER_GROUND, FIG10_SLOPE, GROUNDS, SLOPES_DEG, Ground
 from treadline.scenario.shipped_files import DATA
 

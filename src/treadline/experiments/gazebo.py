@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from treadline.core.models import ControllerDesign, write_json
+from treadline.core.files import write_json
+from treadline.core.models import ControllerDesign
 from treadline.core.printing import plain
 from treadline.experiments import _fig08_to_fig10
 from treadline.experiments._fig08_to_fig10 import ExciteJob, Recorded

@@ -15,7 +15,7 @@ import numpy as np
 from treadline.core.angles import DEG
 from treadline.core.camera_images import MOUNT_FIELDS, PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
-from treadline.core.models import write_whole
+from treadline.core.files import write_whole
 from treadline.core.ports import Reading
 from treadline.core.signals import TICK_S, ImuSample, TrackReading
 from treadline.estimation import MountCalibrator, MountConfig, MountEstimate

@@ -13,7 +13,8 @@ from statistics import median_high
 from typing import Any, Protocol
 
 from treadline.control.tune import tune
-from treadline.core.models import ControllerDesign, write_json
+from treadline.core.files import write_json
+from treadline.core.models import ControllerDesign
 from treadline.core.printing import plain
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments import _dead_zone, _fig05, _fig08_to_fig10, _lugs, as_printed, fig11

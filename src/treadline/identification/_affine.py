@@ -16,7 +16,8 @@ from jaxtyping import Bool, Complex, Float, Int, Num
 from scipy.linalg import schur
 
 from treadline.core.arrays import store_contiguous
-from treadline.core.models import LinearModel, Provenance
+from treadline.core.models import LinearModel
+from treadline.core.state_space import Provenance
 from treadline.identification._factor import inverse
 from treadline.identification._gram import Units
 from treadline.identification._recursion_kernels import modal_chain, modal_filters, modal_products, modal_run, without_columns

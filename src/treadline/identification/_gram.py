@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from treadline.core.errors import LogFormatError, ShapeMismatch
-from treadline.core.models import InputOutputRecord, written_whole
+from treadline.core.files import written_whole
+from treadline.core.models import InputOutputRecord
 from treadline.identification._factor import Factor
 from treadline.identification._recursion_kernels import column_moments, fold, lagged_products, normalise, slide
 

@@ -13,7 +13,8 @@ import numpy as np
 from scipy.io import savemat
 
 from treadline.core.errors import SettingsError
-from treadline.core.models import LinearModel, write_whole
+from treadline.core.files import write_whole
+from treadline.core.models import LinearModel
 
 
 def write_model(model: LinearModel, path: Path) -> None:

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from treadline.core.errors import LogFormatError, SettingsError
-from treadline.core.models import BAG_SUFFIXES, LOG_SUFFIXES, InputOutputRecord, write_whole
+from treadline.core.files import write_whole
+from treadline.core.models import BAG_SUFFIXES, LOG_SUFFIXES, InputOutputRecord
 from treadline.io._clock import Times
 from treadline.io._tables import (
     MOST_ROWS,

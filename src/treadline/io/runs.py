@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.models import ControllerDesign, write_json, write_whole
+from treadline.core.files import write_json, write_whole
+from treadline.core.models import ControllerDesign
 from treadline.core.printing import plain
 
 SUCCEEDED = ("time_up", "arrived", "end_of_flight")

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import LogFormatError, SettingsError
-from treadline.core.models import json_of, read_json
+from treadline.core.files import json_of, read_json
 from treadline.core.ports import Truth
 from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, SeatReading, TrackCommand, TrackReading
 from treadline.io.columns import Columns, read_contents

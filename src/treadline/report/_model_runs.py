@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float
 
 from treadline.core.linear_systems import initial_state, part, predictions, simulate, without_dead_time
-from treadline.core.models import RUN_VALUES, InputOutputRecord, LinearModel
+from treadline.core.state_space import RUN_VALUES, InputOutputRecord, StateSpaceModel
 from treadline.core.transfer_function import GROWTH_MOST, STEPS_LEAST, is_unstable, spectral_radius
 
 LEAST_FOLLOWED = 50
@@ -23,7 +23,7 @@ ANSWERED = 0.05
 """Share of its peak below which an output is drawn as zero response."""
 
 
-def free_run(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
+def free_run(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the free-run simulation of a record, restarted after each missing input; NaN in sections too short to score."""
     model, record = without_dead_time(model, record)
     answers = np.full(record.y.shape, np.nan)
@@ -35,13 +35,13 @@ def free_run(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray,
     return answers
 
 
-def one_step_ahead(model: LinearModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
+def one_step_ahead(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
     """Return the one-step predictions of a record, restarted after each missing input; NaN in sections too short to score."""
     with np.errstate(over="ignore", invalid="ignore"):
         return predictions(model, record)
 
 
-def _followed(model: LinearModel) -> int:
+def _followed(model: StateSpaceModel) -> int:
     """Return the number of steps over which the model grows at most ``GROWTH_MOST`` times, at least ``LEAST_FOLLOWED``."""
     if not is_unstable(model):
         return 2**31

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from treadline.core import paper
 from treadline.core.errors import SettingsError
-from treadline.core.models import read_json
+from treadline.core.files import read_json
 
 PAPER_FRICTION = list(paper.FRICTION)
 """Table I's friction along the belt and across, as JSON has it."""

@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from treadline.core.arrays import check_magnitude
 from treadline.core.errors import SettingsError
-from treadline.core.models import write_whole
+from treadline.core.files import write_whole
 from treadline.io.runs import read_series
 from treadline.playback import Recording, read_recording
 from treadline.report._html import page_of

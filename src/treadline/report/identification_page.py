@@ -14,8 +14,9 @@ from jaxtyping import Complex, Float
 from matplotlib.figure import Figure
 
 from treadline.core import transfer_function as transfer
+from treadline.core.files import write_whole
 from treadline.core.linear_systems import impulse_response, part
-from treadline.core.models import InputOutputRecord, LinearModel, write_whole
+from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.other_libraries import as_matlab, as_python, as_transfer_function
 from treadline.identification import IdentificationReport
 from treadline.identification.stabilisation import StabilisationDiagram

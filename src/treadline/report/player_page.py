@@ -16,7 +16,7 @@ from markupsafe import Markup
 from PIL import Image
 
 from treadline.core.angles import DEG
-from treadline.core.models import write_whole
+from treadline.core.files import write_whole
 from treadline.core.rotations import rotation_of
 from treadline.playback import (
     Findings,

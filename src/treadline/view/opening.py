@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from treadline.core.errors import LogFormatError
-from treadline.core.models import BAG_SUFFIXES, ControllerDesign, json_of
+from treadline.core.files import json_of
+from treadline.core.models import BAG_SUFFIXES, ControllerDesign
 from treadline.io.mcap_read import has_arrivals, run_metadata
 from treadline.io.runs import LOG, RUN_CONTROLLER
 from treadline.playback import manifest_of, read_recording, run_folder_of

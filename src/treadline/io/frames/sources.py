@@ -105,7 +105,7 @@ def _opened(path: Path, depth: Path | None, options: FrameOptions) -> FrameSourc
 
 def _mount_of_run(source: Path) -> PinholeCamera | None:
     """Return the camera of the chair that made a run folder; None for other inputs."""
-    from treadline.core.models import read_json
+    from treadline.core.files import read_json
     from treadline.core.settings import settings_of
     from treadline.io.runs import LOG, MANIFEST
     from treadline.scenario.scenario import Scenario

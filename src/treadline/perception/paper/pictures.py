@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from treadline.core.errors import ImageError
-from treadline.core.models import write_whole
+from treadline.core.files import write_whole
 from treadline.perception.detection import Stages
 
 

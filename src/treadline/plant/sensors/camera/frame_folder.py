@@ -14,7 +14,7 @@ import numpy as np
 from treadline.core.angles import DEG
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import ImageError
-from treadline.core.models import write_whole
+from treadline.core.files import write_whole
 from treadline.core.rotations import Vector3, rotation_z
 from treadline.plant.sensors.camera.ray_camera import Camera
 from treadline.scenario.camera_file import CameraFile

@@ -1,0 +1,84 @@
+"""Files written whole, and JSON read strictly: no part of a file is ever seen, and no number that is not finite."""
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from treadline.core.errors import SettingsError, TreadlineError
+from treadline.core.printing import plain
+from treadline.core.settings import text_of
+
+
+def write_whole(path: Path, data: str | bytes) -> None:
+    """Write a file atomically: a reader sees the old content or the new content, never a part."""
+    with written_whole(path) as part:
+        part.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def write_json(path: Path, values: Mapping[str, Any]) -> None:
+    """Write values as a JSON file, atomically: arrays as lists, non-finite numbers as null."""
+    write_whole(path, json.dumps(plain(values), indent=1, allow_nan=False) + "\n")
+
+
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Yield a temporary path whose content atomically replaces the file on success and is discarded on error.
+
+    Raises:
+        TreadlineError: If the file cannot be written.
+    """
+    temporary = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            yield temporary
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except OSError as error:
+        raise TreadlineError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Return the object in a JSON file.
+
+    Raises:
+        SettingsError: If the file is missing, a folder, not UTF-8, not JSON or not an object.
+    """
+    return json_of(text_of(path, "a JSON file"), str(path))
+
+
+def json_of(text: str, path: str) -> dict[str, Any]:
+    """Return the object in a JSON text; errors name ``path``.
+
+    Raises:
+        SettingsError: If the text is not JSON or not an object.
+    """
+    if not text.strip():
+        raise SettingsError(f"{path}: empty; wanted JSON, as treadline writes it")
+    try:
+        value = json.loads(text, parse_constant=_finite, parse_float=_finite, parse_int=_whole)
+    except json.JSONDecodeError as error:
+        raise SettingsError(f"{path}:{error.lineno}: not JSON: {error.msg}") from None
+    except (ValueError, RecursionError) as error:
+        raise SettingsError(f"{path}: not JSON that can be read: {error}") from None
+    if not isinstance(value, dict):
+        raise SettingsError(f"{path}: holds a {type(value).__name__}, not an object")
+    return value
+
+
+def _finite(text: str) -> float:
+    """Return the number of a JSON text; NaN and Infinity, which Python reads, are none, and 1e999 is too large."""
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"the number {text[:20]} is not finite")
+    return number
+
+
+def _whole(text: str) -> int:
+    """Return the whole number of a JSON text, which must be small enough to become a float."""
+    _finite(text)
+    return int(text)

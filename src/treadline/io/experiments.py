@@ -1,0 +1,74 @@
+"""Experiments in any form that a caller holds: arrays, data frames, files, run folders, records, or lists of these."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from treadline.core.errors import RecordError, closest
+from treadline.core.models import InputOutputRecord
+from treadline.core.samples import record_of
+from treadline.io.records import read_record
+
+Columns = tuple[tuple[str, ...], tuple[str, ...]]
+"""Names of the inputs and of the outputs."""
+
+
+def experiments_of(u: Any, y: Any, dt: float | None, columns: Columns | None, *, channels_first: bool) -> list[InputOutputRecord]:
+    """Return one record for each experiment.
+
+    Args:
+        u: Inputs, or whole experiments: a file, a run folder, a data frame with all columns, or a record; a list of experiments
+            of one kind.
+        y: Outputs; None where ``u`` holds whole experiments.
+        dt: Sampling period [s]; None for records, and for files with a time column.
+        columns: Columns of files and of whole data frames.
+        channels_first: Whether arrays have one row per channel instead of one row per sample.
+
+    Raises:
+        RecordError: If the data are incomplete, or a file holds no such data.
+        ShapeMismatch: If the numbers of samples differ.
+    """
+    given, answers = (list(u), y) if _is_several(u) else ([u], [y])
+    if answers is None:
+        answers = [None] * len(given)
+    if len(given) != len(answers):
+        raise RecordError(f"u holds {len(given)} experiments and y {len(answers)}; give one y for each u")
+    return [_record(a, b, dt, columns, channels_first=channels_first) for a, b in zip(given, answers, strict=True)]
+
+
+def _is_several(given: Any) -> bool:
+    """Whether data are several experiments: a list of files, records, frames or two-dimensional arrays, or of unequal arrays."""
+    if not isinstance(given, Sequence) or isinstance(given, str) or not given:
+        return False
+    if all(isinstance(item, InputOutputRecord | str | Path) or hasattr(item, "to_numpy") for item in given):
+        return True
+    if not all(isinstance(item, np.ndarray) for item in given):
+        return np.ndim(given[0]) >= 2
+    return any(item.ndim >= 2 for item in given) or len({item.shape for item in given}) > 1
+
+
+def _record(u: Any, y: Any, dt: float | None, columns: Columns | None, *, channels_first: bool) -> InputOutputRecord:
+    if isinstance(u, InputOutputRecord):
+        return u
+    if isinstance(u, str | Path):
+        if columns is None:
+            raise RecordError(f"{u}: name the columns of the file: inputs=['left_m_s', 'right_m_s'], outputs=['yaw_rate_rad_s']")
+        return read_record(Path(u), *columns, period_s=dt)
+    if y is None:
+        if columns is None or not hasattr(u, "to_numpy"):
+            raise RecordError("y is missing; give inputs and outputs, a data frame with inputs= and outputs=, or a file")
+        u, y = (_selected(u, names) for names in columns)
+    if dt is None:
+        raise RecordError("dt is missing; give the sampling period in seconds: tl.identify(u, y, 0.05)")
+    return record_of(u, y, dt, channels_first=channels_first)
+
+
+def _selected(frame: Any, names: Sequence[str]) -> Any:
+    missing = [name for name in names if name not in list(frame.columns)]
+    if missing:
+        meant = closest(missing[0], [str(item) for item in frame.columns])
+        hint = f"columns: {', '.join(map(str, frame.columns))}" if meant is None else f"did you mean {meant}?"
+        raise RecordError(f"the data frame has no column '{missing[0]}'; {hint}")
+    return frame[list(names)]
