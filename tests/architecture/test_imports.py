@@ -98,8 +98,8 @@ print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "
     ("command", "most_lines", "allowed"),
     [
         ("see depth.png --camera camera.toml", 8700, ()),
-        ("identify record.csv --method okid-era --no-page --out model.json", 5910, ()),
-        ("identify record.csv --method okid-era --out paged.json", 7060, IDENTIFICATION_PAGE),
+        ("identify record.csv --method okid-era --no-page --out model.json", 6030, ()),
+        ("identify record.csv --method okid-era --out paged.json", 7180, IDENTIFICATION_PAGE),
         ("tune model.json --out controller.json", 3240, ()),
         ("check paper-28", 3960, ()),
     ],

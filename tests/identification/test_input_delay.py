@@ -14,12 +14,12 @@ from treadline.core.linear_systems import (
     fit_percent,
     h_step_rmse,
     impulse_response,
-    one_step_predictions,
+    predictions,
     simulate,
 )
 from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.core.transfer_function import frequency_response
 from treadline.io.model_files import write_model
-from treadline.report._model_runs import frequency_response
 
 SHIFTS = [(0, 0), (3, 0), (1, 5), (30, 30), (70, 2)]
 
@@ -70,7 +70,7 @@ def test_predictions_begin_with_the_first_input_that_acts(plant: LinearModel, sh
     u = np.random.default_rng(2).standard_normal((300, 2))
     y = simulate(plant, late(u, shifts, np.array([5.0, -5.0])), np.zeros(2))  # another rest than the model's
     record, delayed = InputOutputRecord(u=u, y=y, dt_s=0.1), replace(plant, input_delay=shifts)
-    predicted, first = one_step_predictions(delayed, record), max(shifts)
+    predicted, first = predictions(delayed, record), max(shifts)
     assert np.isnan(predicted[:first]).all(axis=1).all()
     np.testing.assert_allclose(predicted[first:], y[first:], atol=1e-8)
     np.testing.assert_allclose(fit_percent(delayed, record), 100.0, atol=1e-6)

@@ -16,7 +16,7 @@ from drawings.chair import TRACK, draw_chair, draw_payload, draw_view_of_camera,
 from drawings.diagrams import nodes, scheme
 from drawings.pen import AMBER, INK, STONE, Pen, Point, pair, sheet, turned
 from treadline.core.angles import DEG
-from treadline.core.models import write_whole
+from treadline.core.files import write_whole
 from treadline.core.paper import FIG11_SLOPE_DEG
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, svg_of
 from treadline.scenario.chair import read_chair

@@ -190,8 +190,6 @@ class ModelMethods(ABC):
     def impulse(self, steps: int | None = None) -> "TimeResponse":
         """Return the outputs after an impulse of one unit and one sample of each input: the Markov parameters D, CB, CAB, ….
 
-        Paper: Eq. (7), Fig. 8.
-
         Args:
             steps: Number of samples; until the response has decayed, at most 400, when left out.
 

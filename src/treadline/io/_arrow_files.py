@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from treadline.core.errors import LogFormatError
-from treadline.io._clock import TimeColumn, Seconds, Ticks, clocks_of
+from treadline.io._clock import Seconds, Ticks, TimeColumn, clocks_of
 from treadline.io._tables import Log, Table, check_count, place_of
 
 BATCH_ROWS = 65_536
