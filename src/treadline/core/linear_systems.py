@@ -69,16 +69,43 @@ def initial_state(model: StateSpaceModel, record: InputOutputRecord) -> Float[np
     return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
 
 
-def fit_percent(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, " p"]:
-    """Return the free-run fit 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%] per output, initial state estimated.
+START_SHARE = 10
+"""One part in ten of a record fits the initial state of its free run."""
 
-    For a record with missing inputs the runs between the gaps are combined. The fit of an integrator is not informative: its
-    free run drifts with the smallest disturbance.
+
+def prefix(steps: int, order: int, outputs: int) -> int:
+    """Return the number of first samples that the initial state of a judged free run is fitted to.
+
+    A tenth of the record, and at least ``RUN_VALUES`` output values per state. A state fitted to all samples that it is judged by
+    bends a drifting or unstable model onto them.
+    """
+    return min(steps, max(steps // START_SHARE, -(-RUN_VALUES * order // outputs)))
+
+
+def free_run_from_prefix(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
+    """Return the outputs of a free run whose initial state fits the first samples (``prefix``); the inputs must be complete."""
+    head = part(record, 0, prefix(len(record), model.order, model.C.shape[0]))
+    return simulate(model, record.u, initial_state(model, head))
+
+
+def fit_percent(model: StateSpaceModel, record: InputOutputRecord, *, horizon: int | None = None) -> Float[np.ndarray, " p"]:
+    """Return the fit 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%] per output, of a free run or of a forecast.
+
+    The initial state of a free run fits the first samples alone. For a record with missing inputs the runs between the gaps are
+    combined. The free run of an integrator drifts with the smallest disturbance, and that of an unstable model diverges; a
+    forecast of stated length judges these.
+
+    Args:
+        model: Model.
+        record: Data to judge it by.
+        horizon: Samples that a forecast looks ahead; None for a free run.
     """
     model, record = without_dead_time(model, record)
-    runs = [part(record, span.start, span.stop) for span in record.stretches(RUN_VALUES * model.order)]
-    y = np.vstack([run.y for run in runs])
-    predicted = np.vstack([simulate(model, run.u, initial_state(model, run)) for run in runs])
+    if horizon is None:
+        runs = [part(record, span.start, span.stop) for span in record.stretches(RUN_VALUES * model.order)]
+        y, predicted = (np.vstack(items) for items in ([run.y for run in runs], [free_run_from_prefix(model, run) for run in runs]))
+    else:
+        y, predicted = record.y[horizon:], predictions(model, record, horizon)[horizon:]
     error = np.sqrt(np.nansum((y - predicted) ** 2, axis=0))
     deviation = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
     return np.asarray(100.0 * (1.0 - error / np.maximum(deviation, 1e-300)))

@@ -8,6 +8,8 @@ and in the initial state; its derivatives with respect to λ, B, C and D are fil
 N·(n·m)² as matrix products, where the recursion of all derivatives costs N·n²·d in scalar operations.
 """
 
+import cmath
+import math
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
@@ -113,22 +115,36 @@ INSIDE = 1.0 - 1e-4
 """Largest modulus of a pole after reflection into the unit circle."""
 
 
-def stabilised(system: Affine) -> Affine:
-    """Return the system with poles outside the unit circle reflected, and poles on the circle moved just inside.
+DECAYED = 3.0
+"""Decay over the record, as a power of e, below which a slow mode cannot be told from drift: to a twentieth."""
+
+
+def stabilised(system: Affine, *, samples: float = math.inf) -> Affine:
+    """Return the system with poles outside the unit circle reflected, and slow poles bounded.
 
     The reflection 1/λ* preserves the magnitude of the frequency response. Only the diagonal of the real Schur form changes,
-    so that equal poles stay coupled.
+    so that equal poles stay coupled. A mode that neither decays nor turns once within a third of the record looks like drift,
+    of which measured data are full; its modulus is at most 1 - 3/samples. A mode that turns is seen many times, and keeps its
+    damping.
+
+    Args:
+        system: Model.
+        samples: Length of the record; infinite to leave slow poles as they are.
     """
-    if system.radius < 1.0 - ON_CIRCLE:
+    slowest = 1.0 - DECAYED / max(samples, 2.0 * DECAYED)
+    if system.radius <= min(slowest, 1.0 - ON_CIRCLE):
         return system
     T, Q = schur(system.A, output="real")
     at = 0
     while at < len(T):
         size = 2 if at + 1 < len(T) and T[at + 1, at] != 0.0 else 1
         block = slice(at, at + size)
-        modulus = float(np.sqrt(abs(np.linalg.det(T[block, block])))) if size == 2 else abs(float(T[at, at]))
+        pole = complex(np.linalg.eigvals(T[block, block])[0])
+        modulus, drifts = abs(pole), math.isfinite(samples) and abs(cmath.phase(pole)) * samples < 2.0 * math.pi * DECAYED
         if modulus >= 1.0 - ON_CIRCLE:
-            T[block, block] *= min(1.0 / modulus, INSIDE) / modulus
+            T[block, block] *= min(1.0 / modulus, slowest if drifts else INSIDE) / modulus
+        elif drifts and modulus > slowest:
+            T[block, block] *= slowest / modulus
         at += size
     return replace(system, A=np.asarray(Q @ T @ Q.T))
 

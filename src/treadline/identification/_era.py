@@ -1,6 +1,6 @@
 """Eigensystem realisation algorithm (ERA): a state-space model from an impulse response.
 
-Paper: Section IV, Eq. (7), (8). Juang and Pappa, 1985; with data correlations (ERA/DC): Juang, Cooper and Wright, 1988.
+Paper: Section IV, Eq. (7), (8). Juang and Pappa, 1985.
 The Hankel matrix holds only the system's Markov parameters; including the observer gain's cost two digits on Eq. (12).
 """
 
@@ -201,31 +201,6 @@ def realise(svd: HankelSvd, order: int) -> tuple[Float[np.ndarray, "n n"], Float
     observability, controllability = U * root, root[:, None] * Vt
     _, p, m = svd.markov.shape
     return svd.system_matrix(order), controllability[:, :m], observability[:p]
-
-
-def correlated_svd(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shifts: int) -> HankelSvd:
-    """Return the decomposition for ERA/DC: a block Hankel matrix of correlations instead of Markov parameters.
-
-    ``[R_0 … R_c; …; R_c … R_2c]`` with ``R_k = H(k) H(0)'`` and c shifts; averaging over the shifts suppresses noise. The
-    matrix is itself Hankel in the blocks R_k.
-
-    Args:
-        markov: Scaled Markov parameters, at least ``rows + columns + 2c + 1``.
-    """
-    H0 = hankel(markov, rows, columns, 0)
-    R = np.stack([np.zeros((len(H0), len(H0))), *(hankel(markov, rows, columns, k) @ H0.T for k in range(2 * shifts + 2))])
-    return HankelSvd(markov=R, rows=shifts + 1, columns=shifts + 1)
-
-
-def realise_correlated(
-    svd: HankelSvd, H0: Float[np.ndarray, "a b"], order: int, p: int, m: int
-) -> tuple[Float[np.ndarray, "n2 n2"], Float[np.ndarray, "n2 m"], Float[np.ndarray, "p n2"]]:
-    """Return A, B, C of an order from a decomposition of correlations, in the scaled units of ``H0``."""
-    U, s, _ = svd.leading(order)
-    O = U * np.sqrt(s)
-    # The upper rows of O are the observability matrix of H(0); the least-squares fit of H(0) gives the controllability matrix.
-    B = np.linalg.lstsq(O[: len(H0)], H0, rcond=None)[0][:, :m]
-    return svd.system_matrix(order), B, O[:p]
 
 
 def era(

@@ -1,15 +1,15 @@
-"""Model fitting for a candidate: subspace step from the Gram matrix, refinement from the samples.
+"""Data of a fit with the intermediate results that models share, the refit of the inputs and of the innovation gain.
 
-A candidate consists of a method, a number of lags, an order and the last fitting step:
+Last fitting steps of a model:
 
-``subspace``          OKID/ERA, ERA/DC or PBSID
+``subspace``          OKID/ERA or PBSID
 ``inputs-again``      B, D and the offsets refitted to the free run by linear least squares, A and C kept
 ``output-error``      A, B, C and D fitted to the free run
-``prediction-error``  A, B, C, D and K fitted to the one-step prediction, for unstable plants and closed loops
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,21 +19,18 @@ from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import Affine, linear_sums, modes_of
 from treadline.identification._era import HankelSvd
-from treadline.identification._gram import Gram, Units, gram_of
+from treadline.identification._gram import Gram, gram_of
 from treadline.identification._model_order import bic_order
-from treadline.identification._okid import ObserverMarkov, scaled_observer
+from treadline.identification._okid import ObserverMarkov, regression, scaled_observer
 from treadline.identification._realisation import StateMap, block_rows, markov_svd, pbsid, realised, state_map
 from treadline.identification._refine import (
     BRIEF,
-    THOROUGH,
     Directions,
-    Effort,
     Experiment,
     cost,
     descended,
     experiments_of,
     predictors_of,
-    refined,
 )
 
 GAIN_SAMPLES = 20_000
@@ -50,33 +47,24 @@ GROWTH = 1e3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """Candidate model: method, lags, order and last fitting step."""
+    """How a model was fitted: method, lags, order and last fitting step."""
 
     method: str
-    """Subspace method: ``okid-era``, ``era-dc`` or ``pbsid``."""
+    """``okid-era``, ``pbsid`` or ``deconvolution``."""
     lags: int
     order: int
     step: str = "subspace"
-    constants: bool = True
-    """Whether offsets are estimated; otherwise they are zero. A subspace step always estimates them."""
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
+@dataclass(kw_only=True, eq=False)
 class Fitting:
-    """Data of a fit, with the intermediate results that candidates share."""
+    """Data of a fit, with the intermediate results that models share."""
 
     data: Gram
     records: Sequence[InputOutputRecord]
     feedthrough: bool
     _observers: dict[int, tuple[ObserverMarkov, HankelSvd]] = field(default_factory=dict)
     _maps: dict[int, StateMap] = field(default_factory=dict)
-    _experiments: dict[bool, list[Experiment]] = field(default_factory=dict)
-    _predictors: dict[int, list[Experiment]] = field(default_factory=dict)
-
-    def units(self, *, constants: bool = True) -> Units:
-        """Return the units of the models: about the means, or about zero without offsets."""
-        units = self.data.units
-        return units if constants else replace(units, shift=np.zeros_like(units.shift))
 
     @property
     def fixed(self) -> Bool[np.ndarray, "p m1"]:
@@ -86,40 +74,14 @@ class Fitting:
         fixed[:, :m] = not self.feedthrough
         return fixed
 
-    def experiments(self, *, constants: bool = True) -> list[Experiment]:
-        """Return the samples as experiments; without offsets the column of ones is zero."""
-        if constants not in self._experiments:
-            made = experiments_of(self.records, self.units(constants=constants))
-            for item in made:
-                item.u[:, -1] = float(constants)
-            self._experiments[constants] = made
-        return self._experiments[constants]
+    @cached_property
+    def experiments(self) -> list[Experiment]:
+        """The samples as experiments in standard deviations."""
+        return experiments_of(self.records, self.data.units)
 
     def predictors(self, least: int) -> list[Experiment]:
         """Return the samples with the outputs as additional inputs, in unbroken runs of at least ``least`` samples."""
-        if least not in self._predictors:
-            self._predictors[least] = predictors_of(self.experiments(), least)
-        return self._predictors[least]
-
-    def model(self, candidate: Candidate, start: Affine | None = None, *, effort: Effort = THOROUGH) -> Affine | None:
-        """Return the candidate's model; None if the data do not support its order.
-
-        Args:
-            candidate: Candidate to fit.
-            start: Initial model of the last step; the candidate's own subspace model when left out.
-            effort: Iteration limits of the refinement.
-        """
-        system = self.subspace(candidate.method, candidate.lags, candidate.order) if start is None else start
-        if system is None or candidate.step == "subspace":
-            return system
-        if candidate.step == "prediction-error":
-            return self._predicting(system, effort)
-        experiments = self.experiments(constants=candidate.constants)
-        if start is None:
-            system = with_inputs_again(system, experiments, self.fixed)
-        if candidate.step == "inputs-again":
-            return system
-        return refined(system, experiments, fixed=self.fixed, effort=effort)
+        return predictors_of(self.experiments, least)
 
     def with_more_lags(self, lags: int) -> Gram:
         """Return a Gram matrix with more lags if the records are complete and long enough, else the existing one."""
@@ -129,10 +91,10 @@ class Fitting:
             return self.data
         return gram_of(self.records, lags, self.data.units)
 
-    def with_gain(self, system: Affine, *, constants: bool = True) -> Affine:
+    def with_gain(self, system: Affine) -> Affine:
         """Return the system with the innovation gain refitted to the one-step prediction, A, B, C and D kept."""
         n, m1, p = system.order, system.B.shape[1], len(system.C)
-        runs = predictors_of(_last(self.experiments(constants=constants), GAIN_SAMPLES), least=GAIN_RUN)
+        runs = predictors_of(last_samples(self.experiments, GAIN_SAMPLES), least=GAIN_RUN)
         if not runs:  # gaps leave no long run; a stable free-run model has innovation gain zero
             return replace(system, K=np.zeros((n, p))) if system.radius < 1.0 else system
         starts = [replace(system, K=np.zeros((n, p)))] if system.K is None else [system, replace(system, K=np.zeros((n, p)))]
@@ -153,6 +115,12 @@ class Fitting:
         )
         return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, BRIEF, ceiling=slowest))
 
+    def observable(self, system: Affine) -> Affine:
+        """Return the system with an innovation gain whose observer is stable: its own if that is, else a Kalman gain."""
+        if system.K is not None and system.predictor().radius < 1.0:
+            return system
+        return replace(system, K=_kalman_gain(system))
+
     def subspace(self, method: str, lags: int, order: int) -> Affine | None:
         """Return the subspace model from the Gram matrix alone."""
         if method == "pbsid":
@@ -160,7 +128,7 @@ class Fitting:
             return pbsid(self.data, states, order, lags, feedthrough=self.feedthrough) if order <= len(states.s) else None
         observer, svd = self.observer(lags, order)
         try:
-            return realised(observer, svd, order, correlated=method == "era-dc")
+            return realised(observer, svd, order)
         except PoorExcitation:
             return None
 
@@ -177,16 +145,9 @@ class Fitting:
 
     def _state_map(self, lags: int) -> StateMap:
         if lags not in self._maps:
-            self._maps[lags] = state_map(self.data, lags, feedthrough=self.feedthrough)
+            theta = regression(self.data, lags, feedthrough=self.feedthrough).theta
+            self._maps[lags] = state_map(self.data, lags, theta)
         return self._maps[lags]
-
-    def _predicting(self, system: Affine, effort: Effort) -> Affine | None:
-        if system.K is None:
-            return None
-        p = len(system.C)
-        fixed = np.hstack([self.fixed, np.ones((p, p), dtype=bool)])
-        runs = self.predictors(4 * system.order + 4)
-        return Affine.of_predictor(refined(system.predictor(), runs, fixed=fixed, effort=effort))
 
 
 def _kalman_gain(system: Affine) -> Float[np.ndarray, "n p"] | None:
@@ -200,7 +161,7 @@ def _kalman_gain(system: Affine) -> Float[np.ndarray, "n p"] | None:
     return np.asarray(system.A @ P @ system.C.T @ np.linalg.inv(system.C @ P @ system.C.T + R))
 
 
-def _last(experiments: Sequence[Experiment], samples: int) -> list[Experiment]:
+def last_samples(experiments: Sequence[Experiment], samples: int) -> list[Experiment]:
     """Return the experiments cut to the last samples."""
     kept: list[Experiment] = []
     for item in reversed(experiments):
@@ -224,7 +185,7 @@ def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: 
     n, m1 = system.order, system.B.shape[1]
     free = np.concatenate([np.ones(n * m1, dtype=bool), ~fixed.ravel()])
     size = np.diag(square).real
-    # A zero column, as the offsets' without constants, has no effect and is left out.
+    # A zero column has no effect and is left out.
     live = free & (size > 1e-24 * size.max(initial=0.0))
     square, right, scale = square[np.ix_(live, live)], right[live], np.sqrt(size[live])
     with np.errstate(all="ignore"):

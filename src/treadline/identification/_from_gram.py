@@ -1,6 +1,6 @@
 """Model from a Gram matrix: choice of lags, order and method; shared by ``identify`` and ``identify_chunks``.
 
-Paper: Section IV.B. OKID → singular values → order → ERA, PBSID or cross-validation. Also in single steps: ``okid`` followed by
+Paper: Section IV.B. OKID → singular values → order → ERA, PBSID or the ensemble. Also in single steps: ``okid`` followed by
 ``era``; or ``pbsid``.
 
 >>> observer = okid(record, lags=20)
@@ -10,11 +10,14 @@ Paper: Section IV.B. OKID → singular values → order → ERA, PBSID or cross-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import Affine, to_model
 from treadline.identification._checks import channel_names, check_excitation, check_independent, check_integers, check_records
 from treadline.identification._deconvolution import observer_of
+from treadline.identification._ensemble import Ensemble, ensemble
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import Candidate, Fitting
 from treadline.identification._gram import Gram, GramBuilder, Units, gram_of
@@ -29,17 +32,17 @@ from treadline.identification._model_order import (
     stands_out,
     structural_order,
 )
-from treadline.identification._model_selection import select_model
-from treadline.identification._okid import ObserverMarkov, observer_markov, scaled_observer
+from treadline.identification._okid import ObserverMarkov, observer_markov, regression, scaled_observer
 from treadline.identification._realisation import pbsid as realised_by_pbsid
 from treadline.identification._realisation import realised, state_map
+from treadline.identification._refine import cost
 from treadline.identification._threads import one_thread
 from treadline.identification.options import IdentificationOptions, max_supported_lags
 
-OBSERVERS = ("okid-era", "era-dc")
-"""Methods whose model is a realisation of the OKID observer."""
 CLEARLY_SEPARATED_GAP = 10.0
 """Ratio of singular values above which the order is clear enough to limit the search to its neighbours."""
+EXACT_RUN = 1e-6
+"""Squared free-run error relative to the variance below which data count as free of noise: a thousandth of the deviation."""
 PBSID_LAGS = 10
 """Smallest default number of lags for PBSID, which needs enough past to reconstruct the state."""
 
@@ -55,7 +58,8 @@ def gram_with_half(records: Sequence[InputOutputRecord], options: Identification
     if prior is not None:
         new = gram_of(records, prior.lags, prior.units, solver=solver)
         return prior.forgotten(options.forgetting ** sum(len(record) for record in records)) + new, None
-    most, names = max_supported_lags(records, options.lags, options.order), channel_names(records[0])
+    penalised = options.method == "best"
+    most, names = max_supported_lags(records, options.lags, options.order, penalised=penalised), channel_names(records[0])
     if options.order is not None:
         return replace(gram_of(records, most, units, solver=solver), names=names), None
     builder = GramBuilder(most, units, records[0].dt_s, solver=solver)
@@ -102,7 +106,7 @@ def from_gram(
     if method == "deconvolution":
         return _by_deconvolution(Fitting(data=data, records=records, feedthrough=True), order, collected)
     check_independent(data, channel_names(records[0]))
-    used, has_d = choose_structure(data, options.lags, options.feedthrough, is_model=method in OBSERVERS)
+    used, has_d = choose_structure(data, options.lags, options.feedthrough, is_model=method == "okid-era")
     if records_are_complete and data.dropped and used < data.lags and method != "best":
         # Windows with fewer lags overlap fewer gaps, so the Gram matrix is rebuilt.
         data, half = gram_with_half(records, replace(options, lags=used), data.units)
@@ -110,11 +114,13 @@ def from_gram(
         check_excitation(data, order)
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
     evidence = _evidence_of(fitting, half, used, order, collected)
-    if method == "best" and evidence.structural is not None:
-        found = _by_cross_validation(fitting, evidence, order, collected, on_progress)
+    exact = _exact(fitting, evidence, options, collected) if method == "best" and evidence.structural is None else None
+    if exact is not None:
+        found = exact
+    elif method == "best":
+        found = _by_ensemble(fitting, evidence, order, collected, on_progress)
     else:
-        # Without noise no selection is needed: OKID/ERA is exact.
-        found = _by_method(fitting, evidence, "okid-era" if method == "best" else method, options, collected)
+        found = _by_method(fitting, evidence, method, options, collected)
     if data.dropped:
         collected.append(f"{data.dropped} windows with a NaN were left out, {data.count:.0f} are used")
     return found
@@ -130,38 +136,43 @@ def _evidence_of(fitting: Fitting, half: Gram | None, lags: int, order: int | No
     return Evidence(lags=lags, observer=observer, svd=svd, structural=structural, noise=noise, choice=choice)
 
 
-def _by_cross_validation(
+def _by_ensemble(
     fitting: Fitting, evidence: Evidence, order: int | None, warnings: list[str], on_progress: Callable[[str], None]
 ) -> FittedSystem:
-    """Return the model selected by cross-validation."""
-    names, order_is_clear = channel_names(fitting.records[0]), _is_clearly_separated(evidence.choice, evidence.svd)
-    chosen = select_model(
-        fitting,
-        lags=evidence.lags,
-        order=order,
-        suggested_order=evidence.choice.order,
-        order_is_clear=order_is_clear,
-        names=names,
-        on_progress=on_progress,
-    )
-    candidate = chosen.candidate
+    """Return the model made of the ensemble's medoid."""
+    found = ensemble(fitting, None if order is None else [order], on_progress)
     if stands_out(evidence.svd.s, evidence.noise or 0.0):
-        warnings.clear()  # cross-validation replaces the order rule of the singular values
-    # Report the observer of the selected lags; the noise level is valid only for the lags it was computed with.
-    observer, svd = fitting.observer(candidate.lags, candidate.order)
-    noise = evidence.noise if candidate.lags == evidence.lags else None
-    choice = OrderChoice(order=candidate.order, gap=gap_at(svd.s[: structural_order(observer)], candidate.order), clear=True)
-    reported = replace(evidence, observer=observer, svd=svd, noise=noise, choice=choice)
-    units = fitting.units(constants=candidate.constants)
+        warnings.clear()  # the ensemble does not choose its order by the gap of the singular values
+    warnings += _shrinking(found, channel_names(fitting.records[0])[fitting.data.units.input_count :])
+    candidate = Candidate(method="pbsid", lags=fitting.data.lags, order=found.medoid.order, step=found.step)
+    choice = OrderChoice(order=candidate.order, gap=gap_at(evidence.svd.s[: evidence.structural], candidate.order), clear=True)
     return FittedSystem(
         candidate=candidate,
-        system=chosen.system,
-        units=units,
+        system=fitting.observable(found.system),
         fitting=fitting,
-        evidence=reported,
-        scores=chosen.scores,
+        evidence=replace(evidence, choice=choice),
+        ensemble=found,
         warnings=warnings,
     )
+
+
+def _shrinking(found: Ensemble, names: Sequence[str]) -> list[str]:
+    """Return a warning for each output whose response was shrunk to its mean."""
+    return [
+        f"the inputs explain no more of '{name}' than chance does: the model predicts its mean; move the inputs more"
+        for name, gain in zip(names, found.gains, strict=True)
+        if gain < 1.0
+    ]
+
+
+def _exact(fitting: Fitting, evidence: Evidence, options: IdentificationOptions, warnings: list[str]) -> FittedSystem | None:
+    """Return the OKID/ERA model of data without noise; None if its free run does not repeat them.
+
+    An observer predicts smooth data a step ahead almost without error, whatever its model is worth.
+    """
+    found = _by_method(fitting, evidence, "okid-era", options, warnings)
+    values = sum(int(item.there.sum()) * item.y.shape[1] for item in fitting.experiments)
+    return found if cost(found.system, fitting.experiments) < EXACT_RUN * values else None
 
 
 def _by_method(
@@ -185,20 +196,18 @@ def _by_method(
         # An observer with few lags restricts its gain, so the innovation gain is refitted separately.
         system = fitting.with_gain(system)
     evidence = replace(evidence, choice=choice)
-    return FittedSystem(
-        candidate=candidate, system=system, units=fitting.units(), fitting=fitting, evidence=evidence, warnings=warnings
-    )
+    return FittedSystem(candidate=candidate, system=system, fitting=fitting, evidence=evidence, warnings=warnings)
 
 
 def _by_deconvolution(fitting: Fitting, order: int | None, warnings: list[str]) -> FittedSystem:
     """Return the ERA model of the impulse response by Eq. (9c)."""
-    units = fitting.units(constants=False)
-    observer, svd = observer_of(fitting.records, units)
+    data = fitting.data
+    fitting = replace(fitting, data=replace(data, units=replace(data.units, shift=np.zeros_like(data.units.shift))))
+    observer, svd = observer_of(fitting.records, fitting.data.units)
     choice = settle_order(svd, order, None, 0.0, warnings)
     return FittedSystem(
         candidate=Candidate(method="deconvolution", lags=0, order=choice.order),
         system=realised(observer, svd, choice.order),
-        units=units,
         fitting=fitting,
         evidence=Evidence(lags=0, observer=observer, svd=svd, structural=None, noise=None, choice=choice),
         warnings=warnings,
@@ -206,7 +215,7 @@ def _by_deconvolution(fitting: Fitting, order: int | None, warnings: list[str]) 
 
 
 def _model_or_raise(fitting: Fitting, candidate: Candidate) -> Affine:
-    system = fitting.model(candidate)
+    system = fitting.subspace(candidate.method, candidate.lags, candidate.order)
     if system is None:
         raise fitting.observer(candidate.lags, candidate.order)[1].refusal(candidate.order)
     return system
@@ -256,7 +265,7 @@ def pbsid(
         SettingsError: If order or lags is not an integer, at least 1.
     """
     data = _sums(records, lags, order, solver)
-    states = state_map(data, lags, feedthrough=feedthrough)
+    states = state_map(data, lags, regression(data, lags, feedthrough=feedthrough).theta)
     if order > len(states.s):
         raise PoorExcitation(f"order {order} is above the rank {len(states.s)} that {lags} lags show; ask for less")
     found = realised_by_pbsid(data, states, order, lags, feedthrough=feedthrough)

@@ -17,17 +17,16 @@ from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text
 from treadline.identification._affine import Affine
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
+from treadline.identification._ensemble import Ensemble
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import Candidate, Fitting
 from treadline.identification._gram import Gram, Units
 from treadline.identification._input_structure import DifferentialInput, input_delays
 from treadline.identification._model_order import OrderChoice, gap_of
-from treadline.identification._model_selection import CvScore
 from treadline.identification._okid import ObserverMarkov
 from treadline.identification._pole_intervals import (
     MEMORY_PER_LAG,
     ConfidenceIntervals,
-    of_correlations,
     of_observer,
     of_predicting,
     of_refined,
@@ -51,15 +50,13 @@ COLLINEAR_VARIANCE = 0.15
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateScore:
-    """Candidate and its cross-validation error relative to the outputs' standard deviation."""
+    """Member of the ensemble of ``best`` and its distance from the median."""
 
-    method: str
-    lags: int
     order: int
-    step: str
-    constants: bool
-    error: float | None
-    """Cross-validation error; None for a diverging model."""
+    decay: float
+    """Ratio of prior variances of successive lags."""
+    distance: float | None
+    """Squared distance from the median free run and impulse response, relative to their size; None for a diverging model."""
     chosen: bool
 
 
@@ -71,11 +68,9 @@ class IdentificationReport:
     lags: int
     method: str
     subspace: str
-    """Subspace method that gave the initial A and C: ``okid-era``, ``era-dc`` or ``pbsid``."""
-    constants: bool
-    """Whether offsets were estimated; otherwise they are zero."""
+    """Subspace method that gave A and C: ``okid-era`` or ``pbsid``."""
     step: str
-    """Last fitting step: ``subspace``, ``inputs-again``, ``output-error`` or ``prediction-error``."""
+    """Last fitting step: ``subspace``, ``inputs-again`` or ``output-error``."""
     feedthrough: bool
     mirrored: bool
     """Whether the difference of a left and a right input is the only input."""
@@ -90,6 +85,13 @@ class IdentificationReport:
     pole_ci95: list[float] | None
     """Radius of the disc about each pole that contains the true pole with 95 % probability."""
     fit_percent: dict[str, float]
+    """Fit of a free run whose initial state fits the first samples alone, or, where ``horizon`` is given, of a forecast."""
+    horizon: int | None
+    """Samples that the forecast looks ahead, of an unstable model; None for a free run."""
+    judged_samples: int
+    """Length of the longest record that the fit is of."""
+    start_samples: int
+    """First samples of that record, which the initial state of the free run is fitted to."""
     one_step_vaf_percent: dict[str, float]
     whiteness_p: float | None
     crosscorrelation_p: float | None
@@ -102,6 +104,13 @@ class IdentificationReport:
     warnings: list[str]
     seconds: float
 
+    @property
+    def judged_by(self) -> str:
+        """What the fit is of, with its start or its horizon, in words."""
+        if self.horizon is not None:
+            return f"forecast {self.horizon} samples ahead"
+        return f"free run over {self.judged_samples} samples, its start from the first {self.start_samples}"
+
     def as_json(self) -> dict[str, Any]:
         """Return the report as JSON values."""
         return asdict(self)
@@ -111,6 +120,9 @@ class ValidationScores(TypedDict):
     """Fit and residual tests of a model on validation data, as fields of the report."""
 
     fit_percent: dict[str, float]
+    horizon: int | None
+    judged_samples: int
+    start_samples: int
     one_step_vaf_percent: dict[str, float]
     whiteness_p: float | None
     crosscorrelation_p: float | None
@@ -125,10 +137,14 @@ def validation_scores(model: LinearModel, judged: Sequence[InputOutputRecord]) -
     with np.errstate(over="ignore", invalid="ignore"):
         residuals = [validate.one_step_residuals(model, record) for record in judged]
         vaf = np.mean([validate.vaf_percent(record.y, e) for record, e in zip(judged, residuals, strict=True)], axis=0)
-        fit = np.mean([validate.fit_percent(model, record) for record in judged], axis=0)
-    names = model.output_names
+        horizon = forecast_horizon(model)
+        fit = np.mean([validate.fit_percent(model, record, horizon=horizon) for record in judged], axis=0)
+    names, longest = model.output_names, max(len(record) for record in judged)
     scores = ValidationScores(
         fit_percent={name: _json_number(value) for name, value in zip(names, fit, strict=True)},
+        horizon=horizon,
+        judged_samples=longest,
+        start_samples=validate.prefix(longest, model.order, len(names)),
         one_step_vaf_percent={name: _json_number(value) for name, value in zip(names, vaf, strict=True)},
         whiteness_p=1.0,
         crosscorrelation_p=1.0,
@@ -141,17 +157,29 @@ def validation_scores(model: LinearModel, judged: Sequence[InputOutputRecord]) -
     return scores
 
 
+FORECAST_STEPS = 10
+"""Horizon of the forecasts that judge an unstable model: the shortest free run that shows more than the noise of one step."""
+UNSTABLE = 1e-6
+"""Distance of a spectral radius from 1 that counts as rounding."""
+
+
+def forecast_horizon(model: LinearModel) -> int | None:
+    """Return the samples that the forecast of an unstable model looks ahead; None for a model that a free run judges."""
+    if float(np.abs(np.linalg.eigvals(model.A)).max()) <= 1.0 + UNSTABLE:
+        return None
+    return FORECAST_STEPS
+
+
 JUDGED_SAMPLES = 20_000
 """Number of most recent samples on which the share of the variance in a model's provenance is measured."""
 
 
 def explained_percent(model: LinearModel, judged: Sequence[InputOutputRecord]) -> dict[str, float]:
-    """Return the share of each output's variance that a free run or the one-step prediction explains, the larger of both [%]."""
+    """Return the share of each output's variance that the printed fit explains: of a free run, or of a forecast [%]."""
     records = validate.most_recent(judged, JUDGED_SAMPLES)
     with np.errstate(over="ignore", invalid="ignore"):
-        runs = np.mean([1.0 - (1.0 - 0.01 * validate.fit_percent(model, record)) ** 2 for record in records], axis=0)
-        ahead = np.mean([validate.vaf_percent(record.y, validate.one_step_residuals(model, record)) for record in records], axis=0)
-    shares = np.fmax(np.where(np.isfinite(runs), 100.0 * runs, np.nan), np.where(np.isfinite(ahead), ahead, np.nan))
+        fits = [validate.fit_percent(model, record, horizon=forecast_horizon(model)) for record in records]
+        shares = np.mean([100.0 * (1.0 - (1.0 - 0.01 * fit) ** 2) for fit in fits], axis=0)
     return {name: round(_json_number(value), 1) for name, value in zip(model.output_names, shares, strict=True)}
 
 
@@ -169,7 +197,7 @@ def validation_warnings(
     """Return the warnings on stability, fit and residuals."""
     found = []
     radius = float(np.abs(np.linalg.eigvals(model.A)).max())
-    if radius > 1.0 + 1e-6:
+    if radius > 1.0 + UNSTABLE:
         found.append(
             f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant is "
             "known to be stable"
@@ -261,11 +289,31 @@ class FittedSystem:
 
     candidate: Candidate
     system: Affine
-    units: Units
     fitting: Fitting
     evidence: Evidence
     warnings: Sequence[str]
-    scores: Sequence[CvScore] = ()
+    ensemble: Ensemble | None = None
+
+    @property
+    def units(self) -> Units:
+        """Units of the system: offset and scale of each channel."""
+        return self.fitting.data.units
+
+
+def _members(found: Ensemble | None) -> list[CandidateScore]:
+    """Return the members of an ensemble, nearest to the median first."""
+    if found is None:
+        return []
+    order = np.argsort(found.distances, kind="stable")
+    return [
+        CandidateScore(
+            order=found.members[at].order,
+            decay=found.members[at].decay,
+            distance=finite_or_none(found.distances[at]),
+            chosen=found.members[at] is found.medoid,
+        )
+        for at in order.tolist()
+    ]
 
 
 class Identified(ModelMethods, Printable):
@@ -314,7 +362,10 @@ class Identified(ModelMethods, Printable):
         """Return order, fit, one-step prediction, poles and warnings."""
         report = self.report
         rows = [
-            (f"fit of {name}", f"{value:.1f} % free run, {report.one_step_vaf_percent[name]:.1f} % of the variance one step ahead")
+            (
+                f"fit of {name}",
+                f"{value:.1f} % {report.judged_by}, {report.one_step_vaf_percent[name]:.1f} % of the variance one step ahead",
+            )
             for name, value in report.fit_percent.items()
         ]
         rows.append(("poles", ", ".join(f"{complex(*pole):.4g}" for pole in report.poles)))
@@ -331,23 +382,22 @@ class Identified(ModelMethods, Printable):
     def _intervals(self) -> ConfidenceIntervals | None:
         found = self._found
         candidate, fitting = found.candidate, found.fitting
-        if candidate.method == "deconvolution" or candidate.step == "inputs-again":
-            return None  # no error covariance is available for these methods
-        if candidate.step == "subspace" and candidate.method != "pbsid":
-            law = of_correlations if candidate.method == "era-dc" else of_observer
+        if candidate.method == "deconvolution":
+            return None  # Eq. (9c) assumes data without noise
+        if candidate.method == "okid-era":
             observer, svd = fitting.observer(candidate.lags, candidate.order)
             # Residuals of an observer may be correlated over further lags, which the covariance needs.
             data = fitting.with_more_lags((1 + MEMORY_PER_LAG) * candidate.lags)
-            return law(observer, svd, found.system, found.units, data)
-        if candidate.step in ("subspace", "prediction-error") and found.system.K is not None:
+            return of_observer(observer, svd, found.system, found.units, data)
+        if candidate.step != "output-error" and found.system.K is not None:
             runs = fitting.predictors(4 * candidate.order + 4)
             if not runs:
                 return None
             # The Gram matrix of a stream or a prior covers more samples than are kept in memory.
             share = min(1.0, sum(len(run.y) for run in runs) / fitting.data.count)
             result = of_predicting(found.system, runs, fitting.fixed, found.units)
-            return result if result is None or candidate.step != "subspace" else result.narrowed(share)
-        return of_refined(found.system, fitting.experiments(constants=candidate.constants), fitting.fixed, found.units)
+            return None if result is None else result.narrowed(share)
+        return of_refined(found.system, fitting.experiments, fitting.fixed, found.units)
 
     @cached_property
     @one_thread()
@@ -369,7 +419,6 @@ class Identified(ModelMethods, Printable):
             lags=found.candidate.lags,
             method=self._method,
             subspace=found.candidate.method,
-            constants=found.candidate.constants,
             step=found.candidate.step,
             feedthrough=found.fitting.feedthrough,
             mirrored=self._differential is not None,
@@ -383,12 +432,7 @@ class Identified(ModelMethods, Printable):
             excitation_order=support,
             samples=round(found.fitting.data.count),
             dropped=found.fitting.data.dropped,
-            candidates=[
-                CandidateScore(
-                    **asdict(scored.candidate), error=finite_or_none(scored.error), chosen=scored.candidate == found.candidate
-                )
-                for scored in found.scores
-            ],
+            candidates=_members(found.ensemble),
             warnings=warnings,
             seconds=self._seconds + time.perf_counter() - started,
         )

@@ -5,9 +5,6 @@ directions follow from the covariance of the regression, propagated through Mark
 models they follow from the curvature of the cost. Both include the correlation of the residuals by a sandwich estimator
 (Newey and West, 1987). The intervals do not include the effects of a wrong order, of nonlinearity, of the bias of a subspace
 method with few lags, or of the model selection.
-
-ERA/DC decomposes the block Hankel matrix of ``R_k = H(k) H(0)'``, ERA decomposes H(0). The Markov parameters change R_k by
-``dH(k) H(0)' + H(k) dH(0)'``; the change of state coordinates is then removed as for ERA.
 """
 
 from collections.abc import Sequence
@@ -20,19 +17,20 @@ from scipy.special import gammaincinv
 from treadline.core.linear_system_kernels import observability
 from treadline.core.linear_systems import TESTED_LAGS, whiteness_p
 from treadline.identification._affine import Affine
-from treadline.identification._era import HankelSvd, hankel
+from treadline.identification._era import HankelSvd
 from treadline.identification._factor import inverse
 from treadline.identification._gram import Gram, Units
 from treadline.identification._okid import ObserverMarkov, regression
-from treadline.identification._realisation import correlations
 from treadline.identification._recursion_kernels import tangents, unroll
 from treadline.identification._refine import Directions, Experiment, directions, jacobian, mixed
 
 CONFIDENCE = 0.95
 PORTION = 256
 """Number of directions propagated through the Hankel matrix at once."""
-ROWS_MOST = 20_000
-"""Largest number of samples in the curvature; the result is scaled to longer data."""
+ENTRIES_MOST = 2_000_000
+"""Largest number of derivatives in the curvature; the result is scaled to longer data."""
+MATRIX_ENTRIES_MOST = 1_500
+"""Largest number of entries of A, B, C and D with intervals; the gauge of more takes seconds to remove."""
 SANDWICH_MOST = 400
 """Largest number of coefficients with a sandwich covariance, whose size is the square of this number."""
 MEMORY_PER_LAG = 2
@@ -247,11 +245,18 @@ def of_predicting(
 
 
 def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]) -> Directions | None:
-    """Return the changes of a fit per standard normal variable, by the curvature of its cost; None for data too short."""
-    ways, p = directions(system, fixed), len(system.C)
+    """Return the changes of a fit per standard normal variable, by the curvature of its cost.
+
+    None for too few data or too large a model.
+    """
+    p = len(system.C)
+    if (system.order + p) * (system.order + system.B.shape[1]) > MATRIX_ENTRIES_MOST:
+        return None
+    ways = directions(system, fixed)
     d = ways.A.shape[2]
     total = sum(len(item.y) for item in experiments)
-    kept = [_recent(item, ROWS_MOST * len(item.y) // max(total, ROWS_MOST)) for item in experiments]
+    rows = ENTRIES_MOST // (p * d)
+    kept = [_recent(item, rows * len(item.y) // max(total, rows)) for item in experiments]
     pairs = [jacobian(system, item, ways) for item in kept]
     seen = sum(int(item.there.sum()) for item in kept)
     if seen * p <= 2 * d:
@@ -289,73 +294,3 @@ def _root(covariance: Float[np.ndarray, "d d"]) -> Float[np.ndarray, "d d"]:
     """Return L with LL' = covariance; negative eigenvalues from rounding count as zero."""
     values, V = np.linalg.eigh(0.5 * (covariance + covariance.T))
     return np.asarray(V * np.sqrt(np.maximum(values, 0.0)))
-
-
-def of_correlations(observer: ObserverMarkov, svd: HankelSvd, system: Affine, units: Units, data: Gram) -> ConfidenceIntervals:
-    """Return the intervals of ERA/DC's realisation of an observer, in standard deviations.
-
-    Args:
-        observer: OKID observer in standard deviations.
-        svd: Decomposition of H(0).
-        system: Realised system.
-        units: Units of the system.
-        data: Gram matrix of the data.
-    """
-    markov, found = correlations(observer, svd)
-    n, (p, m), rows, columns, blocks = system.order, observer.D.shape, svd.rows, svd.columns, found.rows
-    U, s, Vt = found.leading(n)
-    root = np.sqrt(s)
-    left = (U / root).T.reshape(n, blocks, rows * p).transpose(1, 0, 2)
-    right = (Vt.T / root).reshape(blocks, rows * p, n)
-    H = np.stack([hankel(markov, rows, columns, k) for k in range(2 * blocks)])
-    dY = markov_changes(observer, system, data, len(markov))
-    seen = H[0].T @ right  # H(0)' times the right factor, block by block
-    at = np.arange(blocks)
-    turn, moved = (
-        _through_first(left, dY[shift:], seen, p, m)
-        + _through_second(np.einsum("ina,ijab->jnb", left, H[at[:, None] + at + shift], optimize=True), dY, right, p, m)
-        for shift in (0, 1)
-    )
-    # Changes of the upper rows of O, from which C and B are taken, with the right factor fixed.
-    upper = _through_first(np.eye(rows * p)[None], dY, seen, p, m) + _through_second(H[at], dY, right, p, m)
-    O = U[: rows * p] * root
-    entering = dY[1 + np.arange(rows)].reshape(rows * p, m, -1)
-    changed = entering - np.einsum("ank,nm->amk", upper, system.B[:, :m], optimize=True)
-    B = np.tensordot(np.linalg.pinv(O), changed, axes=1)
-    A = moved - np.einsum("njk,jl->nlk", turn, system.A, optimize=True)
-    ways = Directions(A=A, B=with_constant(B), C=upper[:p], D=with_constant(dY[0]))
-    return ConfidenceIntervals(system=system, ways=ways, units=units)
-
-
-def _through_first(
-    left: Float[np.ndarray, "i a b"], dY: Float[np.ndarray, "count p m k"], right: Float[np.ndarray, "j c n"], p: int, m: int
-) -> Float[np.ndarray, "a n k"]:
-    """Return Σ L_i dH(i+j) R_j; shift and block row enter as their sum, so each factor becomes one row of blocks."""
-    L, R = _along_shifts(left.transpose(0, 2, 1), p), _along_shifts(right, m)
-    total = np.zeros((L.shape[2], R.shape[2], dY.shape[3]))
-    for at, block in enumerate(L):
-        inner = np.tensordot(R, dY[1 + at : 1 + at + len(R)], axes=([0, 1], [0, 2]))
-        total += np.tensordot(block, inner, axes=([0], [1]))
-    return total
-
-
-def _through_second(
-    left: Float[np.ndarray, "j a b"], dY: Float[np.ndarray, "count p m k"], right: Float[np.ndarray, "j c n"], p: int, m: int
-) -> Float[np.ndarray, "a n k"]:
-    """Return Σ L_j dH(0)' R_j."""
-    rows, columns = right.shape[1] // p, left.shape[2] // m
-    R, L = right.reshape(len(right), rows, p, -1), left.reshape(len(left), left.shape[1], columns, m)
-    total = np.zeros((left.shape[1], right.shape[2], dY.shape[3]))
-    for at in range(rows):
-        weights = np.einsum("jabm,jpn->bmpan", L, R[:, at], optimize=True)
-        total += np.tensordot(weights, dY[1 + at : 1 + at + columns], axes=([0, 1, 2], [0, 2, 1]))
-    return total
-
-
-def _along_shifts(factor: Float[np.ndarray, "i a n"], size: int) -> Float[np.ndarray, "t s n"]:
-    """Return Σ over i + row = t of the blocks with ``size`` rows."""
-    shifts, rows, n = len(factor), factor.shape[1] // size, factor.shape[2]
-    total = np.zeros((shifts + rows - 1, size, n))
-    for at in range(shifts):
-        total[at : at + rows] += factor[at].reshape(rows, size, n)
-    return total

@@ -16,10 +16,10 @@ from jaxtyping import Float
 
 from treadline.core.linear_system_kernels import observability
 from treadline.identification._affine import Affine
-from treadline.identification._era import RANK_MOST, HankelSvd, correlated_svd, realise, realise_correlated
+from treadline.identification._era import RANK_MOST, HankelSvd, realise
 from treadline.identification._factor import solution
 from treadline.identification._gram import Gram
-from treadline.identification._okid import ObserverMarkov, regression, system_markov
+from treadline.identification._okid import ObserverMarkov, system_markov
 from treadline.identification._recursion_kernels import unroll
 
 BLOCKS_LEAST = 8
@@ -39,22 +39,18 @@ def markov_svd(observer: ObserverMarkov, order: int | None) -> HankelSvd:
     return HankelSvd(markov=markov, rows=blocks, columns=blocks, rank=max((order or 0) + 1, RANK_MOST))
 
 
-def realised(observer: ObserverMarkov, svd: HankelSvd, order: int, *, correlated: bool = False) -> Affine:
-    """Return the model of an order by ERA or, with ``correlated``, by ERA/DC.
+def realised(observer: ObserverMarkov, svd: HankelSvd, order: int) -> Affine:
+    """Return the model of an order by ERA.
 
     Args:
         observer: OKID observer in standard deviations.
         svd: Its decomposed Hankel matrix.
         order: Number of states.
-        correlated: Whether to use data correlations.
 
     Raises:
         PoorExcitation: If the order is above the rank of the data.
     """
-    if correlated:
-        A, B, C = realise_correlated(correlations(observer, svd)[1], svd.matrix, order, *observer.D.shape)
-    else:
-        A, B, C = realise(svd, order)
+    A, B, C = realise(svd, order)
     # At the observer's equilibrium C x = 0, so the offsets enter through the last column of D only.
     u0, y0 = _rest(observer)
     return Affine(
@@ -64,13 +60,6 @@ def realised(observer: ObserverMarkov, svd: HankelSvd, order: int, *, correlated
         D=np.column_stack([observer.D, y0 - observer.D @ u0]),
         K=observer_gain(A, C, observer),
     )
-
-
-def correlations(observer: ObserverMarkov, svd: HankelSvd) -> tuple[Float[np.ndarray, "count p m"], HankelSvd]:
-    """Return the Markov parameters for ERA/DC and its decomposition, with half as many shifts as block rows."""
-    shifts = svd.rows // 2
-    markov = system_markov(observer, 2 * svd.rows + 2 * shifts + 2)
-    return markov, correlated_svd(markov, svd.rows, svd.columns, shifts)
 
 
 def _rest(observer: ObserverMarkov) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " p"]]:
@@ -110,11 +99,16 @@ class StateMap:
     """State map x = rows @ [z_{k-1}, …, z_{k-p}], each state with variance s."""
 
 
-def state_map(data: Gram, lags: int, *, feedthrough: bool) -> StateMap:
-    """Return the linear map from the past to the state."""
-    m, r = data.units.input_count, len(data.units.scale)
-    p = r - m
-    theta = regression(data, lags, feedthrough=feedthrough).theta
+def state_map(data: Gram, lags: int, theta: Float[np.ndarray, "q p"]) -> StateMap:
+    """Return the linear map from the past to the state.
+
+    Args:
+        data: Gram matrix.
+        lags: Number of lags of the regression.
+        theta: Coefficients of the outputs' regression on the past; the lagged ones are its last rows.
+    """
+    r = len(data.units.scale)
+    p = r - data.units.input_count
     first = len(theta) - lags * r
     response = theta[first:].reshape(lags, r, p).transpose(0, 2, 1)
     padded = np.concatenate([response, np.zeros_like(response)])

@@ -16,6 +16,7 @@ from scipy.linalg import lapack
 
 from treadline.core.arrays import store_contiguous
 from treadline.core.linear_system_kernels import observability
+from treadline.core.linear_systems import prefix
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import ON_CIRCLE, WELL_SEEN, Affine, Modes, derivative_sums, modes_of
 from treadline.identification._gram import Units, runs_of
@@ -42,7 +43,9 @@ class Effort:
 
 THOROUGH = Effort(steps=200, chance=1e-3)
 BRIEF = Effort(steps=60, chance=0.1)
-"""Effort for the comparison of candidates; a smaller effort would favour small models, which converge sooner."""
+"""Effort for an innovation gain, which converges in a few steps."""
+DAMPED = Effort(steps=10, chance=0.1)
+"""Effort from a model that is already good: on measured data further steps follow the disturbances of the record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,6 +130,15 @@ def residual(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]
     """Return the residual of a free run from the least-squares initial state; zero at a missing output."""
     x0, e, last = _from_best_start(system, experiment)
     subtract_initial_response(system.A, system.C, x0, experiment.there, last, e)
+    return e
+
+
+def fair_residual(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]:
+    """Return the residual of a free run whose initial state fits the first samples alone (``prefix``); zero at a missing output."""
+    steps = len(experiment.y)
+    x0 = initial_state(system, experiment.part(0, prefix(steps, system.order, len(system.C))))
+    e, _, _ = run_residual(system.A, system.B, system.C, system.D, experiment.u, experiment.y, experiment.there, 1)
+    subtract_initial_response(system.A, system.C, x0, experiment.there, _lasting(system, steps), e)
     return e
 
 

@@ -17,7 +17,7 @@ from treadline.identification._identified import Identified
 from treadline.identification._threads import one_thread
 from treadline.identification.options import DEFAULT_OPTIONS, LAGS_MOST, IdentificationOptions, max_supported_lags
 
-METHODS = ("pbsid", "okid-era", "era-dc")
+METHODS = ("pbsid", "okid-era")
 """Methods that need only the Gram matrix; refinements need all samples."""
 WHOLE_RECORD_OPTIONS = ("delays", "stable", "validation", "prior", "forgetting")
 """Options that need all samples at once, so that chunks reject them."""

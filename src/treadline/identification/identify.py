@@ -58,6 +58,7 @@ def identify(
     if options.prior is not None:
         _check_prior(options.prior, given[0])
     method = options.method or ("best" if options.prior is None else "pbsid")
+    options = replace(options, method=method)
     units = check_records(given)
     fitted, judged = _split(given, options.validation)
     if options.validation is not None:
@@ -78,7 +79,7 @@ def identify(
         found = replace(found, system=_stable(found))
     model = to_model(found.system, found.units, data.dt_s, channel_names(taken[0]), provenance_of(method, found.candidate, shifts))
     if differential is not None:
-        model = differential.model(model, found.candidate.constants * data.units.shift[:2])
+        model = differential.model(model, data.units.shift[:2])
     if any(shifts):
         model = with_delays(model, shifts)
     return Identified(
@@ -98,9 +99,8 @@ def _stable(found: FittedSystem) -> Affine:
     system = stabilised(found.system)
     if system is found.system:
         return system
-    constants = found.candidate.constants
-    system = with_inputs_again(system, found.fitting.experiments(constants=constants), found.fitting.fixed)
-    return found.fitting.with_gain(system, constants=constants)
+    system = with_inputs_again(system, found.fitting.experiments, found.fitting.fixed)
+    return found.fitting.with_gain(system)
 
 
 def _dead_time(records: Sequence[InputOutputRecord], options: IdentificationOptions, units: Units) -> list[int]:

@@ -15,7 +15,7 @@ from treadline.core.models import InputOutputRecord
 from treadline.identification._checks import check_integers
 from treadline.identification._gram import Gram
 
-METHODS = ("best", "okid-era", "era-dc", "pbsid", "deconvolution")
+METHODS = ("best", "okid-era", "pbsid", "deconvolution")
 SOLVERS = ("gram", "qr")
 NEED_SAMPLES = ("best", "deconvolution")
 """Methods that need all samples, and therefore cannot continue from a Gram matrix."""
@@ -35,14 +35,15 @@ class IdentificationOptions:
     """
 
     order: int | None = None
-    """Number of states. Default: with ``best`` by cross-validation, with ``pbsid`` the largest gap of the singular values or,
-    where that gap is unclear, the BIC, otherwise the largest gap of the singular values."""
+    """Number of states. Default: with ``best`` that of the ensemble's medoid, with ``pbsid`` the largest gap of the singular
+    values or, where that gap is unclear, the smallest BIC, otherwise the largest gap of the singular values."""
     lags: int | None = None
-    """Observer lags p. Default: at the smallest BIC, with ``okid-era`` and ``era-dc`` at the smallest AICc."""
+    """Observer lags p. Default: with ``best`` as many as the data support, up to 40, with ``pbsid`` at the smallest BIC, with
+    ``okid-era`` at the smallest AICc."""
     method: str | None = None
-    """Identification method. ``best`` compares several methods by cross-validation; ``okid-era`` is the paper's method,
-    ``era-dc`` its variant with data correlations, ``pbsid`` the closed-loop subspace method, ``deconvolution`` Eq. (9c) as
-    printed. Default: ``best``; with a prior, or for chunks, ``pbsid``."""
+    """Identification method. ``best`` takes the model nearest to the median of an ensemble; ``okid-era`` is the paper's method,
+    ``pbsid`` the closed-loop subspace method, ``deconvolution`` Eq. (9c) as printed. Default: ``best``; with a prior, or for
+    chunks, ``pbsid``."""
     feedthrough: bool | None = None
     """Whether an input acts within the same sample (D). Default: at the smallest BIC."""
     delays: Sequence[int] | str | None = None
@@ -83,7 +84,7 @@ class IdentificationOptions:
         if self.lags is not None and self.lags > prior.lags:
             raise SettingsError(f"lags is {self.lags}; the prior has {prior.lags}")
         if self.method in NEED_SAMPLES:
-            raise SettingsError(f"method '{self.method}' needs all samples; with a prior give okid-era, era-dc or pbsid")
+            raise SettingsError(f"method '{self.method}' needs all samples; with a prior give okid-era or pbsid")
 
 
 class IdentificationKeywords(TypedDict, total=False):
@@ -112,17 +113,27 @@ WINDOWS_LEAVE = 0.4
 ROWS_PER_PARAMETER = 8
 """Windows per coefficient of one output for automatically chosen lags."""
 ROWS_LEAST = 2
-"""Windows per coefficient that must be exceeded for a given number of lags."""
+"""Windows per coefficient that must be exceeded for a given number of lags, and for the penalised regression of ``best``."""
+COEFFICIENTS_MOST = 640
+"""Coefficients of one output for automatically chosen lags: the decomposition of their Gram matrix takes a tenth of a second."""
 
 
-def max_supported_lags(records: Sequence[InputOutputRecord], lags: int | None, order: int | None) -> int:
+def max_supported_lags(
+    records: Sequence[InputOutputRecord], lags: int | None, order: int | None, *, penalised: bool = False
+) -> int:
     """Return the given number of lags, or the largest number that the data support.
+
+    Args:
+        records: Experiments.
+        lags: Given number of lags; None for the largest.
+        order: Number of states, if given.
+        penalised: Whether the regression has a prior, so that it needs fewer windows per coefficient.
 
     Raises:
         TooFewSamples: If the data are too short for the lags or the order.
     """
     m, p = records[0].u.shape[1], records[0].y.shape[1]
-    most = lags if lags is not None else _affordable_lags(records)
+    most = lags if lags is not None else _affordable_lags(records, penalised=penalised)
     needed = max(most, -(-(order or 1) // p), 1)
     whole, lost = _windows(records, needed)
     if most < needed or whole <= ROWS_LEAST * _unknowns(m, p, needed):
@@ -161,12 +172,14 @@ def _windows(records: Sequence[InputOutputRecord], lags: int) -> tuple[int, int]
     return whole, lost
 
 
-def _affordable_lags(records: Sequence[InputOutputRecord]) -> int:
+def _affordable_lags(records: Sequence[InputOutputRecord], *, penalised: bool) -> int:
     """Return the largest number of lags with enough windows per coefficient; 0 if there is none."""
     m, p = records[0].u.shape[1], records[0].y.shape[1]
     total = sum(len(record) for record in records)
     for lags in range(LAGS_MOST, 0, -1):
-        wanted = max(ROWS_PER_PARAMETER * _unknowns(m, p, lags), WINDOWS_LEAVE * total)
-        if total >= wanted and _windows(records, lags)[0] >= wanted:
+        unknowns = _unknowns(m, p, lags)
+        rows = ROWS_LEAST * unknowns + 1 if penalised and lags > 1 else ROWS_PER_PARAMETER * unknowns
+        wanted = max(rows, WINDOWS_LEAVE * total)
+        if unknowns <= max(COEFFICIENTS_MOST, _unknowns(m, p, 1)) and total >= wanted and _windows(records, lags)[0] >= wanted:
             return lags
     return 0

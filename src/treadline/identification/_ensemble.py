@@ -1,0 +1,225 @@
+"""The method ``best``: many subspace models of one record, and of them the one nearest to their median.
+
+A few hundred samples cannot rank a hundred candidate models; choosing among them by held-out data costs more than it brings.
+Instead all candidates are fitted to all data: PBSID states from regressions with slowly, quickly and not decaying priors, for
+orders about the one of smallest BIC. Each gets the inputs, the feedthrough, the offset and the initial state that fit its free
+run. The pointwise median of their free runs and of their impulse responses is a robust estimate; the result is the medoid, the
+member nearest to both medians.
+
+Two questions remain that only other data answer, each asked once: the two halves of the record predict each other.
+A slow pole, which may be drift instead of a property of the plant, is kept, and the output error is refined, only if that
+lowers the error in both directions. Outputs of which the inputs explain no more than chance are shrunk to their mean.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.arrays import markov_parameters
+from treadline.core.errors import PoorExcitation
+from treadline.identification._affine import Affine, stabilised
+from treadline.identification._decaying_ridge import decaying_ridge
+from treadline.identification._fitting import Fitting, last_samples, with_inputs_again
+from treadline.identification._model_order import bic_order
+from treadline.identification._realisation import StateMap, pbsid, state_map
+from treadline.identification._refine import DAMPED, Experiment, fair_residual, refined, residual
+
+DECAYS = (0.7, 0.9, 1.0)
+"""Ratios of prior variances of successive lags: a memory of about three lags, of about ten, and of all."""
+ORDERS_TRIED = 10
+"""Orders per decay, spread evenly over the range."""
+ORDER_LEAST, ORDER_WIDE, ORDER_MOST = 3, 12, 40
+"""Range of orders: at least 3 to 12, as the recipe of the design page; above it from half to one and a half times the BIC's."""
+VALUES_PER_COEFFICIENT = 10
+"""Output values per coefficient of the largest order."""
+VALUES_MOST = 40_000
+"""Most recent output values of which free runs are taken: 20,000 samples of two outputs; more would hardly change the medoid."""
+IMPULSE_STEPS, IMPULSE_WEIGHT = 200, 0.1
+"""Longest impulse response compared, and its weight: it decides where the inputs of the record leave the models alike."""
+GROWN = 3.0
+"""Growth over the record, as a power of e, above which a plant counts as unstable: twenty-fold."""
+AGREEING = 0.1
+"""Share of the members that may disagree with it."""
+COEFFICIENTS_MOST = 600
+"""Coefficients above which a refinement takes longer than all other steps."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Member:
+    """One model of the ensemble."""
+
+    order: int
+    decay: float
+    realised: Affine
+    """Model as PBSID realises it."""
+    system: Affine
+    """Model with bounded poles and refitted inputs; of an unstable plant as realised."""
+    run: Float[np.ndarray, " values"]
+    """Free run on the data in standard deviations; empty for an unstable plant."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ensemble:
+    """Members with their distances from the median, and the model made of the nearest."""
+
+    members: Sequence[Member]
+    distances: Float[np.ndarray, " members"]
+    system: Affine
+    step: str
+    """Last fitting step of the model: ``subspace``, ``inputs-again`` or ``output-error``."""
+    gains: Float[np.ndarray, " p"]
+    """Factor on each output's response: 0 where the inputs explain no more than chance, else 1."""
+
+    @property
+    def medoid(self) -> Member:
+        """Member nearest to the median."""
+        return self.members[int(np.argmin(self.distances))]
+
+
+def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callable[[str], None] = lambda _: None) -> Ensemble:
+    """Return the ensemble of a record and its model.
+
+    Args:
+        fitting: Data of the fit.
+        orders: Orders to try; the data decide when None.
+        on_progress: Called with a line of text per decay.
+
+    Raises:
+        PoorExcitation: If no order has a model.
+    """
+    experiments = last_samples(fitting.experiments, VALUES_MOST // len(fitting.data.units.output_scale))
+    found: list[tuple[float, Affine]] = []
+    for decay in DECAYS:
+        on_progress(f"models with a prior that decays by {decay:g} a lag")
+        theta = decaying_ridge(fitting.data, decay, feedthrough=fitting.feedthrough)
+        states = state_map(fitting.data, fitting.data.lags, theta)
+        for order in _orders(fitting, states) if orders is None else orders:
+            if order <= len(states.s):
+                found.append((decay, pbsid(fitting.data, states, order, fitting.data.lags, feedthrough=fitting.feedthrough)))
+    if not found:
+        raise PoorExcitation(
+            f"order {min(orders or [1])} is above the largest order that {fitting.data.lags} lags of these data support; ask for less"
+        )
+    length = max(len(item.y) for item in experiments)
+    radii = [system.radius for _, system in found]
+    if np.quantile(radii, AGREEING) > 1.0 + GROWN / length:
+        return _unstable(fitting, found)
+    members = [_member(fitting, experiments, decay, system) for decay, system in found]
+    distances = _distances(fitting, members)
+    medoid = members[int(np.argmin(distances))]
+    system, step = _checked(fitting, experiments, medoid)
+    if step == "inputs-again" and sum(len(item.y) for item in experiments) < fitting.data.count:
+        system = with_inputs_again(system, fitting.experiments, fitting.fixed)
+    gains = _gains(experiments, system)
+    return Ensemble(members=members, distances=distances, system=_shrunk(system, gains), step=step, gains=gains)
+
+
+def _orders(fitting: Fitting, states: StateMap) -> list[int]:
+    """Return the orders tried: about the one of smallest BIC, as far as the samples allow."""
+    data = fitting.data
+    m, p = data.units.input_count, len(data.units.output_scale)
+    central = bic_order(data, states, data.lags, feedthrough=fitting.feedthrough, most=ORDER_MOST)
+    most = max(1, int((data.count * p / VALUES_PER_COEFFICIENT - m * p) / (m + p)))
+    upper = min(max(ORDER_WIDE, round(1.5 * central)), ORDER_MOST, most, len(states.s))
+    lower = min(max(ORDER_LEAST, central // 2), upper)
+    return sorted({int(order) for order in np.linspace(lower, upper, min(ORDERS_TRIED, upper - lower + 1)).round()})
+
+
+def _member(fitting: Fitting, experiments: Sequence[Experiment], decay: float, realised: Affine) -> Member:
+    bounded = stabilised(realised, samples=max(len(item.y) for item in experiments))
+    system = with_inputs_again(bounded, experiments, fitting.fixed)
+    run = np.concatenate([(item.y - residual(system, item))[item.there].ravel() for item in experiments])
+    return Member(order=realised.order, decay=decay, realised=realised, system=system, run=run)
+
+
+def _distances(fitting: Fitting, members: Sequence[Member]) -> Float[np.ndarray, " members"]:
+    """Return each member's squared distance from the median free run and the median impulse response, relative to their size."""
+    steps = min(IMPULSE_STEPS, max(2, len(members[0].run) // (4 * len(fitting.data.units.output_scale))))
+    runs, responses = np.stack([one.run for one in members]), _impulses(fitting, [one.system for one in members], steps)
+    from_run = np.mean((runs - np.median(runs, axis=0)) ** 2, axis=1)  # channels have deviation one
+    distances = from_run + IMPULSE_WEIGHT * _from_median(responses)
+    return np.where(np.isfinite(distances), distances, np.inf)
+
+
+def _impulses(fitting: Fitting, systems: Sequence[Affine], steps: int) -> Float[np.ndarray, "members values"]:
+    m = fitting.data.units.input_count
+    return np.stack([markov_parameters(one.A, one.B[:, :m], one.C, one.D[:, :m], steps).ravel() for one in systems])
+
+
+def _from_median(responses: Float[np.ndarray, "members values"]) -> Float[np.ndarray, " members"]:
+    median = np.median(responses, axis=0)
+    return np.asarray(((responses - median) ** 2).sum(axis=1) / max(float(median @ median), np.finfo(float).tiny))
+
+
+def _unstable(fitting: Fitting, found: Sequence[tuple[float, Affine]]) -> Ensemble:
+    """Return the ensemble of an unstable plant: without free runs, which no data of finite precision allow."""
+    members = [Member(order=system.order, decay=decay, realised=system, system=system, run=np.empty(0)) for decay, system in found]
+    distances = _from_median(_impulses(fitting, [system for _, system in found], fitting.data.lags + 1))
+    medoid = members[int(np.argmin(distances))]
+    gains = np.ones(len(medoid.system.C))
+    return Ensemble(members=members, distances=distances, system=medoid.system, step="subspace", gains=gains)
+
+
+def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member) -> tuple[Affine, str]:
+    """Return the medoid, with its slow poles as realised or its output error refined where both halves agree; and the last step."""
+
+    def again(system: Affine, part: Sequence[Experiment]) -> Affine:
+        return with_inputs_again(system, part, fitting.fixed)
+
+    def refinement(system: Affine, part: Sequence[Experiment]) -> Affine:
+        better = refined(again(system, part), part, fixed=fitting.fixed, effort=DAMPED)
+        return stabilised(better, samples=max(len(item.y) for item in experiments))
+
+    chosen, error = medoid.system, _errors(medoid.system, experiments, again)
+    kept = stabilised(medoid.realised)
+    if not np.array_equal(kept.A, chosen.A) and (_errors(kept, experiments, again) < error).all():
+        return again(kept, experiments), "inputs-again"
+    small = chosen.order * (chosen.order + chosen.B.shape[1] + len(chosen.C)) < COEFFICIENTS_MOST
+    if small and (_errors(chosen, experiments, refinement) < error).all():
+        return refinement(chosen, experiments), "output-error"
+    return chosen, "inputs-again"
+
+
+Fit = Callable[[Affine, Sequence[Experiment]], Affine]
+
+
+def _free_runs(
+    system: Affine, experiments: Sequence[Experiment], fit: Fit
+) -> Iterator[tuple[Float[np.ndarray, "T p"], Float[np.ndarray, "T p"]]]:
+    """Yield, for each half of the data, its outputs and their free run by the model fitted to the other half."""
+    early = [item.part(0, len(item.y) // 2) for item in experiments]
+    late = [item.part(len(item.y) // 2, len(item.y)) for item in experiments]
+    for here, there in ((early, late), (late, early)):
+        fitted = fit(system, here)
+        with np.errstate(over="ignore", invalid="ignore"):
+            errors = np.vstack([fair_residual(fitted, item)[item.there] for item in there])
+        y = np.vstack([item.y[item.there] for item in there])
+        yield y, y - errors
+
+
+def _errors(system: Affine, experiments: Sequence[Experiment], fit: Fit) -> Float[np.ndarray, "2"]:
+    """Return the squared error of each half's free run by the model fitted to the other half; infinite if it diverges."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = np.array([np.sum((y - run) ** 2) for y, run in _free_runs(system, experiments, fit)])
+    return np.nan_to_num(errors, nan=np.inf)
+
+
+def _gains(experiments: Sequence[Experiment], system: Affine) -> Float[np.ndarray, " p"]:
+    """Return 0 for each output of which the free run explains no more than coefficients fitted to noise would, else 1.
+
+    Of noise, d coefficients explain d/N of the variance on average; twice that covers their scatter.
+    """
+    y = np.vstack([item.y[item.there] for item in experiments])
+    errors = np.vstack([residual(system, item)[item.there] for item in experiments])
+    unexplained = (errors**2).sum(axis=0) / np.maximum(((y - y.mean(axis=0)) ** 2).sum(axis=0), np.finfo(float).tiny)
+    coefficients = system.order * (system.B.shape[1] + 1) + system.B.shape[1]
+    return np.where(1.0 - unexplained < 2.0 * coefficients / len(y), 0.0, 1.0)
+
+
+def _shrunk(system: Affine, gains: Float[np.ndarray, " p"]) -> Affine:
+    """Return the system with each output's response scaled."""
+    if (gains == 1.0).all():
+        return system
+    return replace(system, C=system.C * gains[:, None], D=system.D * gains[:, None], K=None)
