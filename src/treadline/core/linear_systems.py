@@ -18,6 +18,8 @@ from treadline.core.state_space import RUN_VALUES, TEST_VALUES, InputOutputRecor
 
 TESTED_LAGS = 10
 """Number of lags over which residuals are tested."""
+BLOCK_ROWS = 65_536
+"""Number of rows of which products are formed at a time: 12 MB with two inputs and all lags."""
 
 
 def impulse_response(model: StateSpaceModel, steps: int) -> Float[np.ndarray, "steps p m"]:
@@ -162,16 +164,19 @@ def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray,
     System Identification, 1999, section 16.6, for all pairs at once). A small p-value indicates missing dynamics. On the
     fitted data the p-value is too large, because the fit decorrelates the residuals.
     """
-    whole = np.isfinite(residuals).all(axis=1) & np.isfinite(u).all(axis=1)
-    past = np.column_stack([_delayed(u, lag) for lag in range(lags + 1)])
-    whole &= np.isfinite(past).all(axis=1)
-    e, phi = residuals[whole], past[whole]
-    e, phi = e - e.mean(axis=0), phi - phi.mean(axis=0)
-    count, (p, q) = len(e), (e.shape[1], phi.shape[1])
+    p, q = residuals.shape[1], u.shape[1] * (lags + 1)
+    past = np.lib.stride_tricks.sliding_window_view(np.vstack([np.full((lags, u.shape[1]), np.nan), u]), lags + 1, axis=0)
+    centre = np.concatenate([np.nanmean(residuals, axis=0), np.repeat(np.nanmean(u, axis=0), lags + 1)])
+    count, total, square = 0, np.zeros(p + q), np.zeros((p + q, p + q))
+    for k in range(0, len(u), BLOCK_ROWS):
+        rows = np.hstack([residuals[k : k + BLOCK_ROWS], past[k : k + BLOCK_ROWS].reshape(-1, q)]) - centre
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        count, total, square = count + len(rows), total + rows.sum(axis=0), square + rows.T @ rows
     if count <= 2 * q:
         return float("nan")
-    cross = phi.T @ e / count
-    weight_e, weight_phi = np.linalg.pinv(e.T @ e / count), np.linalg.pinv(phi.T @ phi / count, rcond=1e-9)
+    covariance = square / count - np.outer(total, total) / count**2
+    cross = covariance[p:, :p]
+    weight_e, weight_phi = np.linalg.pinv(covariance[:p, :p]), np.linalg.pinv(covariance[p:, p:], rcond=1e-9)
     rank = int(np.linalg.matrix_rank(weight_phi, tol=1e-12 * float(np.abs(weight_phi).max())))
     statistic = count * float(np.trace(weight_phi @ cross @ weight_e @ cross.T))
     return chi2_tail(statistic, p * rank)
@@ -180,11 +185,6 @@ def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray,
 def chi2_tail(statistic: float, freedom: int) -> float:
     """Return the probability that a χ² variable exceeds a statistic; NaN without a degree of freedom."""
     return float(chdtrc(freedom, max(statistic, 0.0))) if freedom else math.nan
-
-
-def _delayed(u: Float[np.ndarray, "T m"], lag: int) -> Float[np.ndarray, "T m"]:
-    lag = min(lag, len(u))
-    return np.vstack([np.full((lag, u.shape[1]), np.nan), u[: len(u) - lag]])
 
 
 def joined_in_time(records: Sequence[InputOutputRecord]) -> InputOutputRecord:
