@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.special import chdtrc
 
 from treadline.core.arrays import markov_parameters
@@ -16,6 +16,10 @@ from treadline.core.errors import PoorExcitation
 from treadline.core.linear_system_kernels import free_run, observability, observer_run
 from treadline.core.state_space import RUN_VALUES, TEST_VALUES, InputOutputRecord, StateSpaceModel
 
+PREFIX = 0.1
+"""Share of a record, at its start, from which the initial state of a free run is estimated."""
+PREFIX_VALUES = 3
+"""Output values per state in the prefix, at least: three equations for each unknown."""
 TESTED_LAGS = 10
 """Number of lags over which residuals are tested."""
 BLOCK_ROWS = 65_536
@@ -71,19 +75,53 @@ def initial_state(model: StateSpaceModel, record: InputOutputRecord) -> Float[np
     return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
 
 
-def fit_percent(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, " p"]:
-    """Return the free-run fit 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%] per output, initial state estimated.
+def prefix(samples: int, order: int, outputs: int) -> int:
+    """Return how many first samples of a record determine the initial state of a free run, and are not scored.
 
-    For a record with missing inputs the runs between the gaps are combined. The fit of an integrator is not informative: its
-    free run drifts with the smallest disturbance.
+    A tenth of the record, at least ``PREFIX_VALUES`` output values per state, at most half of the record.
+    """
+    return min(max(math.ceil(PREFIX * samples), math.ceil(PREFIX_VALUES * order / outputs)), samples // 2)
+
+
+def fair_run(model: StateSpaceModel, record: InputOutputRecord) -> tuple[Float[np.ndarray, "T p"], Bool[np.ndarray, " T"]]:
+    """Return a free run whose initial state comes from the prefix of the record alone, and the samples after the prefix.
+
+    After a missing input the run starts anew, with a prefix of its own. NaN where the inputs are missing.
     """
     model, record = without_dead_time(model, record)
-    runs = [part(record, span.start, span.stop) for span in record.stretches(RUN_VALUES * model.order)]
-    y = np.vstack([run.y for run in runs])
-    predicted = np.vstack([simulate(model, run.u, initial_state(model, run)) for run in runs])
-    error = np.sqrt(np.nansum((y - predicted) ** 2, axis=0))
-    deviation = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
+    run, scored = np.full(record.y.shape, np.nan), np.zeros(len(record), dtype=np.bool_)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for span in record.stretches(RUN_VALUES * model.order):
+            section = part(record, span.start, span.stop)
+            first = prefix(len(section), model.order, len(model.C))
+            run[span] = simulate(model, section.u, initial_state(model, part(section, 0, first)))
+            scored[span.start + first : span.stop] = True
+    return run, scored
+
+
+def fit_percent(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, " p"]:
+    """Return the free-run fit 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%] per output, over the samples after the prefix (``fair_run``).
+
+    The fit of an integrator is not informative: its free run drifts with the smallest disturbance.
+    """
+    run, scored = fair_run(model, record)
+    return percent_of(record.y[scored], run[scored])
+
+
+def percent_of(y: Float[np.ndarray, "T p"], modelled: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
+    """Return 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%] per output over the samples at which both are known; -infinity if it diverges."""
+    known = ~(np.isnan(y) | np.isnan(modelled))
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = np.sqrt(np.sum((y - modelled) ** 2, axis=0, where=known))
+        deviation = np.sqrt(_variation(np.where(known, y, np.nan)))
     return np.asarray(100.0 * (1.0 - error / np.maximum(deviation, 1e-300)))
+
+
+def _variation(values: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
+    """Return the sum of squares about the mean of each column, NaN left out; zero where nothing is known."""
+    known = ~np.isnan(values)
+    mean = np.sum(values, axis=0, where=known) / np.maximum(known.sum(axis=0), 1)
+    return np.asarray(np.sum((values - mean) ** 2, axis=0, where=known))
 
 
 def predictor_states(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
@@ -127,8 +165,11 @@ def one_step_residuals(model: StateSpaceModel, record: InputOutputRecord) -> Flo
 
 
 def vaf_percent(y: Float[np.ndarray, "T p"], residuals: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
-    """Return the variance accounted for [%] per output."""
-    return np.asarray(100.0 * (1.0 - np.nanvar(residuals, axis=0) / np.maximum(np.nanvar(y, axis=0), 1e-300)))
+    """Return the variance accounted for [%] per output; NaN if the residuals diverge."""
+    counts = [np.maximum((~np.isnan(item)).sum(axis=0), 1) for item in (residuals, y)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        left, whole = _variation(residuals) / counts[0], _variation(y) / counts[1]
+    return np.asarray(100.0 * (1.0 - left / np.maximum(whole, 1e-300)))
 
 
 def h_step_rmse(model: StateSpaceModel, record: InputOutputRecord, steps: int) -> Float[np.ndarray, " p"]:

@@ -126,6 +126,30 @@ class StateSpaceModel:
         """Number of states."""
         return int(self.A.shape[0])
 
+    def pair(self, output: int, given: int) -> "StateSpaceModel":
+        """Return the model from one input to one output."""
+        i, j = slice(output, output + 1), slice(given, given + 1)
+        return replace(
+            self,
+            B=self.B[:, j],
+            C=self.C[i],
+            D=self.D[i, j],
+            input_offset=self.input_offset[j],
+            output_offset=self.output_offset[i],
+            observer_gain=None,
+            input_delay=self.input_delay[j],
+            input_names=self.input_names[j],
+            output_names=self.output_names[i],
+        )
+
+
+def channel_names(model: StateSpaceModel) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of inputs and outputs: ``u1``, ``y1`` and so on where the model has none."""
+    p, m = model.D.shape
+    inputs = model.input_names or tuple(f"u{j + 1}" for j in range(m))
+    outputs = model.output_names or tuple(f"y{i + 1}" for i in range(p))
+    return inputs, outputs
+
 
 def _columns(name: str, given: object) -> Float[np.ndarray, "T c"]:
     """Return the samples of a record, one row each; a one-dimensional array becomes one column.

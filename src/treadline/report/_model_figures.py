@@ -304,24 +304,30 @@ def _decades(size: Float[np.ndarray, " k"], upper: Float[np.ndarray, " k"]) -> t
 def fit(
     t: Float[np.ndarray, " T"],
     measured: Float[np.ndarray, "T p"],
-    free: Float[np.ndarray, "T p"],
+    modelled: Float[np.ndarray, "T p"],
     ahead: Float[np.ndarray, "T p"],
     closer: slice | None,
     outputs: Sequence[ColumnLabel],
+    *,
+    kind: str = "free run",
 ) -> Figure:
-    """Return measured and modelled outputs with residuals below, and optionally an enlarged section next to them."""
+    """Return measured and modelled outputs with residuals below, and optionally an enlarged section next to them.
+
+    Args:
+        kind: Name of the modelled outputs in the legend.
+    """
     parts = [slice(None)] if closer is None else [slice(None), closer]
     figure, panels = _grid(2 * len(outputs), len(parts), 1.2, gap_in=(0.55, 0.5))
     for i, output in enumerate(outputs):
         for column, part in enumerate(parts):
             upper, lower = panels[2 * i][column], panels[2 * i + 1][column]
             near = closer is None or column == 1
-            y, y_free, y_ahead = measured[part, i], free[part, i], ahead[part, i]
+            y, y_free, y_ahead = measured[part, i], modelled[part, i], ahead[part, i]
             upper.plot(*decimated(t[part], y), color=GREY, linewidth=2.2, alpha=0.75, label="measured")
-            upper.plot(*decimated(t[part], y_free), color=BLUE, linewidth=1.0, label="free run")
+            upper.plot(*decimated(t[part], y_free), color=BLUE, linewidth=1.0, label=kind)
             if near:
                 upper.plot(t[part], y_ahead, ":", color=RED, linewidth=1.4, label="one step ahead")
-            lower.plot(*decimated(t[part], y - y_free), color=BLUE, linewidth=0.9, label="free run")
+            lower.plot(*decimated(t[part], y - y_free), color=BLUE, linewidth=0.9, label=kind)
             lower.plot(*decimated(t[part], y - y_ahead), ":" if near else "-", color=RED, linewidth=0.9, label="one step ahead")
             lower.axhline(0.0, color=GREY, linewidth=0.8)
             for ax in (upper, lower):

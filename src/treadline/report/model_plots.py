@@ -2,9 +2,11 @@
 
 from matplotlib.figure import Figure
 
+from treadline.core.model_scores import Comparison
 from treadline.core.models import LinearModel
 from treadline.core.responses import FrequencyResponse, TimeResponse
 from treadline.report import _model_figures as figures
+from treadline.report._model_runs import cut
 from treadline.report.labels import ColumnLabel, channel
 
 
@@ -23,6 +25,14 @@ def model(given: LinearModel) -> Figure:
     """Return step response, magnitude and phase of each output in three rows, one column per input."""
     response = given.bode()
     return figures.bode((response.frequency_hz, response.response), *_labels(response), step=given.step())
+
+
+def comparison(given: Comparison) -> Figure:
+    """Return measured and modelled outputs with errors below; a free run is cut where it leaves the data."""
+    shown, _ = cut(given.modelled, given.measured)
+    ahead, _ = cut(given.ahead, given.measured)
+    labels = [channel(name) for name in given.percent]
+    return figures.fit(given.t_s, given.measured, shown, ahead, None, labels, kind=given.kind)
 
 
 def _labels(response: TimeResponse | FrequencyResponse) -> tuple[list[ColumnLabel], list[ColumnLabel]]:
