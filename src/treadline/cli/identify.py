@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 STREAMED_BYTES = 256 * 1024**2
 """Size from which a CSV or Parquet file is read in chunks: some four million rows of five columns."""
-STREAMED = (".csv", ".tsv", ".txt", ".parquet")
+STREAMED = (".csv", ".tsv", ".txt", ".dat", ".parquet", ".feather")
 
 
 @Parameter(name="*")

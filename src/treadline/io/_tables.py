@@ -17,7 +17,7 @@ from jaxtyping import Float, Float64, Shaped
 
 from treadline.core.arrays import LARGEST
 from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, closest
-from treadline.io._clock import IRREGULAR, Seconds, Ticks, Times, clocks_of
+from treadline.io._clock import IRREGULAR, Seconds, Ticks, Times, clocks_of, words_of
 
 UNWRAPPED = "_unwrapped_rad"
 """Name suffix of unwrapped angles, which may exceed π."""
@@ -96,7 +96,7 @@ class Log:
 
 
 def place_of(file: Path, name: str, there: Sequence[str]) -> int:
-    """Return the place of a column: by its name, without path, unit and capitals if only one is so named, or by its number from 0.
+    """Return the place of a column: by its name, less exactly if only one is so named, or by its number from 0.
 
     Raises:
         LogFormatError: If there is none, or several.
@@ -115,16 +115,19 @@ def place_of(file: Path, name: str, there: Sequence[str]) -> int:
 
 
 def alike_of(name: str, there: Sequence[str]) -> list[int]:
-    """Return the places of the columns that a name may mean: the exact ones, else those without path, unit and capitals."""
-    meant, bare = _bare(name), [_bare(other) for other in there]
-    exact = [k for k, other in enumerate(there) if other == name]
-    short = [k for k, other in enumerate(bare) if other == meant]
-    return exact or short or [k for k, other in enumerate(bare) if other.endswith((f"/{meant}", f".{meant}"))]
+    """Return the places of the columns that a name may mean: the exact ones, else those of its words, without unit or path."""
+    for key in (str, words_of, lambda each: words_of(_bare(each))):
+        meant = key(name)
+        alike = [k for k, other in enumerate(there) if key(other) == meant != []]
+        if alike:
+            return alike
+    ends = tuple(mark + _bare(name).casefold() for mark in "/.")
+    return [k for k, other in enumerate(there) if _bare(other).casefold().endswith(ends)]
 
 
 def _bare(name: str) -> str:
     """Return a name without a unit in brackets; a number in brackets is an element."""
-    return re.sub(r"\s*[\[(](?!\d+[\])]$)[^\])]*[\])]$", "", name.strip()).casefold()
+    return re.sub(r"\s*[\[(](?!\d+[\])]$)[^\])]*[\])]$", "", name.strip())
 
 
 def missing(file: Path, name: str, there: Iterable[str]) -> LogFormatError:
