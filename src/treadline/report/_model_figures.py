@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import matplotlib as mpl
@@ -19,7 +20,7 @@ from treadline.core.responses import TimeResponse, unwrapped_phase
 from treadline.identification.stabilisation import StabilisationDiagram
 from treadline.report._model_runs import answering
 from treadline.report.labels import ColumnLabel
-from treadline.report.svg_figures import BLUE, GREY, ORANGE, RED, STYLE, plain_log_labels
+from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, plain_log_labels
 
 WIDTH_IN = 8.0
 NARROWEST_IN = 1.75
@@ -344,6 +345,30 @@ def fit(
         panels[2 * i + 1][0].set_ylabel(f"residual [{output.unit or 'own unit'}]")
     for ax in panels[-1]:
         ax.set_xlabel("time in the record [s]")
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def several(
+    runs: Mapping[str, tuple[Float[np.ndarray, " T"], Float[np.ndarray, "T p"]]],
+    measured: Float[np.ndarray, "T p"],
+    outputs: Sequence[ColumnLabel],
+) -> Figure:
+    """Return measured outputs with the runs of several models, a panel for each output.
+
+    Args:
+        runs: Time [s] and outputs by name of the model.
+    """
+    figure, panels = _grid(len(outputs), 1, 1.8)
+    times = [t for t, _ in runs.values()]
+    for i, ((ax,), output) in enumerate(zip(panels, outputs, strict=True)):
+        ax.plot(*decimated(times[0], measured[:, i]), color=GREY, linewidth=2.2, alpha=0.75, label="measured")
+        for colour, (name, (t, y)) in zip(cycle((BLUE, RED, ORANGE, GREEN)), runs.items(), strict=False):
+            ax.plot(*decimated(t, y[:, i]), color=colour, linewidth=1.0, label=name)
+        ax.set_title(output.quantity, loc="left")
+        ax.set_ylabel(f"output [{output.unit or 'own unit'}]")
+    panels[0][0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=7.5, borderpad=0.0)
+    panels[-1][0].set_xlabel("time in the record [s]")
     return figure
 
 
