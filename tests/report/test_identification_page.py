@@ -236,7 +236,7 @@ def test_the_chosen_structure_is_marked_also_where_it_is_not_the_lowest_or_the_f
     assert "50 structures tried" in text
     assert "9 more are not listed" in text
     assert "Error: residual of free runs on data held out" in text
-    assert "delays [samples]2" in text
+    assert "dead time [samples]2" in text
     assert "dashed line" in text
 
 

@@ -20,7 +20,7 @@ from treadline.identification._checks import FEW_SAMPLES, excitation_order, insu
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import Candidate, Fitting
 from treadline.identification._gram import Gram, Units
-from treadline.identification._input_structure import DifferentialInput, input_delays
+from treadline.identification._input_structure import DifferentialInput
 from treadline.identification._model_order import OrderChoice, gap_of
 from treadline.identification._model_selection import CvScore
 from treadline.identification._okid import ObserverMarkov
@@ -80,7 +80,7 @@ class IdentificationReport:
     mirrored: bool
     """Whether the difference of a left and a right input is the only input."""
     delays: list[int]
-    """Delay of each input in samples; 0 is feedthrough."""
+    """Dead time of each input in samples."""
     singular_values: list[float]
     gap: float | None
     """Gap σ_n / σ_{n+1}; None if there is no σ_{n+1}."""
@@ -136,7 +136,9 @@ def validation_scores(model: LinearModel, judged: Sequence[InputOutputRecord]) -
     # A residual of pure rounding has no meaningful p-value; the tests count as passed.
     if not np.all(100.0 - vaf < EXACT_PERCENT):
         scores["whiteness_p"] = bonferroni([validate.whiteness_p(e) for e in residuals])
-        crossed = [validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True)]
+        crossed = [
+            validate.crosscorrelation_p(e, record.delayed(model.input_delay).u) for record, e in zip(judged, residuals, strict=True)
+        ]
         scores["crosscorrelation_p"] = bonferroni(crossed)
     return scores
 
@@ -237,10 +239,6 @@ def _json_number(value: float) -> float:
     return float(value) if np.isfinite(value) else -1e9
 
 
-DEAD_TIME = 3
-"""Delay in samples from which a warning suggests removing the dead time."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
     """Structure of the data before a model is fitted."""
@@ -289,7 +287,6 @@ class Identified(ModelMethods, Printable):
         method: str,
         fitted: Sequence[InputOutputRecord],
         judged: Sequence[InputOutputRecord],
-        shifts: Sequence[int],
         started: float,
         gram: Gram,
         differential: DifferentialInput | None = None,
@@ -301,7 +298,7 @@ class Identified(ModelMethods, Printable):
         """Gram matrix of the data, from which a later identification can continue."""
         self.svd = found.evidence.svd
         """Decomposed Hankel matrix of the observer's system."""
-        self._found, self._method, self._shifts, self._differential = found, method, shifts, differential
+        self._found, self._method, self._differential = found, method, differential
         self._seconds = time.perf_counter() - started
 
     def _linear(self) -> LinearModel:
@@ -356,14 +353,11 @@ class Identified(ModelMethods, Printable):
         started = time.perf_counter()
         found, model = self._found, self.model
         scores = validation_scores(model, self.judged)
-        delays = input_delays(found.evidence.observer) * (1 if self._differential is None else len(self._shifts))
-        delays = [d + shift for d, shift in zip(delays, self._shifts, strict=True)]
         support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
-        warnings = [*found.warnings, *self._dead_time_warning(delays), *self._excitation_warning(support)]
+        warnings = [*found.warnings, *self._excitation_warning(support)]
         warnings += validation_warnings(scores, model, self.fitted, self.judged)
         poles = np.linalg.eigvals(found.system.A).astype(complex)
         radii = None if self.intervals is None else self.intervals.pole_radii()
-        chain = [0.0] * (model.order - found.system.order)
         return IdentificationReport(
             order=model.order,
             lags=found.candidate.lags,
@@ -373,12 +367,12 @@ class Identified(ModelMethods, Printable):
             step=found.candidate.step,
             feedthrough=found.fitting.feedthrough,
             mirrored=self._differential is not None,
-            delays=delays,
+            delays=list(model.input_delay),
             singular_values=[float(value) for value in found.evidence.svd.s],
             gap=finite_or_none(gap_of(found.evidence.choice, found.evidence.svd)),
             noise_level=found.evidence.noise,
-            poles=[(float(pole.real), float(pole.imag)) for pole in poles] + [(0.0, 0.0) for _ in chain],
-            pole_ci95=None if radii is None else [float(radius) for radius in radii] + chain,
+            poles=[(float(pole.real), float(pole.imag)) for pole in poles],
+            pole_ci95=None if radii is None else [float(radius) for radius in radii],
             **scores,
             excitation_order=support,
             samples=round(found.fitting.data.count),
@@ -392,14 +386,6 @@ class Identified(ModelMethods, Printable):
             warnings=warnings,
             seconds=self._seconds + time.perf_counter() - started,
         )
-
-    def _dead_time_warning(self, delays: Sequence[int]) -> list[str]:
-        late = [
-            f"'{name}' acts after {d} samples"
-            for name, d, shift in zip(self.model.input_names, delays, self._shifts, strict=True)
-            if d >= DEAD_TIME and not shift
-        ]
-        return [f"dead time: {', '.join(late)}; --delays auto removes it from the states"] if late else []
 
     def _excitation_warning(self, support: int) -> list[str]:
         result = collinearity_warnings(self.fitted, self.model.input_names, mirrored=self._differential is not None)

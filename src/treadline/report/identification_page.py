@@ -122,7 +122,7 @@ class _Page:
         fit, ahead = self.said.fit_percent, self.said.one_step_vaf_percent
         self.values["fits"] = [(item, fit.get(item.name), ahead.get(item.name)) for item in self.outputs]
         self.values["extra"] = {
-            "delays [samples]": ", ".join(map(str, self.said.delays)),
+            "dead time [samples]": ", ".join(map(str, self.said.delays)),
             "order the inputs excite": self.said.excitation_order,
         }
         if self.said.mirrored:
