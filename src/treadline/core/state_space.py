@@ -176,8 +176,9 @@ def names_of(name: str, given: Iterable[str]) -> tuple[str, ...]:
 
 
 def _delays(given: Iterable[int], inputs: int) -> tuple[int, ...]:
-    """Return the dead time of each input; zero for all where none is given."""
-    delays = tuple(given) or (0,) * inputs
+    """Return the dead time of each input; where all are zero, for as many inputs as there are."""
+    delays = tuple(given)
+    delays = delays if any(delays) else (0,) * inputs
     whole = all(isinstance(delay, int | np.integer) and not isinstance(delay, bool) and delay >= 0 for delay in delays)
     if not whole or len(delays) != inputs:
         raise ModelError(f"input_delay is {list(delays)}; give one whole number of samples per input ({inputs}), from 0 up")
