@@ -1,5 +1,6 @@
 """``identify`` as a user calls it: what it answers, what it writes, and what it refuses."""
 
+import json
 import re
 from pathlib import Path
 
@@ -139,20 +140,17 @@ def test_an_update_follows_a_plant_that_wears(run, tmp_path: Path) -> None:
 def test_dead_time_is_found_and_taken_out_of_the_states(run, tmp_path: Path) -> None:
     log = write_log(tmp_path / "log.csv", late=3)
     common = ("identify", log, *CHANNELS, "--no-page", "--out", tmp_path / "m.json", "--force", "--json")
-    told = run(*common).values
-    assert told["delays"] == [4, 4]
-    assert any("--delays auto" in warning for warning in told["warnings"])
-    found = run(*common, "--delays", "auto").values
-    # Two states and two chains of three.
-    assert found["order"] == 2 + 2 * 3
-    assert run(*common, "--delays", "3,3").values["order"] == 8
+    assert run(*common).values["delays"] == [3, 3]
+    assert json.loads((tmp_path / "m.json").read_text())["input_delay"] == [3, 3]
+    assert run(*common, "--delays", "2,1", "--order", "2").values["delays"] == [2, 1]
+    assert run(*common, "--delays", "0", "--order", "2").values["delays"] == [0, 0]
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (["--delays", "soon"], ["--delays", "'soon'"]),
-        (["--delays", "1"], ["delays are [1]", "(2)"]),
+        (["--delays", "1,2,3"], ["delays are [1, 2, 3]", "(2)"]),
         (["--solver", "magic"], ["--solver", "gram, qr"]),
         (["--forgetting", "0.9"], ["--forgetting needs", "--update"]),
         (["--page", "x.html", "--no-page"], ["--page or --no-page, not both"]),

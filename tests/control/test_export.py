@@ -59,6 +59,12 @@ def without_memory_of_belts() -> ControllerDesign:
     return replace(shipped_controller("wheelchair"), disturbance_gain=None)
 
 
+def late(*delays: int) -> ControllerDesign:
+    """Return the design with feedthrough for a plant that answers its belts so many periods late."""
+    design = three_states()
+    return replace(design, model=replace(design.model, input_delay=delays))
+
+
 DESIGNS = {
     "wheelchair": (lambda: shipped_controller("wheelchair"), CONFIG),
     "rescue": (lambda: shipped_controller("rescue"), ControllerConfig(climb_speed_m_s=0.3, max_speed_m_s=0.8)),
@@ -66,6 +72,9 @@ DESIGNS = {
     "static": (lambda: shipped_controller("wheelchair"), ControllerConfig(reconstruct="static")),
     "learns nothing": (without_memory_of_belts, CONFIG),
     "three states": (three_states, CONFIG),
+    "dead time": (lambda: late(3, 3), CONFIG),
+    "dead times": (lambda: late(0, 5), CONFIG),
+    "30 periods": (lambda: late(30, 28), CONFIG),
 }
 
 
@@ -161,7 +170,7 @@ def test_the_ros_parameters_are_yaml_of_flat_lists() -> None:
     assert told["topics"]["tracks"] == "/tracks/cmd"
     np.testing.assert_array_equal(np.reshape(told["gains"]["K"], design.K.shape), design.K)
     # ROS 2 infers a list's type from its first number; an integer among floats is rejected.
-    assert all(isinstance(x, float) for name, row in told["gains"].items() if name != "states" for x in row)
+    assert all(isinstance(x, float) for name, row in told["gains"].items() if name not in ("states", "input_delay") for x in row)
 
 
 def test_json_contains_the_controller_and_a_test_log() -> None:

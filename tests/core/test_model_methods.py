@@ -13,7 +13,7 @@ from systems import oscillation, system, white_record
 
 import treadline as tl
 from treadline.core.errors import ModelError, RecordError
-from treadline.core.linear_systems import simulate
+from treadline.core.linear_systems import impulse_response, prefix, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.other_libraries import as_matlab, as_python, as_transfer_function, transfer_functions
 
@@ -174,6 +174,59 @@ def test_a_result_uses_its_own_data_and_a_model_asks_for_some() -> None:
         found.simulate(record.u[:, :1])
     with pytest.raises(ModelError, match=r"x0 is of shape \(2,\); wanted 3 states"):
         found.simulate(record.u, [1.0, 2.0])
+
+
+def test_a_comparison_scores_what_the_start_has_not_seen() -> None:
+    model = plant()
+    record = white_record(model, 3, 400)
+    found = model.compare(record)
+    assert found.fit_prefix_s == pytest.approx(4.0)
+    assert found.samples == 360
+    assert min(found.fit_percent.values()) > 100.0 - 1e-6
+    assert found.forecast_percent is None
+    assert "from the state of the first 4 s, scored on the 360 samples after them" in repr(found)
+    # Outputs of the prefix move the start, and nothing else; those after it move nothing.
+    late = InputOutputRecord(u=record.u, y=record.y + np.where(np.arange(400) < 40, 0.0, 5.0)[:, None], dt_s=0.1)
+    np.testing.assert_allclose(model.compare(late).modelled, found.modelled, atol=1e-12)
+    assert len(found.plot().axes) == 4
+
+
+def test_the_start_is_not_chosen_with_hindsight() -> None:
+    """A slow mode that the plant lacks could bend the run onto any drift, if the whole record chose the start."""
+    slow = system(np.diag([0.999, 0.5]), [[0.0], [1.0]], [[1.0, 1.0]], dt_s=1.0)
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(1000)
+    drift = np.concatenate([np.zeros(100), np.full(900, 3.0)])
+    y = slow.simulate(u)[:, 0] + drift
+    bent = slow.simulate(u, slow.x0(u, y))[:, 0]
+    assert np.linalg.norm((y - bent)[100:]) < 0.6 * np.linalg.norm((y - slow.compare(u, y).modelled[:, 0])[100:])
+
+
+def test_an_unstable_model_gets_a_forecast_of_stated_length() -> None:
+    plant_ = system([[1.05]], [[1.0]], [[1.0]], dt_s=0.5, observer_gain=[[0.5]])
+    rng = np.random.default_rng(0)
+    y, u = np.zeros(300), np.zeros(300)
+    for k in range(299):
+        u[k] = -0.3 * y[k] + rng.standard_normal()
+        y[k + 1] = 1.05 * y[k] + u[k]
+    found = plant_.compare(u, y)
+    assert found.fit_percent is None
+    assert found.forecast_horizon_s == 5.0
+    assert found.percent["y1"] > 99.0
+    assert "forecast 5 s ahead (unstable model)" in repr(found)
+
+
+def test_a_prefix_is_a_tenth_or_enough_for_the_state() -> None:
+    assert prefix(1000, 2, 2) == 100
+    assert prefix(100, 20, 2) == 30  # three values per state
+    assert prefix(100, 60, 1) == 50  # never more than half
+
+
+def test_a_pair_is_the_model_of_one_input_and_one_output() -> None:
+    model = plant(input_delay=(0, 2), input_names=("a", "b"), output_names=("c", "d"))
+    pair = model.pair(1, 1)
+    assert (pair.input_names, pair.output_names, pair.input_delay) == (("b",), ("d",), (2,))
+    np.testing.assert_allclose(impulse_response(pair, 20)[:, 0, 0], impulse_response(model, 20)[:, 1, 1], atol=1e-14)
 
 
 def test_a_copied_model_is_the_model() -> None:

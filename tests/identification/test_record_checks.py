@@ -101,7 +101,7 @@ FAULTS: dict[str, tuple[Spoil, dict[str, Any], type[TreadlineError], str]] = {
         SettingsError,
         "forgetting has no effect without earlier data",
     ),
-    "a word for dead times": (lambda r: r, {"delays": "some"}, SettingsError, "delays is 'some'; give auto, or one number per"),
+    "a word for dead times": (lambda r: r, {"delays": "some"}, SettingsError, "delays is 'some'; give a whole number of samples"),
     **{
         f"dead times {shifts}": (
             lambda r: r,

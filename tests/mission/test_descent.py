@@ -336,6 +336,19 @@ def test_a_step_that_is_seen_to_be_missing_under_the_rear_stops_the_chair_too() 
 
 
 @pytest.mark.parametrize("heading_deg", [-10.0, 10.0])
+def test_a_chair_that_turns_against_its_belts_is_held_and_turns_by_climbing_after_a_re_arm(heading_deg: float) -> None:
+    world = Landing(x_m=0.5 * EDGE_M)
+    world.run("descend")
+    world.heading_rad = heading_deg * DEG
+    plan = world.tick()
+    assert plan.hold is not None
+    assert "one belt slides" in plan.hold
+    assert world.tick().phase == "climb"
+    world.run("descend")
+    assert abs(world.heading_rad) < 1.0 * DEG
+
+
+@pytest.mark.parametrize("heading_deg", [-10.0, 10.0])
 def test_a_chair_with_a_heading_error_on_the_flight_turns_by_climbing_before_it_backs_down(heading_deg: float) -> None:
     world = Landing(x_m=0.5 * EDGE_M, heading_rad=heading_deg * DEG)
     assert "heading error" in world.run("climb").cause

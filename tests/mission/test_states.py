@@ -103,6 +103,12 @@ def late_gap(world: World) -> None:
     after("edge", 4)(world)
 
 
+def askew(world: World) -> None:
+    world.run("descend")
+    world.heading_rad = 0.17
+    world.run("climb")
+
+
 def over_the_edge(seen: StairMap) -> StairMap:
     return replace(seen, nosings_B=np.vstack([[-0.3, 0.0, 0.0], seen.nosings_B]))
 
@@ -144,6 +150,7 @@ DOWN: dict[str, Case] = {
     "nothing in view": (lambda: Landing(spoil=lambda _: None, knows=False), until_the_end, ()),
     "wakes up on a flight": (lambda: Landing(x_m=EDGE_M - 1.2), lambda world: world.run("descend"), ()),
     "wakes up askew": (lambda: Landing(x_m=0.5 * EDGE_M, heading_rad=0.17), lambda world: world.run("descend"), ()),
+    "slides askew": (lambda: Landing(x_m=0.5 * EDGE_M), askew, ()),
     "sent back in a turn": (lambda: Landing(x_m=0.5 * EDGE_M, heading_rad=0.17), pressed("climb", go_back=True), ()),
     "too steep": (lambda: Landing(spoil=steeper), until_the_end, ()),
     "too steep from nearby": (Landing, after("approach", steeper), ()),

@@ -46,7 +46,7 @@ app = App(
 VERBS = {
     "The paper": ("reproduce", "report"),
     "Simulation": ("demo", "check", "climb", "view", "seat", "sweep", "model"),
-    "Identification and control": ("excite", "identify", "tune", "export"),
+    "Identification and control": ("excite", "identify", "compare", "tune", "export"),
     "Perception": ("see", "frames", "mount"),
     "Logs and ROS": ("replay", "record", "nodes", "node"),
     "Installation": ("doctor", "compile"),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 STREAMED_BYTES = 256 * 1024**2
 """Size from which a CSV or Parquet file is read in chunks: some four million rows of five columns."""
-STREAMED = (".csv", ".tsv", ".txt", ".parquet")
+STREAMED = (".csv", ".tsv", ".txt", ".dat", ".parquet", ".feather")
 
 
 @Parameter(name="*")
@@ -36,7 +36,7 @@ class IdentifyOptions:
         method: best (several methods, compared by cross-validation), okid-era (the paper's), era-dc, pbsid, or deconvolution
             (Eq. 9c as printed). Default: best; pbsid with --update or --stream. Where all names end in _m_s or _rad_s, best takes
             zero for rest, and a left and a right belt that turn a vehicle by their difference, unless the data contradict it.
-        delays: Dead time of each input in samples (0,2), or auto to estimate it. Default: part of the states.
+        delays: Dead time of each input in samples (0,2), or of all (0). Default: found with best, else part of the states.
         solver: gram, or qr: slower, exact on data without noise.
         stable: Mirror poles outside the unit circle.
         validate: Share of each record, at its end, kept for validation. Default: none.
@@ -80,18 +80,19 @@ class IdentifyOptions:
         return words("--outputs", self.outputs)
 
     @property
-    def dead_time(self) -> list[int] | str | None:
-        """Dead time of each input in samples, ``auto``, or None.
+    def dead_time(self) -> list[int] | int | None:
+        """Dead time of each input in samples, of all inputs, or None.
 
         Raises:
-            SettingsError: If it is neither auto nor whole numbers.
+            SettingsError: If it is not whole numbers.
         """
-        if self.delays is None or self.delays == "auto":
-            return self.delays
+        if self.delays is None:
+            return None
         try:
-            return [int(part) for part in self.delays.split(",")]
+            found = [int(part) for part in self.delays.split(",")]
         except ValueError:
-            raise SettingsError(f"--delays is '{self.delays}'; give auto, or one whole number per input, for example 0,2") from None
+            raise SettingsError(f"--delays is '{self.delays}'; give one whole number per input, for example 0,2") from None
+        return found if len(found) > 1 else found[0]
 
     def options(self, *, validation: "float | InputOutputRecord | None", prior: "Gram | None") -> "IdentificationOptions":
         """Return the options of the identification.

@@ -23,7 +23,7 @@ from treadline.control.heading_controller import (
     HeadingController,
     inner_ratio_of,
 )
-from treadline.control.lqr import solvable, static_reconstruction
+from treadline.control.lqr import solvable, static_inverse
 from treadline.control.tune import BELT_DIFFERENCE, OUT_OF_RANGE
 from treadline.core.models import ControllerDesign
 from treadline.core.signals import HeadingEstimate, MotionPlan, TrackCommand
@@ -81,6 +81,7 @@ def rehearsal(design: ControllerDesign, config: ControllerConfig) -> list[Exchan
     driver, model = HeadingController(design, config), design.model
     rng = np.random.default_rng(SEED)
     x = np.linalg.pinv(model.C) @ np.array([math.radians(30.0), 0.0])
+    sent = np.zeros((max(model.input_delay) + 1, 2))
     exchanges = []
     for k in range(REHEARSAL_STEPS):
         t_s = k * config.period_s
@@ -90,7 +91,8 @@ def rehearsal(design: ControllerDesign, config: ControllerConfig) -> list[Exchan
         answer = driver.step(estimate, t_s, plan)
         exchanges.append(Exchange(estimate=estimate, plan=plan, answer=answer))
         belts = np.array([answer.left_m_s, answer.right_m_s * 1.02])
-        x = model.A @ x + model.B @ (belts - (0.0 if answer.brake else plan.speed_m_s))
+        sent = np.vstack([belts - (0.0 if answer.brake else plan.speed_m_s), sent[:-1]])
+        x = model.A @ x + model.B @ sent[model.input_delay, (0, 1)]
     return exchanges
 
 
@@ -141,10 +143,9 @@ def _is_static(design: ControllerDesign, config: ControllerConfig) -> bool:
 
 def _matrices(design: ControllerDesign, config: ControllerConfig) -> dict[str, Float[np.ndarray, "..."]]:
     """Return the matrices of the controller under the names of the equations."""
-    model = design.model
+    model, late = design.model, np.array(design.model.input_delay)
     if _is_static(design, config):
-        inverse = static_reconstruction(model.C, model.D, design.K)
-        return {"K": design.K, "inverse": inverse, "output_offset": model.output_offset}
+        return {"K": design.K, "inverse": static_inverse(design), "output_offset": model.output_offset, "input_delay": late}
     found = {
         "A": model.A,
         "B": model.B,
@@ -152,6 +153,7 @@ def _matrices(design: ControllerDesign, config: ControllerConfig) -> dict[str, F
         "D": model.D,
         "K": design.K,
         "output_offset": model.output_offset,
+        "input_delay": late,
         "observer_gain": design.observer_gain,
         "correction": np.linalg.pinv(model.A) @ design.observer_gain,
         "start": np.linalg.pinv(model.C),

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from treadline.control._observer import Observer
 from treadline.control.belt_allocation import INNER_RATIO_CLIMBING, BeltLimits, back_safe, climb_safe, clipped
-from treadline.control.lqr import closed_loop_poles, static_reconstruction
+from treadline.control.lqr import closed_loop_poles, static_inverse
 from treadline.control.tune import BELT_DIFFERENCE, RADIUS_LIMIT, SIGMA_Y
 from treadline.core.errors import NotStabilisable, PeriodMismatch, ShapeMismatch
 from treadline.core.models import ControllerDesign, Reconstruct
@@ -38,7 +38,7 @@ class ControllerConfig:
 
 
 class HeadingController:
-    """State feedback u = u₀ - K x̂ on both belts, within their limits.
+    """State feedback u = u₀ - K x̂ on both belts, within their limits; x̂ is the state when the belts will answer.
 
     Raises:
         PeriodMismatch: If the design was made for another period.
@@ -59,12 +59,13 @@ class HeadingController:
         self._observer = Observer(model, design.observer_gain, BELT_DIFFERENCE, design.disturbance_gain)
         self._inverse = None
         if (config.reconstruct or design.reconstruct) == "static":
-            self._inverse = static_reconstruction(model.C, model.D, design.K)
+            self._inverse = static_inverse(design)
         else:
             self._observer.check()
         self._correction = np.linalg.pinv(model.A) @ design.observer_gain
         self._yaw_gain_ratio = 1.0
-        self._last: tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"], bool] | None = None
+        self._last: Float[np.ndarray, " 2"] | None = None
+        self._limited = [False] * (max(model.input_delay) + 1)
 
     def step(self, estimate: HeadingEstimate | None, t_s: float, plan: MotionPlan | None = None) -> TrackCommand:
         """Return the command for one estimate; stop without an estimate, or with implausible numbers.
@@ -75,6 +76,7 @@ class HeadingController:
         if plan is not None and plan.turn_m_s is not None:
             self._last, self._yaw_gain_ratio = None, 1.0
             self._observer.forget()
+            self._limited = [False] * len(self._limited)
             return TrackCommand.stop(t_s)
         speed = self._config.climb_speed_m_s if plan is None else plan.speed_m_s
         target, share = 0.0 if plan is None else plan.heading_rad, inner_ratio_of(plan)
@@ -83,13 +85,19 @@ class HeadingController:
         if estimate is None or not usable(estimate) or not sane:
             # The state is observed again within one period; the belt mismatch took many, so it is kept.
             self._last = None
+            self._send(np.zeros(2), limited=False)
             return TrackCommand.stop(t_s)
         y = np.array([estimate.heading_rad - target, estimate.heading_rate_rad_s])
         asked = self._asked(y, speed)
         given = self._allocated(asked, speed, share)
-        limited = abs((given[1] - given[0]) - (asked[1] - asked[0])) > 1e-9
-        self._last = (given, y, limited)
+        self._send(given - speed, limited=abs((given[1] - given[0]) - (asked[1] - asked[0])) > 1e-9)
+        self._last = y
         return TrackCommand(t_s=t_s, left_m_s=float(given[0]), right_m_s=float(given[1]))
+
+    def _send(self, steering: Float[np.ndarray, " 2"], *, limited: bool) -> None:
+        """Put a command, the belt speeds less the planned speed, into the queue of those under way."""
+        self._observer.send(steering)
+        self._limited = [limited, *self._limited[:-1]]
 
     def _allocated(self, asked: Float[np.ndarray, " 2"], speed_m_s: float, share: float) -> Float[np.ndarray, " 2"]:
         limits = BeltLimits(
@@ -108,18 +116,17 @@ class HeadingController:
         centre = np.full(model.B.shape[1], speed_m_s)
         if self._inverse is not None:
             return np.asarray(centre - self._design.K @ (self._inverse @ (y - model.output_offset)))
+        limited = any(self._limited[delay] for delay in model.input_delay)
         if self._last is None:
             self._observer.start(y)
         else:
-            given, before, limited = self._last
-            u = given - centre + model.input_offset
-            sticks = _in_dead_zone(float(self._observer.predicted(u)[1]), float(before[1]))
-            self._observer.update(u, before, learn=not (limited or sticks))
-        seen = y - model.output_offset - model.C @ self._observer.state
-        if self._last is not None and self._last[2]:
-            self._yaw_gain_ratio = _yaw_gain_ratio(float(y[1] - seen[1]), float(y[1]))
-        x = self._observer.state + self._correction @ seen
-        return np.asarray(centre - self._design.K @ x - self._observer.disturbance * BELT_DIFFERENCE)
+            sticks = _in_dead_zone(float(self._observer.predicted()[1]), float(self._last[1]))
+            self._observer.update(self._last, learn=not (limited or sticks))
+        expected = self._observer.expected()
+        if self._last is not None and limited:
+            self._yaw_gain_ratio = _yaw_gain_ratio(float(expected[1]), float(y[1]))
+        x = self._observer.state + self._correction @ (y - expected)
+        return np.asarray(centre + self._observer.answer(self._design.K, x) - self._observer.disturbance * BELT_DIFFERENCE)
 
 
 def _in_dead_zone(predicted_rad_s: float, measured_rad_s: float) -> bool:

@@ -109,6 +109,17 @@ def closed_loop_poles(design: ControllerDesign) -> Complex[np.ndarray, " n"]:
     return np.asarray(np.linalg.eigvals(design.model.A - design.model.B @ design.K), dtype=complex)
 
 
+def static_inverse(design: ControllerDesign) -> Float[np.ndarray, "n p"]:
+    """Return the matrix of Eq. (11b) for a design.
+
+    Raises:
+        NotInvertible: If it does not exist, or the model has dead time: one output does not show the commands under way.
+    """
+    if any(design.model.input_delay):
+        raise NotInvertible("Eq. (11b) has no memory of the commands under way in the dead time; use the observer")
+    return static_reconstruction(design.model.C, design.model.D, design.K)
+
+
 def static_reconstruction(
     C: Float[np.ndarray, "p n"], D: Float[np.ndarray, "p m"], K: Float[np.ndarray, "m n"]
 ) -> Float[np.ndarray, "n p"]:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.control._observer import kalman_gain, with_disturbance
-from treadline.control.lqr import closed_loop_poles, lqr_gain, solvable, static_reconstruction
+from treadline.control.lqr import closed_loop_poles, lqr_gain, solvable, static_inverse
 from treadline.core.angles import DEG
 from treadline.core.arrays import LARGEST
 from treadline.core.errors import ModelError, NotDetectable, NotStabilisable, PeriodMismatch, SettingsError, ShapeMismatch
@@ -56,6 +56,8 @@ def tune(
     accept_poor_fit: bool = False,
 ) -> ControllerDesign:
     """Return the controller of a model: LQR gain (Eq. 10) and an observer with a constant input disturbance.
+
+    Both are those of the model without its dead time, over which the controller predicts the state (``Observer.answer``).
 
     Args:
         model: Model from two belts to heading and yaw rate.
@@ -101,12 +103,12 @@ def tune(
             f"the closed loop's spectral radius is {radius:.3f}, the limit {RADIUS_LIMIT}; lower the input weight"
         )
     if reconstruct == "static":
-        static_reconstruction(model.C, model.D, K)  # raises an error if Eq. (11b) has no solution
+        static_inverse(design)  # raises an error if Eq. (11b) has no solution
     return design
 
 
 def resampled(model: LinearModel, period_s: float) -> LinearModel:
-    """Return the model at another period, with inputs held between samples.
+    """Return the model at another period, with inputs held between samples, and dead time to the nearest period.
 
     Raises:
         PeriodMismatch: If the model has no continuous counterpart (a real pole at or below zero).
@@ -124,7 +126,9 @@ def resampled(model: LinearModel, period_s: float) -> LinearModel:
     whole[:n, :n], whole[:n, n:], whole[n:, n:] = model.A, model.B, np.eye(m)
     rescaled = expm(np.real(logm(whole)) * (period_s / model.dt_s))
     made = {**model.provenance, "resampled_from_s": model.dt_s}
-    return replace(model, A=rescaled[:n, :n], B=rescaled[:n, n:], dt_s=period_s, observer_gain=None, provenance=made)
+    late = tuple(round(delay * model.dt_s / period_s) for delay in model.input_delay)
+    A, B = rescaled[:n, :n], rescaled[:n, n:]
+    return replace(model, A=A, B=B, dt_s=period_s, input_delay=late, observer_gain=None, provenance=made)
 
 
 def _check_fit(model: LinearModel) -> None:
@@ -217,17 +221,18 @@ def heading_response(design: ControllerDesign) -> Float[np.ndarray, " T"]:
     """Return the heading [rad] of the design's closed loop from ``INITIAL_HEADING_RAD``, one sample per period, without limits.
 
     The state starts as the controller's, and the observer of an exact model then equals the state. Only the difference of the belt
-    speeds acts: their mean is the planned speed (``climb_safe``) for any gain.
+    speeds acts: their mean is the planned speed (``climb_safe``) for any gain. Nothing acts before the dead time is over.
     """
-    model, steering = design.model, DIFFERENCE_ALONE @ design.K
+    model, steering, late = design.model, DIFFERENCE_ALONE @ design.K, max(design.model.input_delay)
     x = np.linalg.pinv(model.C) @ np.array([INITIAL_HEADING_RAD, 0.0])
     heading = np.empty(2 + math.ceil(SIMULATED_S / model.dt_s))
     for k in range(len(heading)):
-        heading[k] = (model.C @ x - model.D @ steering @ x)[0]
+        u = -steering @ x if k >= late else np.zeros(len(steering))
+        heading[k] = (model.C @ x + model.D @ u)[0]
         if abs(heading[k]) > LARGEST:  # it diverges: end before overflow
             heading[k:] = heading[k]
             break
-        x = model.A @ x - model.B @ steering @ x
+        x = model.A @ x + model.B @ u
     return heading
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.special import chdtrc
 
 from treadline.core.arrays import markov_parameters
@@ -16,8 +16,14 @@ from treadline.core.errors import PoorExcitation
 from treadline.core.linear_system_kernels import free_run, observability, observer_run
 from treadline.core.state_space import RUN_VALUES, TEST_VALUES, InputOutputRecord, StateSpaceModel
 
+PREFIX = 0.1
+"""Share of a record, at its start, from which the initial state of a free run is estimated."""
+PREFIX_VALUES = 3
+"""Output values per state in the prefix, at least: three equations for each unknown."""
 TESTED_LAGS = 10
 """Number of lags over which residuals are tested."""
+BLOCK_ROWS = 65_536
+"""Number of rows of which products are formed at a time: 12 MB with two inputs and all lags."""
 
 
 def impulse_response(model: StateSpaceModel, steps: int) -> Float[np.ndarray, "steps p m"]:
@@ -69,46 +75,53 @@ def initial_state(model: StateSpaceModel, record: InputOutputRecord) -> Float[np
     return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
 
 
-START_SHARE = 10
-"""One part in ten of a record fits the initial state of its free run."""
+def prefix(samples: int, order: int, outputs: int) -> int:
+    """Return how many first samples of a record determine the initial state of a free run, and are not scored.
 
-
-def prefix(steps: int, order: int, outputs: int) -> int:
-    """Return the number of first samples that the initial state of a judged free run is fitted to.
-
-    A tenth of the record, and at least ``RUN_VALUES`` output values per state. A state fitted to all samples that it is judged by
-    bends a drifting or unstable model onto them.
+    A tenth of the record, at least ``PREFIX_VALUES`` output values per state, at most half of the record.
     """
-    return min(steps, max(steps // START_SHARE, -(-RUN_VALUES * order // outputs)))
+    return min(max(math.ceil(PREFIX * samples), math.ceil(PREFIX_VALUES * order / outputs)), samples // 2)
 
 
-def free_run_from_prefix(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
-    """Return the outputs of a free run whose initial state fits the first samples (``prefix``); the inputs must be complete."""
-    head = part(record, 0, prefix(len(record), model.order, model.C.shape[0]))
-    return simulate(model, record.u, initial_state(model, head))
+def fair_run(model: StateSpaceModel, record: InputOutputRecord) -> tuple[Float[np.ndarray, "T p"], Bool[np.ndarray, " T"]]:
+    """Return a free run whose initial state comes from the prefix of the record alone, and the samples after the prefix.
 
-
-def fit_percent(model: StateSpaceModel, record: InputOutputRecord, *, horizon: int | None = None) -> Float[np.ndarray, " p"]:
-    """Return the fit 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%] per output, of a free run or of a forecast.
-
-    The initial state of a free run fits the first samples alone. For a record with missing inputs the runs between the gaps are
-    combined. The free run of an integrator drifts with the smallest disturbance, and that of an unstable model diverges; a
-    forecast of stated length judges these.
-
-    Args:
-        model: Model.
-        record: Data to judge it by.
-        horizon: Samples that a forecast looks ahead; None for a free run.
+    After a missing input the run starts anew, with a prefix of its own. NaN where the inputs are missing.
     """
     model, record = without_dead_time(model, record)
-    if horizon is None:
-        runs = [part(record, span.start, span.stop) for span in record.stretches(RUN_VALUES * model.order)]
-        y, predicted = (np.vstack(items) for items in ([run.y for run in runs], [free_run_from_prefix(model, run) for run in runs]))
-    else:
-        y, predicted = record.y[horizon:], predictions(model, record, horizon)[horizon:]
-    error = np.sqrt(np.nansum((y - predicted) ** 2, axis=0))
-    deviation = np.sqrt(np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0))
+    run, scored = np.full(record.y.shape, np.nan), np.zeros(len(record), dtype=np.bool_)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for span in record.stretches(RUN_VALUES * model.order):
+            section = part(record, span.start, span.stop)
+            first = prefix(len(section), model.order, len(model.C))
+            run[span] = simulate(model, section.u, initial_state(model, part(section, 0, first)))
+            scored[span.start + first : span.stop] = True
+    return run, scored
+
+
+def fit_percent(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, " p"]:
+    """Return the free-run fit 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%] per output, over the samples after the prefix (``fair_run``).
+
+    The fit of an integrator is not informative: its free run drifts with the smallest disturbance.
+    """
+    run, scored = fair_run(model, record)
+    return percent_of(record.y[scored], run[scored])
+
+
+def percent_of(y: Float[np.ndarray, "T p"], modelled: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
+    """Return 100 (1 - ‖y - ŷ‖ / ‖y - ȳ‖) [%] per output over the samples at which both are known; -infinity if it diverges."""
+    known = ~(np.isnan(y) | np.isnan(modelled))
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = np.sqrt(np.sum((y - modelled) ** 2, axis=0, where=known))
+        deviation = np.sqrt(_variation(np.where(known, y, np.nan)))
     return np.asarray(100.0 * (1.0 - error / np.maximum(deviation, 1e-300)))
+
+
+def _variation(values: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
+    """Return the sum of squares about the mean of each column, NaN left out; zero where nothing is known."""
+    known = ~np.isnan(values)
+    mean = np.sum(values, axis=0, where=known) / np.maximum(known.sum(axis=0), 1)
+    return np.asarray(np.sum((values - mean) ** 2, axis=0, where=known))
 
 
 def predictor_states(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
@@ -152,8 +165,11 @@ def one_step_residuals(model: StateSpaceModel, record: InputOutputRecord) -> Flo
 
 
 def vaf_percent(y: Float[np.ndarray, "T p"], residuals: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
-    """Return the variance accounted for [%] per output."""
-    return np.asarray(100.0 * (1.0 - np.nanvar(residuals, axis=0) / np.maximum(np.nanvar(y, axis=0), 1e-300)))
+    """Return the variance accounted for [%] per output; NaN if the residuals diverge."""
+    counts = [np.maximum((~np.isnan(item)).sum(axis=0), 1) for item in (residuals, y)]
+    with np.errstate(over="ignore", invalid="ignore"):
+        left, whole = _variation(residuals) / counts[0], _variation(y) / counts[1]
+    return np.asarray(100.0 * (1.0 - left / np.maximum(whole, 1e-300)))
 
 
 def h_step_rmse(model: StateSpaceModel, record: InputOutputRecord, steps: int) -> Float[np.ndarray, " p"]:
@@ -189,16 +205,19 @@ def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray,
     System Identification, 1999, section 16.6, for all pairs at once). A small p-value indicates missing dynamics. On the
     fitted data the p-value is too large, because the fit decorrelates the residuals.
     """
-    whole = np.isfinite(residuals).all(axis=1) & np.isfinite(u).all(axis=1)
-    past = np.column_stack([_delayed(u, lag) for lag in range(lags + 1)])
-    whole &= np.isfinite(past).all(axis=1)
-    e, phi = residuals[whole], past[whole]
-    e, phi = e - e.mean(axis=0), phi - phi.mean(axis=0)
-    count, (p, q) = len(e), (e.shape[1], phi.shape[1])
+    p, q = residuals.shape[1], u.shape[1] * (lags + 1)
+    past = np.lib.stride_tricks.sliding_window_view(np.vstack([np.full((lags, u.shape[1]), np.nan), u]), lags + 1, axis=0)
+    centre = np.concatenate([np.nanmean(residuals, axis=0), np.repeat(np.nanmean(u, axis=0), lags + 1)])
+    count, total, square = 0, np.zeros(p + q), np.zeros((p + q, p + q))
+    for k in range(0, len(u), BLOCK_ROWS):
+        rows = np.hstack([residuals[k : k + BLOCK_ROWS], past[k : k + BLOCK_ROWS].reshape(-1, q)]) - centre
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        count, total, square = count + len(rows), total + rows.sum(axis=0), square + rows.T @ rows
     if count <= 2 * q:
         return float("nan")
-    cross = phi.T @ e / count
-    weight_e, weight_phi = np.linalg.pinv(e.T @ e / count), np.linalg.pinv(phi.T @ phi / count, rcond=1e-9)
+    covariance = square / count - np.outer(total, total) / count**2
+    cross = covariance[p:, :p]
+    weight_e, weight_phi = np.linalg.pinv(covariance[:p, :p]), np.linalg.pinv(covariance[p:, p:], rcond=1e-9)
     rank = int(np.linalg.matrix_rank(weight_phi, tol=1e-12 * float(np.abs(weight_phi).max())))
     statistic = count * float(np.trace(weight_phi @ cross @ weight_e @ cross.T))
     return chi2_tail(statistic, p * rank)
@@ -207,11 +226,6 @@ def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray,
 def chi2_tail(statistic: float, freedom: int) -> float:
     """Return the probability that a χ² variable exceeds a statistic; NaN without a degree of freedom."""
     return float(chdtrc(freedom, max(statistic, 0.0))) if freedom else math.nan
-
-
-def _delayed(u: Float[np.ndarray, "T m"], lag: int) -> Float[np.ndarray, "T m"]:
-    lag = min(lag, len(u))
-    return np.vstack([np.full((lag, u.shape[1]), np.nan), u[: len(u) - lag]])
 
 
 def joined_in_time(records: Sequence[InputOutputRecord]) -> InputOutputRecord:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
+    from treadline.core.model_scores import Comparison
     from treadline.core.responses import FrequencyResponse, TimeResponse
     from treadline.core.state_space import InputOutputRecord, StateSpaceModel
 
@@ -171,6 +172,34 @@ class ModelMethods(ABC):
 
         return one_step_residuals(self._linear(), self._record(u, y))
 
+    def compare(self, u: "ArrayLike | InputOutputRecord | None" = None, y: "ArrayLike | None" = None) -> "Comparison":
+        """Return how well the model reproduces measured data: fit, tests of the residuals, ``plot()``.
+
+        A free run starts from the state that the first tenth of the data determines, and is scored after it. For an unstable
+        model a forecast of ten samples stands in its place. Both are stated in the result.
+
+        Args:
+            u: Inputs.
+            y: Outputs.
+
+        Raises:
+            RecordError: If channels or period differ from the model's.
+
+        Examples:
+            >>> import numpy as np
+            >>> import treadline as tl
+            >>> u = np.random.default_rng(0).normal(size=(200, 1))
+            >>> y = np.zeros((200, 1))
+            >>> for k in range(199):
+            ...     y[k + 1] = 0.5 * y[k] + u[k]
+            >>> found = tl.identify(u[:100], y[:100], 0.1, order=1, method="okid-era", lags=2)
+            >>> round(found.compare(u[100:], y[100:]).fit_percent["y1"], 3)
+            100.0
+        """
+        from treadline.core.model_scores import compare
+
+        return compare(self._linear(), self._record(u, y))
+
     def step(self, steps: int | None = None) -> "TimeResponse":
         """Return the outputs after a step of one unit of each input: the cumulated impulse response.
 
@@ -206,6 +235,7 @@ class ModelMethods(ABC):
     def _time_response(self, kind: str, steps: int | None) -> "TimeResponse":
         from treadline.core.linear_systems import impulse_response
         from treadline.core.responses import TimeResponse
+        from treadline.core.state_space import channel_names
         from treadline.core.transfer_function import response_steps
 
         model = self._linear()
@@ -238,6 +268,7 @@ class ModelMethods(ABC):
             array([[[-0.667]]])
         """
         from treadline.core.responses import FrequencyResponse
+        from treadline.core.state_space import channel_names
         from treadline.core.transfer_function import frequency_grid, frequency_response
 
         model = self._linear()
@@ -346,11 +377,3 @@ class ModelMethods(ABC):
         from treadline.core.responses import figure_of
 
         return figure_of("model", self._linear())
-
-
-def channel_names(model: "StateSpaceModel") -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names of inputs and outputs: ``u1``, ``y1`` and so on where the model has none."""
-    p, m = model.D.shape
-    inputs = model.input_names or tuple(f"u{j + 1}" for j in range(m))
-    outputs = model.output_names or tuple(f"y{i + 1}" for i in range(p))
-    return inputs, outputs

@@ -126,6 +126,30 @@ class StateSpaceModel:
         """Number of states."""
         return int(self.A.shape[0])
 
+    def pair(self, output: int, given: int) -> "StateSpaceModel":
+        """Return the model from one input to one output."""
+        i, j = slice(output, output + 1), slice(given, given + 1)
+        return replace(
+            self,
+            B=self.B[:, j],
+            C=self.C[i],
+            D=self.D[i, j],
+            input_offset=self.input_offset[j],
+            output_offset=self.output_offset[i],
+            observer_gain=None,
+            input_delay=self.input_delay[j],
+            input_names=self.input_names[j],
+            output_names=self.output_names[i],
+        )
+
+
+def channel_names(model: StateSpaceModel) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of inputs and outputs: ``u1``, ``y1`` and so on where the model has none."""
+    p, m = model.D.shape
+    inputs = model.input_names or tuple(f"u{j + 1}" for j in range(m))
+    outputs = model.output_names or tuple(f"y{i + 1}" for i in range(p))
+    return inputs, outputs
+
 
 def _columns(name: str, given: object) -> Float[np.ndarray, "T c"]:
     """Return the samples of a record, one row each; a one-dimensional array becomes one column.
@@ -152,8 +176,9 @@ def names_of(name: str, given: Iterable[str]) -> tuple[str, ...]:
 
 
 def _delays(given: Iterable[int], inputs: int) -> tuple[int, ...]:
-    """Return the dead time of each input; zero for all where none is given."""
-    delays = tuple(given) or (0,) * inputs
+    """Return the dead time of each input; where all are zero, for as many inputs as there are."""
+    delays = tuple(given)
+    delays = delays if any(delays) else (0,) * inputs
     whole = all(isinstance(delay, int | np.integer) and not isinstance(delay, bool) and delay >= 0 for delay in delays)
     if not whole or len(delays) != inputs:
         raise ModelError(f"input_delay is {list(delays)}; give one whole number of samples per input ({inputs}), from 0 up")

@@ -93,14 +93,11 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
     found: list[tuple[float, Affine]] = []
     for decay in DECAYS:
         on_progress(f"models with a prior that decays by {decay:g} a lag")
-        theta = decaying_ridge(fitting.data, decay, feedthrough=fitting.feedthrough)
-        states = state_map(fitting.data, fitting.data.lags, theta)
-        for order in _orders(fitting, states) if orders is None else orders:
-            if order <= len(states.s):
-                found.append((decay, pbsid(fitting.data, states, order, fitting.data.lags, feedthrough=fitting.feedthrough)))
+        found += [(decay, system) for system in _realised(fitting, decay, orders)]
     if not found:
         raise PoorExcitation(
-            f"order {min(orders or [1])} is above the largest order that {fitting.data.lags} lags of these data support; ask for less"
+            f"order {min(orders or [1])} is above the largest order that {fitting.data.lags} lags of these data support; "
+            "ask for less"
         )
     length = max(len(item.y) for item in experiments)
     radii = [system.radius for _, system in found]
@@ -114,6 +111,15 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
         system = with_inputs_again(system, fitting.experiments, fitting.fixed)
     gains = _gains(experiments, system)
     return Ensemble(members=members, distances=distances, system=_shrunk(system, gains), step=step, gains=gains)
+
+
+def _realised(fitting: Fitting, decay: float, orders: Sequence[int] | None) -> Iterator[Affine]:
+    """Yield the PBSID models of a prior, one for each order that the data support."""
+    data, has_d = fitting.data, fitting.feedthrough
+    states = state_map(data, data.lags, decaying_ridge(data, decay, feedthrough=has_d))
+    for order in _orders(fitting, states) if orders is None else orders:
+        if order <= len(states.s):
+            yield pbsid(data, states, order, data.lags, feedthrough=has_d)
 
 
 def _orders(fitting: Fitting, states: StateMap) -> list[int]:

@@ -47,9 +47,9 @@ PBSID_LAGS = 10
 """Smallest default number of lags for PBSID, which needs enough past to reconstruct the state."""
 
 
-def provenance_of(method: str, candidate: Candidate, shifts: Sequence[int] = ()) -> dict[str, str | float]:
+def provenance_of(method: str, candidate: Candidate) -> dict[str, str | float]:
     """Return the provenance entries of a model: method, order, lags and last step."""
-    return {"method": method, "order": candidate.order + sum(shifts), "lags": candidate.lags, "step": candidate.step}
+    return {"method": method, "order": candidate.order, "lags": candidate.lags, "step": candidate.step}
 
 
 def gram_with_half(records: Sequence[InputOutputRecord], options: IdentificationOptions, units: Units) -> tuple[Gram, Gram | None]:

@@ -11,8 +11,9 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from treadline.core import linear_systems as validate
+from treadline.core import linear_systems
 from treadline.core.model_methods import ModelMethods
+from treadline.core.model_scores import TESTED_SAMPLES_MIN, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text
 from treadline.identification._affine import Affine
@@ -21,7 +22,7 @@ from treadline.identification._ensemble import Ensemble
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import Candidate, Fitting
 from treadline.identification._gram import Gram, Units
-from treadline.identification._input_structure import DifferentialInput, input_delays
+from treadline.identification._input_structure import DifferentialInput
 from treadline.identification._model_order import OrderChoice, gap_of
 from treadline.identification._okid import ObserverMarkov
 from treadline.identification._pole_intervals import (
@@ -38,8 +39,6 @@ P_VALUE_LIMIT = 0.01
 LOW_MOTION_RATIO = 0.5
 """Ratio of output deviation in validation and fitted data below which a fit is not informative."""
 
-TESTED_SAMPLES_MIN = 20
-"""Smallest number of samples of a record with residual tests over ten lags."""
 FIT_PERCENT_MIN = 10.0
 """Fit and variance accounted for [%] below which the model explains practically nothing."""
 EXACT_PERCENT = 1e-10
@@ -75,7 +74,7 @@ class IdentificationReport:
     mirrored: bool
     """Whether the difference of a left and a right input is the only input."""
     delays: list[int]
-    """Delay of each input in samples; 0 is feedthrough."""
+    """Dead time of each input in samples."""
     singular_values: list[float]
     gap: float | None
     """Gap σ_n / σ_{n+1}; None if there is no σ_{n+1}."""
@@ -85,13 +84,8 @@ class IdentificationReport:
     pole_ci95: list[float] | None
     """Radius of the disc about each pole that contains the true pole with 95 % probability."""
     fit_percent: dict[str, float]
-    """Fit of a free run whose initial state fits the first samples alone, or, where ``horizon`` is given, of a forecast."""
-    horizon: int | None
-    """Samples that the forecast looks ahead, of an unstable model; None for a free run."""
-    judged_samples: int
-    """Length of the longest record that the fit is of."""
-    start_samples: int
-    """First samples of that record, which the initial state of the free run is fitted to."""
+    fit_conditions: str
+    """What the fit is of, in words: a free run and its start, or, of an unstable model, a forecast and its horizon."""
     one_step_vaf_percent: dict[str, float]
     whiteness_p: float | None
     crosscorrelation_p: float | None
@@ -104,13 +98,6 @@ class IdentificationReport:
     warnings: list[str]
     seconds: float
 
-    @property
-    def judged_by(self) -> str:
-        """What the fit is of, with its start or its horizon, in words."""
-        if self.horizon is not None:
-            return f"forecast {self.horizon} samples ahead"
-        return f"free run over {self.judged_samples} samples, its start from the first {self.start_samples}"
-
     def as_json(self) -> dict[str, Any]:
         """Return the report as JSON values."""
         return asdict(self)
@@ -120,9 +107,7 @@ class ValidationScores(TypedDict):
     """Fit and residual tests of a model on validation data, as fields of the report."""
 
     fit_percent: dict[str, float]
-    horizon: int | None
-    judged_samples: int
-    start_samples: int
+    fit_conditions: str
     one_step_vaf_percent: dict[str, float]
     whiteness_p: float | None
     crosscorrelation_p: float | None
@@ -134,40 +119,19 @@ def validation_scores(model: LinearModel, judged: Sequence[InputOutputRecord]) -
     Records too short for the tests are left out.
     """
     judged = [record for record in judged if whole_samples(record) >= TESTED_SAMPLES_MIN] or [max(judged, key=whole_samples)]
-    with np.errstate(over="ignore", invalid="ignore"):
-        residuals = [validate.one_step_residuals(model, record) for record in judged]
-        vaf = np.mean([validate.vaf_percent(record.y, e) for record, e in zip(judged, residuals, strict=True)], axis=0)
-        horizon = forecast_horizon(model)
-        fit = np.mean([validate.fit_percent(model, record, horizon=horizon) for record in judged], axis=0)
-    names, longest = model.output_names, max(len(record) for record in judged)
-    scores = ValidationScores(
-        fit_percent={name: _json_number(value) for name, value in zip(names, fit, strict=True)},
-        horizon=horizon,
-        judged_samples=longest,
-        start_samples=validate.prefix(longest, model.order, len(names)),
-        one_step_vaf_percent={name: _json_number(value) for name, value in zip(names, vaf, strict=True)},
-        whiteness_p=1.0,
-        crosscorrelation_p=1.0,
-    )
+    compared = [compare(model, record) for record in judged]
+    vaf = {name: float(np.mean([one.one_step_vaf_percent[name] for one in compared])) for name in compared[0].percent}
     # A residual of pure rounding has no meaningful p-value; the tests count as passed.
-    if not np.all(100.0 - vaf < EXACT_PERCENT):
-        scores["whiteness_p"] = bonferroni([validate.whiteness_p(e) for e in residuals])
-        crossed = [validate.crosscorrelation_p(e, record.u) for record, e in zip(judged, residuals, strict=True)]
-        scores["crosscorrelation_p"] = bonferroni(crossed)
-    return scores
-
-
-FORECAST_STEPS = 10
-"""Horizon of the forecasts that judge an unstable model: the shortest free run that shows more than the noise of one step."""
-UNSTABLE = 1e-6
-"""Distance of a spectral radius from 1 that counts as rounding."""
-
-
-def forecast_horizon(model: LinearModel) -> int | None:
-    """Return the samples that the forecast of an unstable model looks ahead; None for a model that a free run judges."""
-    if float(np.abs(np.linalg.eigvals(model.A)).max()) <= 1.0 + UNSTABLE:
-        return None
-    return FORECAST_STEPS
+    exact = all(100.0 - value < EXACT_PERCENT for value in vaf.values())
+    white, crossed = [one.whiteness_p for one in compared], [one.crosscorrelation_p for one in compared]
+    longest = max(compared, key=lambda one: one.samples)
+    return ValidationScores(
+        fit_percent={name: _json_number(float(np.mean([one.percent[name] for one in compared]))) for name in vaf},
+        fit_conditions=longest.conditions + (f", mean of {len(compared)} records" if len(compared) > 1 else ""),
+        one_step_vaf_percent={name: _json_number(value) for name, value in vaf.items()},
+        whiteness_p=1.0 if exact else bonferroni(white),
+        crosscorrelation_p=1.0 if exact else bonferroni(crossed),
+    )
 
 
 JUDGED_SAMPLES = 20_000
@@ -176,11 +140,9 @@ JUDGED_SAMPLES = 20_000
 
 def explained_percent(model: LinearModel, judged: Sequence[InputOutputRecord]) -> dict[str, float]:
     """Return the share of each output's variance that the printed fit explains: of a free run, or of a forecast [%]."""
-    records = validate.most_recent(judged, JUDGED_SAMPLES)
-    with np.errstate(over="ignore", invalid="ignore"):
-        fits = [validate.fit_percent(model, record, horizon=forecast_horizon(model)) for record in records]
-        shares = np.mean([100.0 * (1.0 - (1.0 - 0.01 * fit) ** 2) for fit in fits], axis=0)
-    return {name: round(_json_number(value), 1) for name, value in zip(model.output_names, shares, strict=True)}
+    fits = [compare(model, record).percent for record in linear_systems.most_recent(judged, JUDGED_SAMPLES)]
+    shares = {name: float(np.mean([100.0 * (1.0 - (1.0 - 0.01 * fit[name]) ** 2) for fit in fits])) for name in fits[0]}
+    return {name: round(_json_number(value), 1) for name, value in shares.items()}
 
 
 def whole_samples(record: InputOutputRecord) -> int:
@@ -197,7 +159,7 @@ def validation_warnings(
     """Return the warnings on stability, fit and residuals."""
     found = []
     radius = float(np.abs(np.linalg.eigvals(model.A)).max())
-    if radius > 1.0 + UNSTABLE:
+    if radius > 1.0 + 1e-6:
         found.append(
             f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant is "
             "known to be stable"
@@ -250,9 +212,10 @@ def _low_motion_warnings(model: LinearModel, fitted: Sequence[InputOutputRecord]
     ]
 
 
-def bonferroni(p_values: Sequence[float]) -> float | None:
+def bonferroni(p_values: Sequence[float | None]) -> float | None:
     """Return the combined p-value of several tests (Bonferroni); None if one has no p-value."""
-    return finite_or_none(min(1.0, len(p_values) * min(p_values)))
+    known = [value for value in p_values if value is not None]
+    return min(1.0, len(known) * min(known)) if known and len(known) == len(p_values) else None
 
 
 def finite_or_none(value: float) -> float | None:
@@ -263,10 +226,6 @@ def finite_or_none(value: float) -> float | None:
 def _json_number(value: float) -> float:
     """Return a JSON-compatible number; a diverging fit becomes -1e9."""
     return float(value) if np.isfinite(value) else -1e9
-
-
-DEAD_TIME = 3
-"""Delay in samples from which a warning suggests removing the dead time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -337,7 +296,6 @@ class Identified(ModelMethods, Printable):
         method: str,
         fitted: Sequence[InputOutputRecord],
         judged: Sequence[InputOutputRecord],
-        shifts: Sequence[int],
         started: float,
         gram: Gram,
         differential: DifferentialInput | None = None,
@@ -349,7 +307,7 @@ class Identified(ModelMethods, Printable):
         """Gram matrix of the data, from which a later identification can continue."""
         self.svd = found.evidence.svd
         """Decomposed Hankel matrix of the observer's system."""
-        self._found, self._method, self._shifts, self._differential = found, method, shifts, differential
+        self._found, self._method, self._differential = found, method, differential
         self._seconds = time.perf_counter() - started
 
     def _linear(self) -> LinearModel:
@@ -364,7 +322,7 @@ class Identified(ModelMethods, Printable):
         rows = [
             (
                 f"fit of {name}",
-                f"{value:.1f} % {report.judged_by}, {report.one_step_vaf_percent[name]:.1f} % of the variance one step ahead",
+                f"{value:.1f} %, {report.one_step_vaf_percent[name]:.1f} % of the variance one step ahead",
             )
             for name, value in report.fit_percent.items()
         ]
@@ -406,14 +364,11 @@ class Identified(ModelMethods, Printable):
         started = time.perf_counter()
         found, model = self._found, self.model
         scores = validation_scores(model, self.judged)
-        delays = input_delays(found.evidence.observer) * (1 if self._differential is None else len(self._shifts))
-        delays = [d + shift for d, shift in zip(delays, self._shifts, strict=True)]
         support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
-        warnings = [*found.warnings, *self._dead_time_warning(delays), *self._excitation_warning(support)]
+        warnings = [*found.warnings, *self._excitation_warning(support)]
         warnings += validation_warnings(scores, model, self.fitted, self.judged)
         poles = np.linalg.eigvals(found.system.A).astype(complex)
         radii = None if self.intervals is None else self.intervals.pole_radii()
-        chain = [0.0] * (model.order - found.system.order)
         return IdentificationReport(
             order=model.order,
             lags=found.candidate.lags,
@@ -422,12 +377,12 @@ class Identified(ModelMethods, Printable):
             step=found.candidate.step,
             feedthrough=found.fitting.feedthrough,
             mirrored=self._differential is not None,
-            delays=delays,
+            delays=list(model.input_delay),
             singular_values=[float(value) for value in found.evidence.svd.s],
             gap=finite_or_none(gap_of(found.evidence.choice, found.evidence.svd)),
             noise_level=found.evidence.noise,
-            poles=[(float(pole.real), float(pole.imag)) for pole in poles] + [(0.0, 0.0) for _ in chain],
-            pole_ci95=None if radii is None else [float(radius) for radius in radii] + chain,
+            poles=[(float(pole.real), float(pole.imag)) for pole in poles],
+            pole_ci95=None if radii is None else [float(radius) for radius in radii],
             **scores,
             excitation_order=support,
             samples=round(found.fitting.data.count),
@@ -436,14 +391,6 @@ class Identified(ModelMethods, Printable):
             warnings=warnings,
             seconds=self._seconds + time.perf_counter() - started,
         )
-
-    def _dead_time_warning(self, delays: Sequence[int]) -> list[str]:
-        late = [
-            f"'{name}' acts after {d} samples"
-            for name, d, shift in zip(self.model.input_names, delays, self._shifts, strict=True)
-            if d >= DEAD_TIME and not shift
-        ]
-        return [f"dead time: {', '.join(late)}; --delays auto removes it from the states"] if late else []
 
     def _excitation_warning(self, support: int) -> list[str]:
         result = collinearity_warnings(self.fitted, self.model.input_names, mirrored=self._differential is not None)

@@ -61,7 +61,6 @@ def identify_chunks(
         method=method,
         fitted=last,
         judged=last,
-        shifts=[0] * start.chunks[0].record.u.shape[1],
         started=started,
         gram=data,
     )

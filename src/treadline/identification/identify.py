@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from treadline.core import linear_systems as validate
 from treadline.core.errors import PoorExcitation, SettingsError
+from treadline.core.model_scores import TESTED_SAMPLES_MIN
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import Affine, stabilised, to_model
 from treadline.identification._checks import (
@@ -17,18 +18,15 @@ from treadline.identification._checks import (
     check_independent,
     check_records,
 )
+from treadline.identification._dead_time import dead_time
 from treadline.identification._fitting import with_inputs_again
 from treadline.identification._from_gram import from_gram, gram_with_half, provenance_of
-from treadline.identification._gram import Gram, Units
-from treadline.identification._identified import TESTED_SAMPLES_MIN, FittedSystem, Identified, whole_samples
+from treadline.identification._gram import Gram
+from treadline.identification._identified import FittedSystem, Identified, whole_samples
 from treadline.identification._input_structure import (
     find_differential_input,
-    input_delays,
-    with_delays,
     without_delays,
 )
-from treadline.identification._model_order import choose_structure
-from treadline.identification._okid import scaled_observer
 from treadline.identification._threads import one_thread
 from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
 
@@ -63,7 +61,7 @@ def identify(
     fitted, judged = _split(given, options.validation)
     if options.validation is not None:
         units = check_records(fitted)
-    shifts = _dead_time(fitted, options, units)
+    shifts = _dead_time(fitted, options, method)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
     data, half = gram_with_half(moved, replace(options, lags=1) if method == "deconvolution" else options, units)
     differential = None
@@ -77,18 +75,15 @@ def identify(
     )
     if options.stable:
         found = replace(found, system=_stable(found))
-    model = to_model(found.system, found.units, data.dt_s, channel_names(taken[0]), provenance_of(method, found.candidate, shifts))
+    model = to_model(found.system, found.units, data.dt_s, channel_names(taken[0]), provenance_of(method, found.candidate))
     if differential is not None:
         model = differential.model(model, data.units.shift[:2])
-    if any(shifts):
-        model = with_delays(model, shifts)
     return Identified(
-        model=model,
+        model=replace(model, input_delay=tuple(shifts)),
         found=found,
         method=method,
         fitted=fitted,
         judged=judged,
-        shifts=shifts,
         started=started,
         gram=found.fitting.data if differential is None else data,
         differential=differential,
@@ -103,17 +98,14 @@ def _stable(found: FittedSystem) -> Affine:
     return found.fitting.with_gain(system)
 
 
-def _dead_time(records: Sequence[InputOutputRecord], options: IdentificationOptions, units: Units) -> list[int]:
-    """Return the shift of each input in samples."""
+def _dead_time(records: Sequence[InputOutputRecord], options: IdentificationOptions, method: str) -> list[int]:
+    """Return the dead time of each input in samples: given, or found with ``best``; the other methods model it by states."""
+    inputs = records[0].u.shape[1]
     if options.delays is None:
-        return [0] * records[0].u.shape[1]
-    if not isinstance(options.delays, str):
-        without_delays(records, options.delays)
-        return [int(delay) for delay in options.delays]
-    data, _ = gram_with_half(records, replace(options, solver="gram", prior=None, forgetting=1.0), units)
-    used, has_d = choose_structure(data, options.lags, options.feedthrough)
-    # Without feedthrough the model itself contains a delay of one sample.
-    return [max(0, d - 1) for d in input_delays(scaled_observer(data, used, feedthrough=has_d))]
+        return dead_time(records) if method == "best" else [0] * inputs
+    delays = [options.delays] * inputs if isinstance(options.delays, int) else list(options.delays)
+    without_delays(records, delays)
+    return [int(delay) for delay in delays]
 
 
 def _split(

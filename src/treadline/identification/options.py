@@ -46,8 +46,9 @@ class IdentificationOptions:
     chunks, ``pbsid``."""
     feedthrough: bool | None = None
     """Whether an input acts within the same sample (D). Default: at the smallest BIC."""
-    delays: Sequence[int] | str | None = None
-    """Dead time of each input in samples, or ``auto`` to estimate it. Default: the states model the dead time."""
+    delays: Sequence[int] | int | None = None
+    """Dead time of each input, or of all, in samples. Default: found with ``best``; with the other methods zero, and states model
+    it."""
     solver: str = "gram"
     """Least-squares solver: ``gram`` for normal equations, or ``qr``: slower, accurate to rounding on noise-free data."""
     stable: bool = False
@@ -77,8 +78,8 @@ class IdentificationOptions:
     def _check_delays(self) -> None:
         if isinstance(self.delays, Sequence) and not isinstance(self.delays, str):
             object.__setattr__(self, "delays", tuple(self.delays))
-        elif self.delays not in (None, "auto"):
-            raise SettingsError(f"delays is '{self.delays}'; give auto, or one number per input")
+        elif self.delays is not None and (not isinstance(self.delays, int) or isinstance(self.delays, bool)):
+            raise SettingsError(f"delays is {self.delays!r}; give a whole number of samples, or one per input")
 
     def _check_prior(self, prior: Gram) -> None:
         if self.lags is not None and self.lags > prior.lags:
@@ -94,7 +95,7 @@ class IdentificationKeywords(TypedDict, total=False):
     lags: int | None
     method: str | None
     feedthrough: bool | None
-    delays: Sequence[int] | str | None
+    delays: Sequence[int] | int | None
     solver: str
     stable: bool
     validation: float | InputOutputRecord | None

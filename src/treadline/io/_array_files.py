@@ -22,8 +22,8 @@ from jaxtyping import Shaped
 from numpy.lib import format as npy
 
 from treadline.core.errors import LogFormatError, ShapeMismatch
-from treadline.io._clock import Seconds, Ticks, clocks_of, is_period
-from treadline.io._tables import MAX_BYTES, Table, check_count, place_of
+from treadline.io._clock import Seconds, Ticks, clocks_of, period_in
+from treadline.io._tables import MAX_BYTES, Table, check_count, listed, place_of
 
 _Read = Callable[[str], Shaped[np.ndarray, "..."]]
 """Function from the name of an array to the array."""
@@ -31,6 +31,8 @@ _PLACE = re.compile(r"\[(\d{1,6})\]$")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _COMPRESSED = 15
 """Type of an element that holds another one, compressed."""
+_OPAQUE = 17
+"""Class of a variable that holds an object."""
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 
 
@@ -63,7 +65,8 @@ def _table_of(file: Path, wanted: tuple[str, ...], there: Sequence[str], array: 
         )
     rows = lengths[0][1] if lengths else 0
     check_count(file, rows)
-    periods = [array(name) for name in there if is_period(name)]
+    stated = [(name, array(name)) for name in there if period_in(name, 1.0) is not None]
+    periods = [period_in(name, float(values.item())) for name, values in stated if values.size == 1]
     return Table(
         file=file,
         names=tuple(name for name, _ in columns),
@@ -73,7 +76,7 @@ def _table_of(file: Path, wanted: tuple[str, ...], there: Sequence[str], array: 
         marks=np.arange(1, rows + 1),
         header=tuple(there),
         widths=tuple(map(len, chosen)),
-        period_s=next((float(values.item()) for values in periods if values.size == 1), None),
+        period_s=next(iter(periods), None),
     )
 
 
@@ -128,7 +131,7 @@ def read_npz(file: Path, wanted: tuple[str, ...], period_s: float | None) -> Tab
             members = {item.filename.removesuffix(".npy"): item for item in archive.infolist() if item.filename.endswith(".npy")}
             return _table_of(file, wanted, list(members), lambda name: _array(file, archive, members[name]), period_s)
     except _BROKEN as error:
-        raise LogFormatError(f"{file}: not a valid NPZ file: {error}; is it truncated or modified?") from None
+        raise LogFormatError(f"{file}: not a valid NPZ file: {listed((str(error),))}; is it truncated or modified?") from None
 
 
 def _array(file: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Shaped[np.ndarray, "..."]:
@@ -168,18 +171,21 @@ def _load(file: Path) -> dict[str, Any]:
     """
     _check_bytes(file, file.stat().st_size)
     data = file.read_bytes()
-    if _HDF5 in (data[:8], data[512:520]):
-        return _load_hdf5(file)
     try:
+        if _HDF5 in (data[:8], data[512:520]):
+            return _load_hdf5(file)
         if data[124:128] in {b"\x00\x01IM", b"\x01\x00MI"}:
             return _variables(data, MAX_BYTES)
         from scipy.io import loadmat
 
         # Version 4. A stream in memory limits every read to the file size, whatever length a damaged file declares.
         found = loadmat(cast("Any", io.BytesIO(data)))
+    except LogFormatError:
+        raise
     except Exception as error:  # noqa: BLE001 - damaged bytes can raise any exception in the parsers
-        cause = " ".join(str(error).split())[:200] or "it ends early"
-        raise LogFormatError(f"{file}: not a valid MAT file: {cause}; is it truncated or modified?") from None
+        raise LogFormatError(
+            f"{file}: not a valid MAT file: {listed((str(error) or 'it ends early',))}; is it truncated or modified?"
+        ) from None
     return {name: value for name, value in found.items() if not name.startswith("__")}
 
 
@@ -198,11 +204,8 @@ def _load_hdf5(file: Path) -> dict[str, Any]:
             _check_bytes(file, item.nbytes + sum(values.nbytes for values in found.values()))
             found[name.replace("/", ".")] = item[()].T
 
-    try:
-        with h5py.File(file) as archive:
-            archive.visititems(take)
-    except (OSError, RuntimeError, ValueError, KeyError) as error:
-        raise LogFormatError(f"{file}: not a valid MAT file: {error}; is it truncated or modified?") from None
+    with h5py.File(file) as archive:
+        archive.visititems(take)
     return found
 
 
@@ -273,6 +276,8 @@ def _variable(data: memoryview, order: str, depth: int) -> tuple[str, Any]:
         return "", np.empty((0, 0))
     parts = _elements(data, order)
     flags = int(_numbers(next(parts), order)[0])
+    if flags & 0xFF == _OPAQUE:
+        return bytes(next(parts)[1]).decode("latin-1"), None
     shape = tuple(_numbers(next(parts), order).tolist())
     name = bytes(next(parts)[1]).decode("latin-1")
     if len(shape) < 2 or min(shape) < 0:

@@ -23,12 +23,13 @@ _UNITS = {
     1.0 / 3600.0: "h hour hours",
 }
 _PER_SECOND = {word: ticks for ticks, words in _UNITS.items() for word in words.split()}
-_TIMES = {"t", "ts", "time", "timestamp", "datetime", "stamp", "elapsed"}
-_OF_TIMES = {*_TIMES, "header", "date", "unix", "epoch", "utc", "ros", "log", "sim"}
+_TIMES = {"t", "ts", "time", "timestamp", "datetime", "stamp", "elapsed", "epoch", "zeit", "zeitstempel", "temps", "tiempo"}
+_OF_TIMES = {*_TIMES, "header", "date", "unix", "utc", "ros", "rosbag", "log", "sim", "system", "relative"}
 _HEADER_STAMP = ["header", "stamp"]
 _SECONDS, _NANOSECONDS = {"sec", "secs", "seconds"}, {"nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds"}
 """Units of two columns that are added."""
 _PERIODS = {"ts", "dt", "dts", "period", "periods", "sampletime", "samplingtime", "samplingperiod", "samplinginterval"}
+_FREQUENCIES = {"fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency"}
 _SINCE_1970 = 1e9, 1e10
 """Seconds since 1970 from 2001 to 2286: the times with ten digits."""
 
@@ -54,34 +55,35 @@ class TimeColumn:
 
 def clocks_of(there: Iterable[str], wanted: Iterable[str] = ()) -> list[TimeColumn]:
     """Return the columns that their names make a clock, the plainest name first."""
-    words = {name: _words(name) for name in there if name not in set(wanted)}
+    words = {name: words_of(name) or [""] for name in there if name not in set(wanted) and name != "T"}  # a temperature
     found = [(len(said), clock) for name in words for said, clock in [_clock(name, words)] if clock is not None]
     return [clock for _, clock in sorted(found, key=lambda item: item[0])]
 
 
 def _clock(name: str, words: dict[str, list[str]]) -> tuple[list[str], TimeColumn | None]:
     """Return the words of a name without its unit, and the clock that it is."""
-    *said, last = words[name] or [""]
+    *said, last = words[name]
     if last in _SECONDS:
         fine = next((other for other, (*before, unit) in words.items() if before == said and unit in _NANOSECONDS), None)
         if fine is not None:
             return said, TimeColumn(columns=(name, fine), per_s=1e9)
     per_s = _PER_SECOND.get(last)
     said = words[name] if per_s is None else said
-    is_time = said and said[-1] in _TIMES and _OF_TIMES.issuperset(said)
-    if is_time or said[-2:] == _HEADER_STAMP or (not said and last in _SECONDS):
+    is_time = _OF_TIMES.issuperset(said) and not _TIMES.isdisjoint(said)
+    if is_time or said[-2:] == _HEADER_STAMP or (per_s and not said and len(last) > len("min")):
         return said, TimeColumn(columns=(name,), per_s=per_s)
     return said, None
 
 
-def _words(name: str) -> list[str]:
-    """Return the words of a name; a capital T alone is a temperature rather than a time."""
-    return re.findall(r"[^\W_]+", name if name.strip() == "T" else name.casefold()) or [""]
+def words_of(name: str) -> list[str]:
+    """Return the words of a name, in lower case."""
+    return re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).casefold())
 
 
-def is_period(name: str) -> bool:
-    """Return whether a single number of that name is the sampling period."""
-    return "".join(_words(name.rpartition(".")[2])) in _PERIODS
+def period_in(name: str, value: float) -> float | None:
+    """Return the sampling period that a single number of that name states, or None."""
+    word = "".join(words_of(name.rpartition(".")[2]))
+    return value if word in _PERIODS else 1.0 / value if word in _FREQUENCIES and value else None
 
 
 class Seconds:

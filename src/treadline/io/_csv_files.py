@@ -22,7 +22,7 @@ from jaxtyping import Int, Shaped
 from treadline.core.errors import LogFormatError, ShapeMismatch
 from treadline.io._clock import Seconds
 from treadline.io._sheet import Row, Sheet, sheet_of
-from treadline.io._tables import MAX_BYTES, Log, Table, check_count
+from treadline.io._tables import MAX_BYTES, Log, Table, check_count, listed
 
 BLOCK_ROWS = 65_536
 """Number of lines per block: 5 MB with five columns."""
@@ -47,9 +47,12 @@ class CsvLog(Log):
 
     def _text(self, packed: BinaryIO) -> TextIOWrapper:
         plain = cast("BinaryIO", GzipFile(fileobj=packed)) if self._is_packed else packed
-        is_wide = plain.read(2) in {codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE}
+        head = plain.read(2)
         plain.seek(0)
-        return TextIOWrapper(plain, *(("utf-16", "strict") if is_wide else ("utf-8-sig", "surrogateescape")))
+        low, high = head.endswith(b"\0"), head.startswith(b"\0")
+        is_marked = head in {codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE}
+        wide = "utf-16" if is_marked else "utf-16-le" if low else "utf-16-be" if high else None
+        return TextIOWrapper(plain, wide or "utf-8-sig", "strict" if wide else "surrogateescape")
 
     def _tables(self, packed: BinaryIO, text: TextIOWrapper) -> Iterator[Table]:
         block = _block(self._file, text)
@@ -87,7 +90,7 @@ def _cells(
     rows, width = sheet.style.data(block, line), len(sheet.header)
     for number, row in rows:
         if len(row) < width or any(row[width:]):
-            raise ShapeMismatch(f"{sheet.style.file}:{number}: {len(row)} cells, the header has {width}")
+            raise ShapeMismatch(f"{sheet.style.file}:{number}: {len(row)} cells, the header has {width}; mend or remove the line")
     values = _one_by_one(sheet, rows, sheet.places, float)
     return values, _one_by_one(sheet, rows, sheet.clock_places, sheet.kind), np.array([number for number, _ in rows], dtype=int)
 
@@ -120,7 +123,6 @@ def _one_by_one(sheet: Sheet, rows: list[Row], places: list[int], kind: type) ->
             except (ValueError, OverflowError):
                 number = "a number (decimals have a point)" if "," in row[place] else "a number"
                 what = {int: "a whole number", datetime: "an ISO 8601 time; or give --period"}.get(kind, number)
-                raise LogFormatError(
-                    f"{sheet.style.file}:{line}: column '{sheet.header[place]}' holds '{row[place].strip()}', not {what}"
-                ) from None
+                where, text = f"{sheet.style.file}:{line}: column '{sheet.header[place]}'", listed((row[place],))
+                raise LogFormatError(f"{where} holds '{text}', not {what}") from None
     return values

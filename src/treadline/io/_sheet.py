@@ -28,7 +28,9 @@ DIGITS = 15
 """Digits that a float keeps."""
 _SEPARATORS = ("\t", ";", "|", ",", None)
 """Separators; None stands for blanks. A comma may also be the decimal mark."""
-_COMMENT = re.compile(r"\s*(#|%|//)\s*")
+_COMMENT = re.compile(r"^\s*(#|%|//)\s*")
+_BLANKS = re.compile(r"\s+(?![\[(])")
+"""Separator of cells in a file with blanks; a unit in brackets belongs to its name."""
 _WORDS = dict.fromkeys(("", "na", "n/a", "#n/a", "-", "--", "null", "none"), math.nan) | {"true": 1.0, "false": 0.0}
 """Values of words in the place of numbers."""
 
@@ -69,11 +71,8 @@ class Style:
                 byte = ord(text[error.start]) - 0xDC00
                 raise LogFormatError(f"{self.file}:{number}: not UTF-8 (byte {byte:#04x}); save it as CSV in UTF-8") from None
         if self.separator is None:
-            return [
-                (number, cells)
-                for number, text in enumerate(lines, start=line)
-                if (cells := _COMMENT.sub(r"\1", text, count=1).split())
-            ]
+            plain = ((number, _COMMENT.sub(r"\1", text).strip()) for number, text in enumerate(lines, start=line))
+            return [(number, _BLANKS.split(text)) for number, text in plain if text]
         reader = csv.reader(lines, delimiter=self.separator)
         try:
             return [(line + reader.line_num - 1, row) for row in reader if any(map(str.strip, row))]
@@ -158,7 +157,7 @@ def _header(style: Style, rows: Sequence[Row], wanted: Sequence[str]) -> tuple[i
 
 def _names(row: Row) -> list[str]:
     """Return the names in a header, which may be commented out and end in empty cells."""
-    names = [cell.strip() for cell in (_COMMENT.sub("", row[1][0], count=1), *row[1][1:])]
+    names = [cell.strip() for cell in (_COMMENT.sub("", row[1][0]), *row[1][1:])]
     while not names[-1] and len(names) > 1:
         names.pop()
     return names

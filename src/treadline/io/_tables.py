@@ -8,7 +8,7 @@ rows become rows of NaN instead of interpolated values.
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from jaxtyping import Float, Float64, Shaped
 
 from treadline.core.arrays import LARGEST
 from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, closest
-from treadline.io._clock import IRREGULAR, Seconds, Ticks, Times, clocks_of
+from treadline.io._clock import IRREGULAR, Seconds, Ticks, Times, clocks_of, words_of
 
 UNWRAPPED = "_unwrapped_rad"
 """Name suffix of unwrapped angles, which may exceed π."""
@@ -60,6 +60,10 @@ class Table:
     def __len__(self) -> int:
         return int(self.values.shape[0])
 
+    def columns_of(self, names: int) -> int:
+        """Return the number of columns of the first names asked for."""
+        return sum(self.widths[:names]) if self.widths else names
+
     def where(self, k: int) -> str:
         """Return the location of a row: file and line, or file and row."""
         return f"{self.file}{self.spot.format(self.marks[k])}"
@@ -92,7 +96,7 @@ class Log:
 
 
 def place_of(file: Path, name: str, there: Sequence[str]) -> int:
-    """Return the place of a column: by its name, without path, unit and capitals if only one is so named, or by its number from 0.
+    """Return the place of a column: by its name, less exactly if only one is so named, or by its number from 0.
 
     Raises:
         LogFormatError: If there is none, or several.
@@ -111,25 +115,19 @@ def place_of(file: Path, name: str, there: Sequence[str]) -> int:
 
 
 def alike_of(name: str, there: Sequence[str]) -> list[int]:
-    """Return the places of the columns that a name may mean: the exact ones, else those without path, unit and capitals."""
-    bare = [_bare(other) for other in there]
-    ends = tuple(mark + _bare(name) for mark in "/.")
-    return next(
-        filter(
-            None,
-            (
-                [k for k, other in enumerate(there) if other == name],
-                [k for k, other in enumerate(bare) if other == _bare(name)],
-                [k for k, other in enumerate(bare) if other.endswith(ends)],
-            ),
-        ),
-        [],
-    )
+    """Return the places of the columns that a name may mean: the exact ones, else those of its words, without unit or path."""
+    for key in (str, words_of, lambda each: words_of(_bare(each))):
+        meant = key(name)
+        alike = [k for k, other in enumerate(there) if key(other) == meant != []]
+        if alike:
+            return alike
+    ends = tuple(mark + _bare(name).casefold() for mark in "/.")
+    return [k for k, other in enumerate(there) if _bare(other).casefold().endswith(ends)]
 
 
 def _bare(name: str) -> str:
     """Return a name without a unit in brackets; a number in brackets is an element."""
-    return re.sub(r"\s*[\[(](?!\d+[\])]$)[^\])]*[\])]$", "", name.strip()).casefold()
+    return re.sub(r"\s*[\[(](?!\d+[\])]$)[^\])]*[\])]$", "", name.strip())
 
 
 def missing(file: Path, name: str, there: Iterable[str]) -> LogFormatError:
@@ -186,11 +184,6 @@ def check_values(table: Table, *, allow_gaps: bool) -> None:
             raise RecordError(f"{table.file}: column '{name}' reaches {largest:.0f} m/s: millimetres? convert it to metres")
 
 
-def gaps_in(table: Table) -> int:
-    """Return the number of rows with NaN."""
-    return int(np.isnan(table.values).any(axis=1).sum())
-
-
 def check_gaps(file: Path, gaps: int, rows: int) -> None:
     """Reject a record with too many gaps."""
     if gaps > MOST_GAPS * rows:
@@ -208,24 +201,18 @@ def _check_finite(
     nan: str = "pass --allow-gaps, which leaves out the windows with NaN",
 ) -> None:
     size = np.abs(values)
-    if (size <= LARGEST).all():
-        return
-    for failed, word, remedy in (
-        (np.isinf(size), "Inf", "repair the recording"),
-        (size > LARGEST, f"a number beyond {LARGEST:.0e}", "repair the recording"),
-        (np.isnan(size), "NaN", nan),
-    ):
-        bad = np.argwhere(failed)
-        if bad.size and not (word == "NaN" and allow_gaps):
-            i, j = bad[0].tolist()
-            raise NotFinite(f"{table.where(i)}: column '{names[j]}' holds {word}; {remedy}")
+    is_bad = ~(size <= LARGEST) & ~(np.isnan(size) & allow_gaps)
+    if is_bad.any():
+        i, j = np.argwhere(is_bad)[0].tolist()
+        word = "NaN" if np.isnan(size[i, j]) else "Inf" if np.isinf(size[i, j]) else f"a number beyond {LARGEST:.0e}"
+        raise NotFinite(f"{table.where(i)}: column '{names[j]}' holds {word}; {nan if word == 'NaN' else 'repair the recording'}")
 
 
 def period_of(table: Table, t_s: Times, period_s: float | None, before_s: float | None = None) -> float:
     """Return the requested period, or the median step, rounded as far as the rounding of the stamps allows; time must increase.
 
     Args:
-        t_s: TimeColumn of the table.
+        t_s: Times of the table.
         before_s: Time of the row before the table, if the table continues another one.
     """
     steps = _steps(t_s, before_s)
@@ -265,20 +252,6 @@ def uneven(
     )
 
 
-def with_gaps(table: Table, t_s: Times, period_s: float) -> Float64[np.ndarray, "k c"] | None:
-    """Return the columns with rows of NaN for missing rows; None if a step is not a multiple of the period.
-
-    Raises:
-        NotFinite: If too many rows are missing or contain NaN.
-    """
-    places = places_of(t_s, period_s)
-    if places is None:
-        return None
-    rows = int(places[-1]) + 1
-    check_gaps(table.file, rows - len(table) + gaps_in(table), rows)
-    return next(spread(table.values, places, rows))
-
-
 def spread(values: Float64[np.ndarray, "n c"], places: Times, rows: int) -> Iterator[Float64[np.ndarray, "_ c"]]:
     """Yield rows at their places with rows of NaN between them, in parts of at most ``rows`` rows."""
     total = int(places[-1]) + 1
@@ -303,13 +276,18 @@ def places_of(t_s: Times, period_s: float, before_s: float | None = None) -> Tim
     return np.concatenate([[0.0], np.cumsum(whole)]) if before_s is None else np.cumsum(whole) - 1.0
 
 
-def resampled(table: Table, t_s: Times, inputs: int, period_s: float) -> Float64[np.ndarray, "k c"]:
-    """Return the columns on the sampling grid, the first ``inputs`` of them by sample-and-hold."""
+def resampled(table: Table, inputs: int, period_s: float | None, *, allow_gaps: bool) -> Table:
+    """Return a table whose times are uneven on the sampling grid: the inputs by sample-and-hold, the outputs interpolated."""
+    check_values(table, allow_gaps=allow_gaps)
+    t_s = np.empty(0) if table.t_s is None else table.t_s
+    period_s = period_of(table, t_s, period_s)
+    if uneven(table, t_s, period_s) is None:
+        return table
     grid = t_s[0] + period_s * np.arange(rows_of(str(table.file), t_s[0], t_s[-1], period_s))
-    values = np.empty((len(grid), len(table.names)))
+    values, m = np.empty((len(grid), len(table.names))), table.columns_of(inputs)
     for j, column in enumerate(table.values.T):
-        values[:, j] = held(grid + 1e-9 * period_s, t_s, column) if j < inputs else np.interp(grid, t_s, column)
-    return values
+        values[:, j] = held(grid + 1e-9 * period_s, t_s, column) if j < m else np.interp(grid, t_s, column)
+    return replace(table, values=values, t_s=None, period_s=period_s, marks=np.arange(len(grid)))
 
 
 def held(grid: Float64[np.ndarray, " k"], times: Times, values: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " k"]:

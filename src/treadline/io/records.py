@@ -18,22 +18,20 @@ import numpy as np
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.files import write_whole
 from treadline.core.models import BAG_SUFFIXES, LOG_SUFFIXES, InputOutputRecord
-from treadline.io._clock import Times
 from treadline.io._tables import (
     MOST_ROWS,
+    RESAMPLE,
     Log,
     Table,
     check_gaps,
     check_period,
     check_values,
-    gaps_in,
     no_clock,
     period_of,
     places_of,
     resampled,
     spread,
     uneven,
-    with_gaps,
 )
 from treadline.io.runs import LOG, RECORD
 
@@ -82,24 +80,10 @@ def read_record(
             raise _of_a_run(path, lacking) from None
     else:
         table = _joined(list(_tables(file, wanted, period_s)))
-        period_s = table.period_s if period_s is None and table.t_s is None else period_s
-    check_values(table, allow_gaps=allow_gaps)
-    check_gaps(file, gaps_in(table), len(table))
-    values = table.values
-    m = sum(table.widths[: len(inputs)]) if table.widths else len(inputs)
-    if table.t_s is not None:
-        period_s = period_of(table, table.t_s, period_s)
-        error = uneven(table, table.t_s, period_s)
-        if error is not None:
-            whole = with_gaps(table, table.t_s, period_s) if allow_gaps and not resample else None
-            if whole is None and not resample:
-                raise error
-            values = resampled(table, table.t_s, m, period_s) if whole is None else whole
-    if period_s is None:
-        raise no_clock(table)
-    return InputOutputRecord(
-        u=values[:, :m], y=values[:, m:], dt_s=period_s, input_names=table.names[:m], output_names=table.names[m:]
-    )
+    if resample and table.t_s is not None:
+        table = resampled(table, len(inputs), period_s, allow_gaps=allow_gaps)
+    (record,) = _chunks([table], len(inputs), MOST_ROWS, period_s, allow_gaps=allow_gaps)
+    return record
 
 
 def clock_warning(period_s: float) -> str | None:
@@ -154,17 +138,15 @@ def read_chunks(
     log = _open_log(file, (*inputs, *outputs), period_s)
     if log is None:
         raise LogFormatError(f"{file}: only CSV, Parquet and Feather are read in chunks; read it whole")
-    return ChunkReader(log, inputs, outputs, rows, period_s, allow_gaps=allow_gaps)
+    return ChunkReader(log, len(inputs), rows, period_s, allow_gaps=allow_gaps)
 
 
 class ChunkReader:
     """Iterable over the chunks of one experiment, in order; a second iteration starts from the beginning."""
 
-    def __init__(
-        self, log: Log, inputs: tuple[str, ...], outputs: tuple[str, ...], rows: int, period_s: float | None, *, allow_gaps: bool
-    ) -> None:
+    def __init__(self, log: Log, inputs: int, rows: int, period_s: float | None, *, allow_gaps: bool) -> None:
         self._log = log
-        self._names = inputs, outputs
+        self._inputs = inputs
         self._rows = rows
         self._period_s = period_s
         self._allow_gaps = allow_gaps
@@ -175,36 +157,39 @@ class ChunkReader:
         return self._log.fraction
 
     def __iter__(self) -> Iterator[InputOutputRecord]:
-        inputs, outputs = self._names
-        m = len(inputs)
-        before_s, period_s = None, self._period_s
-        gaps = rows = 0
-        for table in _of_length(self._log, self._rows):
-            check_values(table, allow_gaps=self._allow_gaps)
-            places = None
-            if table.t_s is not None:
-                period_s = period_of(table, table.t_s, period_s, before_s)
-                places = self._places(table, table.t_s, period_s, before_s)
-                before_s = float(table.t_s[-1])
-            if period_s is None:
-                raise no_clock(table)
-            for values in [table.values] if places is None else spread(table.values, places, self._rows):
-                gaps += int(np.isnan(values).any(axis=1).sum())
-                rows += len(values)
-                yield InputOutputRecord(u=values[:, :m], y=values[:, m:], dt_s=period_s, input_names=inputs, output_names=outputs)
-        if rows:
-            check_gaps(table.file, gaps, rows)
+        tables = _of_length(self._log, self._rows)
+        remedy = "read it whole: a stream is not resampled"
+        return _chunks(tables, self._inputs, self._rows, self._period_s, allow_gaps=self._allow_gaps, remedy=remedy)
 
-    def _places(self, table: Table, t_s: Times, period_s: float, before_s: float | None) -> Times | None:
-        """Return the grid indices of the rows if rows are missing between them, else None."""
-        error = uneven(table, t_s, period_s, before_s, remedy="read it whole: a stream is not resampled")
-        if error is None:
-            return None
-        places = places_of(t_s, period_s, before_s) if self._allow_gaps else None
-        # A single wrong time stamp would otherwise produce rows of NaN for days.
-        if places is None or places[-1] > MOST_ROWS:
-            raise error
-        return places
+
+def _chunks(
+    tables: Iterable[Table], inputs: int, rows: int, period_s: float | None, *, allow_gaps: bool, remedy: str = RESAMPLE
+) -> Iterator[InputOutputRecord]:
+    """Yield consecutive tables as records of at most ``rows`` rows, with rows of NaN where rows are missing."""
+    before_s: float | None = None
+    gaps = count = 0
+    for table in tables:
+        check_values(table, allow_gaps=allow_gaps)
+        places, m = None, table.columns_of(inputs)
+        if table.t_s is None:
+            period_s = table.period_s if period_s is None else period_s
+        else:
+            period_s = period_of(table, table.t_s, period_s, before_s)
+            error = uneven(table, table.t_s, period_s, before_s, remedy=remedy)
+            if error is not None:
+                places = places_of(table.t_s, period_s, before_s) if allow_gaps else None
+                # A single wrong time stamp would otherwise produce rows of NaN for days.
+                if places is None or places[-1] >= MOST_ROWS:
+                    raise error
+            before_s = float(table.t_s[-1])
+        if period_s is None:
+            raise no_clock(table)
+        for values in [table.values] if places is None else spread(table.values, places, rows):
+            gaps, count = gaps + int(np.isnan(values).any(axis=1).sum()), count + len(values)
+            names = table.names
+            yield InputOutputRecord(u=values[:, :m], y=values[:, m:], dt_s=period_s, input_names=names[:m], output_names=names[m:])
+    if count:
+        check_gaps(table.file, gaps, count)
 
 
 def _of_length(tables: Iterable[Table], rows: int) -> Iterator[Table]:

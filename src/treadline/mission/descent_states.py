@@ -34,7 +34,7 @@ class DescentConfig(TraversalConfig):
     """Distances, angles and speeds of a traversal down; distances along the belts unless stated otherwise."""
 
     max_heading_error_rad: float = 4.0 * DEG
-    """Heading error on the flight above which the chair first turns by climbing [rad]: belts that back down and turn diverge."""
+    """Heading error on the flight above which the chair turns by climbing [rad]: belts that back down and turn diverge."""
     past_m: float = 0.1
     """Largest distance of the front pulley past the edge when the chair lies on the flight [m]."""
     stowed_rad: float = 5.0 * DEG
@@ -82,6 +82,8 @@ class Descent(FlightSituation):
         """Reason for lowering the chair back onto the landing; empty if there is none."""
         self._is_late = False
         """Whether the flipper has not been lifted in time off the last nosings."""
+        self._is_askew = False
+        """Whether the chair has been held for its heading error on the flight."""
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Return the plan of this tick."""
@@ -225,11 +227,20 @@ class Descent(FlightSituation):
         """Climbs, steered by the heading controller: belts that back down and turn diverge."""
         return replace(self.still, speed_m_s=self._config.cruise_m_s, turn_m_s=None, flipper=self._lie())
 
+    def slides_askew(self) -> str | None:
+        """The heading error has grown beyond what backing down corrects; a re-arm lets the chair turn by climbing."""
+        if self._is_askew or self.has_a_heading_error() is None or self._estimate is None:
+            return None
+        self._is_askew, off = True, self._estimate.heading_rad / DEG
+        remedy = "have the chair steadied, or re-arm it to turn by climbing"
+        return f"heading error {off:+.1f}° on the flight: one belt slides; {remedy}"
+
     def has_turned(self) -> str | None:
         """The heading error is small."""
         estimate = self._estimate
         if estimate is None or not self._level.within(estimate):
             return None
+        self._is_askew = False
         return f"square within {abs(estimate.heading_rad) / DEG:.1f}°"
 
     def saw_no_floor(self) -> str | None:
@@ -374,6 +385,8 @@ STATES_DOWN: tuple[State[Descent], ...] = (
         limit_s=20.0,
         exits={
             Descent.cannot_go_back: "hold",
+            Descent.slides_askew: "hold",
+            Descent.has_a_heading_error: "climb",
             Descent.is_barred_by_a_gap: "hold",
             Descent.saw_no_floor: "hold",
             Descent.tips_onto_the_floor: "leave",

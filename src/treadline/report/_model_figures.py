@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import Any
 
 import matplotlib as mpl
@@ -19,7 +20,7 @@ from treadline.core.responses import TimeResponse, unwrapped_phase
 from treadline.identification.stabilisation import StabilisationDiagram
 from treadline.report._model_runs import answering
 from treadline.report.labels import ColumnLabel
-from treadline.report.svg_figures import BLUE, GREY, ORANGE, RED, STYLE, plain_log_labels
+from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, plain_log_labels
 
 WIDTH_IN = 8.0
 NARROWEST_IN = 1.75
@@ -304,24 +305,30 @@ def _decades(size: Float[np.ndarray, " k"], upper: Float[np.ndarray, " k"]) -> t
 def fit(
     t: Float[np.ndarray, " T"],
     measured: Float[np.ndarray, "T p"],
-    free: Float[np.ndarray, "T p"],
+    modelled: Float[np.ndarray, "T p"],
     ahead: Float[np.ndarray, "T p"],
     closer: slice | None,
     outputs: Sequence[ColumnLabel],
+    *,
+    kind: str = "free run",
 ) -> Figure:
-    """Return measured and modelled outputs with residuals below, and optionally an enlarged section next to them."""
+    """Return measured and modelled outputs with residuals below, and optionally an enlarged section next to them.
+
+    Args:
+        kind: Name of the modelled outputs in the legend.
+    """
     parts = [slice(None)] if closer is None else [slice(None), closer]
     figure, panels = _grid(2 * len(outputs), len(parts), 1.2, gap_in=(0.55, 0.5))
     for i, output in enumerate(outputs):
         for column, part in enumerate(parts):
             upper, lower = panels[2 * i][column], panels[2 * i + 1][column]
             near = closer is None or column == 1
-            y, y_free, y_ahead = measured[part, i], free[part, i], ahead[part, i]
+            y, y_free, y_ahead = measured[part, i], modelled[part, i], ahead[part, i]
             upper.plot(*decimated(t[part], y), color=GREY, linewidth=2.2, alpha=0.75, label="measured")
-            upper.plot(*decimated(t[part], y_free), color=BLUE, linewidth=1.0, label="free run")
+            upper.plot(*decimated(t[part], y_free), color=BLUE, linewidth=1.0, label=kind)
             if near:
                 upper.plot(t[part], y_ahead, ":", color=RED, linewidth=1.4, label="one step ahead")
-            lower.plot(*decimated(t[part], y - y_free), color=BLUE, linewidth=0.9, label="free run")
+            lower.plot(*decimated(t[part], y - y_free), color=BLUE, linewidth=0.9, label=kind)
             lower.plot(*decimated(t[part], y - y_ahead), ":" if near else "-", color=RED, linewidth=0.9, label="one step ahead")
             lower.axhline(0.0, color=GREY, linewidth=0.8)
             for ax in (upper, lower):
@@ -338,6 +345,30 @@ def fit(
         panels[2 * i + 1][0].set_ylabel(f"residual [{output.unit or 'own unit'}]")
     for ax in panels[-1]:
         ax.set_xlabel("time in the record [s]")
+    return figure
+
+
+@mpl.rc_context(STYLE)
+def several(
+    runs: Mapping[str, tuple[Float[np.ndarray, " T"], Float[np.ndarray, "T p"]]],
+    measured: Float[np.ndarray, "T p"],
+    outputs: Sequence[ColumnLabel],
+) -> Figure:
+    """Return measured outputs with the runs of several models, a panel for each output.
+
+    Args:
+        runs: Time [s] and outputs by name of the model.
+    """
+    figure, panels = _grid(len(outputs), 1, 1.8)
+    times = [t for t, _ in runs.values()]
+    for i, ((ax,), output) in enumerate(zip(panels, outputs, strict=True)):
+        ax.plot(*decimated(times[0], measured[:, i]), color=GREY, linewidth=2.2, alpha=0.75, label="measured")
+        for colour, (name, (t, y)) in zip(cycle((BLUE, RED, ORANGE, GREEN)), runs.items(), strict=False):
+            ax.plot(*decimated(t, y[:, i]), color=colour, linewidth=1.0, label=name)
+        ax.set_title(output.quantity, loc="left")
+        ax.set_ylabel(f"output [{output.unit or 'own unit'}]")
+    panels[0][0].legend(loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3, fontsize=7.5, borderpad=0.0)
+    panels[-1][0].set_xlabel("time in the record [s]")
     return figure
 
 

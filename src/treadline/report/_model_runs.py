@@ -1,4 +1,4 @@
-"""Data of the figures of a linear model: simulation of a record, length of responses, residuals.
+"""Data of the figures of a linear model: measured responses, length of responses, residuals.
 
 Models may be unstable: an overflow gives infinity, never an error.
 """
@@ -9,43 +9,16 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Complex, Float
 
-from treadline.core.linear_systems import initial_state, part, predictions, simulate, without_dead_time
-from treadline.core.state_space import RUN_VALUES, InputOutputRecord, StateSpaceModel
-from treadline.core.transfer_function import GROWTH_MOST, STEPS_LEAST, is_unstable, spectral_radius
+from treadline.core.linear_systems import part
+from treadline.core.state_space import InputOutputRecord
+from treadline.core.transfer_function import STEPS_LEAST
 
-LEAST_FOLLOWED = 50
-"""Smallest number of samples from which the initial state is estimated, as for one-step predictions."""
 SEGMENTS = 8
 """Parts of a record for spectra: 15 windows with half overlap, whose mean halves the noise of a magnitude three times over."""
 SEGMENT_LEAST = 16
 """Smallest part of a record for spectra [samples]: eight frequencies."""
 ANSWERED = 0.05
 """Share of its peak below which an output is drawn as zero response."""
-
-
-def free_run(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
-    """Return the free-run simulation of a record, restarted after each missing input; NaN in sections too short to score."""
-    model, record = without_dead_time(model, record)
-    answers = np.full(record.y.shape, np.nan)
-    with np.errstate(over="ignore", invalid="ignore"):
-        for span in record.stretches(RUN_VALUES * model.order):
-            section = part(record, span.start, span.stop)
-            start = initial_state(model, part(section, 0, _followed(model)))
-            answers[span] = simulate(model, section.u, start)
-    return answers
-
-
-def one_step_ahead(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
-    """Return the one-step predictions of a record, restarted after each missing input; NaN in sections too short to score."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return predictions(model, record)
-
-
-def _followed(model: StateSpaceModel) -> int:
-    """Return the number of steps over which the model grows at most ``GROWTH_MOST`` times, at least ``LEAST_FOLLOWED``."""
-    if not is_unstable(model):
-        return 2**31
-    return max(LEAST_FOLLOWED, int(math.log(GROWTH_MOST) / math.log(spectral_radius(model))))
 
 
 def answering(response: Float[np.ndarray, "steps m"]) -> int:

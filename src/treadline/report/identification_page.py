@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from treadline.core import transfer_function as transfer
 from treadline.core.files import write_whole
 from treadline.core.linear_systems import impulse_response, part
+from treadline.core.model_scores import compare
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.other_libraries import as_matlab, as_python, as_transfer_function
 from treadline.identification import IdentificationReport
@@ -121,7 +122,7 @@ class _Page:
         fit, ahead = self.said.fit_percent, self.said.one_step_vaf_percent
         self.values["fits"] = [(item, fit.get(item.name), ahead.get(item.name)) for item in self.outputs]
         self.values["extra"] = {
-            "delays [samples]": ", ".join(map(str, self.said.delays)),
+            "dead time [samples]": ", ".join(map(str, self.said.delays)),
             "order the inputs excite": self.said.excitation_order,
         }
         if self.said.mirrored:
@@ -142,7 +143,7 @@ class _Page:
         if self.unstable:
             self.notes.append(
                 f"the model is unstable (spectral radius {transfer.spectral_radius(self.model):.4f}): responses are followed up to "
-                f"a {transfer.GROWTH_MOST:.0f}-fold growth, free runs are cut where they leave the data"
+                f"a {transfer.GROWTH_MOST:.0f}-fold growth, and forecasts stand in place of free runs"
             )
 
     def _order(self) -> None:
@@ -181,8 +182,8 @@ class _Page:
         record = part(whole, 0, SAMPLES_MOST)
         if len(whole) > SAMPLES_MOST:
             self.notes.append(f"figures of fit and residuals show the first {SAMPLES_MOST} of {len(whole)} samples")
-        free, ahead = runs.free_run(self.model, record), runs.one_step_ahead(self.model, record)
-        p = len(self.drawn_out)
+        comparison = compare(self.model, record)
+        free, ahead, p = comparison.modelled, comparison.ahead, len(self.drawn_out)
         shown, left = runs.cut(free[:, :p], record.y[:, :p])
         ahead_shown, left_ahead = runs.cut(ahead[:, :p], record.y[:, :p])
         names = [item.name for item, away in zip(self.drawn_out, left | left_ahead, strict=True) if away]
@@ -190,7 +191,8 @@ class _Page:
             self.notes.append(f"the run of {', '.join(names)} leaves three spans of the data around their middle and is cut there")
         closer = runs.typical_span(record.y[:, :p] - free[:, :p], CLOSER) if len(record) > 2 * CLOSER else None
         t = np.arange(len(record)) * record.dt_s
-        self.drawn["fit"] = figures.fit(t, record.y[:, :p], shown, ahead_shown, closer, self.drawn_out)
+        self.drawn["fit"] = figures.fit(t, record.y[:, :p], shown, ahead_shown, closer, self.drawn_out, kind=comparison.kind)
+        self.values["conditions"] = comparison.conditions
         self.values["shown_record"] = f"record {place + 1} of {len(self.judged)}" if len(self.judged) > 1 else "the record"
         self.values["shown_samples"] = len(record)
         self.values["closer"] = None if closer is None else closer.stop - closer.start
@@ -222,7 +224,11 @@ class _Page:
         values, spread = np.array([complex(*pair) for pair in self.said.poles], dtype=complex), self.said.pole_ci95
         zeros = transfer.zeros(self.model)
         self.drawn["poles"] = figures.poles(values, spread, zeros)
-        self.values["zeros"] = [_number_text(complex(value)) for value in zeros if value.imag >= -1e-12]
+        self.values["zeros"] = _zero_texts(zeros)
+        self.values["pair_zeros"] = [
+            (item, [", ".join(_zero_texts(transfer.zeros(self.model.pair(i, j)))) or "none" for j in range(len(self.drawn_in))])
+            for i, item in enumerate(self.drawn_out)
+        ]
         self.values["poles"] = _pole_rows(values, spread, self.model.dt_s)
         self.values["discs"] = spread is not None
         self.values["discs_left"] = sum(not radius < figures.DISC_MOST for radius in spread or [])
@@ -276,3 +282,8 @@ def _number_text(value: complex) -> str:
     """Return a pole or zero as text; one of a pair stands for both."""
     text = f"{value.real:.5f} ± {value.imag:.5f}i" if value.imag > 1e-12 else f"{value.real:.5f}"
     return text.replace("-", "−")
+
+
+def _zero_texts(zeros: Complex[np.ndarray, " k"]) -> list[str]:
+    """Return zeros as texts; one of a pair stands for both."""
+    return [_number_text(complex(value)) for value in zeros if value.imag >= -1e-12]

@@ -18,10 +18,10 @@ typedef struct {
     double state[HEADING_STATES];
     double disturbance_m_s; /* estimated belt mismatch, right minus left */
     double yaw_gain_ratio; /* measured yaw gain over the model's, at least 1 */
-    double given_m_s[2];    /* previous command: left, right */
+    double sent_m_s[HEADING_DEAD_TIME + 1][2]; /* commands under way, the last first: left, right, less the planned speed */
+    bool limited[HEADING_DEAD_TIME + 1];       /* whether they asked for more than was given */
     double seen[2];         /* previous heading error [rad] and rate [rad/s] */
     bool is_running;
-    bool was_limited;
 } heading_state;
 
 /* Estimate and plan. */

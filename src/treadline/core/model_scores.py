@@ -1,0 +1,129 @@
+"""How well a model reproduces a record: free run or forecast, one-step prediction, and tests of the residuals."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.linear_systems import (
+    TESTED_LAGS,
+    crosscorrelation_p,
+    fair_run,
+    percent_of,
+    predictions,
+    prefix,
+    vaf_percent,
+    whiteness_p,
+)
+from treadline.core.printing import Printable, p_text
+from treadline.core.responses import figure_of
+from treadline.core.state_space import InputOutputRecord, StateSpaceModel, channel_names
+from treadline.core.transfer_function import is_unstable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+TESTED_SAMPLES_MIN = 2 * TESTED_LAGS
+"""Smallest number of samples with residual tests: two for each lag."""
+FORECAST_STEPS = 10
+"""Length of the forecast that stands in place of a free run of an unstable model [samples]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Comparison(Printable):
+    """A model and a record that it should reproduce.
+
+    A free run starts from a state that the first samples of the record determine, and is scored after them. An unstable model
+    has no free run that means anything; a forecast of ``forecast_horizon_s``, from every sample, stands in its place.
+    """
+
+    fit_percent: dict[str, float] | None
+    """Fit of the free run by output [%]: 100 (1 - ‖y - ŷ‖/‖y - mean‖); None for an unstable model."""
+    fit_prefix_s: float
+    """Time at the start of the record that determines the initial state and is not scored [s]."""
+    forecast_percent: dict[str, float] | None
+    """The same measure for forecasts; None for a stable model."""
+    forecast_horizon_s: float | None
+    one_step_vaf_percent: dict[str, float]
+    """Variance accounted for one step ahead [%]."""
+    whiteness_p: float | None
+    crosscorrelation_p: float | None
+    """p-values of white residuals, and of residuals independent of the inputs; None for too few samples."""
+    samples: int
+    """Samples scored."""
+    t_s: Float[np.ndarray, " T"]
+    measured: Float[np.ndarray, "T p"]
+    modelled: Float[np.ndarray, "T p"]
+    """Free run, or forecast for an unstable model."""
+    ahead: Float[np.ndarray, "T p"]
+    """Predictions one step ahead."""
+
+    @property
+    def percent(self) -> dict[str, float]:
+        """Fit of the free run, or of the forecast for an unstable model [%]."""
+        return self.fit_percent or self.forecast_percent or {}
+
+    @property
+    def kind(self) -> str:
+        """Kind of the modelled outputs: free run, or forecast with its horizon."""
+        return "free run" if self.forecast_horizon_s is None else f"forecast, {self.forecast_horizon_s:.3g} s ahead"
+
+    @property
+    def conditions(self) -> str:
+        """Kind of run, start and horizon in words."""
+        if self.forecast_horizon_s is not None:
+            return f"forecast {self.forecast_horizon_s:.4g} s ahead (unstable model), {self.samples} samples"
+        return f"free run from the state of the first {self.fit_prefix_s:.4g} s, scored on the {self.samples} samples after them"
+
+    def printed(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return conditions, fit and tests."""
+        rows = [
+            (name, f"fit {value:.1f} %, {self.one_step_vaf_percent[name]:.1f} % of the variance one step ahead")
+            for name, value in self.percent.items()
+        ]
+        rows.append(("white residuals", p_text(self.whiteness_p)))
+        rows.append(("residuals independent of the inputs", p_text(self.crosscorrelation_p)))
+        return self.conditions, rows
+
+    def plot(self) -> "Figure":
+        """Return the matplotlib figure: measured and modelled outputs over time, errors below."""
+        return figure_of("comparison", self)
+
+
+def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
+    """Return the comparison of a model with a record."""
+    names = channel_names(model)[1]
+    unstable = is_unstable(model)
+    run, scored = fair_run(model, record)
+    with np.errstate(over="ignore", invalid="ignore"):
+        ahead = predictions(model, record)
+        residuals = record.y - ahead
+        if unstable:
+            run = predictions(model, record, FORECAST_STEPS)
+    first = prefix(len(record), model.order, len(model.C))
+    percent = dict(zip(names, percent_of(record.y[scored], run[scored]).tolist(), strict=True))
+    known = np.isfinite(residuals)
+    # Residuals of unit size: no square overflows in the tests, which do not depend on the size.
+    unit = np.where(known, residuals, np.nan) / max(float(np.abs(residuals[known]).max(initial=0.0)), 1e-300)
+    tested = int(known.all(axis=1).sum()) >= TESTED_SAMPLES_MIN
+    vaf = vaf_percent(record.y, residuals)
+    return Comparison(
+        fit_percent=None if unstable else percent,
+        fit_prefix_s=first * model.dt_s,
+        forecast_percent=percent if unstable else None,
+        forecast_horizon_s=FORECAST_STEPS * model.dt_s if unstable else None,
+        one_step_vaf_percent=dict(zip(names, vaf.tolist(), strict=True)),
+        whiteness_p=_known(whiteness_p(unit)) if tested else None,
+        crosscorrelation_p=_known(crosscorrelation_p(unit, record.u)) if tested else None,
+        samples=int(scored.sum()),
+        t_s=np.arange(len(record)) * model.dt_s,
+        measured=record.y,
+        modelled=run,
+        ahead=ahead,
+    )
+
+
+def _known(p: float) -> float | None:
+    return p if math.isfinite(p) else None
