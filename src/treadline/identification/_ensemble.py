@@ -4,7 +4,7 @@ A few hundred samples cannot rank a hundred candidate models; choosing among the
 Instead all candidates are fitted to all data: PBSID states from regressions with slowly, quickly and not decaying priors, for
 orders about the one of smallest BIC. Each gets the inputs, the feedthrough, the offset and the initial state that fit its free
 run. The pointwise median of their free runs and of their impulse responses is a robust estimate; the result is the medoid, the
-member nearest to both medians.
+member nearest to both medians, or a smaller one where the data cannot tell them apart.
 
 Two questions remain that only other data answer, each asked once: the two halves of the record predict each other.
 A slow pole, which may be drift instead of a property of the plant, is kept, and the output error is refined, only if that
@@ -28,10 +28,10 @@ from treadline.identification._refine import DAMPED, Experiment, fair_residual, 
 
 DECAYS = (0.7, 0.9, 1.0)
 """Ratios of prior variances of successive lags: a memory of about three lags, of about ten, and of all."""
-ORDERS_TRIED = 10
-"""Orders per decay, spread evenly over the range."""
-ORDER_LEAST, ORDER_WIDE, ORDER_MOST = 3, 12, 40
-"""Range of orders: at least 3 to 12, as the recipe of the design page; above it from half to one and a half times the BIC's."""
+ORDERS_TRIED = 12
+"""Orders per decay, spread evenly over the range: 1 to 12, or from half to one and a half times the order of smallest BIC."""
+ORDER_MOST = 40
+"""Largest order."""
 VALUES_PER_COEFFICIENT = 10
 """Output values per coefficient of the largest order."""
 VALUES_MOST = 40_000
@@ -66,16 +66,14 @@ class Ensemble:
 
     members: Sequence[Member]
     distances: Float[np.ndarray, " members"]
+    chosen: Member
+    """The medoid, or the member of smallest order that the data cannot tell from it."""
     system: Affine
+    """Model made of the chosen member."""
     step: str
     """Last fitting step of the model: ``subspace``, ``inputs-again`` or ``output-error``."""
     gains: Float[np.ndarray, " p"]
     """Factor on each output's response: 0 where the inputs explain no more than chance, else 1."""
-
-    @property
-    def medoid(self) -> Member:
-        """Member nearest to the median."""
-        return self.members[int(np.argmin(self.distances))]
 
 
 def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callable[[str], None] = lambda _: None) -> Ensemble:
@@ -105,12 +103,13 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
         return _unstable(fitting, found)
     members = [_member(fitting, experiments, decay, system) for decay, system in found]
     distances = _distances(fitting, members)
-    medoid = members[int(np.argmin(distances))]
-    system, step = _checked(fitting, experiments, medoid)
+    chosen = _smallest(experiments, members, distances)
+    system, step = _checked(fitting, experiments, chosen)
     if step == "inputs-again" and sum(len(item.y) for item in experiments) < fitting.data.count:
         system = with_inputs_again(system, fitting.experiments, fitting.fixed)
     gains = _gains(experiments, system)
-    return Ensemble(members=members, distances=distances, system=_shrunk(system, gains), step=step, gains=gains)
+    system = _shrunk(system, gains)
+    return Ensemble(members=members, distances=distances, chosen=chosen, system=system, step=step, gains=gains)
 
 
 def _realised(fitting: Fitting, decay: float, orders: Sequence[int] | None) -> Iterator[Affine]:
@@ -128,8 +127,8 @@ def _orders(fitting: Fitting, states: StateMap) -> list[int]:
     m, p = data.units.input_count, len(data.units.output_scale)
     central = bic_order(data, states, data.lags, feedthrough=fitting.feedthrough, most=ORDER_MOST)
     most = max(1, int((data.count * p / VALUES_PER_COEFFICIENT - m * p) / (m + p)))
-    upper = min(max(ORDER_WIDE, round(1.5 * central)), ORDER_MOST, most, len(states.s))
-    lower = min(max(ORDER_LEAST, central // 2), upper)
+    upper = min(max(ORDERS_TRIED, round(1.5 * central)), ORDER_MOST, most, len(states.s))
+    lower = 1 if upper <= ORDERS_TRIED else min(max(central // 2, 1), upper)
     return sorted({int(order) for order in np.linspace(lower, upper, min(ORDERS_TRIED, upper - lower + 1)).round()})
 
 
@@ -149,6 +148,20 @@ def _distances(fitting: Fitting, members: Sequence[Member]) -> Float[np.ndarray,
     return np.where(np.isfinite(distances), distances, np.inf)
 
 
+def _smallest(experiments: Sequence[Experiment], members: Sequence[Member], distances: Float[np.ndarray, " members"]) -> Member:
+    """Return the medoid, or the member of smallest order whose distance from the median is not above its uncertainty.
+
+    A model of d coefficients fitted to N samples with residual variance σ² has a mean squared error of σ² d/N.
+    """
+    medoid = members[int(np.argmin(distances))]
+    y = np.concatenate([item.y[item.there].ravel() for item in experiments])
+    system = medoid.system
+    coefficients = system.order * (system.B.shape[1] + len(system.C)) + system.D.size
+    uncertainty = float(np.mean((y - medoid.run) ** 2)) * coefficients / len(y)
+    near = [at for at, distance in enumerate(distances) if distance <= max(distances.min(), uncertainty)]
+    return members[min(near, key=lambda at: (members[at].order, distances[at]))]
+
+
 def _impulses(fitting: Fitting, systems: Sequence[Affine], steps: int) -> Float[np.ndarray, "members values"]:
     m = fitting.data.units.input_count
     return np.stack([markov_parameters(one.A, one.B[:, :m], one.C, one.D[:, :m], steps).ravel() for one in systems])
@@ -165,7 +178,7 @@ def _unstable(fitting: Fitting, found: Sequence[tuple[float, Affine]]) -> Ensemb
     distances = _from_median(_impulses(fitting, [system for _, system in found], fitting.data.lags + 1))
     medoid = members[int(np.argmin(distances))]
     gains = np.ones(len(medoid.system.C))
-    return Ensemble(members=members, distances=distances, system=medoid.system, step="subspace", gains=gains)
+    return Ensemble(members=members, distances=distances, chosen=medoid, system=medoid.system, step="subspace", gains=gains)
 
 
 def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member) -> tuple[Affine, str]:

@@ -144,7 +144,7 @@ def _by_ensemble(
     if stands_out(evidence.svd.s, evidence.noise or 0.0):
         warnings.clear()  # the ensemble does not choose its order by the gap of the singular values
     warnings += _shrinking(found, channel_names(fitting.records[0])[fitting.data.units.input_count :])
-    candidate = Candidate(method="pbsid", lags=fitting.data.lags, order=found.medoid.order, step=found.step)
+    candidate = Candidate(method="pbsid", lags=fitting.data.lags, order=found.chosen.order, step=found.step)
     choice = OrderChoice(order=candidate.order, gap=gap_at(evidence.svd.s[: evidence.structural], candidate.order), clear=True)
     return FittedSystem(
         candidate=candidate,

@@ -141,8 +141,9 @@ JUDGED_SAMPLES = 20_000
 def explained_percent(model: LinearModel, judged: Sequence[InputOutputRecord]) -> dict[str, float]:
     """Return the share of each output's variance that the printed fit explains: of a free run, or of a forecast [%]."""
     fits = [compare(model, record).percent for record in linear_systems.most_recent(judged, JUDGED_SAMPLES)]
-    shares = {name: float(np.mean([100.0 * (1.0 - (1.0 - 0.01 * fit[name]) ** 2) for fit in fits])) for name in fits[0]}
-    return {name: round(_json_number(value), 1) for name, value in shares.items()}
+    with np.errstate(over="ignore"):
+        lost = {name: np.mean([(1.0 - 0.01 * np.float64(fit[name])) ** 2 for fit in fits]) for name in fits[0]}
+    return {name: round(_json_number(100.0 * (1.0 - value)), 1) for name, value in lost.items()}
 
 
 def whole_samples(record: InputOutputRecord) -> int:
@@ -269,7 +270,7 @@ def _members(found: Ensemble | None) -> list[CandidateScore]:
             order=found.members[at].order,
             decay=found.members[at].decay,
             distance=finite_or_none(found.distances[at]),
-            chosen=found.members[at] is found.medoid,
+            chosen=found.members[at] is found.chosen,
         )
         for at in order.tolist()
     ]
