@@ -111,7 +111,8 @@ def from_gram(
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
     evidence = _evidence_of(fitting, half, used, order, collected)
     if method == "best" and evidence.structural is not None:
-        found = _by_cross_validation(fitting, evidence, order, collected, on_progress)
+        names = channel_names(records[0]) if options.name_prior else ()
+        found = _by_cross_validation(fitting, evidence, order, collected, names, on_progress)
     else:
         # Without noise no selection is needed: OKID/ERA is exact.
         found = _by_method(fitting, evidence, "okid-era" if method == "best" else method, options, collected)
@@ -131,10 +132,15 @@ def _evidence_of(fitting: Fitting, half: Gram | None, lags: int, order: int | No
 
 
 def _by_cross_validation(
-    fitting: Fitting, evidence: Evidence, order: int | None, warnings: list[str], on_progress: Callable[[str], None]
+    fitting: Fitting,
+    evidence: Evidence,
+    order: int | None,
+    warnings: list[str],
+    names: Sequence[str],
+    on_progress: Callable[[str], None],
 ) -> FittedSystem:
     """Return the model selected by cross-validation."""
-    names, order_is_clear = channel_names(fitting.records[0]), _is_clearly_separated(evidence.choice, evidence.svd)
+    order_is_clear = _is_clearly_separated(evidence.choice, evidence.svd)
     chosen = select_model(
         fitting,
         lags=evidence.lags,

@@ -119,7 +119,7 @@ def select_model(
         order: Number of states; selected when left out.
         suggested_order: Order suggested by the singular values; always among the candidates.
         order_is_clear: Whether the singular values show the order clearly; the search is then limited to its neighbours.
-        names: Channel names; their suffixes give the units.
+        names: Channel names; their suffixes give the units. Without names rest is not at zero.
         on_progress: Called with a line of text per scored candidate.
     """
     neighbours_only = order is None and order_is_clear
@@ -151,7 +151,7 @@ def select_model(
     if not search.scores or not np.isfinite(search.lowest_error):
         raise PoorExcitation("no model explains held-out data; give a longer record, or inputs that vary more")
     search.refine("prediction-error" if by_forecasts else "output-error", suggested_order if order is None else None)
-    if not by_forecasts and all(name.endswith(RATE_SUFFIXES) for name in names):
+    if not by_forecasts and names and all(name.endswith(RATE_SUFFIXES) for name in names):
         search.select_constants(lambda candidate: _does_not_decay(whole, candidate))
     candidate = search.select()
     system = whole.with_gain(_fit_to_all(whole, candidate, families if budget is WIDE else []), constants=candidate.constants)
