@@ -16,7 +16,7 @@ import numpy as np
 from treadline.core import linear_systems as validate
 from treadline.core.model_methods import ModelMethods
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
-from treadline.core.printing import Printable, p_text
+from treadline.core.printing import Printable, p_text, plain
 from treadline.identification._affine import Affine, of_model
 from treadline.identification._belts import DifferentialInput
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
@@ -120,7 +120,7 @@ class IdentificationReport:
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as JSON values."""
-        return asdict(self)
+        return dict(plain(asdict(self)))
 
 
 class ValidationScores(TypedDict):

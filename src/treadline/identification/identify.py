@@ -15,11 +15,10 @@ from treadline.identification._belts import find_differential_input
 from treadline.identification._checks import (
     channel_names,
     check_alike,
-    check_independent,
     check_records,
 )
 from treadline.identification._dead_time import dead_time
-from treadline.identification._dependent_inputs import DriveLog, without_dependent_inputs
+from treadline.identification._dependent_inputs import DriveLog, check_independent_inputs, without_dependent_inputs
 from treadline.identification._fitting import with_inputs_again
 from treadline.identification._from_gram import from_gram, gram_with_half, provenance_of
 from treadline.identification._gram import Gram
@@ -75,12 +74,13 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
         units = check_records(fitted, inputs=belts is None)
     if belts is not None:
         units = belts.alike(fitted, units)
+    elif method == "best":
+        check_independent_inputs(fitted)  # before dead times, which would move inputs apart that are one
     shifts = _dead_time(fitted, options, method) if belts is None else 2 * _dead_time(belts.difference(fitted), options, method)[:1]
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
     data, half = gram_with_half(moved, replace(options, lags=1) if method == "deconvolution" else options, units)
     differential = belts
     if method == "best" and belts is None:
-        check_independent(data, channel_names(moved[0]))
         differential = find_differential_input(moved, data, options.lags, options.feedthrough) if options.name_prior else None
     taken = moved if differential is None else differential.difference(moved)
     data_pair = (data, half) if differential is None else gram_with_half(taken, options, differential.units(taken, data.units))
