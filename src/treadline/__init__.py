@@ -9,7 +9,7 @@
 * ``tl.read_frames(path)``: frames of a depth image, a point cloud, a folder, or a log.
 * ``tl.frame_of_points(points)``: frame of an array of points, or of scans that add up in odometry.
 * ``tl.detect_stair(frame)``: heading and geometry of the stair in one frame, or in a depth image with its camera.
-* ``tl.identify(u, y, dt)``: linear model of recorded inputs and outputs, ``tl.Identified``, with ``tl.IdentificationOptions``.
+* ``tl.identify(u, y, dt)``: linear model of arrays, data frames or logs, ``tl.Identified``, with ``tl.IdentificationOptions``.
 * ``tl.load_model(path)``: ``tl.LinearModel`` from a file.
 * ``tl.tune(model)``: LQR gain and observer of a model, which ``tl.climb`` takes.
 """

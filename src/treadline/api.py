@@ -115,6 +115,8 @@ def identify(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     channels_first: bool = False,
+    resample: bool = False,
+    allow_gaps: bool = False,
     **keywords: "Unpack[IdentificationKeywords]",
 ) -> "Identified":
     """Return the linear model x[k+1] = Ax[k] + Bu[k], y[k] = Cx[k] + Du[k] that fits recorded data.
@@ -134,6 +136,8 @@ def identify(
         inputs: Input columns of files and whole data frames.
         outputs: Output columns, likewise.
         channels_first: Whether arrays have one row per channel instead of one row per sample.
+        resample: Whether files with an irregular time axis are resampled to the period.
+        allow_gaps: Whether files may lack up to 20 % of their rows; arrays may hold NaN in any case.
         keywords: Fields of ``IdentificationOptions``, instead of ``options``: ``order=2, method="okid-era", validation=0.3``.
 
     Returns:
@@ -156,11 +160,13 @@ def identify(
         396
     """
     from treadline.identification import identify as identified
-    from treadline.io.experiments import experiments_of
+    from treadline.io.experiments import Reading, experiments_of
 
     chosen = _options(options, keywords)
     columns = (tuple(inputs), tuple(outputs)) if inputs and outputs else None
-    return identified(experiments_of(u, y, dt, columns, channels_first=channels_first), chosen)
+    how = Reading(period_s=dt, resample=resample, allow_gaps=allow_gaps)
+    records = experiments_of(u, y, how, columns, channels_first=channels_first)
+    return identified(records, chosen)
 
 
 def _options(options: "IdentificationOptions | None", keywords: "IdentificationKeywords") -> "IdentificationOptions":

@@ -144,6 +144,15 @@ def test_the_same_record_in_any_form_gives_the_same_model(tmp_path: Path) -> Non
         np.testing.assert_array_equal(found.model.A, expected)
 
 
+def test_a_file_with_a_missing_row_is_read_where_gaps_are_allowed(tmp_path: Path) -> None:
+    table = np.column_stack([0.25 * np.arange(400), *integrator()])
+    np.savetxt(tmp_path / "log.csv", np.delete(table, 50, axis=0), delimiter=",", header="t_s,left,right,heading,rate", comments="")
+    with pytest.raises(TreadlineError, match="pass --allow-gaps"):
+        tl.identify(tmp_path / "log.csv", **NAMED, **WAYS)
+    found = tl.identify(tmp_path / "log.csv", **NAMED, **WAYS, allow_gaps=True)
+    assert found.report.dropped == 7  # the windows that hold the missing row: itself and six lags
+
+
 def test_lists_are_experiments() -> None:
     u, y = integrator()
     parts = [(u[:150], y[:150]), (u[150:], y[150:])]

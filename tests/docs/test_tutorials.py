@@ -1,9 +1,10 @@
-"""Tutorials and how-to guides: every command and script on a page runs, in the page's order, in an empty folder.
+"""Tutorials, notebooks and how-to guides: every command and script on a page runs, in the page's order, in an empty folder.
 
 A page's fenced blocks are its program: a block with ``title="NAME"`` is a file to write, ``sh`` and ``python`` without a title
 run. A comment ``<!-- not run by the tests: REASON -->`` before a block leaves that block out.
 """
 
+import json
 import os
 import re
 import subprocess
@@ -64,6 +65,15 @@ def test_every_command_of_a_page_runs(page: Path, tmp_path: Path, shell: dict[st
         command = ["sh", "-e", "-c", block.text] if block.kind == "sh" else [sys.executable, "-c", block.text]
         done = subprocess.run(command, cwd=folder, env=shell, capture_output=True, text=True, check=False)
         assert done.returncode == 0, f"{page.name}, block {number}:\n{block.text}\n{done.stdout}\n{done.stderr}"
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.ipynb")), ids=lambda page: page.stem)
+def test_every_cell_of_a_notebook_runs(page: Path, tmp_path: Path, shell: dict[str, str]) -> None:
+    cells = json.loads(page.read_text(encoding="utf-8"))["cells"]
+    assert not any(cell.get("outputs") for cell in cells)  # stored results grow old
+    code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, env=shell, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{page.name}:\n{done.stdout}\n{done.stderr}"
 
 
 @pytest.mark.parametrize("page", sorted((DOCS / "tutorials").glob("*.md")), ids=lambda page: page.stem)

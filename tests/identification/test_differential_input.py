@@ -154,5 +154,19 @@ def test_the_gram_matrix_of_a_record_with_gaps_has_the_fitted_windows(method: st
 
 def test_belts_with_equal_speeds_are_rejected() -> None:
     record = driven(vehicle(), 9)
-    with pytest.raises(PoorExcitation, match="move together"):
+    with pytest.raises(PoorExcitation, match="'left_m_s' and 'right_m_s' always differ by the same speed"):
         fit(replace(record, u=np.repeat(record.u[:, :1], 2, axis=1)), order=1)
+
+
+@pytest.mark.parametrize("left_over_right", [-1.0, 0.0, 0.5])
+@pytest.mark.parametrize("method", ["best", "okid-era"])
+def test_belts_that_move_together_are_fitted_by_their_difference(left_over_right: float, method: str) -> None:
+    plant = vehicle()
+    u = driven(plant, 9, samples=400).u[:, 1:] * [left_over_right, 1.0]
+    record = InputOutputRecord(
+        u=u, y=simulate(plant, u, np.zeros(1)), dt_s=plant.dt_s, input_names=NAMES, output_names=plant.output_names
+    )
+    found = fit(record, order=1, method=method)
+    assert found.report.mirrored
+    assert "move each belt by itself" in found.report.warnings[0]
+    np.testing.assert_allclose(impulse_response(found.model, 10), impulse_response(plant, 10), atol=1e-6)

@@ -145,6 +145,16 @@ def test_nothing_is_open_between_a_landing_and_the_next_flight() -> None:
     assert span_z(boxes[3])[0] < span_z(boxes[2])[1]
 
 
+@pytest.mark.parametrize("open_risers", [False, True])
+def test_below_an_open_flight_the_floor_goes_on(open_risers: bool) -> None:
+    """Expected result: a camera that looks through the risers sees a floor, as in a building, and no drop."""
+    boxes = stair_boxes(build(steps=6, landing_m=2.0, open_risers=open_risers))
+    (floor,) = (box for box in boxes if box.kind == "floor")
+    assert span_x(floor)[0] == pytest.approx(-6.5)
+    assert span_z(floor)[1] == pytest.approx(0.0)
+    assert (span_x(floor)[1] > 5 * 0.30 + 2.0) == open_risers
+
+
 def test_walls_leave_the_landing_between_two_flights_free() -> None:
     staircase = build(flights=2, steps=5, walls="left", between_m=2.0)
     lower, upper = (span_x(box) for box in stair_boxes(staircase) if box.kind == "wall")

@@ -13,7 +13,7 @@ from treadline.core.errors import SettingsError, TooFewSamples
 
 if TYPE_CHECKING:
     from treadline.core.models import InputOutputRecord
-    from treadline.identification import Gram, IdentificationOptions, Identified
+    from treadline.identification import Gram, IdentificationOptions, IdentificationReport, Identified
 
 STREAMED_BYTES = 256 * 1024**2
 """Size from which a CSV or Parquet file is read in chunks: some four million rows of five columns."""
@@ -34,10 +34,11 @@ class IdentifyOptions:
         order: Number of states. Default: chosen from the data.
         lags: Observer lags p. Default: chosen from the data.
         method: best (several methods, compared by cross-validation), okid-era (the paper's), era-dc, pbsid, or deconvolution
-            (Eq. 9c as printed). Default: best; pbsid with --update or --stream. Where all names end in _m_s or _rad_s, best takes
-            zero for rest, and a left and a right belt that turn a vehicle by their difference, unless the data contradict it.
+            (Eq. 9c as printed). Default: best; pbsid with --update or --stream.
         delays: Dead time of each input in samples (0,2), or of all (0). Default: found with best, else part of the states.
         solver: gram, or qr: slower, exact on data without noise.
+        name_prior: Let names decide what the data leave open: a left and a right belt turn a vehicle by their difference, a heading
+            is the integral of the yaw rate, zero is rest where all names end in _m_s or _rad_s.
         stable: Mirror poles outside the unit circle.
         validate: Share of each record, at its end, kept for validation. Default: none.
         validate_on: Another log to validate on.
@@ -59,6 +60,7 @@ class IdentifyOptions:
     method: str | None = None
     delays: str | None = None
     solver: str = "gram"
+    name_prior: bool = True
     stable: bool = False
     validate: float | None = None
     validate_on: Path | None = None
@@ -103,7 +105,7 @@ class IdentifyOptions:
         """
         from treadline.identification import IdentificationOptions
 
-        same = {name: getattr(self, name) for name in ("order", "lags", "method", "solver", "stable", "forgetting")}
+        same = {name: getattr(self, name) for name in ("order", "lags", "method", "solver", "name_prior", "stable", "forgetting")}
         return IdentificationOptions(**same, delays=self.dead_time, validation=validation, prior=prior)
 
 
@@ -241,10 +243,16 @@ def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]
             f"on {'data held out' if held_out else 'the data that were fitted'}: free run fits {fits} (100 is perfect, 0 no better "
             "than the mean)",
             f"one step ahead: {ahead} of the variance",
+            *_in_words(report),
             f"written: {', '.join(dict.fromkeys(written.values()))}",
             *(f"warning: {warning}" for warning in warnings),
         ],
     )
+
+
+def _in_words(report: "IdentificationReport") -> list[str]:
+    """Return gauge, speed scales and lags of a skid-steer vehicle in a line."""
+    return [] if report.skid_steer is None else [", ".join(f"{name} {value}" for name, value in report.skid_steer.in_words())]
 
 
 def _counted(found: "Identified") -> str:

@@ -9,6 +9,7 @@
     │   ├── ShapeMismatch                array shapes do not match
     │   ├── NotFinite                    NaN or Inf where a number is required
     │   └── PoorExcitation               the inputs do not excite the requested order
+    │       ├── DependentInputs          an input is constant, or moves with others alone
     │       └── TooFewSamples            the record is too short, or its gaps leave too little data
     ├── ModelError                       a model is unsuitable for the purpose
     │   ├── NotStabilisable              no gain makes A - BK stable
@@ -54,6 +55,10 @@ class NotFinite(RecordError):
 
 class PoorExcitation(RecordError):
     """The inputs do not excite the requested order."""
+
+
+class DependentInputs(PoorExcitation):
+    """An input is constant, or a linear combination of the others."""
 
 
 class TooFewSamples(PoorExcitation):

@@ -109,6 +109,18 @@ def to_model(
     )
 
 
+def of_model(model: LinearModel, units: Units) -> Affine:
+    """Return a model in standard deviations (inverse of ``to_model``), its dead time left out."""
+    into, out = units.input_scale, units.output_scale
+    u0, y0 = model.input_offset - units.shift[: units.input_count], model.output_offset - units.shift[units.input_count :]
+    return Affine(
+        A=model.A.copy(),
+        B=np.column_stack([model.B * into, -model.B @ u0]),
+        C=model.C / out[:, None],
+        D=np.column_stack([model.D * into / out[:, None], (y0 - model.D @ u0) / out]),
+    )
+
+
 ON_CIRCLE = 1e-9
 """Distance of a pole's modulus from 1 that counts as rounding."""
 INSIDE = 1.0 - 1e-4

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.linalg import lapack
 
-from treadline.core.errors import NotFinite, PeriodMismatch, PoorExcitation, SettingsError, ShapeMismatch
+from treadline.core.errors import DependentInputs, NotFinite, PeriodMismatch, PoorExcitation, SettingsError, ShapeMismatch
 from treadline.core.models import InputOutputRecord
 from treadline.identification._gram import Gram, Units, units_of
 
@@ -22,13 +22,14 @@ NOTHING_NEW = 1e-9
 """Innovation variance relative to the input's variance below which a sample is predictable from the past."""
 
 
-def check_records(records: list[InputOutputRecord], *, parts: bool = False) -> Units:
+def check_records(records: list[InputOutputRecord], *, parts: bool = False, inputs: bool = True) -> Units:
     """Check that the records hold finite numbers, agree in channels and period, and vary; return their units.
 
     ``check_independent`` tests the Gram matrix for inputs that move together.
 
     Args:
         parts: Whether the records are parts of longer ones; the share of gaps is then checked on the whole record.
+        inputs: Whether each input must vary.
 
     Raises:
         RecordError: With the record, the column and the number.
@@ -38,9 +39,10 @@ def check_records(records: list[InputOutputRecord], *, parts: bool = False) -> U
     names, m = channel_names(records[0]), records[0].u.shape[1]
     units = units_of(records)
     for j, (name, deviation) in enumerate(zip(names, units.scale, strict=True)):
-        if not deviation > 1e-12 * abs(float(units.shift[j])):
+        if not deviation > 1e-12 * abs(float(units.shift[j])) and (inputs or j >= m):
             kind = "input" if j < m else "output"
-            raise PoorExcitation(f"{kind} '{name}' is constant; give a record in which it moves")
+            error = DependentInputs if j < m else PoorExcitation
+            raise error(f"{kind} '{name}' is constant; give a record in which it moves")
     return units
 
 
@@ -131,14 +133,14 @@ def check_independent(data: Gram, names: tuple[str, ...]) -> None:
     """Check that no input is a linear combination of the others.
 
     Raises:
-        PoorExcitation: With the inputs and their rank.
+        DependentInputs: With the inputs and their rank.
     """
     m = data.units.input_count
     at = slice(1, 1 + m)
     mean = data.sums[0, at] / data.count
     rank = int(np.sum(np.linalg.eigvalsh(data.sums[at, at] / data.count - np.outer(mean, mean)) > COLLINEAR))
     if rank < m:
-        raise PoorExcitation(
+        raise DependentInputs(
             f"the {m} inputs move together (rank {rank}): {', '.join(names[:m])}; give a record in which they move independently"
         )
 

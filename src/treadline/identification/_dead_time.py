@@ -12,8 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from treadline.core.linear_systems import most_recent, part
 from treadline.core.models import InputOutputRecord
+from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
+from treadline.identification._gram import gram_of, units_of
+from treadline.identification._input_structure import without_delays
 from treadline.identification._recursion_kernels import all_pole, slide
+from treadline.identification.options import max_supported_lags
 
 DECISIVE = 10.0
 """Difference of the BIC that is very strong evidence (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995)."""
@@ -50,7 +55,25 @@ def dead_time(records: Sequence[InputOutputRecord]) -> list[int]:
     if data is not None:
         starts = _verified(data, _without_early_paths(data, _separate(data, _common(data))))
         found[moves] = np.array(starts) - 1
-    return [int(delay) for delay in found]
+    delays = [int(delay) for delay in found]
+    return delays if any(delays) and _supported(records, delays) else [0] * len(delays)
+
+
+def _supported(records: Sequence[InputOutputRecord], delays: Sequence[int]) -> bool:
+    """Whether the evidence of a regression under a prior that decays with the lag grows once the dead time is removed.
+
+    The prior takes distant lags for small: of a late plant it holds only without its dead time, of any other plant with it.
+    """
+    most, recent = max(delays), most_recent(records, SAMPLES_MOST)
+    if min(len(record) for record in recent) <= most:
+        return False
+    begun = [part(record, most, len(record)) for record in recent]
+    return _evidence(without_delays(recent, delays)) > _evidence(begun)
+
+
+def _evidence(records: Sequence[InputOutputRecord]) -> float:
+    data = gram_of(records, max_supported_lags(records, None, None, penalised=True), units_of(records))
+    return max(decaying_ridge(data, decay, feedthrough=True)[1] for decay in DECAYS)
 
 
 def _signals(records: Sequence[InputOutputRecord]) -> list[tuple[Float[np.ndarray, "T m"], Float[np.ndarray, "T p"]]]:

@@ -12,14 +12,16 @@ from jaxtyping import Float
 
 from treadline.identification._gram import Gram
 
+DECAYS = (0.7, 0.9, 1.0)
+"""Ratios of prior variances of successive lags: a memory of about three lags, of about ten, and of all."""
 STRENGTHS = 10.0 ** np.arange(-4.0, 5.5, 0.5)
 """Prior variances tried, relative to the noise, for channels in standard deviations: from no coefficient to no penalty."""
 NOISELESS = 1e-14
 """Residual variance relative to the outputs' that counts as rounding."""
 
 
-def decaying_ridge(data: Gram, decay: float, *, feedthrough: bool) -> Float[np.ndarray, "q p"]:
-    """Return the coefficients on ``[1, u_k, z_{k-1}, …, z_{k-p}]``, or without u_k, of largest evidence for one decay.
+def decaying_ridge(data: Gram, decay: float, *, feedthrough: bool) -> tuple[Float[np.ndarray, "q p"], float]:
+    """Return the coefficients on ``[1, u_k, z_{k-1}, …, z_{k-p}]``, or without u_k, and the logarithm of their evidence.
 
     Args:
         data: Gram matrix; all its lags are used.
@@ -36,9 +38,9 @@ def decaying_ridge(data: Gram, decay: float, *, feedthrough: bool) -> Float[np.n
     weight = decay ** (0.5 * lag)
     v, Q = np.linalg.eigh(XX * weight[:, None] * weight)
     v, seen = np.maximum(v, 0.0), Q.T @ (XY * weight[:, None])
-    strength = max(STRENGTHS, key=lambda one: _evidence(v, seen, YY, data.count, one))
+    evidence, strength = max((_evidence(v, seen, YY, data.count, one), one) for one in STRENGTHS)
     theta = weight[:, None] * (Q @ (seen / (v + 1.0 / strength)[:, None]))
-    return np.vstack([mean[outputs] - mean[columns] @ theta, theta])
+    return np.vstack([mean[outputs] - mean[columns] @ theta, theta]), evidence
 
 
 def _evidence(

@@ -20,14 +20,12 @@ from jaxtyping import Float
 from treadline.core.arrays import markov_parameters
 from treadline.core.errors import PoorExcitation
 from treadline.identification._affine import Affine, stabilised
-from treadline.identification._decaying_ridge import decaying_ridge
+from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
 from treadline.identification._fitting import Fitting, last_samples, with_inputs_again
 from treadline.identification._model_order import bic_order
 from treadline.identification._realisation import StateMap, pbsid, state_map
 from treadline.identification._refine import DAMPED, Experiment, fair_residual, refined, residual
 
-DECAYS = (0.7, 0.9, 1.0)
-"""Ratios of prior variances of successive lags: a memory of about three lags, of about ten, and of all."""
 ORDERS_TRIED = 12
 """Orders per decay, spread evenly over the range: 1 to 12, or from half to one and a half times the order of smallest BIC."""
 ORDER_MOST = 40
@@ -115,7 +113,8 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
 def _realised(fitting: Fitting, decay: float, orders: Sequence[int] | None) -> Iterator[Affine]:
     """Yield the PBSID models of a prior, one for each order that the data support."""
     data, has_d = fitting.data, fitting.feedthrough
-    states = state_map(data, data.lags, decaying_ridge(data, decay, feedthrough=has_d))
+    theta, _ = decaying_ridge(data, decay, feedthrough=has_d)
+    states = state_map(data, data.lags, theta)
     for order in _orders(fitting, states) if orders is None else orders:
         if order <= len(states.s):
             yield pbsid(data, states, order, data.lags, feedthrough=has_d)

@@ -5,6 +5,8 @@ The report has fit, residual tests and warnings with numbers.
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
+from copy import copy
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, TypedDict
@@ -15,14 +17,17 @@ from treadline.core import linear_systems
 from treadline.core.model_methods import ModelMethods
 from treadline.core.model_scores import TESTED_SAMPLES_MIN, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
-from treadline.core.printing import Printable, p_text
-from treadline.identification._affine import Affine
+from treadline.core.printing import Printable, p_text, plain
+from treadline.identification._affine import Affine, of_model
+from treadline.identification._belts import DifferentialInput
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
+from treadline.identification._dependent_inputs import DriveLog
+from treadline.identification._drive_log import LogFindings, examine
 from treadline.identification._ensemble import Ensemble
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import Candidate, Fitting
 from treadline.identification._gram import Gram, Units
-from treadline.identification._input_structure import DifferentialInput
+from treadline.identification._input_structure import without_delays
 from treadline.identification._model_order import OrderChoice, gap_of
 from treadline.identification._okid import ObserverMarkov
 from treadline.identification._pole_intervals import (
@@ -31,6 +36,15 @@ from treadline.identification._pole_intervals import (
     of_observer,
     of_predicting,
     of_refined,
+)
+from treadline.identification._skid_steer import SkidSteer, SkidSteerFit, is_skid_steer, skid_steer
+from treadline.identification._skid_steer_model import (
+    contradicting_gain,
+    fits_as_well,
+    gain_warning,
+    replacement_warning,
+    sign_warning,
+    skid_steer_model,
 )
 from treadline.identification._threads import one_thread
 
@@ -69,7 +83,7 @@ class IdentificationReport:
     subspace: str
     """Subspace method that gave A and C: ``okid-era`` or ``pbsid``."""
     step: str
-    """Last fitting step: ``subspace``, ``inputs-again`` or ``output-error``."""
+    """Last fitting step: ``subspace``, ``inputs-again`` or ``output-error``, or ``structure`` by names."""
     feedthrough: bool
     mirrored: bool
     """Whether the difference of a left and a right input is the only input."""
@@ -97,10 +111,12 @@ class IdentificationReport:
     candidates: list[CandidateScore]
     warnings: list[str]
     seconds: float
+    skid_steer: SkidSteer | None = None
+    """Effective gauge, speed scales and lags, for two belts and a yaw rate or heading by their names."""
 
     def as_json(self) -> dict[str, Any]:
         """Return the report as JSON values."""
-        return asdict(self)
+        return dict(plain(asdict(self)))
 
 
 class ValidationScores(TypedDict):
@@ -143,7 +159,7 @@ def explained_percent(model: LinearModel, judged: Sequence[InputOutputRecord]) -
     fits = [compare(model, record).percent for record in linear_systems.most_recent(judged, JUDGED_SAMPLES)]
     with np.errstate(over="ignore"):
         lost = {name: np.mean([(1.0 - 0.01 * np.float64(fit[name])) ** 2 for fit in fits]) for name in fits[0]}
-    return {name: round(_json_number(100.0 * (1.0 - value)), 1) for name, value in lost.items()}
+    return {name: round(_json_number(100.0 * (1.0 - float(value))), 1) for name, value in lost.items()}
 
 
 def whole_samples(record: InputOutputRecord) -> int:
@@ -299,9 +315,11 @@ class Identified(ModelMethods, Printable):
         judged: Sequence[InputOutputRecord],
         started: float,
         gram: Gram,
+        log: DriveLog,
+        name_prior: bool = True,
         differential: DifferentialInput | None = None,
     ) -> None:
-        self.model = replace(model, provenance=model.provenance | {EXPLAINED: explained_percent(model, judged)})
+        self._model = model
         self.fitted = fitted
         self.judged = judged
         self.gram = gram
@@ -309,7 +327,34 @@ class Identified(ModelMethods, Printable):
         self.svd = found.evidence.svd
         """Decomposed Hankel matrix of the observer's system."""
         self._found, self._method, self._differential = found, method, differential
+        self._log, self._name_prior = log, name_prior
+        self._is_structure = False
         self._seconds = time.perf_counter() - started
+
+    @cached_property
+    def model(self) -> LinearModel:
+        """The model; its provenance holds the share of each output's variance that it explains, which ``tune`` reads."""
+        return replace(self._model, provenance=self._model.provenance | {EXPLAINED: explained_percent(self._model, self.judged)})
+
+    @cached_property
+    @one_thread()
+    def findings(self) -> LogFindings:
+        """Findings about the records: feedback, single frequencies, tables, dependent inputs, headings against yaw rates."""
+        return examine(replace(self._log, records=list(self.fitted)), name_prior=self._name_prior)
+
+    @cached_property
+    @one_thread()
+    def _skid_steer(self) -> SkidSteerFit | None:
+        if not self._name_prior or not is_skid_steer(self.fitted[0]):
+            return None
+        belts = self._log.differential
+        return skid_steer(self.fitted, is_difference=belts is not None, is_table=self.findings.is_table)
+
+    @cached_property
+    def _contradicting_gain(self) -> float | None:
+        """Yaw gain of the free model outside the interval of the skid-steer fit; kept by the result that takes the structure."""
+        fit = self._skid_steer
+        return None if fit is None else contradicting_gain(self._model, fit, max(len(record) for record in self.fitted))
 
     def _linear(self) -> LinearModel:
         return self.model
@@ -328,6 +373,7 @@ class Identified(ModelMethods, Printable):
             for name, value in report.fit_percent.items()
         ]
         rows.append(("poles", ", ".join(f"{complex(*pole):.4g}" for pole in report.poles)))
+        rows += [] if report.skid_steer is None else report.skid_steer.in_words()
         rows += [("warning", warning) for warning in report.warnings]
         return f"model of order {report.order} with {report.lags} lags ({report.method}), period {self.model.dt_s:g} s", rows
 
@@ -341,8 +387,8 @@ class Identified(ModelMethods, Printable):
     def _intervals(self) -> ConfidenceIntervals | None:
         found = self._found
         candidate, fitting = found.candidate, found.fitting
-        if candidate.method == "deconvolution":
-            return None  # Eq. (9c) assumes data without noise
+        if candidate.method == "deconvolution" or candidate.step == "structure":
+            return None  # no error covariance is available for these
         if candidate.method == "okid-era":
             observer, svd = fitting.observer(candidate.lags, candidate.order)
             # Residuals of an observer may be correlated over further lags, which the covariance needs.
@@ -366,7 +412,8 @@ class Identified(ModelMethods, Printable):
         found, model = self._found, self.model
         scores = validation_scores(model, self.judged)
         support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
-        warnings = [*found.warnings, *self._excitation_warning(support)]
+        skid = self._skid_steer
+        warnings = [*self.findings.lines, *self._turn_warnings(), *found.warnings, *self._excitation_warning(support)]
         warnings += validation_warnings(scores, model, self.fitted, self.judged)
         poles = np.linalg.eigvals(found.system.A).astype(complex)
         radii = None if self.intervals is None else self.intervals.pole_radii()
@@ -391,10 +438,50 @@ class Identified(ModelMethods, Printable):
             candidates=_members(found.ensemble),
             warnings=warnings,
             seconds=self._seconds + time.perf_counter() - started,
+            skid_steer=None if skid is None else skid.described(),
         )
 
+    def with_structure(self) -> "Identified":
+        """Return the result with the skid-steer model, if that contradicts a model that follows feedback or fits no better."""
+        fit, gain = self._skid_steer, self._contradicting_gain
+        if fit is None or gain is None:
+            return self
+        structured = skid_steer_model(fit, max(self.fitted, key=len))
+        is_ambiguous = self.findings.has_feedback or self.findings.is_table
+        if not (is_ambiguous or fits_as_well(structured, self._model, self.fitted)):
+            return self
+        moved = without_delays(self.fitted, structured.input_delay)
+        fitting = Fitting(data=self.gram, records=moved, feedthrough=fit.shift == 0)
+        system = of_model(structured, fitting.data.units)
+        with suppress(np.linalg.LinAlgError):  # a table: no output shows the state
+            system = fitting.with_gain(system)
+        candidate = replace(self._found.candidate, method="skid-steer", order=structured.order, step="structure")
+        model = replace(
+            structured,
+            observer_gain=None if system.K is None else system.K / fitting.data.units.output_scale,
+            provenance={"method": self._method, "order": structured.order, "step": candidate.step},
+        )
+        result = copy(self)
+        found = replace(self._found, candidate=candidate, system=system, fitting=fitting)
+        vars(result).update(_model=model, _found=found, _differential=None, _is_structure=True)
+        return result
+
+    def _turn_warnings(self) -> list[str]:
+        """Return how the model's yaw gain agrees with the skid-steer fit."""
+        fit, gain = self._skid_steer, self._contradicting_gain
+        if fit is None:
+            return []
+        warnings = sign_warning(fit)
+        if gain is None:
+            return warnings
+        if self._is_structure:
+            return [*warnings, replacement_warning(gain, fit, has_feedback=self.findings.has_feedback)]
+        return [*warnings, *gain_warning(gain, fit)]
+
     def _excitation_warning(self, support: int) -> list[str]:
-        result = collinearity_warnings(self.fitted, self.model.input_names, mirrored=self._differential is not None)
+        result = []
+        if self._log.differential is None:
+            result = collinearity_warnings(self.fitted, self.model.input_names, mirrored=self._differential is not None)
         order = self._found.system.order
         if support < order and support <= self._found.fitting.data.lags:
             result.append(f"poor excitation: {insufficient_excitation(support, order)}; give inputs that vary more")

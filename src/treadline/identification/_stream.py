@@ -11,6 +11,7 @@ from treadline.core.linear_systems import joined_in_time, most_recent
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import to_model
 from treadline.identification._checks import channel_names, check_alike, check_gaps, check_records, gaps_in
+from treadline.identification._dependent_inputs import DriveLog
 from treadline.identification._from_gram import from_gram, provenance_of
 from treadline.identification._gram import Gram, GramBuilder, Units
 from treadline.identification._identified import Identified
@@ -63,6 +64,8 @@ def identify_chunks(
         judged=last,
         started=started,
         gram=data,
+        log=DriveLog(records=last),
+        name_prior=options.name_prior,
     )
 
 

@@ -8,23 +8,23 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from treadline.core import linear_systems as validate
-from treadline.core.errors import PoorExcitation, SettingsError
+from treadline.core.errors import DependentInputs, PoorExcitation, SettingsError
 from treadline.core.model_scores import TESTED_SAMPLES_MIN
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import Affine, stabilised, to_model
+from treadline.identification._belts import find_differential_input
 from treadline.identification._checks import (
     channel_names,
     check_alike,
-    check_independent,
     check_records,
 )
 from treadline.identification._dead_time import dead_time
+from treadline.identification._dependent_inputs import DriveLog, check_independent_inputs, without_dependent_inputs
 from treadline.identification._fitting import with_inputs_again
 from treadline.identification._from_gram import from_gram, gram_with_half, provenance_of
 from treadline.identification._gram import Gram
 from treadline.identification._identified import FittedSystem, Identified, whole_samples
 from treadline.identification._input_structure import (
-    find_differential_input,
     without_delays,
 )
 from treadline.identification._threads import one_thread
@@ -55,19 +55,35 @@ def identify(
         raise SettingsError("identify needs at least one record")
     if options.prior is not None:
         _check_prior(options.prior, given[0])
-    method = options.method or ("best" if options.prior is None else "pbsid")
+    check_alike(given)
+    try:
+        return _identified(DriveLog(records=given), options, on_progress, started)
+    except DependentInputs:
+        log = without_dependent_inputs(given, name_prior=options.name_prior)
+        if log is None or options.prior is not None:
+            raise
+    return _identified(log, options, on_progress, started)
+
+
+def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Callable[[str], None], started: float) -> Identified:
+    """Return the model of a log; its inputs are independent, or two belts of which the difference is fitted."""
+    method, belts = options.method or ("best" if options.prior is None else "pbsid"), log.differential
     options = replace(options, method=method)
-    units = check_records(given)
-    fitted, judged = _split(given, options.validation)
-    if options.validation is not None:
-        units = check_records(fitted)
-    shifts = _dead_time(fitted, options, method)
+    validation = log.other(options.validation) if isinstance(options.validation, InputOutputRecord) else options.validation
+    units = check_records(log.records, inputs=belts is None)
+    fitted, judged = _split(log.records, validation)
+    if validation is not None:
+        units = check_records(fitted, inputs=belts is None)
+    if belts is not None:
+        units = belts.alike(fitted, units)
+    elif method == "best":
+        check_independent_inputs(fitted)  # before dead times, which would move inputs apart that are one
+    shifts = _dead_time(fitted, options, method) if belts is None else 2 * _dead_time(belts.difference(fitted), options, method)[:1]
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
     data, half = gram_with_half(moved, replace(options, lags=1) if method == "deconvolution" else options, units)
-    differential = None
-    if method == "best":
-        check_independent(data, channel_names(moved[0]))
-        differential = find_differential_input(moved, data, options.lags, options.feedthrough)
+    differential = belts
+    if method == "best" and belts is None:
+        differential = find_differential_input(moved, data, options.lags, options.feedthrough) if options.name_prior else None
     taken = moved if differential is None else differential.difference(moved)
     data_pair = (data, half) if differential is None else gram_with_half(taken, options, differential.units(taken, data.units))
     found = from_gram(
@@ -78,7 +94,7 @@ def identify(
     model = to_model(found.system, found.units, data.dt_s, channel_names(taken[0]), provenance_of(method, found.candidate))
     if differential is not None:
         model = differential.model(model, data.units.shift[:2])
-    return Identified(
+    result = Identified(
         model=replace(model, input_delay=tuple(shifts)),
         found=found,
         method=method,
@@ -87,7 +103,11 @@ def identify(
         started=started,
         gram=found.fitting.data if differential is None else data,
         differential=differential,
+        log=log,
+        name_prior=options.name_prior,
     )
+    by_data = options.order is None and options.delays is None and not options.stable
+    return result.with_structure() if method == "best" and by_data else result
 
 
 def _stable(found: FittedSystem) -> Affine:

@@ -51,6 +51,9 @@ class IdentificationOptions:
     it."""
     solver: str = "gram"
     """Least-squares solver: ``gram`` for normal equations, or ``qr``: slower, accurate to rounding on noise-free data."""
+    name_prior: bool = True
+    """Whether the channels' names may decide what the data leave open: a left and a right belt turn a vehicle by their difference,
+    a heading is the integral of the yaw rate, and, where all names end in _m_s or _rad_s, zero is rest."""
     stable: bool = False
     """Whether to reflect poles outside the unit circle into it."""
     validation: float | InputOutputRecord | None = None
@@ -97,6 +100,7 @@ class IdentificationKeywords(TypedDict, total=False):
     feedthrough: bool | None
     delays: Sequence[int] | int | None
     solver: str
+    name_prior: bool
     stable: bool
     validation: float | InputOutputRecord | None
     prior: Gram | None

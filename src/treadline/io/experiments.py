@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -15,14 +15,22 @@ Columns = tuple[tuple[str, ...], tuple[str, ...]]
 """Names of the inputs and of the outputs."""
 
 
-def experiments_of(u: Any, y: Any, dt: float | None, columns: Columns | None, *, channels_first: bool) -> list[InputOutputRecord]:
+class Reading(TypedDict):
+    """Sampling period [s], and further options of ``read_record``."""
+
+    period_s: float | None
+    resample: bool
+    allow_gaps: bool
+
+
+def experiments_of(u: Any, y: Any, how: Reading, columns: Columns | None, *, channels_first: bool) -> list[InputOutputRecord]:
     """Return one record for each experiment.
 
     Args:
         u: Inputs, or whole experiments: a file, a run folder, a data frame with all columns, or a record; a list of experiments
             of one kind.
         y: Outputs; None where ``u`` holds whole experiments.
-        dt: Sampling period [s]; None for records, and for files with a time column.
+        how: Period and options of files; the period may be None for records, and for files with a time column.
         columns: Columns of files and of whole data frames.
         channels_first: Whether arrays have one row per channel instead of one row per sample.
 
@@ -35,7 +43,7 @@ def experiments_of(u: Any, y: Any, dt: float | None, columns: Columns | None, *,
         answers = [None] * len(given)
     if len(given) != len(answers):
         raise RecordError(f"u holds {len(given)} experiments and y {len(answers)}; give one y for each u")
-    return [_record(a, b, dt, columns, channels_first=channels_first) for a, b in zip(given, answers, strict=True)]
+    return [_record(a, b, how, columns, channels_first=channels_first) for a, b in zip(given, answers, strict=True)]
 
 
 def _is_several(given: Any) -> bool:
@@ -49,20 +57,20 @@ def _is_several(given: Any) -> bool:
     return any(item.ndim >= 2 for item in given) or len({item.shape for item in given}) > 1
 
 
-def _record(u: Any, y: Any, dt: float | None, columns: Columns | None, *, channels_first: bool) -> InputOutputRecord:
+def _record(u: Any, y: Any, how: Reading, columns: Columns | None, *, channels_first: bool) -> InputOutputRecord:
     if isinstance(u, InputOutputRecord):
         return u
     if isinstance(u, str | Path):
         if columns is None:
             raise RecordError(f"{u}: name the columns of the file: inputs=['left_m_s', 'right_m_s'], outputs=['yaw_rate_rad_s']")
-        return read_record(Path(u), *columns, period_s=dt)
+        return read_record(Path(u), *columns, **how)
     if y is None:
         if columns is None or not hasattr(u, "to_numpy"):
             raise RecordError("y is missing; give inputs and outputs, a data frame with inputs= and outputs=, or a file")
         u, y = (_selected(u, names) for names in columns)
-    if dt is None:
+    if how["period_s"] is None:
         raise RecordError("dt is missing; give the sampling period in seconds: tl.identify(u, y, 0.05)")
-    return record_of(u, y, dt, channels_first=channels_first)
+    return record_of(u, y, how["period_s"], channels_first=channels_first)
 
 
 def _selected(frame: Any, names: Sequence[str]) -> Any:

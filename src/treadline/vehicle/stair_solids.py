@@ -1,6 +1,7 @@
 """Stair as solids: floor, treads, landings, walls and newel as boxes, nosings as round bars: ``Staircase -> Box, Solid``."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,17 +63,23 @@ def stair_boxes(staircase: Staircase) -> tuple[Box, ...]:
 
     The plant rounds the nosings off; the camera draws them with these sharp edges.
     """
-    floor = Box(
-        kind="floor",
-        centre_W=(-0.5 * FLOOR_LENGTH_M, 0.0, -0.1),
-        half_m=(0.5 * FLOOR_LENGTH_M + 0.5, 0.5 * staircase.width_m + 2.0, 0.1),
-    )
     frames = [staircase.flight_frame(k) for k in range(staircase.flight_count)]
     treads = [_placed(box, *frame) for k, frame in enumerate(frames) for box in _treads(staircase, k)]
     walls = [_placed(box, *frame) for k, frame in enumerate(frames) for box in _walls(staircase, k)]
     if staircase.end_wall:
         walls.append(_placed(_end_wall(staircase), *frames[-1]))
-    return (floor, *treads, *walls)
+    return (_floor(staircase, treads), *treads, *walls)
+
+
+def _floor(staircase: Staircase, treads: Sequence[Box]) -> Box:
+    """Return the floor before the stair; below an open flight, through which a camera sees it, it goes on."""
+    ends_m = (box.centre_W[0] + math.hypot(*box.half_m[:2]) for box in treads)
+    under_m = max(ends_m) if staircase.open_risers else 0.5
+    return Box(
+        kind="floor",
+        centre_W=(0.5 * (under_m - 0.5 - FLOOR_LENGTH_M), 0.0, -0.1),
+        half_m=(0.5 * (FLOOR_LENGTH_M + 0.5 + under_m), 0.5 * staircase.width_m + 2.0, 0.1),
+    )
 
 
 def stair_solids(staircase: Staircase) -> tuple[Solid, ...]:

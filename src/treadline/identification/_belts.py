@@ -1,0 +1,163 @@
+"""Channels of a skid-steer vehicle by their names, and the difference of its belt speeds as only input.
+
+A vehicle with left-right symmetry turns only with the difference of its belt speeds: mirrored, left and right swap and a
+turn changes sign. A one-sided load, a cross slope or a worn belt breaks the symmetry, so the data decide. With the symmetry
+half of the input coefficients need no estimation, and the other half is not disturbed by the common speed, which
+dominates normal driving.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from treadline.core.angles import DEG
+from treadline.core.models import InputOutputRecord, LinearModel
+from treadline.identification._gram import Gram, Units, gram_of, units_of
+from treadline.identification._model_order import min_bic
+from treadline.identification._pole_intervals import ConfidenceIntervals
+
+LEFT, RIGHT = "left", "right"
+HEADING_PREFIXES = ("yaw", "heading")
+"""Prefixes of the names of a heading or its rate."""
+RATE_WORDS = ("_rate", "rad_s", "deg_s")
+"""Parts of such a name that make it a rate."""
+RATE_SUFFIXES_ROS = ("angular_velocity.z", "angular.z")
+"""Suffixes of yaw rates in ROS messages."""
+DIFFERENCE_MIN = 1e-6
+"""Standard deviation of the difference relative to the belts' below which only rounding remains."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TurnChannels:
+    """Outputs that describe a turn, identified by their names."""
+
+    heading: int | None
+    yaw_rate: int | None
+    count: int
+    """Number of turn outputs."""
+
+
+def turn_channels(output_names: Sequence[str]) -> TurnChannels:
+    """Return the first heading and the first yaw rate among the outputs."""
+    roles = [_role(name.lower().rsplit("/", 1)[-1]) for name in output_names]
+    first = {role: roles.index(role) if role in roles else None for role in ("heading", "rate")}
+    return TurnChannels(heading=first["heading"], yaw_rate=first["rate"], count=sum(role is not None for role in roles))
+
+
+def _role(name: str) -> str | None:
+    if name.endswith(RATE_SUFFIXES_ROS):
+        return "rate"
+    if not name.startswith(HEADING_PREFIXES):
+        return None
+    return "rate" if any(word in name for word in RATE_WORDS) else "heading"
+
+
+def radians(name: str) -> float:
+    """Return the factor from a channel's unit to radians, by its name."""
+    return DEG if "_deg" in name.lower() else 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DifferentialInput:
+    """Two belt speeds replaced by their difference."""
+
+    names: tuple[str, str]
+    """Names of the belts."""
+    signs: Float[np.ndarray, "1 2"]
+    """Signs of the belts in the difference, right minus left."""
+
+    def difference(self, records: Sequence[InputOutputRecord]) -> list[InputOutputRecord]:
+        """Return the records with the difference as input."""
+        left = self.names[int(np.argmin(self.signs))]
+        return [replace(record, u=record.u @ self.signs.T, input_names=(f"{RIGHT}_less_{left}",)) for record in records]
+
+    def units(self, difference: Sequence[InputOutputRecord], units: Units) -> Units:
+        """Return units for the difference with unchanged output units, so that model selection is not affected.
+
+        Args:
+            difference: Records with the difference as input.
+            units: Units of the belts.
+        """
+        of_input = units_of(difference).scale[:1]
+        return Units(
+            shift=np.concatenate([self.signs @ units.shift[:2], units.shift[2:]]),
+            scale=np.concatenate([of_input, units.output_scale]),
+            input_count=1,
+        )
+
+    def alike(self, records: Sequence[InputOutputRecord], units: Units) -> Units:
+        """Return the units of the belts with the deviation of their difference for both, so that one belt may be constant."""
+        of_input = self.units(self.difference(records), units).scale[:1]
+        return replace(units, scale=np.concatenate([np.repeat(of_input, 2), units.output_scale]))
+
+    def model(self, model: LinearModel, about: Float[np.ndarray, " 2"]) -> LinearModel:
+        """Return the model with both belts as inputs.
+
+        Args:
+            model: Model of the difference.
+            about: Belt speeds near the operating point.
+        """
+        offset = model.input_offset - self.signs @ about
+        return replace(
+            model,
+            B=model.B @ self.signs,
+            D=model.D @ self.signs,
+            input_offset=about + 0.5 * self.signs.T @ offset,
+            input_delay=2 * model.input_delay,
+            input_names=self.names,
+            provenance={**model.provenance, "inputs": "difference"},
+        )
+
+    def intervals(self, intervals: ConfidenceIntervals, units: Units) -> ConfidenceIntervals:
+        """Return the intervals of the model with both belts as inputs.
+
+        Args:
+            intervals: Intervals of the model of the difference.
+            units: Units of the belts.
+        """
+        return intervals.through(self.signs * units.input_scale / intervals.units.input_scale[:, None], units)
+
+
+def find_differential_input(
+    records: Sequence[InputOutputRecord], data: Gram, lags: int | None, feedthrough: bool | None
+) -> DifferentialInput | None:
+    """Return the input difference of a symmetric vehicle, or None for other channels or if the data contradict symmetry.
+
+    The channel names identify the belts and the turn outputs; the BIC then compares models with both belts and with their
+    difference.
+
+    Args:
+        records: Experiments.
+        data: Gram matrix of the records.
+        lags: Requested lags; chosen when None.
+        feedthrough: Whether an input acts within the same sample; chosen when None.
+    """
+    differential = named_differential(records[0])
+    if differential is None:
+        return None
+    alone = differential.difference(records)
+    units = differential.units(alone, data.units)
+    if not units.input_scale[0] > DIFFERENCE_MIN * float(data.units.input_scale.min()):
+        return None
+    by_difference = min_bic(gram_of(alone, data.lags, units), lags, feedthrough)
+    return differential if by_difference < min_bic(data, lags, feedthrough) else None
+
+
+def named_differential(record: InputOutputRecord) -> DifferentialInput | None:
+    """Return the difference identified by names: a left and a right belt, and only turn outputs."""
+    if not record.output_names or turn_channels(record.output_names).count < len(record.output_names):
+        return None
+    return named_belts(record.input_names)
+
+
+def named_belts(inputs: Sequence[str]) -> DifferentialInput | None:
+    """Return the belts of a skid-steer vehicle: the only inputs, a left and a right one with otherwise the same name."""
+    if len(inputs) != 2:
+        return None
+    one, other = (name.lower() for name in inputs)
+    is_left = [LEFT in one and one.replace(LEFT, RIGHT) == other, LEFT in other and other.replace(LEFT, RIGHT) == one]
+    if sum(is_left) != 1:
+        return None
+    return DifferentialInput(names=(inputs[0], inputs[1]), signs=np.where(is_left, -1.0, 1.0)[None])

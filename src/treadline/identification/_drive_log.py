@@ -1,0 +1,285 @@
+"""Tests of a drive log before a fit: inputs that do not move, feedback, single frequencies, tables, and headings against yaw rates.
+
+``InputOutputRecord -> DriveLog``. Each finding is one line with a cause, a number and a remedy.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.special import chdtrc
+
+from treadline.core.models import InputOutputRecord
+from treadline.identification._belts import (
+    named_belts,
+    radians,
+    turn_channels,
+)
+from treadline.identification._checks import channel_names
+from treadline.identification._dependent_inputs import DriveLog
+
+ROWS_MOST = 2000
+"""Largest number of windows in a test, spread over all records: bounds its time to some milliseconds."""
+COLUMNS_MOST = 100
+"""Largest number of regressors in a test, likewise."""
+ROWS_PER_COLUMN = 8
+"""Windows per regressor, as for automatically chosen lags."""
+LAGS = 10
+"""Rows of the past in a test."""
+SIGNIFICANCE = 1e-4
+"""p-value below which an influence is significant."""
+PREDICTABLE = 1e-9
+"""Share of an input's variance that is new in a row, below which the input is predictable from its own past."""
+FEEDBACK_SHARE_MIN = 0.5
+"""Share of what is new in an input that the outputs explain, from which feedback determines more of it than anything else does."""
+SQUARE_WAVE_SHARE = 8.0 / np.pi**2
+"""Share of a square wave's variance in its fundamental frequency; an input with a larger share is closer to a sinusoid."""
+PERIODS_MIN = 2.0
+"""Least number of periods of a sinusoid in a record: a slower one looks like a drift."""
+PADDING = 8
+"""Length of the transform over the record's: a frequency is met to within a sixteenth of a line, its power to within 2 %."""
+INTEGRATOR_TOLERANCE = 0.3
+"""Relative difference between a heading's change and the yaw rate's integral from which the names contradict the data."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogFindings:
+    """LogFindings about the records of a fit."""
+
+    lines: tuple[str, ...]
+    has_feedback: bool
+    """Whether the outputs significantly determine the inputs."""
+    is_table: bool
+    """Whether no output depends on the rows before it."""
+
+
+def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
+    """Return the findings about a log.
+
+    Args:
+        log: Records to be fitted.
+        name_prior: Whether the channels' names may identify belts, headings and yaw rates.
+    """
+    tested = log.records if log.differential is None else log.differential.difference(log.records)
+    feedback = _feedback(tested, name_prior=name_prior)
+    table = [*_table(tested)]
+    lines = [*log.findings, *feedback.findings, *_single_frequencies(tested), *table]
+    if name_prior:
+        lines.extend(_integrator(tested))
+    return LogFindings(lines=tuple(lines), has_feedback=feedback.is_significant, is_table=bool(table))
+
+
+# Regressions on the past ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Influence:
+    is_significant: bool = False
+    findings: tuple[str, ...] = ()
+
+
+def _feedback(records: Sequence[InputOutputRecord], *, name_prior: bool) -> _Influence:
+    """Return whether outputs determine inputs: the largest canonical correlation of what both have new next to the inputs' past.
+
+    The inputs' own past has as many more rows as the outputs have regressors, so that a coloured input alone gains nothing from
+    them. Outputs before the current row decide, because an input may act within the row, and a heading of the row, on which it
+    cannot; all outputs up to the row give the share.
+    """
+    m, p = records[0].u.shape[1], records[0].y.shape[1]
+    for lags in range(LAGS, 0, -1):
+        own = lags + -(-(lags + 1) * p // m)
+        if m * own + p * (lags + 1) <= _columns(records, own):
+            break
+    else:
+        return _Influence()
+    z = _windows(records, own)
+    if len(z) < 2 * (m * own + p * (lags + 1)):  # gaps leave too few
+        return _Influence()
+    past, now = z[:, :-1, :m].reshape(len(z), -1), z[:, -1, :m]
+    new = _residual(past, now)
+    if np.trace(new.T @ new) <= PREDICTABLE * np.sum(np.var(now, axis=0)) * len(z):
+        return _Influence()
+    before, seen = z[:, -1 - lags : -1, m:].reshape(len(z), -1), z[:, -1 - lags :, m:]
+    bounds = _heading_over_yaw_rate(records) if name_prior else None
+    if bounds is not None and bounds[0] < 1.0 + INTEGRATOR_TOLERANCE and bounds[1] > 1.0 - INTEGRATOR_TOLERANCE:
+        before = np.column_stack([before, seen[:, -1, turn_channels(records[0].output_names).heading]])
+    earlier, _ = _canonical(new, _residual(past, before), now)
+    statistic = -len(z) * np.log1p(-min(earlier, 1.0 - 1e-12))
+    if not chdtrc(before.shape[1] + m - 1, statistic) < SIGNIFICANCE:
+        return _Influence()
+    share, along = _canonical(new, _residual(past, seen.reshape(len(z), -1)), now)
+    if share < FEEDBACK_SHARE_MIN:
+        return _Influence(is_significant=True)
+    by_output = [_canonical(new, _residual(past, seen[:, :, j]), now)[0] for j in range(p)]
+    output, names = channel_names(records[0])[m + int(np.argmax(by_output))], channel_names(records[0])
+    return _Influence(
+        is_significant=True,
+        findings=(
+            f"feedback: the outputs, above all '{output}', explain {100.0 * share:.0f} % of what is new in "
+            f"{_combination(names, along)}: the model may be the controller's inverse; add dither, or drive without control",
+        ),
+    )
+
+
+def _canonical(
+    new: Float[np.ndarray, "N m"], seen: Float[np.ndarray, "N q"], now: Float[np.ndarray, "N m"]
+) -> tuple[float, Float[np.ndarray, " m"]]:
+    """Return the largest squared canonical correlation, and the weights of the inputs times their standard deviation."""
+    left, s, Vt = np.linalg.svd(new, full_matrices=False)
+    live = s > np.sqrt(PREDICTABLE) * np.linalg.norm(now - now.mean(axis=0))
+    right, spread, _ = np.linalg.svd(seen, full_matrices=False)
+    inner, values, _ = np.linalg.svd(left[:, live].T @ right[:, spread > 1e-9 * max(spread[0], 1e-300)])
+    if not values.size:
+        return 0.0, np.ones(now.shape[1])
+    weights = (Vt[live].T / s[live]) @ inner[:, 0]
+    return float(values[0] ** 2), np.asarray(weights * np.std(now, axis=0))
+
+
+def _combination(names: Sequence[str], along: Float[np.ndarray, " m"]) -> str:
+    """Return the inputs with at least half of the largest weight in words."""
+    large = [int(j) for j in np.flatnonzero(np.abs(along) >= 0.5 * np.abs(along).max())]
+    listed = " and ".join(f"'{names[j]}'" for j in large)
+    return f"the difference of {listed}" if len(large) == 2 and along[large[0]] * along[large[1]] < 0.0 else listed
+
+
+def _table(records: Sequence[InputOutputRecord]) -> Iterator[str]:
+    """Yield a finding if no output depends on the rows before it (likelihood ratio test, one per output)."""
+    m, p = records[0].u.shape[1], records[0].y.shape[1]
+    lags = min(LAGS, int(_columns(records, LAGS) // (m + p)))
+    if lags < 1:
+        return
+    z = _windows(records, lags)
+    if len(z) < 2 * lags * (m + p):
+        return
+    now, y, past = z[:, -1, :m], z[:, -1, m:], z[:, :-1].reshape(len(z), -1)
+    static = _residual(now, y)
+    full = _residual(np.hstack([now, past]), y)
+    before, after = np.sum(static**2, axis=0), np.sum(full**2, axis=0)
+    total = np.sum((y - y.mean(axis=0)) ** 2, axis=0)
+    freedom = past.shape[1]
+    exact = before <= PREDICTABLE * total
+    with np.errstate(divide="ignore", invalid="ignore"):
+        statistic = (len(z) - m - 0.5 * freedom) * np.log(before / after)
+    memory = ~exact & (chdtrc(freedom, np.maximum(statistic, 0.0)) < SIGNIFICANCE)
+    if memory.any():
+        return
+    share = 100.0 * float(np.max(1.0 - before / np.maximum(total, 1e-300)))
+    yield (
+        f"table: no output depends on the rows before it, and the inputs of the same row explain {share:.0f} % at most; a table of "
+        "steady states, or rows out of order? sort them by time, or record a drive"
+    )
+
+
+def _columns(records: Sequence[InputOutputRecord], lags: int) -> float:
+    """Return the number of regressors that the windows of a number of lags support."""
+    return min(COLUMNS_MOST, sum(len(record) - lags for record in records) / ROWS_PER_COLUMN)
+
+
+def _windows(records: Sequence[InputOutputRecord], lags: int) -> Float[np.ndarray, "N lags1 r"]:
+    """Return complete windows of inputs and outputs, oldest row first, spread over the records."""
+    parts = []
+    stride = max(1, sum(len(record) for record in records) // ROWS_MOST)
+    for record in records:
+        if len(record) > lags:
+            z = np.hstack([record.u, record.y])
+            parts.append(sliding_window_view(z, lags + 1, axis=0)[::stride].transpose(0, 2, 1))
+    width = records[0].u.shape[1] + records[0].y.shape[1]
+    z = np.concatenate(parts) if parts else np.empty((0, lags + 1, width))
+    z = z[np.isfinite(z).all(axis=(1, 2))]
+    scale = np.maximum(np.abs(z).max(axis=(0, 1), initial=0.0), 1e-300)
+    return np.asarray(z / scale)
+
+
+def _residual(regressors: Float[np.ndarray, "N q"], targets: Float[np.ndarray, "N r"]) -> Float[np.ndarray, "N r"]:
+    """Return the residuals of the targets' regression on a constant and the regressors."""
+    columns = regressors - regressors.mean(axis=0)
+    left, s, _ = np.linalg.svd(columns, full_matrices=False)
+    left = left[:, s > 1e-10 * s[0]] if s.size and s[0] > 0.0 else left[:, :0]
+    rest = targets - targets.mean(axis=0)
+    return np.asarray(rest - left @ (left.T @ rest))
+
+
+# Frequencies and names --------------------------------------------------------------------------------------------------
+
+
+def _single_frequencies(records: Sequence[InputOutputRecord]) -> Iterator[str]:
+    """Yield a finding per input, or difference of belts, that is one sinusoid."""
+    longest = max(records, key=len)
+    u, names = longest.u[longest.whole][-PADDING * ROWS_MOST :], [f"'{name}'" for name in channel_names(longest)]
+    belts = named_belts(longest.input_names)
+    signals = [*zip(names, u.T, strict=False)]
+    if belts is not None:
+        signals.append((f"the difference of {names[0]} and {names[1]}", (u @ belts.signs.T)[:, 0]))
+    found = [(name, *_sinusoid(signal)) for name, signal in signals]
+    lines = [item for item in found if item[1] > SQUARE_WAVE_SHARE]
+    for name, share, frequency in lines[-1:] if belts is not None else lines:
+        yield (
+            f"one frequency: {name} is a sinusoid, {frequency / longest.dt_s:.3g} Hz holds {100.0 * share:.0f} % of its variance; "
+            "it shows gain and delay there alone: vary it"
+        )
+
+
+def _sinusoid(signal: Float[np.ndarray, " T"]) -> tuple[float, float]:
+    """Return the share of a signal's variance in its strongest frequency, and the frequency [1/sample]."""
+    x = signal - signal.mean()
+    energy, count = float(x @ x), PADDING * len(x)
+    power = np.abs(np.fft.rfft(x, count)) ** 2
+    power[: int(PERIODS_MIN * PADDING)] = 0.0
+    at = int(np.argmax(power))
+    if not (energy > 0.0 and power[at] > 0.0):
+        return 0.0, 0.0
+    angle = 2.0 * np.pi * at / count * np.arange(len(x))
+    return 1.0 - float(np.sum(_residual(np.column_stack([np.cos(angle), np.sin(angle)]), x[:, None]) ** 2)) / energy, at / count
+
+
+def _integrator(records: Sequence[InputOutputRecord]) -> Iterator[str]:
+    """Yield a finding if a heading is not the integral of the yaw rate of the same record, or was wrapped."""
+    names, turn = channel_names(records[0])[records[0].u.shape[1] :], turn_channels(records[0].output_names)
+    if turn.heading is None or not names[turn.heading].endswith(("_rad", "_deg")):
+        return
+    heading = f"'{names[turn.heading]}'"
+    full = np.pi / radians(names[turn.heading])
+    jumps = sum(int(np.sum(np.abs(np.diff(record.y[:, turn.heading])) > full)) for record in records)
+    if jumps:
+        yield (
+            f"wrapped angle: {heading} jumps by half a turn or more at {jumps} rows; unwrap it (numpy.unwrap) and name it"
+            "_unwrapped_rad"
+        )
+        return
+    bounds = _heading_over_yaw_rate(records)
+    if bounds is not None and (bounds[1] < 1.0 - INTEGRATOR_TOLERANCE or bounds[0] > 1.0 + INTEGRATOR_TOLERANCE):
+        yield (
+            f"integrator: {heading} changes by {bounds[0]:.2g} to {bounds[1]:.2g} of the yaw rate's integral, not by 1: check "
+            "units, signs, the period and the order of the rows"
+        )
+
+
+def _heading_over_yaw_rate(records: Sequence[InputOutputRecord]) -> Float[np.ndarray, " 2"] | None:
+    """Return bounds of the heading's change per integral of the yaw rate; None for other channels, or unrelated ones.
+
+    The regressions either way bound the ratio when both channels are noisy (Frisch, 1934).
+    """
+    names, turn = records[0].output_names, turn_channels(records[0].output_names)
+    if turn.heading is None or turn.yaw_rate is None or not names[turn.heading].endswith(("_rad", "_deg")):
+        return None
+    z = _changes(records, turn.heading, turn.yaw_rate)
+    if len(z) < ROWS_PER_COLUMN:
+        return None
+    (changed, cross), (_, turned) = np.cov(z.T)
+    if not chdtrc(1, len(z) * cross**2 / max(changed * turned, 1e-300)) < SIGNIFICANCE:
+        return None
+    unit = radians(names[turn.heading]) / radians(names[turn.yaw_rate])
+    return np.asarray(np.sort([cross / turned, changed / cross]) * unit)
+
+
+def _changes(records: Sequence[InputOutputRecord], heading: int, yaw_rate: int) -> Float[np.ndarray, "N 2"]:
+    """Return the heading's changes over ten rows, and the integral of the yaw rate over them."""
+    parts = []
+    for record in records:
+        turned = np.concatenate([[0.0], np.cumsum(0.5 * (record.y[1:, yaw_rate] + record.y[:-1, yaw_rate]))]) * record.dt_s
+        both = np.column_stack([record.y[:, heading], turned])
+        parts.append(np.diff(both[::LAGS], axis=0))
+    z = np.concatenate(parts)
+    return np.asarray(z[np.isfinite(z).all(axis=1)])
