@@ -12,7 +12,6 @@ from treadline.identification._gram import gram, units_of
 WAYS: dict[str, dict[str, Any]] = {
     "okid-era (gram)": {"method": "okid-era", "solver": "gram"},
     "okid-era (qr)": {"method": "okid-era", "solver": "qr"},
-    "era-dc": {"method": "era-dc"},
     "pbsid": {"method": "pbsid"},
     "best": {"method": "best"},
 }

@@ -25,7 +25,7 @@ QUICK_GRID = GRID[:2]
 CONTROL_MOST = 100_000
 """Longest record given to python-control [samples]: it stores all regressors, 1.3 GB at a million samples."""
 LONG = 1_000_000
-QUICK_WAYS = {"okid-era (gram)", "era-dc", "pbsid"}
+QUICK_WAYS = {"okid-era (gram)", "pbsid"}
 """Methods that also run on records longer than ``LONG``; the others would take minutes."""
 REPORTED = {"okid-era (gram)", "best"}
 HANKEL_ROWS = 1000

@@ -118,7 +118,7 @@ def test_after_treadline_compile_no_command_compiles_and_two_at_once_compile_onc
         "climb images.toml --out images",
         "excite short.toml --samples 60 --out excite",
         "identify excite --method best --out model.json",
-        "identify excite --method era-dc --out era.json",
+        "identify excite --method pbsid --out era.json",
         "identify excite --method pbsid --validate 0.5 --out pbsid.json",
     ):
         done = subprocess.run(

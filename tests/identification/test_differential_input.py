@@ -90,7 +90,7 @@ def test_channel_names_identify_belts_and_turns(inputs: tuple[str, str], output:
     assert fit(record, order=1).report.mirrored is expected
 
 
-@pytest.mark.parametrize("method", ["okid-era", "era-dc", "pbsid"])
+@pytest.mark.parametrize("method", ["okid-era", "pbsid"])
 def test_a_named_method_fits_both_belts(method: str) -> None:
     found = fit(driven(vehicle(), 6), order=1, method=method)
     assert not found.report.mirrored

@@ -11,7 +11,7 @@ from treadline.core.linear_systems import impulse_response, part, simulate
 from treadline.core.models import InputOutputRecord
 from treadline.identification import gram
 
-METHODS = ("okid-era", "era-dc", "pbsid")
+METHODS = ("okid-era", "pbsid")
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -83,7 +83,7 @@ def test_forgetting_follows_a_changing_plant(method: str) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"method": "best"}, "method 'best' needs all samples; with a prior give okid-era, era-dc or pbsid"),
+        ({"method": "best"}, "method 'best' needs all samples; with a prior give okid-era or pbsid"),
         ({"method": "deconvolution"}, "method 'deconvolution' needs all samples"),
         ({"forgetting": 0.0}, r"forgetting is 0\.0; it must be above 0 and at most 1"),
         ({"forgetting": 1.1}, r"forgetting is 1\.1; it must be above 0 and at most 1"),

@@ -125,16 +125,13 @@ def test_intervals_of_a_subspace_model_cover_the_true_gain_95_times_in_100(eq_12
     [
         # 95 % minus one and a half of the 1.5 % of 200 hits.
         ("eq_12", "okid-era", 4, (300, 0.1), 100, (0.93, 1.0)),
-        ("eq_12", "era-dc", 4, (300, 0.1), 100, (0.93, 1.0)),
         ("eq_12", "pbsid", 4, (300, 0.1), 100, (0.93, 1.0)),
         # 240 hits scatter by 1.4 %. With β counted twice in the innovation response, 99.8 % were contained under coloured noise.
         ("eq_12", "okid-era", None, (1000, 0.05), 120, (0.92, 0.98)),
         ("eq_12", "okid-era", 20, (1000, 0.05, 0.8), 120, (0.92, 0.98)),
         # Lags by AICc: 92 and 90 to 95 were counted. With the two or three lags of the BIC the coverage was 84.
         ("eq_12", "okid-era", None, (1000, 0.2, 0.8), 120, (0.88, 1.0)),
-        ("eq_12", "era-dc", None, (1000, 0.2, 0.8), 120, (0.88, 1.0)),
         # 180 hits, of which each pair's two are one: 2 %.
-        ("spring", "era-dc", None, (500, 0.05), 60, (0.91, 1.0)),
     ],
 )
 def test_intervals_of_a_subspace_model_cover_the_true_poles_95_times_in_100(

@@ -105,7 +105,7 @@ FAULTS: dict[str, tuple[Spoil, dict[str, Any], type[TreadlineError], str]] = {
         lambda r: r,
         {"method": "guess"},
         SettingsError,
-        "method is 'guess'; allowed: best, okid-era, era-dc, pbsid, deconvolution",
+        "method is 'guess'; allowed: best, okid-era, pbsid, deconvolution",
     ),
     "a share that is no number": (lambda r: r, {"validation": float("nan")}, SettingsError, "validation share is nan"),
 }
@@ -121,7 +121,7 @@ def test_a_fault_is_rejected_in_one_line(draw: Draw, fault: str) -> None:
     assert len(str(caught.value)) < 300
 
 
-@pytest.mark.parametrize("method", ["best", "okid-era", "era-dc", "pbsid"])
+@pytest.mark.parametrize("method", ["best", "okid-era", "pbsid"])
 def test_an_order_above_the_rank_of_exact_data_is_rejected(draw: Draw, method: str) -> None:
     with pytest.raises(PoorExcitation, match="order 3 is above the rank 2"):
         fit(draw(0, samples=400), order=3, method=method)

@@ -33,7 +33,7 @@ class IdentifyOptions:
         allow_gaps: Accept up to 20 % of rows with NaN (an empty cell), or missing where the others keep the period's grid.
         order: Number of states. Default: chosen from the data.
         lags: Observer lags p. Default: chosen from the data.
-        method: best (several methods, compared by cross-validation), okid-era (the paper's), era-dc, pbsid, or deconvolution
+        method: best (the model nearest to the median of an ensemble), okid-era (the paper's), pbsid, or deconvolution
             (Eq. 9c as printed). Default: best; pbsid with --update or --stream.
         delays: Dead time of each input in samples (0,2), or of all (0). Default: found with best, else part of the states.
         solver: gram, or qr: slower, exact on data without noise.

@@ -53,6 +53,8 @@ class LogFindings:
     """Whether the outputs significantly determine the inputs."""
     is_table: bool
     """Whether no output depends on the rows before it."""
+    is_integral: bool
+    """Whether the heading is the integral of the yaw rate, or only one of them was recorded."""
 
 
 def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
@@ -68,7 +70,9 @@ def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
     lines = [*log.findings, *feedback.findings, *_single_frequencies(tested), *table]
     if name_prior:
         lines.extend(_integrator(tested))
-    return LogFindings(lines=tuple(lines), has_feedback=feedback.is_significant, is_table=bool(table))
+    return LogFindings(
+        lines=tuple(lines), has_feedback=feedback.is_significant, is_table=bool(table), is_integral=_is_integral(tested)
+    )
 
 
 # Regressions on the past ------------------------------------------------------------------------------------------------
@@ -102,9 +106,9 @@ def _feedback(records: Sequence[InputOutputRecord], *, name_prior: bool) -> _Inf
     if np.trace(new.T @ new) <= PREDICTABLE * np.sum(np.var(now, axis=0)) * len(z):
         return _Influence()
     before, seen = z[:, -1 - lags : -1, m:].reshape(len(z), -1), z[:, -1 - lags :, m:]
-    bounds = _heading_over_yaw_rate(records) if name_prior else None
-    if bounds is not None and bounds[0] < 1.0 + INTEGRATOR_TOLERANCE and bounds[1] > 1.0 - INTEGRATOR_TOLERANCE:
-        before = np.column_stack([before, seen[:, -1, turn_channels(records[0].output_names).heading]])
+    turn = turn_channels(records[0].output_names)
+    if name_prior and turn.heading is not None and turn.yaw_rate is not None and _is_integral(records):
+        before = np.column_stack([before, seen[:, -1, turn.heading]])
     earlier, _ = _canonical(new, _residual(past, before), now)
     statistic = -len(z) * np.log1p(-min(earlier, 1.0 - 1e-12))
     if not chdtrc(before.shape[1] + m - 1, statistic) < SIGNIFICANCE:
@@ -256,13 +260,20 @@ def _integrator(records: Sequence[InputOutputRecord]) -> Iterator[str]:
         )
 
 
+def _is_integral(records: Sequence[InputOutputRecord]) -> bool:
+    turn, bounds = turn_channels(records[0].output_names), _heading_over_yaw_rate(records)
+    if turn.heading is None or turn.yaw_rate is None:
+        return True
+    return bounds is not None and bounds[0] < 1.0 + INTEGRATOR_TOLERANCE and bounds[1] > 1.0 - INTEGRATOR_TOLERANCE
+
+
 def _heading_over_yaw_rate(records: Sequence[InputOutputRecord]) -> Float[np.ndarray, " 2"] | None:
     """Return bounds of the heading's change per integral of the yaw rate; None for other channels, or unrelated ones.
 
     The regressions either way bound the ratio when both channels are noisy (Frisch, 1934).
     """
     names, turn = records[0].output_names, turn_channels(records[0].output_names)
-    if turn.heading is None or turn.yaw_rate is None or not names[turn.heading].endswith(("_rad", "_deg")):
+    if turn.heading is None or turn.yaw_rate is None:
         return None
     z = _changes(records, turn.heading, turn.yaw_rate)
     if len(z) < ROWS_PER_COLUMN:

@@ -19,7 +19,7 @@ from treadline.core.model_scores import TESTED_SAMPLES_MIN, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, plain
 from treadline.identification._affine import Affine, of_model
-from treadline.identification._belts import DifferentialInput
+from treadline.identification._belts import DifferentialInput, turn_channels
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
 from treadline.identification._dependent_inputs import DriveLog
 from treadline.identification._drive_log import LogFindings, examine
@@ -37,16 +37,9 @@ from treadline.identification._pole_intervals import (
     of_predicting,
     of_refined,
 )
-from treadline.identification._skid_steer import SkidSteer, SkidSteerFit, is_skid_steer, skid_steer
-from treadline.identification._skid_steer_model import (
-    contradicting_gain,
-    fits_as_well,
-    gain_warning,
-    replacement_warning,
-    sign_warning,
-    skid_steer_model,
-)
+from treadline.identification._skid_steer import SkidSteer, TurnFit, turn_fit
 from treadline.identification._threads import one_thread
+from treadline.identification._turn_model import Contradiction, contradiction, fits_as_well, sign_warning, turn_model
 
 P_VALUE_LIMIT = 0.01
 """p-value below which a residual test is reported as failed."""
@@ -344,17 +337,17 @@ class Identified(ModelMethods, Printable):
 
     @cached_property
     @one_thread()
-    def _skid_steer(self) -> SkidSteerFit | None:
-        if not self._name_prior or not is_skid_steer(self.fitted[0]):
+    def _turn_fit(self) -> TurnFit | None:
+        if not self._name_prior or turn_channels(self.fitted[0].output_names).count == 0:
             return None
         belts = self._log.differential
-        return skid_steer(self.fitted, is_difference=belts is not None, is_table=self.findings.is_table)
+        return turn_fit(self.fitted, is_difference=belts is not None, is_table=self.findings.is_table)
 
     @cached_property
-    def _contradicting_gain(self) -> float | None:
-        """Yaw gain of the free model outside the interval of the skid-steer fit; kept by the result that takes the structure."""
-        fit = self._skid_steer
-        return None if fit is None else contradicting_gain(self._model, fit, max(len(record) for record in self.fitted))
+    def _contradiction(self) -> Contradiction | None:
+        """Yaw gain of the free model outside the interval of the fit by names; the result that takes the structure keeps it."""
+        fit = self._turn_fit
+        return None if fit is None else contradiction(self._model, fit, max(len(record) for record in self.fitted))
 
     def _linear(self) -> LinearModel:
         return self.model
@@ -412,7 +405,7 @@ class Identified(ModelMethods, Printable):
         found, model = self._found, self.model
         scores = validation_scores(model, self.judged)
         support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
-        skid = self._skid_steer
+        fit = self._turn_fit
         warnings = [*self.findings.lines, *self._turn_warnings(), *found.warnings, *self._excitation_warning(support)]
         warnings += validation_warnings(scores, model, self.fitted, self.judged)
         poles = np.linalg.eigvals(found.system.A).astype(complex)
@@ -438,24 +431,23 @@ class Identified(ModelMethods, Printable):
             candidates=_members(found.ensemble),
             warnings=warnings,
             seconds=self._seconds + time.perf_counter() - started,
-            skid_steer=None if skid is None else skid.described(),
+            skid_steer=None if fit is None else fit.described(),
         )
 
     def with_structure(self) -> "Identified":
-        """Return the result with the skid-steer model, if that contradicts a model that follows feedback or fits no better."""
-        fit, gain = self._skid_steer, self._contradicting_gain
-        if fit is None or gain is None:
+        """Return the result with the turn model by names, if that contradicts a model of feedback or one that fits no better."""
+        fit, names = self._turn_fit, self.fitted[0].output_names
+        if fit is None or self._contradiction is None or turn_channels(names).count < len(names):
             return self
-        structured = skid_steer_model(fit, max(self.fitted, key=len))
-        is_ambiguous = self.findings.has_feedback or self.findings.is_table
-        if not (is_ambiguous or fits_as_well(structured, self._model, self.fitted)):
+        structured = turn_model(fit, max(self.fitted, key=len))
+        if not (self.findings.is_table or self._prefers(structured, fit)):
             return self
         moved = without_delays(self.fitted, structured.input_delay)
         fitting = Fitting(data=self.gram, records=moved, feedthrough=fit.shift == 0)
         system = of_model(structured, fitting.data.units)
         with suppress(np.linalg.LinAlgError):  # a table: no output shows the state
             system = fitting.with_gain(system)
-        candidate = replace(self._found.candidate, method="skid-steer", order=structured.order, step="structure")
+        candidate = replace(self._found.candidate, method="by names", order=structured.order, step="structure")
         model = replace(
             structured,
             observer_gain=None if system.K is None else system.K / fitting.data.units.output_scale,
@@ -466,17 +458,29 @@ class Identified(ModelMethods, Printable):
         vars(result).update(_model=model, _found=found, _differential=None, _is_structure=True)
         return result
 
+    def _prefers(self, structured: LinearModel, fit: TurnFit) -> bool:
+        """Return whether names and data speak for the structure."""
+        if not self.findings.is_integral:
+            return False
+        if self.findings.has_feedback and fit.belts is not None:
+            return True
+        is_large = self._contradiction is not None and self._contradiction.is_large
+        return fits_as_well(structured, self._model, self.fitted, is_large=is_large)
+
     def _turn_warnings(self) -> list[str]:
         """Return how the model's yaw gain agrees with the skid-steer fit."""
-        fit, gain = self._skid_steer, self._contradicting_gain
+        fit, off = self._turn_fit, self._contradiction
         if fit is None:
             return []
-        warnings = sign_warning(fit)
-        if gain is None:
-            return warnings
-        if self._is_structure:
-            return [*warnings, replacement_warning(gain, fit, has_feedback=self.findings.has_feedback)]
-        return [*warnings, *gain_warning(gain, fit)]
+        if off is None or not (self._is_structure or off.is_large):
+            return sign_warning(fit)
+        if not self._is_structure:
+            line = f"yaw gain: {off}: feedback, noise of the inputs or too high an order; --method best without --order decides"
+        else:
+            why = "its steady gain is a guess" if off.is_large else "it explains no more"
+            why = "feedback may have made it the controller's inverse" if self.findings.has_feedback else why
+            line = f"structure taken by names: {off}; of the free model, {why}; --no-name-prior keeps it"
+        return [*sign_warning(fit), line]
 
     def _excitation_warning(self, support: int) -> list[str]:
         result = []

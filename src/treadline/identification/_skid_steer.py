@@ -1,9 +1,10 @@
-"""Skid-steer vehicle in words: effective gauge, speed scale and lag of each belt, with intervals.
+"""Yaw rate of a vehicle by its inputs: gains, lags and dead time with intervals, for a skid-steer vehicle in words.
 
 The yaw rate is r = g_right x_right - g_left x_left + c + n, each x a belt speed behind a dead time and a first-order lag, and n an
-autoregression. All of it is fitted by the prediction error, which in closed loop needs no dither beyond what the structure leaves
-open (Ljung, System Identification, 1999, section 13.4). The yaw rate alone shows no common scale of belts and gauge: the scales are
-relative to their mean, and the gauge is the effective one, larger than the belts' distance by what slip costs.
+autoregression; other inputs steer alike. All of it is fitted by the prediction error, which in closed loop needs no dither beyond
+what the structure leaves open (Ljung, System Identification, 1999, section 13.4). The yaw rate alone shows no common scale of belts
+and gauge: the scales are relative to their mean, and the gauge is the effective one, larger than the belts' distance by what slip
+costs.
 """
 
 from collections.abc import Callable, Sequence
@@ -74,52 +75,46 @@ def _text(estimate: Estimate) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SkidSteerFit:
-    """Parameters of the fit with their covariance: gains [1/m], decays, constant, autoregression."""
+class TurnFit:
+    """Parameters of the fit with their covariance: gains, decays, constant, autoregression."""
 
     theta: Float[np.ndarray, " k"]
     covariance: Float[np.ndarray, "k k"]
     shift: int
-    """Rows between a belt speed and the first yaw rate that it moves."""
-    belts: DifferentialInput
-    is_difference: bool
-    """Whether the difference of the belts is the only input."""
+    """Rows between an input and the first yaw rate that it moves."""
+    mixing: Float[np.ndarray, "q m"]
+    """Inputs of the fit from those of the record: all of them, or the difference of the belts."""
+    belts: DifferentialInput | None
+    """Belts among the inputs; None if other inputs steer."""
     dt_s: float
 
     @property
-    def gains(self) -> Float[np.ndarray, " 2"]:
-        """Yaw rate per speed of each belt, in the order of the record [rad/m]."""
-        return self._belt_gains(self.theta)
+    def gains(self) -> Float[np.ndarray, " m"]:
+        """Steady yaw rate per unit of each input of the record."""
+        return self._gains(self.theta)
 
     @property
-    def decays(self) -> Float[np.ndarray, " 2"]:
-        """Decay of each belt's lag per sample."""
-        m = self.inputs
-        return np.resize(self.theta[m : 2 * m], 2)
+    def decays(self) -> Float[np.ndarray, " m"]:
+        """Decay of each input's lag per sample."""
+        q, m = self.mixing.shape
+        return self.theta[q : 2 * q] if q == m else np.resize(self.theta[q : 2 * q], m)
 
     @property
     def constant(self) -> float:
-        """Yaw rate at belts of speed zero [rad/s]."""
-        return float(self.theta[2 * self.inputs])
+        """Yaw rate at inputs of zero [rad/s]."""
+        return float(self.theta[2 * len(self.mixing)])
+
+    def _gains(self, theta: Float[np.ndarray, " k"]) -> Float[np.ndarray, " m"]:
+        return np.asarray(theta[: len(self.mixing)] @ self.mixing)
 
     @property
-    def inputs(self) -> int:
-        """Number of inputs of the fit: the belts or their difference."""
-        return 1 if self.is_difference else 2
+    def steps(self) -> Float[np.ndarray, "s m"]:
+        """Changes of the inputs of which the yaw gain is compared: of the belts' difference, or of each input."""
+        return np.eye(self.mixing.shape[1]) if self.belts is None else 0.5 * self.belts.signs
 
-    def _belt_gains(self, theta: Float[np.ndarray, " k"]) -> Float[np.ndarray, " 2"]:
-        return theta[0] * self.belts.signs[0] if self.is_difference else theta[:2]
-
-    @property
-    def yaw_gain(self) -> Estimate:
-        """Steady yaw rate per difference of the belt speeds [rad/m]."""
-        return self._estimate(self._yaw_gain)
-
-    def _yaw_gain(self, theta: Float[np.ndarray, " k"]) -> float:
-        return 0.5 * float(self.belts.signs[0] @ self._belt_gains(theta))
-
-    def _speed_scale(self, belt: int, theta: Float[np.ndarray, " k"]) -> float:
-        return float(self.belts.signs[0, belt] * self._belt_gains(theta)[belt]) / self._yaw_gain(theta)
+    def yaw_gain(self, step: Float[np.ndarray, " m"]) -> Estimate:
+        """Return the steady yaw rate after a step of the inputs."""
+        return self._estimate(lambda theta: float(step @ self._gains(theta)))
 
     def _estimate(self, value: Callable[[Float[np.ndarray, " k"]], float]) -> Estimate:
         """Return a function of the parameters with its interval, to first order."""
@@ -128,12 +123,16 @@ class SkidSteerFit:
         reach = TWO_SIDED_95 * float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
         return Estimate(value=at, low=at - reach, high=at + reach)
 
-    def described(self) -> SkidSteer:
-        """Return the fit in words."""
-        gain, names = self.yaw_gain, self.belts.names
-        scales = {} if self.is_difference else {name: self._estimate(partial(self._speed_scale, j)) for j, name in enumerate(names)}
+    def described(self) -> SkidSteer | None:
+        """Return the fit in words; None if other inputs than belts steer."""
+        if self.belts is None:
+            return None
+        gain, names, signs = self.yaw_gain(self.steps[0]), self.belts.names, self.belts.signs[0]
         # Where the interval of the gain contains zero, no gauge is too large.
         gauge = [1.0 / number if number > 0.0 else np.inf for number in (gain.value, gain.high, gain.low)]
+        scales = {}
+        for j, name in enumerate(names if len(self.mixing) > 1 else ()):
+            scales[name] = self._estimate(partial(self._share, np.eye(2)[j] * signs, 0.5 * signs))
         return SkidSteer(
             yaw_gain_rad_m=gain,
             gauge_m=Estimate(value=gauge[0], low=gauge[1], high=gauge[2]),
@@ -143,8 +142,12 @@ class SkidSteerFit:
             acts_at_once=self.shift == 0,
         )
 
+    def _share(self, step: Float[np.ndarray, " m"], whole: Float[np.ndarray, " m"], theta: Float[np.ndarray, " k"]) -> float:
+        return float(step @ self._gains(theta)) / float(whole @ self._gains(theta))
+
     def _lag(self, belt: int) -> Estimate:
-        at = self.inputs + min(belt, self.inputs - 1)
+        q = len(self.mixing)
+        at = q + min(belt, q - 1)
         decay, reach = float(self.theta[at]), TWO_SIDED_95 * float(np.sqrt(max(self.covariance[at, at], 0.0)))
         value, low, high = (self._time_constant(number) for number in (decay, decay - reach, decay + reach))
         return Estimate(value=value, low=low, high=high)
@@ -155,34 +158,37 @@ class SkidSteerFit:
         return np.inf if decay >= 1.0 else -self.dt_s / float(np.log(decay))
 
 
-def is_skid_steer(record: InputOutputRecord) -> bool:
-    """Return whether the names tell two belts, and a yaw rate or a heading."""
-    turn = turn_channels(record.output_names)
-    return named_belts(record.input_names) is not None and (turn.yaw_rate is not None or turn.heading is not None)
-
-
-def skid_steer(records: Sequence[InputOutputRecord], *, is_difference: bool = False, is_table: bool = False) -> SkidSteerFit | None:
-    """Return the fit to records with two named belts and a named yaw rate or heading; None for others, or too few rows.
+def turn_fit(records: Sequence[InputOutputRecord], *, is_difference: bool = False, is_table: bool = False) -> TurnFit | None:
+    """Return the fit to records of two named belts, or other inputs and turns alone; None for others, or too few rows.
 
     Args:
-        records: Experiments.
+        records: Experiments with a named yaw rate or heading.
         is_difference: Whether only the difference of the belts varies.
-        is_table: Whether each row stands alone; the fit is then the regression of the yaw rate on the belts.
+        is_table: Whether each row stands alone; the fit is then the regression of the yaw rate on the inputs.
     """
-    belts = named_belts(records[0].input_names)
-    if belts is None or not is_skid_steer(records[0]):
+    belts, turn = named_belts(records[0].input_names), turn_channels(records[0].output_names)
+    if turn.count == 0 or (belts is None and turn.count < len(records[0].output_names)):
         return None
-    runs = _runs(records)
-    m = 1 if is_difference else 2
-    parameters = 2 * m + 1 + NOISE_LAGS
-    least = NOISE_LAGS + LAGS_MOST + ROWS_PER_PARAMETER * parameters
-    runs = [run for run in runs if len(run.rate) >= least]
+    m = records[0].u.shape[1]
+    mixing = belts.signs if belts is not None and is_difference else np.eye(m)
+    least = NOISE_LAGS + LAGS_MOST + ROWS_PER_PARAMETER * (2 * len(mixing) + 1 + NOISE_LAGS)
+    runs = [replace(run, u=run.u @ mixing.T) for run in _runs(records) if len(run.rate) >= least]
     if not runs:
         return None
+    # Belts steer by their difference; of other inputs each may be the one that steers.
+    steering = np.eye(m) if belts is None else belts.signs @ np.linalg.pinv(mixing)
     try:
-        return _fitted(runs, belts, is_difference=is_difference, is_table=is_table)
+        best = _regression(runs) if is_table else _best(runs, steering)
     except LinAlgError:
         return None
+    return TurnFit(
+        theta=best.theta,
+        covariance=np.linalg.pinv(best.square) * best.cost / (best.rows - len(best.theta)),
+        shift=best.shift,
+        mixing=mixing,
+        belts=belts,
+        dt_s=runs[0].dt_s,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -213,30 +219,16 @@ def _runs(records: Sequence[InputOutputRecord]) -> list[_Run]:
     return runs
 
 
-def _fitted(runs: list[_Run], belts: DifferentialInput, *, is_difference: bool, is_table: bool) -> SkidSteerFit:
-    difference = [replace(run, u=run.u @ belts.signs.T) for run in runs]
-    used = difference if is_difference else runs
-    best = _regression(used) if is_table else None
-    for shift, decay, gain, noise in [] if is_table else _starts(difference):
-        gains = np.array([gain]) if is_difference else gain * belts.signs[0]
-        constant = float(np.mean([np.mean(run.rate) - np.mean(run.u, axis=0) @ gains for run in used]))
-        theta = np.concatenate([gains, np.full(len(gains), decay), [constant], noise])
-        for moved in (shift, shift + 1, shift - 1):
-            if 0 <= moved <= LAGS_MOST:
-                found = _descended(used, theta, moved)
-                if best is None or found.cost < best.cost:
-                    best = found
-    if best is None:
-        raise LinAlgError("no start")
-    variance = best.cost / (best.rows - len(best.theta))
-    return SkidSteerFit(
-        theta=best.theta,
-        covariance=np.linalg.pinv(best.square) * variance,
-        shift=best.shift,
-        belts=belts,
-        is_difference=is_difference,
-        dt_s=runs[0].dt_s,
-    )
+def _best(runs: list[_Run], steering: Float[np.ndarray, "s q"]) -> "_Descent":
+    """Return the best descent from the starts of each steering input, and from shifts of a row either way."""
+    descents = []
+    for signs in steering:
+        for shift, decay, gain, noise in _starts([replace(run, u=run.u @ signs[:, None]) for run in runs]):
+            gains = gain * signs
+            constant = float(np.mean([np.mean(run.rate) - np.mean(run.u, axis=0) @ gains for run in runs]))
+            theta = np.concatenate([gains, np.full(len(gains), decay), [constant], noise])
+            descents += [_descended(runs, theta, near) for near in (shift - 1, shift, shift + 1) if 0 <= near <= LAGS_MOST]
+    return min(descents, key=lambda descent: descent.cost)
 
 
 # Start: dead time, lag and noise by correlations -------------------------------------------------------------------------
@@ -252,10 +244,9 @@ def _starts(runs: list[_Run]) -> list[tuple[int, float, float, Float[np.ndarray,
         own = np.sum([_correlation(x, x, reach) for x in lagged], axis=0)
         cross = np.sum([_correlation(x, _centred(run.rate), reach) for x, run in zip(lagged, runs, strict=True)], axis=0)
         filtered.append((decay, own, cross))
-    return [
-        _alternated(rate, filtered, reach, noise)
-        for noise in (np.zeros(NOISE_LAGS), _autoregression(rate[reach : reach + NOISE_LAGS + 1]))
-    ]
+    white = _alternated(rate, filtered, reach, np.zeros(NOISE_LAGS))
+    coloured = _alternated(rate, filtered, reach, _autoregression(rate[reach : reach + NOISE_LAGS + 1]))
+    return [white] if white[:2] == coloured[:2] else [white, coloured]
 
 
 def _alternated(
@@ -332,7 +323,8 @@ def _descended(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> 
     cost, rows, square, right = _normal(runs, theta, shift)
     damping = 1e-3
     for _ in range(STEPS_MOST):
-        scale = np.sqrt(np.diag(square)) + 1e-300
+        size = np.sqrt(np.diag(square))
+        scale = np.where(size > 0.0, size, 1.0)  # the decay of an input without effect is free
         scaled = square / np.outer(scale, scale)
         step = np.linalg.solve(scaled + damping * np.eye(len(theta)), right / scale) / scale
         moved = theta - step
