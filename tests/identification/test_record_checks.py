@@ -82,7 +82,6 @@ FAULTS: dict[str, tuple[Spoil, dict[str, Any], type[TreadlineError], str]] = {
         "validation part has 0 ",
     ),
     "an order above the samples": (lambda r: r, {"order": 300}, PoorExcitation, "order 300"),
-    "an order above what the lags can see": (lambda r: r, {"order": 40}, PoorExcitation, "order 40"),
     "no order": (lambda r: r, {"order": 0}, SettingsError, "order is 0; it must be an integer, at least 1"),
     "no lags": (lambda r: r, {"lags": 0}, SettingsError, "lags is 0; it must be an integer, at least 1"),
     "forgetting without earlier data": (

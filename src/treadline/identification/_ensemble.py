@@ -24,7 +24,7 @@ from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
 from treadline.identification._fitting import Fitting, last_samples, with_inputs_again
 from treadline.identification._model_order import bic_order
 from treadline.identification._realisation import StateMap, pbsid, state_map
-from treadline.identification._refine import DAMPED, Experiment, fair_residual, refined, residual
+from treadline.identification._refine import BRIEF, DAMPED, Effort, Experiment, fair_residual, refined, residual
 
 ORDERS_TRIED = 12
 """Orders per decay, spread evenly over the range: 1 to 12, or from half to one and a half times the order of smallest BIC."""
@@ -186,8 +186,8 @@ def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member
     def again(system: Affine, part: Sequence[Experiment]) -> Affine:
         return with_inputs_again(system, part, fitting.fixed)
 
-    def refinement(system: Affine, part: Sequence[Experiment]) -> Affine:
-        better = refined(again(system, part), part, fixed=fitting.fixed, effort=DAMPED)
+    def refinement(system: Affine, part: Sequence[Experiment], effort: Effort = DAMPED) -> Affine:
+        better = refined(again(system, part), part, fixed=fitting.fixed, effort=effort)
         return stabilised(better, samples=max(len(item.y) for item in experiments))
 
     chosen, error = medoid.system, _errors(medoid.system, experiments, again)
@@ -196,7 +196,7 @@ def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member
         return again(kept, experiments), "inputs-again"
     small = chosen.order * (chosen.order + chosen.B.shape[1] + len(chosen.C)) < COEFFICIENTS_MOST
     if small and (_errors(chosen, experiments, refinement) < error).all():
-        return refinement(chosen, experiments), "output-error"
+        return refinement(chosen, experiments, BRIEF), "output-error"
     return chosen, "inputs-again"
 
 

@@ -70,16 +70,15 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
     method, belts = options.method or ("best" if options.prior is None else "pbsid"), log.differential
     options = replace(options, method=method)
     validation = log.other(options.validation) if isinstance(options.validation, InputOutputRecord) else options.validation
-    units = check_records(log.records, inputs=belts is None)
+    check_records(log.records, inputs=belts is None)
     fitted, judged = _split(log.records, validation)
-    if validation is not None:
-        units = check_records(fitted, inputs=belts is None)
-    if belts is not None:
-        units = belts.alike(fitted, units)
-    elif method == "best":
+    if belts is None and method == "best":
         check_independent_inputs(fitted)  # before dead times, which would move inputs apart that are one
     shifts = _dead_time(fitted, options, method) if belts is None else 2 * _dead_time(belts.difference(fitted), options, method)[:1]
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
+    units = check_records(moved, inputs=belts is None)
+    if belts is not None:
+        units = belts.alike(moved, units)
     data, half = gram_with_half(moved, replace(options, lags=1) if method == "deconvolution" else options, units)
     differential = belts
     if method == "best" and belts is None:

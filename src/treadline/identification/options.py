@@ -181,9 +181,11 @@ def _affordable_lags(records: Sequence[InputOutputRecord], *, penalised: bool) -
     """Return the largest number of lags with enough windows per coefficient; 0 if there is none."""
     m, p = records[0].u.shape[1], records[0].y.shape[1]
     total = sum(len(record) for record in records)
+    if _windows(records, 1)[0] < ROWS_PER_PARAMETER * _unknowns(m, p, 1):
+        return 0
     for lags in range(LAGS_MOST, 0, -1):
         unknowns = _unknowns(m, p, lags)
-        rows = ROWS_LEAST * unknowns + 1 if penalised and lags > 1 else ROWS_PER_PARAMETER * unknowns
+        rows = ROWS_LEAST * unknowns + 1 if penalised else ROWS_PER_PARAMETER * unknowns
         wanted = max(rows, WINDOWS_LEAVE * total)
         if unknowns <= max(COEFFICIENTS_MOST, _unknowns(m, p, 1)) and total >= wanted and _windows(records, lags)[0] >= wanted:
             return lags
