@@ -78,7 +78,8 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
         units = belts.alike(fitted, units)
     elif method == "best":
         check_independent_inputs(fitted)  # before dead times, which would move inputs apart that are one
-    shifts = _dead_time(fitted, options, method) if belts is None else 2 * _dead_time(belts.difference(fitted), options, method)[:1]
+    one = belts is not None and options.delays is None  # belts that are one input have one dead time
+    shifts = 2 * _dead_time(belts.difference(fitted), options, method) if belts and one else _dead_time(fitted, options, method)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
     data, half = gram_with_half(moved, replace(options, lags=1) if method == "deconvolution" else options, units)
     differential = belts
