@@ -127,6 +127,10 @@ def found_with(model: LinearModel, **changes: Any) -> Found:
         poles=[(float(pole.real), float(pole.imag)) for pole in poles],
         pole_ci95=[0.01] * len(poles),
         fit_percent=dict.fromkeys(model.output_names, 91.234),
+        fit_prefix_s=10.0,
+        forecast_percent=None,
+        forecast_horizon_s=None,
+        fit_conditions="free run from the state of the first 10 s",
         one_step_vaf_percent=dict.fromkeys(model.output_names, 99.5),
         whiteness_p=0.4,
         crosscorrelation_p=None,
@@ -213,7 +217,7 @@ def test_warnings_stand_before_the_first_section(tmp_path: Path, small: Found, s
 
 
 def test_fit_says_what_it_was_measured_on(tmp_path: Path, small: Found, small_page: str) -> None:
-    assert "on the data that were fitted, 400 samples" in small_page
+    assert "on the data that were fitted, 400 samples; free run from the state of the first 10 s" in small_page
     other = record_of(small.model, 150, seed=7)
     assert "on data that were not fitted, 150 samples" in page_of(tmp_path, small, [other])
 

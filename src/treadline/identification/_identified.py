@@ -90,7 +90,13 @@ class IdentificationReport:
     poles: list[tuple[float, float]]
     pole_ci95: list[float] | None
     """Radius of the disc about each pole that contains the true pole with 95 % probability."""
-    fit_percent: dict[str, float]
+    fit_percent: dict[str, float] | None
+    """Fit of a free run by output [%]; None for an unstable model."""
+    fit_prefix_s: float
+    """Time at the start of the longest validation record that determines the initial state and is not scored [s]."""
+    forecast_percent: dict[str, float] | None
+    """Fit of a forecast by output [%]; None for a stable model."""
+    forecast_horizon_s: float | None
     fit_conditions: str
     """What the fit is of, in words: a free run and its start, or, of an unstable model, a forecast and its horizon."""
     one_step_vaf_percent: dict[str, float]
@@ -107,6 +113,11 @@ class IdentificationReport:
     skid_steer: SkidSteer | None = None
     """Effective gauge, speed scales and lags, for two belts and a yaw rate or heading by their names."""
 
+    @property
+    def percent(self) -> dict[str, float]:
+        """Fit of the free run, or of the forecast for an unstable model [%]."""
+        return self.fit_percent or self.forecast_percent or {}
+
     def as_json(self) -> dict[str, Any]:
         """Return the report as JSON values."""
         return dict(plain(asdict(self)))
@@ -115,7 +126,10 @@ class IdentificationReport:
 class ValidationScores(TypedDict):
     """Fit and residual tests of a model on validation data, as fields of the report."""
 
-    fit_percent: dict[str, float]
+    fit_percent: dict[str, float] | None
+    fit_prefix_s: float
+    forecast_percent: dict[str, float] | None
+    forecast_horizon_s: float | None
     fit_conditions: str
     one_step_vaf_percent: dict[str, float]
     whiteness_p: float | None
@@ -134,8 +148,12 @@ def validation_scores(model: LinearModel, judged: Sequence[InputOutputRecord]) -
     exact = all(100.0 - value < EXACT_PERCENT for value in vaf.values())
     white, crossed = [one.whiteness_p for one in compared], [one.crosscorrelation_p for one in compared]
     longest = max(compared, key=lambda one: one.samples)
+    percent = {name: _json_number(float(np.mean([one.percent[name] for one in compared]))) for name in vaf}
     return ValidationScores(
-        fit_percent={name: _json_number(float(np.mean([one.percent[name] for one in compared]))) for name in vaf},
+        fit_percent=None if longest.fit_percent is None else percent,
+        fit_prefix_s=longest.fit_prefix_s,
+        forecast_percent=None if longest.forecast_percent is None else percent,
+        forecast_horizon_s=longest.forecast_horizon_s,
         fit_conditions=longest.conditions + (f", mean of {len(compared)} records" if len(compared) > 1 else ""),
         one_step_vaf_percent={name: _json_number(value) for name, value in vaf.items()},
         whiteness_p=1.0 if exact else bonferroni(white),
@@ -174,10 +192,11 @@ def validation_warnings(
             f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant is "
             "known to be stable"
         )
-    for name, value in scores["fit_percent"].items():
+    percent = scores["fit_percent"] or scores["forecast_percent"] or {}
+    for name, value in percent.items():
         if value < 0.0 and radius < 1.0 - 1e-3:
             found.append(f"a free run explains '{name}' worse than its mean does ({value:.0f} %)")
-    if max(*scores["fit_percent"].values(), *scores["one_step_vaf_percent"].values()) < FIT_PERCENT_MIN:
+    if max(*percent.values(), *scores["one_step_vaf_percent"].values()) < FIT_PERCENT_MIN:
         found.append("the model explains next to nothing: the inputs hardly move these outputs, or not linearly")
     if judged is not fitted:
         found += _low_motion_warnings(model, fitted, judged)
@@ -359,12 +378,10 @@ class Identified(ModelMethods, Printable):
         """Return order, fit, one-step prediction, poles and warnings."""
         report = self.report
         rows = [
-            (
-                f"fit of {name}",
-                f"{value:.1f} %, {report.one_step_vaf_percent[name]:.1f} % of the variance one step ahead",
-            )
-            for name, value in report.fit_percent.items()
+            (f"fit of {name}", f"{value:.1f} %, {report.one_step_vaf_percent[name]:.1f} % of the variance one step ahead")
+            for name, value in report.percent.items()
         ]
+        rows.append(("fit", report.fit_conditions))
         rows.append(("poles", ", ".join(f"{complex(*pole):.4g}" for pole in report.poles)))
         rows += [] if report.skid_steer is None else report.skid_steer.in_words()
         rows += [("warning", warning) for warning in report.warnings]
