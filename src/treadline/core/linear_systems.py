@@ -194,7 +194,8 @@ def h_step_rmse(model: StateSpaceModel, record: InputOutputRecord, steps: int) -
 
 def whiteness_p(residuals: Float[np.ndarray, "T p"]) -> float:
     """Return the p-value of the residuals being white (Hosking's portmanteau test, 1980)."""
-    e = unit_scale(residuals[np.isfinite(residuals).all(axis=1)])
+    e = unit_scale(residuals)
+    e = e[np.isfinite(e).all(axis=1)]
     count, p = e.shape
     if not count:
         return math.nan
@@ -218,10 +219,9 @@ def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray,
     residuals, u = unit_scale(residuals), unit_scale(u)
     p, q = residuals.shape[1], u.shape[1] * (lags + 1)
     past = np.lib.stride_tricks.sliding_window_view(np.vstack([np.full((lags, u.shape[1]), np.nan), u]), lags + 1, axis=0)
-    centre = np.concatenate([np.nanmean(residuals, axis=0), np.repeat(np.nanmean(u, axis=0), lags + 1)])
     count, total, square = 0, np.zeros(p + q), np.zeros((p + q, p + q))
     for k in range(0, len(u), BLOCK_ROWS):
-        rows = np.hstack([residuals[k : k + BLOCK_ROWS], past[k : k + BLOCK_ROWS].reshape(-1, q)]) - centre
+        rows = np.hstack([residuals[k : k + BLOCK_ROWS], past[k : k + BLOCK_ROWS].reshape(-1, q)])
         rows = rows[np.isfinite(rows).all(axis=1)]
         count, total, square = count + len(rows), total + rows.sum(axis=0), square + rows.T @ rows
     if count <= 2 * q:
@@ -235,8 +235,10 @@ def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray,
 
 
 def unit_scale(values: Float[np.ndarray, "T c"]) -> Float[np.ndarray, "T c"]:
-    """Return signals divided by their largest finite magnitudes, so that squares of a diverging one do not overflow."""
-    return values / np.max(np.abs(values), axis=0, where=np.isfinite(values), initial=np.finfo(float).tiny)
+    """Return signals about their means, at most 2 in size, NaN where not finite: no square of a diverging one overflows."""
+    known = np.isfinite(values)
+    scaled = np.where(known, values, 0.0) / np.max(np.abs(values), axis=0, where=known, initial=np.finfo(float).tiny)
+    return np.where(known, scaled - scaled.sum(axis=0) / np.maximum(known.sum(axis=0), 1), np.nan)
 
 
 def chi2_tail(statistic: float, freedom: int) -> float:
