@@ -39,7 +39,14 @@ from treadline.identification._pole_intervals import (
 )
 from treadline.identification._skid_steer import SkidSteer, TurnFit, turn_fit
 from treadline.identification._threads import one_thread
-from treadline.identification._turn_model import Contradiction, contradiction, fits_as_well, sign_warning, turn_model
+from treadline.identification._turn_model import (
+    Contradiction,
+    contradiction,
+    fits_as_well,
+    input_noise_warning,
+    sign_warning,
+    turn_model,
+)
 
 P_VALUE_LIMIT = 0.01
 """p-value below which a residual test is reported as failed."""
@@ -366,7 +373,9 @@ class Identified(ModelMethods, Printable):
     def _contradiction(self) -> Contradiction | None:
         """Yaw gain of the free model outside the interval of the fit by names; the result that takes the structure keeps it."""
         fit = self._turn_fit
-        return None if fit is None else contradiction(self._model, fit, max(len(record) for record in self.fitted))
+        # A slow pole in place of the integrator spoils the gain of a named method late, where a controller does not need it.
+        rows = max(len(record) for record in self.fitted) if self._method == "best" else 0
+        return None if fit is None else contradiction(self._model, fit, rows)
 
     def _linear(self) -> LinearModel:
         return self.model
@@ -490,14 +499,14 @@ class Identified(ModelMethods, Printable):
         if fit is None:
             return []
         if off is None or not (self._is_structure or off.is_large):
-            return sign_warning(fit)
+            return [*sign_warning(fit), *input_noise_warning(fit)]
         if not self._is_structure:
-            line = f"yaw gain: {off}: feedback, noise of the inputs or too high an order; --method best without --order decides"
+            line = f"yaw gain: {off}: feedback, noise of the inputs or too high an order; tune no model before they agree"
         else:
             why = "its steady gain is a guess" if off.is_large else "it explains no more"
             why = "feedback may have made it the controller's inverse" if self.findings.has_feedback else why
             line = f"structure taken by names: {off}; of the free model, {why}; --no-name-prior keeps it"
-        return [*sign_warning(fit), line]
+        return [*sign_warning(fit), *input_noise_warning(fit), line]
 
     def _excitation_warning(self, support: int) -> list[str]:
         result = []
