@@ -7,7 +7,7 @@ resembles a late one, so a model without dead time, fitted to its free run, is t
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -54,16 +54,16 @@ def dead_time(records: Sequence[InputOutputRecord]) -> list[int]:
 
     The range of the search is a quarter of the shortest record, at most ``RANGE_MOST``.
     """
-    signals = _signals(records)
-    moves = np.flatnonzero(np.max([np.std(u, axis=0) for u, _ in signals], axis=0) > 0.0)
+    moves = np.flatnonzero(np.max([np.nanstd(record.u, axis=0) for record in records], axis=0) > 0.0)
     found = np.zeros(records[0].u.shape[1], dtype=int)
-    signals = [(u[:, moves], y) for u, y in signals]
+    records = [replace(record, u=record.u[:, moves]) for record in records]
+    signals = _signals(records)
     data, longest = Lagged.of(signals), max(signals, key=lambda pair: len(pair[0]))
     if data is not None:
         starts = _without_early_paths(data, _separate(data, _common(data)))
-        found[moves] = np.array(_verified(*longest, starts)) - 1
-    delays = [int(delay) for delay in found]
-    return delays if any(delays) and _supported(records, delays) else [0] * len(delays)
+        delays = [start - 1 for start in _verified(*longest, starts)]
+        found[moves] = delays if any(delays) and _supported(records, delays) else 0
+    return [int(delay) for delay in found]
 
 
 def _supported(records: Sequence[InputOutputRecord], delays: Sequence[int]) -> bool:
