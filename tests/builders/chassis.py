@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from world import belts, flipper, imu
@@ -33,6 +34,8 @@ class Chassis:
     """1 if the nosing lies ahead of mid-track, -1 if behind."""
     mapped_m: float = 0.0
     """Error of the nosings' places on the map [m]."""
+    rise_m: float = 0.0
+    """Height of the lowest nosing above the floor [m]."""
 
     def __init__(self, sequence: Any, nosing_m: float, pitch_deg: float, slopes_rad: Sequence[float]) -> None:
         self.sequence, self.nosing_m, self.pitch_deg, self.slopes_rad = sequence, nosing_m, pitch_deg, slopes_rad
@@ -41,6 +44,10 @@ class Chassis:
     def stopped(self, tip_n: float) -> float:
         """Return the flipper's angle, given the load on its tip."""
         raise NotImplementedError
+
+    def known(self) -> KnownNosings:
+        """Return the nosings as the map shows them."""
+        return known(self.pitch_deg * DEG, self.AHEAD * self.nosing_m + self.mapped_m, self.slopes_rad)
 
     def run(self, duration_s: float, tip_n: float = 0.0, pitch_deg_s: float = 0.0) -> Any:
         """Continue under a constant tip load and return the last command."""
@@ -52,7 +59,7 @@ class Chassis:
                 imu(self.t_s, self.pitch_deg * DEG),
                 flipper(self.t_s, self.angle_rad, (FLIPPER_N - tip_n) * lever),
                 belts(self.t_s, self.speed_m_s, self.speed_m_s),
-                known(self.pitch_deg * DEG, self.AHEAD * self.nosing_m + self.mapped_m, self.slopes_rad),
+                replace(self.known(), rise_m=self.rise_m),
             )
             self.speed_m_s = command.speed_m_s
             self.nosing_m -= self.AHEAD * self.speed_m_s * 0.01

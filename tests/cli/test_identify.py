@@ -97,7 +97,8 @@ def test_a_summary_tells_people_the_fit_and_where_things_are(run, tmp_path: Path
     log = write_log(tmp_path / "log.csv")
     outcome = run("identify", log, *CHANNELS, "--out", tmp_path / "m.json", "--page", tmp_path / "p.html")
     assert outcome.code == 0
-    assert "on the data that were fitted: free run fits heading_rad" in outcome.out
+    assert "fit on the data that were fitted: heading_rad" in outcome.out
+    assert "free run from the state of the first 15 s, scored on the 540 samples after them" in outcome.out
     assert str(tmp_path / "p.html") in outcome.out
     (said,) = re.findall(r"\d+ samples; \d+ windows fitted, 0 omitted for gaps", outcome.out)
     assert said in (tmp_path / "p.html").read_text()

@@ -28,15 +28,15 @@ def chair(delay: tuple[int, int] = (0, 0)) -> LinearModel:
 def headings(
     delay: tuple[int, int],
     *,
-    told: bool = True,
+    informed: bool = True,
     start_rad: float = DEG,
     right_scale: float = 1.0,
     noise_rad: float = 0.0,
     allocation: Literal["climb-safe", "paper"] = "climb-safe",
 ) -> np.ndarray:
-    """Return the headings of a loop of 400 periods; ``told`` is whether the controller knows the dead time."""
+    """Return the headings of a loop of 400 periods; ``informed`` is whether the controller knows the dead time."""
     plant = chair(delay)
-    driver = HeadingController(tune(plant if told else chair()), ControllerConfig(period_s=PERIOD_S, allocation=allocation))
+    driver = HeadingController(tune(plant if informed else chair()), ControllerConfig(period_s=PERIOD_S, allocation=allocation))
     rng, x, sent, seen = np.random.default_rng(0), np.array([start_rad, 0.0]), np.zeros((max(delay) + 1, 2)), np.empty(400)
     for k in range(len(seen)):
         seen[k] = x[0]
@@ -65,7 +65,7 @@ def test_dead_time_delays_the_response_and_changes_nothing_else(delay: tuple[int
 
 
 def test_a_controller_that_does_not_know_the_dead_time_swings() -> None:
-    assert np.abs(headings((30, 30), told=False)[300:]).max() > 5.0 * DEG
+    assert np.abs(headings((30, 30), informed=False)[300:]).max() > 5.0 * DEG
 
 
 def test_inputs_with_their_own_dead_times_keep_the_poles_once_both_act() -> None:

@@ -112,6 +112,19 @@ def test_it_never_drives_further_ahead_than_where_it_pressed() -> None:
     assert chair.nosing_m <= pressed + 0.005
 
 
+def test_before_a_kerb_the_lift_ends_as_the_rear_stands_on_the_floor() -> None:
+    """Test: a kerb of 160 mm, its edge 2 cm past mid-track. Expected result: the rear stands on the floor at 18.4°, where its axis
+    is 0.495 m times the sine, and 0.07 m times one less the cosine, below the edge; at that pitch the chair goes on."""
+    chair = Brink()
+    chair.slopes_rad, chair.rise_m = (), 0.16
+    chair.pressed()
+    chair.run(1.0)  # the filtered load of the tip is gone: only the map says where the edge is
+    chair.nosing_m, chair.pitch_deg = -0.02, 17.5
+    assert chair.run(0.05).stage == "lift"
+    chair.nosing_m, chair.pitch_deg = -0.02, 18.4
+    assert chair.run(0.05).stage == "settle"
+
+
 def test_the_lift_ends_at_the_flippers_range() -> None:
     chair = Brink().pressed()
     chair.pitch_deg, far = 25.0, GEOMETRY.past(25.0 * DEG, -73.0 * DEG)

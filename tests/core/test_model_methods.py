@@ -203,7 +203,7 @@ def test_the_start_is_not_chosen_with_hindsight() -> None:
 
 
 def test_an_unstable_model_gets_a_forecast_of_stated_length() -> None:
-    plant_ = system([[1.05]], [[1.0]], [[1.0]], dt_s=0.5, observer_gain=[[0.5]])
+    plant_ = system([[1.05]], [[1.0]], [[1.0]], dt_s=0.5, observer_gain=np.array([[0.5]]))
     rng = np.random.default_rng(0)
     y, u = np.zeros(300), np.zeros(300)
     for k in range(299):

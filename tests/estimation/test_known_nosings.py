@@ -68,10 +68,10 @@ def test_a_flipper_lies_on_the_nosings_below_it_and_passes_over_those_before_it(
     ("slopes_deg", "rise_m", "ahead_m", "lies_deg"),
     [
         ((28.0, 28.0), 0.16, 0.0, 28.0),
-        ((), 0.10, 0.0, 12.15),
-        ((), 0.10, 0.40, 6.56),
+        ((), 0.10, 0.0, 11.96),
+        ((), 0.10, 0.40, 6.53),
         ((), 0.60, 0.0, 90.0),
-        ((28.0,), 0.16, 0.4, 21.42),
+        ((28.0,), 0.16, 0.4, 21.09),
     ],
     ids=["a flight", "a kerb", "a kerb, the rear further away", "higher than the rear reaches", "two steps, the rear on the floor"],
 )
@@ -79,6 +79,6 @@ def test_the_belts_lie_on_the_next_nosing_or_with_the_rear_on_the_floor(
     slopes_deg: tuple[float, ...], rise_m: float, ahead_m: float, lies_deg: float
 ) -> None:
     """Test: flights and single steps, the edge at mid-track or further ahead. Expected result: the slope, or if smaller the angle
-    whose sine is the height of the edge above the floor over its distance from the rear pulley."""
+    at which the edge's height is the distance to the rear pulley's axis times the sine, and its radius less its cosine part."""
     around = replace(known(0.0, -1.5, [deg * DEG for deg in slopes_deg]), rise_m=rise_m)
-    assert around.lies(AXIS_M, ahead_m)[0] / DEG == pytest.approx(lies_deg, abs=0.01)
+    assert around.lies(AXIS_M, ahead_m, 0.07)[0] / DEG == pytest.approx(lies_deg, abs=0.01)

@@ -10,6 +10,7 @@ from systems import Draw, fit, system
 
 from treadline.core.errors import PoorExcitation
 from treadline.core.linear_systems import (
+    crosscorrelation_p,
     fit_percent,
     h_step_rmse,
     impulse_response,
@@ -162,6 +163,17 @@ def test_white_residuals_pass_at_the_nominal_rate() -> None:
     # p is uniform: 10 of 200 below 5 %, with a standard deviation of 3.
     assert 1 <= sum(value < 0.05 for value in values) <= 19
     assert np.mean(values) == pytest.approx(0.5, abs=0.08)
+
+
+def test_residuals_that_blow_up_are_tested_as_small_ones_are() -> None:
+    rng = np.random.default_rng(3)
+    e, u = rng.standard_normal((500, 2)), rng.standard_normal((500, 1))
+    expected = whiteness_p(e), crosscorrelation_p(e, u)
+    # Their squares overflow.
+    assert (whiteness_p(1e200 * e), crosscorrelation_p(1e200 * e, u)) == pytest.approx(expected)
+    e[300:] = np.inf
+    assert whiteness_p(e) == pytest.approx(whiteness_p(e[:300]))
+    assert np.isnan(whiteness_p(np.full((500, 2), np.inf)))
 
 
 def test_correlated_residuals_fail_the_whiteness_test() -> None:

@@ -32,9 +32,8 @@ SECTIONS = {"identified", "order", "responses", "frequency", "fit", "residuals",
 SIZE_MOST = 1_500_000
 
 
-def candidates(count: int, chosen: int, **changes: Any) -> list[CandidateScore]:
-    values = {"method": "okid-era", "lags": 4, "step": "subspace", "constants": True} | changes
-    return [CandidateScore(**values, order=k, error=0.2 + 0.001 * abs(k - 7), chosen=k == chosen) for k in range(count)]
+def candidates(count: int, chosen: int) -> list[CandidateScore]:
+    return [CandidateScore(order=k, decay=0.5, distance=0.2 + 0.001 * k, chosen=k == chosen) for k in range(count)]
 
 
 class FakeIntervals:
@@ -116,7 +115,6 @@ def found_with(model: LinearModel, **changes: Any) -> Found:
         lags=4,
         method="best",
         subspace="okid-era",
-        constants=True,
         step="subspace",
         feedthrough=True,
         mirrored=False,
@@ -127,6 +125,10 @@ def found_with(model: LinearModel, **changes: Any) -> Found:
         poles=[(float(pole.real), float(pole.imag)) for pole in poles],
         pole_ci95=[0.01] * len(poles),
         fit_percent=dict.fromkeys(model.output_names, 91.234),
+        fit_prefix_s=10.0,
+        forecast_percent=None,
+        forecast_horizon_s=None,
+        fit_conditions="free run from the state of the first 10 s",
         one_step_vaf_percent=dict.fromkeys(model.output_names, 99.5),
         whiteness_p=0.4,
         crosscorrelation_p=None,
@@ -196,7 +198,7 @@ def test_the_page_is_whole_asks_for_nothing_and_has_a_figure_in_each_section(tmp
 
 def test_hostile_names_titles_and_warnings_are_text(tmp_path: Path) -> None:
     model = model_with(A_CALM, (HOSTILE, "right\n\x00\x07" + "x" * 300), ("$\\frac{$", "見出し_rad"))
-    found = found_with(model, warnings=[HOSTILE], method=HOSTILE, candidates=candidates(1, 0, method=HOSTILE, step=HOSTILE))
+    found = found_with(model, warnings=[HOSTILE], method=HOSTILE, fit_conditions=HOSTILE)
     page = page_of(tmp_path, found, title=HOSTILE)
     outline = outline_of(page)
     assert outline.tags.isdisjoint({"script", "img", "b"})
@@ -213,7 +215,7 @@ def test_warnings_stand_before_the_first_section(tmp_path: Path, small: Found, s
 
 
 def test_fit_says_what_it_was_measured_on(tmp_path: Path, small: Found, small_page: str) -> None:
-    assert "on the data that were fitted, 400 samples" in small_page
+    assert "on the data that were fitted, 400 samples; free run from the state of the first 10 s" in small_page
     other = record_of(small.model, 150, seed=7)
     assert "on data that were not fitted, 150 samples" in page_of(tmp_path, small, [other])
 
@@ -227,15 +229,14 @@ def test_what_is_not_known_is_said_to_be_unknown(tmp_path: Path, small: Found) -
     assert "no discs are" in page
 
 
-def test_the_chosen_structure_is_marked_also_where_it_is_not_the_lowest_or_the_first(tmp_path: Path, small: Found) -> None:
+def test_the_medoid_is_marked_also_where_the_list_is_cut_before_it(tmp_path: Path, small: Found) -> None:
     found = found_with(small.model, candidates=candidates(50, 45), noise_level=0.02, delays=[2], mirrored=True)
     page = page_of(tmp_path, found)
     (row,) = re.findall(r'<tr class="chosen">(.*?)</tr>', page)
-    assert re.findall("<td>(.*?)</td>", row) == ["okid-era", "4", "45", "subspace", "yes", "0.238", "chosen"]
+    assert re.findall("<td>(.*?)</td>", row) == ["45", "0.5", "0.245", "medoid"]
     text = " ".join(outline_of(page).text.split())
-    assert "50 structures tried" in text
+    assert "50 models of the ensemble" in text
     assert "9 more are not listed" in text
-    assert "Error: residual of free runs on data held out" in text
     assert "dead time [samples]2" in text
     assert "dashed line" in text
 

@@ -229,7 +229,7 @@ def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]
     from treadline.io.records import clock_warning
 
     report = found.report
-    fits = ", ".join(f"{name} {value:.1f} %" for name, value in report.fit_percent.items())
+    fits = ", ".join(f"{name} {value:.1f} %" for name, value in report.percent.items())
     ahead = ", ".join(f"{name} {value:.1f} %" for name, value in report.one_step_vaf_percent.items())
     held_out = asked.validate is not None or asked.validate_on is not None
     question = clock_warning(found.model.dt_s) if asked.period is None else None
@@ -240,8 +240,8 @@ def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]
             f"order {report.order} with {report.lags} lags ({report.method}: {report.subspace}, {report.step}), "
             f"{_counted(found)}, one sample every {found.model.dt_s:.6g} s",
             *([f"{' and '.join(found.model.input_names)} act by their difference alone"] if report.mirrored else []),
-            f"on {'data held out' if held_out else 'the data that were fitted'}: free run fits {fits} (100 is perfect, 0 no better "
-            "than the mean)",
+            f"fit on {'data held out' if held_out else 'the data that were fitted'}: {fits} (100 is perfect, 0 no better than the "
+            f"mean); {report.fit_conditions}",
             f"one step ahead: {ahead} of the variance",
             *_in_words(report),
             f"written: {', '.join(dict.fromkeys(written.values()))}",

@@ -110,7 +110,7 @@ class Edge(Sequencer[Stage]):
             around: Nosings around the chair.
             sigmas: Standard deviations by which the uppermost nosings may be less steep than measured.
         """
-        slope, sigma = around.lies(self._geometry.pivot_m, 0.0)
+        slope, sigma = around.lies(self._geometry.pivot_m, 0.0, self._geometry.radius_m)
         if self._lift(slope - (sigmas * sigma if sigmas else 0.0)) is not None:
             return ""
         lowest, least = self._lowest_rad / DEG, self._config.least_rad / DEG
@@ -203,6 +203,8 @@ class Edge(Sequencer[Stage]):
                 self._watch(pitch, dt_s)
                 return 0.0, -config.reach_rad_s
             case "lift":
+                if self._behind_m < 0.0:  # the edge has passed mid-track
+                    self._follow_the_rear()
                 return self._balance(pitch), self._turn(self._lifted_rad, pitch, flipper, speed, dt_s)
             case "settle":
                 return -config.settle_m_s, self._settle(pitch, flipper, speed, dt_s)
@@ -224,11 +226,13 @@ class Edge(Sequencer[Stage]):
     def _settle(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
         """Return the flipper rate that keeps the front on the tip while the chair backs onto the nosings; yields under load."""
         share = max(-flipper.torque_n_m / self._most_n_m, 0.0)
-        # The further the rear moves away on the floor, the less the chair is pitched.
-        lies_rad, _ = self._around.lies(self._geometry.pivot_m, -self._behind_m)
-        self._lifted_rad = min(self._lifted_rad, lies_rad)
+        self._follow_the_rear()
         rate = self._turn(self._lifted_rad, pitch, flipper, speed, dt_s)
         return rate + GIVES_RAD_S * max(share - BEARS_SHARE, 0.0)
+
+    def _follow_the_rear(self) -> None:
+        """Lower the lifted pitch: the further the rear moves away on the floor, the less the chair is pitched."""
+        self._lifted_rad = min(self._lifted_rad, self._lies_at(-self._behind_m)[0])
 
     def _balance(self, pitch: float) -> float:
         """Return the belt speed that keeps the centre of mass at its distance before the nosing after the complete lift."""

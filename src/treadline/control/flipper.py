@@ -270,7 +270,11 @@ class Sequencer(ABC, Generic[StageT]):
     @property
     def _lies(self) -> tuple[float, float]:
         """Pitch at which the belts lie as the centre of mass passes the edge, and its standard deviation [rad]."""
-        return self._around.lies(self._geometry.pivot_m, 0.0)
+        return self._lies_at(0.0)
+
+    def _lies_at(self, ahead_m: float) -> tuple[float, float]:
+        """Return the pitch at which the belts lie with the edge ahead of mid-track, and its standard deviation [rad]."""
+        return self._around.lies(self._geometry.pivot_m, ahead_m, self._geometry.radius_m)
 
     def _com_beyond(self, pitch: float) -> float:
         """Return the distance of the centre of mass's plumb line beyond the crossed nosing, along the belts [m]."""

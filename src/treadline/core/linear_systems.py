@@ -4,7 +4,7 @@ After a missing input the state is estimated anew, as at the start of a record (
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -124,39 +124,47 @@ def _variation(values: Float[np.ndarray, "T p"]) -> Float[np.ndarray, " p"]:
     return np.asarray(np.sum((values - mean) ** 2, axis=0, where=known))
 
 
-def predictor_states(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
-    """Return the observer's state before each sample; missing outputs are bridged by prediction.
+def predictions(model: StateSpaceModel, record: InputOutputRecord, horizon: int = 1) -> Float[np.ndarray, "T p"]:
+    """Return the outputs predicted ``horizon`` samples ahead with measured inputs: row k knows the outputs up to k - horizon.
 
-    NaN at a missing input, before the first input acts, and between two missing inputs in close succession.
+    The first rows, which no output precedes by so much, continue from the initial state. NaN at a missing input, before the first
+    input acts, and between two missing inputs in close succession.
     """
     model, record = without_dead_time(model, record)
-    states = np.full((len(record), model.order), np.nan)
+    v, y = record.u - model.input_offset, np.full(record.y.shape, np.nan)
+    if horizon == 1:
+        for rows, x in _predictor_states(model, record):
+            y[rows] = x @ model.C.T
+    else:
+        x = np.full((len(record), model.order), np.nan)
+        for rows, states in _predictor_states(model, record):
+            x[rows] = states
+        for _ in range(min(horizon, len(record)) - 1):
+            x = np.vstack([x[:1], x[:-1] @ model.A.T + v[:-1] @ model.B.T])
+        y = x @ model.C.T
+    y += v @ model.D.T
+    return np.asarray(y + model.output_offset)
+
+
+def _predictor_states(model: StateSpaceModel, record: InputOutputRecord) -> Iterator[tuple[slice, Float[np.ndarray, "k n"]]]:
+    """Yield the observer's state before each sample, block by block; missing outputs are bridged by prediction."""
     for span in record.stretches(TEST_VALUES * model.order):
-        states[span] = _observed(model, part(record, span.start, span.stop))
-    return states
+        x = initial_state(model, part(record, span.start, min(span.start + 50, span.stop)))
+        for start in range(span.start, span.stop, BLOCK_ROWS):
+            stop = min(start + BLOCK_ROWS, span.stop)
+            states = _observed(model, part(record, start, min(stop + 1, span.stop)), x)
+            yield slice(start, stop), states[: stop - start]
+            x = states[-1]
 
 
-def _observed(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T n"]:
+def _observed(model: StateSpaceModel, record: InputOutputRecord, x0: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T n"]:
     gain = np.zeros((model.order, model.C.shape[0])) if model.observer_gain is None else model.observer_gain
-    x0 = initial_state(model, part(record, 0, 50))
     v = record.u - model.input_offset
     # x⁺ = (A - KC) x + (B - KD) v + K y; a sample with a NaN applies no correction.
     whole = np.isfinite(record.y).all(axis=1)
     correction = np.where(whole[:, None], record.y - model.output_offset - v @ model.D.T, 0.0) @ gain.T
     closed = model.A - gain @ model.C
     return np.asarray(observer_run(writeable(model.A), closed, v @ model.B.T, correction, whole, x0))
-
-
-def predictions(model: StateSpaceModel, record: InputOutputRecord, horizon: int = 1) -> Float[np.ndarray, "T p"]:
-    """Return the outputs predicted ``horizon`` samples ahead with measured inputs: row k knows the outputs up to k - horizon.
-
-    The first rows, which no output precedes by so much, continue from the initial state.
-    """
-    model, record = without_dead_time(model, record)
-    v, x = record.u - model.input_offset, predictor_states(model, record)
-    for _ in range(min(horizon, len(record)) - 1):
-        x = np.vstack([x[:1], x[:-1] @ model.A.T + v[:-1] @ model.B.T])
-    return np.asarray(x @ model.C.T + v @ model.D.T + model.output_offset)
 
 
 def one_step_residuals(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, "T p"]:
@@ -186,9 +194,12 @@ def h_step_rmse(model: StateSpaceModel, record: InputOutputRecord, steps: int) -
 
 def whiteness_p(residuals: Float[np.ndarray, "T p"]) -> float:
     """Return the p-value of the residuals being white (Hosking's portmanteau test, 1980)."""
-    e = residuals[np.isfinite(residuals).all(axis=1)]
-    e = e - e.mean(axis=0)
+    e = unit_scale(residuals)
+    e = e[np.isfinite(e).all(axis=1)]
     count, p = e.shape
+    if not count:
+        return math.nan
+    e = e - e.mean(axis=0)
     C0 = np.linalg.pinv(e.T @ e / count)
     statistic = 0.0
     lags = min(TESTED_LAGS, count - 1)
@@ -205,12 +216,12 @@ def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray,
     System Identification, 1999, section 16.6, for all pairs at once). A small p-value indicates missing dynamics. On the
     fitted data the p-value is too large, because the fit decorrelates the residuals.
     """
+    residuals, u = unit_scale(residuals), unit_scale(u)
     p, q = residuals.shape[1], u.shape[1] * (lags + 1)
     past = np.lib.stride_tricks.sliding_window_view(np.vstack([np.full((lags, u.shape[1]), np.nan), u]), lags + 1, axis=0)
-    centre = np.concatenate([np.nanmean(residuals, axis=0), np.repeat(np.nanmean(u, axis=0), lags + 1)])
     count, total, square = 0, np.zeros(p + q), np.zeros((p + q, p + q))
     for k in range(0, len(u), BLOCK_ROWS):
-        rows = np.hstack([residuals[k : k + BLOCK_ROWS], past[k : k + BLOCK_ROWS].reshape(-1, q)]) - centre
+        rows = np.hstack([residuals[k : k + BLOCK_ROWS], past[k : k + BLOCK_ROWS].reshape(-1, q)])
         rows = rows[np.isfinite(rows).all(axis=1)]
         count, total, square = count + len(rows), total + rows.sum(axis=0), square + rows.T @ rows
     if count <= 2 * q:
@@ -221,6 +232,13 @@ def crosscorrelation_p(residuals: Float[np.ndarray, "T p"], u: Float[np.ndarray,
     rank = int(np.linalg.matrix_rank(weight_phi, tol=1e-12 * float(np.abs(weight_phi).max())))
     statistic = count * float(np.trace(weight_phi @ cross @ weight_e @ cross.T))
     return chi2_tail(statistic, p * rank)
+
+
+def unit_scale(values: Float[np.ndarray, "T c"]) -> Float[np.ndarray, "T c"]:
+    """Return signals about their means, at most 2 in size, NaN where not finite: no square of a diverging one overflows."""
+    known = np.isfinite(values)
+    scaled = np.where(known, values, 0.0) / np.max(np.abs(values), axis=0, where=known, initial=np.finfo(float).tiny)
+    return np.where(known, scaled - scaled.sum(axis=0) / np.maximum(known.sum(axis=0), 1), np.nan)
 
 
 def chi2_tail(statistic: float, freedom: int) -> float:

@@ -105,8 +105,6 @@ def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
     first = prefix(len(record), model.order, len(model.C))
     percent = dict(zip(names, percent_of(record.y[scored], run[scored]).tolist(), strict=True))
     known = np.isfinite(residuals)
-    # Residuals of unit size: no square overflows in the tests, which do not depend on the size.
-    unit = np.where(known, residuals, np.nan) / max(float(np.abs(residuals[known]).max(initial=0.0)), 1e-300)
     tested = int(known.all(axis=1).sum()) >= TESTED_SAMPLES_MIN
     vaf = vaf_percent(record.y, residuals)
     return Comparison(
@@ -115,8 +113,8 @@ def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
         forecast_percent=percent if unstable else None,
         forecast_horizon_s=FORECAST_STEPS * model.dt_s if unstable else None,
         one_step_vaf_percent=dict(zip(names, vaf.tolist(), strict=True)),
-        whiteness_p=_known(whiteness_p(unit)) if tested else None,
-        crosscorrelation_p=_known(crosscorrelation_p(unit, record.u)) if tested else None,
+        whiteness_p=_known(whiteness_p(residuals)) if tested else None,
+        crosscorrelation_p=_known(crosscorrelation_p(residuals, record.u)) if tested else None,
         samples=int(scored.sum()),
         t_s=np.arange(len(record)) * model.dt_s,
         measured=record.y,

@@ -180,6 +180,8 @@ def _from_json(cls: type[Any], tables: dict[str, Any], where: str) -> Any:
             if name in _ARRAYS and value is not None:
                 values[name] = np.array(value, dtype=float)
                 check_magnitude(name, values[name], "identify the model again")
+            if name == "input_delay":
+                values[name] = tuple(value)
             if name in _NAMES:
                 values[name] = names_of(name, value)
         return cls(**values)

@@ -49,6 +49,7 @@ def record_of(u: Any, y: Any, dt_s: float, *, channels_first: bool = False) -> I
         samples_of(name, given, channels_first=channels_first) for name, given in (("u", u), ("y", y))
     )
     _check_orientation(inputs, outputs, channels_first=channels_first)
+    inputs, outputs = (np.reshape(item, (-1, 1)) if np.ndim(item) == 1 else item for item in (inputs, outputs))
     return InputOutputRecord(u=inputs, y=outputs, dt_s=dt_s, input_names=input_names, output_names=output_names)
 
 

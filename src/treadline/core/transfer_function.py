@@ -20,6 +20,8 @@ STEPS_LEAST, STEPS_MOST = 20, 400
 visible."""
 TAIL = 1e-4
 """Share of the energy of an impulse response after its end: one per cent in amplitude."""
+Reduced = tuple[Float[np.ndarray, "k k"], Float[np.ndarray, "k m"], Float[np.ndarray, "q k"], Float[np.ndarray, "q m"]]
+"""A, B, C, D with fewer states and outputs."""
 ROOT_EPS = math.sqrt(np.finfo(float).eps)
 """Rounding error of a double eigenvalue: the square root of the machine precision."""
 
@@ -62,12 +64,9 @@ def zeros(model: StateSpaceModel) -> Complex[np.ndarray, " k"]:
     return np.linalg.eigvals(A - B @ np.linalg.solve(D, C)).astype(complex)
 
 
-Quadruple = tuple[Float[np.ndarray, "n n"], Float[np.ndarray, "n m"], Float[np.ndarray, "p n"], Float[np.ndarray, "p m"]]
-
-
 def _full_row_rank(
     A: Float[np.ndarray, "n n"], B: Float[np.ndarray, "n m"], C: Float[np.ndarray, "p n"], D: Float[np.ndarray, "p m"]
-) -> Quadruple:
+) -> Reduced:
     """Return a system with the same finite zeros whose D has full row rank.
 
     Outputs without feedthrough hold the states they see at zero; these states leave, and their equations become outputs.

@@ -69,7 +69,7 @@ class KnownNosings:
         """Larger slope of the two uppermost pairs of nosings and its standard deviation [rad]; zero with a single nosing."""
         return max((self.slope(below) for below in range(min(len(self.nosings) - 1, 2))), default=(0.0, 0.0))
 
-    def lies(self, half_m: float, ahead_m: float) -> tuple[float, float]:
+    def lies(self, half_m: float, ahead_m: float, radius_m: float) -> tuple[float, float]:
         """Return the pitch at which the belts lie on the landing's edge and what is behind it, and its standard deviation [rad].
 
         That is the slope of the uppermost nosings, or less where the rear pulley stands on the floor.
@@ -77,10 +77,14 @@ class KnownNosings:
         Args:
             half_m: Half of the flat run.
             ahead_m: Distance of the edge ahead of mid-track.
+            radius_m: Radius of the rear pulley, with the belt.
         """
         height_m = self._below_m(self.nosings[0]) + self.rise_m
         behind_m = half_m + max(ahead_m, 0.0)
-        floor = math.asin(min(height_m / behind_m, 1.0)), self.top.sigma_m / behind_m
+        # On the floor the pulley's axis is at its radius: behind sin(pitch) - radius cos(pitch) = height - radius.
+        share = (height_m - radius_m) / math.hypot(behind_m, radius_m)
+        floor_rad = math.asin(share) + math.atan2(radius_m, behind_m) if share < 1.0 else 0.5 * math.pi
+        floor = floor_rad, self.top.sigma_m / behind_m
         return floor if len(self.nosings) == 1 else min(floor, self.steepest)
 
     def slope(self, below: int = 0) -> tuple[float, float]:

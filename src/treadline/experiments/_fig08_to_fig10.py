@@ -254,7 +254,7 @@ def evaluate(fitted: ExciteJob, record: InputOutputRecord, fresh: InputOutputRec
         "yaw_rate_vaf_percent": report.one_step_vaf_percent["yaw_rate_rad_s"],
         "heading_5s_rmse_deg": float(ahead[0]) / DEG,
         "poles": report.poles,
-        "fit_percent": report.fit_percent,
+        "fit_percent": report.percent,
         "one_step_vaf_percent": report.one_step_vaf_percent,
         "whiteness_p": report.whiteness_p,
         "warnings": list(report.warnings),

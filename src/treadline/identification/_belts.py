@@ -19,6 +19,8 @@ from treadline.identification._model_order import min_bic
 from treadline.identification._pole_intervals import ConfidenceIntervals
 
 LEFT, RIGHT = "left", "right"
+DIFFERENCE = "right_less_left"
+"""Name of the difference of two belt speeds."""
 HEADING_PREFIXES = ("yaw", "heading")
 """Prefixes of the names of a heading or its rate."""
 RATE_WORDS = ("_rate", "rad_s", "deg_s")
@@ -70,8 +72,7 @@ class DifferentialInput:
 
     def difference(self, records: Sequence[InputOutputRecord]) -> list[InputOutputRecord]:
         """Return the records with the difference as input."""
-        left = self.names[int(np.argmin(self.signs))]
-        return [replace(record, u=record.u @ self.signs.T, input_names=(f"{RIGHT}_less_{left}",)) for record in records]
+        return [replace(record, u=record.u @ self.signs.T, input_names=(DIFFERENCE,)) for record in records]
 
     def units(self, difference: Sequence[InputOutputRecord], units: Units) -> Units:
         """Return units for the difference with unchanged output units, so that model selection is not affected.

@@ -2,15 +2,17 @@
 
 Regressions of each output on its own past and on a window of each input's past (ARX) are compared over the windows' starts by the
 BIC; past outputs make them valid in closed loop and for a start far from rest. To such a regression a slow plant under noise
-resembles a late one, so a model without dead time, fitted to its free run, is tried once more before a dead time is believed.
+resembles a late one, so a model without dead time, fitted to its free run, is tried once more before a dead time is accepted.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.linalg import solve_triangular
 
 from treadline.core.linear_systems import most_recent, part
 from treadline.core.models import InputOutputRecord
@@ -24,10 +26,14 @@ DECISIVE = 10.0
 """Difference of the BIC that is very strong evidence (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995)."""
 SAME = 1.0
 """Difference of the BIC that says nothing."""
-SAMPLES_MOST = 2048
-"""Samples that decide; with 20 % noise 300 suffice."""
+SAMPLES_MOST = 4096
+"""Samples that are searched; with 20 % noise 300 suffice, and ten times as many for an integrator in closed loop."""
+VERIFIED_MOST = 1024
+"""Samples of the fits to the free run, which cost the most."""
 RANGE_SHARE = 4
 """Samples of the shortest record per sample of dead time: three quarters of each record remain to be explained."""
+RANGE_MOST = 256
+"""Largest dead time searched; the time of the search grows with it."""
 ROWS_PER_COLUMN = 8
 """Samples per coefficient of a regression."""
 WIDTH_MOST = 16
@@ -46,17 +52,18 @@ Starts = tuple[int, ...]
 def dead_time(records: Sequence[InputOutputRecord]) -> list[int]:
     """Return the dead time of each input in samples; 0 where the data do not decide for one.
 
-    The range of the search is a quarter of the shortest record.
+    The range of the search is a quarter of the shortest record, at most ``RANGE_MOST``.
     """
-    signals = _signals(records)
-    moves = np.flatnonzero(np.max([np.std(u, axis=0) for u, _ in signals], axis=0) > 0.0)
+    moves = np.flatnonzero(np.max([np.nanstd(record.u, axis=0) for record in records], axis=0) > 0.0)
     found = np.zeros(records[0].u.shape[1], dtype=int)
-    data = Lagged.of([(u[:, moves], y) for u, y in signals])
+    records = [replace(record, u=record.u[:, moves]) for record in records]
+    signals = _signals(records)
+    data, longest = Lagged.of(signals), max(signals, key=lambda pair: len(pair[0]))
     if data is not None:
-        starts = _verified(data, _without_early_paths(data, _separate(data, _common(data))))
-        found[moves] = np.array(starts) - 1
-    delays = [int(delay) for delay in found]
-    return delays if any(delays) and _supported(records, delays) else [0] * len(delays)
+        starts = _without_early_paths(data, _separate(data, _common(data)))
+        delays = [start - 1 for start in _verified(*longest, starts)]
+        found[moves] = delays if any(delays) and _supported(records, delays) else 0
+    return [int(delay) for delay in found]
 
 
 def _supported(records: Sequence[InputOutputRecord], delays: Sequence[int]) -> bool:
@@ -82,7 +89,10 @@ def _signals(records: Sequence[InputOutputRecord]) -> list[tuple[Float[np.ndarra
     for record in records:
         room = SAMPLES_MOST - sum(len(u) for u, _ in kept)
         if room > 0:
-            kept.append((_filled(record.u[:room]), _filled(record.y[:room])))
+            u, y = _filled(record.u), _filled(record.y)
+            parts = max(1, len(u) // room)
+            liveliest = int(np.argmax([np.ptp(u[k * room : (k + 1) * room], axis=0).sum() for k in range(parts)]))
+            kept.append((u[liveliest * room :][:room], y[liveliest * room :][:room]))
     u, y = np.vstack([u for u, _ in kept]), np.vstack([y for _, y in kept])
     size_u, size_y = np.maximum(u.std(axis=0), 1e-300), np.maximum(y.std(axis=0), 1e-300)
     return [((a - u.mean(axis=0)) / size_u, (b - y.mean(axis=0)) / size_y) for a, b in kept]
@@ -106,24 +116,20 @@ class Lagged:
     reach: int
     """Largest lag at which an input may first act."""
     width: int
-    u: Float[np.ndarray, "T m"]
-    y: Float[np.ndarray, "T p"]
-    """Signals of the longest record."""
 
     @classmethod
     def of(cls, signals: Sequence[tuple[Float[np.ndarray, "T m"], Float[np.ndarray, "T p"]]]) -> "Lagged | None":
         """Return the matrix of signals; None if they are too few."""
         (m, p), least = (signals[0][0].shape[1], signals[0][1].shape[1]), min(len(u) for u, _ in signals)
-        reach = least // RANGE_SHARE
+        reach = min(least // RANGE_SHARE, RANGE_MOST)
         width = min(WIDTH_MOST, ((least - reach) // ROWS_PER_COLUMN - 1 - m) // (m + 1))
         if m == 0 or width < 1 or reach < 1:
             return None
         lags = reach + width + 1
-        gram = np.sum([_lagged_gram(u, y, lags, width) for u, y in signals], axis=0)
+        gram = reduce(np.add, (_lagged_gram(u, y, lags, width) for u, y in signals))
         rows = sum(len(u) - lags for u, _ in signals)
         gram[np.diag_indices_from(gram)] += ROUNDING * rows
-        u, y = max(signals, key=lambda pair: len(pair[0]))
-        return cls(gram=gram, rows=rows, inputs=m, outputs=p, reach=reach, width=width, u=u, y=y)
+        return cls(gram=gram, rows=rows, inputs=m, outputs=p, reach=reach, width=width)
 
     @property
     def lags(self) -> int:
@@ -154,11 +160,16 @@ class Lagged:
     def bic(self, i: int, base: Sequence[int], added: Int[np.ndarray, "f s k"]) -> Float[np.ndarray, "f s1"]:
         """Return the BIC of regressions of an output on the base and on the first 0, 1, … groups of added columns."""
         count, groups, size = added.shape
-        fixed = np.broadcast_to(np.asarray(base, dtype=int), (count, len(base)))
-        columns = np.hstack([fixed, added.reshape(count, -1), np.full((count, 1), self.of_output(i, 0))])
-        last = np.linalg.cholesky(self.gram[columns[:, :, None], columns[:, None, :]])[:, -1]
+        columns = np.hstack([added.reshape(count, -1), np.full((count, 1), self.of_output(i, 0))])
+        needed, at = np.unique(columns, return_inverse=True)
+        at, held = at.reshape(columns.shape), np.asarray(base, dtype=int)
+        # The base, which all share, is eliminated once.
+        factor = np.linalg.cholesky(self.gram[np.ix_(held, held)])
+        through = solve_triangular(factor, self.gram[np.ix_(held, needed)], lower=True).T[at]
+        left = self.gram[columns[:, :, None], columns[:, None, :]] - through @ np.swapaxes(through, 1, 2)
+        last = np.linalg.cholesky(left)[:, -1]
+        squares = np.cumsum((last**2)[:, ::-1], axis=1)[:, ::-1][:, size * np.arange(groups + 1)]
         unknowns = len(base) + size * np.arange(groups + 1)
-        squares = np.cumsum((last**2)[:, ::-1], axis=1)[:, ::-1][:, unknowns]
         return np.asarray(self.rows * np.log(squares / self.rows) + math.log(self.rows) * unknowns)
 
 
@@ -180,14 +191,21 @@ def _lagged_gram(u: Float[np.ndarray, "T m"], y: Float[np.ndarray, "T p"], lags:
     return np.block([[past @ past.T, cross], [cross.T, among]])
 
 
-def _scores(data: Lagged, own: Sequence[int], starts: Sequence[Starts], width: int) -> Float[np.ndarray, "f s1"]:
-    """Return the BIC of all outputs, for each of the starts and each width up to the given one."""
-    added = data.windows(starts, width)
-    return np.asarray(np.sum([data.bic(i, data.base(i, own[i]), added) for i in range(data.outputs)], axis=0))
+def _scores(
+    data: Lagged, own: Sequence[int], starts: Sequence[Starts], width: int, free: Sequence[int]
+) -> Float[np.ndarray, "f s1"]:
+    """Return the BIC of all outputs for each of the starts, and for 0 to ``width`` lags of the free inputs' windows.
+
+    The other inputs start at the same lags in all.
+    """
+    windows = data.windows(starts, width)
+    shared = np.delete(windows[0], free, axis=1).ravel()
+    bases = [[*data.base(i, own[i]), *shared] for i in range(data.outputs)]
+    return reduce(np.add, (data.bic(i, base, windows[:, :, free]) for i, base in enumerate(bases)))
 
 
 def _own_lags(data: Lagged, starts: Starts) -> list[int]:
-    """Return the number of its own lags that explains each output best beside the inputs' windows."""
+    """Return the number of its own lags that explains each output best together with the inputs' windows."""
     window = data.windows([starts], _half(data)).ravel()
     added = [[[[data.of_output(i, lag)] for lag in range(1, data.width + 1)]] for i in range(data.outputs)]
     return [int(data.bic(i, [*data.base(i, 0), *window], np.array(added[i]))[0].argmin()) for i in range(data.outputs)]
@@ -195,6 +213,11 @@ def _own_lags(data: Lagged, starts: Starts) -> list[int]:
 
 def _half(data: Lagged) -> int:
     return max(1, data.width // 2)
+
+
+def _price(data: Lagged) -> float:
+    """Return how much better a dead time must be: decisively, after a choice among as many as the range holds."""
+    return DECISIVE + 2.0 * math.log(data.reach)
 
 
 def _best_start(data: Lagged, free: Sequence[int], others: Starts) -> tuple[float, Starts]:
@@ -207,7 +230,7 @@ def _best_start(data: Lagged, free: Sequence[int], others: Starts) -> tuple[floa
         return tuple(lag if j in free else other for j, other in enumerate(others))
 
     def scores(lags: Sequence[int], own: Sequence[int], width: int) -> Float[np.ndarray, " f"]:
-        return np.asarray(_scores(data, own, [at(lag) for lag in lags], width)[:, 1:].min(axis=1))
+        return np.asarray(_scores(data, own, [at(lag) for lag in lags], width, free)[:, 1:].min(axis=1))
 
     half = _half(data)
     coarse = range(1, data.reach + 1, max(1, half // 2))
@@ -223,15 +246,12 @@ def _best_start(data: Lagged, free: Sequence[int], others: Starts) -> tuple[floa
     return score, at(best)
 
 
-def _score(data: Lagged, starts: Starts, own: Sequence[int]) -> float:
-    return float(_scores(data, own, [starts], data.width)[:, 1:].min())
-
-
 def _common(data: Lagged) -> Starts:
-    """Return the start of all inputs, if one dead time explains the outputs decisively better than none."""
-    none = (1,) * data.inputs
-    score, starts = _best_start(data, range(data.inputs), none)
-    return starts if _score(data, none, _own_lags(data, starts)) - score > DECISIVE else none
+    """Return the start of all inputs, if one dead time explains the outputs decisively better than none, and than no input."""
+    none, every = (1,) * data.inputs, range(data.inputs)
+    score, starts = _best_start(data, every, none)
+    without = float(_scores(data, _own_lags(data, starts), [none], data.width, every).min())
+    return starts if without - score > _price(data) else none
 
 
 def _separate(data: Lagged, starts: Starts) -> Starts:
@@ -240,9 +260,9 @@ def _separate(data: Lagged, starts: Starts) -> Starts:
         before = starts
         for j in range(data.inputs):
             score, other = _best_start(data, [j], starts)
+            now = float(_scores(data, _own_lags(data, other), [starts], data.width, [j]).min())
             # The first to differ is chosen among many; after it a better start needs no more evidence.
-            wanted = DECISIVE + 2.0 * math.log(data.reach) if len(set(starts)) == 1 else 0.0
-            if _score(data, starts, _own_lags(data, other)) - score > wanted:
+            if now - score > (_price(data) if len(set(starts)) == 1 else 0.0):
                 starts = other
         if starts == before:
             break
@@ -250,7 +270,7 @@ def _separate(data: Lagged, starts: Starts) -> Starts:
 
 
 def _without_early_paths(data: Lagged, starts: Starts) -> Starts:
-    """Return the starts moved to the earliest lag that explains an output beside the windows: there may be two paths."""
+    """Return the starts moved to the earliest lag that explains an output in addition to the windows: there may be two paths."""
     own, found = _own_lags(data, starts), list(starts)
     for j, start in enumerate(starts):
         if start == 1:
@@ -258,16 +278,20 @@ def _without_early_paths(data: Lagged, starts: Starts) -> Starts:
         early = np.array([[[data.of_input(j, lag)]] for lag in range(1, start)])
         window = data.windows([starts], data.width).ravel()
         scores = np.sum([data.bic(i, [*data.base(i, own[i]), *window], early) for i in range(data.outputs)], axis=0)
-        acts = np.flatnonzero(scores[:, 0] - scores[:, 1] > DECISIVE)
+        acts = np.flatnonzero(scores[:, 0] - scores[:, 1] > _price(data))
         found[j] = 1 + int(acts[0]) if acts.size else start
     return tuple(found)
 
 
-def _verified(data: Lagged, starts: Starts) -> Starts:
+def _verified(u: Float[np.ndarray, "T m"], y: Float[np.ndarray, "T p"], starts: Starts) -> Starts:
     """Return the starts, 1 for inputs whose dead time a model without it, fitted to its free run, does not need.
 
     Fitted is the output that the inputs explain best.
     """
+    u, y = u[:VERIFIED_MOST], y[:VERIFIED_MOST]
+    data = Lagged.of([(u, y)]) if max(starts) > 1 else None
+    if data is None:
+        return starts
     groups = [range(data.inputs)] if len(set(starts)) == 1 else [[j] for j in range(data.inputs)]
     for free in groups:
         none = tuple(1 if j in free else start for j, start in enumerate(starts))
@@ -276,26 +300,25 @@ def _verified(data: Lagged, starts: Starts) -> Starts:
         own = _own_lags(data, starts)
         regressed = [data.bic(i, data.base(i, own[i]), data.windows([starts, none], data.width)) for i in range(data.outputs)]
         i = int(np.argmax([scores[0, 0] - scores[0].min() for scores in regressed]))
-        late, denominator = _free_run_score(data, i, starts, [])
-        early, _ = _free_run_score(data, i, none, denominator)
-        if min(regressed[i][1].min(), early) - min(regressed[i][0].min(), late) < DECISIVE:
+        late, denominator = _free_run_score(u, y[data.lags :, i], starts, [])
+        early, _ = _free_run_score(u, y[data.lags :, i], none, denominator)
+        if min(regressed[i][1].min(), early) - min(regressed[i][0].min(), late) < _price(data):
             starts = none
     return starts
 
 
-def _free_run_score(data: Lagged, i: int, starts: Starts, also: Sequence[float]) -> tuple[float, Sequence[float]]:
-    """Return the smallest BIC of models of an output fitted to the free run, and its denominator.
+def _free_run_score(
+    u: Float[np.ndarray, "T m"], y: Float[np.ndarray, " t"], starts: Starts, also: Sequence[float]
+) -> tuple[float, Sequence[float]]:
+    """Return the smallest BIC of models of an output's last samples fitted to the free run, and its denominator.
 
     Args:
-        also: Denominator from which higher orders are fitted as well.
+        also: Denominator from which fits of its order and above begin.
     """
-    T = data.lags
-    v = np.column_stack([data.u[T - start + 1 : len(data.u) - start + 1, j] for j, start in enumerate(starts)])
-    best: tuple[float, Sequence[float]] = math.inf, []
-    for n in ORDERS:
-        begun = [[0.0] * n] + ([[*also, *[0.0] * (n - len(also))]] if 0 < len(also) <= n else [])
-        best = min(best, *(_output_error(data.y[T:, i], v, start) for start in begun), key=lambda pair: pair[0])
-    return best
+    T = len(u) - len(y)
+    v = np.column_stack([u[T - start + 1 : len(u) - start + 1, j] for j, start in enumerate(starts)])
+    begun = [[*also, *[0.0] * (n - len(also))] if len(also) <= n else [0.0] * n for n in ORDERS]
+    return min((_output_error(y, v, start) for start in begun), key=lambda pair: pair[0])
 
 
 def _output_error(y: Float[np.ndarray, " T"], v: Float[np.ndarray, "T m"], start: Sequence[float]) -> tuple[float, Sequence[float]]:

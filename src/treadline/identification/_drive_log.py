@@ -13,6 +13,7 @@ from scipy.special import chdtrc
 
 from treadline.core.models import InputOutputRecord
 from treadline.identification._belts import (
+    DIFFERENCE,
     named_belts,
     radians,
     turn_channels,
@@ -66,12 +67,15 @@ def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
     """
     tested = log.records if log.differential is None else log.differential.difference(log.records)
     feedback = _feedback(tested, name_prior=name_prior)
-    table = [*_table(tested)]
+    table = [*_table(tested, name_prior=name_prior)]
     lines = [*log.findings, *feedback.findings, *_single_frequencies(tested), *table]
     if name_prior:
         lines.extend(_integrator(tested))
     return LogFindings(
-        lines=tuple(lines), has_feedback=feedback.is_significant, is_table=bool(table), is_integral=_is_integral(tested)
+        lines=tuple(lines),
+        has_feedback=feedback.is_significant or any("feedback" in line for line in table),
+        is_table=any("table" in line for line in table),
+        is_integral=_is_integral(tested),
     )
 
 
@@ -106,9 +110,8 @@ def _feedback(records: Sequence[InputOutputRecord], *, name_prior: bool) -> _Inf
     if np.trace(new.T @ new) <= PREDICTABLE * np.sum(np.var(now, axis=0)) * len(z):
         return _Influence()
     before, seen = z[:, -1 - lags : -1, m:].reshape(len(z), -1), z[:, -1 - lags :, m:]
-    turn = turn_channels(records[0].output_names)
-    if name_prior and turn.heading is not None and turn.yaw_rate is not None and _is_integral(records):
-        before = np.column_stack([before, seen[:, -1, turn.heading]])
+    if name_prior:
+        before = np.column_stack([before, _answered(records, new, _residual(past, seen[:, -1]))])
     earlier, _ = _canonical(new, _residual(past, before), now)
     statistic = -len(z) * np.log1p(-min(earlier, 1.0 - 1e-12))
     if not chdtrc(before.shape[1] + m - 1, statistic) < SIGNIFICANCE:
@@ -125,6 +128,20 @@ def _feedback(records: Sequence[InputOutputRecord], *, name_prior: bool) -> _Inf
             f"{_combination(names, along)}: the model may be the controller's inverse; add dither, or drive without control",
         ),
     )
+
+
+def _answered(
+    records: Sequence[InputOutputRecord], new: Float[np.ndarray, "N m"], outputs: Float[np.ndarray, "N p"]
+) -> Float[np.ndarray, "N h"]:
+    """Return the heading of the row, if the belts' difference answers it: it falls where the heading rises.
+
+    In a record whose outputs are late by a row, the difference and the heading rise together.
+    """
+    heading, belts = turn_channels(records[0].output_names).heading, named_belts(records[0].input_names)
+    signs = np.ones(1) if records[0].input_names[:1] == (DIFFERENCE,) else None if belts is None else belts.signs[0]
+    if heading is None or signs is None or not _is_integral(records) or (new @ signs) @ outputs[:, heading] >= 0.0:
+        return outputs[:, :0]
+    return outputs[:, heading : heading + 1]
 
 
 def _canonical(
@@ -148,8 +165,11 @@ def _combination(names: Sequence[str], along: Float[np.ndarray, " m"]) -> str:
     return f"the difference of {listed}" if len(large) == 2 and along[large[0]] * along[large[1]] < 0.0 else listed
 
 
-def _table(records: Sequence[InputOutputRecord]) -> Iterator[str]:
-    """Yield a finding if no output depends on the rows before it (likelihood ratio test, one per output)."""
+def _table(records: Sequence[InputOutputRecord], *, name_prior: bool) -> Iterator[str]:
+    """Yield a finding if no output depends on the rows before it (likelihood ratio test, one per output).
+
+    A heading integrates, so that inputs of its row can only follow it.
+    """
     m, p = records[0].u.shape[1], records[0].y.shape[1]
     lags = min(LAGS, int(_columns(records, LAGS) // (m + p)))
     if lags < 1:
@@ -169,7 +189,15 @@ def _table(records: Sequence[InputOutputRecord]) -> Iterator[str]:
     memory = ~exact & (chdtrc(freedom, np.maximum(statistic, 0.0)) < SIGNIFICANCE)
     if memory.any():
         return
-    share = 100.0 * float(np.max(1.0 - before / np.maximum(total, 1e-300)))
+    shares = 1.0 - before / np.maximum(total, 1e-300)
+    heading = turn_channels(records[0].output_names).heading if name_prior else None
+    if heading is not None and shares[heading] > FEEDBACK_SHARE_MIN:
+        yield (
+            f"feedback: '{records[0].output_names[heading]}' and the inputs of the same row determine each other "
+            f"({100.0 * shares[heading]:.0f} %), as under control; add dither, or drive without control"
+        )
+        return
+    share = 100.0 * float(shares.max())
     yield (
         f"table: no output depends on the rows before it, and the inputs of the same row explain {share:.0f} % at most; a table of "
         "steady states, or rows out of order? sort them by time, or record a drive"

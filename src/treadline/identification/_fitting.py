@@ -139,9 +139,9 @@ class Fitting:
             self._observers[lags] = observer, markov_svd(observer, order)
         return self._observers[lags]
 
-    def bic_order(self, lags: int) -> int:
-        """Return the PBSID order with the smallest BIC."""
-        return bic_order(self.data, self._state_map(lags), lags, feedthrough=self.feedthrough)
+    def bic_order(self, lags: int, allowed: Sequence[int] | None = None) -> int:
+        """Return the PBSID order with the smallest BIC, of all or of those allowed."""
+        return bic_order(self.data, self._state_map(lags), lags, feedthrough=self.feedthrough, allowed=allowed)
 
     def _state_map(self, lags: int) -> StateMap:
         if lags not in self._maps:

@@ -59,8 +59,8 @@ def gram_with_half(records: Sequence[InputOutputRecord], options: Identification
         new = gram_of(records, prior.lags, prior.units, solver=solver)
         return prior.forgotten(options.forgetting ** sum(len(record) for record in records)) + new, None
     penalised = options.method == "best"
-    most, names = max_supported_lags(records, options.lags, options.order, penalised=penalised), channel_names(records[0])
-    if options.order is not None:
+    most, names = max_supported_lags(records, options.lags, options.largest_order, penalised=penalised), channel_names(records[0])
+    if options.given_order is not None:
         return replace(gram_of(records, most, units, solver=solver), names=names), None
     builder = GramBuilder(most, units, records[0].dt_s, solver=solver)
     marks = []
@@ -102,23 +102,23 @@ def from_gram(
         on_progress: Called with a line of text per scored candidate.
         records_are_complete: Whether the records hold all data, so that a Gram matrix with fewer lags can be built from them.
     """
-    order, collected = options.order, list(warnings)
+    order, allowed, collected = options.given_order, options.allowed_orders, list(warnings)
     if method == "deconvolution":
-        return _by_deconvolution(Fitting(data=data, records=records, feedthrough=True), order, collected)
+        return _by_deconvolution(Fitting(data=data, records=records, feedthrough=True), order, allowed, collected)
     check_independent(data, channel_names(records[0]))
     used, has_d = choose_structure(data, options.lags, options.feedthrough, is_model=method == "okid-era")
     if records_are_complete and data.dropped and used < data.lags and method != "best":
         # Windows with fewer lags overlap fewer gaps, so the Gram matrix is rebuilt.
         data, half = gram_with_half(records, replace(options, lags=used), data.units)
-    if order is not None:
-        check_excitation(data, order)
+    if order is not None or allowed is not None:
+        check_excitation(data, order or min(allowed or [1]))
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
-    evidence = _evidence_of(fitting, half, used, order, collected)
+    evidence = _evidence_of(fitting, half, used, options, collected)
     exact = _exact(fitting, evidence, options, collected) if method == "best" and evidence.structural is None else None
     if exact is not None:
         found = exact
     elif method == "best":
-        found = _by_ensemble(fitting, evidence, order, collected, on_progress)
+        found = _by_ensemble(fitting, evidence, allowed if order is None else [order], collected, on_progress)
     else:
         found = _by_method(fitting, evidence, method, options, collected)
     if data.dropped:
@@ -126,21 +126,21 @@ def from_gram(
     return found
 
 
-def _evidence_of(fitting: Fitting, half: Gram | None, lags: int, order: int | None, warnings: list[str]) -> Evidence:
-    observer, svd = fitting.observer(lags, order)
+def _evidence_of(fitting: Fitting, half: Gram | None, lags: int, options: IdentificationOptions, warnings: list[str]) -> Evidence:
+    observer, svd = fitting.observer(lags, options.largest_order)
     structural = structural_order(observer)
     noise = None
-    if order is None and half is not None:
+    if options.given_order is None and half is not None:
         noise = noise_level(scaled_observer(half, lags, feedthrough=fitting.feedthrough), observer, svd)
-    choice = settle_order(svd, order, structural, noise or 0.0, warnings)
+    choice = settle_order(svd, options.given_order, structural, noise or 0.0, warnings, options.allowed_orders)
     return Evidence(lags=lags, observer=observer, svd=svd, structural=structural, noise=noise, choice=choice)
 
 
 def _by_ensemble(
-    fitting: Fitting, evidence: Evidence, order: int | None, warnings: list[str], on_progress: Callable[[str], None]
+    fitting: Fitting, evidence: Evidence, orders: Sequence[int] | None, warnings: list[str], on_progress: Callable[[str], None]
 ) -> FittedSystem:
     """Return the model made of the ensemble's medoid."""
-    found = ensemble(fitting, None if order is None else [order], on_progress)
+    found = ensemble(fitting, orders, on_progress)
     if stands_out(evidence.svd.s, evidence.noise or 0.0):
         warnings.clear()  # the ensemble does not choose its order by the gap of the singular values
     warnings += _shrinking(found, channel_names(fitting.records[0])[fitting.data.units.input_count :])
@@ -184,12 +184,12 @@ def _by_method(
         used = min(max(used, PBSID_LAGS, choice.order), fitting.data.lags)
     candidate = Candidate(method=method, lags=used, order=choice.order)
     if (
-        options.order is None
+        options.given_order is None
         and candidate.method == "pbsid"
         and evidence.structural is not None
         and not _is_clearly_separated(choice, evidence.svd)
     ):
-        choice = _order_by_bic(fitting, evidence.svd, choice, candidate.lags, warnings)
+        choice = _order_by_bic(fitting, evidence.svd, choice, candidate.lags, options.allowed_orders, warnings)
         candidate = replace(candidate, order=choice.order)
     system = _model_or_raise(fitting, candidate)
     if options.lags is None and candidate.method != "pbsid" and evidence.structural is not None:
@@ -199,12 +199,12 @@ def _by_method(
     return FittedSystem(candidate=candidate, system=system, fitting=fitting, evidence=evidence, warnings=warnings)
 
 
-def _by_deconvolution(fitting: Fitting, order: int | None, warnings: list[str]) -> FittedSystem:
+def _by_deconvolution(fitting: Fitting, order: int | None, allowed: Sequence[int] | None, warnings: list[str]) -> FittedSystem:
     """Return the ERA model of the impulse response by Eq. (9c)."""
     data = fitting.data
     fitting = replace(fitting, data=replace(data, units=replace(data.units, shift=np.zeros_like(data.units.shift))))
     observer, svd = observer_of(fitting.records, fitting.data.units)
-    choice = settle_order(svd, order, None, 0.0, warnings)
+    choice = settle_order(svd, order, None, 0.0, warnings, allowed)
     return FittedSystem(
         candidate=Candidate(method="deconvolution", lags=0, order=choice.order),
         system=realised(observer, svd, choice.order),
@@ -221,9 +221,11 @@ def _model_or_raise(fitting: Fitting, candidate: Candidate) -> Affine:
     return system
 
 
-def _order_by_bic(fitting: Fitting, svd: HankelSvd, choice: OrderChoice, lags: int, warnings: list[str]) -> OrderChoice:
+def _order_by_bic(
+    fitting: Fitting, svd: HankelSvd, choice: OrderChoice, lags: int, allowed: Sequence[int] | None, warnings: list[str]
+) -> OrderChoice:
     """Return the order with the smallest BIC, for singular values without a clear gap."""
-    order = fitting.bic_order(lags)
+    order = fitting.bic_order(lags, allowed)
     if order != choice.order:
         gap = f"the largest gap of the singular values, {choice.gap:.1f}, is at order {choice.order}"
         warnings.append(f"order {order} by BIC; {gap}")

@@ -39,7 +39,14 @@ from treadline.identification._pole_intervals import (
 )
 from treadline.identification._skid_steer import SkidSteer, TurnFit, turn_fit
 from treadline.identification._threads import one_thread
-from treadline.identification._turn_model import Contradiction, contradiction, fits_as_well, sign_warning, turn_model
+from treadline.identification._turn_model import (
+    Contradiction,
+    contradiction,
+    fits_as_well,
+    input_noise_warning,
+    sign_warning,
+    turn_model,
+)
 
 P_VALUE_LIMIT = 0.01
 """p-value below which a residual test is reported as failed."""
@@ -90,7 +97,13 @@ class IdentificationReport:
     poles: list[tuple[float, float]]
     pole_ci95: list[float] | None
     """Radius of the disc about each pole that contains the true pole with 95 % probability."""
-    fit_percent: dict[str, float]
+    fit_percent: dict[str, float] | None
+    """Fit of a free run by output [%]; None for an unstable model."""
+    fit_prefix_s: float
+    """Time at the start of the longest validation record that determines the initial state and is not scored [s]."""
+    forecast_percent: dict[str, float] | None
+    """Fit of a forecast by output [%]; None for a stable model."""
+    forecast_horizon_s: float | None
     fit_conditions: str
     """What the fit is of, in words: a free run and its start, or, of an unstable model, a forecast and its horizon."""
     one_step_vaf_percent: dict[str, float]
@@ -107,6 +120,11 @@ class IdentificationReport:
     skid_steer: SkidSteer | None = None
     """Effective gauge, speed scales and lags, for two belts and a yaw rate or heading by their names."""
 
+    @property
+    def percent(self) -> dict[str, float]:
+        """Fit of the free run, or of the forecast for an unstable model [%]."""
+        return self.fit_percent or self.forecast_percent or {}
+
     def as_json(self) -> dict[str, Any]:
         """Return the report as JSON values."""
         return dict(plain(asdict(self)))
@@ -115,7 +133,10 @@ class IdentificationReport:
 class ValidationScores(TypedDict):
     """Fit and residual tests of a model on validation data, as fields of the report."""
 
-    fit_percent: dict[str, float]
+    fit_percent: dict[str, float] | None
+    fit_prefix_s: float
+    forecast_percent: dict[str, float] | None
+    forecast_horizon_s: float | None
     fit_conditions: str
     one_step_vaf_percent: dict[str, float]
     whiteness_p: float | None
@@ -134,8 +155,12 @@ def validation_scores(model: LinearModel, judged: Sequence[InputOutputRecord]) -
     exact = all(100.0 - value < EXACT_PERCENT for value in vaf.values())
     white, crossed = [one.whiteness_p for one in compared], [one.crosscorrelation_p for one in compared]
     longest = max(compared, key=lambda one: one.samples)
+    percent = {name: _json_number(float(np.mean([one.percent[name] for one in compared]))) for name in vaf}
     return ValidationScores(
-        fit_percent={name: _json_number(float(np.mean([one.percent[name] for one in compared]))) for name in vaf},
+        fit_percent=None if longest.fit_percent is None else percent,
+        fit_prefix_s=longest.fit_prefix_s,
+        forecast_percent=None if longest.forecast_percent is None else percent,
+        forecast_horizon_s=longest.forecast_horizon_s,
         fit_conditions=longest.conditions + (f", mean of {len(compared)} records" if len(compared) > 1 else ""),
         one_step_vaf_percent={name: _json_number(value) for name, value in vaf.items()},
         whiteness_p=1.0 if exact else bonferroni(white),
@@ -174,10 +199,11 @@ def validation_warnings(
             f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant is "
             "known to be stable"
         )
-    for name, value in scores["fit_percent"].items():
+    percent = scores["fit_percent"] or scores["forecast_percent"] or {}
+    for name, value in percent.items():
         if value < 0.0 and radius < 1.0 - 1e-3:
             found.append(f"a free run explains '{name}' worse than its mean does ({value:.0f} %)")
-    if max(*scores["fit_percent"].values(), *scores["one_step_vaf_percent"].values()) < FIT_PERCENT_MIN:
+    if max(*percent.values(), *scores["one_step_vaf_percent"].values()) < FIT_PERCENT_MIN:
         found.append("the model explains next to nothing: the inputs hardly move these outputs, or not linearly")
     if judged is not fitted:
         found += _low_motion_warnings(model, fitted, judged)
@@ -347,7 +373,9 @@ class Identified(ModelMethods, Printable):
     def _contradiction(self) -> Contradiction | None:
         """Yaw gain of the free model outside the interval of the fit by names; the result that takes the structure keeps it."""
         fit = self._turn_fit
-        return None if fit is None else contradiction(self._model, fit, max(len(record) for record in self.fitted))
+        # A slow pole in place of the integrator spoils the gain of a named method late, where a controller does not need it.
+        rows = max(len(record) for record in self.fitted) if self._method == "best" else 0
+        return None if fit is None else contradiction(self._model, fit, rows)
 
     def _linear(self) -> LinearModel:
         return self.model
@@ -359,12 +387,10 @@ class Identified(ModelMethods, Printable):
         """Return order, fit, one-step prediction, poles and warnings."""
         report = self.report
         rows = [
-            (
-                f"fit of {name}",
-                f"{value:.1f} %, {report.one_step_vaf_percent[name]:.1f} % of the variance one step ahead",
-            )
-            for name, value in report.fit_percent.items()
+            (f"fit of {name}", f"{value:.1f} %, {report.one_step_vaf_percent[name]:.1f} % of the variance one step ahead")
+            for name, value in report.percent.items()
         ]
+        rows.append(("fit", report.fit_conditions))
         rows.append(("poles", ", ".join(f"{complex(*pole):.4g}" for pole in report.poles)))
         rows += [] if report.skid_steer is None else report.skid_steer.in_words()
         rows += [("warning", warning) for warning in report.warnings]
@@ -473,14 +499,14 @@ class Identified(ModelMethods, Printable):
         if fit is None:
             return []
         if off is None or not (self._is_structure or off.is_large):
-            return sign_warning(fit)
+            return [*sign_warning(fit), *input_noise_warning(fit)]
         if not self._is_structure:
-            line = f"yaw gain: {off}: feedback, noise of the inputs or too high an order; --method best without --order decides"
+            line = f"yaw gain: {off}: feedback, noise of the inputs or too high an order; tune no model before they agree"
         else:
             why = "its steady gain is a guess" if off.is_large else "it explains no more"
             why = "feedback may have made it the controller's inverse" if self.findings.has_feedback else why
             line = f"structure taken by names: {off}; of the free model, {why}; --no-name-prior keeps it"
-        return [*sign_warning(fit), line]
+        return [*sign_warning(fit), *input_noise_warning(fit), line]
 
     def _excitation_warning(self, support: int) -> list[str]:
         result = []

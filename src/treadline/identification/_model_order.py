@@ -48,22 +48,28 @@ def stands_out(singular_values: Float[np.ndarray, " k"], noise: float) -> bool:
     return bool(singular_values[0] > ABOVE_NOISE * noise)
 
 
-def choose_order(singular_values: Float[np.ndarray, " k"], *, noise: float = 0.0) -> OrderChoice:
+def choose_order(
+    singular_values: Float[np.ndarray, " k"], *, noise: float = 0.0, allowed: Sequence[int] | None = None
+) -> OrderChoice:
     """Return the order at the largest gap.
 
     Args:
         singular_values: Singular values of the Hankel matrix, in descending order.
         noise: Largest singular value of noise alone.
+        allowed: Orders to choose from; any when None. The smallest if none of them is above the noise.
     """
     s = np.maximum(singular_values, NUMERICAL_ZERO * singular_values[0])
     candidates = len(s) - 1
-    if candidates < 1:
-        return OrderChoice(order=1, gap=float("inf"), clear=stands_out(s, noise))
+    least = 1 if allowed is None else min(allowed)
+    if candidates < least:
+        return OrderChoice(order=least, gap=float("inf"), clear=stands_out(s, noise))
     lower = s[len(s) // 2 :]  # already sorted, so the median is in the middle
     floor = 0.5 * float(lower[(len(lower) - 1) // 2] + lower[len(lower) // 2])
     ratios = s[:candidates] / s[1 : candidates + 1]
     above = s[:candidates] > max(floor, FURTHER_ABOVE_NOISE * noise)
-    above[0] = True
+    above[least - 1] = True
+    if allowed is not None:
+        above &= np.isin(np.arange(1, candidates + 1), allowed)
     best = int(np.argmax(np.where(above, ratios, 0.0)))
     clear = bool(ratios[best] >= CLEAR_GAP and stands_out(s, noise))
     return OrderChoice(order=best + 1, gap=float(ratios[best]), clear=clear)
@@ -129,19 +135,28 @@ def _coefficients(whole: Gram, choices: Sequence[tuple[int, bool]]) -> Float[np.
     return np.array([float((1 + m * has_d + lags * r) * (r - m)) for lags, has_d in choices])
 
 
-def bic_order(data: Gram, states: StateMap, lags: int, *, feedthrough: bool, most: int = ORDER_MOST) -> int:
+def bic_order(
+    data: Gram, states: StateMap, lags: int, *, feedthrough: bool, most: int = ORDER_MOST, allowed: Sequence[int] | None = None
+) -> int:
     """Return the order of PBSID's state map with the smallest BIC.
 
     A gap identifies an order that stands out; singular values of measured data mostly decay without a gap.
+
+    Args:
+        most: Largest order tried.
+        allowed: Orders to choose from; any up to ``most`` when None.
     """
     m, p = data.units.input_count, len(data.units.scale) - data.units.input_count
-    most = min(most, len(states.s))
+    most = min(most if allowed is None else max(allowed), len(states.s))
     residual_ss = innovations(data, states, most, lags, feedthrough=feedthrough)
     floor = 1e-20 * p  # residuals below rounding count as equal
     values = np.maximum(np.linalg.eigvalsh(0.5 * (residual_ss + residual_ss.transpose(0, 2, 1))), floor)
     # Number of parameters of A, B, C and K in canonical form: 2p + m per state; the rest does not depend on the order.
     costs = data.count * np.log(values).sum(axis=1) + np.arange(1, most + 1) * (2 * p + m) * np.log(data.count)
-    return int(np.argmin(costs)) + 1
+    if allowed is not None and min(allowed) > most:
+        return min(allowed)
+    open_to_choice = np.isin(np.arange(1, most + 1), range(1, most + 1) if allowed is None else allowed)
+    return int(np.argmin(np.where(open_to_choice, costs, np.inf))) + 1
 
 
 def structural_order(observer: ObserverMarkov) -> int | None:
@@ -174,12 +189,19 @@ def gap_of(choice: OrderChoice, svd: HankelSvd) -> float:
     return gap_at(svd.s, choice.order) if choice.gap is None else choice.gap
 
 
-def settle_order(svd: HankelSvd, order: int | None, structural: int | None, noise: float, warnings: list[str]) -> OrderChoice:
+def settle_order(
+    svd: HankelSvd,
+    order: int | None,
+    structural: int | None,
+    noise: float,
+    warnings: list[str],
+    allowed: Sequence[int] | None = None,
+) -> OrderChoice:
     """Return the given order, or the order at the gap of the singular values; an unclear gap adds a warning."""
     if order is not None:
         return OrderChoice(order=order, gap=None, clear=True)
     # An observer of p lags has at most p states per output; the drop beyond that rank is an artefact.
-    choice = choose_order(svd.s[:structural], noise=noise)
+    choice = choose_order(svd.s[:structural], noise=noise, allowed=allowed)
     if not stands_out(svd.s, noise):
         warnings.append(
             f"no clear gap in the singular values (the largest is {svd.s[0] / noise:.1f} times the noise level); "

@@ -30,6 +30,8 @@ DECAYS = (0.0, 0.3, 0.5, 0.65, 0.75, 0.85, 0.9, 0.95, 0.975)
 """Decays of a lag per sample from which the fit may start: time constants in steps of about one and a half."""
 DECAY_MOST = 0.999
 """Largest decay: a time constant of a thousand samples."""
+MEMORY = 1.3
+"""Rows of correlation in a regression's residuals, per cube root of the number of rows (Newey and West, 1987)."""
 STEPS_MOST = 20
 """Largest number of Gauss-Newton steps."""
 TWO_SIDED_95 = 1.959964
@@ -64,7 +66,8 @@ class SkidSteer:
 
     def in_words(self) -> list[tuple[str, str]]:
         """Return rows of names and values."""
-        pairs = [("effective gauge", f"{_text(self.gauge_m)} m")]
+        turns = np.isfinite(self.gauge_m.value)
+        pairs = [("effective gauge", f"{_text(self.gauge_m)} m" if turns else "unknown: the belts do not turn the vehicle")]
         pairs += [(f"speed scale of {name}", _text(value)) for name, value in self.speed_scale.items()]
         pairs += [(f"lag of {name}", f"{_text(value)} s") for name, value in self.lag_s.items()]
         return pairs
@@ -87,6 +90,10 @@ class TurnFit:
     belts: DifferentialInput | None
     """Belts among the inputs; None if other inputs steer."""
     dt_s: float
+    share: float
+    """Share of the yaw rate's variance that the inputs explain."""
+    lagged_gain: float | None = None
+    """Yaw gain of the fit of lags, where the plain regression gives more and stands in its place."""
 
     @property
     def gains(self) -> Float[np.ndarray, " m"]:
@@ -177,18 +184,30 @@ def turn_fit(records: Sequence[InputOutputRecord], *, is_difference: bool = Fals
         return None
     # Belts steer by their difference; of other inputs each may be the one that steers.
     steering = np.eye(m) if belts is None else belts.signs @ np.linalg.pinv(mixing)
+
+    def made(theta: Float[np.ndarray, " k"], covariance: Float[np.ndarray, "k k"], shift: int) -> TurnFit:
+        share, dt_s = _explained(runs, theta, shift), runs[0].dt_s
+        return TurnFit(theta=theta, covariance=covariance, shift=shift, mixing=mixing, belts=belts, dt_s=dt_s, share=share)
+
+    plain = [made(*_regression(runs, shift), shift) for shift in (0, 1)]
+    if is_table:
+        return plain[0]
     try:
-        best = _regression(runs) if is_table else _best(runs, steering)
+        best = _best(runs, steering)
     except LinAlgError:
         return None
-    return TurnFit(
-        theta=best.theta,
-        covariance=np.linalg.pinv(best.square) * best.cost / (best.rows - len(best.theta)),
-        shift=best.shift,
-        mixing=mixing,
-        belts=belts,
-        dt_s=runs[0].dt_s,
-    )
+    lagged = made(best.theta, np.linalg.pinv(best.square) * best.cost / (best.rows - len(best.theta)), best.shift)
+    return lagged if belts is None else _larger(lagged, plain)
+
+
+def _larger(lagged: TurnFit, plain: Sequence[TurnFit]) -> TurnFit:
+    """Return the plain regression whose yaw gain lies above the interval of the fit of lags, else that fit.
+
+    Noise of the inputs, an unmodelled lag and the slip that a stabilising feedback answers all lower a gain, and none raises it.
+    """
+    step = lagged.steps[0]
+    known, most = lagged.yaw_gain(step), max(plain, key=lambda fit: fit.yaw_gain(step).value)
+    return replace(most, lagged_gain=known.value) if 0.0 < known.high < most.yaw_gain(step).value else lagged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -342,16 +361,35 @@ def _descended(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> 
     return _Descent(theta=theta, shift=shift, cost=cost, rows=rows, square=square)
 
 
-def _regression(runs: list[_Run]) -> _Descent:
-    """Return the regression of the yaw rate on the belts of the same row."""
+def _explained(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> float:
+    """Return the share of the yaw rate's variance that the inputs explain."""
     m = runs[0].u.shape[1]
-    theta, linear = np.zeros(2 * m + 1 + NOISE_LAGS), np.array([*range(m), 2 * m])
-    _, rows, square, right = _normal(runs, theta, 0)
-    square = square[np.ix_(linear, linear)]
-    theta[linear] = -np.linalg.solve(square, right[linear])
-    whole = np.zeros((len(theta), len(theta)))
-    whole[np.ix_(linear, linear)] = square
-    return _Descent(theta=theta, shift=0, cost=_normal(runs, theta, 0)[0], rows=rows, square=whole)
+    left = [run.rate - np.column_stack([_lagged(run.u[:, j], theta[m + j], shift) for j in range(m)]) @ theta[:m] for run in runs]
+    total = float(np.var(np.concatenate([run.rate for run in runs])))
+    return 1.0 - float(np.var(np.concatenate(left))) / total if total > 0.0 else 0.0
+
+
+def _regression(runs: list[_Run], shift: int) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k k"]]:
+    """Return parameters and covariance of the yaw rate's regression on the inputs of the same row or the row before."""
+    m = runs[0].u.shape[1]
+    X = [np.column_stack([run.u[: len(run.u) - shift], np.ones(len(run.u) - shift)]) for run in runs]
+    rates = [run.rate[shift:] for run in runs]
+    beta = np.linalg.lstsq(np.vstack(X), np.concatenate(rates), rcond=None)[0]
+    inverse = np.linalg.pinv(np.sum([x.T @ x for x in X], axis=0))
+    meat = np.sum([_long_run(x * (rate - x @ beta)[:, None]) for x, rate in zip(X, rates, strict=True)], axis=0)
+    linear = np.array([*range(m), 2 * m])
+    theta, covariance = np.zeros(2 * m + 1 + NOISE_LAGS), np.zeros((2 * m + 1 + NOISE_LAGS,) * 2)
+    theta[linear], covariance[np.ix_(linear, linear)] = beta, inverse @ meat @ inverse
+    return theta, covariance
+
+
+def _long_run(products: Float[np.ndarray, "T q"]) -> Float[np.ndarray, "q q"]:
+    """Return the sum of the products' covariances over lags, with Bartlett weights."""
+    memory, S = int(MEMORY * len(products) ** (1.0 / 3.0)), products.T @ products
+    for lag in range(1, memory + 1):
+        C = products[lag:].T @ products[:-lag]
+        S += (1.0 - lag / (memory + 1.0)) * (C + C.T)
+    return S
 
 
 def _normal(

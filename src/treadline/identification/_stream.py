@@ -48,7 +48,7 @@ def identify_chunks(
     method = options.method or "pbsid"
     _check_options(options, method)
     rest = _chunks(experiments)
-    start = _start(rest, options.lags, options.order)
+    start = _start(rest, options.lags, options.largest_order)
     data, half, last = _gram_of_chunks(start, rest, options.solver)
     kept = sum(len(record) for record in last)
     warnings = [f"figures are on the last {kept} samples"] if data.count > kept else []

@@ -19,6 +19,8 @@ from treadline.identification._skid_steer import Estimate, TurnFit
 
 SETTLED = 0.01
 """Share of a step that a lag leaves when its yaw gain is read."""
+SHARE_MIN = 0.5
+"""Share of the yaw rate's variance below which more of it comes from elsewhere than from the inputs."""
 SAME_DECAY = 1e-3
 """Difference of decays below which two lags share a state: closer poles have eigenvectors without digits left."""
 GAIN_TOLERANCE = 0.3
@@ -145,9 +147,26 @@ def fits_as_well(structured: LinearModel, model: LinearModel, records: Sequence[
     return bool(np.log(errors[0] / errors[1]) <= (max(granted, np.log1p(GAIN_TOLERANCE)) if is_large else granted))
 
 
+def input_noise_warning(fit: TurnFit) -> list[str]:
+    """Return a warning if the inputs explain little of the yaw rate, or the plain regression turns more than the fit of lags."""
+    if fit.share < SHARE_MIN:
+        share = 100.0 * max(fit.share, 0.0)
+        cause = f"the inputs explain {share:.0f} % of the yaw rate; slip, noise of the measured inputs or feedback hides the gain"
+        return [f"yaw rate: {cause}; drive wider curves"]
+    if fit.lagged_gain is None:
+        return []
+    gain = fit.yaw_gain(fit.steps[0]).value
+    return [
+        f"noise of the measured inputs, or feedback: the fit of lags gives a yaw gain of {fit.lagged_gain:.3g}, the regression "
+        f"{gain:.3g}, taken because both causes lower it; log commands, add dither"
+    ]
+
+
 def sign_warning(fit: TurnFit) -> list[str]:
     """Return a warning if a faster right belt turns the vehicle to the right."""
-    if fit.belts is None or fit.yaw_gain(fit.steps[0]).high >= 0.0:
+    gain = fit.yaw_gain(fit.steps[0])
+    # Twice the interval: a probability of 1e-4.
+    if fit.belts is None or 2.0 * gain.high - gain.value >= 0.0:
         return []
     left = fit.belts.names[int(np.argmin(fit.belts.signs))]
     return [f"yaw gain below zero: a faster '{left}' turns to the left; are the belts swapped, or angles counted clockwise?"]

@@ -74,7 +74,8 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
     fitted, judged = _split(log.records, validation)
     if belts is None and method == "best":
         check_independent_inputs(fitted)  # before dead times, which would move inputs apart that are one
-    shifts = _dead_time(fitted, options, method) if belts is None else 2 * _dead_time(belts.difference(fitted), options, method)[:1]
+    one = belts is not None and options.delays is None  # belts that are one input have one dead time
+    shifts = 2 * _dead_time(belts.difference(fitted), options, method) if belts and one else _dead_time(fitted, options, method)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
     units = check_records(moved, inputs=belts is None)
     if belts is not None:

@@ -34,9 +34,10 @@ class IdentificationOptions:
         True
     """
 
-    order: int | None = None
-    """Number of states. Default: with ``best`` that of the ensemble's medoid, with ``pbsid`` the largest gap of the singular
-    values or, where that gap is unclear, the smallest BIC, otherwise the largest gap of the singular values."""
+    order: int | Sequence[int] | None = None
+    """Number of states, or the numbers to choose from: ``range(2, 9)``. Chosen, with ``best`` as that of the ensemble's medoid,
+    with ``pbsid`` at the largest gap of the singular values or, where that gap is unclear, at the smallest BIC, otherwise at the
+    largest gap of the singular values. Default: any."""
     lags: int | None = None
     """Observer lags p. Default: with ``best`` as many as the data support, up to 40, with ``pbsid`` at the smallest BIC, with
     ``okid-era`` at the smallest AICc."""
@@ -67,7 +68,11 @@ class IdentificationOptions:
         for name, value, allowed in (("method", self.method, (None, *METHODS)), ("solver", self.solver, SOLVERS)):
             if value not in allowed:
                 raise SettingsError(f"{name} is '{value}'; allowed: {', '.join(item for item in allowed if item)}")
-        check_integers(order=self.order, lags=self.lags)
+        if isinstance(self.order, Sequence) and not isinstance(self.order, str):
+            object.__setattr__(self, "order", self._orders(self.order))
+        else:
+            check_integers(order=self.order)
+        check_integers(lags=self.lags)
         self._check_delays()
         if isinstance(self.validation, Real) and not 0.0 < self.validation < 1.0:
             raise SettingsError(f"the validation share is {self.validation}; it must lie between 0 and 1")
@@ -77,6 +82,30 @@ class IdentificationOptions:
             raise SettingsError("forgetting has no effect without earlier data; give a prior")
         if self.prior is not None:
             self._check_prior(self.prior)
+
+    @staticmethod
+    def _orders(given: Sequence[int]) -> int | tuple[int, ...]:
+        if not given:
+            raise SettingsError("order is empty; give a number, or numbers to choose from: range(2, 9)")
+        for order in given:
+            check_integers(order=order)
+        orders = tuple(sorted({int(order) for order in given}))
+        return orders if len(orders) > 1 else orders[0]
+
+    @property
+    def given_order(self) -> int | None:
+        """The order, if it is not to be chosen."""
+        return None if self.order is None or isinstance(self.order, Sequence) else int(self.order)
+
+    @property
+    def allowed_orders(self) -> Sequence[int] | None:
+        """Orders to choose from; None for a given order and for any."""
+        return self.order if isinstance(self.order, Sequence) else None
+
+    @property
+    def largest_order(self) -> int | None:
+        """Largest order that the lags have to support; None if any will do."""
+        return max(self.order) if isinstance(self.order, Sequence) else self.order
 
     def _check_delays(self) -> None:
         if isinstance(self.delays, Sequence) and not isinstance(self.delays, str):
@@ -94,7 +123,7 @@ class IdentificationOptions:
 class IdentificationKeywords(TypedDict, total=False):
     """The fields of ``IdentificationOptions`` as keywords of ``treadline.identify``, for type checkers and editors."""
 
-    order: int | None
+    order: int | Sequence[int] | None
     lags: int | None
     method: str | None
     feedthrough: bool | None

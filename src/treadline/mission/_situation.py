@@ -246,7 +246,7 @@ class FlightSituation:
         config, where, around = self._config, self._where, self._around
         if self._judged[:2] != (where.map_count, self.enters):
             if around is not None and (self.enters or (len(around.nosings) == 1 and where.top_ends)):
-                slope_rad = min(where.slope_rad, around.lies(self._pivot_m, 0.0)[0])
+                slope_rad = min(where.slope_rad, around.lies(self._pivot_m, 0.0, config.chair.tracks.pulley_radius_m)[0])
                 reason = reject_reason(config.chair, config.payload_kg, where.rise_m, where.run_m, slope_rad)
             else:
                 sigmas_m = (where.rise_sigma_m, where.run_sigma_m)

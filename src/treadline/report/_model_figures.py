@@ -179,9 +179,9 @@ def _pair_labels(ax: Axes, output: ColumnLabel, given: ColumnLabel, symbol: str)
     ax.set_ylabel(f"{symbol}[{unit}]", fontsize=8)
 
 
-Spectrum = tuple[Float[np.ndarray, " w"], Complex[np.ndarray, "w p m"]]
+Spectrum = tuple[Float[np.ndarray, " _"], Complex[np.ndarray, "_ _ _"]]
 """Frequencies [Hz], and the response of a model or one that was measured."""
-Curve = tuple[Float[np.ndarray, " w"], Complex[np.ndarray, " w"]]
+Curve = tuple[Float[np.ndarray, " _"], Complex[np.ndarray, " _"]]
 """Frequencies [Hz], and the response of one pair."""
 BEHIND: Mapping[str, Any] = {"color": GREY, "marker": ".", "markersize": 3.0, "linewidth": 0.6, "alpha": 0.6}
 """Style of a measured response behind the model's."""

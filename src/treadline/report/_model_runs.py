@@ -17,6 +17,8 @@ SEGMENTS = 8
 """Parts of a record for spectra: 15 windows with half overlap, whose mean halves the noise of a magnitude three times over."""
 SEGMENT_LEAST = 16
 """Smallest part of a record for spectra [samples]: eight frequencies."""
+SEGMENT_MOST = 4096
+"""Largest part of a record for spectra [samples]: 2048 frequencies, as many as a figure has columns of points."""
 ANSWERED = 0.05
 """Share of its peak below which an output is drawn as zero response."""
 
@@ -33,11 +35,11 @@ def measured_response(
 ) -> tuple[Float[np.ndarray, " w"], Complex[np.ndarray, "w p m"]] | None:
     """Return frequencies [rad per sample] and the response estimated from spectra alone, ``G = S_yu S_uu^-1`` (Welch, H1).
 
-    Each record gives its longest stretch without gaps, cut into ``SEGMENTS`` parts and as many overlapping ones. Frequencies at
-    which the inputs explain less than half of the power of every output are left out. None for records that are too short.
+    Each record gives its longest stretch without gaps, cut into ``SEGMENTS`` parts or more and as many overlapping ones.
+    Frequencies at which the inputs explain less than half of the power of every output are left out. None for short records.
     """
     spans = [_longest_whole(record) for record in records]
-    length = max(len(span) for span in spans) // SEGMENTS
+    length = min(max(len(span) for span in spans) // SEGMENTS, SEGMENT_MOST)
     kept = [span for span in spans if len(span) >= 2 * length]
     if length < SEGMENT_LEAST:
         return None
@@ -64,11 +66,12 @@ def _spectra(
     """Return the spectra of inputs, of outputs with inputs, and of outputs: Hann windows, half overlapping, means removed."""
     z = np.hstack([record.u, record.y])
     windows = np.lib.stride_tricks.sliding_window_view(z, length, axis=0)[:: max(length // 2, 1)]
-    centred = windows - windows.mean(axis=-1, keepdims=True)
-    Z = np.fft.rfft(centred * np.hanning(length), axis=-1)
-    m = record.u.shape[1]
-    U, Y = Z[:, :m], Z[:, m:]
-    return np.einsum("siw,sjw->wij", U, U.conj()), np.einsum("siw,sjw->wij", Y, U.conj()), (np.abs(Y) ** 2).sum(axis=0).T
+    m, frequencies, window = record.u.shape[1], length // 2 + 1, np.hanning(length)
+    cross = np.zeros((frequencies, z.shape[1], z.shape[1]), dtype=complex)
+    for part_of_z in windows:
+        Z = np.fft.rfft((part_of_z - part_of_z.mean(axis=-1, keepdims=True)) * window, axis=-1).T
+        cross += Z[:, :, None] * Z[:, None, :].conj()
+    return cross[:, :m, :m], cross[:, m:, :m], np.einsum("wpp->wp", cross[:, m:, m:]).real
 
 
 def correlation(a: Float[np.ndarray, " T"], b: Float[np.ndarray, " T"], lags: int) -> Float[np.ndarray, " k"]:

@@ -119,7 +119,7 @@ class _Page:
         self.values["judged_samples"] = sum(len(record) for record in self.judged)
         self.values["given_samples"] = sum(len(record) for record in self.records)
         self.values["given_records"] = len(self.records)
-        fit, ahead = self.said.fit_percent, self.said.one_step_vaf_percent
+        fit, ahead = self.said.percent, self.said.one_step_vaf_percent
         self.values["fits"] = [(item, fit.get(item.name), ahead.get(item.name)) for item in self.outputs]
         self.values["extra"] = {
             "dead time [samples]": ", ".join(map(str, self.said.delays)),
