@@ -6,7 +6,7 @@ orders about the one of smallest BIC. Each gets the inputs, the feedthrough, the
 run. The pointwise median of their free runs and of their impulse responses is a robust estimate; the result is the medoid, the
 member nearest to both medians, or a smaller one where the data cannot tell them apart.
 
-Two questions remain that only other data answer, each asked once: the two halves of the record predict each other.
+Two questions remain that only other data answer, each asked once: both ends of the record are predicted from the rest.
 A slow pole, which may be drift instead of a property of the plant, is kept, and the output error is refined, only if that
 lowers the error in both directions. Outputs of which the inputs explain no more than chance are shrunk to their mean.
 """
@@ -38,6 +38,8 @@ IMPULSE_STEPS, IMPULSE_WEIGHT = 200, 0.1
 """Longest impulse response compared, and its weight: it decides where the inputs of the record leave the models alike."""
 GROWN = 3.0
 """Growth over the record, as a power of e, above which a plant counts as unstable: twenty-fold."""
+JUDGED = 0.3
+"""Share of the record at its beginning, and at its end, that judges a model fitted to the rest, as for the benchmark's peers."""
 AGREEING = 0.1
 """Share of the members that may disagree with it."""
 COEFFICIENTS_MOST = 600
@@ -181,7 +183,7 @@ def _unstable(fitting: Fitting, found: Sequence[tuple[float, Affine]]) -> Ensemb
 
 
 def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member) -> tuple[Affine, str]:
-    """Return the medoid, with its slow poles as realised or its output error refined where both halves agree; and the last step."""
+    """Return the medoid, with its slow poles as realised or its output error refined where both ends agree; and the last step."""
 
     def again(system: Affine, part: Sequence[Experiment]) -> Affine:
         return with_inputs_again(system, part, fitting.fixed)
@@ -206,10 +208,13 @@ Fit = Callable[[Affine, Sequence[Experiment]], Affine]
 def _free_runs(
     system: Affine, experiments: Sequence[Experiment], fit: Fit
 ) -> Iterator[tuple[Float[np.ndarray, "T p"], Float[np.ndarray, "T p"]]]:
-    """Yield, for each half of the data, its outputs and their free run by the model fitted to the other half."""
-    early = [item.part(0, len(item.y) // 2) for item in experiments]
-    late = [item.part(len(item.y) // 2, len(item.y)) for item in experiments]
-    for here, there in ((early, late), (late, early)):
+    """Yield, for each end of the data, its outputs and their free run by the model fitted to the rest."""
+    early, late = ([round(share * len(item.y)) for item in experiments] for share in (JUDGED, 1.0 - JUDGED))
+    first = [item.part(0, at) for item, at in zip(experiments, early, strict=True)]
+    rest = [item.part(at, len(item.y)) for item, at in zip(experiments, early, strict=True)]
+    begun = [item.part(0, at) for item, at in zip(experiments, late, strict=True)]
+    last = [item.part(at, len(item.y)) for item, at in zip(experiments, late, strict=True)]
+    for here, there in ((begun, last), (rest, first)):
         fitted = fit(system, here)
         with np.errstate(over="ignore", invalid="ignore"):
             errors = np.vstack([fair_residual(fitted, item)[item.there] for item in there])
@@ -218,7 +223,7 @@ def _free_runs(
 
 
 def _errors(system: Affine, experiments: Sequence[Experiment], fit: Fit) -> Float[np.ndarray, "2"]:
-    """Return the squared error of each half's free run by the model fitted to the other half; infinite if it diverges."""
+    """Return the squared error of the free run of each end by the model fitted to the rest; infinite if it diverges."""
     with np.errstate(over="ignore", invalid="ignore"):
         errors = np.array([np.sum((y - run) ** 2) for y, run in _free_runs(system, experiments, fit)])
     return np.nan_to_num(errors, nan=np.inf)
