@@ -226,11 +226,12 @@ def _written(found: "Identified", logs: Sequence[Path], asked: IdentifyOptions, 
 
 
 def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]) -> Answer:
+    from treadline.core.printing import percent_text
     from treadline.io.records import clock_warning
 
     report = found.report
-    fits = ", ".join(f"{name} {value:.1f} %" for name, value in report.percent.items())
-    ahead = ", ".join(f"{name} {value:.1f} %" for name, value in report.one_step_vaf_percent.items())
+    fits = ", ".join(f"{name} {percent_text(value)}" for name, value in report.percent.items())
+    ahead = ", ".join(f"{name} {percent_text(value)}" for name, value in report.one_step_vaf_percent.items())
     held_out = asked.validate is not None or asked.validate_on is not None
     question = clock_warning(found.model.dt_s) if asked.period is None else None
     warnings = [*report.warnings, *([] if question is None else [question])]
