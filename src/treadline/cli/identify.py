@@ -38,7 +38,7 @@ class IdentifyOptions:
         delays: Dead time of each input in samples (0,2), or of all (0). Default: found with best, else part of the states.
         solver: gram, or qr: slower, exact on data without noise.
         name_prior: Let names decide what the data leave open: a left and a right belt turn a vehicle by their difference, a heading
-            is the integral of the yaw rate, zero is rest where all names end in _m_s or _rad_s.
+            is the integral of the yaw rate.
         stable: Mirror poles outside the unit circle.
         validate: Share of each record, at its end, kept for validation. Default: none.
         validate_on: Another log to validate on.

@@ -246,7 +246,9 @@ def _best(runs: list[_Run], steering: Float[np.ndarray, "s q"]) -> "_Descent":
             gains = gain * signs
             constant = float(np.mean([np.mean(run.rate) - np.mean(run.u, axis=0) @ gains for run in runs]))
             theta = np.concatenate([gains, np.full(len(gains), decay), [constant], noise])
-            descents += [_descended(runs, theta, near) for near in (shift - 1, shift, shift + 1) if 0 <= near <= LAGS_MOST]
+            first = _descended(runs, theta, shift)
+            neighbours = [near for near in (shift - 1, shift + 1) if 0 <= near <= LAGS_MOST]
+            descents += [first, *(_descended(runs, first.theta, near) for near in neighbours)]
     return min(descents, key=lambda descent: descent.cost)
 
 
