@@ -81,6 +81,8 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
     one = belts is not None and options.delays is None  # belts that are one input have one dead time
     shifts = 2 * _dead_time(belts.difference(fitted), options, method) if belts and one else _dead_time(fitted, options, method)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
+    if any(shifts) and belts is None:
+        units = check_records(moved)  # without the samples before the first input acts
     data, half = gram_with_half(moved, replace(options, lags=1) if method == "deconvolution" else options, units)
     differential = belts
     if method == "best" and belts is None:
