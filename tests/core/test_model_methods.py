@@ -16,6 +16,7 @@ from treadline.core.errors import ModelError, RecordError
 from treadline.core.linear_systems import impulse_response, prefix, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.core.other_libraries import as_matlab, as_python, as_transfer_function, transfer_functions
+from treadline.core.printing import percent_text
 
 GAIN = np.array([[0.3, 0.1], [0.0, 0.2], [0.1, 0.0]])
 
@@ -257,3 +258,7 @@ def test_figures_have_a_panel_per_pair_and_nothing_draws_before_they_are_asked_f
     code = "import sys, treadline as tl; tl.LinearModel; print('matplotlib' in sys.modules, 'scipy.signal' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert said.split() == ["False", "False"]
+
+
+def test_the_size_of_a_diverging_error_is_not_printed() -> None:
+    assert [percent_text(value) for value in (91.23, -3.0, -1e9, -np.inf, np.nan)] == ["91.2 %", "-3.0 %", *["below -100 %"] * 3]

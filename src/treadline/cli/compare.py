@@ -92,15 +92,15 @@ def _values(found: "Comparison") -> dict[str, Any]:
 
 def _table(found: "dict[str, Comparison]") -> list[str]:
     """Return the lines of a table, a line for each model and output."""
-    from treadline.core.printing import p_text
+    from treadline.core.printing import p_text, percent_text
 
     head = ("model", "output", "fit", "one step ahead", "white residuals", "independent of inputs")
     rows = [
         (
             name,
             output,
-            f"{percent:.1f} %",
-            f"{item.one_step_vaf_percent[output]:.1f} %",
+            percent_text(percent),
+            percent_text(item.one_step_vaf_percent[output]),
             p_text(item.whiteness_p),
             p_text(item.crosscorrelation_p),
         )

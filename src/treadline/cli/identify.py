@@ -38,7 +38,7 @@ class IdentifyOptions:
         delays: Dead time of each input in samples (0,2), or of all (0). Default: found with best, else part of the states.
         solver: gram, or qr: slower, exact on data without noise.
         name_prior: Let names decide what the data leave open: a left and a right belt turn a vehicle by their difference, a heading
-            is the integral of the yaw rate, zero is rest where all names end in _m_s or _rad_s.
+            is the integral of the yaw rate.
         stable: Mirror poles outside the unit circle.
         validate: Share of each record, at its end, kept for validation. Default: none.
         validate_on: Another log to validate on.
@@ -226,11 +226,12 @@ def _written(found: "Identified", logs: Sequence[Path], asked: IdentifyOptions, 
 
 
 def _answer(found: "Identified", asked: IdentifyOptions, written: dict[str, str]) -> Answer:
+    from treadline.core.printing import percent_text
     from treadline.io.records import clock_warning
 
     report = found.report
-    fits = ", ".join(f"{name} {value:.1f} %" for name, value in report.percent.items())
-    ahead = ", ".join(f"{name} {value:.1f} %" for name, value in report.one_step_vaf_percent.items())
+    fits = ", ".join(f"{name} {percent_text(value)}" for name, value in report.percent.items())
+    ahead = ", ".join(f"{name} {percent_text(value)}" for name, value in report.one_step_vaf_percent.items())
     held_out = asked.validate is not None or asked.validate_on is not None
     question = clock_warning(found.model.dt_s) if asked.period is None else None
     warnings = [*report.warnings, *([] if question is None else [question])]

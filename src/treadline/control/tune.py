@@ -137,7 +137,7 @@ def _check_fit(model: LinearModel) -> None:
     shares = {name: value for name, value in given.items() if isinstance(value, int | float)} if isinstance(given, Mapping) else {}
     if not shares or max(shares.values()) >= EXPLAINED_PERCENT_MIN:
         return
-    figures = ", ".join(f"{max(value, 0.0):.0f} % of '{name}'" for name, value in shares.items())
+    figures = ", ".join(f"{max(0.0, value):.0f} % of '{name}'" for name, value in shares.items())
     raise ModelError(
         f"the model explains {figures}; below {EXPLAINED_PERCENT_MIN:g} % of the variance a gain has no basis: "
         "identify it again with inputs that move the outputs, or give --accept-poor-fit"

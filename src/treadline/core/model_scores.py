@@ -17,7 +17,7 @@ from treadline.core.linear_systems import (
     vaf_percent,
     whiteness_p,
 )
-from treadline.core.printing import Printable, p_text
+from treadline.core.printing import Printable, p_text, percent_text
 from treadline.core.responses import figure_of
 from treadline.core.state_space import InputOutputRecord, StateSpaceModel, channel_names
 from treadline.core.transfer_function import is_unstable
@@ -80,7 +80,7 @@ class Comparison(Printable):
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return conditions, fit and tests."""
         rows = [
-            (name, f"fit {value:.1f} %, {self.one_step_vaf_percent[name]:.1f} % of the variance one step ahead")
+            (name, f"fit {percent_text(value)}, {percent_text(self.one_step_vaf_percent[name])} of the variance one step ahead")
             for name, value in self.percent.items()
         ]
         rows.append(("white residuals", p_text(self.whiteness_p)))

@@ -82,6 +82,11 @@ def p_text(value: float | None) -> str:
     return f"p < {P_VALUE_LEAST:g}" if value < P_VALUE_LEAST else f"p = {value:.2g}"
 
 
+def percent_text(value: float, digits: int = 1) -> str:
+    """Return a fit or a share of the variance as text; the size of an error above twice the signal means nothing."""
+    return f"{value:.{digits}f} %" if value >= -100.0 else "below -100 %"
+
+
 def unit_ending(name: str) -> str | None:
     """Return the unit suffix of a name, or None."""
     return next((end for end in UNITS if name.lower().endswith("_" + end) and len(name) > len(end) + 1), None)

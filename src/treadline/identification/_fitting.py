@@ -35,6 +35,8 @@ from treadline.identification._refine import (
 
 GAIN_SAMPLES = 20_000
 """Number of most recent samples used to fit the innovation gain."""
+GAIN_ENTRIES = 60
+"""Entries of an innovation gain up to which its refit takes less time than the rest of a fit."""
 SLOWEST_OBSERVER = 0.95
 """Observer pole allowed in every case: five seconds of memory at 4 Hz."""
 GAIN_RUN = 50
@@ -116,7 +118,9 @@ class Fitting:
         return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, BRIEF, ceiling=slowest))
 
     def observable(self, system: Affine) -> Affine:
-        """Return the system with an innovation gain whose observer is stable: its own if that is, else a Kalman gain."""
+        """Return the system with an innovation gain whose observer is stable: refitted, or of a large system its own or Kalman's."""
+        if system.order * len(system.C) <= GAIN_ENTRIES:
+            return self.with_gain(system)
         if system.K is not None and system.predictor().radius < 1.0:
             return system
         return replace(system, K=_kalman_gain(system))

@@ -195,6 +195,8 @@ def _by_method(
     if options.lags is None and candidate.method != "pbsid" and evidence.structural is not None:
         # An observer with few lags restricts its gain, so the innovation gain is refitted separately.
         system = fitting.with_gain(system)
+    elif candidate.method == "pbsid" and not system.predictor().radius < 1.0:
+        system = fitting.observable(system)
     evidence = replace(evidence, choice=choice)
     return FittedSystem(candidate=candidate, system=system, fitting=fitting, evidence=evidence, warnings=warnings)
 

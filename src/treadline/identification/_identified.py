@@ -17,7 +17,7 @@ from treadline.core import linear_systems
 from treadline.core.model_methods import ModelMethods
 from treadline.core.model_scores import TESTED_SAMPLES_MIN, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
-from treadline.core.printing import Printable, p_text, plain
+from treadline.core.printing import Printable, p_text, percent_text, plain
 from treadline.identification._affine import Affine, of_model
 from treadline.identification._belts import DifferentialInput, turn_channels
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
@@ -387,7 +387,10 @@ class Identified(ModelMethods, Printable):
         """Return order, fit, one-step prediction, poles and warnings."""
         report = self.report
         rows = [
-            (f"fit of {name}", f"{value:.1f} %, {report.one_step_vaf_percent[name]:.1f} % of the variance one step ahead")
+            (
+                f"fit of {name}",
+                f"{percent_text(value)}, {percent_text(report.one_step_vaf_percent[name])} of the variance one step ahead",
+            )
             for name, value in report.percent.items()
         ]
         rows.append(("fit", report.fit_conditions))

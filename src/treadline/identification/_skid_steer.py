@@ -58,7 +58,7 @@ class SkidSteer:
     speed_scale: dict[str, Estimate]
     """Effect of each belt on the yaw rate relative to the mean of both; empty where only the difference varies."""
     lag_s: dict[str, Estimate]
-    """Time constant of each belt."""
+    """Time constant of each belt; empty for a regression without lags."""
     dead_time_samples: int
     """Whole samples after which a belt begins to act: 0 if it shows in the next row."""
     acts_at_once: bool
@@ -144,13 +144,19 @@ class TurnFit:
             yaw_gain_rad_m=gain,
             gauge_m=Estimate(value=gauge[0], low=gauge[1], high=gauge[2]),
             speed_scale=scales,
-            lag_s={name: self._lag(j) for j, name in enumerate(names)},
+            lag_s={name: self._lag(j) for j, name in enumerate(names) if not self.is_plain},
             dead_time_samples=max(0, self.shift - 1),
             acts_at_once=self.shift == 0,
         )
 
     def _share(self, step: Float[np.ndarray, " m"], whole: Float[np.ndarray, " m"], theta: Float[np.ndarray, " k"]) -> float:
         return float(step @ self._gains(theta)) / float(whole @ self._gains(theta))
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the fit is the plain regression, without lags."""
+        q = len(self.mixing)
+        return not np.diag(self.covariance)[q : 2 * q].any()
 
     def _lag(self, belt: int) -> Estimate:
         q = len(self.mixing)
@@ -246,7 +252,9 @@ def _best(runs: list[_Run], steering: Float[np.ndarray, "s q"]) -> "_Descent":
             gains = gain * signs
             constant = float(np.mean([np.mean(run.rate) - np.mean(run.u, axis=0) @ gains for run in runs]))
             theta = np.concatenate([gains, np.full(len(gains), decay), [constant], noise])
-            descents += [_descended(runs, theta, near) for near in (shift - 1, shift, shift + 1) if 0 <= near <= LAGS_MOST]
+            first = _descended(runs, theta, shift)
+            neighbours = [near for near in (shift - 1, shift + 1) if 0 <= near <= LAGS_MOST]
+            descents += [first, *(_descended(runs, first.theta, near) for near in neighbours)]
     return min(descents, key=lambda descent: descent.cost)
 
 

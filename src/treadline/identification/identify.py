@@ -72,6 +72,8 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
     validation = log.other(options.validation) if isinstance(options.validation, InputOutputRecord) else options.validation
     check_records(log.records, inputs=belts is None)
     fitted, judged = _split(log.records, validation)
+    if validation is not None:
+        check_records(fitted, inputs=belts is None)
     if belts is None and method == "best":
         check_independent_inputs(fitted)  # before dead times, which would move inputs apart that are one
     one = belts is not None and options.delays is None  # belts that are one input have one dead time

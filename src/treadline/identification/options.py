@@ -54,7 +54,7 @@ class IdentificationOptions:
     """Least-squares solver: ``gram`` for normal equations, or ``qr``: slower, accurate to rounding on noise-free data."""
     name_prior: bool = True
     """Whether the channels' names may decide what the data leave open: a left and a right belt turn a vehicle by their difference,
-    a heading is the integral of the yaw rate, and, where all names end in _m_s or _rad_s, zero is rest."""
+    and a heading is the integral of the yaw rate."""
     stable: bool = False
     """Whether to reflect poles outside the unit circle into it."""
     validation: float | InputOutputRecord | None = None

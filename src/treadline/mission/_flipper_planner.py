@@ -1,7 +1,7 @@
 """Flipper commands on floor and flight: move to an angle, ride on the nosings, and detect a flipper that does not follow.
 
 ``FlipperReading -> FlipperCommand``. Over crest and edge other sequences command the flipper (``control/crest_sequence.py``,
-``control/edge_sequence.py``). The riding flipper acts as a spring and damper and follows a falling chair: docs/decisions/0019.
+``control/edge_sequence.py``). The riding flipper acts as a spring and damper on the nosings as they are: docs/decisions/0019, 0035.
 """
 
 import math
@@ -9,7 +9,6 @@ import math
 from treadline.control.flipper import FLIPPER_PER_S, OVER_BELTS_RAD
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, FlipperReading
-from treadline.mission._tip_over import FALL_RATE_RAD_S
 from treadline.scenario.chair import ChairDescription
 
 CLEAR_M = 0.05
@@ -29,11 +28,6 @@ RIDES_RAD_S = 20.0 * DEG
 and a damper of 570 N·m·s/rad, which lowers a chair that passes a high nosing. At twice the rate the servo oscillates."""
 LAID_RAD = 1.0 * DEG
 """Angle above the riding or lifted angle at which the flipper counts as laid [rad]; the last degree would take half a second."""
-CATCHES = 4.0
-"""Ratio of the flipper's lowering rate to the chair's pitch rate beyond the fall threshold. Rigid belts let a chair fall from a
-nosing 2 mm high by up to 1°, with 2.5 to 3.6 m/s² at the passenger; the flipper meets the nosing below before that."""
-MEETS_SHARE = 0.05
-"""Share of the motor's torque above which the flipper has met the nosing, and acts as spring and damper again."""
 YIELDS_SHARE, YIELDS_RAD_S = 0.5, 10.0 * DEG
 """Share of the motor's torque above which a flipper that moves to an angle yields, and its yield rate at full torque [rad/s]."""
 FLIPPER_RAD_S = 15.0 * DEG
@@ -83,14 +77,13 @@ class FlipperPlanner:
         """Return whether the flipper reaches from nosing to nosing; ``step_m`` is 0 while no stair is known."""
         return 0.0 < SPANS * step_m < self._flipper_m
 
-    def ride(self, t_s: float, step_m: float, share: float, *, falls_rad_s: float, lies_rad: float = 0.0) -> FlipperCommand | None:
+    def ride(self, t_s: float, step_m: float, share: float, lies_rad: float = 0.0) -> FlipperCommand | None:
         """Return the command that rides on the nosings, or lifts the flipper for a turn; None without a flipper.
 
         Args:
             t_s: Mission time.
             step_m: Distance from nosing to nosing.
             share: Lift for a turn, 0 to 1 (``turning_share``).
-            falls_rad_s: Pitch rate downwards that the flipper follows; 0 if it must not follow.
             lies_rad: Angle at which the flipper lies on the nosings as they are; 0 on the belts' line.
         """
         if not self.spans(step_m):
@@ -99,8 +92,6 @@ class FlipperPlanner:
             return None
         off = lies_rad + self._rides_at(share) - self.reading.angle_rad
         rate = max(FLIPPER_PER_S * off + RIDES_RAD_S * self._load, -FLIPPER_RAD_S)
-        if self._load <= MEETS_SHARE:
-            rate -= CATCHES * max(falls_rad_s - FALL_RATE_RAD_S, 0.0)
         # Upwards at the motor's full rate: at 15 °/s a chair ran against the nosing that was to lift its flipper (3.9 m/s²).
         return FlipperCommand(t_s=t_s, rate_rad_s=min(max(rate, -self._fastest_rad_s), self._fastest_rad_s))
 

@@ -86,8 +86,6 @@ class Way:
     """Sign of the speed: 1 climbing, -1 backing down."""
     rides_rad: float
     """Angle of a riding flipper relative to the belts [rad]; nosings push the flipper up, as a spring and damper."""
-    catches: bool
-    """Whether the flipper follows a chair that falls onto its front."""
 
 
 class FlightSituation:
@@ -361,10 +359,7 @@ class FlightSituation:
 
     def _lie(self, square_rad: float = 0.0) -> FlipperCommand | None:
         """Return the flipper command on the flight: riding on the nosings while the chair is square, lifted above them to turn."""
-        share = self._turning_share(square_rad)
-        catches = self._way.catches and self._may_follow(share)
-        falls_rad_s = self._tip_over.rate_rad_s if catches else 0.0
-        return self._flipper_planner.ride(self.t_s, self._step_m, share, falls_rad_s=falls_rad_s, lies_rad=self._lies_rad())
+        return self._flipper_planner.ride(self.t_s, self._step_m, self._turning_share(square_rad), self._lies_rad())
 
     def _lies_rad(self) -> float:
         """Return the flipper's angle to the belts on the nosings ahead [rad]; 0 downhill, where they reach it from the belts."""
@@ -374,12 +369,9 @@ class FlightSituation:
         return self._around.flipper_rad(self._pivot_m, flipper_m)
 
     def _pitch_feedforward(self, square_rad: float = 0.0, *, allowed: bool = True) -> float:
-        """Return the tip-over feed-forward [m/s]; no speed is added to a turning or slipping chair."""
-        return self._tip_over.step(self.t_s, allowed=allowed and self._may_follow(self._turning_share(square_rad)))
-
-    def _may_follow(self, share: float) -> bool:
-        """Return whether flipper and belts may follow a fall: not while the chair turns, nor after the belts have slipped."""
-        return share < 1.0 and self._has_grip()
+        """Return the tip-over feed-forward [m/s]; no speed is added while the chair turns, nor after its belts have slipped."""
+        follows = allowed and self._turning_share(square_rad) < 1.0 and self._has_grip()
+        return self._tip_over.step(self.t_s, allowed=follows)
 
     def _turning_share(self, square_rad: float) -> float:
         off_rad = LIFTED_HEADING_RAD if self._estimate is None else abs(self._estimate.heading_rad - square_rad)

@@ -12,8 +12,6 @@ from treadline.core.signals import TICK_S, ImuSample
 
 TIME_CONSTANT_S = 0.015
 """Time constant of the pitch rate filter [s]: a sliding chair vibrates."""
-FALL_RATE_RAD_S = 1.0 * DEG
-"""Absolute pitch rate above which the chair is falling, for the flipper to follow [rad/s]."""
 DEAD_BAND_RAD_S = 2.0 * DEG
 """Absolute pitch rate above which the belts act [rad/s]. The belts can change their speed only once; an earlier action would
 prolong the fall (sensitivity from 1 to 4 °/s: docs/evidence/0019-traversal-phases.md)."""

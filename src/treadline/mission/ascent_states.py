@@ -24,13 +24,12 @@ CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
 [m/s per rad]. Only the gyro measures the heading there. A gyro drift of 1 °/s for six seconds caused a heading error of 5.0° with
 this dead band and 6.3° without; with a sound gyro the error was at most 2.9° with and 2.1° without (28 and 30°, six runs)."""
 LOSES_GRIP_M_S = 0.012
-"""Slip speed above which the flipper no longer follows a fall on this flight [m/s]. A flipper lowered for a fall meets the next
-nosing as a step: with friction of 1.1·tan β, 15 of 59 chairs slid."""
+"""Slip speed above which the belts no longer follow a fall on this flight [m/s]."""
 BACKED_RAD = 0.7 * DEG
 """Pitch below which no part of the chair lies on the first nosing [rad]."""
 
 
-UP = Way(direction="up", sign=1.0, rides_rad=-0.75 * DEG, catches=True)
+UP = Way(direction="up", sign=1.0, rides_rad=-0.75 * DEG)
 """Way up. A lower tip of the riding flipper meets the next nosing as a step, which takes friction that the chair may not have to
 spare."""
 

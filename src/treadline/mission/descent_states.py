@@ -24,7 +24,7 @@ RESTS = ("settle", "leave")
 """Stages of the edge sequence with the chair on nosings and little load on the tip: the tip-over feed-forward acts there."""
 
 
-DOWN = Way(direction="down", sign=-1.0, rides_rad=-2.5 * DEG, catches=False)
+DOWN = Way(direction="down", sign=-1.0, rides_rad=-2.5 * DEG)
 """Way down. Descending, nosings reach the flipper from the belts and leave it at its tip, so that they lift even a low flipper
 smoothly."""
 

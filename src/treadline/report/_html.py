@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from treadline.core.printing import p_text
+from treadline.core.printing import p_text, percent_text
 
 TEMPLATES = Path(__file__).parent / "templates"
 NOT_A_NUMBER, LARGEST = -32768, 32767
@@ -26,6 +26,7 @@ def page_of(template: str, drawings: Mapping[str, Sequence[str]], **values: Any)
     )
     filters: dict[str, Callable[..., str]] = {
         "number": _number,
+        "percent": lambda value: percent_text(value, digits=2) if value is not None else "–",
         "degrees": "{:g}°".format,
         "p_value": p_text,
         "ratio": ratio,
