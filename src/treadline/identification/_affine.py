@@ -128,7 +128,7 @@ INSIDE = 1.0 - 1e-4
 
 
 DECAYED = 3.0
-"""Decay over the record, as a power of e, below which a slow mode cannot be told from drift: to a twentieth."""
+"""Decay over the record, as a power of e, below which a slow mode looks like drift: to a twentieth."""
 
 
 def stabilised(system: Affine, *, samples: float = math.inf) -> Affine:

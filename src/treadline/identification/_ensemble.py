@@ -4,7 +4,7 @@ A few hundred samples cannot rank a hundred candidate models; choosing among the
 Instead all candidates are fitted to all data: PBSID states from regressions with slowly, quickly and not decaying priors, for
 orders about the one of smallest BIC. Each gets the inputs, the feedthrough, the offset and the initial state that fit its free
 run. The pointwise median of their free runs and of their impulse responses is a robust estimate; the result is the medoid, the
-member nearest to both medians, or a smaller one where the data cannot tell them apart.
+member nearest to both medians, or a smaller one where the data do not distinguish them.
 
 Two questions remain that only other data answer, each asked once: both ends of the record are predicted from the rest.
 A slow pole, which may be drift instead of a property of the plant, is kept, and the output error is refined, only if that
@@ -67,7 +67,7 @@ class Ensemble:
     members: Sequence[Member]
     distances: Float[np.ndarray, " members"]
     chosen: Member
-    """The medoid, or the member of smallest order that the data cannot tell from it."""
+    """The medoid, or the member of smallest order that the data do not distinguish from it."""
     system: Affine
     """Model made of the chosen member."""
     step: str
@@ -156,11 +156,14 @@ def _smallest(experiments: Sequence[Experiment], members: Sequence[Member], dist
     """
     medoid = members[int(np.argmin(distances))]
     y = np.concatenate([item.y[item.there].ravel() for item in experiments])
-    system = medoid.system
-    coefficients = system.order * (system.B.shape[1] + len(system.C)) + system.D.size
-    uncertainty = float(np.mean((y - medoid.run) ** 2)) * coefficients / len(y)
+    uncertainty = float(np.mean((y - medoid.run) ** 2)) * _coefficients(medoid.system) / len(y)
     near = [at for at, distance in enumerate(distances) if distance <= max(distances.min(), uncertainty)]
     return members[min(near, key=lambda at: (members[at].order, distances[at]))]
+
+
+def _coefficients(system: Affine) -> int:
+    """Return the number of coefficients that change what a model does."""
+    return system.order * (system.B.shape[1] + len(system.C)) + system.D.size
 
 
 def _impulses(fitting: Fitting, systems: Sequence[Affine], steps: int) -> Float[np.ndarray, "members values"]:
@@ -197,7 +200,9 @@ def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member
     if not np.array_equal(kept.A, chosen.A) and (_errors(kept, experiments, again) < error).all():
         return again(kept, experiments), "inputs-again"
     small = chosen.order * (chosen.order + chosen.B.shape[1] + len(chosen.C)) < COEFFICIENTS_MOST
-    if small and (_errors(chosen, experiments, refinement) < error).all():
+    # The medoid has its poles from all data; a refinement to the rest alone may err by its coefficients' share of chance.
+    chance = 1.0 + _coefficients(chosen) / ((1.0 - JUDGED) * sum(item.y.size for item in experiments))
+    if small and (_errors(chosen, experiments, refinement) < chance * error).all():
         return refinement(chosen, experiments, BRIEF), "output-error"
     return chosen, "inputs-again"
 

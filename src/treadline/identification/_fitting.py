@@ -118,7 +118,10 @@ class Fitting:
         return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, BRIEF, ceiling=slowest))
 
     def observable(self, system: Affine) -> Affine:
-        """Return the system with an innovation gain whose observer is stable: refitted, or of a large system its own or Kalman's."""
+        """Return the system with an innovation gain whose observer is stable.
+
+        The gain is refitted, or, of a large system, its own or a Kalman gain.
+        """
         if system.order * len(system.C) <= GAIN_ENTRIES:
             return self.with_gain(system)
         if system.K is not None and system.predictor().radius < 1.0:

@@ -201,6 +201,8 @@ def descended(
     for _ in range(effort.steps if np.isfinite(now) else 0):
         ways = ways_from(best)
         H, g = normal_equations(best, experiments, ways)
+        if not np.trace(H) > 0.0:  # no direction changes the outputs
+            break
         before = now
         for _ in range(TRIES):
             step = np.linalg.solve(H + damping * np.trace(H) / len(H) * np.eye(len(H)), g)

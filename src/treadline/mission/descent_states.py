@@ -82,7 +82,7 @@ class Descent(FlightSituation):
         """Reason for lowering the chair back onto the landing; empty if there is none."""
         self._is_late = False
         """Whether the flipper has not been lifted in time off the last nosings."""
-        self._is_askew = False
+        self._is_off_heading = False
         """Whether the chair has been held for its heading error on the flight."""
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
@@ -227,11 +227,11 @@ class Descent(FlightSituation):
         """Climbs, steered by the heading controller: belts that back down and turn diverge."""
         return replace(self.still, speed_m_s=self._config.cruise_m_s, turn_m_s=None, flipper=self._lie())
 
-    def slides_askew(self) -> str | None:
+    def slides_off_heading(self) -> str | None:
         """The heading error has grown beyond what backing down corrects; a re-arm lets the chair turn by climbing."""
-        if self._is_askew or self.has_a_heading_error() is None or self._estimate is None:
+        if self._is_off_heading or self.has_a_heading_error() is None or self._estimate is None:
             return None
-        self._is_askew, off = True, self._estimate.heading_rad / DEG
+        self._is_off_heading, off = True, self._estimate.heading_rad / DEG
         remedy = "have the chair steadied, or re-arm it to turn by climbing"
         return f"heading error {off:+.1f}° on the flight: one belt slides; {remedy}"
 
@@ -240,7 +240,7 @@ class Descent(FlightSituation):
         estimate = self._estimate
         if estimate is None or not self._level.within(estimate):
             return None
-        self._is_askew = False
+        self._is_off_heading = False
         return f"square within {abs(estimate.heading_rad) / DEG:.1f}°"
 
     def saw_no_floor(self) -> str | None:
@@ -385,7 +385,7 @@ STATES_DOWN: tuple[State[Descent], ...] = (
         limit_s=20.0,
         exits={
             Descent.cannot_go_back: "hold",
-            Descent.slides_askew: "hold",
+            Descent.slides_off_heading: "hold",
             Descent.has_a_heading_error: "climb",
             Descent.is_barred_by_a_gap: "hold",
             Descent.saw_no_floor: "hold",
