@@ -98,9 +98,9 @@ print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "
     ("command", "most_lines", "allowed"),
     [
         ("see depth.png --camera camera.toml", 8700, ()),
-        ("identify record.csv --method okid-era --no-page --out model.json", 6040, ()),
-        ("identify record.csv --method okid-era --out paged.json", 7290, IDENTIFICATION_PAGE),
-        ("tune model.json --out controller.json", 3270, ()),
+        ("identify record.csv --method okid-era --no-page --out model.json", 7240, ()),
+        ("identify record.csv --method okid-era --out paged.json", 8270, IDENTIFICATION_PAGE),
+        ("tune model.json --out controller.json", 3310, ()),
         ("check paper-28", 3960, ()),
     ],
     ids=lambda value: str(value).split(" --")[0],

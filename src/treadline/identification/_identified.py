@@ -416,7 +416,7 @@ class Identified(ModelMethods, Printable):
             # Residuals of an observer may be correlated over further lags, which the covariance needs.
             data = fitting.with_more_lags((1 + MEMORY_PER_LAG) * candidate.lags)
             return of_observer(observer, svd, found.system, found.units, data)
-        if candidate.step != "output-error" and found.system.K is not None:
+        if candidate.step == "subspace" and found.system.K is not None:
             runs = fitting.predictors(4 * candidate.order + 4)
             if not runs:
                 return None
