@@ -390,3 +390,15 @@ def test_it_leaves_the_stair_only_with_its_flipper_planner_lifted(stuck_s: float
     world.flipper_moves = True  # after a person has looked
     assert world.tick().hold is None
     world.run("arrived", limit_s=20.0)
+
+
+@pytest.mark.parametrize("heading_deg", [-27.0, 27.0])
+def test_maps_from_before_the_heading_is_known_place_no_nosing(heading_deg: float) -> None:
+    """Test: three maps of an oblique chair come before its first heading. Expected result: each nosing where it is, and once."""
+    world = Landing(heading_rad=heading_deg * DEG, knows=False)
+    world.run(limit_s=0.25)
+    heading_rad, world.knows = world.heading_rad, True
+    world.run(limit_s=0.25)
+    seen = [place[0] for k in range(STEPS) if world.in_view((place := world.nosing_B(k))[0])]
+    assert abs(world.heading_rad - heading_rad) < 1.0 * DEG
+    assert world.planner._where.ahead_m() == pytest.approx(seen, abs=0.01)

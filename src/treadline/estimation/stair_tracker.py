@@ -156,6 +156,10 @@ class StairTracker:
             self._next.heading_rad = self.heading_rad
             self._next.update(signal)
 
+    def forget_poses(self) -> None:
+        """Forget the chair's recent poses, which held no heading: frames exposed then are placed by the next pose."""
+        self._poses = Recent(2 * RECENT_DEPTH)
+
     @property
     def shows_another(self) -> bool:
         """Whether maps have shown another flight nearby, across a landing."""

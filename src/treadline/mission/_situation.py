@@ -151,7 +151,8 @@ class FlightSituation:
                     self._flipper_planner.forget()
                 self._where.update(signal)
             case StairMap():
-                if signal.direction == self._way.direction:
+                # Without a heading the distances of a map along the chair are not those up the flight.
+                if signal.direction == self._way.direction and self._estimate is not None:
                     self._where.update(signal)
                     self._narrow_maps = self._narrow_maps + 1 if self._free_m() < self._half_width_m - NARROW_M else 0
             case FlipperReading():
@@ -165,6 +166,8 @@ class FlightSituation:
         """Take time and heading of a tick."""
         is_held = self._tracks is not None and self._tracks.brake_on
         self.stalled_s += 0.0 if is_held else max(t_s - self.t_s, 0.0)
+        if estimate is not None and self._estimate is None:
+            self._where.forget_poses()
         self.t_s, self._estimate = t_s, estimate
         if estimate is not None:
             self._where.heading_rad = estimate.heading_rad
