@@ -39,7 +39,7 @@ def test_7_a_gyro_that_begins_to_drift_where_no_stair_is_in_view(direction: str,
     the chair all the time, or by a heading that a chair which is left alone would not have; true heading within 5°."""
     run = ride(fault("imu_bias", 1.0, at_s=at_s), place="flight", direction=direction, step=step)
     assert run.verdict == "held", run.cause
-    assert run.cause.endswith(("with the heading from the gyro alone", "the chair has turned, or the gyro errs"))
+    assert any(cause in run.cause for cause in ("with the heading from the gyro alone", "or the gyro errs"))
     assert float(np.abs(run.trace["heading_rad"]).max()) <= 5.0 * DEG
     stands_still(run)
 

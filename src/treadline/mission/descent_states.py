@@ -233,7 +233,7 @@ class Descent(FlightSituation):
             return None
         self._is_off_heading, off = True, self._estimate.heading_rad / DEG
         remedy = "have the chair steadied, or re-arm it to turn by climbing"
-        return f"heading error {off:+.1f}° on the flight: one belt slides; {remedy}"
+        return f"heading error {off:+.1f}° on the flight: one belt slides, or the gyro errs; {remedy}"
 
     def has_turned(self) -> str | None:
         """The heading error is small."""
