@@ -82,6 +82,35 @@ def test_a_map_without_a_nosing_confirms_no_edge() -> None:
     assert chair.goes(-0.1, "approach") < 0.7  # 0.3 m before the end, and the stopping distance
 
 
+HIDDEN: dict[str, Any] = {"view": "rear", "blind_m": 0.88, "seen_m": 0.88}
+"""A frame of which the image begins behind the landing's edge."""
+
+
+def test_an_edge_below_the_image_is_where_the_maps_show_the_uppermost_nosing() -> None:
+    """Test: an edge 0.86 m behind mid-track, where the image begins at 0.88 m. Expected result: two maps show the ground up to it
+    and its end, 0.34 m and 0.4 s before which the chair stops; a plan that enters it goes over."""
+    chair = Chair().look(**HIDDEN).map(0.86)
+    assert 0.86 - PULLEY_M - chair.goes(-0.02) == pytest.approx(0.34 + 0.008, abs=0.002)
+    assert "the ground ends" in str(chair.cause(-0.1))
+    assert Chair().look(**HIDDEN).map(0.86, maps=3).goes(-0.1, "approach") >= 3.0
+    turned = Chair().look(**HIDDEN).map(0.86 / math.cos(0.5)).map(0.86, maps=3)  # nearer as the chair turns square
+    assert turned.goes(-0.1, "approach") >= 3.0
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"maps": 1},
+        {"nosings_B": [(-0.86, 0.0, -0.16), (-1.16, 0.0, -0.32)]},  # the landing's edge is out of view
+        {"behind_m": 1.2},  # the strip is longer than the chair bridges
+    ],
+    ids=["one map", "a step lower", "far"],
+)
+def test_other_maps_show_no_hidden_edge(changes: dict[str, Any]) -> None:
+    chair = Chair().look(**HIDDEN).map(**{"behind_m": 0.86} | changes)
+    assert chair.goes(-0.1, "approach") < 0.4
+
+
 def test_an_end_below_the_image_is_remembered_by_the_travel_of_the_belts() -> None:
     """Test: the end leaves the view at 0.8 m. Expected result: the same place holds, and what was not seen is not free either."""
     chair = Chair().look(**FRONT | {"seen_m": 1.2, "end_m": 1.2, "end_sigma_m": 0.0})

@@ -66,11 +66,14 @@ def writeable(array: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
 def initial_state(model: StateSpaceModel, record: InputOutputRecord) -> Float[np.ndarray, " n"]:
     """Return the least-squares initial state of a free run; the inputs must be complete."""
     n = model.order
+    if not len(record):
+        return np.zeros(n)
     response = observability(writeable(model.A), writeable(model.C), len(record))
     residual = record.y - simulate(model, record.u, np.zeros(n))
     whole = np.isfinite(residual).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
-    # Outputs are weighted by their standard deviation, so the result does not depend on their units.
-    weight = 1.0 / np.maximum(np.std(record.y[whole], axis=0), 1e-300) if whole.any() else np.ones(residual.shape[1])
+    # Outputs are weighted by their deviation from the offset, so the result does not depend on their units; one at rest gets 1.
+    size = np.sqrt(np.mean((record.y[whole] - model.output_offset) ** 2, axis=0)) if whole.any() else np.zeros(residual.shape[1])
+    weight = 1.0 / np.where(size > 0.0, size, 1.0)
     design, target = (response[whole] * weight[:, None]).reshape(-1, n), (residual[whole] * weight).ravel()
     return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
 

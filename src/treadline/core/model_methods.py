@@ -124,6 +124,8 @@ class ModelMethods(ABC):
     ) -> "Float[np.ndarray, 'T p']":
         """Return the outputs predicted a number of samples ahead: row k knows the outputs up to k - horizon, and all inputs.
 
+        The observer's start is estimated from the first 50 samples, which these rows therefore know.
+
         Args:
             u: Inputs.
             y: Outputs, from which the observer corrects the state; NaN are bridged. Without an ``observer_gain`` nothing is

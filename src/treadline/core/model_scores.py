@@ -16,6 +16,7 @@ from treadline.core.linear_systems import (
     prefix,
     vaf_percent,
     whiteness_p,
+    without_dead_time,
 )
 from treadline.core.printing import Printable, p_text, percent_text
 from treadline.core.responses import figure_of
@@ -114,7 +115,7 @@ def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
         forecast_horizon_s=FORECAST_STEPS * model.dt_s if unstable else None,
         one_step_vaf_percent=dict(zip(names, vaf.tolist(), strict=True)),
         whiteness_p=_known(whiteness_p(residuals)) if tested else None,
-        crosscorrelation_p=_known(crosscorrelation_p(residuals, record.u)) if tested else None,
+        crosscorrelation_p=_known(crosscorrelation_p(residuals, without_dead_time(model, record)[1].u)) if tested else None,
         samples=int(scored.sum()),
         t_s=np.arange(len(record)) * model.dt_s,
         measured=record.y,

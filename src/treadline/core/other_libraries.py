@@ -67,10 +67,6 @@ def as_python(model: StateSpaceModel) -> str:
     return "\n".join(["import numpy as np", "import treadline as tl", "", "model = tl.LinearModel(", *rows, ")"])
 
 
-def _array_text(values: np.ndarray) -> str:
-    return f"np.array({values.tolist()!r})" if values.size else f"np.zeros({values.shape})"
-
-
 def as_matlab(model: StateSpaceModel) -> str:
     """Return MATLAB text that makes a state-space object of the Control System Toolbox; offsets are variables next to it."""
     rows = [f"{name} = {_matlab(getattr(model, name))};" for name in "ABCD"]

@@ -159,6 +159,8 @@ class StairTracker:
     def forget_poses(self) -> None:
         """Forget the chair's recent poses, which held no heading: frames exposed then are placed by the next pose."""
         self._poses = Recent(2 * RECENT_DEPTH)
+        if self._next is not None:
+            self._next.forget_poses()
 
     @property
     def shows_another(self) -> bool:

@@ -33,7 +33,9 @@ class _Ground:
         self.end_m = self._shown_m = self._nosing_m = math.inf
         """Nearest possible places of the end in two consecutive frames that agree and in the latest, and of the nosing there."""
         self.is_drop = False
-        """Whether a frame has shown a drop at the end, not only that ground goes out of sight there."""
+        """Whether a frame or the maps have shown a drop at the end, not only that ground goes out of sight there."""
+        self._is_hidden = True
+        """Whether the end is below the image of every frame, so that the maps alone show it."""
         self._nosing_count = 0
 
     def look(self, ground: FreeGround, place_m: float, reach_m: float) -> None:
@@ -50,12 +52,28 @@ class _Ground:
             self.is_drop = ground.end_m is not None or (is_same and self.is_drop)
             if is_same:
                 self.end_m = shown_m
-            self._shown_m = shown_m
+            self._shown_m, self._is_hidden = shown_m, False
         elif place_m + ground.blind_m < self._shown_m < place_m + ground.seen_m - SAME_M:
             self._forget_end()
 
-    def look_on_stair(self, nosing_m: float) -> None:
-        """Update with the place of a falling flight's uppermost nosing in one map."""
+    def look_on_stair(self, nosing_m: float, reach_m: float, *, is_level: bool) -> None:
+        """Update with the place of a falling flight's uppermost nosing in one map.
+
+        A nosing on the chair's level is the end of the ground that the chair stands on, also where the ground before it is below
+        the image: two maps that agree show the end, and ground up to it is known as a chair bridges the strip.
+
+        Args:
+            nosing_m: Place of the nosing.
+            reach_m: Reach of the chair from mid-track.
+            is_level: Whether the nosing is on the chair's level.
+        """
+        if is_level and nosing_m - self.known_m <= reach_m:
+            self.known_m = max(self.known_m, nosing_m)
+            if self._is_hidden and abs(nosing_m - self._nosing_m) < SAME_M:
+                self.end_m = self._shown_m = nosing_m
+                self.is_drop = True
+            if self._is_hidden:
+                self._nosing_m = nosing_m
         if abs(nosing_m - self._shown_m) < SAME_M:
             self._nosing_m, self._nosing_rad = nosing_m, self._heading_rad
             self._nosing_count += 1
@@ -110,7 +128,9 @@ class DropMonitor:
         One nosing counts if the floor beyond it was seen, as down a kerb.
         """
         if stair.direction == "down" and len(stair.nosings_B) >= (1 if stair.ends else 2):
-            self._ground[-1.0].look_on_stair(-stair.nosings_B[0][0] - travel_m)
+            x_m, _, z_m = stair.nosings_B[0]
+            is_level = self._flat_s is not None and abs(z_m) < 0.5 * stair.rise_m
+            self._ground[-1.0].look_on_stair(-x_m - travel_m, self._config.rear_m, is_level=is_level)
 
     def cause(self, t_s: float, travel_m: float, speed_m_s: float, plan: MotionPlan | None, heading_rad: float) -> str | None:
         """Return why the chair may not go on over flat ground; None if it may, or if it is on a flight.

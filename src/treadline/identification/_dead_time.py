@@ -71,8 +71,9 @@ def _supported(records: Sequence[InputOutputRecord], delays: Sequence[int]) -> b
 
     The prior takes distant lags for small: of a late plant it holds only without its dead time, of any other plant with it.
     """
-    most, recent = max(delays), most_recent(records, SAMPLES_MOST)
-    if min(len(record) for record in recent) <= most:
+    most = max(delays)
+    recent = [record for record in most_recent(records, SAMPLES_MOST) if len(record) > 2 * most]
+    if not recent:
         return False
     begun = [part(record, most, len(record)) for record in recent]
     return _evidence(without_delays(recent, delays)) > _evidence(begun)
@@ -88,7 +89,8 @@ def _signals(records: Sequence[InputOutputRecord]) -> list[tuple[Float[np.ndarra
     kept: list[tuple[Float[np.ndarray, "T m"], Float[np.ndarray, "T p"]]] = []
     for record in records:
         room = SAMPLES_MOST - sum(len(u) for u, _ in kept)
-        if room > 0:
+        # A piece shorter than every record would shorten the range of the search.
+        if not kept or room >= min(len(other) for other in records):
             u, y = _filled(record.u), _filled(record.y)
             parts = max(1, len(u) // room)
             liveliest = int(np.argmax([np.ptp(u[k * room : (k + 1) * room], axis=0).sum() for k in range(parts)]))

@@ -2,7 +2,7 @@
 
 The observer of measured data has long memory; with few samples, plain least squares on many lags follows the noise, and a
 choice of few lags cuts the memory off. Here all lags stay, and each coefficient has a prior variance relative to the noise:
-``λ decay^i`` at lag i (a Minnesota prior: Litterman, 1986; in system identification a tuned/correlated kernel: Pillonetto and
+``λ decay^(i-1)`` at lag i (a Minnesota prior: Litterman, 1986; in system identification a tuned/correlated kernel: Pillonetto and
 De Nicolao, 2010). With a conjugate prior the evidence is known in closed form, and a function of the Gram matrix alone:
 ``-N/2 log|S| - p/2 Σ log(1 + λ v_i)``, with v_i the eigenvalues of the weighted Gram matrix and S the penalised residual.
 """

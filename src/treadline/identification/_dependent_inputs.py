@@ -104,5 +104,6 @@ def _by_difference(
 
 
 def _with_inputs(record: InputOutputRecord, kept: Bool[np.ndarray, " m"]) -> InputOutputRecord:
-    names = tuple(name for name, stays in zip(record.input_names, kept, strict=False) if stays)
+    given = channel_names(record)[: len(kept)]
+    names = tuple(name for name, stays in zip(given, kept, strict=True) if stays)
     return replace(record, u=record.u[:, kept], input_names=names)

@@ -73,8 +73,8 @@ def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
         lines.extend(_integrator(tested))
     return LogFindings(
         lines=tuple(lines),
-        has_feedback=feedback.is_significant or any("feedback" in line for line in table),
-        is_table=any("table" in line for line in table),
+        has_feedback=feedback.is_significant or any(line.startswith("feedback:") for line in table),
+        is_table=any(not line.startswith("feedback:") for line in table),
         is_integral=_is_integral(tested),
     )
 
@@ -317,8 +317,9 @@ def _changes(records: Sequence[InputOutputRecord], heading: int, yaw_rate: int) 
     """Return the heading's changes over ten rows, and the integral of the yaw rate over them."""
     parts = []
     for record in records:
-        turned = np.concatenate([[0.0], np.cumsum(0.5 * (record.y[1:, yaw_rate] + record.y[:-1, yaw_rate]))]) * record.dt_s
-        both = np.column_stack([record.y[:, heading], turned])
-        parts.append(np.diff(both[::LAGS], axis=0))
+        # Each ten rows are integrated by themselves, so that a gap costs one of them.
+        turns = 0.5 * (record.y[1:, yaw_rate] + record.y[:-1, yaw_rate]) * record.dt_s
+        changes = np.diff(record.y[::LAGS, heading])
+        parts.append(np.column_stack([changes, turns[: LAGS * len(changes)].reshape(-1, LAGS).sum(axis=1)]))
     z = np.concatenate(parts)
     return np.asarray(z[np.isfinite(z).all(axis=1)])

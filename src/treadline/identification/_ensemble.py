@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.special import betaincinv
 
 from treadline.core.arrays import markov_parameters
 from treadline.core.errors import PoorExcitation
@@ -24,7 +25,7 @@ from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
 from treadline.identification._fitting import Fitting, last_samples, with_inputs_again
 from treadline.identification._model_order import bic_order
 from treadline.identification._realisation import StateMap, pbsid, state_map
-from treadline.identification._refine import BRIEF, DAMPED, Effort, Experiment, fair_residual, refined, residual
+from treadline.identification._refine import BRIEF, Experiment, fair_residual, refined, residual
 
 ORDERS_TRIED = 12
 """Orders per decay, spread evenly over the range: 1 to 12, or from half to one and a half times the order of smallest BIC."""
@@ -42,6 +43,8 @@ JUDGED = 0.3
 """Share of the record at its beginning, and at its end, that judges a model fitted to the rest, as for the benchmark's peers."""
 AGREEING = 0.1
 """Share of the members that may disagree with it."""
+CHANCE = 0.999
+"""Probability with which noise explains less than what counts as explained."""
 COEFFICIENTS_MOST = 600
 """Coefficients above which a refinement takes longer than all other steps."""
 
@@ -191,8 +194,8 @@ def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member
     def again(system: Affine, part: Sequence[Experiment]) -> Affine:
         return with_inputs_again(system, part, fitting.fixed)
 
-    def refinement(system: Affine, part: Sequence[Experiment], effort: Effort = DAMPED) -> Affine:
-        better = refined(again(system, part), part, fixed=fitting.fixed, effort=effort)
+    def refinement(system: Affine, part: Sequence[Experiment]) -> Affine:
+        better = refined(again(system, part), part, fixed=fitting.fixed, effort=BRIEF)
         return stabilised(better, samples=max(len(item.y) for item in experiments))
 
     chosen, error = medoid.system, _errors(medoid.system, experiments, again)
@@ -203,7 +206,7 @@ def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member
     # The medoid has its poles from all data; a refinement to the rest alone may err by its coefficients' share of chance.
     chance = 1.0 + _coefficients(chosen) / ((1.0 - JUDGED) * sum(item.y.size for item in experiments))
     if small and (_errors(chosen, experiments, refinement) < chance * error).all():
-        return refinement(chosen, experiments, BRIEF), "output-error"
+        return refinement(chosen, experiments), "output-error"
     return chosen, "inputs-again"
 
 
@@ -237,13 +240,14 @@ def _errors(system: Affine, experiments: Sequence[Experiment], fit: Fit) -> Floa
 def _gains(experiments: Sequence[Experiment], system: Affine) -> Float[np.ndarray, " p"]:
     """Return 0 for each output of which the free run explains no more than coefficients fitted to noise would, else 1.
 
-    Of noise, d coefficients explain d/N of the variance on average; twice that covers their scatter.
+    Of white noise, d coefficients explain a share of the variance that has a beta distribution with d/2 and (N - d)/2.
     """
     y = np.vstack([item.y[item.there] for item in experiments])
     errors = np.vstack([residual(system, item)[item.there] for item in experiments])
     unexplained = (errors**2).sum(axis=0) / np.maximum(((y - y.mean(axis=0)) ** 2).sum(axis=0), np.finfo(float).tiny)
     coefficients = system.order * (system.B.shape[1] + 1) + system.B.shape[1]
-    return np.where(1.0 - unexplained < 2.0 * coefficients / len(y), 0.0, 1.0)
+    by_chance = betaincinv(0.5 * coefficients, 0.5 * max(len(y) - coefficients, 1), CHANCE)
+    return np.where(1.0 - unexplained < by_chance, 0.0, 1.0)
 
 
 def _shrunk(system: Affine, gains: Float[np.ndarray, " p"]) -> Affine:

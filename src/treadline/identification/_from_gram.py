@@ -99,7 +99,7 @@ def from_gram(
         options: Order, lags and feedthrough; the data decide what is left out.
         method: Name of the method, settled by the caller.
         warnings: Warnings about the data so far; the result has these and its own.
-        on_progress: Called with a line of text per scored candidate.
+        on_progress: Called with a line of text per prior of the ensemble.
         records_are_complete: Whether the records hold all data, so that a Gram matrix with fewer lags can be built from them.
     """
     order, allowed, collected = options.given_order, options.allowed_orders, list(warnings)

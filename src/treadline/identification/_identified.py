@@ -81,7 +81,7 @@ class IdentificationReport:
     lags: int
     method: str
     subspace: str
-    """Subspace method that gave A and C: ``okid-era`` or ``pbsid``."""
+    """Where A and C come from: ``okid-era``, ``pbsid``, ``deconvolution`` or ``by names``."""
     step: str
     """Last fitting step: ``subspace``, ``inputs-again`` or ``output-error``, or ``structure`` by names."""
     feedthrough: bool
@@ -177,7 +177,10 @@ def explained_percent(model: LinearModel, judged: Sequence[InputOutputRecord]) -
 
     The free run of a heading drifts with the smallest disturbance: of the paper's ten excitations it explains 0 to 16 %.
     """
-    compared = [compare(model, record) for record in linear_systems.most_recent(judged, JUDGED_SAMPLES)]
+    recent = linear_systems.most_recent(judged, JUDGED_SAMPLES)
+    # What is left of a record may be too short to judge by.
+    shortest = min(len(recent[-1]), max(TESTED_SAMPLES_MIN, min(len(record) for record in judged)))
+    compared = [compare(model, record) for record in recent if len(record) >= shortest]
     with np.errstate(over="ignore"):
         lost = {
             name: np.mean([(1.0 - 0.01 * np.float64(one.percent[name])) ** 2 for one in compared]) for name in compared[0].percent

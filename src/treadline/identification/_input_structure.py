@@ -1,4 +1,4 @@
-"""Dead time of the inputs, tested on the data, removed before the fit and restored in the model."""
+"""Dead time of the inputs, removed from the records before the fit."""
 
 from collections.abc import Sequence
 from dataclasses import replace

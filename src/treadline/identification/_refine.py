@@ -43,9 +43,7 @@ class Effort:
 
 THOROUGH = Effort(steps=200, chance=1e-3)
 BRIEF = Effort(steps=60, chance=0.1)
-"""Effort for an innovation gain, which converges in a few steps."""
-DAMPED = Effort(steps=10, chance=0.1)
-"""Effort from a model that is already good: on measured data further steps follow the disturbances of the record."""
+"""Effort from a model that is already good, and for an innovation gain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

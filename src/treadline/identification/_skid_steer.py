@@ -135,8 +135,9 @@ class TurnFit:
         if self.belts is None:
             return None
         gain, names, signs = self.yaw_gain(self.steps[0]), self.belts.names, self.belts.signs[0]
-        # Where the interval of the gain contains zero, no gauge is too large.
-        gauge = [1.0 / number if number > 0.0 else np.inf for number in (gain.value, gain.high, gain.low)]
+        # Where the interval of the gain contains zero, no gauge is too large; swapped belts turn the other way by the same gauge.
+        ends = (gain.high, gain.low) if gain.value > 0.0 else (-gain.low, -gain.high)
+        gauge = [1.0 / number if number > 0.0 else np.inf for number in (abs(gain.value), *ends)]
         scales = {}
         for j, name in enumerate(names if len(self.mixing) > 1 else ()):
             scales[name] = self._estimate(partial(self._share, np.eye(2)[j] * signs, 0.5 * signs))
@@ -284,7 +285,7 @@ def _alternated(
 ) -> tuple[int, float, float, Float[np.ndarray, " q"]]:
     """Return the best shift, decay and gain for a noise model, and the noise model of what they leave, in turns."""
     near = np.arange(NOISE_LAGS + 1)
-    found = (0, 0.0, 0.0)
+    found, chosen = (0, 0.0, 0.0), filtered[0][1:]
     for _ in range(6):
         whitening = np.concatenate([[1.0], -noise])
         weights = np.convolve(whitening, whitening[::-1])
@@ -292,10 +293,13 @@ def _alternated(
         gains, best = 0.0, -np.inf
         for decay, own, cross in filtered:
             at = np.convolve(cross, weights, mode="valid")[reach - NOISE_LAGS :][: LAGS_MOST + 1]
-            explained = at**2 / (weights @ own[span])
+            power = float(weights @ own[span])
+            if not power > 0.0:  # the input stands still
+                continue
+            explained = at**2 / power
             shift = int(np.argmax(explained))
             if explained[shift] > best:
-                best, gains = float(explained[shift]), float(at[shift] / (weights @ own[span]))
+                best, gains = float(explained[shift]), float(at[shift] / power)
                 found, chosen = (shift, decay, gains), (own, cross)
         own, cross = chosen
         shift, _, gain = found

@@ -40,7 +40,8 @@ def turn_model(fit: TurnFit, record: InputOutputRecord) -> LinearModel:
     alpha = np.array([(decay - 1.0) / np.log(decay) if decay > 0.0 else 0.0 for decay in a])
     # A belt that acts within its row is ahead of its state by one step.
     rate, direct = (a, (1.0 - a) @ effects) if at_once else (np.ones(n), np.zeros(m))
-    turned, at_end = (rate, direct) if at_once else (alpha, (1.0 - alpha) @ effects)
+    # Without a yaw rate the heading's change was fitted, which is the mean over the period already.
+    turned, at_end = (rate, direct) if at_once or turn.yaw_rate is None else (alpha, (1.0 - alpha) @ effects)
     A, B = np.diag(np.append(a, 1.0)), np.vstack([(1.0 - a)[:, None] * effects, fit.dt_s * at_end])
     A[n, :n] = fit.dt_s * turned
     C, D = np.zeros((len(names), n + 1)), np.zeros((len(names), m))
@@ -103,7 +104,8 @@ def contradiction(model: LinearModel, fit: TurnFit, rows: int) -> Contradiction 
     found = []
     for name, step in zip(names, fit.steps, strict=True):
         known = fit.yaw_gain(step)
-        gains = [gain for gain in _yaw_gains(model, fit, step, rows) if not known.low <= gain <= known.high]
+        gains = [gain if np.isfinite(gain) else np.inf for gain in _yaw_gains(model, fit, step, rows)]
+        gains = [gain for gain in gains if not known.low <= gain <= known.high]
         found += [Contradiction(gain=gain, known=known, step=name) for gain in gains]
     return max(found, key=lambda item: abs(item.gain - item.known.value), default=None)
 

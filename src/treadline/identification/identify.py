@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from treadline.core import linear_systems as validate
+from treadline.core import linear_systems
 from treadline.core.errors import DependentInputs, PoorExcitation, SettingsError
 from treadline.core.model_scores import TESTED_SAMPLES_MIN
 from treadline.core.models import InputOutputRecord
@@ -43,7 +43,7 @@ def identify(
     Args:
         records: Experiments with the same channels and period, treated as separate experiments.
         options: Order, lags, method and further choices; the data decide what is left out.
-        on_progress: Called with a line of text per candidate that ``best`` scores.
+        on_progress: Called with a line of text per prior of the ensemble of ``best``.
 
     Raises:
         RecordError: If the data do not support the request.
@@ -140,9 +140,9 @@ def _split(
         _check_judged([validation])
         return records, [validation]
     cuts = [round(len(record) * (1.0 - validation)) for record in records]
-    judged = [validate.part(record, cut, len(record)) for record, cut in zip(records, cuts, strict=True)]
+    judged = [linear_systems.part(record, cut, len(record)) for record, cut in zip(records, cuts, strict=True)]
     _check_judged(judged)
-    return [validate.part(record, 0, cut) for record, cut in zip(records, cuts, strict=True)], judged
+    return [linear_systems.part(record, 0, cut) for record, cut in zip(records, cuts, strict=True)], judged
 
 
 def _check_judged(judged: Sequence[InputOutputRecord]) -> None:

@@ -41,6 +41,14 @@ def _name_of(column: str) -> str:
     return _PLACE.sub("", column)
 
 
+def _if_numeric(array: _Read, name: str) -> np.ndarray | None:
+    """Return an array, or None for one without numbers, as a clock of text: no channel, and no reason to reject the file."""
+    try:
+        return array(name)
+    except LogFormatError:
+        return None
+
+
 def _table_of(file: Path, wanted: tuple[str, ...], there: Sequence[str], array: _Read, period_s: float | None) -> Table:
     """Return the requested columns as one table; a matrix asked for by its name gives all its columns."""
     names = [there[place_of(file, _name_of(column), there)] for column in wanted]
@@ -48,7 +56,9 @@ def _table_of(file: Path, wanted: tuple[str, ...], there: Sequence[str], array: 
     columns = [item for part in chosen for item in part]
     for name, values in columns:
         _check_kind(file, name, values.dtype)
-    arrays = {clock: [array(name) for name in clock.columns] for clock in clocks_of(there, names)}
+    read = {clock: [_if_numeric(array, name) for name in clock.columns] for clock in clocks_of(there, names)}
+    arrays = {clock: [values for values in found if values is not None] for clock, found in read.items()}
+    arrays = {clock: found for clock, found in arrays.items() if len(found) == len(clock.columns)}
     clock = next((clock for clock, found in arrays.items() if min(values.size for values in found) > 1), None)
     ticks = (
         []
@@ -65,8 +75,8 @@ def _table_of(file: Path, wanted: tuple[str, ...], there: Sequence[str], array: 
         )
     rows = lengths[0][1] if lengths else 0
     check_count(file, rows)
-    stated = [(name, array(name)) for name in there if period_in(name, 1.0) is not None]
-    periods = [period_in(name, float(values.item())) for name, values in stated if values.size == 1]
+    stated = [(name, _if_numeric(array, name)) for name in there if period_in(name, 1.0) is not None]
+    periods = [period_in(name, float(values.item())) for name, values in stated if values is not None and values.size == 1]
     return Table(
         file=file,
         names=tuple(name for name, _ in columns),
