@@ -98,8 +98,8 @@ print(json.dumps([code, [name for name in sys.modules if name.split(".")[0] == "
     ("command", "most_lines", "allowed"),
     [
         ("see depth.png --camera camera.toml", 8700, ()),
-        ("identify record.csv --method okid-era --no-page --out model.json", 7240, ()),
-        ("identify record.csv --method okid-era --out paged.json", 8270, IDENTIFICATION_PAGE),
+        ("identify record.csv --method okid-era --no-page --out model.json", 7270, ()),
+        ("identify record.csv --method okid-era --out paged.json", 8300, IDENTIFICATION_PAGE),
         ("tune model.json --out controller.json", 3310, ()),
         ("check paper-28", 3960, ()),
     ],

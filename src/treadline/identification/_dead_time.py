@@ -201,14 +201,14 @@ def _scores(
     The other inputs start at the same lags in all.
     """
     windows = data.windows(starts, width)
-    shared = np.delete(windows[0], free, axis=1).ravel()
+    shared = np.delete(windows[0], free, axis=1).ravel().tolist()
     bases = [[*data.base(i, own[i]), *shared] for i in range(data.outputs)]
     return reduce(np.add, (data.bic(i, base, windows[:, :, free]) for i, base in enumerate(bases)))
 
 
 def _own_lags(data: Lagged, starts: Starts) -> list[int]:
     """Return the number of its own lags that explains each output best together with the inputs' windows."""
-    window = data.windows([starts], _half(data)).ravel()
+    window = data.windows([starts], _half(data)).ravel().tolist()
     added = [[[[data.of_output(i, lag)] for lag in range(1, data.width + 1)]] for i in range(data.outputs)]
     return [int(data.bic(i, [*data.base(i, 0), *window], np.array(added[i]))[0].argmin()) for i in range(data.outputs)]
 
@@ -278,7 +278,7 @@ def _without_early_paths(data: Lagged, starts: Starts) -> Starts:
         if start == 1:
             continue
         early = np.array([[[data.of_input(j, lag)]] for lag in range(1, start)])
-        window = data.windows([starts], data.width).ravel()
+        window = data.windows([starts], data.width).ravel().tolist()
         scores = np.sum([data.bic(i, [*data.base(i, own[i]), *window], early) for i in range(data.outputs)], axis=0)
         acts = np.flatnonzero(scores[:, 0] - scores[:, 1] > _price(data))
         found[j] = 1 + int(acts[0]) if acts.size else start
@@ -349,5 +349,5 @@ def _output_error(y: Float[np.ndarray, " T"], v: Float[np.ndarray, "T m"], start
         a *= radius ** -np.arange(1.0, n + 1.0)  # a growing filter would overflow
         if not math.isfinite(score) or abs(score - best[0]) < SAME:
             break
-        best = min(best, (score, a), key=lambda pair: pair[0])
+        best = min(best, (score, a.tolist()), key=lambda pair: pair[0])
     return best

@@ -206,7 +206,7 @@ def _table(records: Sequence[InputOutputRecord], *, name_prior: bool) -> Iterato
 
 def _columns(records: Sequence[InputOutputRecord], lags: int) -> float:
     """Return the number of regressors that the windows of a number of lags support."""
-    return min(COLUMNS_MOST, sum(len(record) - lags for record in records) / ROWS_PER_COLUMN)
+    return min(float(COLUMNS_MOST), sum(len(record) - lags for record in records) / ROWS_PER_COLUMN)
 
 
 def _windows(records: Sequence[InputOutputRecord], lags: int) -> Float[np.ndarray, "N lags1 r"]:
@@ -292,7 +292,7 @@ def _is_integral(records: Sequence[InputOutputRecord]) -> bool:
     turn, bounds = turn_channels(records[0].output_names), _heading_over_yaw_rate(records)
     if turn.heading is None or turn.yaw_rate is None:
         return True
-    return bounds is not None and bounds[0] < 1.0 + INTEGRATOR_TOLERANCE and bounds[1] > 1.0 - INTEGRATOR_TOLERANCE
+    return bounds is not None and bool(bounds[0] < 1.0 + INTEGRATOR_TOLERANCE and bounds[1] > 1.0 - INTEGRATOR_TOLERANCE)
 
 
 def _heading_over_yaw_rate(records: Sequence[InputOutputRecord]) -> Float[np.ndarray, " 2"] | None:

@@ -137,7 +137,7 @@ def _orders(fitting: Fitting, states: StateMap) -> list[int]:
 
 
 def _member(fitting: Fitting, experiments: Sequence[Experiment], decay: float, realised: Affine) -> Member:
-    bounded = stabilised(realised, samples=max(len(item.y) for item in experiments))
+    bounded = stabilised(realised, samples=float(max(len(item.y) for item in experiments)))
     system = with_inputs_again(bounded, experiments, fitting.fixed)
     run = np.concatenate([(item.y - residual(system, item))[item.there].ravel() for item in experiments])
     return Member(order=realised.order, decay=decay, realised=realised, system=system, run=run)
@@ -196,7 +196,7 @@ def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member
 
     def refinement(system: Affine, part: Sequence[Experiment]) -> Affine:
         better = refined(again(system, part), part, fixed=fitting.fixed, effort=BRIEF)
-        return stabilised(better, samples=max(len(item.y) for item in experiments))
+        return stabilised(better, samples=float(max(len(item.y) for item in experiments)))
 
     chosen, error = medoid.system, _errors(medoid.system, experiments, again)
     kept = stabilised(medoid.realised)
