@@ -90,7 +90,7 @@ class HeadingController:
         y = np.array([estimate.heading_rad - target, estimate.heading_rate_rad_s])
         asked = self._asked(y, speed)
         given = self._allocated(asked, speed, share)
-        self._send(given - speed, limited=abs((given[1] - given[0]) - (asked[1] - asked[0])) > 1e-9)
+        self._send(given - speed, limited=bool(abs((given[1] - given[0]) - (asked[1] - asked[0])) > 1e-9))
         self._last = y
         return TrackCommand(t_s=t_s, left_m_s=float(given[0]), right_m_s=float(given[1]))
 

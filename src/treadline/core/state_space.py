@@ -175,7 +175,7 @@ def names_of(name: str, given: Iterable[str]) -> tuple[str, ...]:
     return names
 
 
-def _delays(given: Iterable[float], inputs: int) -> tuple[int, ...]:
+def _delays(given: Iterable[Any], inputs: int) -> tuple[int, ...]:
     """Return the dead time of each input; where all are zero, for as many inputs as there are."""
     delays = tuple(given)
     delays = delays if any(delays) else (0,) * inputs
