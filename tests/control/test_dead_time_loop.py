@@ -42,7 +42,9 @@ def headings(
         seen[k] = x[0]
         y = x + noise_rad * rng.standard_normal(2)
         command = driver.step(
-            HeadingEstimate(t_s=k * PERIOD_S, heading_rad=y[0], heading_rate_rad_s=y[1], sigma_rad=0.002, source="vision"),
+            HeadingEstimate(
+                t_s=k * PERIOD_S, heading_rad=float(y[0]), heading_rate_rad_s=float(y[1]), sigma_rad=0.002, source="vision"
+            ),
             k * PERIOD_S,
         )
         belts = np.array([command.left_m_s, command.right_m_s * right_scale])
