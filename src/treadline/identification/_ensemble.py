@@ -15,17 +15,17 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.special import betaincinv
 
 from treadline.core.arrays import markov_parameters
 from treadline.core.errors import PoorExcitation
-from treadline.identification._affine import Affine, stabilised
+from treadline.identification._affine import DECAYED, Affine, stabilised
 from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
 from treadline.identification._fitting import Fitting, last_samples, with_inputs_again
 from treadline.identification._model_order import bic_order
 from treadline.identification._realisation import StateMap, pbsid, state_map
-from treadline.identification._refine import BRIEF, Experiment, fair_residual, refined, residual
+from treadline.identification._refine import Experiment, fair_residual, refined, residual
 
 ORDERS_TRIED = 12
 """Orders per decay, spread evenly over the range: 1 to 12, or from half to one and a half times the order of smallest BIC."""
@@ -37,16 +37,14 @@ VALUES_MOST = 40_000
 """Most recent output values of which free runs are taken: 20,000 samples of two outputs; more would hardly change the medoid."""
 IMPULSE_STEPS, IMPULSE_WEIGHT = 200, 0.1
 """Longest impulse response compared, and its weight: it decides where the inputs of the record leave the models alike."""
-GROWN = 3.0
-"""Growth over the record, as a power of e, above which a plant counts as unstable: twenty-fold."""
 JUDGED = 0.3
 """Share of the record at its beginning, and at its end, that judges a model fitted to the rest, as for the benchmark's peers."""
 AGREEING = 0.1
 """Share of the members that may disagree with it."""
 CHANCE = 0.999
 """Probability with which noise explains less than what counts as explained."""
-COEFFICIENTS_MOST = 600
-"""Coefficients above which a refinement takes longer than all other steps."""
+ENTRIES_MOST = 600
+"""Entries of A, B and C above which a refinement takes longer than all other steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,8 +73,8 @@ class Ensemble:
     """Model made of the chosen member."""
     step: str
     """Last fitting step of the model: ``subspace``, ``inputs-again`` or ``output-error``."""
-    gains: Float[np.ndarray, " p"]
-    """Factor on each output's response: 0 where the inputs explain no more than chance, else 1."""
+    explained: Bool[np.ndarray, " p"]
+    """Whether the inputs explain more of an output than chance does; the response of any other is zero."""
 
 
 def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callable[[str], None] = lambda _: None) -> Ensemble:
@@ -100,19 +98,20 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
             f"order {min(orders or [1])} is above the largest order that {fitting.data.lags} lags of these data support; "
             "ask for less"
         )
-    length = max(len(item.y) for item in experiments)
-    radii = [system.radius for _, system in found]
-    if np.quantile(radii, AGREEING) > 1.0 + GROWN / length:
+    length = float(max(len(item.y) for item in experiments))
+    # A plant is unstable if it grows over the record as much as a slow mode has to decay.
+    if np.quantile([system.radius for _, system in found], AGREEING) > 1.0 + DECAYED / length:
         return _unstable(fitting, found)
-    members = [_member(fitting, experiments, decay, system) for decay, system in found]
+    members = [_member(fitting, experiments, decay, system, length) for decay, system in found]
     distances = _distances(fitting, members)
     chosen = _smallest(experiments, members, distances)
-    system, step = _checked(fitting, experiments, chosen)
+    system, step = _checked(fitting, experiments, chosen, length)
     if step == "inputs-again" and sum(len(item.y) for item in experiments) < fitting.data.count:
         system = with_inputs_again(system, fitting.experiments, fitting.fixed)
-    gains = _gains(experiments, system)
-    system = _shrunk(system, gains)
-    return Ensemble(members=members, distances=distances, chosen=chosen, system=system, step=step, gains=gains)
+    explained = _explained(experiments, system)
+    if not explained.all():
+        system = replace(system, C=system.C * explained[:, None], D=system.D * explained[:, None], K=None)
+    return Ensemble(members=members, distances=distances, chosen=chosen, system=system, step=step, explained=explained)
 
 
 def _realised(fitting: Fitting, decay: float, orders: Sequence[int] | None) -> Iterator[Affine]:
@@ -136,9 +135,8 @@ def _orders(fitting: Fitting, states: StateMap) -> list[int]:
     return sorted({int(order) for order in np.linspace(lower, upper, min(ORDERS_TRIED, upper - lower + 1)).round()})
 
 
-def _member(fitting: Fitting, experiments: Sequence[Experiment], decay: float, realised: Affine) -> Member:
-    bounded = stabilised(realised, samples=float(max(len(item.y) for item in experiments)))
-    system = with_inputs_again(bounded, experiments, fitting.fixed)
+def _member(fitting: Fitting, experiments: Sequence[Experiment], decay: float, realised: Affine, length: float) -> Member:
+    system = with_inputs_again(stabilised(realised, samples=length), experiments, fitting.fixed)
     run = np.concatenate([(item.y - residual(system, item))[item.there].ravel() for item in experiments])
     return Member(order=realised.order, decay=decay, realised=realised, system=system, run=run)
 
@@ -184,25 +182,26 @@ def _unstable(fitting: Fitting, found: Sequence[tuple[float, Affine]]) -> Ensemb
     members = [Member(order=system.order, decay=decay, realised=system, system=system, run=np.empty(0)) for decay, system in found]
     distances = _from_median(_impulses(fitting, [system for _, system in found], fitting.data.lags + 1))
     medoid = members[int(np.argmin(distances))]
-    gains = np.ones(len(medoid.system.C))
-    return Ensemble(members=members, distances=distances, chosen=medoid, system=medoid.system, step="subspace", gains=gains)
+    all_of_them = np.ones(len(medoid.system.C), dtype=np.bool_)
+    return Ensemble(
+        members=members, distances=distances, chosen=medoid, system=medoid.system, step="subspace", explained=all_of_them
+    )
 
 
-def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member) -> tuple[Affine, str]:
+def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member, length: float) -> tuple[Affine, str]:
     """Return the medoid, with its slow poles as realised or its output error refined where both ends agree; and the last step."""
 
     def again(system: Affine, part: Sequence[Experiment]) -> Affine:
         return with_inputs_again(system, part, fitting.fixed)
 
     def refinement(system: Affine, part: Sequence[Experiment]) -> Affine:
-        better = refined(again(system, part), part, fixed=fitting.fixed, effort=BRIEF)
-        return stabilised(better, samples=float(max(len(item.y) for item in experiments)))
+        return stabilised(refined(again(system, part), part, fixed=fitting.fixed), samples=length)
 
     chosen, error = medoid.system, _errors(medoid.system, experiments, again)
     kept = stabilised(medoid.realised)
     if not np.array_equal(kept.A, chosen.A) and (_errors(kept, experiments, again) < error).all():
         return again(kept, experiments), "inputs-again"
-    small = chosen.order * (chosen.order + chosen.B.shape[1] + len(chosen.C)) < COEFFICIENTS_MOST
+    small = chosen.order * (chosen.order + chosen.B.shape[1] + len(chosen.C)) < ENTRIES_MOST
     # The medoid has its poles from all data; a refinement to the rest alone may err by its coefficients' share of chance.
     chance = 1.0 + _coefficients(chosen) / ((1.0 - JUDGED) * sum(item.y.size for item in experiments))
     if small and (_errors(chosen, experiments, refinement) < chance * error).all():
@@ -213,32 +212,21 @@ def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member
 Fit = Callable[[Affine, Sequence[Experiment]], Affine]
 
 
-def _free_runs(
-    system: Affine, experiments: Sequence[Experiment], fit: Fit
-) -> Iterator[tuple[Float[np.ndarray, "T p"], Float[np.ndarray, "T p"]]]:
-    """Yield, for each end of the data, its outputs and their free run by the model fitted to the rest."""
-    early, late = ([round(share * len(item.y)) for item in experiments] for share in (JUDGED, 1.0 - JUDGED))
-    first = [item.part(0, at) for item, at in zip(experiments, early, strict=True)]
-    rest = [item.part(at, len(item.y)) for item, at in zip(experiments, early, strict=True)]
-    begun = [item.part(0, at) for item, at in zip(experiments, late, strict=True)]
-    last = [item.part(at, len(item.y)) for item, at in zip(experiments, late, strict=True)]
-    for here, there in ((begun, last), (rest, first)):
-        fitted = fit(system, here)
-        with np.errstate(over="ignore", invalid="ignore"):
-            errors = np.vstack([fair_residual(fitted, item)[item.there] for item in there])
-        y = np.vstack([item.y[item.there] for item in there])
-        yield y, y - errors
-
-
 def _errors(system: Affine, experiments: Sequence[Experiment], fit: Fit) -> Float[np.ndarray, "2"]:
     """Return the squared error of the free run of each end by the model fitted to the rest; infinite if it diverges."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        errors = np.array([np.sum((y - run) ** 2) for y, run in _free_runs(system, experiments, fit)])
-    return np.nan_to_num(errors, nan=np.inf)
+    errors = []
+    for share, begins in ((1.0 - JUDGED, False), (JUDGED, True)):
+        cuts = [(item, round(share * len(item.y))) for item in experiments]
+        before, after = [item.part(0, at) for item, at in cuts], [item.part(at, len(item.y)) for item, at in cuts]
+        rest, judged = (after, before) if begins else (before, after)
+        fitted = fit(system, rest)
+        with np.errstate(over="ignore", invalid="ignore"):
+            errors.append(sum(np.sum(fair_residual(fitted, item) ** 2) for item in judged))
+    return np.nan_to_num(np.array(errors), nan=np.inf)
 
 
-def _gains(experiments: Sequence[Experiment], system: Affine) -> Float[np.ndarray, " p"]:
-    """Return 0 for each output of which the free run explains no more than coefficients fitted to noise would, else 1.
+def _explained(experiments: Sequence[Experiment], system: Affine) -> Bool[np.ndarray, " p"]:
+    """Return whether the free run explains more of each output than coefficients fitted to noise would.
 
     Of white noise, d coefficients explain a share of the variance that has a beta distribution with d/2 and (N - d)/2.
     """
@@ -247,11 +235,4 @@ def _gains(experiments: Sequence[Experiment], system: Affine) -> Float[np.ndarra
     unexplained = (errors**2).sum(axis=0) / np.maximum(((y - y.mean(axis=0)) ** 2).sum(axis=0), np.finfo(float).tiny)
     coefficients = system.order * (system.B.shape[1] + 1) + system.B.shape[1]
     by_chance = betaincinv(0.5 * coefficients, 0.5 * max(len(y) - coefficients, 1), CHANCE)
-    return np.where(1.0 - unexplained < by_chance, 0.0, 1.0)
-
-
-def _shrunk(system: Affine, gains: Float[np.ndarray, " p"]) -> Affine:
-    """Return the system with each output's response scaled."""
-    if (gains == 1.0).all():
-        return system
-    return replace(system, C=system.C * gains[:, None], D=system.D * gains[:, None], K=None)
+    return ~(1.0 - unexplained < by_chance)

@@ -24,7 +24,6 @@ from treadline.identification._model_order import bic_order
 from treadline.identification._okid import ObserverMarkov, regression, scaled_observer
 from treadline.identification._realisation import StateMap, block_rows, markov_svd, pbsid, realised, state_map
 from treadline.identification._refine import (
-    BRIEF,
     Directions,
     Experiment,
     cost,
@@ -115,7 +114,7 @@ class Fitting:
             C=np.zeros((p, n, n * p)),
             D=np.zeros((p, m1 + p, n * p)),
         )
-        return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, BRIEF, ceiling=slowest))
+        return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, ceiling=slowest))
 
     def observable(self, system: Affine) -> Affine:
         """Return the system with an innovation gain whose observer is stable.

@@ -143,7 +143,7 @@ def _by_ensemble(
     found = ensemble(fitting, orders, on_progress)
     if stands_out(evidence.svd.s, evidence.noise or 0.0):
         warnings.clear()  # the ensemble does not choose its order by the gap of the singular values
-    warnings += _shrinking(found, channel_names(fitting.records[0])[fitting.data.units.input_count :])
+    warnings += _unexplained(found, channel_names(fitting.records[0])[fitting.data.units.input_count :])
     candidate = Candidate(method="pbsid", lags=fitting.data.lags, order=found.chosen.order, step=found.step)
     choice = OrderChoice(order=candidate.order, gap=gap_at(evidence.svd.s[: evidence.structural], candidate.order), clear=True)
     return FittedSystem(
@@ -156,12 +156,12 @@ def _by_ensemble(
     )
 
 
-def _shrinking(found: Ensemble, names: Sequence[str]) -> list[str]:
+def _unexplained(found: Ensemble, names: Sequence[str]) -> list[str]:
     """Return a warning for each output whose response was shrunk to its mean."""
     return [
         f"the inputs explain no more of '{name}' than chance does: the model predicts its mean; move the inputs more"
-        for name, gain in zip(names, found.gains, strict=True)
-        if gain < 1.0
+        for name, explained in zip(names, found.explained, strict=True)
+        if not explained
     ]
 
 

@@ -31,19 +31,10 @@ TRIES = 8
 """Largest number of damping increases per step before the refinement ends."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Effort:
-    """Iteration limits of a refinement."""
-
-    steps: int
-    """Largest number of steps."""
-    chance: float
-    """Relative tolerance: the refinement ends below this share of the gain of one random coefficient, 1/samples of the cost."""
-
-
-THOROUGH = Effort(steps=200, chance=1e-3)
-BRIEF = Effort(steps=60, chance=0.1)
-"""Effort from a model that is already good, and for an innovation gain."""
+STEPS_MOST = 60
+"""Largest number of steps."""
+CHANCE = 0.1
+"""Relative tolerance: the refinement ends below this share of the gain of one random coefficient, 1/samples of the cost."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -154,29 +145,21 @@ def cost(system: Affine, experiments: Sequence[Experiment]) -> float:
     return total if np.isfinite(total) else float("inf")
 
 
-def refined(
-    system: Affine,
-    experiments: Sequence[Experiment],
-    *,
-    fixed: Bool[np.ndarray, "p m1"],
-    effort: Effort = THOROUGH,
-) -> Affine:
+def refined(system: Affine, experiments: Sequence[Experiment], *, fixed: Bool[np.ndarray, "p m1"]) -> Affine:
     """Return the local minimum of the output error.
 
     Args:
         system: Initial model.
         experiments: Data.
         fixed: Mask of the entries of D that stay unchanged.
-        effort: Iteration limits.
     """
-    return descended(system, experiments, lambda now: directions(now, fixed), effort)
+    return descended(system, experiments, lambda now: directions(now, fixed))
 
 
 def descended(
     system: Affine,
     experiments: Sequence[Experiment],
     ways_from: Callable[[Affine], Directions],
-    effort: Effort,
     *,
     ceiling: float = 1.0,
 ) -> Affine:
@@ -186,7 +169,6 @@ def descended(
         system: Initial model.
         experiments: Data.
         ways_from: Function from a system to its search directions.
-        effort: Iteration limits.
         ceiling: Largest allowed spectral radius of a stable system.
     """
     # A stable system stays stable: a growing mode would fit only these data.
@@ -195,8 +177,8 @@ def descended(
     bound = ceiling if radius < 1.0 - ON_CIRCLE else radius * (1.0 + 1.0 / rows)
     best, now = system, cost(system, experiments)
     damping, rise = 1e-3, 2.0
-    enough = effort.chance / rows
-    for _ in range(effort.steps if np.isfinite(now) else 0):
+    enough = CHANCE / rows
+    for _ in range(STEPS_MOST if np.isfinite(now) else 0):
         ways = ways_from(best)
         H, g = normal_equations(best, experiments, ways)
         if not np.trace(H) > 0.0:  # no direction changes the outputs
