@@ -7,8 +7,7 @@ from systems import fit, oscillation, system
 
 from treadline.core.linear_systems import fit_percent, impulse_response, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification._dead_time import dead_time
-from treadline.identification._input_structure import without_delays
+from treadline.identification._dead_time import dead_time, without_delays
 
 SAMPLES = 600
 INPUTS = ["white", "prbs", "lowpass"]

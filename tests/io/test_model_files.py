@@ -1,13 +1,14 @@
 """Models in file formats of other tools: MATLAB reads the numbers and names that were written."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from treadline.core.errors import SettingsError, TreadlineError
+from treadline.core.errors import ModelError, SettingsError, TreadlineError
 from treadline.core.models import LinearModel
 from treadline.io.model_files import write_model
 
@@ -52,3 +53,15 @@ def test_other_suffixes_and_folders_that_are_files_are_refused(tmp_path: Path) -
     (tmp_path / "file").write_text("")
     with pytest.raises(TreadlineError, match="cannot be written"):
         write_model(model(), tmp_path / "file" / "model.mat")
+
+
+@pytest.mark.parametrize("given", [(1,), (1, 2, 3), (-1, 0), (1.5, 0), (True, 0)])
+def test_dead_times_that_are_none_are_rejected(tmp_path: Path, given: tuple[float, ...]) -> None:
+    plant = model()
+    with pytest.raises(ModelError, match=r"give one whole number of samples per input \(2\)"):
+        replace(plant, input_delay=given)
+    path = tmp_path / "model.json"
+    plant.save(path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"input_delay": given}))
+    with pytest.raises(SettingsError, match="input_delay is"):
+        LinearModel.load(path)

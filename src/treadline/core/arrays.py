@@ -116,6 +116,11 @@ def decimated(
     return np.repeat(t[edges], 2), np.column_stack([low, high]).ravel()
 
 
+def finite_or_none(value: float) -> float | None:
+    """Return the number, or None if it is not finite."""
+    return float(value) if np.isfinite(value) else None
+
+
 def rms(values: Float[np.ndarray, " n"]) -> float:
     """Return the root of the mean square."""
     return float(np.sqrt(np.mean(np.square(values))))

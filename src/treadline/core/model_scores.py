@@ -1,12 +1,12 @@
 """How well a model reproduces a record: free run or forecast, one-step prediction, and tests of the residuals."""
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.arrays import finite_or_none
 from treadline.core.linear_systems import (
     TESTED_LAGS,
     crosscorrelation_p,
@@ -114,15 +114,11 @@ def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
         forecast_percent=percent if unstable else None,
         forecast_horizon_s=FORECAST_STEPS * model.dt_s if unstable else None,
         one_step_vaf_percent=dict(zip(names, vaf.tolist(), strict=True)),
-        whiteness_p=_known(whiteness_p(residuals)) if tested else None,
-        crosscorrelation_p=_known(crosscorrelation_p(residuals, without_dead_time(model, record)[1].u)) if tested else None,
+        whiteness_p=finite_or_none(whiteness_p(residuals)) if tested else None,
+        crosscorrelation_p=finite_or_none(crosscorrelation_p(residuals, without_dead_time(model, record)[1].u)) if tested else None,
         samples=int(scored.sum()),
         t_s=np.arange(len(record)) * model.dt_s,
         measured=record.y,
         modelled=run,
         ahead=ahead,
     )
-
-
-def _known(p: float) -> float | None:
-    return p if math.isfinite(p) else None

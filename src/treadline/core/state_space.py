@@ -16,6 +16,10 @@ from treadline.core.printing import Brief
 Provenance = dict[str, Any]
 """Origin of a model: command, versions, seeds, fit. JSON values only."""
 
+UNWRAPPED = "_unwrapped_rad"
+"""Suffix of angle channels that may exceed π; only the name distinguishes an unwrapped angle from degrees."""
+GAP_SHARE = 0.2
+"""Largest share of rows with a NaN; above this share the remaining rows no longer represent the experiment."""
 RUN_VALUES = 10
 """Least output values per estimated initial state for a free-run score: the state estimate uses a tenth of them."""
 TEST_VALUES = 100
@@ -143,11 +147,11 @@ class StateSpaceModel:
         )
 
 
-def channel_names(model: StateSpaceModel) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names of inputs and outputs: ``u1``, ``y1`` and so on where the model has none."""
-    p, m = model.D.shape
-    inputs = model.input_names or tuple(f"u{j + 1}" for j in range(m))
-    outputs = model.output_names or tuple(f"y{i + 1}" for i in range(p))
+def channel_names(item: StateSpaceModel | InputOutputRecord) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of inputs and outputs: ``u1``, ``y1`` and so on where a model or a record has none."""
+    m, p = (item.u.shape[1], item.y.shape[1]) if isinstance(item, InputOutputRecord) else item.D.shape[::-1]
+    inputs = item.input_names or tuple(f"u{j + 1}" for j in range(m))
+    outputs = item.output_names or tuple(f"y{i + 1}" for i in range(p))
     return inputs, outputs
 
 

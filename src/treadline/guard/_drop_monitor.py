@@ -69,10 +69,9 @@ class _Ground:
         """
         if is_level and nosing_m - self.known_m <= reach_m:
             self.known_m = max(self.known_m, nosing_m)
-            if self._is_hidden and abs(nosing_m - self._nosing_m) < SAME_M:
-                self.end_m = self._shown_m = nosing_m
-                self.is_drop = True
             if self._is_hidden:
+                if abs(nosing_m - self._nosing_m) < SAME_M:
+                    self.end_m, self._shown_m, self.is_drop = nosing_m, nosing_m, True
                 self._nosing_m = nosing_m
         if abs(nosing_m - self._shown_m) < SAME_M:
             self._nosing_m, self._nosing_rad = nosing_m, self._heading_rad

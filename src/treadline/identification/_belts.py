@@ -61,6 +61,15 @@ def radians(name: str) -> float:
     return DEG if "_deg" in name.lower() else 1.0
 
 
+def turn_rate(y: Float[np.ndarray, "T p"], output_names: Sequence[str], dt_s: float) -> Float[np.ndarray, " T1"]:
+    """Return the yaw rate [rad/s]; without one the heading's difference to the next row takes its place, a row less."""
+    turn = turn_channels(output_names)
+    if turn.yaw_rate is not None:
+        return np.asarray(y[:, turn.yaw_rate] * radians(output_names[turn.yaw_rate]))
+    heading = turn.heading or 0
+    return np.asarray(np.diff(y[:, heading]) * radians(output_names[heading]) / dt_s)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DifferentialInput:
     """Two belt speeds replaced by their difference."""

@@ -5,15 +5,12 @@ import math
 import numpy as np
 from scipy.linalg import lapack
 
+from treadline.core import state_space
 from treadline.core.errors import DependentInputs, NotFinite, PeriodMismatch, PoorExcitation, SettingsError, ShapeMismatch
 from treadline.core.models import InputOutputRecord
+from treadline.core.state_space import GAP_SHARE, UNWRAPPED
 from treadline.identification._gram import Gram, Units, units_of
 
-GAP_SHARE = 0.2
-"""Largest share of rows with a NaN; above this share the remaining rows no longer represent the experiment."""
-
-UNWRAPPED = "_unwrapped_rad"
-"""Suffix of angle channels that may exceed π; only the name distinguishes an unwrapped angle from degrees."""
 COLLINEAR = 1e-13
 """Variance of the weakest input combination, relative to one input's variance, attributed to rounding."""
 FEW_SAMPLES = 4.0
@@ -184,7 +181,6 @@ def excitation_order(data: Gram, *, samples: float = 0.0) -> int:
 
 
 def channel_names(record: InputOutputRecord) -> tuple[str, ...]:
-    """Return the names of inputs and outputs, numbered for a record without names."""
-    inputs = record.input_names or tuple(f"u{i + 1}" for i in range(record.u.shape[1]))
-    outputs = record.output_names or tuple(f"y{i + 1}" for i in range(record.y.shape[1]))
+    """Return the names of inputs and outputs in one list, numbered for a record without names."""
+    inputs, outputs = state_space.channel_names(record)
     return inputs + outputs

@@ -14,13 +14,13 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import solve_triangular
 
+from treadline.core.errors import SettingsError
 from treadline.core.linear_systems import most_recent, part
 from treadline.core.models import InputOutputRecord
 from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
 from treadline.identification._gram import gram_of, units_of
-from treadline.identification._input_structure import without_delays
 from treadline.identification._recursion_kernels import all_pole, slide
-from treadline.identification.options import max_supported_lags
+from treadline.identification.options import ROWS_PER_PARAMETER, max_supported_lags
 
 DECISIVE = 10.0
 """Difference of the BIC that is very strong evidence (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995)."""
@@ -34,8 +34,6 @@ RANGE_SHARE = 4
 """Samples of the shortest record per sample of dead time: three quarters of each record remain to be explained."""
 RANGE_MOST = 256
 """Largest dead time searched; the time of the search grows with it."""
-ROWS_PER_COLUMN = 8
-"""Samples per coefficient of a regression."""
 WIDTH_MOST = 16
 """Largest number of lags of an input after its dead time, and of an output; 8 find the dead time of order 6 a sample late."""
 ORDERS = range(1, 7)
@@ -64,6 +62,19 @@ def dead_time(records: Sequence[InputOutputRecord]) -> list[int]:
         delays = [start - 1 for start in _verified(*longest, starts)]
         found[moves] = delays if any(delays) and _supported(records, delays) else 0
     return [int(delay) for delay in found]
+
+
+def without_delays(records: Sequence[InputOutputRecord], shifts: Sequence[int]) -> list[InputOutputRecord]:
+    """Return the records with each input delayed by its dead time.
+
+    Raises:
+        SettingsError: If there is not one shift per input, or a shift is negative or as long as a record.
+    """
+    m, most = records[0].u.shape[1], max(shifts, default=0)
+    whole = all(isinstance(shift, int | np.integer) for shift in shifts)
+    if not whole or len(shifts) != m or min(shifts) < 0 or most >= min(len(record) for record in records):
+        raise SettingsError(f"delays are {list(shifts)}; give one integer per input ({m}), from 0 to less than a record's length")
+    return [part(record.delayed(shifts), most, len(record)) for record in records]
 
 
 def _supported(records: Sequence[InputOutputRecord], delays: Sequence[int]) -> bool:
@@ -124,7 +135,7 @@ class Lagged:
         """Return the matrix of signals; None if they are too few."""
         (m, p), least = (signals[0][0].shape[1], signals[0][1].shape[1]), min(len(u) for u, _ in signals)
         reach = min(least // RANGE_SHARE, RANGE_MOST)
-        width = min(WIDTH_MOST, ((least - reach) // ROWS_PER_COLUMN - 1 - m) // (m + 1))
+        width = min(WIDTH_MOST, ((least - reach) // ROWS_PER_PARAMETER - 1 - m) // (m + 1))
         if m == 0 or width < 1 or reach < 1:
             return None
         lags = reach + width + 1

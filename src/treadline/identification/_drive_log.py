@@ -1,6 +1,6 @@
 """Tests of a drive log before a fit: inputs that do not move, feedback, single frequencies, tables, and headings against yaw rates.
 
-``InputOutputRecord -> DriveLog``. Each finding is one line with a cause, a number and a remedy.
+``DriveLog -> LogFindings``. Each finding is one line with a cause, a number and a remedy.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,13 +20,12 @@ from treadline.identification._belts import (
 )
 from treadline.identification._checks import channel_names
 from treadline.identification._dependent_inputs import DriveLog
+from treadline.identification.options import ROWS_PER_PARAMETER
 
 ROWS_MOST = 2000
 """Largest number of windows in a test, spread over all records: bounds its time to some milliseconds."""
 COLUMNS_MOST = 100
 """Largest number of regressors in a test, likewise."""
-ROWS_PER_COLUMN = 8
-"""Windows per regressor, as for automatically chosen lags."""
 LAGS = 10
 """Rows of the past in a test."""
 SIGNIFICANCE = 1e-4
@@ -47,7 +46,7 @@ INTEGRATOR_TOLERANCE = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogFindings:
-    """LogFindings about the records of a fit."""
+    """Findings about the records of a fit."""
 
     lines: tuple[str, ...]
     has_feedback: bool
@@ -66,16 +65,18 @@ def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
         name_prior: Whether the channels' names may identify belts, headings and yaw rates.
     """
     tested = log.records if log.differential is None else log.differential.difference(log.records)
-    feedback = _feedback(tested, name_prior=name_prior)
-    table = [*_table(tested, name_prior=name_prior)]
-    lines = [*log.findings, *feedback.findings, *_single_frequencies(tested), *table]
+    bounds = _heading_over_yaw_rate(tested)
+    is_integral = _is_integral(tested, bounds)
+    feedback = _feedback(tested, name_prior=name_prior, is_integral=is_integral)
+    static = _static(tested, name_prior=name_prior)
+    lines = [*log.findings, *feedback.findings, *_single_frequencies(tested), *static.findings]
     if name_prior:
-        lines.extend(_integrator(tested))
+        lines.extend(_integrator(tested, bounds))
     return LogFindings(
         lines=tuple(lines),
-        has_feedback=feedback.is_significant or any(line.startswith("feedback:") for line in table),
-        is_table=any(not line.startswith("feedback:") for line in table),
-        is_integral=_is_integral(tested),
+        has_feedback=feedback.is_significant or static.is_feedback,
+        is_table=bool(static.findings) and not static.is_feedback,
+        is_integral=is_integral,
     )
 
 
@@ -88,7 +89,7 @@ class _Influence:
     findings: tuple[str, ...] = ()
 
 
-def _feedback(records: Sequence[InputOutputRecord], *, name_prior: bool) -> _Influence:
+def _feedback(records: Sequence[InputOutputRecord], *, name_prior: bool, is_integral: bool) -> _Influence:
     """Return whether outputs determine inputs: the largest canonical correlation of what both have new next to the inputs' past.
 
     The inputs' own past has as many more rows as the outputs have regressors, so that a coloured input alone gains nothing from
@@ -110,7 +111,7 @@ def _feedback(records: Sequence[InputOutputRecord], *, name_prior: bool) -> _Inf
     if np.trace(new.T @ new) <= PREDICTABLE * np.sum(np.var(now, axis=0)) * len(z):
         return _Influence()
     before, seen = z[:, -1 - lags : -1, m:].reshape(len(z), -1), z[:, -1 - lags :, m:]
-    if name_prior:
+    if name_prior and is_integral:
         before = np.column_stack([before, _answered(records, new, _residual(past, seen[:, -1]))])
     earlier, _ = _canonical(new, _residual(past, before), now)
     statistic = -len(z) * np.log1p(-min(earlier, 1.0 - 1e-12))
@@ -133,13 +134,13 @@ def _feedback(records: Sequence[InputOutputRecord], *, name_prior: bool) -> _Inf
 def _answered(
     records: Sequence[InputOutputRecord], new: Float[np.ndarray, "N m"], outputs: Float[np.ndarray, "N p"]
 ) -> Float[np.ndarray, "N h"]:
-    """Return the heading of the row, if the belts' difference answers it: it falls where the heading rises.
+    """Return the heading of the row, the yaw rate's integral, if the belts' difference answers it: it falls where that rises.
 
     In a record whose outputs are late by a row, the difference and the heading rise together.
     """
     heading, belts = turn_channels(records[0].output_names).heading, named_belts(records[0].input_names)
     signs = np.ones(1) if records[0].input_names[:1] == (DIFFERENCE,) else None if belts is None else belts.signs[0]
-    if heading is None or signs is None or not _is_integral(records) or (new @ signs) @ outputs[:, heading] >= 0.0:
+    if heading is None or signs is None or (new @ signs) @ outputs[:, heading] >= 0.0:
         return outputs[:, :0]
     return outputs[:, heading : heading + 1]
 
@@ -165,18 +166,25 @@ def _combination(names: Sequence[str], along: Float[np.ndarray, " m"]) -> str:
     return f"the difference of {listed}" if len(large) == 2 and along[large[0]] * along[large[1]] < 0.0 else listed
 
 
-def _table(records: Sequence[InputOutputRecord], *, name_prior: bool) -> Iterator[str]:
-    """Yield a finding if no output depends on the rows before it (likelihood ratio test, one per output).
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Static:
+    findings: tuple[str, ...] = ()
+    is_feedback: bool = False
+    """Whether the inputs of a row follow its heading; else the rows are a table."""
+
+
+def _static(records: Sequence[InputOutputRecord], *, name_prior: bool) -> _Static:
+    """Return a finding if no output depends on the rows before it (likelihood ratio test, one per output).
 
     A heading integrates, so that inputs of its row can only follow it.
     """
     m, p = records[0].u.shape[1], records[0].y.shape[1]
     lags = min(LAGS, int(_columns(records, LAGS) // (m + p)))
     if lags < 1:
-        return
+        return _Static()
     z = _windows(records, lags)
     if len(z) < 2 * lags * (m + p):
-        return
+        return _Static()
     now, y, past = z[:, -1, :m], z[:, -1, m:], z[:, :-1].reshape(len(z), -1)
     static = _residual(now, y)
     full = _residual(np.hstack([now, past]), y)
@@ -188,25 +196,26 @@ def _table(records: Sequence[InputOutputRecord], *, name_prior: bool) -> Iterato
         statistic = (len(z) - m - 0.5 * freedom) * np.log(before / after)
     memory = ~exact & (chdtrc(freedom, np.maximum(statistic, 0.0)) < SIGNIFICANCE)
     if memory.any():
-        return
+        return _Static()
     shares = 1.0 - before / np.maximum(total, 1e-300)
     heading = turn_channels(records[0].output_names).heading if name_prior else None
     if heading is not None and shares[heading] > FEEDBACK_SHARE_MIN:
-        yield (
+        finding = (
             f"feedback: '{records[0].output_names[heading]}' and the inputs of the same row determine each other "
             f"({100.0 * shares[heading]:.0f} %), as under control; add dither, or drive without control"
         )
-        return
+        return _Static(findings=(finding,), is_feedback=True)
     share = 100.0 * float(shares.max())
-    yield (
+    finding = (
         f"table: no output depends on the rows before it, and the inputs of the same row explain {share:.0f} % at most; a table of "
         "steady states, or rows out of order? sort them by time, or record a drive"
     )
+    return _Static(findings=(finding,))
 
 
 def _columns(records: Sequence[InputOutputRecord], lags: int) -> float:
     """Return the number of regressors that the windows of a number of lags support."""
-    return min(float(COLUMNS_MOST), sum(len(record) - lags for record in records) / ROWS_PER_COLUMN)
+    return min(float(COLUMNS_MOST), sum(len(record) - lags for record in records) / ROWS_PER_PARAMETER)
 
 
 def _windows(records: Sequence[InputOutputRecord], lags: int) -> Float[np.ndarray, "N lags1 r"]:
@@ -266,7 +275,7 @@ def _sinusoid(signal: Float[np.ndarray, " T"]) -> tuple[float, float]:
     return 1.0 - float(np.sum(_residual(np.column_stack([np.cos(angle), np.sin(angle)]), x[:, None]) ** 2)) / energy, at / count
 
 
-def _integrator(records: Sequence[InputOutputRecord]) -> Iterator[str]:
+def _integrator(records: Sequence[InputOutputRecord], bounds: Float[np.ndarray, " 2"] | None) -> Iterator[str]:
     """Yield a finding if a heading is not the integral of the yaw rate of the same record, or was wrapped."""
     names, turn = channel_names(records[0])[records[0].u.shape[1] :], turn_channels(records[0].output_names)
     if turn.heading is None or not names[turn.heading].endswith(("_rad", "_deg")):
@@ -280,7 +289,6 @@ def _integrator(records: Sequence[InputOutputRecord]) -> Iterator[str]:
             "_unwrapped_rad"
         )
         return
-    bounds = _heading_over_yaw_rate(records)
     if bounds is not None and (bounds[1] < 1.0 - INTEGRATOR_TOLERANCE or bounds[0] > 1.0 + INTEGRATOR_TOLERANCE):
         yield (
             f"integrator: {heading} changes by {bounds[0]:.2g} to {bounds[1]:.2g} of the yaw rate's integral, not by 1: check "
@@ -288,8 +296,8 @@ def _integrator(records: Sequence[InputOutputRecord]) -> Iterator[str]:
         )
 
 
-def _is_integral(records: Sequence[InputOutputRecord]) -> bool:
-    turn, bounds = turn_channels(records[0].output_names), _heading_over_yaw_rate(records)
+def _is_integral(records: Sequence[InputOutputRecord], bounds: Float[np.ndarray, " 2"] | None) -> bool:
+    turn = turn_channels(records[0].output_names)
     if turn.heading is None or turn.yaw_rate is None:
         return True
     return bounds is not None and bool(bounds[0] < 1.0 + INTEGRATOR_TOLERANCE and bounds[1] > 1.0 - INTEGRATOR_TOLERANCE)
@@ -304,7 +312,7 @@ def _heading_over_yaw_rate(records: Sequence[InputOutputRecord]) -> Float[np.nda
     if turn.heading is None or turn.yaw_rate is None:
         return None
     z = _changes(records, turn.heading, turn.yaw_rate)
-    if len(z) < ROWS_PER_COLUMN:
+    if len(z) < ROWS_PER_PARAMETER:
         return None
     (changed, cross), (_, turned) = np.cov(z.T)
     if not chdtrc(1, len(z) * cross**2 / max(changed * turned, 1e-300)) < SIGNIFICANCE:

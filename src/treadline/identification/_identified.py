@@ -14,6 +14,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from treadline.core import linear_systems
+from treadline.core.arrays import finite_or_none
 from treadline.core.model_methods import ModelMethods
 from treadline.core.model_scores import TESTED_SAMPLES_MIN, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
@@ -21,13 +22,13 @@ from treadline.core.printing import Printable, p_text, percent_text, plain
 from treadline.identification._affine import Affine, of_model
 from treadline.identification._belts import DifferentialInput, turn_channels
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
+from treadline.identification._dead_time import without_delays
 from treadline.identification._dependent_inputs import DriveLog
 from treadline.identification._drive_log import LogFindings, examine
 from treadline.identification._ensemble import Ensemble
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import Candidate, Fitting
 from treadline.identification._gram import Gram, Units
-from treadline.identification._input_structure import without_delays
 from treadline.identification._model_order import OrderChoice, gap_of
 from treadline.identification._okid import ObserverMarkov
 from treadline.identification._pole_intervals import (
@@ -262,11 +263,6 @@ def bonferroni(p_values: Sequence[float | None]) -> float | None:
     """Return the combined p-value of several tests (Bonferroni); None if one has no p-value."""
     known = [value for value in p_values if value is not None]
     return min(1.0, len(known) * min(known)) if known and len(known) == len(p_values) else None
-
-
-def finite_or_none(value: float) -> float | None:
-    """Return the number, or None if it is not finite."""
-    return float(value) if np.isfinite(value) else None
 
 
 def _json_number(value: float) -> float:

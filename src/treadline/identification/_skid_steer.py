@@ -17,21 +17,18 @@ from scipy.linalg import LinAlgError, solve_toeplitz
 from scipy.signal import lfilter
 
 from treadline.core.models import InputOutputRecord
-from treadline.identification._belts import DifferentialInput, named_belts, radians, turn_channels
-from treadline.identification.options import LAGS_MOST
+from treadline.identification._belts import DifferentialInput, named_belts, turn_channels, turn_rate
+from treadline.identification._pole_intervals import MEMORY
+from treadline.identification.options import LAGS_MOST, ROWS_PER_PARAMETER
 
 ROWS_MOST = 20_000
 """Number of most recent rows that are fitted."""
 NOISE_LAGS = 6
 """Lags of the noise's autoregression: slip and measurement noise need two, the noise of a differenced heading more."""
-ROWS_PER_PARAMETER = 8
-"""Rows per parameter, as for automatically chosen lags."""
 DECAYS = (0.0, 0.3, 0.5, 0.65, 0.75, 0.85, 0.9, 0.95, 0.975)
 """Decays of a lag per sample from which the fit may start: time constants in steps of about one and a half."""
 DECAY_MOST = 0.999
 """Largest decay: a time constant of a thousand samples."""
-MEMORY = 1.3
-"""Rows of correlation in a regression's residuals, per cube root of the number of rows (Newey and West, 1987)."""
 STEPS_MOST = 20
 """Largest number of Gauss-Newton steps."""
 TWO_SIDED_95 = 1.959964
@@ -227,15 +224,11 @@ class _Run:
 
 
 def _runs(records: Sequence[InputOutputRecord]) -> list[_Run]:
-    """Return the unbroken runs; without a yaw rate the heading's difference to the next row takes its place."""
-    turn, names = turn_channels(records[0].output_names), records[0].output_names
-    heading = turn.heading or 0
+    """Return the unbroken runs of the most recent rows."""
     runs, left = [], ROWS_MOST
     for record in reversed(records):
-        if turn.yaw_rate is not None:
-            u, rate = record.u, record.y[:, turn.yaw_rate] * radians(names[turn.yaw_rate])
-        else:
-            u, rate = record.u[:-1], np.diff(record.y[:, heading]) * radians(names[heading]) / record.dt_s
+        rate = turn_rate(record.y, records[0].output_names, record.dt_s)
+        u = record.u[: len(rate)]
         whole = np.isfinite(u).all(axis=1) & np.isfinite(rate)
         edges = np.flatnonzero(np.diff(whole.astype(int), prepend=0, append=0)).reshape(-1, 2)
         for start, stop in edges[::-1]:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from treadline.core.linear_systems import fit_percent, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification._belts import radians, turn_channels
+from treadline.identification._belts import radians, turn_channels, turn_rate
 from treadline.identification._skid_steer import Estimate, TurnFit
 
 SETTLED = 0.01
@@ -111,16 +111,11 @@ def contradiction(model: LinearModel, fit: TurnFit, rows: int) -> Contradiction 
 
 
 def _yaw_gains(model: LinearModel, fit: TurnFit, step: Float[np.ndarray, " m"], rows: int) -> tuple[float, float]:
-    turn = turn_channels(model.output_names)
     slowest = max(float(fit.decays.max()), SETTLED)
     settled = fit.shift + int(np.ceil(np.log(SETTLED) / np.log(slowest)))
     u = np.tile(model.input_offset + step, (max(rows, settled + 2), 1))
     y = simulate(model, u, np.zeros(model.order)) - model.output_offset
-    if turn.yaw_rate is not None:
-        rate = y[:, turn.yaw_rate] * radians(model.output_names[turn.yaw_rate])
-    else:
-        heading = turn.heading or 0
-        rate = np.diff(y[:, heading]) * radians(model.output_names[heading]) / model.dt_s
+    rate = turn_rate(y, model.output_names, model.dt_s)
     return float(rate[settled]), float(rate[-1])
 
 

@@ -1,6 +1,6 @@
 """Identification of a linear model from records (Section IV): the main entry point.
 
-Paper: Section IV, VI.B. Check → Gram matrix → OKID → ERA or PBSID → refinement → report.
+Paper: Section IV, VI.B. Check → dead time → Gram matrix → OKID and ERA, PBSID or the ensemble → report.
 """
 
 import time
@@ -18,15 +18,12 @@ from treadline.identification._checks import (
     check_alike,
     check_records,
 )
-from treadline.identification._dead_time import dead_time
+from treadline.identification._dead_time import dead_time, without_delays
 from treadline.identification._dependent_inputs import DriveLog, check_independent_inputs, without_dependent_inputs
 from treadline.identification._fitting import with_inputs_again
 from treadline.identification._from_gram import from_gram, gram_with_half, provenance_of
 from treadline.identification._gram import Gram
 from treadline.identification._identified import FittedSystem, Identified, whole_samples
-from treadline.identification._input_structure import (
-    without_delays,
-)
 from treadline.identification._threads import one_thread
 from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
 
@@ -70,16 +67,17 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
     method, belts = options.method or ("best" if options.prior is None else "pbsid"), log.differential
     options = replace(options, method=method)
     validation = log.other(options.validation) if isinstance(options.validation, InputOutputRecord) else options.validation
-    check_records(log.records, inputs=belts is None)
+    units = check_records(log.records, inputs=belts is None)
     fitted, judged = _split(log.records, validation)
     if validation is not None:
-        check_records(fitted, inputs=belts is None)
+        units = check_records(fitted, inputs=belts is None)
     if belts is None and method == "best":
         check_independent_inputs(fitted)  # before dead times, which would move inputs apart that are one
     one = belts is not None and options.delays is None  # belts that are one input have one dead time
     shifts = 2 * _dead_time(belts.difference(fitted), options, method) if belts and one else _dead_time(fitted, options, method)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
-    units = check_records(moved, inputs=belts is None)
+    if any(shifts):
+        units = check_records(moved, inputs=belts is None)  # without the samples before the first input acts
     if belts is not None:
         units = belts.alike(moved, units)
     data, half = gram_with_half(moved, replace(options, lags=1) if method == "deconvolution" else options, units)

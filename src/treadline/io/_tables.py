@@ -17,12 +17,9 @@ from jaxtyping import Float, Float64, Shaped
 
 from treadline.core.arrays import LARGEST
 from treadline.core.errors import LogFormatError, NotFinite, PeriodMismatch, RecordError, closest
+from treadline.core.state_space import GAP_SHARE, UNWRAPPED
 from treadline.io._clock import IRREGULAR, Seconds, Ticks, Times, clocks_of, words_of
 
-UNWRAPPED = "_unwrapped_rad"
-"""Name suffix of unwrapped angles, which may exceed π."""
-MOST_GAPS = 0.2
-"""Largest accepted fraction of rows with NaN."""
 MOST_NAMED = 12
 """Largest number of names listed in an error message."""
 LONGEST_NAME = 80
@@ -186,9 +183,9 @@ def check_values(table: Table, *, allow_gaps: bool) -> None:
 
 def check_gaps(file: Path, gaps: int, rows: int) -> None:
     """Reject a record with too many gaps."""
-    if gaps > MOST_GAPS * rows:
+    if gaps > GAP_SHARE * rows:
         raise NotFinite(
-            f"{file}: {gaps / rows:.0%} of the rows hold NaN or are missing; at most {MOST_GAPS:.0%} may: repair the recording"
+            f"{file}: {gaps / rows:.0%} of the rows hold NaN or are missing; at most {GAP_SHARE:.0%} may: repair the recording"
         )
 
 
@@ -245,7 +242,7 @@ def uneven(
     if abs(1e-3 * float(np.median(steps)) - period_s) <= IRREGULAR * period_s:
         remedy = f"does column '{table.clock}' count milliseconds? divide it by 1000"
     # The fraction of missing rows of a stream is unknown before its end.
-    elif places is not None and (before_s is not None or len(t_s) >= (1.0 - MOST_GAPS) * (places[-1] + 1.0)):
+    elif places is not None and (before_s is not None or len(t_s) >= (1.0 - GAP_SHARE) * (places[-1] + 1.0)):
         remedy = f"if rows are missing, pass --allow-gaps, else {remedy.removeprefix('pass ')}"
     return PeriodMismatch(
         f"{_behind(table, k, before_s)}: a step of {steps[k]:.4g} s where the period is {period_s:.4g} s; {remedy}"
