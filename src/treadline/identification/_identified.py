@@ -19,6 +19,7 @@ from treadline.core.model_methods import ModelMethods
 from treadline.core.model_scores import TESTED_SAMPLES_MIN, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, percent_text, plain
+from treadline.core.transfer_function import is_unstable, spectral_radius
 from treadline.identification._affine import Affine, of_model
 from treadline.identification._belts import DifferentialInput, turn_channels
 from treadline.identification._checks import FEW_SAMPLES, excitation_order, insufficient_excitation
@@ -204,8 +205,8 @@ def validation_warnings(
 ) -> list[str]:
     """Return the warnings on stability, fit and residuals."""
     found = []
-    radius = float(np.abs(np.linalg.eigvals(model.A)).max())
-    if radius > 1.0 + 1e-6:
+    radius = spectral_radius(model)
+    if is_unstable(model):
         found.append(
             f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant is "
             "known to be stable"
