@@ -1,4 +1,4 @@
-# treadline with Gazebo 11 and the tracked-vehicle plugin, for machines where ros/gazebo/environment.sh has no root or no chroot:
+# treadline with Gazebo 11 and the tracked-vehicle plugin, for machines where legacy/gazebo/environment.sh has no root or no chroot:
 #   docker build -t treadline . && docker run --rm -v "$PWD/out:/out" treadline reproduce --plant gazebo --out /out
 # bullseye is the last Debian with Gazebo 11.
 FROM python:3.11-bullseye
@@ -11,8 +11,8 @@ RUN apt-get update \
 ENV TREADLINE_GAZEBO=/
 
 # The plugin alone first: it changes less often than the rest. A build that fails takes its log with it, so it is shown.
-COPY ros/gazebo /opt/treadline-source/ros/gazebo
-RUN mkdir /opt/log && TMPDIR=/opt/log /opt/treadline-source/ros/gazebo/environment.sh || { cat /opt/log/* >&2; exit 1; }
+COPY legacy/gazebo /opt/treadline-source/legacy/gazebo
+RUN mkdir /opt/log && TMPDIR=/opt/log /opt/treadline-source/legacy/gazebo/environment.sh || { cat /opt/log/* >&2; exit 1; }
 
 COPY pyproject.toml README.md LICENSE /opt/treadline-source/
 COPY src /opt/treadline-source/src

@@ -87,7 +87,7 @@ slow: $(VENV)/.test setup
 
 # Where neither root nor chroot is to be had there is nothing to test: environment.sh says so and answers 77.
 test-gazebo: $(VENV)/.test
-	@ros/gazebo/environment.sh >/dev/null; status=$$?; \
+	@legacy/gazebo/environment.sh >/dev/null; status=$$?; \
 	if [ $$status = 77 ]; then echo "test-gazebo: skipped"; exit 0; fi; [ $$status = 0 ] || exit $$status; \
 	TREADLINE_TEST_GAZEBO=1 $(BIN)/python -m pytest -n 2 tests/plant/gazebo tests/plant/test_plant_contract.py
 

@@ -74,7 +74,7 @@ def test_the_wheel_contains_every_file_of_the_program() -> None:
 TARGETS = {
     "test-ros1": ("make", "-o", ".venv/.test", "test-ros1"),
     "test-browser": ("make", "-o", ".venv/.browser", "test-browser"),
-    "gazebo": (str(ROOT / "ros" / "gazebo" / "environment.sh"),),
+    "gazebo": (str(ROOT / "legacy" / "gazebo" / "environment.sh"),),
 }
 """Commands that install as root."""
 

@@ -18,7 +18,7 @@ from treadline.ros import channels as on
 from treadline.ros._codec import Decoder
 from treadline.ros._node_signals import GuardState
 
-PACKAGE = Path(__file__).parents[2] / "ros" / "treadline_ros2"
+PACKAGE = Path(__file__).parents[2] / "ros2" / "treadline_ros2"
 NAMES = ("guard", "camera", "heading", "seat", "driver", "plant")
 SCENARIO = """
 [start]

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(
 
 ROOT = Path(__file__).parents[2]
 TREADLINE = [sys.executable, "-m", "treadline"]
-TESTS = ROOT / "ros" / "treadline_ros1" / "test"
+TESTS = ROOT / "legacy" / "treadline_ros1" / "test"
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """ROS finds the package beside Debian's; nodes find this venv's treadline."""
     home = tmp_path_factory.mktemp("ros")
     return os.environ | {
-        "ROS_PACKAGE_PATH": f"{ROOT / 'ros'}:/usr/share",
+        "ROS_PACKAGE_PATH": f"{ROOT / 'legacy'}:/usr/share",
         "ROS_IP": "127.0.0.1",
         "ROS_HOME": str(home),
         "TREADLINE": str(Path(sys.executable).with_name("treadline")),

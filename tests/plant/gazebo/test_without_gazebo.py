@@ -29,7 +29,7 @@ from treadline.vehicle.staircase import build_staircase
 
 SCENARIO = Scenario(start=Start(place="flight", step=4, heading_deg=10.0), control=Control(vision="truth"))
 
-SCRIPT = Path(__file__).parents[3] / "ros" / "gazebo" / "environment.sh"
+SCRIPT = Path(__file__).parents[3] / "legacy" / "gazebo" / "environment.sh"
 
 GREETING = "import socket, struct, sys\n" + textwrap.dedent("""
     port = int(open(sys.argv[-1]).read())
@@ -114,7 +114,7 @@ def test_a_server_that_dies_is_distinguished_from_an_answer(launched: Callable[.
 
 def test_without_an_environment_it_is_said_how_to_get_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
-    with pytest.raises(GazeboError, match=r"no Gazebo 11 in .*root; build it with ros/gazebo/environment.sh"):
+    with pytest.raises(GazeboError, match=r"no Gazebo 11 in .*root; build it with legacy/gazebo/environment.sh"):
         find_environment()
     (tmp_path / "root/usr/bin").mkdir(parents=True)
     (tmp_path / "root/usr/bin/gzserver").touch()

@@ -1,6 +1,6 @@
 """gzserver process and the plugin's socket: command in, state out, in lock-step.
 
-Gazebo 11 is in a Debian bullseye root folder (``ros/gazebo/environment.sh``), or in the system itself in a container.
+Gazebo 11 is in a Debian bullseye root folder (``legacy/gazebo/environment.sh``), or in the system itself in a container.
 
 Each run uses a new process: a second run in the same process would differ in the last bits.
 """
@@ -30,11 +30,11 @@ PLUGIN = "opt/treadline/build/libtreadline_lockstep.so"
 """Path of the lock-step plugin in the root folder."""
 LIBRARIES = "usr/lib/x86_64-linux-gnu/gazebo-11/plugins"
 """Path of Gazebo's plugins in the root folder."""
-BUILD = "build it with ros/gazebo/environment.sh (root, once), or take the Dockerfile"
+BUILD = "build it with legacy/gazebo/environment.sh (root, once), or take the Dockerfile"
 """Remedy in error messages."""
 PROTOCOL, MAJOR = 1, 11
 ORDERS, COLUMNS = 8, 22
-"""Number of doubles in a command and in an answer, as in ``ros/gazebo/lockstep.cc``."""
+"""Number of doubles in a command and in an answer, as in ``legacy/gazebo/lockstep.cc``."""
 T, POSITION, ORIENTATION, SEAT, FLIPPER, FLIPPER_TORQUE, REACH = 0, 1, 4, 14, 15, 16, 18
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 START_S = 180.0
