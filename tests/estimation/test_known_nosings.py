@@ -82,3 +82,17 @@ def test_the_belts_lie_on_the_next_nosing_or_with_the_rear_on_the_floor(
     at which the edge's height is the distance to the rear pulley's axis times the sine, and its radius less its cosine part."""
     around = replace(known(0.0, -1.5, [deg * DEG for deg in slopes_deg]), rise_m=rise_m)
     assert around.lies(AXIS_M, ahead_m, 0.07)[0] / DEG == pytest.approx(lies_deg, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("above_mm", "ahead_m", "falls_deg"),
+    [
+        pytest.param((0, 0, 0, 0), 0.5, 0.0, id="nosings on a line"),
+        pytest.param((0, 10, 0, 0), 0.5, 3.47, id="about the high nosing, 10 mm in 0.33 m on either side of it"),
+        pytest.param((0, 10, 0, 0), 0.3, 0.0, id="past the high nosing"),
+        pytest.param((0, -10, 0, 0), 0.5, 0.0, id="a low nosing that does not bear"),
+        pytest.param((0, 10), 0.2, 0.0, id="below the lowest pair"),
+    ],
+)
+def test_a_chair_that_backs_down_falls_about_a_high_nosing(above_mm: tuple[float, ...], ahead_m: float, falls_deg: float) -> None:
+    assert line(*above_mm).falls_rad(ahead_m) / DEG == pytest.approx(falls_deg, abs=0.01)

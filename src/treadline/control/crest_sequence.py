@@ -14,9 +14,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from treadline.control.flipper import (
+    FLIPPER_PER_S,
     LIFTED_RAD,
+    OFF_RAD,
     OVER_BELTS_RAD,
-    PRESS_SHARE,
     SMALL_RAD,
     UNLOADED_N,
     PitchCommand,
@@ -32,21 +33,20 @@ Stage = Literal["climb", "slow", "reach", "carry", "lead", "land", "done", "barr
 
 LATER_M = 0.03
 """Distance of the centre of mass past the nosing before the pitch is lowered, and the increment per retry [m]."""
-NEAR_M = 0.06
+NEAR_M = 2.0 * LATER_M
 """Distance of the centre of mass before the nosing at which the chair waits while the tip is unloaded [m]."""
-PROPPED_RAD = 4.0 * DEG
-"""Pitch above the start of reaching at which the flipper is lifting the chair and does not stand on the landing [rad]."""
+PRESS = 1.5
+"""Tip load maintained while the chair drives on, as a ratio of the load of a tip that stands."""
 EARLY_RAD, EARLY_M = 12.0 * DEG, 0.05
 """Angle above the expected landing at which the tip stands on the nosing instead [rad], and the nosing's distance ahead of the
 front pulley in that case [m]; slipping belts overestimate the progress."""
 PROGRESS_M = 0.02
 """Distance by which the landing's edge comes nearer when the chair moves [m]."""
-NOT_FOLLOWED_RAD = 0.4 * DEG
-"""Pitch lag behind the reference with an unloaded tip [rad]. The load alone is not sufficient: a tip pushed forward over ground
-with high friction is supported by friction, with almost no motor torque (36 to 45° below horizontal, friction 0.7 to 1)."""
 LAGS_RAD, WAITS_RAD_S = 0.25 * DEG, 3.0 * DEG
 """Pitch lag [rad] above which a chair that does not lean on the tip is lowered slowly, and that rate [rad/s]: it would fall after
-a faster flipper and land on it with 2.6 to 2.8 m/s² at the passenger."""
+a faster flipper and land on it with 2.6 to 2.8 m/s² at the passenger. At twice the lag its centre of mass is further back than
+assumed. The load alone does not show that: a tip pushed forward over ground with high friction stands by friction, with almost no
+motor torque (36 to 45° below horizontal, friction 0.7 to 1)."""
 LIES_S = 1.0
 """Time nearly horizontal with an unloaded tip after which the belts lie on the landing [s], despite the error of gravity."""
 
@@ -55,34 +55,20 @@ LIES_S = 1.0
 class CrestConfig(SequenceConfig):
     """Chair, assumed load and speeds of the crest sequence."""
 
-    crest_m_s: float = 0.1
     lead_m_s: float = 0.03
     """Speed while the pitch is lowered [m/s]: the further the chair moves, the more load the flipper carries."""
     reach_from_m: float = 0.08
     """Distance of the front pulley past the nosing at which the flipper reaches down [m], before the chair can tip from a high
     nosing behind it onto the last: 0.16 m at the earliest. A tip that reaches down 15 cm too early stands on the nosing and
     retries."""
-    reach_rad_s: float = 16.0 * DEG
-    meet_rad_s: float = 8.0 * DEG
-    """Flipper rate at the expected contact with the landing [rad/s]: 16 °/s caused 3 m/s² under a light chair."""
-    lead_rad_s: float = 10.0 * DEG
     slide_m_s: float = 0.06
     """Sliding speed of the tip over the landing while the chair is lowered [m/s]. A tip reaching far down onto ground with high
     friction (36° and friction 1) sticks and springs free: at 0.13 m/s with 19 °/s and 4 m/s² at the seat."""
-    lead_rad_s2: float = 30.0 * DEG
-    """Angular acceleration of the reference at the start [rad/s²]: 0.3 m/s² at the passenger, half a metre from the nosing."""
-    soften_per_s: float = 2.5
-    """Rate of the reference per remaining angle [1/s]: slower over the last 4°."""
     touch_rad_s: float = 4.0 * DEG
     """Rate at which the belts touch the landing [rad/s]: 5 cm/s at the seat."""
-    press_n: float = 130.0
-    """Tip load maintained while the chair drives on [N]."""
     press_rad_s_n: float = 0.1 * DEG
     """Flipper rate per missing load [rad/s/N]."""
-    behind_rad: float = 2.0 * DEG
-    """Largest lead of the reference over the pitch [rad]."""
     level_rad: float = 0.7 * DEG
-    stow_rad_s: float = 12.0 * DEG
 
 
 CrestCommand = PitchCommand[Stage]
@@ -100,7 +86,6 @@ class Crest(Sequencer[Stage]):
     def __init__(self, config: CrestConfig, around: KnownNosings) -> None:
         super().__init__(config, "climb", around)
         self._config = config
-        self._press_n = min(config.press_n, PRESS_SHARE * config.weight_n)
         self._waited_s, self._least_m = 0.0, math.inf
         """Time since the landing's edge last came nearer by ``PROGRESS_M`` [s], and its distance then [m]."""
         self._tries = 0
@@ -151,7 +136,7 @@ class Crest(Sequencer[Stage]):
         ahead_m = self._geometry.pivot_m - self._edge_past_m
         if ahead_m < self._least_m - PROGRESS_M:
             self._waited_s, self._least_m = 0.0, ahead_m
-        if self._is_lifted(pitch) and pitch > self._lies[0] + PROPPED_RAD:
+        if self._is_lifted(pitch) and pitch > self._lies[0] + OFF_RAD:
             lifted = (pitch - self._lies[0]) / DEG
             return f"the flipper lifted the chair by {lifted:.1f}°, and stands on something else than the landing"
         if self._waited_s < config.patience_s:
@@ -162,7 +147,7 @@ class Crest(Sequencer[Stage]):
 
     def _is_left_behind(self, pitch: float) -> bool:
         """Return whether the chair has not followed an unloaded tip: its centre of mass is further back than assumed."""
-        return self._tip.load_n < UNLOADED_N and pitch > max(SMALL_RAD, self._lead_rad + NOT_FOLLOWED_RAD)
+        return self._tip.load_n < UNLOADED_N and pitch > max(SMALL_RAD, self._lead_rad + 2.0 * LAGS_RAD)
 
     def _meet(self, pitch: float, flipper: FlipperReading) -> None:
         """Classify the contact of the tip by its position: landing or nosing."""
@@ -186,7 +171,7 @@ class Crest(Sequencer[Stage]):
             case "climb":
                 return config.cruise_m_s, 0.0
             case "slow":
-                return config.crest_m_s, self._towards(OVER_BELTS_RAD, flipper)
+                return config.slow_m_s, self._towards(OVER_BELTS_RAD, flipper)
             case "reach":
                 return 0.0, self._reach(pitch, flipper)
             case "carry":
@@ -196,15 +181,7 @@ class Crest(Sequencer[Stage]):
             case "lead":
                 return config.lead_m_s, self._lead(pitch, flipper, speed, dt_s)
             case _:
-                return config.crest_m_s, min(self._towards(self._rest_rad, flipper), config.stow_rad_s)
-
-    def _reach(self, pitch: float, flipper: FlipperReading) -> float:
-        config = self._config
-        return -min(max(config.soften_per_s * self._to_go(pitch, flipper), config.meet_rad_s), config.reach_rad_s)
-
-    def _to_go(self, pitch: float, flipper: FlipperReading) -> float:
-        """Return the flipper's angle above the expected contact of its tip with the landing."""
-        return flipper.angle_rad + pitch + self._geometry.depression(pitch, *self._place)
+                return config.slow_m_s, min(self._towards(self._rest_rad, flipper), config.stow_rad_s)
 
     def _is_lifted(self, pitch: float) -> bool:
         """Return whether a loaded tip holds the chair above its nosings: a light chair is lifted before the tip carries."""
@@ -214,23 +191,23 @@ class Crest(Sequencer[Stage]):
         self._refine(pitch, flipper, dt_s)
         config = self._config
         _, per_metre = self._geometry.rates(pitch, *self._place)
-        missing = 0.0 if self._is_lifted(pitch) else max(self._press_n - self._tip.load_n, 0.0)
+        missing = 0.0 if self._is_lifted(pitch) else max(PRESS * self._tip.carries_n - self._tip.load_n, 0.0)
         rate = (per_metre * speed if missing > 0.0 else 0.0) - config.press_rad_s_n * missing
         waits = self._tip.load_n < UNLOADED_N and self._com_beyond(pitch) > -NEAR_M
-        return (0.0 if waits else config.crest_m_s), rate
+        return (0.0 if waits else config.slow_m_s), rate
 
     def _lead(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> float:
         config = self._config
         self._refine(pitch, flipper, dt_s)
-        softly = max(config.soften_per_s * pitch, config.touch_rad_s)
+        softly = max(FLIPPER_PER_S * pitch, config.touch_rad_s)
         slides_m = max(self._geometry.slide(max(pitch, 0.0), *self._place), self._geometry.radius_m)  # avoids division by zero
         smoothly = config.slide_m_s / slides_m
         lags = self._tip.load_n < UNLOADED_N and pitch > self._lead_rad + LAGS_RAD
-        fastest = WAITS_RAD_S if lags else config.lead_rad_s
-        self._lead_rad_s = min(self._lead_rad_s + config.lead_rad_s2 * dt_s, fastest, softly, smoothly)
+        fastest = WAITS_RAD_S if lags else config.turn_rad_s
+        self._lead_rad_s = min(self._lead_rad_s + config.turn_rad_s2 * dt_s, fastest, softly, smoothly)
         self._lead_rad = max(self._lead_rad - self._lead_rad_s * dt_s, pitch - config.behind_rad)
         per_pitch, per_metre = self._geometry.rates(pitch, *self._place)
-        trim = config.trim_per_s * (self._lead_rad - pitch)
+        trim = FLIPPER_PER_S * (self._lead_rad - pitch)
         if self._tip.load_n < UNLOADED_N:
             trim = max(trim, 0.0)  # the flipper must not move away from a chair that does not follow
         return per_pitch * (trim - self._lead_rad_s) + per_metre * speed

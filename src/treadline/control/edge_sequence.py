@@ -13,7 +13,17 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from treadline.control.flipper import LIFTED_RAD, OVER_BELTS_RAD, UNLOADED_N, PitchCommand, SequenceConfig, Sequencer, flipper_of
+from treadline.control.flipper import (
+    FLIPPER_PER_S,
+    LIFTED_RAD,
+    OFF_RAD,
+    OVER_BELTS_RAD,
+    UNLOADED_N,
+    PitchCommand,
+    SequenceConfig,
+    Sequencer,
+    flipper_of,
+)
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperReading
 from treadline.estimation.known_nosings import KnownNosings
@@ -24,10 +34,6 @@ Stage = Literal["approach", "press", "lift", "settle", "leave", "done", "lower",
 
 CLOSE_RAD = 0.5 * DEG
 """Pitch error at which the lift is complete [rad]."""
-SUNK_RAD = 4.0 * DEG
-"""Pitch below the lifted pitch at which the flipper has yielded [rad]."""
-PROPPED_RAD = 3.0 * DEG
-"""Pitch above the lifted pitch at which the flipper props the chair up instead of folding [rad]."""
 BEARS_SHARE, GIVES_RAD_S = 0.1, 40.0 * DEG
 """Share of the motor's torque above which the flipper yields to a chair whose belts lie, and its rate at full torque [rad/s]. With
 a lower share, a chair whose centre of mass passes a high nosing falls to its rear; with a higher share, the tip drags the
@@ -43,7 +49,6 @@ STOWED_RAD = 5.0 * DEG
 class EdgeConfig(SequenceConfig):
     """Chair, assumed load and speeds of the edge sequence."""
 
-    edge_m_s: float = 0.1
     slow_within_m: float = 0.5
     """Distance before the place where the tip is pressed down, at which the chair slows down [m]."""
     early_m: float = 0.25
@@ -56,16 +61,8 @@ class EdgeConfig(SequenceConfig):
     keep_per_s: float = 1.0
     """Belt speed per deviation of the centre of mass from its place before the edge [1/s]."""
     lift_m_s: float = 0.08
-    reach_rad_s: float = 12.0 * DEG
-    lift_rad_s: float = 9.0 * DEG
-    lift_rad_s2: float = 20.0 * DEG
-    """Angular acceleration at the start of the lift [rad/s²]."""
-    soften_per_s: float = 2.0
-    """Rate of the reference per remaining angle [1/s]."""
     yield_per_s: float = 6.0
     """Flipper rate per pitch lead over the reference [1/s]: slipping belts let the flipper prop the chair up."""
-    behind_rad: float = 1.0 * DEG
-    """Largest lead of the reference over the pitch [rad]."""
     spare_rad: float = 3.0 * DEG
     """Margin to the end of the flipper's range [rad]."""
     settle_m_s: float = 0.05
@@ -74,7 +71,6 @@ class EdgeConfig(SequenceConfig):
     leave_m: float = 0.06
     """Distance of the front pulley before the nosing at which the flipper is stowed [m]: until then the tip stabilises the chair on
     uneven nosings; shortly after, the flipper would touch the first of them."""
-    stow_rad_s: float = 25.0 * DEG
 
 
 EdgeCommand = PitchCommand[Stage]
@@ -169,9 +165,9 @@ class Edge(Sequencer[Stage]):
                 self._stage = "settle"
             case "press" | "lift" | "settle" if self._gives_up():
                 self._begin("lower", pitch)
-            case "settle" | "leave" if pitch > self._lifted_rad + PROPPED_RAD:
+            case "settle" | "leave" if pitch > self._lifted_rad + OFF_RAD:
                 self._stage = "barred"
-            case "settle" if pitch < self._lifted_rad - SUNK_RAD:
+            case "settle" if pitch < self._lifted_rad - OFF_RAD:
                 self._begin("lift", pitch)
             case "lower" if pitch < self._level_rad + LIFTED_RAD or self._waited_s > 2.0 * config.patience_s:
                 self._stage = "barred"
@@ -198,10 +194,10 @@ class Edge(Sequencer[Stage]):
                 is_near = self._behind_m < self._press_from_m + config.slow_within_m
                 if not is_near:
                     return -config.cruise_m_s, 0.0
-                return -config.edge_m_s, self._towards(OVER_BELTS_RAD, flipper)
+                return -config.slow_m_s, self._towards(OVER_BELTS_RAD, flipper)
             case "press":
                 self._watch(pitch, dt_s)
-                return 0.0, -config.reach_rad_s
+                return 0.0, self._reach(pitch, flipper)
             case "lift":
                 if self._behind_m < 0.0:  # the edge has passed mid-track
                     self._follow_the_rear()
@@ -214,7 +210,7 @@ class Edge(Sequencer[Stage]):
                 return 0.0, self._stow(self._rest_rad, flipper)
             case _:
                 self._watch(pitch, dt_s)
-                return (-config.edge_m_s if self._is_up(flipper, 0.0) else 0.0), self._stow(OVER_BELTS_RAD, flipper)
+                return (-config.slow_m_s if self._is_up(flipper, 0.0) else 0.0), self._stow(OVER_BELTS_RAD, flipper)
 
     def _com_margin(self, pitch: float) -> float:
         """Return the distance of the centre of mass before the nosing after the complete lift, estimated from the tip load."""
@@ -261,16 +257,16 @@ class Edge(Sequencer[Stage]):
         self._watch(pitch, dt_s)
         per_pitch, per_metre = self._geometry.rates(pitch, *self._place)
         to_go = target - self._lead_rad
-        fastest = min(config.lift_rad_s, config.soften_per_s * abs(to_go), 0.9 * self._max_rate_rad_s / -per_pitch)
+        fastest = min(config.turn_rad_s, FLIPPER_PER_S * abs(to_go), 0.9 * self._max_rate_rad_s / -per_pitch)
         has_range = pitch + self._geometry.depression(pitch, *self._place) < -self._lowest_rad - config.spare_rad
         if to_go > 0.0 and not has_range:
             fastest = 0.0
-        self._lead_rad_s = min(self._lead_rad_s + config.lift_rad_s2 * dt_s, fastest)
+        self._lead_rad_s = min(self._lead_rad_s + config.turn_rad_s2 * dt_s, fastest)
         lead_rad_s = math.copysign(self._lead_rad_s, to_go)
         lead_rad = self._lead_rad + lead_rad_s * dt_s
         self._lead_rad = min(max(lead_rad, pitch - config.behind_rad), pitch + config.behind_rad)
         behind = self._lead_rad - pitch
-        trim = (config.trim_per_s if behind > 0.0 else config.yield_per_s) * behind
+        trim = (FLIPPER_PER_S if behind > 0.0 else config.yield_per_s) * behind
         return per_pitch * (lead_rad_s + trim) + per_metre * speed
 
     def _watch(self, pitch: float, dt_s: float) -> None:
@@ -284,5 +280,5 @@ class Edge(Sequencer[Stage]):
         return flipper.angle_rad > angle_rad or self._waited_s > self._config.patience_s
 
     def _stow(self, angle_rad: float, flipper: FlipperReading) -> float:
-        fastest = self._config.stow_rad_s if self._tip.load_n < UNLOADED_N else self._config.lift_rad_s
+        fastest = self._config.stow_rad_s if self._tip.load_n < UNLOADED_N else self._config.turn_rad_s
         return min(self._towards(angle_rad, flipper), fastest)

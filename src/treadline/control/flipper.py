@@ -18,8 +18,8 @@ from treadline.vehicle.loading import Loading, plumb
 
 CARRIES_N = 80.0
 """Load above which the tip counts as standing [N]: five times the uncertainty from torque noise and flipper weight."""
-CARRIES_SHARE, PRESS_SHARE = 0.2, 0.3
-"""Tip loads as a share of the chair's weight, if smaller than the absolute loads: a light chair would lift off its last nosing."""
+CARRIES_SHARE = 0.2
+"""The same load as a share of the chair's weight, if smaller: a light chair would lift off its last nosing."""
 CARRIES_S = 0.1
 """Duration above that load before the tip counts as standing [s]; longer than a rotor stop."""
 LIFTED_RAD = 1.0 * DEG
@@ -30,9 +30,11 @@ TIP_S = 0.05
 FLIPPER_RAD_S2 = 120.0 * DEG
 """Angular acceleration limit of the flipper [rad/s²]: keeps the rotor's inertia torque below 2 N·m."""
 FLIPPER_PER_S = 2.0
-"""Flipper rate per remaining angle [1/s]."""
+"""Rate of flipper or pitch per remaining angle [1/s]."""
 OVER_BELTS_RAD = 2.0 * DEG
 """Waiting angle slightly above the belts [rad]: in line with them the flipper would carry load and impede turning."""
+OFF_RAD = 4.0 * DEG
+"""Pitch off the one at which the belts lie, at which the flipper props the chair up, or has yielded [rad]."""
 SMALL_RAD = 8.0 * DEG
 """Pitch below which the flipper's angle no longer determines the distance of the pivot [rad]."""
 
@@ -90,7 +92,8 @@ class Tip:
     def __init__(self, loading: Loading) -> None:
         self._flipper = flipper_of(loading.chair)
         self._flipper_m = loading.chair.tracks.approach_m
-        self._carries_n = min(CARRIES_N, CARRIES_SHARE * loading.weight_n)
+        self.carries_n = min(CARRIES_N, CARRIES_SHARE * loading.weight_n)
+        """Load above which the tip counts as standing [N]."""
         self._carried_s = 0.0
         self.load_n = 0.0
         self.unloaded_s = 0.0
@@ -103,7 +106,7 @@ class Tip:
     def step(self, pitch_rad: float, flipper: FlipperReading, dt_s: float) -> None:
         """Take the reading of one tick."""
         self.load_n += (self._load(pitch_rad, flipper) - self.load_n) * (1.0 - math.exp(-dt_s / TIP_S))
-        self._carried_s = self._carried_s + dt_s if self.load_n > self._carries_n else 0.0
+        self._carried_s = self._carried_s + dt_s if self.load_n > self.carries_n else 0.0
         self.unloaded_s = self.unloaded_s + dt_s if self.load_n < UNLOADED_N else 0.0
 
     def _load(self, pitch_rad: float, flipper: FlipperReading) -> float:
@@ -177,8 +180,20 @@ class SequenceConfig(Loading):
 
     cruise_m_s: float = 0.2
     """Belt speed before the sequence slows down [m/s]."""
-    trim_per_s: float = 2.0
-    """Flipper rate per pitch lag behind the reference [1/s]."""
+    slow_m_s: float = 0.1
+    """Belt speed near the landing's edge [m/s]."""
+    turn_rad_s: float = 9.0 * DEG
+    turn_rad_s2: float = 20.0 * DEG
+    """Largest rate of the pitch [rad/s], and its angular acceleration at the start [rad/s²]: 0.2 m/s² at the passenger, half a
+    metre from the nosing."""
+    behind_rad: float = 1.0 * DEG
+    """Largest lead of the reference over the pitch [rad]."""
+    reach_rad_s: float = 16.0 * DEG
+    meet_rad_s: float = 8.0 * DEG
+    """Rate at which the flipper reaches down for the landing [rad/s], and at the expected contact: 16 °/s caused 3 m/s² under a
+    light chair."""
+    stow_rad_s: float = 12.0 * DEG
+    """Rate at which the flipper is raised from the landing [rad/s]."""
     patience_s: float = 8.0
     """Time to wait for the flipper to carry, to lift by one degree, or to stow [s]; a weak or dead motor exceeds it."""
 
@@ -187,12 +202,12 @@ class Sequencer(ABC, Generic[StageT]):
     """State machine for one crossing of the landing's edge.
 
     Args:
-        loading: Chair and load.
+        loading: Chair, load, rates and speeds.
         stage: Initial stage.
         around: Nosings around the chair.
     """
 
-    def __init__(self, loading: Loading, stage: StageT, around: KnownNosings) -> None:
+    def __init__(self, loading: SequenceConfig, stage: StageT, around: KnownNosings) -> None:
         self._loading = loading
         self._geometry = geometry_of(loading.chair)
         self._tip = Tip(loading)
@@ -283,6 +298,15 @@ class Sequencer(ABC, Generic[StageT]):
     def _towards(self, angle_rad: float, flipper: FlipperReading) -> float:
         """Return the rate that moves the flipper to an angle above the belts."""
         return FLIPPER_PER_S * (angle_rad - flipper.angle_rad)
+
+    def _reach(self, pitch: float, flipper: FlipperReading) -> float:
+        """Return the rate of a flipper that reaches down for the landing, slower near the expected contact."""
+        sequence = self._loading
+        return -min(max(FLIPPER_PER_S * self._to_go(pitch, flipper), sequence.meet_rad_s), sequence.reach_rad_s)
+
+    def _to_go(self, pitch: float, flipper: FlipperReading) -> float:
+        """Return the flipper's angle above the expected contact of its tip with the landing."""
+        return flipper.angle_rad + pitch + self._geometry.depression(pitch, *self._place)
 
     def _refine(self, pitch: float, flipper: FlipperReading, dt_s: float) -> None:
         """Correct the place of the nosings by the flipper's angle: belts on the crossed one, tip on the landing."""

@@ -98,6 +98,17 @@ class KnownNosings:
         sigma_m = math.hypot(low.sigma_m, high.sigma_m)
         return self.pitch_rad + math.atan2(high.above_m - low.above_m, along_m), sigma_m / along_m
 
+    def falls_rad(self, ahead_m: float) -> float:
+        """Return the angle by which a chair that backs down falls about the next nosing below a place [rad].
+
+        Args:
+            ahead_m: Place of the centre of mass ahead of mid-track along the belts.
+        """
+        below = sum(nosing.ahead_m > ahead_m for nosing in self.nosings)
+        if not 0 < below < len(self.nosings) - 1:
+            return 0.0
+        return max(self.slope(below)[0] - self.slope(below - 1)[0], 0.0)
+
     def flipper_rad(self, axis_m: float, length_m: float) -> float:
         """Return the angle to the belts' line at which a flipper lies on the nosings below it and passes over the next [rad].
 

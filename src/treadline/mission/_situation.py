@@ -29,6 +29,7 @@ from treadline.mission._tip_over import TipOverFeedforward
 from treadline.mission.entry_check import certain_reject_reason, reject_reason
 from treadline.mission.planner import PlannerInput
 from treadline.scenario.chair import ChairDescription
+from treadline.vehicle.loading import Loading, plumb
 
 LEVEL_RAD = 2.0 * DEG
 """Absolute pitch below which the chair is horizontal [rad]."""
@@ -365,11 +366,18 @@ class FlightSituation:
         return self._flipper_planner.ride(self.t_s, self._step_m, self._turning_share(square_rad), self._lies_rad())
 
     def _lies_rad(self) -> float:
-        """Return the flipper's angle to the belts on the nosings ahead [rad]; 0 downhill, where they reach it from the belts."""
-        flipper_m = self._config.chair.tracks.approach_m
-        if self._around is None or self._way.sign < 0.0:
+        """Return the flipper's angle to the belts on the nosings ahead [rad].
+
+        Downhill they reach it from the belts. There it raises the front by the angle by which the chair would else fall onto its
+        rear.
+        """
+        config = self._config
+        if self._around is None:
             return 0.0
-        return self._around.flipper_rad(self._pivot_m, flipper_m)
+        if self._way.sign > 0.0:
+            return self._around.flipper_rad(self._pivot_m, config.chair.tracks.approach_m)
+        loading = Loading(chair=config.chair, payload_kg=config.payload_kg)
+        return -self._around.falls_rad(plumb(loading, self._where.pitch_rad))
 
     def _pitch_feedforward(self, square_rad: float = 0.0, *, allowed: bool = True) -> float:
         """Return the tip-over feed-forward [m/s]; no speed is added while the chair turns, nor after its belts have slipped."""
