@@ -134,16 +134,6 @@ def test_sums_of_fewer_lags_are_the_leading_block() -> None:
     np.testing.assert_allclose(fewer.root.T @ fewer.root, fewer.sums, atol=ROUNDING)
 
 
-def test_subtraction_removes_a_part() -> None:
-    record = random_record(5)
-    units = some_units(record)
-    whole, first = gram(record, 4, units), gram(InputOutputRecord(u=record.u[:200], y=record.y[:200], dt_s=0.1), 4, units)
-    # The remainder begins four samples earlier, so that its windows follow those of the first part.
-    rest = gram(InputOutputRecord(u=record.u[196:], y=record.y[196:], dt_s=0.1), 4, units)
-    np.testing.assert_allclose((whole - first).sums, rest.sums, atol=ROUNDING)
-    assert (whole - first).count == rest.count
-
-
 def test_forgetting_scales_the_gram_matrix_and_its_root() -> None:
     data = gram(random_record(6), 4, some_units(random_record(6)), solver="qr")
     half = data.forgotten(0.5)

@@ -32,8 +32,8 @@ from treadline.identification._refine import (
     predictors_of,
 )
 
-GAIN_SAMPLES = 20_000
-"""Number of most recent samples used to fit the innovation gain."""
+GAIN_SAMPLES = 5_000
+"""Number of most recent samples used to fit the innovation gain: a hundred for each of its entries, or nearly so."""
 GAIN_ENTRIES = 60
 """Entries of an innovation gain up to which its refit takes less time than the rest of a fit."""
 SLOWEST_OBSERVER = 0.95

@@ -20,7 +20,7 @@ from treadline.identification._deconvolution import observer_of
 from treadline.identification._ensemble import Ensemble, ensemble
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import Candidate, Fitting
-from treadline.identification._gram import Gram, GramBuilder, Units, gram_of
+from treadline.identification._gram import Gram, Units, gram_of
 from treadline.identification._identified import Evidence, FittedSystem
 from treadline.identification._model_order import (
     OrderChoice,
@@ -32,7 +32,7 @@ from treadline.identification._model_order import (
     stands_out,
     structural_order,
 )
-from treadline.identification._okid import ObserverMarkov, observer_markov, regression, scaled_observer
+from treadline.identification._okid import ObserverMarkov, observer_markov, regression
 from treadline.identification._realisation import pbsid as realised_by_pbsid
 from treadline.identification._realisation import realised, state_map
 from treadline.identification._refine import cost
@@ -52,36 +52,18 @@ def provenance_of(method: str, candidate: Candidate) -> dict[str, str | float]:
     return {"method": method, "order": candidate.order, "lags": candidate.lags, "step": candidate.step}
 
 
-def gram_with_half(records: Sequence[InputOutputRecord], options: IdentificationOptions, units: Units) -> tuple[Gram, Gram | None]:
-    """Return the Gram matrix of all records and, for an open order, the Gram matrix of their first halves."""
+def data_of(records: Sequence[InputOutputRecord], options: IdentificationOptions, units: Units) -> Gram:
+    """Return the Gram matrix of the records, with as many lags as they support; added to a prior, in its units and lags."""
     prior, solver = options.prior, options.solver
     if prior is not None:
         new = gram_of(records, prior.lags, prior.units, solver=solver)
-        return prior.forgotten(options.forgetting ** sum(len(record) for record in records)) + new, None
-    penalised = options.method == "best"
-    most, names = max_supported_lags(records, options.lags, options.largest_order, penalised=penalised), channel_names(records[0])
-    if options.given_order is not None:
-        return replace(gram_of(records, most, units, solver=solver), names=names), None
-    builder = GramBuilder(most, units, records[0].dt_s, solver=solver)
-    marks = []
-    for record in records:
-        builder.begin()
-        middle = len(record) // 2
-        builder.add(record.u[:middle], record.y[:middle])
-        before = builder.finish()
-        builder.add(record.u[middle:], record.y[middle:])
-        marks.append((before, builder.finish()))
-    whole = replace(marks[-1][1], names=names)
-    # Difference of the Gram matrices at the middle and at the beginning of each record.
-    first = marks[0][0]
-    for (half, _), (_, earlier) in zip(marks[1:], marks, strict=False):
-        first = first + (half - earlier)
-    return whole, first
+        return prior.forgotten(options.forgetting ** sum(len(record) for record in records)) + new
+    most = max_supported_lags(records, options.lags, options.largest_order, penalised=options.method == "best")
+    return replace(gram_of(records, most, units, solver=solver), names=channel_names(records[0]))
 
 
 def from_gram(
     data: Gram,
-    half: Gram | None,
     records: Sequence[InputOutputRecord],
     options: IdentificationOptions,
     *,
@@ -94,7 +76,6 @@ def from_gram(
 
     Args:
         data: Gram matrix of all data.
-        half: Gram matrix of about half of the data, for the noise floor of the singular values; None for a given order.
         records: Samples for the steps that need them.
         options: Order, lags and feedthrough; the data decide what is left out.
         method: Name of the method, settled by the caller.
@@ -109,11 +90,11 @@ def from_gram(
     used, has_d = choose_structure(data, options.lags, options.feedthrough, is_model=method == "okid-era")
     if records_are_complete and data.dropped and used < data.lags and method != "best":
         # Windows with fewer lags overlap fewer gaps, so the Gram matrix is rebuilt.
-        data, half = gram_with_half(records, replace(options, lags=used), data.units)
+        data = data_of(records, replace(options, lags=used), data.units)
     if order is not None or allowed is not None:
         check_excitation(data, order or min(allowed or [1]))
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
-    evidence = _evidence_of(fitting, half, used, options, collected)
+    evidence = _evidence_of(fitting, used, options, collected)
     exact = _exact(fitting, evidence, options, collected) if method == "best" and evidence.structural is None else None
     if exact is not None:
         found = exact
@@ -126,12 +107,10 @@ def from_gram(
     return found
 
 
-def _evidence_of(fitting: Fitting, half: Gram | None, lags: int, options: IdentificationOptions, warnings: list[str]) -> Evidence:
+def _evidence_of(fitting: Fitting, lags: int, options: IdentificationOptions, warnings: list[str]) -> Evidence:
     observer, svd = fitting.observer(lags, options.largest_order)
     structural = structural_order(observer)
-    noise = None
-    if options.given_order is None and half is not None:
-        noise = noise_level(scaled_observer(half, lags, feedthrough=fitting.feedthrough), observer, svd)
+    noise = noise_level(observer, svd) if options.given_order is None else None
     choice = settle_order(svd, options.given_order, structural, noise or 0.0, warnings, options.allowed_orders)
     return Evidence(lags=lags, observer=observer, svd=svd, structural=structural, noise=noise, choice=choice)
 

@@ -2,9 +2,9 @@
 
 A window is ``[1, z_k, z_{k-1}, …, z_{k-p}]`` with ``z = (u, y)``. Summed over a record, the product of two samples depends
 only on their distance, except at the ends: the matrix is block Toeplitz up to corrections. Only its first block row needs
-the data (2·N·r²·(p+1) flops for r channels instead of 2·N·r²·(p+1)²). Gram matrices add over chunks and experiments and
-subtract for held-out parts; fewer lags are the leading block. Windows with a NaN are dropped and counted. The constant
-column absorbs offsets, so no mean has to be subtracted.
+the data (2·N·r²·(p+1) flops for r channels instead of 2·N·r²·(p+1)²). Gram matrices add over chunks and experiments; fewer
+lags are the leading block. Windows with a NaN are dropped and counted. The constant column absorbs offsets, so no mean has
+to be subtracted.
 """
 
 from collections.abc import Sequence
@@ -14,17 +14,18 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
+from numpy.lib.stride_tricks import sliding_window_view
 
 from treadline.core.errors import LogFormatError, ShapeMismatch
 from treadline.core.files import written_whole
 from treadline.core.models import InputOutputRecord
 from treadline.identification._factor import Factor
-from treadline.identification._recursion_kernels import column_moments, fold, lagged_products, normalise, slide
+from treadline.identification._recursion_kernels import column_moments, normalise, slide
 
-CHUNK = 1 << 18
-"""Samples per pass: eight megabytes for four channels."""
-BLOCK_LEAST = 10
-"""Smallest number of samples per row of the block product; narrower matrices under-use the processor."""
+CHUNK = 1 << 13
+"""Samples per pass: with four channels and forty lags their blocks stay in the processor's cache."""
+BLOCK = 10
+"""Samples per row of the matrix product of the windows: wide enough for the processor, and few products outside the lags."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,9 +90,6 @@ class Gram:
             dropped=self.dropped + other.dropped,
             root=None if self.root is None or other.root is None else _stacked(self.root, other.root),
         )
-
-    def __sub__(self, other: "Gram") -> "Gram":
-        return replace(self, sums=self.sums - other.sums, count=self.count - other.count, root=None)
 
     def forgotten(self, factor: float) -> "Gram":
         """Return the Gram matrix weighted by a forgetting factor."""
@@ -181,126 +179,71 @@ class GramBuilder:
 
     def __init__(self, lags: int, units: Units, dt_s: float, *, solver: str = "gram") -> None:
         self._lags, self._units, self._dt_s = lags, units, dt_s
-        r = len(units.scale)
-        width = 1 + r * (lags + 1)
+        width = 1 + len(units.scale) * (lags + 1)
         self._sums = np.zeros((width, width))
         self._root = np.zeros((0, width)) if solver == "qr" else None
-        self._count, self._lost = 0, 0
-        self._past = np.zeros((0, r))
-        self._segment: _Segment | None = None
-        self._seen = 0
+        self._count, self._possible = 0, 0
+        self.begin()
 
     def begin(self) -> None:
         """Begin a new experiment; windows do not extend across experiments."""
-        self._close()
-        self._lost += max(self._seen - self._lags, 0)
-        self._seen, self._past = 0, self._past[:0]
+        self._past = np.zeros((0, len(self._units.scale)))
 
     def add(self, u: Float[np.ndarray, "T m"], y: Float[np.ndarray, "T p"]) -> None:
         """Add consecutive samples."""
         for start in range(0, len(u), CHUNK):
-            self._add(u[start : start + CHUNK], y[start : start + CHUNK])
+            rows, old = slice(start, start + CHUNK), len(self._past)
+            z = np.empty((old + len(u[rows]), len(self._units.scale)))
+            z[:old] = self._past
+            gaps = normalise(u[rows], y[rows], self._units.shift, self._units.scale, z[old:])
+            self._possible += max(len(z) - self._lags, 0)
+            holed = gaps or not np.isfinite(self._past).all()
+            runs = runs_of(np.asarray(np.isfinite(z).all(axis=1))) if holed else [(0, len(z))]
+            for first, stop in runs:
+                if stop - first > self._lags:
+                    self._add_windows(z[first:stop])
+            self._past = z[max(0, len(z) - self._lags) :]
 
     def finish(self) -> Gram:
         """Return the Gram matrix of all samples so far; further samples may be added."""
-        sums, count = self._sums.copy(), self._count
-        if self._segment is not None:
-            count += self._segment.into(sums)
         return Gram(
             lags=self._lags,
             units=self._units,
             dt_s=self._dt_s,
-            sums=sums if self._root is None else self._root.T @ self._root,
-            count=float(count),
-            dropped=self._lost + max(self._seen - self._lags, 0) - count,
+            sums=self._sums.copy() if self._root is None else self._root.T @ self._root,
+            count=float(self._count),
+            dropped=self._possible - self._count,
             root=None if self._root is None else self._root.copy(),
         )
 
-    def _add(self, u: Float[np.ndarray, "T m"], y: Float[np.ndarray, "T p"]) -> None:
-        old = len(self._past)
-        z = np.empty((old + len(u), len(self._units.scale)))
-        z[:old] = self._past
-        gaps = normalise(u, y, self._units.shift, self._units.scale, z[old:])
-        self._seen += len(u)
-        for start, stop in _runs(z, old, gaps):
-            if self._segment is None or start > 0:
-                self._close()
-                self._segment = _Segment(self._lags, z.shape[1])
-                before = max(start, old)
-            else:
-                before = old
-            self._segment.add(z[start:stop], before - start)
-            self._add_rows(z[start:stop], max(before - start, self._lags))
-            if stop < len(z):
-                self._close()
-        if gaps and not np.isfinite(z[-1]).all():
-            self._close()
-        past = z[max(0, len(z) - self._lags) :]
-        self._past = past[_last_gap(past) :].copy()
-
-    def _close(self) -> None:
-        if self._segment is not None:
-            self._count += self._segment.into(self._sums)
-        self._segment = None
-
-    def _add_rows(self, z: Float[np.ndarray, "T r"], begin: int) -> None:
-        """Update the triangular root with the windows that end in the samples from ``begin`` on."""
+    def _add_windows(self, z: Float[np.ndarray, "T r"]) -> None:
+        """Add the windows of an unbroken run: one for each sample that has all its past in the run."""
+        self._count += len(z) - self._lags
         if self._root is None:
-            return
-        rows = max(2 * self._root.shape[1], 4096)
-        for first in range(begin, len(z), rows):
-            last = min(first + rows, len(z))
-            blocks = [np.ones((last - first, 1)), *(z[first - lag : last - lag] for lag in range(self._lags + 1))]
-            self._root = _stacked(self._root, np.hstack(blocks))
+            add_windows(z, self._lags, self._sums)
+        else:
+            windows = sliding_window_view(z, self._lags + 1, axis=0)[:, :, ::-1].transpose(0, 2, 1).reshape(len(z) - self._lags, -1)
+            self._root = _stacked(self._root, np.column_stack([np.ones(len(windows)), windows]))
 
 
-class _Segment:
-    """Lagged products of an unbroken run of samples."""
+def add_windows(z: Float[np.ndarray, "T r"], lags: int, into: Float[np.ndarray, "q q"]) -> None:
+    """Add the products of all windows of a run to a Gram matrix.
 
-    def __init__(self, lags: int, r: int) -> None:
-        self._lags = lags
-        self._products = np.zeros((lags + 1, r, r))
-        self._total = np.zeros(r)
-        self._head = np.zeros((0, r))
-        self._tail = np.zeros((0, r))
-        self._length = 0
-
-    def add(self, z: Float[np.ndarray, "T r"], old: int) -> None:
-        """Add the samples from ``old`` on; the earlier ones are the run's last samples, at most as many as lags."""
-        lags, r = self._lags, z.shape[1]
-        # Complete rows of b samples use matrix products; products across row boundaries and the remainder are added singly.
-        block = max(lags, BLOCK_LEAST)
-        rows = (len(z) - old) // block
-        end = old + rows * block if rows > 1 else old
-        if end > old:
-            X = z[old:end].reshape(rows, block * r)
-            fold(X.T @ X, X[:-1].T @ X[1:], lags, r, self._products)
-            lagged_products(z, old, min(old + lags, end), old, self._products)
-        lagged_products(z, end, len(z), len(z), self._products)
-        if len(self._head) < lags:
-            self._head = np.vstack([self._head, z[old : old + lags - len(self._head)]])
-        self._total += np.ones(len(z) - old) @ z[old:]
-        self._tail = z[max(0, len(z) - lags) :]
-        self._length += len(z) - old
-
-    def into(self, sums: Float[np.ndarray, "q q"]) -> int:
-        """Add the run's windows to ``sums`` and return their number."""
-        lags, r = self._lags, self._total.size
-        count = self._length - lags
-        if count <= 0:
-            return 0
-        head, tail = self._head[::-1], self._tail[::-1]
-        # Block row 0 covers t = p … N-1, so the products at t = l … p-1 are subtracted.
-        early = np.zeros_like(self._products)
-        lagged_products(self._head, 0, lags, lags, early)
-        first = (self._products - early).transpose(1, 0, 2).reshape(r, -1)
-        slide(np.ascontiguousarray(first), head.ravel(), tail.ravel(), sums[1:, 1:])
-        newest = self._total - self._head.sum(axis=0)
-        constant = np.concatenate([newest[None], newest + np.cumsum(head - tail, axis=0)]).ravel()
-        sums[0, 0] += count
-        sums[0, 1:] += constant
-        sums[1:, 0] += constant
-        return count
+    Rows of ``BLOCK`` samples with their past give the products of all lags in one matrix product; equal lags lie on diagonals.
+    """
+    (samples, r), count = z.shape, len(z) - lags
+    rows = -(-count // BLOCK)
+    padded = np.zeros((lags + rows * BLOCK, r))
+    padded[:samples] = z
+    X = np.ascontiguousarray(sliding_window_view(padded.ravel(), (lags + BLOCK) * r)[:: BLOCK * r])
+    products = (X[:, lags * r :].T @ X).reshape(BLOCK, r, lags + BLOCK, r)
+    first = np.sum([products[i, :, i : i + lags + 1][:, ::-1] for i in range(BLOCK)], axis=0)
+    head, tail = z[:lags][::-1], z[count:][::-1]
+    slide(first.reshape(r, -1), head.ravel(), tail.ravel(), into[1:, 1:])
+    constant = np.cumsum(np.vstack([z[lags:].sum(axis=0), head - tail]), axis=0).ravel()
+    into[0, 0] += count
+    into[0, 1:] += constant
+    into[1:, 0] += constant
 
 
 def gram(record: InputOutputRecord, lags: int, units: Units, *, solver: str = "gram") -> Gram:
@@ -340,22 +283,10 @@ def units_of(records: Sequence[InputOutputRecord]) -> Units:
     return Units(shift=about, scale=np.sqrt(np.maximum(sums[2] / count - (sums[1] / count) ** 2, 0.0)), input_count=m)
 
 
-def _runs(z: Float[np.ndarray, "T r"], old: int, gaps: int) -> list[tuple[int, int]]:
-    """Return start and stop of each run of complete samples that extends beyond ``old``."""
-    if not gaps:
-        return [(0, len(z))]
-    return [(start, stop) for start, stop in runs_of(np.isfinite(z).all(axis=1)) if stop > old]
-
-
 def runs_of(whole: Bool[np.ndarray, " T"]) -> list[tuple[int, int]]:
     """Return start and stop of each run of True values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], whole, [False]]).astype(np.int8))).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
-
-
-def _last_gap(z: Float[np.ndarray, "T r"]) -> int:
-    gaps = np.flatnonzero(~np.isfinite(z).all(axis=1))
-    return int(gaps[-1]) + 1 if gaps.size else 0
 
 
 def _stacked(root: Float[np.ndarray, "_ q"], rows: Float[np.ndarray, "_ q"]) -> Float[np.ndarray, "_ q"]:

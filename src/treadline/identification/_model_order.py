@@ -2,8 +2,7 @@
 
 Lags and feedthrough minimise the BIC; lags of an observer that is itself the model minimise the AICc. The order is at the largest
 ratio of neighbouring singular values, among values above the noise floor: the median of the lower half, and 1.5 times the noise
-level estimated from half of the data. The choice is unclear for a ratio below ``CLEAR_GAP``, or if half of the data and all data
-disagree on the largest singular value.
+level by the errors of the regression. The choice is unclear for a ratio below ``CLEAR_GAP``, or if noise alone may be as large.
 """
 
 from collections.abc import Sequence
@@ -23,6 +22,8 @@ ABOVE_NOISE = 3.0
 """Ratio of the largest singular value to the noise level above which the data show a system; white noise reaches 2."""
 FURTHER_ABOVE_NOISE = 1.5
 """Ratio to the noise level for further states; on stairs the second reached 8.6 in a minute of data, the third at most 1.2."""
+NOISE_DRAWS = 4
+"""Draws of the noise: the deviation of their root mean square is a quarter of it for one lag, and less for more."""
 NUMERICAL_ZERO = 1e-12
 """Relative size below which a singular value is rounding."""
 
@@ -169,19 +170,17 @@ def structural_order(observer: ObserverMarkov) -> int | None:
     return None if exact else observer.beta.shape[0] * observer.beta.shape[1]
 
 
-def noise_level(part: ObserverMarkov, whole: ObserverMarkov, svd: HankelSvd) -> float:
-    """Return the largest singular value of noise alone, estimated from the difference between half and all of the data.
-
-    For noise of variance v per sample, n of N samples leave v/n, all samples v/N, and their difference v/n - v/N.
+def noise_level(observer: ObserverMarkov, svd: HankelSvd) -> float:
+    """Return the largest singular value of noise alone, by the root mean square of draws of the regression's own errors.
 
     Args:
-        part: Observer of half of the data, in standard deviations.
-        whole: Observer of all data.
-        svd: Hankel matrix of all data.
+        observer: OKID observer in standard deviations.
+        svd: Its decomposed Hankel matrix.
     """
     # The difference of two Hankel matrices is the Hankel matrix of the difference.
-    difference = system_markov(part, len(svd.markov)) - svd.markov
-    return float(np.sqrt(part.count / max(whole.count - part.count, 1.0))) * largest(hankel(difference, svd.rows, svd.columns, 0))
+    rng = np.random.default_rng(0)
+    draws = [system_markov(observer.perturbed(rng), len(svd.markov)) - svd.markov for _ in range(NOISE_DRAWS)]
+    return float(np.sqrt(np.mean([largest(hankel(draw, svd.rows, svd.columns, 0)) ** 2 for draw in draws])))
 
 
 def gap_of(choice: OrderChoice, svd: HankelSvd) -> float:

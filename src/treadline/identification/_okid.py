@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.linalg import solve_triangular
 
 from treadline.identification._factor import RIDGE, inverse
 from treadline.identification._gram import Gram
@@ -29,6 +30,21 @@ class ObserverMarkov:
     """Gram matrix of the scaled regressors."""
     count: float
     feedthrough: bool
+
+    def perturbed(self, rng: np.random.Generator) -> "ObserverMarkov":
+        """Return the observer, in standard deviations, with a draw of its estimation errors added."""
+        lags, p, m = self.alpha.shape
+        # The coefficients' covariance is the inverse Gram matrix times the residual covariance.
+        root = np.linalg.cholesky(self.information + RIDGE * np.diag(np.diag(self.information)))
+        size, W = np.linalg.eigh(self.residual_covariance)
+        errors = (
+            solve_triangular(root, rng.standard_normal((len(root), p)) * np.sqrt(np.maximum(size, 0.0)), lower=True, trans="T")
+            @ W.T
+        )
+        first = len(root) - lags * (m + p)
+        lagged = errors[first:].reshape(lags, m + p, p).transpose(0, 2, 1)
+        D = self.D + errors[1:first].T if self.feedthrough else self.D
+        return replace(self, D=D, alpha=self.alpha + lagged[:, :, :m], beta=self.beta + lagged[:, :, m:])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ from treadline.core.kernel_cache import njit
 @njit(cache=True)
 @no_type_check
 def slide(first, head, tail, into):
-    """Fill a Gram matrix of windows from its first block row.
+    """Add the Gram matrix of windows with a given first block row.
 
     Block (i+1, j+1) is block (i, j) for the window one sample earlier: one product is added, one is subtracted.
 
@@ -25,27 +25,15 @@ def slide(first, head, tail, into):
     """
     r, q = first.shape
     work = np.empty((q, q))
-    for a in range(r):
-        for b in range(q):
-            work[a, b] = first[a, b]
+    work[:r] = first
     for a in range(r, q):
         for b in range(a - a % r, q):
             work[a, b] = work[a - r, b - r] + head[a - r] * head[b - r] - tail[a - r] * tail[b - r]
     for a in range(q):
-        for b in range(q):
-            into[a, b] += work[a, b] if b >= a else work[b, a]
-
-
-@njit(cache=True)
-@no_type_check
-def lagged_products(z, start, stop, limit, sums):
-    """Add Σ z_t z'_{t-l} over t = start … stop-1 and t-l < limit to ``sums[l]``, for every lag within z."""
-    lags, r = sums.shape[0] - 1, z.shape[1]
-    for t in range(start, stop):
-        for l in range(max(0, t - limit + 1), min(lags, t) + 1):
-            for a in range(r):
-                for b in range(r):
-                    sums[l, a, b] += z[t, a] * z[t - l, b]
+        for b in range(a, q):
+            into[a, b] += work[a, b]
+            if b > a:
+                into[b, a] += work[a, b]
 
 
 @njit(cache=True)
@@ -55,12 +43,9 @@ def normalise(u, y, shift, scale, z):
     m, p, gaps = u.shape[1], y.shape[1], 0
     for t in range(len(u)):
         whole = True
-        for j in range(m):
-            z[t, j] = (u[t, j] - shift[j]) / scale[j]
+        for j in range(m + p):
+            z[t, j] = ((u[t, j] if j < m else y[t, j - m]) - shift[j]) / scale[j]
             whole &= np.isfinite(z[t, j])
-        for j in range(p):
-            z[t, m + j] = (y[t, j] - shift[m + j]) / scale[m + j]
-            whole &= np.isfinite(z[t, m + j])
         gaps += not whole
     return gaps
 
@@ -76,25 +61,6 @@ def column_moments(x, about, into):
                 into[0, j] += 1.0
                 into[1, j] += v
                 into[2, j] += v * v
-
-
-@njit(cache=True)
-@no_type_check
-def fold(within, across, lags, r, sums):
-    """Add the blocks of X'X and of X'X₊ (X: rows of b samples, X₊: the following rows) along equal lags."""
-    b = within.shape[0] // r
-    for i in range(b):
-        for j in range(b):
-            later = i - j
-            if 0 <= later <= lags:
-                for c in range(r):
-                    for d in range(r):
-                        sums[later, c, d] += within[i * r + c, j * r + d]
-            later = b + j - i
-            if later <= lags:
-                for c in range(r):
-                    for d in range(r):
-                        sums[later, d, c] += across[i * r + c, j * r + d]
 
 
 @njit(cache=True)

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import chain
 
 import numpy as np
 
@@ -24,8 +25,6 @@ WHOLE_RECORD_OPTIONS = ("delays", "stable", "validation", "prior", "forgetting")
 """Options that need all samples at once, so that chunks reject them."""
 KEPT = 20_000
 """Number of most recent samples kept for validation."""
-HALF_LEAST = 0.1
-"""Smallest share of the windows for a part of the data to count as a half."""
 
 
 @one_thread()
@@ -49,12 +48,12 @@ def identify_chunks(
     _check_options(options, method)
     rest = _chunks(experiments)
     start = _start(rest, options.lags, options.largest_order)
-    data, half, last = _gram_of_chunks(start, rest, options.solver)
+    data, last = _gram_of_chunks(start, rest, options.solver)
     kept = sum(len(record) for record in last)
     warnings = [f"figures are on the last {kept} samples"] if data.count > kept else []
     if start.left_out:
         warnings.append(f"the first {start.left_out} samples, with a constant channel or too many gaps, were left out")
-    found = from_gram(data, half, last, options, method=method, warnings=warnings, records_are_complete=False)
+    found = from_gram(data, last, options, method=method, warnings=warnings, records_are_complete=False)
     names = channel_names(start.chunks[0].record)
     return Identified(
         model=to_model(found.system, found.units, data.dt_s, names, provenance_of(method, found.candidate)),
@@ -156,35 +155,14 @@ def _with(records: list[InputOutputRecord], chunk: _Chunk) -> list[InputOutputRe
     return [*records, chunk.record]
 
 
-def _gram_of_chunks(start: _Start, rest: Iterator[_Chunk], solver: str) -> tuple[Gram, Gram | None, list[InputOutputRecord]]:
-    """Return the Gram matrix of all chunks, of about the first half, and the last samples."""
-    first, last = start.chunks[0].record, most_recent(_joined(start.chunks), KEPT)
+def _gram_of_chunks(start: _Start, rest: Iterator[_Chunk], solver: str) -> tuple[Gram, list[InputOutputRecord]]:
+    """Return the Gram matrix of all chunks, and the last samples."""
+    first = start.chunks[0].record
     builder = GramBuilder(start.lags, start.units, first.dt_s, solver=solver)
-    marks: list[Gram] = []
-    for chunk in start.chunks:
-        _add(builder, chunk, marks)
-    for chunk in rest:
-        _add(builder, chunk, marks)
+    last: list[InputOutputRecord] = []
+    for chunk in chain(start.chunks, rest):
+        if chunk.begins:
+            builder.begin()
+        builder.add(chunk.record.u, chunk.record.y)
         last = most_recent(_with(last, chunk), KEPT)
-    whole = replace(builder.finish(), names=channel_names(first))
-    return whole, _half(whole, marks), last
-
-
-def _add(builder: GramBuilder, chunk: _Chunk, marks: list[Gram]) -> None:
-    """Add a chunk and store the Gram matrix at each doubling, so that a mark near the half exists for any length."""
-    if chunk.begins:
-        builder.begin()
-    middle = len(chunk.record) // 2
-    for rows in (slice(0, middle), slice(middle, None)):
-        builder.add(chunk.record.u[rows], chunk.record.y[rows])
-        now = builder.finish()
-        if now.count > 0 and (not marks or now.count >= 2 * marks[-1].count):
-            marks.append(now)
-
-
-def _half(whole: Gram, marks: list[Gram]) -> Gram | None:
-    """Return the Gram matrix at the mark nearest to the middle; None if either part is too small."""
-    first = min(marks, key=lambda mark: abs(mark.count - 0.5 * whole.count), default=None)
-    if first is None or min(first.count, whole.count - first.count) < HALF_LEAST * whole.count:
-        return None
-    return first
+    return replace(builder.finish(), names=channel_names(first)), last

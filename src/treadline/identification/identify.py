@@ -21,7 +21,7 @@ from treadline.identification._checks import (
 from treadline.identification._dead_time import dead_time, without_delays
 from treadline.identification._dependent_inputs import DriveLog, check_independent_inputs, without_dependent_inputs
 from treadline.identification._fitting import with_inputs_again
-from treadline.identification._from_gram import from_gram, gram_with_half, provenance_of
+from treadline.identification._from_gram import data_of, from_gram, provenance_of
 from treadline.identification._gram import Gram
 from treadline.identification._identified import FittedSystem, Identified, whole_samples
 from treadline.identification._threads import one_thread
@@ -80,15 +80,13 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
         units = check_records(moved, inputs=belts is None)  # without the samples before the first input acts
     if belts is not None:
         units = belts.alike(moved, units)
-    data, half = gram_with_half(moved, replace(options, lags=1) if method == "deconvolution" else options, units)
+    data = data_of(moved, replace(options, lags=1) if method == "deconvolution" else options, units)
     differential = belts
     if method == "best" and belts is None:
         differential = find_differential_input(moved, data, options.lags, options.feedthrough) if options.name_prior else None
     taken = moved if differential is None else differential.difference(moved)
-    data_pair = (data, half) if differential is None else gram_with_half(taken, options, differential.units(taken, data.units))
-    found = from_gram(
-        *data_pair, taken, options, method=method, on_progress=on_progress, records_are_complete=options.prior is None
-    )
+    used = data if differential is None else data_of(taken, options, differential.units(taken, data.units))
+    found = from_gram(used, taken, options, method=method, on_progress=on_progress, records_are_complete=options.prior is None)
     if options.stable:
         found = replace(found, system=_stable(found))
     model = to_model(found.system, found.units, data.dt_s, channel_names(taken[0]), provenance_of(method, found.candidate))
