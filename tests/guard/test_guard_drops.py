@@ -30,7 +30,7 @@ class Chair:
             self.monitor.look(FreeGround(t_s=self.t_s, **ground), self.travel_m)
         return self
 
-    def map(self, behind_m: float, maps: int = 2, **changes: Any) -> "Chair":
+    def map(self, behind_m: float = 0.86, maps: int = 2, **changes: Any) -> "Chair":
         nosings = [(-behind_m, 0.0, 0.0), (-behind_m - 0.3, 0.0, -0.16)]
         for _ in range(maps):
             self.monitor.look_on_stair(stair(self.t_s, **{"direction": "down", "nosings_B": nosings} | changes), self.travel_m)
@@ -97,14 +97,22 @@ def test_an_edge_below_the_image_is_where_the_maps_show_the_uppermost_nosing() -
     assert turned.goes(-0.1, "approach") >= 3.0
 
 
+def test_the_edge_is_one_run_before_a_nosing_that_is_one_rise_below_the_chair() -> None:
+    """Test: the next nosing 0.98 m behind mid-track and 0.16 m below, on runs of 0.30 m. Expected result: an edge at 0.68 m, 0.34 m
+    and 0.4 s before which the chair would have stopped; a plan that enters it goes over."""
+    lower = {"nosings_B": [(-0.98, 0.0, -0.16), (-1.28, 0.0, -0.32)]}
+    assert "the ground ends 0.2" in str(Chair().look(**HIDDEN).map(**lower).cause(-0.1))
+    assert Chair().look(**HIDDEN).map(maps=3, **lower).goes(-0.1, "approach") >= 3.0
+
+
 @pytest.mark.parametrize(
     "changes",
     [
         {"maps": 1},
-        {"nosings_B": [(-0.86, 0.0, -0.16), (-1.16, 0.0, -0.32)]},  # the landing's edge is out of view
+        {"nosings_B": [(-0.86, 0.0, -0.32), (-1.16, 0.0, -0.48)]},  # two nosings are out of view
         {"behind_m": 1.2},  # the strip is longer than the chair bridges
     ],
-    ids=["one map", "a step lower", "far"],
+    ids=["one map", "two steps lower", "far"],
 )
 def test_other_maps_show_no_hidden_edge(changes: dict[str, Any]) -> None:
     chair = Chair().look(**HIDDEN).map(**{"behind_m": 0.86} | changes)

@@ -280,6 +280,18 @@ def test_a_nosing_that_no_frame_shows_from_afar_is_not_missing(before_m: float) 
     assert not any(plan.hold for plan in world.plans)
 
 
+@pytest.mark.usefixtures("edge")
+def test_an_edge_that_no_map_shows_is_one_step_above_the_first_nosing_in_view() -> None:
+    """Test: no map shows the edge, 0.9 m behind mid-track. Expected result: the chair backs to it, as to one in view."""
+    seen, hidden = (
+        Landing(x_m=EDGE_M + 0.9),
+        Landing(x_m=EDGE_M + 0.9, spoil=lambda seen: replace(seen, nosings_B=seen.nosings_B[1:])),
+    )
+    for world in (seen, hidden):
+        world.run("edge")
+    assert hidden.x_m == pytest.approx(seen.x_m, abs=0.02)
+
+
 def test_let_down_on_the_landing_again_the_chair_stows_its_flipper_before_it_holds(edge: type[Script]) -> None:
     """Test: the flipper's tip is on the landing when the edge is barred. Expected result: no HOLD until the flipper is at its
     rest, or has had its time, if it is dead."""

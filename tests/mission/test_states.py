@@ -155,7 +155,7 @@ DOWN: dict[str, Case] = {
     "too steep": (lambda: Landing(spoil=steeper), until_the_end, ()),
     "too steep from nearby": (Landing, after("approach", steeper), ()),
     "edge passed": (lambda: Landing(x_m=EDGE_M + 0.3, spoil=over_the_edge), until_the_end, ()),
-    "edge hidden": (lambda: Landing(spoil=without(0)), until_the_end, ()),
+    "edge hidden": (lambda: Landing(spoil=without(0, 1)), until_the_end, ()),
     "flipper too short": (Landing, until_the_end, ("refuses",)),
     "sent back on the landing": (Landing, pressed("approach", go_back=True), ()),
     "sent back on the flight": (Landing, pressed("descend", go_back=True), ()),

@@ -45,7 +45,7 @@ def test_a_start_just_beside_a_wall_may_be() -> None:
 
 
 def test_a_start_over_the_edge_of_a_landing_is_refused() -> None:
-    tables: dict[str, Any] = {"stair": {"slope_deg": 25, "width_m": 3.0, "landing_m": 1.1}, "drive": {"direction": "down"}}
+    tables: dict[str, Any] = {"stair": {"slope_deg": 25, "width_m": 3.0, "landing_m": 1.16}, "drive": {"direction": "down"}}
     assert not any("a track would start" in said for said in reasons(**tables, start={"place": "landing", "heading_deg": 0}))
     # The landing leaves 0.2 m before the rear pulley; turned by 80° a belt's end is 0.325·sin 80° = 0.32 m nearer the edge.
     found = reasons(**tables, start={"place": "landing", "heading_deg": 80})

@@ -223,7 +223,7 @@ def test_a_flight_too_low_for_the_track_is_entered_from_its_ends() -> None:
 def test_a_landing_too_short_to_stand_on_is_refused_with_the_depth_it_needs() -> None:
     keys = {"start": {"place": "landing"}, "drive": {"direction": "down"}}
     report = judge(stair={"landing_m": 0.0}, **keys)
-    reason = assert_refused_only_for(report, "the landing is 0.30 m deep", "give it a deeper one or start on the flight")
+    reason = assert_refused_only_for(report, "the landing is 0.30 m deep", "start on the flight, or give stair.landing_m")
     needed = float(reason.rpartition("needs ")[2].split()[0])
     for landing_m, too_short in ((needed - 0.01, True), (needed + 0.01, False)):
         assert any("the landing is" in said for said in judge(stair={"landing_m": landing_m}, **keys).reasons) == too_short
@@ -239,13 +239,16 @@ def test_a_landing_that_a_chair_cannot_arrive_on_is_refused_with_its_depth(table
 
 
 @pytest.mark.parametrize("lateral_m", [0.0, 0.3])
-def test_an_edge_hidden_under_the_rear_camera_is_refused_with_what_to_move(lateral_m: float) -> None:
-    """Test: on a landing of 1.2 m, also 0.3 m off its middle. Expected result: the camera at 0.45 m and 40° sees no edge nearer."""
+def test_an_edge_hidden_under_the_rear_camera_is_one_step_above_the_first_nosing_in_view(lateral_m: float) -> None:
+    """Test: on a landing of 1.2 m, also 0.3 m off its middle; with treads 0.22 m deep two nosings are hidden. Expected result: go;
+    refused with what to move, because the camera at 0.45 m and 40° sees the ground from 0.40 m behind the belts on."""
     tables = {"start": {"place": "landing", "lateral_m": lateral_m}, "drive": {"direction": "down"}}
-    report = judge(stair={"landing_m": 1.2, "width_m": 1.6}, **tables)
+    assert judge(stair={"landing_m": 1.2, "width_m": 1.6}, **tables).verdict == "go"
+    short = {"width_m": 1.6, "slope_deg": 28.0, "run_m": 0.22}
+    report = judge(stair={"landing_m": 1.2} | short, **tables)
     reason = assert_refused_only_for(report, "the edge, 0.20 m behind the belts, is hidden under the rear camera", "set the chair")
     needed = float(reason.rpartition("landing of ")[2].split()[0])
-    assert judge(stair={"landing_m": needed + 0.01, "width_m": 1.6}, **tables).verdict == "go"
+    assert judge(stair={"landing_m": needed + 0.01} | short, **tables).verdict == "go"
 
 
 def test_missing_steps_are_the_cause_where_the_others_would_bear_the_chair() -> None:

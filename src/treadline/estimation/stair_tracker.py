@@ -348,7 +348,8 @@ class StairTracker:
         up_m = self.up_m
         way = 1.0 if seen.direction == "up" else -1.0
         self._take_back(way)
-        shown = self._match(self._places(seen))
+        places = self._places(seen)
+        shown = self._match([*self._hidden_edge(places[0]), *places])
         self._note_slip(since_s, self.up_m - up_m)
         self._note_missed(shown)
         self._note_passed(shown, way)
@@ -399,6 +400,17 @@ class StairTracker:
         for number, _ in shown:
             self._nosings[number].count += 1
         return [self._nosings[number] for number, _ in shown]
+
+    def _hidden_edge(self, first: tuple[float, float]) -> list[tuple[float, float]]:
+        """Return the place of the landing's edge by odometry, if it is not known and the highest nosing in view is the next below.
+
+        The edge is as high as the belts of the chair that stands on the landing, and one run before that nosing.
+        """
+        edge = first[0] + self.run_m, self._odometry_z_m
+        is_next = abs(edge[1] - first[1] - self.rise_m) < SAME * self.rise_m
+        number = self._nearest(edge)
+        is_known = number is not None and self._nosings[number].known
+        return [edge] if is_next and not is_known and self.pitch_rad < ON_A_FLIGHT_RAD else []
 
     def _is_passed(self, nosing: _Nosing, way: float) -> bool:
         return way * (self._x_m - nosing.x_m) > PASSED_M

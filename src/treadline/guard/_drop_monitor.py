@@ -124,12 +124,15 @@ class DropMonitor:
     def look_on_stair(self, stair: StairMap, travel_m: float) -> None:
         """Update with the nosings of one map and the belt travel at its exposure; falling flights are seen backwards.
 
-        One nosing counts if the floor beyond it was seen, as down a kerb.
+        One nosing counts if the floor beyond it was seen, as down a kerb. The edge of a landing is one run before a nosing that is
+        one rise below the chair.
         """
         if stair.direction == "down" and len(stair.nosings_B) >= (1 if stair.ends else 2):
             x_m, _, z_m = stair.nosings_B[0]
-            is_level = self._flat_s is not None and abs(z_m) < 0.5 * stair.rise_m
-            self._ground[-1.0].look_on_stair(-x_m - travel_m, self._config.rear_m, is_level=is_level)
+            is_hidden = self._flat_s is not None and abs(z_m + stair.rise_m) < 0.5 * stair.rise_m
+            edge_m = -x_m - stair.run_m if is_hidden else -x_m
+            is_level = is_hidden or (self._flat_s is not None and abs(z_m) < 0.5 * stair.rise_m)
+            self._ground[-1.0].look_on_stair(edge_m - travel_m, self._config.rear_m, is_level=is_level)
 
     def cause(self, t_s: float, travel_m: float, speed_m_s: float, plan: MotionPlan | None, heading_rad: float) -> str | None:
         """Return why the chair may not go on over flat ground; None if it may, or if it is on a flight.

@@ -20,8 +20,6 @@ from treadline.vehicle.bodies import Vehicle, vehicle
 from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
 from treadline.vehicle.start_pose import CLEARANCE_M, Standing, from_edge_m, rounded_off_m, standing
-from treadline.vehicle.static_stability import centre_of_mass
-from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD
 
 SUNK_M = 0.01
 """Largest accepted penetration of a part into floor or stair at the start [m]: settling before t = 0 removes it."""
@@ -211,16 +209,14 @@ def _on_winders(scenario: Scenario, tracks: Tracks) -> str | None:
 
 
 def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str | None:
-    """Return the depth of landing required so that a chair starting there does not tip off its far end."""
+    """Return the depth of landing required so that the belts of a chair starting there lie on it."""
     depth_m, heading = max(scenario.stair.landing_m, scenario.stair.run_m), scenario.start.heading_deg * DEG
-    x, _, z = centre_of_mass(chair, scenario.chair.entered, 0.0)
-    from_rear_m = (0.5 * chair.tracks.flat_run_m + x) * math.cos(heading)
-    needed_m = from_edge_m(scenario.stair.landing_m, chair.tracks) + from_rear_m + z * math.tan(MARGIN_LIMIT_RAD)
+    needed_m = from_edge_m(scenario.stair.landing_m, chair.tracks) + chair.tracks.flat_run_m * math.cos(heading)
     if scenario.start.place != "landing" or depth_m >= needed_m:
         return None
     return (
-        f"the landing is {depth_m:.2f} m deep, a chair that starts on it needs {needed_m:.2f} m; give it a deeper one or start on "
-        "the flight"
+        f"the landing is {depth_m:.2f} m deep, a chair that starts on it needs {needed_m:.2f} m; start on the flight, or give "
+        "stair.landing_m with the floor that follows"
     )
 
 

@@ -69,7 +69,7 @@ class StartView:
         return f"{hidden}; set the chair {further_m:.2f} m further from it, on a landing of {needed_m:.2f} m"
 
     def _shows_edge(self, start: Start, further_m: float = 0.0) -> bool:
-        """Return whether a square chair on the landing has its edge in view, or none is needed; without it the next nosing counts.
+        """Return whether a square chair on the landing has its edge or the nosing after it in view, or none is needed.
 
         Args:
             further_m: Distance by which the chair stands further from the edge.
@@ -79,7 +79,7 @@ class StartView:
         square = standing(self._staircase, self._chair.tracks, start.model_copy(update={"heading_deg": 0.0}))
         view = self._geometry.visibility(square.R_WB, square.p_WB + further_m * square.R_WB[:, 0])
         edge = self._staircase.steps[-1].index
-        return view is not None and view.direction == "down" and edge in view.numbers[view.seen]
+        return view is not None and view.direction == "down" and int(view.numbers[view.seen].max(initial=-1)) >= edge - 1
 
     def detects(self, start: Start) -> bool:
         """Return whether enough nosings are in view from a start, the edge of its landing among them."""
