@@ -5,9 +5,10 @@ import pytest
 from systems import fit
 
 from treadline.core.models import InputOutputRecord
-from treadline.identification._affine import Affine, modes_of
+from treadline.identification._affine import Affine
+from treadline.identification._modes import Experiment
 from treadline.identification._recursion_kernels import tangents
-from treadline.identification._refine import Experiment, directions, jacobian
+from treadline.identification._refine import directions, jacobian
 
 
 def test_matrices_cut_from_a_larger_one_compile_no_second_kernel() -> None:
@@ -18,13 +19,6 @@ def test_matrices_cut_from_a_larger_one_compile_no_second_kernel() -> None:
     data = Experiment(u=u, y=y, there=np.ones(40, dtype=bool))
     jacobian(system, data, directions(system, np.zeros((2, 3), dtype=bool)))
     assert {array.layout for signature in tangents.signatures for array in signature} == {"C"}
-
-
-@pytest.mark.parametrize("A", [np.diag([0.5, 0.2]), np.array([[0.5, 0.2], [-0.2, 0.5]])], ids=["real poles", "complex poles"])
-def test_poles_of_both_kinds_compile_one_kernel(A: np.ndarray) -> None:
-    modes = modes_of(Affine(A=A, B=np.ones((2, 1)), C=np.ones((1, 2)), D=np.zeros((1, 1))))
-    assert modes.real.flags.writeable
-    assert modes.imag.flags.writeable  # numpy's imaginary part of a real array is read-only: another type
 
 
 @pytest.mark.parametrize("kind", ["column-major", "read-only", "single precision", "cut"])

@@ -13,8 +13,8 @@ from treadline.core.linear_systems import impulse_response, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._affine import Affine
 from treadline.identification._gram import Units
+from treadline.identification._modes import Experiment
 from treadline.identification._refine import (
-    Experiment,
     cost,
     directions,
     experiments_of,

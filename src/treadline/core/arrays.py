@@ -32,16 +32,21 @@ def shaped(name: str, given: object, shape: tuple[int | None, ...], wanted: str)
     return array
 
 
+def observability(A: Float[np.ndarray, "n n"], C: Float[np.ndarray, "p n"], steps: int) -> Float[np.ndarray, "steps p n"]:
+    """Return the observability matrix C, CA, CA², …, by doubling; infinite where it diverges."""
+    rows, power = C[None], A
+    with np.errstate(over="ignore", invalid="ignore"):
+        while len(rows) < steps:
+            rows = np.concatenate([rows, (rows.reshape(-1, len(A)) @ power).reshape(rows.shape)])
+            power = power @ power
+    return np.array(rows[:steps])
+
+
 def markov_parameters(
     A: Float[np.ndarray, "n n"], B: Float[np.ndarray, "n m"], C: Float[np.ndarray, "p n"], D: Float[np.ndarray, "p m"], steps: int
 ) -> Float[np.ndarray, "steps p m"]:
     """Return the impulse response D, C B, C A B, … of a state-space model."""
-    response = np.empty((steps, *D.shape))
-    response[0], reach = D, B
-    for k in range(1, steps):
-        response[k] = C @ reach
-        reach = A @ reach
-    return response
+    return np.concatenate([D[None], observability(A, C, max(steps - 1, 1)) @ B])[:steps]
 
 
 def matrix(name: str, given: object) -> Float[np.ndarray, "_ _"]:

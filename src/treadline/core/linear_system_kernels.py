@@ -1,4 +1,4 @@
-"""Compiled recursions of a linear system: free run, observability matrix and observer, which array operations cannot express.
+"""Compiled recursions of a linear system: free run and observer, which array operations cannot express.
 
 ``no_type_check`` keeps the tests' shape checker from wrapping functions compiled by numba.
 """
@@ -33,25 +33,6 @@ def free_run(A, B, C, D, x0, u):
             following[i] = total
         x[:] = following
     return y
-
-
-@njit(cache=True)
-@no_type_check
-def observability(A, C, steps):
-    """Return the observability matrix C, CA, CA², …, as (steps, p, n)."""
-    n, p = A.shape[0], C.shape[0]
-    rows = np.empty((steps, p, n))
-    for o in range(p):
-        for i in range(n):
-            rows[0, o, i] = C[o, i]
-    for k in range(1, steps):
-        for o in range(p):
-            for i in range(n):
-                total = 0.0
-                for j in range(n):
-                    total += rows[k - 1, o, j] * A[j, i]
-                rows[k, o, i] = total
-    return rows
 
 
 @njit(cache=True)

@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import chdtrc
 
-from treadline.core.arrays import markov_parameters
+from treadline.core.arrays import markov_parameters, observability
 from treadline.core.errors import PoorExcitation
-from treadline.core.linear_system_kernels import free_run, observability, observer_run
+from treadline.core.linear_system_kernels import free_run, observer_run
 from treadline.core.state_space import RUN_VALUES, TEST_VALUES, InputOutputRecord, StateSpaceModel
 
 PREFIX = 0.1
@@ -68,7 +68,7 @@ def initial_state(model: StateSpaceModel, record: InputOutputRecord) -> Float[np
     n = model.order
     if not len(record):
         return np.zeros(n)
-    response = observability(writeable(model.A), writeable(model.C), len(record))
+    response = observability(model.A, model.C, len(record))
     residual = record.y - simulate(model, record.u, np.zeros(n))
     whole = np.isfinite(residual).all(axis=1) & np.isfinite(response).all(axis=(1, 2))
     # Outputs are weighted by their deviation from the offset, so the result does not depend on their units; one at rest gets 1.

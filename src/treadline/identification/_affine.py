@@ -1,28 +1,22 @@
-"""Affine state-space model, the form used while fitting, and its output-error normal equations in modal coordinates.
+"""Affine state-space model, the form used while fitting.
 
 In units of each channel's standard deviation: x⁺ = Ax + B [u; 1] + Ke, y = Cx + D [u; 1] + e. The last columns of B and D are
 constant offsets.
-
-In modal coordinates each state is one scalar filter of one input. With A = V diag(λ) V⁻¹ an output is linear in the modal B, in D
-and in the initial state; its derivatives with respect to λ, B, C and D are filters of existing signals. The products cost
-N·(n·m)² as matrix products, where the recursion of all derivatives costs N·n²·d in scalar operations.
 """
 
 import cmath
 import math
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Complex, Float, Int, Num
+from jaxtyping import Float, Num
 from scipy.linalg import schur
 
 from treadline.core.arrays import store_contiguous
 from treadline.core.models import LinearModel
 from treadline.core.state_space import Provenance
-from treadline.identification._factor import inverse
 from treadline.identification._gram import Units
-from treadline.identification._recursion_kernels import modal_chain, modal_filters, modal_products, modal_run, without_columns
 
 FREE = 1e4
 """Weight of the state equations against the operating point's distance: large enough to leave the state free."""
@@ -125,8 +119,6 @@ ON_CIRCLE = 1e-9
 """Distance of a pole's modulus from 1 that counts as rounding."""
 INSIDE = 1.0 - 1e-4
 """Largest modulus of a pole after reflection into the unit circle."""
-
-
 DECAYED = 3.0
 """Decay over the record, as a power of e, below which a slow mode looks like drift: to a twentieth."""
 
@@ -159,128 +151,3 @@ def stabilised(system: Affine, *, samples: float = math.inf) -> Affine:
             T[block, block] *= slowest / modulus
         at += size
     return replace(system, A=np.asarray(Q @ T @ Q.T))
-
-
-WELL_SEEN = 1e-4
-"""Ratio of pivots above which every direction of an initial state counts as observable."""
-UNSEEN = 1e-12
-"""Relative eigenvalue below which a direction of an initial state counts as not observable."""
-ILL_CONDITIONED = 1e5
-"""Condition number of the eigenvectors above which modal coordinates lose too many digits (nearly equal poles)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Modes:
-    """Modal decomposition A = V diag(poles) V⁻¹ and the modal output matrix C V."""
-
-    poles: Num[np.ndarray, " n"]
-    V: Num[np.ndarray, "n n"]
-    W: Num[np.ndarray, "n n"]
-    """Inverse of V."""
-    C: Complex[np.ndarray, "p n"]
-
-    @property
-    def real(self) -> Float[np.ndarray, " n"]:
-        """Real parts of the poles."""
-        return self.poles.real.copy()
-
-    @property
-    def imag(self) -> Float[np.ndarray, " n"]:
-        """Imaginary parts of the poles; conjugates are adjacent, positive part first."""
-        return self.poles.imag.copy()
-
-
-def modes_of(system: Affine) -> Modes | None:
-    """Return the modes, or None for ill-conditioned eigenvectors."""
-    if not np.isfinite(system.A).all():
-        return None
-    poles, V = system.eigen
-    try:
-        W = np.linalg.inv(V)
-    except np.linalg.LinAlgError:
-        return None
-    if not np.vdot(V, V).real * np.vdot(W, W).real < ILL_CONDITIONED**2:
-        return None
-    return Modes(poles=poles, V=V, W=W, C=(system.C @ V).astype(complex))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ModalSums:
-    """J'J and J'e for modal B (i, j), optionally λ (i) and C (o, i), then D (o, j); the initial state is eliminated."""
-
-    square: Complex[np.ndarray, "d d"]
-    right: Complex[np.ndarray, " d"]
-
-
-def linear_sums(
-    modes: Modes, u: Float[np.ndarray, "T m1"], y: Float[np.ndarray, "T p"], there: Bool[np.ndarray, " T"]
-) -> ModalSums:
-    """Return the normal equations for modal B and D."""
-    n, m1 = len(modes.poles), u.shape[1]
-    width = n * m1 + n
-    signals = np.empty((len(u), width + m1 + y.shape[1]))
-    modal_filters(modes.real, modes.imag, u, signals, n * m1)
-    signals[:, width : width + m1], signals[:, width + m1 :] = u, y
-    square, right = _products(modes, signals, (m1, 1), m1, there)
-    start = slice(width - n, width)
-    return _eliminated(square, right, start, inverse(square[start, start], well=WELL_SEEN, least=UNSEEN))
-
-
-def derivative_sums(
-    modes: Modes, system: Affine, u: Float[np.ndarray, "T m1"], y: Float[np.ndarray, "T p"], there: Bool[np.ndarray, " T"]
-) -> ModalSums:
-    """Return the normal equations for modal B, λ, C and D, linearised about a system."""
-    n, m1, p = len(modes.poles), u.shape[1], y.shape[1]
-    chain, decay, state = (n * (m1 + k) for k in (0, 1, 2))
-    error = state + n + m1
-    signals = np.empty((len(u), error + p))
-    modal_filters(modes.real, modes.imag, u, signals, decay)
-    B, C = (modes.W @ system.B).astype(complex), modes.C
-    modal_run(modes.real, modes.imag, B, C, system.D, u, y, there, signals, state, error)
-    signals[:, state + n : error] = u
-    # Initial state by least squares from the residual of the run from zero.
-    square, right = _products(modes, np.hstack([signals[:, decay:state], signals[:, error:]]), (1,), 0, there)
-    pseudo = inverse(square, well=WELL_SEEN, least=UNSEEN)
-    modal_chain(modes.real, modes.imag, pseudo @ right, C, there, signals, chain, decay, state, error)
-    square, right = _products(modes, signals, (m1, 1, 1), n + m1, there)
-    return _eliminated(square, right, slice(decay, state), pseudo)
-
-
-def _products(
-    modes: Modes, signals: Float[np.ndarray, "T all"], widths: tuple[int, ...], own: int, there: Bool[np.ndarray, " T"]
-) -> tuple[Complex[np.ndarray, "w w"], Complex[np.ndarray, " w"]]:
-    """Return J'J and J'e for columns acting on all outputs through C and columns acting on a single output.
-
-    Args:
-        modes: Modal decomposition.
-        signals: Columns per mode (``widths``), then ``own`` columns for single outputs, then the residuals.
-        widths: Number of columns per mode of each group.
-        own: Number of columns for single outputs; the first of them are states, one per mode.
-        there: Mask of valid samples.
-    """
-    mode, partner = _layout(tuple(np.sign(modes.poles.imag).astype(int).tolist()), widths, own, signals.shape[1])
-    if not there.all():
-        signals[~there] = 0.0
-    return modal_products(signals.T @ signals, partner, modes.C, mode, own)
-
-
-@cache
-def _layout(
-    signs: tuple[int, ...], widths: tuple[int, ...], own: int, count: int
-) -> tuple[Int[np.ndarray, " w"], Int[np.ndarray, " all"]]:
-    """Return the mode of each column and the offset to its imaginary or real part, as ``modal_products`` expects."""
-    n = len(signs)
-    mode = np.concatenate([np.repeat(np.arange(n), width) for width in widths])
-    partner = np.zeros(count, dtype=np.int64)
-    partner[: len(mode)] = np.concatenate([np.repeat(np.array(signs) * width, width) for width in widths])
-    if own >= n and len(widths) > 2:
-        partner[len(mode) : len(mode) + n] = signs
-    return mode, partner
-
-
-def _eliminated(
-    square: Complex[np.ndarray, "w w"], right: Complex[np.ndarray, " w"], start: slice, inverse: Complex[np.ndarray, "n n"]
-) -> ModalSums:
-    """Return the normal equations with the initial state's columns eliminated."""
-    left_square, left_right = without_columns(square, right, start.start, start.stop, inverse)
-    return ModalSums(square=left_square, right=left_right)

@@ -22,10 +22,11 @@ from treadline.core.arrays import markov_parameters
 from treadline.core.errors import PoorExcitation
 from treadline.identification._affine import DECAYED, Affine, stabilised
 from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
-from treadline.identification._fitting import Fitting, last_samples, with_inputs_again
+from treadline.identification._fitting import Fitting, last_samples
 from treadline.identification._model_order import bic_order
+from treadline.identification._modes import Experiment, with_inputs_again
 from treadline.identification._realisation import StateMap, pbsid, state_map
-from treadline.identification._refine import Experiment, fair_residual, refined, residual
+from treadline.identification._refine import fair_residual, refined, residual
 
 ORDERS_TRIED = 12
 """Orders per decay, spread evenly over the range: 1 to 12, or from half to one and a half times the order of smallest BIC."""

@@ -5,7 +5,6 @@ Schur complement of ``z_k z_k'`` separates the predictable part of outputs and i
 from the regression without u_k by a small update (Frisch and Waugh, 1933).
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +13,6 @@ from scipy.linalg import lapack
 
 RIDGE = 1e-13
 """Relative eigenvalue below which a direction of the regressors counts as not excited."""
-
-WELL_EXCITED = 1e-4
-"""Ratio of pivots above which every direction counts as well excited."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,61 +63,33 @@ class Factor:
             [without, without - residual_ss[:, m:, :m] @ np.linalg.solve(residual_ss[:, :m, :m], residual_ss[:, :m, m:])]
         ), excited
 
-    def solved(
-        self, XX: Float[np.ndarray, "q q"], XY: Float[np.ndarray, "q p"], lags: int, *, feedthrough: bool
-    ) -> Float[np.ndarray, "q p"] | None:
-        """Return the outputs' coefficients on ``[1, u_k, z_{k-1}, …]``, or without u_k.
 
-        None if a direction of the regressors is not excited.
-        """
-        if lags > self.lags:
-            return None
-        width, m = 1 + len(self.now) * lags, self.m if feedthrough else 0
-        L = self.L if width == len(self.L) else np.asfortranarray(self.L[:width, :width])
-        seen = self.predicted[:width, :m]
-        S = np.empty((0, 0))
-        if feedthrough:
-            S, failed = lapack.dpotrf(self.now[:m, :m] - seen.T @ seen, lower=1, clean=0)
-            if failed or np.diag(S).min() ** 2 <= RIDGE * self.now[0, 0]:
-                return None
-        theta, right, v = np.zeros_like(XY), XY, self.predicted[:width, self.m :]
-        for again in (False, True):  # the second pass is iterative refinement: the normal equations square the condition
-            if again:
-                right = XY - XX @ theta
-                v = lapack.dtrtrs(L, np.concatenate([right[:1], right[1 + m :]]), lower=1)[0]
-            if feedthrough:
-                direct = lapack.dpotrs(S, right[1 : 1 + m] - seen.T @ v, lower=1)[0]
-                theta[1 : 1 + m] += direct
-                v = v - seen @ direct
-            lagged = lapack.dtrtrs(L, v, lower=1, trans=1)[0]
-            theta[0] += lagged[0]
-            theta[1 + m :] += lagged[1:]
-        return theta
-
-
-def inverse(XX: Num[np.ndarray, "q q"], *, well: float = math.sqrt(RIDGE), least: float = RIDGE) -> Num[np.ndarray, "q q"]:
-    """Return the inverse of a normal matrix; directions that are not excited are left out (pseudo-inverse).
+def solved(XX: Num[np.ndarray, "q q"], XY: Num[np.ndarray, "q p"], *, least: float = RIDGE) -> Num[np.ndarray, "q p"]:
+    """Return the least-squares solution of normal equations; directions that are not excited get zero coefficients.
 
     Args:
         XX: Real or complex normal matrix.
-        well: Ratio of pivots above which every direction counts as excited.
-        least: Relative eigenvalue below which a direction counts as not excited.
+        XY: Right-hand sides.
+        least: Eigenvalue, for regressors of equal size, below which a direction counts as not excited.
     """
-    factor, invert = (lapack.zpotrf, lapack.zpotri) if np.iscomplexobj(XX) else (lapack.dpotrf, lapack.dpotri)
-    L, failed = factor(XX, lower=1, clean=0)
-    pivots = np.diag(L).real
-    if not failed and pivots.min() > well * pivots.max():
-        lower = np.tril(invert(L, lower=1)[0])
-        return np.ascontiguousarray(lower + np.tril(lower, -1).conj().T)
-    values, vectors = np.linalg.eigh(XX)
-    kept = values > least * max(values[-1], 1e-300)
-    return np.asarray((vectors[:, kept] / values[kept]) @ vectors[:, kept].conj().T)
+    size = np.sqrt(np.maximum(np.diag(XX).real, 0.0))
+    scale = np.where(size > 1e-12 * size.max(initial=0.0), 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
+    A, right = XX * scale[:, None] * scale, XY * scale[:, None]
+    potrf, potrs = (lapack.zpotrf, lapack.zpotrs) if np.iscomplexobj(XX) else (lapack.dpotrf, lapack.dpotrs)
+    L, failed = potrf(A, lower=1, clean=0)
+    if not failed and np.diag(L).real.min(initial=1.0) ** 2 > least:
+        theta = potrs(L, right, lower=1)[0]
+        # One pass of iterative refinement: the normal equations square the condition.
+        theta = theta + potrs(L, right - A @ theta, lower=1)[0]
+    elif not np.isfinite(A).all():
+        return np.full(XY.shape, np.nan)
+    else:
+        values, V = np.linalg.eigh(A)
+        kept = values > least * values[-1]
+        theta = (V[:, kept] / values[kept]) @ (V[:, kept].conj().T @ right)
+    return np.asarray(theta * scale[:, None])
 
 
-def solution(XX: Float[np.ndarray, "q q"], XY: Float[np.ndarray, "q p"]) -> Float[np.ndarray, "q p"]:
-    """Return the least-squares solution of normal equations; directions that are not excited get zero coefficients."""
-    L, failed = lapack.dpotrf(XX, lower=1, clean=0)
-    diagonal = np.diag(L)
-    if not failed and diagonal.min() > WELL_EXCITED * diagonal.max():
-        return np.asarray(lapack.dpotrs(L, XY, lower=1)[0])
-    return np.asarray(np.linalg.lstsq(XX, XY, rcond=RIDGE)[0])
+def inverse(XX: Num[np.ndarray, "q q"]) -> Num[np.ndarray, "q q"]:
+    """Return the inverse of a normal matrix; directions that are not excited are left out."""
+    return solved(XX, np.eye(len(XX), dtype=XX.dtype))

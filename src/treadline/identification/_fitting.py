@@ -1,4 +1,4 @@
-"""Data of a fit with the intermediate results that models share, the refit of the inputs and of the innovation gain.
+"""Data of a fit with the intermediate results that models share, the refit of the innovation gain.
 
 Last fitting steps of a model:
 
@@ -17,15 +17,15 @@ from scipy.linalg import solve_discrete_are
 
 from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord
-from treadline.identification._affine import Affine, linear_sums, modes_of
+from treadline.identification._affine import Affine
 from treadline.identification._era import HankelSvd
 from treadline.identification._gram import Gram, gram_of
 from treadline.identification._model_order import bic_order
+from treadline.identification._modes import Experiment
 from treadline.identification._okid import ObserverMarkov, regression, scaled_observer
 from treadline.identification._realisation import StateMap, block_rows, markov_svd, pbsid, realised, state_map
 from treadline.identification._refine import (
     Directions,
-    Experiment,
     cost,
     descended,
     experiments_of,
@@ -42,8 +42,6 @@ GAIN_RUN = 50
 """Shortest unbroken run used to fit the innovation gain; in a shorter run the initial state explains as much."""
 RECORD_PER_LAG = 10
 """Samples of the shortest record per lag of a Gram matrix built for intervals only; more lags would cost too many windows."""
-GROWTH = 1e3
-"""Growth of a mode over a record above which the mode dominates the free run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,32 +173,3 @@ def last_samples(experiments: Sequence[Experiment], samples: int) -> list[Experi
             kept.insert(0, item.part(max(0, len(item.y) - samples), len(item.y)))
             samples -= len(item.y)
     return kept
-
-
-def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.ndarray, "p m1"]) -> Affine:
-    """Return the system with B, D and the offsets that minimise the free-run error, A, C and K kept.
-
-    In modal coordinates each state is one scalar filter of one input, so the cost does not grow with the order.
-    """
-    modes = modes_of(system)
-    longest = max(len(item.y) for item in experiments)
-    if modes is None or longest * np.log(np.abs(modes.poles).max()) > np.log(GROWTH):
-        return system
-    sums = [linear_sums(modes, item.u, item.y, item.there) for item in experiments]
-    square, right = np.sum([item.square for item in sums], axis=0), np.sum([item.right for item in sums], axis=0)
-    n, m1 = system.order, system.B.shape[1]
-    free = np.concatenate([np.ones(n * m1, dtype=bool), ~fixed.ravel()])
-    size = np.diag(square).real
-    # A zero column has no effect and is left out.
-    live = free & (size > 1e-24 * size.max(initial=0.0))
-    square, right, scale = square[np.ix_(live, live)], right[live], np.sqrt(size[live])
-    with np.errstate(all="ignore"):
-        scaled = square / np.outer(scale, scale)
-    if not np.isfinite(scaled).all():
-        return system
-    values, Q = np.linalg.eigh(scaled)
-    kept = values > 1e-10 * values[-1]
-    found = np.zeros(len(free), dtype=complex)
-    found[live] = (Q[:, kept] / values[kept]) @ (Q[:, kept].conj().T @ (right / scale)) / scale
-    B, D = found[: n * m1].reshape(n, m1), found[n * m1 :].reshape(fixed.shape).real
-    return replace(system, B=(modes.V @ B).real, D=D)

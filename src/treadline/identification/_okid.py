@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import solve_triangular
 
-from treadline.identification._factor import RIDGE, inverse
+from treadline.identification._factor import RIDGE, solved
 from treadline.identification._gram import Gram
 from treadline.identification._recursion_kernels import unroll
 
@@ -67,8 +67,7 @@ def regression(data: Gram, lags: int, *, feedthrough: bool) -> Regression:
     if data.root is not None:
         theta, squares = _by_root(data.root[:, np.concatenate([columns, np.arange(1 + m, 1 + r)])], len(columns))
         return Regression(theta=theta, squares=squares, information=XX)
-    solved = data.factor.solved(XX, XY, lags, feedthrough=feedthrough)
-    theta = inverse(XX) @ XY if solved is None else solved
+    theta = solved(XX, XY)
     return Regression(theta=theta, squares=YY - theta.T @ XY, information=XX)
 
 

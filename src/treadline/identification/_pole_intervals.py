@@ -14,15 +14,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import gammaincinv
 
-from treadline.core.linear_system_kernels import observability
+from treadline.core.arrays import markov_parameters
 from treadline.core.linear_systems import TESTED_LAGS, whiteness_p
 from treadline.identification._affine import Affine
 from treadline.identification._era import HankelSvd
 from treadline.identification._factor import inverse
 from treadline.identification._gram import Gram, Units
+from treadline.identification._modes import Experiment
 from treadline.identification._okid import ObserverMarkov, regression
 from treadline.identification._recursion_kernels import tangents, unroll
-from treadline.identification._refine import Directions, Experiment, directions, jacobian, mixed
+from treadline.identification._refine import Directions, directions, jacobian, mixed
 
 CONFIDENCE = 0.95
 PORTION = 256
@@ -88,7 +89,7 @@ class ConfidenceIntervals:
         for j in range(m):
             u = np.zeros((steps, system.B.shape[1]))
             u[0, j] = 1.0
-            _, J = tangents(system.A, system.B, system.C, u, ways.A, ways.B, ways.C, ways.D)
+            J = tangents(system.A, system.B, system.C, u, ways.A, ways.B, ways.C, ways.D)
             found[:, :, j] = np.linalg.norm(J, axis=2)
         return found * self._gain_units()
 
@@ -185,12 +186,6 @@ def _coefficient_changes(observer: ObserverMarkov, data: Gram) -> Float[np.ndarr
     return _root(covariance).reshape(q, p, q * p)
 
 
-def free_response(system: Affine, m: int, count: int) -> Float[np.ndarray, "count p m"]:
-    """Return the Markov parameters D, CB, CAB, … of a model."""
-    reach = observability(system.A, system.C, max(count - 1, 1)) @ system.B[:, :m]
-    return np.concatenate([system.D[None, :, :m], reach])[:count]
-
-
 def markov_changes(observer: ObserverMarkov, system: Affine, data: Gram, count: int) -> Float[np.ndarray, "count p m k"]:
     """Return the changes of the Markov parameters per standard normal variable.
 
@@ -200,7 +195,7 @@ def markov_changes(observer: ObserverMarkov, system: Affine, data: Gram, count: 
     changes = _coefficient_changes(observer, data)
     # Use the model's Markov parameters, not the observer's. Along directions that change the observer but not its system,
     # which are wide for any noise level, the derivative is zero only at an exact response.
-    Y = free_response(system, m, count)
+    Y = markov_parameters(system.A, system.B[:, :m], system.C, system.D[:, :m], count)
     first, k = 1 + (m if observer.feedthrough else 0), changes.shape[2]
     entering = np.zeros((count, p, m, k))
     if observer.feedthrough:
@@ -254,8 +249,7 @@ def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.nd
         return None
     ways = directions(system, fixed)
     d = ways.A.shape[2]
-    total = sum(len(item.y) for item in experiments)
-    rows = ENTRIES_MOST // (p * d)
+    total, rows = sum(len(item.y) for item in experiments), ENTRIES_MOST // (p * d)
     kept = [_recent(item, rows * len(item.y) // max(total, rows)) for item in experiments]
     pairs = [jacobian(system, item, ways) for item in kept]
     seen = sum(int(item.there.sum()) for item in kept)
@@ -276,9 +270,9 @@ def _spread(system: Affine, experiments: Sequence[Experiment], fixed: Bool[np.nd
             late = np.ascontiguousarray(G[lag:].transpose(0, 2, 1)) @ cross
             term = late.transpose(1, 0, 2).reshape(d, -1) @ G[: steps - lag].reshape(-1, d)
             S += term if lag == 0 else (1.0 - lag / (memory + 1.0)) * (term + term.T)
-    inverse = np.linalg.pinv(H, rcond=1e-13, hermitian=True)
+    P = inverse(H)
     scale = total / max(sum(len(item.y) for item in kept), 1)
-    return ways.along(_root(inverse @ (0.5 * (S + S.T)) @ inverse / scale))
+    return ways.along(_root(P @ (0.5 * (S + S.T)) @ P / scale))
 
 
 def _recent(item: Experiment, rows: int) -> Experiment:

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from treadline.core.linear_system_kernels import observability
+from treadline.core.arrays import observability
 from treadline.identification._affine import Affine
 from treadline.identification._era import RANK_MOST, HankelSvd, realise
-from treadline.identification._factor import solution
+from treadline.identification._factor import solved
 from treadline.identification._gram import Gram
 from treadline.identification._okid import ObserverMarkov, system_markov
 from treadline.identification._recursion_kernels import unroll
@@ -84,7 +84,7 @@ def observer_gain(
     steps = max(lags, A.shape[0]) + 1
     # Response of the outputs to an innovation: I, CK, CAK, ….
     response = unroll(np.eye(p), np.zeros_like(observer.beta), observer.beta, steps)
-    O = observability(np.ascontiguousarray(A), np.ascontiguousarray(C), steps - 1).reshape(-1, A.shape[0])
+    O = observability(A, C, steps - 1).reshape(-1, A.shape[0])
     gain = np.linalg.lstsq(O, response[1:].reshape(-1, p), rcond=None)[0]
     stable = float(np.abs(np.linalg.eigvals(A - gain @ C)).max()) < 1.0
     return np.asarray(gain) if stable else None
@@ -160,11 +160,11 @@ def pbsid(data: Gram, states: StateMap, order: int, lags: int, *, feedthrough: b
     into = np.arange(n + m + 1)
     seen = into if feedthrough else np.delete(into, np.arange(n, n + m))
     CD = np.zeros((p, n + m + 1))
-    CD[:, seen] = solution(sums[np.ix_(seen, seen)], sums[seen, y]).T
+    CD[:, seen] = solved(sums[np.ix_(seen, seen)], sums[seen, y]).T
     # The innovation e = y - [C D c][x u 1] as an additional row.
     change = np.eye(len(sums))
     change[y, into] = -CD
     sums = change @ sums @ change.T
     both = slice(0, n + m + 1 + p)
-    AB = solution(sums[both, both], sums[both, following]).T
+    AB = solved(sums[both, both], sums[both, following]).T
     return Affine(A=AB[:, :n], B=AB[:, n : n + m + 1], C=CD[:, :n], D=CD[:, n:], K=AB[:, n + m + 1 :])

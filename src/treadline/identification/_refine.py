@@ -12,46 +12,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Num
-from scipy.linalg import lapack
 
-from treadline.core.arrays import store_contiguous
-from treadline.core.linear_system_kernels import observability
+from treadline.core.arrays import observability, store_contiguous
+from treadline.core.linear_system_kernels import free_run
 from treadline.core.linear_systems import prefix
 from treadline.core.models import InputOutputRecord
-from treadline.identification._affine import ON_CIRCLE, WELL_SEEN, Affine, Modes, derivative_sums, modes_of
+from treadline.identification._affine import ON_CIRCLE, Affine
+from treadline.identification._factor import solved
 from treadline.identification._gram import Units, runs_of
-from treadline.identification._recursion_kernels import (
-    gauge_directions,
-    run_residual,
-    subtract_initial_response,
-    tangents,
-)
+from treadline.identification._modes import Experiment, Modes, derivative_sums, modes_of
+from treadline.identification._recursion_kernels import tangents
 
 TRIES = 8
 """Largest number of damping increases per step before the refinement ends."""
-
-
 STEPS_MOST = 60
 """Largest number of steps."""
 CHANCE = 0.1
 """Relative tolerance: the refinement ends below this share of the gain of one random coefficient, 1/samples of the cost."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Experiment:
-    """Unbroken run in standard deviations: inputs with a column of ones, outputs, and a mask of valid samples."""
-
-    u: Float[np.ndarray, "T m1"]
-    y: Float[np.ndarray, "T p"]
-    there: Bool[np.ndarray, " T"]
-
-    def __post_init__(self) -> None:
-        store_contiguous(self)
-
-    def part(self, start: int, stop: int) -> "Experiment":
-        """Return the samples ``start … stop - 1``."""
-        at = slice(start, stop)
-        return Experiment(u=self.u[at], y=self.y[at], there=self.there[at])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,25 +94,28 @@ def predictors_of(experiments: Sequence[Experiment], least: int) -> list[Experim
 
 def residual(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]:
     """Return the residual of a free run from the least-squares initial state; zero at a missing output."""
-    x0, e, last = _from_best_start(system, experiment)
-    subtract_initial_response(system.A, system.C, x0, experiment.there, last, e)
-    return e
+    return _started(system, experiment, len(experiment.y))[0]
 
 
 def fair_residual(system: Affine, experiment: Experiment) -> Float[np.ndarray, "T p"]:
     """Return the residual of a free run whose initial state fits the first samples alone (``prefix``); zero at a missing output."""
-    steps = len(experiment.y)
-    x0 = initial_state(system, experiment.part(0, prefix(steps, system.order, len(system.C))))
-    e, _, _ = run_residual(system.A, system.B, system.C, system.D, experiment.u, experiment.y, experiment.there, 1)
-    subtract_initial_response(system.A, system.C, x0, experiment.there, _lasting(system, steps), e)
-    return e
+    return _started(system, experiment, prefix(len(experiment.y), system.order, len(system.C)))[0]
 
 
-def _from_best_start(system: Affine, experiment: Experiment) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, "T p"], int]:
-    """Return the least-squares initial state, the residual of a run from zero, and the steps over which the start matters."""
+def _started(
+    system: Affine, experiment: Experiment, first: int
+) -> tuple[Float[np.ndarray, "T p"], Float[np.ndarray, " n"], Float[np.ndarray, "K n"]]:
+    """Return the residual of a free run, its initial state, which fits the first samples, and the outputs' dependence on it."""
+    n, p, there = system.order, len(system.C), experiment.there
     last = _lasting(system, len(experiment.y))
-    e, square, right = run_residual(system.A, system.B, system.C, system.D, experiment.u, experiment.y, experiment.there, last)
-    return _solution(square, right[:, None])[:, 0], e, last
+    e = experiment.y - free_run(system.A, system.B, system.C, system.D, np.zeros(n), experiment.u)
+    O = observability(system.A, system.C, last)
+    if not there.all():
+        e[~there], O[~there[:last]] = 0.0, 0.0
+    O, seen = O.reshape(-1, n), slice(0, min(first, last) * p)
+    x0 = solved(O[seen].T @ O[seen], O[seen].T @ e.reshape(-1, 1)[seen])[:, 0]
+    e[:last] -= (O @ x0).reshape(-1, p)
+    return e, x0, O
 
 
 def cost(system: Affine, experiments: Sequence[Experiment]) -> float:
@@ -157,13 +137,9 @@ def refined(system: Affine, experiments: Sequence[Experiment], *, fixed: Bool[np
 
 
 def descended(
-    system: Affine,
-    experiments: Sequence[Experiment],
-    ways_from: Callable[[Affine], Directions],
-    *,
-    ceiling: float = 1.0,
+    system: Affine, experiments: Sequence[Experiment], ways_from: Callable[[Affine], Directions], *, ceiling: float = 1.0
 ) -> Affine:
-    """Return the minimum of the output error along directions that may depend on the current system.
+    """Return the minimum of the output error, by damped Gauss-Newton steps along directions that may depend on the current system.
 
     Args:
         system: Initial model.
@@ -177,7 +153,6 @@ def descended(
     bound = ceiling if radius < 1.0 - ON_CIRCLE else radius * (1.0 + 1.0 / rows)
     best, now = system, cost(system, experiments)
     damping, rise = 1e-3, 2.0
-    enough = CHANCE / rows
     for _ in range(STEPS_MOST if np.isfinite(now) else 0):
         ways = ways_from(best)
         H, g = normal_equations(best, experiments, ways)
@@ -195,7 +170,7 @@ def descended(
                 best, now, rise = trial, there, 2.0
                 break
             damping, rise = damping * rise, rise * 2.0
-        if before - now <= enough * before:
+        if before - now <= CHANCE / rows * before:
             break
     return best
 
@@ -205,21 +180,13 @@ def normal_equations(
 ) -> tuple[Float[np.ndarray, "d d"], Float[np.ndarray, " d"]]:
     """Return J'J and J'e with initial states eliminated, in modal coordinates or, for nearly equal poles, by recursion."""
     modes = modes_of(system)
-    if modes is not None and np.abs(modes.poles).max() < 1.0 + 1e-9:
+    if modes is not None and np.abs(modes.poles).max() < 1.0 + ON_CIRCLE:
         M = _modal_changes(modes, system, ways)
-        sums = [derivative_sums(modes, system, item.u, item.y, item.there) for item in experiments]
-        square, right = sum(item.square for item in sums), sum(item.right for item in sums)
-        if not np.iscomplexobj(M):  # real poles: the imaginary part is zero
-            return M.T @ square.real @ M, M.T @ right.real
-        across = M.conj().T
-        return (across @ square @ M).real, (across @ right).real
-    d = ways.A.shape[2]
-    H, g = np.zeros((d, d)), np.zeros(d)
-    for item in experiments:
-        J, e = jacobian(system, item, ways)
-        H += J.T @ J
-        g += J.T @ e
-    return H, g
+        sums = [derivative_sums(modes, system, item) for item in experiments]
+        square, right = (np.sum(parts, axis=0) for parts in zip(*sums, strict=True))
+        return (M.conj().T @ square @ M).real, (M.conj().T @ right).real
+    pairs = [jacobian(system, item, ways) for item in experiments]
+    return np.sum([J.T @ J for J, _ in pairs], axis=0), np.sum([J.T @ e for J, e in pairs], axis=0)
 
 
 def _modal_changes(modes: Modes, system: Affine, ways: Directions) -> Num[np.ndarray, "w d"]:
@@ -245,61 +212,36 @@ def jacobian(
     system: Affine, experiment: Experiment, ways: Directions
 ) -> tuple[Float[np.ndarray, "rows d"], Float[np.ndarray, " rows"]]:
     """Return the derivatives of a free run along directions and its residual; the initial state is eliminated."""
-    run_from = initial_state(system, experiment)
-    n, d = system.order, ways.A.shape[2]
+    n, d, p = system.order, ways.A.shape[2], len(system.C)
+    e, x0, O = _started(system, experiment, len(experiment.y))
     # The initial state acts as an impulse on an additional input, one sample earlier.
     u = np.vstack([np.zeros((1, experiment.u.shape[1])), experiment.u])
-    u = np.column_stack([u, np.zeros(len(u))])
-    u[0, -1] = 1.0
-    B = np.column_stack([system.B, run_from])
+    u = np.column_stack([u, np.eye(1, len(u))[0]])
     dB = np.concatenate([ways.B, np.zeros((n, 1, d))], axis=1)
-    dD = np.concatenate([ways.D, np.zeros((len(system.C), 1, d))], axis=1)
-    states, J = tangents(system.A, B, system.C, u, ways.A, dB, ways.C, dD)
-    states, J = states[1:], J[1:]
-    e = experiment.y - states @ system.C.T - experiment.u @ system.D.T
-    if not experiment.there.all():
-        J[~experiment.there] = 0.0
-        e[~experiment.there] = 0.0
-    O = _start_rows(system, experiment).reshape(-1, n)
+    dD = np.concatenate([ways.D, np.zeros((p, 1, d))], axis=1)
+    J = tangents(system.A, np.column_stack([system.B, x0]), system.C, u, ways.A, dB, ways.C, dD)[1:]
+    J[~experiment.there] = 0.0
     flat = J.reshape(-1, d)
-    flat[: len(O)] -= O @ _solution(O.T @ O, O.T @ flat[: len(O)])
+    flat[: len(O)] -= O @ solved(O.T @ O, O.T @ flat[: len(O)])
     return flat, e.ravel()
 
 
 def directions(system: Affine, fixed: Bool[np.ndarray, "p m1"]) -> Directions:
-    """Return the directions that change the system's behaviour, orthogonal to changes of state coordinates."""
-    n, m1, p = system.order, system.B.shape[1], len(system.C)
-    constant = system.D.shape[1] - 1 if not fixed[:, -1].all() else int(np.flatnonzero(~fixed.all(axis=0))[-1])
-    free = np.flatnonzero(~fixed.ravel())
-    sizes = np.cumsum([n * n, n * m1, p * n, free.size])
-    gauge = gauge_directions(system.A, system.B, system.C, constant)
-    if free.size < p * m1:
-        gauge = gauge[np.concatenate([np.arange(sizes[2]), sizes[2] + free])]
-    Q = _complement(gauge)
-    D = Q[sizes[2] :]
-    if free.size < p * m1:
-        D = np.zeros((p * m1, Q.shape[1]))
-        D[free] = Q[sizes[2] :]
-    return Directions(
-        A=Q[: sizes[0]].reshape(n, n, -1),
-        B=Q[sizes[0] : sizes[1]].reshape(n, m1, -1),
-        C=Q[sizes[1] : sizes[2]].reshape(p, n, -1),
-        D=D.reshape(p, m1, -1),
-    )
-
-
-def _complement(columns: Float[np.ndarray, "a b"]) -> Float[np.ndarray, "a c"]:
-    """Return an orthonormal basis of the orthogonal complement of the columns."""
-    a, b = columns.shape
-    whole = np.zeros((a, a), order="F")
-    whole[:, :b], tau, _, _ = lapack.dgeqrf(columns)
-    Q, _, _ = lapack.dorgqr(whole, np.concatenate([tau, np.zeros(a - b)]), overwrite_a=1)
-    return np.ascontiguousarray(Q[:, b:])
-
-
-def initial_state(system: Affine, experiment: Experiment) -> Float[np.ndarray, " n"]:
-    """Return the least-squares initial state of a free run."""
-    return _from_best_start(system, experiment)[0]
+    """Return the directions that change the system's behaviour, orthogonal to changes of state coordinates and their origin."""
+    (n, m1), p, eye = system.B.shape, len(system.C), np.eye(system.order)
+    constant = int(np.flatnonzero(~fixed.all(axis=0))[-1])
+    sizes = [n * n, n * m1, p * n, p * m1]
+    at_B, at_C, at_D, end = np.cumsum(sizes)
+    # State coordinates dx = Xx change A by XA - AX, B by XB and C by -CX.
+    gauge = np.zeros((end, n * n + n))
+    gauge[:at_B, : n * n] = np.kron(eye, system.A.T) - np.kron(system.A, eye)
+    gauge[at_B:at_C, : n * n], gauge[at_C:at_D, : n * n] = np.kron(eye, system.B.T), -np.kron(system.C, eye)
+    gauge[at_B + constant : at_C : m1, n * n :], gauge[at_D + constant :: m1, n * n :] = eye - system.A, -system.C
+    free = np.concatenate([np.ones(at_D, dtype=bool), ~fixed.ravel()])
+    ways = np.zeros((end, int(free.sum()) - n * n - n))
+    ways[free] = np.linalg.qr(gauge[free], mode="complete")[0][:, n * n + n :]
+    A, B, C, D = np.split(ways, [at_B, at_C, at_D])
+    return Directions(A=A.reshape(n, n, -1), B=B.reshape(n, m1, -1), C=C.reshape(p, n, -1), D=D.reshape(p, m1, -1))
 
 
 def _lasting(system: Affine, steps: int) -> int:
@@ -308,25 +250,3 @@ def _lasting(system: Affine, steps: int) -> int:
         return steps
     # Below 1e-9 the initial state is negligible; 20 n allows for transient growth before the decay.
     return min(steps, int(20.0 * system.order + math.log(1e-9) / math.log(max(system.radius, 1e-3))))
-
-
-def _start_rows(system: Affine, experiment: Experiment) -> Float[np.ndarray, "K p n"]:
-    """Return the effect of the initial state on the outputs over its significant steps."""
-    last = _lasting(system, len(experiment.y))
-    O = observability(system.A, system.C, last)
-    if not experiment.there[:last].all():
-        O[~experiment.there[:last]] = 0.0
-    return np.asarray(O)
-
-
-def _solution(square: Float[np.ndarray, "n n"], right: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n k"]:
-    """Return the solution of normal equations; unobservable directions stay zero."""
-    L, failed = lapack.dpotrf(square, lower=1, clean=0)
-    pivots = np.diag(L)
-    if not failed and pivots.min() > WELL_SEEN * pivots.max():
-        return np.asarray(lapack.dpotrs(L, right, lower=1)[0])
-    if not np.isfinite(square).all():
-        return np.full(right.shape, np.nan)  # a diverging system has infinite cost
-    values, V = np.linalg.eigh(square)
-    kept = values > 1e-12 * max(values[-1], 1e-300)
-    return np.asarray((V[:, kept] / values[kept]) @ (V[:, kept].T @ right))

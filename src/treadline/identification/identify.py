@@ -20,10 +20,10 @@ from treadline.identification._checks import (
 )
 from treadline.identification._dead_time import dead_time, without_delays
 from treadline.identification._dependent_inputs import DriveLog, check_independent_inputs, without_dependent_inputs
-from treadline.identification._fitting import with_inputs_again
 from treadline.identification._from_gram import data_of, from_gram, provenance_of
 from treadline.identification._gram import Gram
 from treadline.identification._identified import FittedSystem, Identified, whole_samples
+from treadline.identification._modes import with_inputs_again
 from treadline.identification._threads import one_thread
 from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions
 
