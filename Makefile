@@ -10,7 +10,7 @@ PIP := $(BIN)/python tools/install.py --constraint $(LOCK)
 # Without bytecode files every process would compile the sources of all libraries anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-gazebo test-browser check coverage format docs docs-serve schema dist clean
+.PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-ros2 test-gazebo test-browser check coverage format docs docs-serve schema dist clean
 
 help:
 	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
@@ -23,6 +23,7 @@ help:
 	@echo "make slow         run the tests of the first run on a machine, with an empty compile cache (minutes)"
 	@echo "make test-gazebo  run the tests in Gazebo 11, which they build first (root, once; asks, unless CI=true)"
 	@echo "make test-browser run the tests of the viewer in Chromium, which they install from Debian first (root, once; asks, unless CI=true)"
+	@echo "make test-ros2    install ROS 2 from pip in build/ros2 and run the nodes on it (Python 3.11 to 3.13, cmake and a C++ compiler)"
 	@echo "make test-ros1    install ROS 1 from Debian (root; asks, unless CI=true) and run the graph on a real roscore"
 	@echo "make check        formatter, linter, types, import contracts"
 	@echo "make coverage     measure that the guard's own tests take each of its branches"
@@ -116,6 +117,12 @@ test-ros1: $(VENV)/.test
 		{ echo "treadline: ROS 1 is not installed, and only root of a Debian can: apt-get install $(ROS1)" >&2; exit 2; }
 	@command -v rostest >/dev/null || { $(call apt,$(ROS1)); }
 	TREADLINE_ROS1=1 $(BIN)/python -m pytest -n 2 tests/ros1
+
+# Where pip has no ROS 2 for this machine there is nothing to test: environment.sh says so and answers 77.
+test-ros2: $(VENV)/.test setup
+	@folder=$$(ros2/environment.sh); status=$$?; \
+	if [ $$status = 77 ]; then echo "test-ros2: skipped"; exit 0; fi; [ $$status = 0 ] || exit $$status; \
+	. $$folder/env.sh; TREADLINE_ROS2=1 python -m pytest -W default tests/ros2
 
 check: $(VENV)/.dev
 	$(BIN)/ruff format --check .

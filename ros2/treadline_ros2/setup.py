@@ -1,21 +1,25 @@
 """An ament_python package; treadline itself is installed with pip."""
 
+from pathlib import Path
+
 from setuptools import setup
 
-PACKAGE = "treadline_ros2"
+PACKAGE = 'treadline_ros2'
 
 setup(
     name=PACKAGE,
-    version="0.3.0",
+    version='0.3.0',
     packages=[PACKAGE],
     data_files=[
-        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
-        (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/launch", ["launch/graph.launch.py"]),
-        (f"share/{PACKAGE}/config", ["config/params.yaml"]),
+        ('share/ament_index/resource_index/packages', [f'resource/{PACKAGE}']),
+        (f'share/{PACKAGE}', ['package.xml']),
+        *(
+            (f'share/{PACKAGE}/{folder}', [str(file) for file in Path(folder).iterdir()])
+            for folder in ('launch', 'rviz', 'behavior_trees')
+        ),
     ],
-    install_requires=["setuptools", "treadline"],
+    install_requires=['setuptools', 'treadline'],
     zip_safe=True,
-    license="Apache-2.0",
-    entry_points={"console_scripts": [f"node = {PACKAGE}.node:main"]},
+    license='Apache-2.0',
+    entry_points={'console_scripts': [f'node = {PACKAGE}.node:main']},
 )

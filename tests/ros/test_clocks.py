@@ -43,12 +43,12 @@ def test_a_wall_clock_that_steps_mutes_no_node(monkeypatch: pytest.MonkeyPatch, 
     runner = NodeRunner(node, Air(), clock="wall")  # type: ignore[arg-type]
     for _ in range(100):
         wall.now_s += 0.01
-        runner._turn()
+        runner.turn()
     before = len(node.ticks)
     wall.now_s += step_s
     for _ in range(100):
         wall.now_s += 0.01
-        runner._turn()
+        runner.turn()
     assert len(node.ticks) - before == pytest.approx(ticks, abs=1)
     assert node.ticks[-1] == pytest.approx(wall.now_s, abs=0.011)
 

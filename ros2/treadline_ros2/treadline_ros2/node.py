@@ -1,114 +1,99 @@
-"""A node of treadline with ROS 2's life cycle: configured it has its block, active it is turned.
+"""
+Nodes of treadline: blocks of the graph with ROS 2's life cycle, one or more in a process.
 
-``ros2 run treadline_ros2 node --ros-args -r __node:=guard -p scenario:=default``; its name says which node of the graph it is.
+``ros2 run treadline_ros2 node guard --ros-args -r __node:=watchman -p autostart:=true``
 """
 
+import os
+import signal
 import sys
-from pathlib import Path
-from threading import Event, Thread
-from typing import Any
+from types import FrameType
 
-import rclpy
-from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
-from rclpy.lifecycle.node import LifecycleState
-
-from treadline.core.errors import TreadlineError
-from treadline.ros.assembly import mount_of, node_of
-from treadline.ros.node_process import NodeRunner, run_plant
-from treadline.ros.plant_node import PlantNode
-from treadline.run.resolve import resolve
-from treadline_ros2.transport import RclpyTransport
+SOURCE = 'source /opt/ros/DISTRO/setup.bash, and the workspace where treadline_msgs was built'
+EXECUTED_S = 0.1
+"""Longest time without a look at the request to end [s]."""
 
 
-class TreadlineNode(LifecycleNode):
-    """One of plant, camera, heading, seat, driver, guard and recorder."""
-
-    def __init__(self, name: str = "guard") -> None:
-        super().__init__(name)
-        for key, value in (
-            ("scenario", "default"),
-            ("controller", ""),
-            ("plant", "mujoco"),
-            ("seed", 0),
-            ("pace", 1.0),
-            ("out", ""),
-        ):
-            self.declare_parameter(key, value)
-        self._stop = Event()
-        self._thread: Thread | None = None
-        self._made: Any = None
-        self._wire: RclpyTransport | None = None
-
-    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the settings and make the block."""
-        del state
-        out = self._parameter("out")
-        try:
-            setup = resolve(
-                self._parameter("scenario"),
-                self._parameter("controller") or None,
-                self._parameter("seed"),
-                open_plant=self._parameter("plant"),
-            )
-            self._made = node_of(self.get_name(), setup.mission, plant=setup.open_plant, out=Path(out) if out else None)
-        except TreadlineError as error:
-            self.get_logger().error(str(error))
-            return TransitionCallbackReturn.FAILURE
-        self._wire = RclpyTransport(self, mount_of(setup.mission))
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to turn."""
-        self._stop.clear()
-        self._thread = Thread(target=self._turn, name=self.get_name())
-        self._thread.start()
-        return super().on_activate(state)
-
-    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop turning: the guard holds, for one of its nodes is silent."""
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join()
-        return super().on_deactivate(state)
-
-    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Forget the block: what it remembers of the chair is old."""
-        del state
-        if hasattr(self._made, "close"):
-            self._made.close()
-        if self._wire is not None:
-            self._wire.close()
-        self._made = self._wire = None
-        return TransitionCallbackReturn.SUCCESS
-
-    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End from whatever state."""
-        self.on_deactivate(state)
-        return self.on_cleanup(state)
-
-    def _turn(self) -> None:
-        try:
-            if isinstance(self._made, PlantNode):
-                run_plant(self._made, self._wire, stop=self._stop, pace=self._parameter("pace"))
-            else:
-                clock = "sim" if self.get_parameter("use_sim_time").value else "wall"
-                NodeRunner(self._made, self._wire, clock=clock).run(self._stop)
-        except TreadlineError as error:
-            self.get_logger().error(str(error))
-
-    def _parameter(self, key: str) -> Any:
-        return self.get_parameter(key).value
-
-
-def main(arguments: list[str] | None = None) -> None:
-    """Turn until interrupted."""
-    rclpy.init(args=sys.argv if arguments is None else arguments)
-    node = TreadlineNode()
+def main(arguments: list[str] | None = None) -> int:
+    """Run nodes of the roles given as words until an interruption; return the exit code."""
+    interruption = Interruption()
     try:
-        rclpy.spin(node)
+        _check_middleware()
+        import rclpy
+        from rclpy.signals import SignalHandlerOptions
+        from rclpy.utilities import remove_ros_args
+
+        from treadline_ros2.lifecycle_node import Executor, TreadlineNode
+    except ImportError as error:
+        return _end(2, f'{_line(error)}; {SOURCE}')
+    nodes: list[TreadlineNode] = []
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        nodes += [TreadlineNode(role) for role in remove_ros_args(arguments)[1:] or ['']]
+        executor = Executor()
+        for node in nodes:
+            executor.add_node(node)
+        if not (
+            all(node.configure() for node in nodes) and all(node.activate() for node in nodes)
+        ):
+            return 2
+        interruption.is_waited_for = True
+        while not interruption.is_asked:
+            executor.spin_once(timeout_sec=EXECUTED_S)
+        executor.shutdown()
     except KeyboardInterrupt:
-        pass
+        pass  # before they ran
     finally:
-        node.on_shutdown(None)
-        node.destroy_node()
+        interruption.ignore()
+        for node in reversed(nodes):
+            node.end()
         rclpy.try_shutdown()
+    return 0
+
+
+class Interruption:
+    """A request to end: Ctrl-C, or the launch system's; a second one repeats the first."""
+
+    def __init__(self) -> None:
+        self.is_asked = False
+        self.is_waited_for = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._ask)
+
+    def ignore(self) -> None:
+        """Ignore what still comes, the end of Python itself included."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
+    def _ask(self, number: int, frame: FrameType | None) -> None:
+        del number, frame
+        again, self.is_asked = self.is_asked, True
+        if not self.is_waited_for and not again:
+            raise KeyboardInterrupt
+
+
+def _end(code: int, line: str) -> int:
+    sys.stderr.write(f'treadline: {line}\n')
+    return code
+
+
+def _line(error: Exception) -> str:
+    return ' '.join(str(error).split())[:300]
+
+
+def _check_middleware() -> None:
+    """Look for the middleware that the environment asks for: rcl itself would end the process."""
+    from ament_index_python import get_resources
+
+    asked, there = (
+        os.environ.get('RMW_IMPLEMENTATION'),
+        sorted(set(get_resources('rmw_typesupport')) - {'rmw_implementation'}),
+    )
+    if asked and asked not in there:
+        package = f'ros-{os.environ.get("ROS_DISTRO", "DISTRO")}-{asked.replace("_", "-")}'
+        what = f'RMW_IMPLEMENTATION is {asked}, here is {" or ".join(there)}'
+        sys.exit(_end(2, f'{what}: install {package}, or unset the variable'))
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -9,7 +9,7 @@ import sys
 import time
 from contextlib import ExitStack
 from threading import Event as Flag
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from treadline.core.errors import TreadlineError
 from treadline.core.loop_watchdog import LoopWatchdog
@@ -21,6 +21,8 @@ from treadline.ros.block_nodes import GuardNode, Node
 from treadline.ros.plant_node import PlantNode
 from treadline.ros.wire import WireTransport
 
+START_S = TICK_S
+"""First stamp of a simulated clock [s]: ROS takes a stamp of zero for no stamp."""
 BEAT_S = 0.2
 """Interval of the heartbeat [s]."""
 SILENT_S = 0.6
@@ -56,13 +58,13 @@ class NodeRunner:
         self._transport = transport
         self._sim = clock == "sim"
         self._patience_s = patience_s
-        self._t_s = 0.0
+        self._t_s = START_S
         self._clock_at: float | None = None
         self._beat_at = -math.inf
         self._received: set[str] = set()
         self._apart_at: dict[str, float] = {}
         self._clock_faults: dict[str, str] = {}
-        self._began = time.monotonic()
+        self._began, self._looked = time.monotonic(), False
         self._watchdog = LoopWatchdog(self._hold, limit_s=SILENCE_S)
         transport.on_broken = lambda reason: self._report("dropped", reason)
         transport.announce(on.DIAGNOSTICS)
@@ -79,20 +81,32 @@ class NodeRunner:
         Raises:
             TreadlineError: If a required channel is silent or of another type, or stamps belong to another clock.
         """
-        self._began = time.monotonic()
-        looked = False
-        with self._watchdog:
+        with self:
             while not stop.is_set():
-                self._watchdog.begin("the delivery of messages")
                 self._transport.deliver(POLL_S)
-                self._turn()
-                if not looked and time.monotonic() - self._began > self._patience_s:
-                    looked = True
-                    self._check_required()
+                self.turn()
 
-    def _turn(self) -> None:
-        """Tick where no message does it, and publish the heartbeat."""
+    def __enter__(self) -> Self:
+        """Begin to run: a standstill counts from now on, and so does the wait for required channels."""
+        self._began, self._looked = time.monotonic(), False
+        self._watchdog.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Stop running."""
+        self._watchdog.__exit__()
+
+    def turn(self) -> None:
+        """Do what no message does: ticks by the wall clock, the heartbeat, the look at required channels; call every ``POLL_S``.
+
+        Raises:
+            TreadlineError: If a required channel is silent or of another type, or stamps belong to another clock.
+        """
+        self._watchdog.begin("the delivery of messages")
         now = time.monotonic()
+        if not self._looked and now - self._began > self._patience_s:
+            self._looked = True
+            self._check_required()
         if not self._sim:
             t_s = math.floor(time.time() / TICK_S) * TICK_S
             if t_s > self._t_s or t_s < self._t_s - LEAPT_S:
@@ -113,8 +127,7 @@ class NodeRunner:
             state = self._node.waits_for or state
             if self._node.waits_for:
                 self._node.tick(self._t_s)
-            else:
-                self._node.repeat_state()
+            self._node.repeat_state()
         self._transport.publish(on.DIAGNOSTICS, Beat(t_s=self._t_s, node=self._node.name, state=state))
 
     def _hold(self, cause: str) -> None:
@@ -185,6 +198,71 @@ class NodeRunner:
             sys.stderr.write(f"treadline: guard: {self._node.waits_for} {after}; start the missing nodes\n")
 
 
+class PlantRunner:
+    """Runs a simulated plant by the wall clock: it starts when the guard is ready.
+
+    Args:
+        pace: Simulated seconds per second.
+    """
+
+    def __init__(self, node: PlantNode, transport: WireTransport, *, pace: float = 1.0, patience_s: float = PATIENCE_S) -> None:
+        self._node, self._transport = node, transport
+        self._period_s, self._patience_s = TICK_S / pace, patience_s
+        self._runner = NodeRunner(node, transport, patience_s=math.inf)
+        self._peers = _Peers(node)
+        transport.announce(on.CLOCK)
+        transport.subscribe(on.DIAGNOSTICS, self._peers.receive)
+        node.start()
+        self._ticks = 0
+        self.t_s = START_S
+        """Simulated time [s]."""
+
+    def __enter__(self) -> Self:
+        """Begin to run: the wait for the guard counts from now on."""
+        self._watchdog = LoopWatchdog(self._node.trip, self._node.brake, limit_s=SILENCE_S)
+        self._armed = ExitStack()
+        self._began = self._due_at = self._answered_at = self._ticked_at = time.monotonic()
+        self._commanded_s = -math.inf
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Stop running."""
+        self._armed.close()
+
+    def turn(self) -> float:
+        """Do what is due; return the time after which something may be due again [s]. Messages are delivered between two turns.
+
+        Raises:
+            TreadlineError: If no guard is ready in time.
+        """
+        now = time.monotonic()
+        self._runner.beat(now)
+        if self._ticks == 0 and self._peers.guard != "ready":
+            if now - self._began > self._patience_s:
+                after = f"after {self._patience_s:.0f} s"
+                raise TreadlineError(f"plant: the guard is not ready {after}: {self._peers.guard}; start the missing nodes")
+            self._due_at = self._answered_at = self._ticked_at = now
+            return POLL_S
+        self._watchdog.begin("the delivery of messages")
+        if self._node.commanded_s != self._commanded_s or self.t_s - self._node.commanded_s < ANSWER_S:
+            self._commanded_s, self._answered_at = self._node.commanded_s, now
+        self._node.hear_nothing(now - self._answered_at)
+        if self._ticks == 0 or (now >= self._due_at and not self._peers.keep_waiting(self.t_s, now - self._ticked_at)):
+            self._advance()
+        return min(POLL_S, max(self._due_at - time.monotonic(), 0.001))
+
+    def _advance(self) -> None:
+        self._watchdog.begin("plant.advance")
+        self.t_s = START_S + self._ticks * TICK_S
+        self._node.tick(self.t_s)
+        if self._ticks == 0:  # the first tick compiles and loads, and the chair has no command yet
+            self._armed.enter_context(self._watchdog)
+        self._ticks += 1
+        self._transport.publish(on.CLOCK, Clock(t_s=self.t_s))
+        self._ticked_at = time.monotonic()
+        self._due_at = max(self._due_at + self._period_s, self._ticked_at - TICK_S)
+
+
 def run_plant(
     node: PlantNode,
     transport: WireTransport,
@@ -194,7 +272,7 @@ def run_plant(
     duration_s: float = math.inf,
     patience_s: float = PATIENCE_S,
 ) -> float:
-    """Run a simulated plant by the wall clock; return the simulated time at its end [s].
+    """Run a simulated plant; return the simulated time at its end [s].
 
     Args:
         pace: Simulated seconds per second.
@@ -202,40 +280,10 @@ def run_plant(
     Raises:
         TreadlineError: If no guard is ready in time.
     """
-    runner = NodeRunner(node, transport, patience_s=math.inf)
-    transport.announce(on.CLOCK)
-    peers = _Peers(node)
-    transport.subscribe(on.DIAGNOSTICS, peers.receive)
-    node.start()
-    began = time.monotonic()
-    while peers.guard != "ready" and not stop.is_set():
-        transport.deliver(POLL_S)
-        runner.beat(time.monotonic())
-        if time.monotonic() - began > patience_s:
-            raise TreadlineError(f"plant: the guard is not ready after {patience_s:.0f} s: {peers.guard}; start the missing nodes")
-    due = asked = time.monotonic()
-    tick, t_s = 0, 0.0
-    watchdog = LoopWatchdog(node.trip, node.brake, limit_s=SILENCE_S)
-    with ExitStack() as armed:
-        while not stop.is_set() and t_s < duration_s:
-            watchdog.begin("plant.advance")
-            t_s = tick * TICK_S
-            node.tick(t_s)
-            if tick == 0:  # the first tick compiles and loads, and the chair has no command yet
-                armed.enter_context(watchdog)
-            transport.publish(on.CLOCK, Clock(t_s=t_s))
-            waits_from = time.monotonic()
-            due = max(due + TICK_S / pace, waits_from - TICK_S)
-            if t_s - node.commanded_s < ANSWER_S:
-                asked = waits_from
-            while (now := time.monotonic()) < due or peers.keep_waiting(t_s, now - waits_from):
-                watchdog.begin("the delivery of messages")
-                if t_s - node.commanded_s >= ANSWER_S:
-                    node.hear_nothing(now - asked)
-                runner.beat(now)
-                transport.deliver(min(POLL_S, max(due - now, 0.001)))
-            tick += 1
-    return t_s
+    with PlantRunner(node, transport, pace=pace, patience_s=patience_s) as runner:
+        while not stop.is_set() and runner.t_s < duration_s:
+            transport.deliver(runner.turn())
+        return runner.t_s
 
 
 class _Peers:
