@@ -63,7 +63,8 @@ class Recording:
     """Collects messages and writes them as a file of the kind that its ending says."""
 
     def __init__(self, *, ros1: bool = False) -> None:
-        typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is an extra")
+        from rosbags import typesys
+
         self.ros1 = ros1
         self.store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.ROS2_HUMBLE)
         self.messages: list[tuple[str, int, str, bytes]] = []

@@ -55,7 +55,7 @@ def write_demo(run: Path, folder: Path) -> None:
     with RunLog(folder / LOG, messages=lambda signal: [item for item in messages_of(signal) if item[0] in TOPICS]) as log:
         decoder = LogDecoder()
         for topic, logged_ns, data in mcap_messages(run / LOG, TOPICS.__contains__, sealed=True):
-            signal = decoder.signal(topic.name, data)
+            signal = decoder.signal(topic.name, topic.kind, data)
             if signal is not None and counts[topic.name] % EVERY.get(type(signal), 1) == 0:
                 log(rounded(signal), 1e-9 * logged_ns)
             counts[topic.name] += 1

@@ -1,10 +1,9 @@
 """Bags of numbers, one topic a channel."""
 
+import struct
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
-
-from treadline.io.cdr import CdrWriter
 
 SECOND = 1_000_000_000
 FLOAT = "float64 data"
@@ -28,13 +27,11 @@ Channel = list[tuple[float, float]]
 
 
 def cdr(value: float, stamp_s: float | None) -> bytes:
-    w = CdrWriter()
+    header, note = b"", b""
     if stamp_s is not None:
-        w.stamp(stamp_s, "a")
-    w.doubles(value)
-    if stamp_s is not None:
-        w.string("x")
-    return w.message()
+        header = struct.pack("<iII2s2x", *divmod(round(stamp_s * SECOND), SECOND), 2, b"a")
+        note = struct.pack("<I2s", 2, b"x")
+    return b"\x00\x01\x00\x00" + header + struct.pack("<d", value) + note
 
 
 def bag(path: Path, *, stamps: dict[str, list[float]] | None = None, **channels: Channel) -> Path:

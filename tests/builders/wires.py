@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
 
 from treadline.ros import channels as on
 from treadline.ros._codec import encoded
@@ -46,10 +45,9 @@ class Air(WireTransport):
 
 
 def decoded(log: Path) -> dict[str, list[Any]]:
-    """Return the messages of a log by topic, read by Foxglove's decoder of ROS 2."""
+    """Return the messages of a log by topic, read by rosbags with the definitions that the log holds."""
     found: dict[str, list[Any]] = {}
-    with log.open("rb") as file:
-        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for _, channel, _, message in reader.iter_decoded_messages():
-            found.setdefault(channel.topic, []).append(message)
+    with AnyReader([log]) as reader:
+        for connection, _, data in reader.messages():
+            found.setdefault(connection.topic, []).append(reader.deserialize(data, connection.msgtype))
     return found

@@ -16,10 +16,10 @@ from treadline.cli._output import SimulatedTime
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.signals import HeadingEstimate, ImuSample, TrackCommand
-from treadline.io.cdr import seconds_of
 from treadline.io.decode import LogDecoder
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import mcap_messages, read_log
+from treadline.io.message_types import seconds_of
 from treadline.io.runs import read_series
 from treadline.scenario.chair import read_chair
 
@@ -75,7 +75,7 @@ def rewritten(run: Path, out: Path, change: Callable[[Any], Any | None]) -> Path
     decoder = LogDecoder()
     with RunLog(out / "log.mcap", image_every=1) as log:
         for topic, taken_ns, data in mcap_messages(run / "log.mcap", lambda _: True, sealed=True):
-            signal = decoder.signal(topic.name, data)
+            signal = decoder.signal(topic.name, topic.kind, data)
             changed = None if signal is None else change(signal)
             if changed is not None:
                 log(changed, seconds_of(taken_ns) + changed.t_s - signal.t_s)

@@ -36,7 +36,8 @@ class RosMessages:
     """Serialised messages of one ROS version: a command as Float64MultiArray, an answer as Imu."""
 
     def __init__(self, *, ros1: bool) -> None:
-        typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is an extra")
+        from rosbags import typesys
+
         self.ros1 = ros1
         self.store = typesys.get_typestore(typesys.Stores.ROS1_NOETIC if ros1 else typesys.Stores.ROS2_HUMBLE)
         self.serialise = self.store.serialize_ros1 if ros1 else self.store.serialize_cdr
@@ -161,7 +162,8 @@ def in_mcap(path: Path, record: InputOutputRecord, *, ros1: bool = False, **opti
 
 
 def in_bag(path: Path, record: InputOutputRecord, compression: str = "") -> Written:
-    rosbag1 = pytest.importorskip("rosbags.rosbag1", reason="rosbags is an extra")
+    from rosbags import rosbag1
+
     ros, writer = RosMessages(ros1=True), rosbag1.Writer(path)
     if compression:
         writer.set_compression(rosbag1.Writer.CompressionFormat[compression])
@@ -170,7 +172,8 @@ def in_bag(path: Path, record: InputOutputRecord, compression: str = "") -> Writ
 
 
 def in_ros2_folder(path: Path, record: InputOutputRecord, storage: str) -> Written:
-    rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="rosbags is an extra")
+    from rosbags import rosbag2
+
     ros = RosMessages(ros1=False)
     write_ros_bag(rosbag2.Writer(path, version=9, storage_plugin=rosbag2.StoragePlugin[storage]), packets(record, ros), ros)
     return Written(path, BAG_INPUTS, BAG_OUTPUTS)

@@ -121,9 +121,9 @@ def test_a_clock_that_jumps_back_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("column", "words"),
     [
-        ("/y.nothing", "no field 'nothing' for '/y.nothing' \\(there are: data, header, note\\)"),
+        ("/y.nothing", "no field 'nothing' for '/y.nothing' \\(there are: header, data, note\\)"),
         ("/y", "is not a number"),
-        ("/y.header", "is not a number but .*there are: frame_id, stamp"),
+        ("/y.header", "is not a number but .*there are: stamp, frame_id"),
         ("/y.note", "is not a number but str"),
         ("/y.data[0]", "no elements there"),
         ("/y.data..x", "is not a number"),
@@ -155,8 +155,6 @@ def test_degrees_in_a_bag_are_refused(tmp_path: Path) -> None:
 )
 def test_messages_of_another_encoding_are_named(tmp_path: Path, encoding: str, language: str, words: str) -> None:
     path = one_topic(tmp_path / "log.mcap", "test_msgs/msg/Unknown", language, "", [b"{}"], encoding)
-    if not language:
-        pytest.importorskip("rosbags", reason="rosbags is an extra")
     with pytest.raises(LogFormatError, match=words):
         read_record(path, (), ("/y.data",))
 

@@ -163,22 +163,9 @@ def test_a_header_that_promises_more_than_the_archive_holds_is_refused(tmp_path:
 
 
 def test_what_needs_an_extra_says_how_to_get_it(written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch) -> None:
-    for kind, module, extra in (
-        ("parquet", "pyarrow", "parquet"),
-        ("bag", "rosbags.rosbag1", "ros"),
-        ("mcap ros 1", "rosbags.typesys", "ros"),
-    ):
-        log = written(kind, record)
-        with monkeypatch.context() as patch:
-            patch.setitem(sys.modules, module, None)
-            refused(log.path, log.inputs, log.outputs, rf"pip install '\.\[{extra}\]'")
-
-
-def test_the_base_reads_mcap_of_ros_2_without_rosbags(written, record: InputOutputRecord, monkeypatch: pytest.MonkeyPatch) -> None:
-    log = written("mcap", record)
-    monkeypatch.setitem(sys.modules, "rosbags", None)
-    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    assert len(read_record(log.path, log.inputs, log.outputs)) == 40
+    log = written("parquet", record)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    refused(log.path, log.inputs, log.outputs, r"pip install '\.\[parquet\]'")
 
 
 # Folders
@@ -189,7 +176,7 @@ def test_a_run_folder_without_a_record_is_read_from_its_log(tmp_path: Path) -> N
         for k in range(20):
             log(HeadingEstimate(t_s=0.25 * k, heading_rad=0.01 * k, heading_rate_rad_s=0.5, sigma_rad=0.1, source="gyro"))
             log(TrackCommand(t_s=0.25 * k, left_m_s=0.1 * k, right_m_s=0.2))
-    record = read_record(tmp_path, ("/tracks/cmd.velocity[0]",), ("/stair/heading/detail.position[0]",))
+    record = read_record(tmp_path, ("/tracks/cmd.left_m_s",), ("/stair/heading/detail.heading_rad",))
     np.testing.assert_array_equal(record.u[:, 0], 0.1 * np.arange(20))
     np.testing.assert_array_equal(record.y[:, 0], 0.01 * np.arange(20))
     assert record.dt_s == 0.25

@@ -30,7 +30,8 @@ from treadline.core.signals import (
 from treadline.io import mcap_read
 from treadline.io.mcap_log import RunLog
 from treadline.io.mcap_read import read_log
-from treadline.io.messages import TRUTH_NAMES
+from treadline.io.messages import TRUTH_NAMES, joints
+from treadline.io.standard_messages import standard_messages_of
 
 CAMERA = PinholeCamera(width_px=5, height_px=3, fx_px=4.5, fy_px=4.25, cx_px=2.0, cy_px=1.0)
 
@@ -90,20 +91,32 @@ def test_every_signal_comes_back_as_it_went_in(log: Path) -> None:
     assert [comparable(signal) for signal in read_log(log)] == [comparable(signal) for signal in SIGNALS]
 
 
-def test_a_truth_of_an_older_log_is_still_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_log_of_standard_messages_is_still_read(tmp_path: Path) -> None:
+    """Test: a log as release 0.3 wrote it, with JointState and DiagnosticArray. Expected: the same signals."""
+    with RunLog(tmp_path / "log.mcap", image_every=1, messages=standard_messages_of) as log:
+        for signal in SIGNALS:
+            log(signal)
+    assert b"treadline_msgs" not in (tmp_path / "log.mcap").read_bytes()
+    assert [comparable(signal) for signal in read_log(tmp_path / "log.mcap")] == [comparable(signal) for signal in SIGNALS]
+
+
+@pytest.mark.parametrize(
+    ("gone", "said"), [("hull_contacts", None), ("chassis_z_m", None), ("pitch_rad", "a Truth lacks pitch_rad")]
+)
+def test_a_truth_of_an_older_log_is_still_read(tmp_path: Path, gone: str, said: str | None) -> None:
     """Test: a log whose ground truth has no contacts of the hull, or no pose, or no pitch. Expected: 0; NaN; refused by name."""
     truth = next(signal for signal in SIGNALS if isinstance(signal, Truth))
-    for gone, said in (("hull_contacts", None), ("chassis_z_m", None), ("pitch_rad", "the ground truth lacks pitch_rad")):
-        with monkeypatch.context() as patch:
-            patch.setattr("treadline.io.messages.TRUTH_NAMES", tuple(name for name in TRUTH_NAMES if name != gone))
-            path = write(tmp_path / f"{gone}.mcap", [truth])
-        if said is None:
-            (back,) = read_log(path)
-            default = next(item.default for item in fields(Truth) if item.name == gone)
-            assert repr(back) == repr(replace(truth, **{gone: default}))  # as text: NaN differs from itself
-        else:
-            with pytest.raises(LogFormatError, match=said):
-                list(read_log(path))
+    known = {name: getattr(truth, name) for name in TRUTH_NAMES if name != gone}
+    message = joints("/truth", truth.t_s, tuple(known), tuple(known.values()), (), "simulator")
+    with RunLog(tmp_path / "log.mcap", messages=lambda _: [message]) as log:
+        log(truth)
+    if said is None:
+        (back,) = read_log(tmp_path / "log.mcap")
+        default = next(item.default for item in fields(Truth) if item.name == gone)
+        assert repr(back) == repr(replace(truth, **{gone: default}))  # as text: NaN differs from itself
+    else:
+        with pytest.raises(LogFormatError, match=said):
+            list(read_log(tmp_path / "log.mcap"))
 
 
 def test_a_late_signal_keeps_its_stamp_and_its_arrival(tmp_path: Path) -> None:
@@ -130,7 +143,7 @@ def test_another_decoder_of_ros_2_reads_the_same_numbers(log: Path) -> None:
     assert first["/imu"].orientation.w == imu.orientation[0]
     assert first["/imu"].orientation.z == imu.orientation[3]
     assert first["/imu"].linear_acceleration.z == 9.81
-    assert first["/stair/heading/detail"].position[0] == estimate.heading_rad
+    assert first["/stair/heading/detail"].heading_rad == estimate.heading_rad
     pose = first["/stair/heading"].pose
     # Twice the half angle of a quaternion: exact but for rounding.
     assert 2.0 * np.arctan2(pose.pose.orientation.z, pose.pose.orientation.w) == pytest.approx(estimate.heading_rad, abs=1e-12)
@@ -138,9 +151,9 @@ def test_another_decoder_of_ros_2_reads_the_same_numbers(log: Path) -> None:
     assert bytes(first["/camera/color/image_raw"].data) == image.rgb.tobytes()
     assert first["/camera/depth/image_rect"].encoding == "32FC1"
     assert list(first["/camera/color/camera_info"].k[:3]) == [CAMERA.fx_px, 0.0, CAMERA.cx_px]
-    assert first["/tracks/state"].position[2] == 1.0
+    assert first["/tracks/state"].brake_on is True
     assert first["/diagnostics"].status[0].message == "heading 31° beyond 30°"
-    assert dict(zip(first["/truth"].name, first["/truth"].position, strict=True))["y_m"] == SIGNALS[10].y_m
+    assert first["/truth"].y_m == SIGNALS[10].y_m
 
 
 def test_the_same_signals_give_the_same_bytes(tmp_path: Path, log: Path) -> None:

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from wires import decoded
 
-from treadline.io.cdr import CdrWriter, Ros1Writer
 from treadline.io.mcap_log import KEPT, RunLog
-from treadline.io.messages import DEFINITIONS
+from treadline.io.message_types import cdr_of, store
 from treadline.io.scene_messages import (
     FramePose,
     Marker,
@@ -66,17 +67,16 @@ def test_a_decoder_of_ros_2_reads_frames_markers_and_images(log: Path) -> None:
     assert bytes(read["/camera/overlay/compressed"].data) == b"\xff\xd8jpeg"
 
 
-def test_definitions_are_those_of_ros_2() -> None:
-    typesys = pytest.importorskip("rosbags.typesys", reason="the extra ros is not installed")
-    humble = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    for kind, definition in DEFINITIONS.items():
-        for name, (_, members) in typesys.get_types_from_msg(definition, kind).items():
-            assert members == humble.fielddefs[name][1], name
+@pytest.mark.parametrize("kind", [kind for _, kind, _ in MESSAGES])
+def test_definitions_are_those_of_ros_2(kind: str) -> None:
+    """Test: the definitions in a log, against those of ROS 2 Humble, whose logs are read too."""
+    humble = get_typestore(Stores.ROS2_HUMBLE)
+    for name, (_, members) in get_types_from_msg(store().generate_msgdef(kind, ros_version=2)[0], kind).items():
+        assert members == humble.fielddefs[name][1], name
 
 
 def test_rosbags_reads_the_log_and_keeps_what_is_published_once(log: Path) -> None:
-    highlevel = pytest.importorskip("rosbags.highlevel", reason="the extra ros is not installed")
-    with highlevel.AnyReader([log]) as reader:
+    with AnyReader([log]) as reader:
         read = {connection.topic: reader.deserialize(data, connection.msgtype) for connection, _, data in reader.messages()}
         kept = {item.topic for item in reader.connections if item.ext.offered_qos_profiles}
         profiles = {str(qos.durability.name) for item in reader.connections for qos in item.ext.offered_qos_profiles}
@@ -86,31 +86,19 @@ def test_rosbags_reads_the_log_and_keeps_what_is_published_once(log: Path) -> No
     assert read["/tf_static"].transforms[0].transform.rotation.x == 0.5
 
 
-@pytest.mark.parametrize("writer", [CdrWriter, Ros1Writer])
-def test_a_form_packs_the_bytes_that_a_writer_writes(writer: type[CdrWriter]) -> None:
-    """Test: a text whose length needs padding before numbers, an empty sequence, two times, in both wire formats."""
-    form = writer()
-    form.open_time()
-    form.string("abc")
-    form.open_doubles(2)
-    form.uint32(0)
-    form.open_doubles(0)
-    form.open_time()
-    form.open_doubles(1)
-    written = writer()
-    written.time(1.25)
-    written.string("abc")
-    written.doubles(0.5, -2.0)
-    written.uint32(0)
-    written.time(1.25)
-    written.doubles(7.0)
-    assert form.form().pack(1.25, (0.5, -2.0), (), (7.0,)) == written.message()
+@pytest.mark.parametrize("lengths", [(0, 0), (1, 0), (2, 3)])
+def test_a_message_is_as_rosbags_writes_it(lengths: tuple[int, int]) -> None:
+    """Test: texts whose lengths need padding before numbers, empty sequences, sequences of texts; against rosbags' own encoder."""
+    names, numbers = ["a", "bcdef"][: lengths[0]], [0.5, -2.0, 7.0][: lengths[1]]
+    values = (12, 34, "abc", len(names), *names, len(numbers), *numbers, 0, 0)
+    data = cdr_of("sensor_msgs/msg/JointState", *values, lengths=(len(names), len(numbers), 0, 0))
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    message = store.deserialize_cdr(data, "sensor_msgs/msg/JointState")
+    assert (message.header.stamp.nanosec, message.header.frame_id, message.name) == (34, "abc", names)
+    assert message.position.tolist() == numbers
+    assert bytes(store.serialize_cdr(message, "sensor_msgs/msg/JointState")) == data
 
 
-def test_a_form_asks_for_as_many_numbers_as_it_has() -> None:
-    w = CdrWriter()
-    w.open_doubles(2)
+def test_a_message_asks_for_as_many_values_as_it_has() -> None:
     with pytest.raises(struct.error):
-        w.form().pack(0.0, (1.0,))
-    with pytest.raises(ValueError, match="zip"):
-        w.form().pack(0.0)
+        cdr_of("builtin_interfaces/msg/Time", 1)

@@ -13,8 +13,7 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.rotations import rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import HeadingEstimate, ImuSample, SeatCommand, TrackCommand
-from treadline.io.columns import read_contents
-from treadline.io.mcap_read import read_log
+from treadline.io.mcap_read import read_contents, read_log
 from treadline.io.runs import LOG
 from treadline.plant.mujoco import open_plant
 from treadline.playback import Recording, RecordingBuilder, SignalCollector, read_frames, read_recording
@@ -53,16 +52,15 @@ def test_a_sink_and_a_log_give_the_same_recording(written: Written) -> None:
 
 
 def test_columns_are_the_numbers_of_the_message_by_message_reader(written: Written) -> None:
-    """Test: an estimate with two sources, whose labels differ in length. Expected: every number and stamp to the bit."""
+    """Test: an estimate with two sources, and a ground truth. Expected: every number and stamp to the bit."""
     log = written(signals_of_a_run()) / "log.mcap"
-    columns = read_contents(log, ["/stair/heading/detail", "/truth"], []).columns
+    columns = read_contents(log, {"/stair/heading/detail": ["heading_rad", "sigma_rad"], "/truth": ["chassis_x_m"]}).columns
     estimates = [signal for signal in read_log(log) if isinstance(signal, HeadingEstimate)]
     found = columns["/stair/heading/detail"]
     assert found.t_s.tolist() == [estimate.t_s for estimate in estimates]
-    assert found.position[:, 0].tolist() == [estimate.heading_rad for estimate in estimates]
-    assert [found.frames[k] for k in found.frame] == [estimate.source for estimate in estimates]
+    assert found.values.tolist() == [[estimate.heading_rad, estimate.sigma_rad] for estimate in estimates]
     sample = [signal for signal in read_log(log) if isinstance(signal, Truth)][7]
-    assert columns["/truth"].column("chassis_x_m")[7] == sample.chassis_x_m
+    assert columns["/truth"].values[7, 0] == sample.chassis_x_m
 
 
 def test_values_are_held_until_the_next_and_unknown_before_the_first() -> None:

@@ -42,6 +42,9 @@ class Bench(ReplayPlant):
         super().__init__([])
 
 
+SEAT_STATE = "treadline_msgs/msg/SeatState"
+
+
 def seat() -> SeatNode:
     config = MissionConfig(chair=read_chair("wheelchair"), loop="open")
     blocks = build_blocks(config)
@@ -74,7 +77,6 @@ def test_a_transport_that_cannot_be_used(
 
 def test_an_unknown_node(capsys: Any) -> None:
     pytest.importorskip("zenoh", reason="eclipse-zenoh is an extra (treadline[ros])")
-    pytest.importorskip("rosbags", reason="rosbags is an extra (treadline[ros])")
     told = line(capsys, "node", "gard", "--endpoint", "tcp/127.0.0.1:17491")
     assert told == "treadline: no node is called 'gard'; there are: guard, camera, heading, seat, driver, plant, recorder"
 
@@ -83,8 +85,11 @@ def test_an_unknown_node(capsys: Any) -> None:
     ("kinds", "said"),
     [
         ({}, "seat: nothing on /seat/state after 0 s: nobody publishes /seat/state$"),
-        ({"/seat/state": "sensor_msgs/msg/Imu"}, ".*published as sensor_msgs/msg/Imu; sensor_msgs/msg/JointState is read$"),
-        ({"/seat/state": on.JOINTS}, "seat: no /clock after 0 s: start a simulated plant .* or give --clock wall"),
+        ({"/seat/state": "sensor_msgs/msg/Imu"}, ".*published as sensor_msgs/msg/Imu; treadline_msgs/msg/SeatState is read$"),
+        (
+            {"/seat/state": SEAT_STATE},
+            "seat: no /clock after 0 s: start a simulated plant .* or give --clock wall",
+        ),
     ],
     ids=["nobody publishes", "another type", "no clock"],
 )
@@ -107,7 +112,7 @@ def test_clocks_that_differ_at_the_start(capsys: Any, monkeypatch: pytest.Monkey
     heartbeat keeps the guard waiting, and the node ends with the line where its patience ends."""
     wall = itertools.count(50.0, 0.005)
     monkeypatch.setattr(process, "time", SimpleNamespace(monotonic=lambda: next(wall), time=lambda: 1.0))
-    air = Air({"/seat/state": on.JOINTS})
+    air = Air({"/seat/state": SEAT_STATE})
     runner = NodeRunner(seat(), air, patience_s=0.1)
     air.say(on.CLOCK, Clock(t_s=1.0))
     for _ in range(200):
@@ -225,12 +230,12 @@ def test_the_doctor_says_what_to_do_for_each_wire_and_simulator_that_is_missing(
     capsys: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     find = doctor.util.find_spec
-    monkeypatch.setattr(doctor.util, "find_spec", lambda name: None if name in ("rospy", "zenoh", "rosbags") else find(name))
+    monkeypatch.setattr(doctor.util, "find_spec", lambda name: None if name in ("rospy", "zenoh") else find(name))
     monkeypatch.setattr(ros1, "DEBIAN", tmp_path / "none")
     monkeypatch.setenv("TREADLINE_GAZEBO", str(tmp_path))
     assert main(["doctor", "--json"]) == 0  # the rest does without
     parts = {part["name"]: part for part in json.loads(capsys.readouterr().out)["parts"]}
     assert parts["rospy"]["remedy"].startswith("apt-get install ros-core")
-    assert parts["eclipse-zenoh"]["remedy"] == parts["rosbags"]["remedy"] == "pip install '.[ros]'"
+    assert parts["eclipse-zenoh"]["remedy"] == "pip install '.[ros]'"
     assert parts["Gazebo"]["remedy"].startswith("no Gazebo 11 in ")
-    assert not any(parts[name]["installed"] for name in ("rospy", "eclipse-zenoh", "rosbags", "Gazebo"))
+    assert not any(parts[name]["installed"] for name in ("rospy", "eclipse-zenoh", "Gazebo"))

@@ -75,13 +75,13 @@ def test_a_programming_error_in_a_reader_is_not_taken_for_a_broken_message() -> 
 
 
 def test_broken_messages_are_counted_and_the_first_of_a_series_is_reported() -> None:
-    """Test: the guard's node gets 3 messages whose first name is no text (GUARD §1, hole 2), a sound one, a broken one. Expected
+    """Test: the guard's node gets 3 messages whose sender is no text (GUARD §1, hole 2), a sound one, a broken one. Expected
     result: the node goes on, 4 are counted, and two events say which topic."""
     wire = Air()
     runner = NodeRunner(GuardNode(limits()), wire)
     command = next(signal for channel, signal in SIGNALS if channel == on.TRACKS_PROPOSED)
     ((topic, _, data),) = encoded(on.TRACKS_PROPOSED, command, ros1=False)
-    broken = data.replace(b"left", b"\xff\xff\xff\xff")
+    broken = data.replace(b"chair", b"\xff\xff\xff\xff\xff")
     for message in (broken, broken, broken, data, broken):
         wire.inbox.put(topic, message)
         assert wire.deliver(0.0) == 1

@@ -59,7 +59,8 @@ def test_the_heading_node_says_where_the_chair_is_and_where_its_sensors_sit() ->
 
 
 def test_a_tree_of_frames_leads_from_odometry_to_the_camera() -> None:
-    typesys = pytest.importorskip("rosbags.typesys", reason="rosbags is an extra (treadline[ros])")
+    from rosbags import typesys
+
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     camera = mount_of(MissionConfig(chair=read_chair("wheelchair"), loop="open"))
     turned = imu(1.0, yaw_rad=0.3).orientation

@@ -13,7 +13,7 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.models import ControllerDesign
 from treadline.core.rotations import rotation_of
-from treadline.io.cdr import nanoseconds_of
+from treadline.io.message_types import nanoseconds_of
 from treadline.io.runs import LOG
 from treadline.io.scene_messages import compressed_message
 from treadline.perception.overlay import as_jpeg

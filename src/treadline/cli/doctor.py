@@ -12,13 +12,12 @@ PARTS = (
     ("opencv-python-headless", "cv2", "stair vision: see, climb", "pip install opencv-python-headless"),
     ("numba", "numba", "compiled vision and camera", "pip install numba"),
     ("matplotlib", "matplotlib", "reports", "pip install matplotlib"),
-    ("mcap", "mcap", "logs of runs", "pip install mcap mcap-ros2-support"),
+    ("mcap", "mcap", "logs of runs", "pip install mcap"),
     ("scipy", "scipy", "identification and control", "pip install scipy"),
     ("viser", "viser", "view: a run in the browser", "pip install 'viser>=1.1,<1.2'"),
 )
 EXTRAS = (
     ("pyarrow", "pyarrow", "identify on Parquet", "pip install '.[parquet]'"),
-    ("rosbags", "rosbags", "ROS bags read by identify and replay, written by record and nodes", "pip install '.[ros]'"),
     ("eclipse-zenoh", "zenoh", "nodes on ROS 2's wire: --transport zenoh", "pip install '.[ros]'"),
     ("distributed", "distributed", "sweep --cluster", "pip install '.[cluster]'"),
     ("pyrealsense2", "pyrealsense2", "see --live realsense", "pip install '.[realsense]'"),

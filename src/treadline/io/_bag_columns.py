@@ -14,7 +14,7 @@ Of messages with equal times the last is used. Each topic has its own times; the
 import re
 from array import array
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -201,4 +201,5 @@ def _fields(value: Any) -> str:
     """Return the possible continuations of a path, for error messages."""
     if hasattr(value, "__len__"):
         return f"[0] to [{len(value) - 1}]" if len(value) and not isinstance(value, str) else "none"
-    return listed(item for item in dir(value) if not item.startswith("_"))
+    # The constants of a message type have defaults.
+    return listed(item.name for item in (fields(value) if is_dataclass(value) else ()) if item.default is MISSING)

@@ -18,9 +18,9 @@ from mcap.writer import CompressionType, Writer
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import TreadlineError
 from treadline.core.processes import deferred
-from treadline.io.cdr import nanoseconds_of
 from treadline.io.mcap_read import LIBRARY
-from treadline.io.messages import DEFINITIONS, Message, messages_of
+from treadline.io.message_types import nanoseconds_of, store
+from treadline.io.messages import Message, messages_of
 
 CHUNK_BYTES = 4 * 1024 * 1024
 """Size at which a chunk is complete [bytes]."""
@@ -136,7 +136,8 @@ class RunLog:
     def _channel(self, topic: str, kind: str) -> int:
         """Declare a topic that is new in this log; return its number, which is 1 or greater."""
         if kind not in self._schemas:
-            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
+            definition, _ = store().generate_msgdef(kind, ros_version=2)
+            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", definition.encode())
         metadata = {"offered_qos_profiles": KEPT_QOS} if topic in KEPT else {}
         self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind], metadata)
         return self._channels[topic]

@@ -1,7 +1,6 @@
 """Files of messages: MCAP, ``.bag`` of ROS 1, read by rosbags, and ``.db3`` of ROS 2, an SQLite file; and folders of them.
 
-Messages are decoded by their definitions to objects with fields. mcap-ros2-support decodes CDR with ``ros2msg`` definitions, as
-written by ROS 2 into MCAP. rosbags (the extra ``ros``) decodes ROS 1 messages, IDL definitions, and bags without definitions.
+Messages are decoded by their definitions to objects with fields, by the code that rosbags generates from a definition.
 
 The files are not trusted: no read beyond the end of the file, and the size limit of MCAP chunks for decompression.
 """
@@ -11,8 +10,7 @@ import mmap
 import re
 import sqlite3
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager, redirect_stderr
-from io import StringIO
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, cast
 
@@ -98,10 +96,8 @@ class _Mapped:
 
 def _bag_messages(path: Path, wants: Callable[[str], bool]) -> Iterator[Packet]:
     """Yield the messages of the requested topics of a ROS 1 bag, in order of time."""
-    try:
-        from rosbags.rosbag1 import Reader
-    except ImportError:
-        raise _needs_rosbags("a ROS 1 bag") from None
+    from rosbags.rosbag1 import Reader
+
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         reader = Reader(cast("Any", _Mapped(data)))
         with reader:
@@ -178,37 +174,22 @@ def decoder_of(topic: RecordedTopic) -> Callable[[bytes], Any]:
     """Return the decoder of a topic's messages.
 
     Raises:
-        LogFormatError: If the encoding is unknown, or rosbags is not installed.
+        LogFormatError: If the encoding is unknown, or the definition cannot be used.
     """
     # The longest standard definitions have ten thousand characters. IDL allows computed constants: a shift in ten characters gives
     # a number of a gigabyte.
     if len(topic.definition) > 1 << 20 or "<<" in topic.definition:
         raise LogFormatError(f"{topic.name}: the definition of '{topic.kind[:80]}' is too long or computes; no message type does")
-    if topic.encoding == "cdr" and topic.language == "ros2msg":
-        from mcap.records import Schema
-        from mcap_ros2.decoder import DecoderFactory
-
-        schema = Schema(id=1, data=topic.definition.encode(), encoding="ros2msg", name=topic.kind)
-        with redirect_stderr(StringIO()):  # the definition parser also prints its exceptions
-            decode: Callable[[bytes], Any] | None = DecoderFactory().decoder_for("cdr", schema)
-        if decode is not None:
-            return decode
-    if topic.encoding not in {"cdr", "ros1"} or topic.language not in {"ros1msg", "ros2idl", "omgidl", ""}:
+    if topic.encoding not in {"cdr", "ros1"} or topic.language not in {"ros2msg", "ros1msg", "ros2idl", "omgidl", ""}:
         raise LogFormatError(f"{topic.name} is encoded in '{topic.encoding}' ({topic.language}); ROS 1 and ROS 2 messages are read")
-    return _by_rosbags(topic)
-
-
-def _by_rosbags(topic: RecordedTopic) -> Callable[[bytes], Any]:
-    try:
-        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
-    except ImportError:
-        raise _needs_rosbags(f"{topic.name} ({topic.kind})") from None
     # rosbags generates source code from the type names, so only valid names may pass.
     if not re.fullmatch(r"[A-Za-z]\w*(/[A-Za-z]\w*){1,2}", topic.kind, re.ASCII):
         raise LogFormatError(f"{topic.name} has the type '{topic.kind[:80]}', which is not a valid name")
     package, *_, short = topic.kind.split("/")
     kind = f"{package}/msg/{short}"
     # Bags without definitions come from ROS 2 Humble or older; newer bags include the definitions.
+    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
     store = get_typestore(Stores.EMPTY if topic.definition else Stores.ROS2_HUMBLE)
     store.max_sequence_length = 1 << 25  # a damaged message can declare billions of elements
     if topic.definition:
@@ -222,8 +203,3 @@ def _by_rosbags(topic: RecordedTopic) -> Callable[[bytes], Any]:
     if topic.encoding == "ros1":
         return lambda data: store.deserialize_ros1(data, kind)
     return lambda data: store.deserialize_cdr(data, kind)
-
-
-def _needs_rosbags(what: object) -> LogFormatError:
-    """Return the error for an input that only rosbags can read."""
-    return LogFormatError(f"{what} needs rosbags: pip install '.[ros]' in treadline's folder")

@@ -1,29 +1,31 @@
-"""ROS messages of signals, for run logs and for communication between nodes: topic, type and bytes.
+"""Signals as messages of ROS 2 and back: topic, type and bytes, for run logs and between nodes.
 
-The types are standard ROS types, so that Foxglove, PlotJuggler and ``ros2 bag`` can open a log. Belts, seat and ground truth are
-``JointState`` messages: names with numbers. Values without a place in a pose (rate, σ, source) are sent on a companion topic
-``…/detail``. The bytes are CDR (ROS 2), or ROS 1 with ``Ros1Writer``; the fields are identical.
+What is ours travels in ``treadline_msgs``, whose fields have the names of the signals' own; images, IMU, poses and diagnostics are
+standard types. ``standard_messages`` has the standard types that ROS 1, and logs of release 0.3 and before, hold for the rest.
+
+A missing value is NaN in a message, or an empty text, and None in a signal. A pose on ``/stair/heading`` or ``/stair/map`` is for
+viewers; only the exact ``…/detail`` is read.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import fields
-from functools import cache, lru_cache
 from operator import attrgetter
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from treadline.core.camera_images import RgbdFrame
+from treadline.core.camera_images import PinholeCamera, RgbdFrame
+from treadline.core.errors import LogFormatError
 from treadline.core.ports import Truth
 from treadline.core.signals import (
-    BUTTONS,
     Event,
     FlipperCommand,
     FlipperReading,
     FrameQuality,
     FreeGround,
     HeadingEstimate,
+    HeadingHealth,
     HeadingMeasurement,
     ImuSample,
     MotionPlan,
@@ -35,384 +37,245 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.io.cdr import CdrWriter, MessageForm
+from treadline.io.message_types import PACKAGE, cdr_of, stamp, store
 
 Message = tuple[str, str, bytes]
 """Topic, type, bytes."""
+Write = Callable[[Any, str], list[Message]]
 
-_TIME = "builtin_interfaces/Time"
-_HEADER = f"MSG: std_msgs/Header\n{_TIME} stamp\nstring frame_id"
-_STAMP = f"MSG: {_TIME}\nint32 sec\nuint32 nanosec"
-_VECTOR = "MSG: geometry_msgs/Vector3\nfloat64 x\nfloat64 y\nfloat64 z"
-_QUATERNION = "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w"
-_COMPRESSED = "string format\nuint8[] data"
-_RULE = "\n" + "=" * 80 + "\n"
-
-
-def _definition(body: str, *parts: str) -> str:
-    return _RULE.join((body, *parts, _HEADER, _STAMP))
-
-
-DEFINITIONS = {
-    "sensor_msgs/msg/JointState": _definition(
-        "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
-    ),
-    "sensor_msgs/msg/Imu": _definition(
-        "std_msgs/Header header\ngeometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
-        "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
-        "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance",
-        _QUATERNION,
-        _VECTOR,
-    ),
-    "geometry_msgs/msg/PoseWithCovarianceStamped": _definition(
-        "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose",
-        "MSG: geometry_msgs/PoseWithCovariance\ngeometry_msgs/Pose pose\nfloat64[36] covariance",
-        "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
-        "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z",
-        _QUATERNION,
-    ),
-    "geometry_msgs/msg/PoseArray": _definition(
-        "std_msgs/Header header\ngeometry_msgs/Pose[] poses",
-        "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
-        "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z",
-        _QUATERNION,
-    ),
-    "nav_msgs/msg/Odometry": _definition(
-        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
-        "geometry_msgs/TwistWithCovariance twist",
-        "MSG: geometry_msgs/PoseWithCovariance\ngeometry_msgs/Pose pose\nfloat64[36] covariance",
-        "MSG: geometry_msgs/TwistWithCovariance\ngeometry_msgs/Twist twist\nfloat64[36] covariance",
-        "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
-        "MSG: geometry_msgs/Twist\ngeometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
-        "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z",
-        _VECTOR,
-        _QUATERNION,
-    ),
-    "tf2_msgs/msg/TFMessage": _definition(
-        "geometry_msgs/TransformStamped[] transforms",
-        "MSG: geometry_msgs/TransformStamped\nstd_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform",
-        "MSG: geometry_msgs/Transform\ngeometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
-        _VECTOR,
-        _QUATERNION,
-    ),
-    "sensor_msgs/msg/Image": _definition(
-        "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data"
-    ),
-    "sensor_msgs/msg/CameraInfo": _definition(
-        "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n"
-        "float64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi",
-        "MSG: sensor_msgs/RegionOfInterest\nuint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify",
-    ),
-    "std_msgs/msg/String": "string data",
-    "sensor_msgs/msg/CompressedImage": _definition(f"std_msgs/Header header\n{_COMPRESSED}"),
-    "visualization_msgs/msg/MarkerArray": _definition(
-        "visualization_msgs/Marker[] markers",
-        "MSG: visualization_msgs/Marker\nstd_msgs/Header header\nstring ns\nint32 id\nint32 type\nint32 action\n"
-        "geometry_msgs/Pose pose\ngeometry_msgs/Vector3 scale\nstd_msgs/ColorRGBA color\n"
-        "builtin_interfaces/Duration lifetime\nbool frame_locked\ngeometry_msgs/Point[] points\nstd_msgs/ColorRGBA[] colors\n"
-        "string texture_resource\nsensor_msgs/CompressedImage texture\nvisualization_msgs/UVCoordinate[] uv_coordinates\n"
-        "string text\nstring mesh_resource\nvisualization_msgs/MeshFile mesh_file\nbool mesh_use_embedded_materials",
-        "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
-        "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z",
-        "MSG: std_msgs/ColorRGBA\nfloat32 r\nfloat32 g\nfloat32 b\nfloat32 a",
-        "MSG: builtin_interfaces/Duration\nint32 sec\nuint32 nanosec",
-        f"MSG: sensor_msgs/CompressedImage\nstd_msgs/Header header\n{_COMPRESSED}",
-        "MSG: visualization_msgs/UVCoordinate\nfloat32 u\nfloat32 v",
-        "MSG: visualization_msgs/MeshFile\nstring filename\nuint8[] data",
-        _VECTOR,
-        _QUATERNION,
-    ),
-    "diagnostic_msgs/msg/DiagnosticArray": _definition(
-        "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status",
-        "MSG: diagnostic_msgs/DiagnosticStatus\nbyte level\nstring name\nstring message\nstring hardware_id\n"
-        "diagnostic_msgs/KeyValue[] values",
-        "MSG: diagnostic_msgs/KeyValue\nstring key\nstring value",
-    ),
-}
-"""Message definitions by type, in ROS 2 notation."""
-
+IMAGE, CAMERA_INFO, IMU = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/Imu"
+JOINTS, STATUS = "sensor_msgs/msg/JointState", "diagnostic_msgs/msg/DiagnosticArray"
+POSE, POSES = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/PoseArray"
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
 TRUTH_NAMES = tuple(item.name for item in fields(Truth) if item.name != "t_s")
 """Names of the ground-truth quantities in a log."""
 
-Writer = Callable[[], CdrWriter]
-"""Class of a writer: selects ROS 1 or ROS 2 serialisation."""
+
+KINDS: dict[type, tuple[str, str]] = {
+    TrackCommand: ("BeltCommand", "base_link"),
+    TrackReading: ("BeltState", "base_link"),
+    SeatCommand: ("SeatCommand", "base_link"),
+    SeatReading: ("SeatState", "base_link"),
+    FlipperCommand: ("FlipperCommand", "base_link"),
+    FlipperReading: ("FlipperState", "base_link"),
+    OperatorInput: ("OperatorInput", "base_link"),
+    PlantState: ("PlantState", "base_link"),
+    FrameQuality: ("FrameQuality", "base_link"),
+    FreeGround: ("FreeGround", "base_link"),
+    HeadingMeasurement: ("StairHeadingMeasurement", "stair"),
+    HeadingEstimate: ("StairHeading", "stair"),
+    HeadingHealth: ("HeadingHealth", "base_link"),
+    StairMap: ("StairMap", "base_link"),
+    MotionPlan: ("MotionPlan", "base_link"),
+    Truth: ("Truth", "world"),
+}
+"""Signals with a message type in ``treadline_msgs``: its name, and the frame in its header."""
 
 
-def messages_of(signal: Any, topic: str | None = None, writer: Writer = CdrWriter) -> list[Message]:
+class _Form:
+    """Encoder and decoder of a signal whose message has its fields by name, after the header.
+
+    Args:
+        signal: Type of the signal.
+        name: Name of its message type.
+        frame: Frame in the header.
+    """
+
+    def __init__(self, signal: type, name: str, frame: str) -> None:
+        self.kind = f"{PACKAGE}/msg/{name}"
+        self._signal, self._frame = signal, frame
+        constants, described = store().fielddefs[self.kind]
+        self._fields = tuple(name for name, _ in described[1:])
+        self._names = tuple(_RENAMED.get(name, name) for name in self._fields)
+        self._values: Callable[[Any], Any] = attrgetter(*self._names)
+        hints = get_type_hints(signal)
+        known = {name: _converters(name, hints[name], constants) for name in self._names}
+        self._converted = [(at, *both) for at, name in enumerate(self._names) if (both := known[name]) is not None]
+        self._list = self._names.index("nosings_B") if "nosings_B" in self._names else None
+
+    def encode(self, signal: Any) -> bytes:
+        """Return the message of a signal."""
+        found = self._values(signal)
+        values = list(found) if len(self._names) > 1 else [found]
+        for at, write, _ in self._converted:
+            values[at] = write(values[at])
+        if self._list is None:
+            return cdr_of(self.kind, *stamp(signal.t_s), self._frame, *values)
+        count = len(values[self._list]) // 3
+        values[self._list : self._list + 1] = [count, *values[self._list]]
+        return cdr_of(self.kind, *stamp(signal.t_s), self._frame, *values, lengths=(count,))
+
+    def decode(self, message: Any, t_s: float) -> Any:
+        """Return the signal of a message."""
+        values = [getattr(message, name) for name in self._fields]
+        for at, _, read in self._converted:
+            values[at] = read(values[at])
+        found = dict(zip(self._names, values, strict=True))
+        if isinstance(found.get("flipper"), float):
+            found["flipper"] = FlipperCommand(t_s=t_s, rate_rad_s=found["flipper"])
+        return self._signal(t_s=t_s, **found)
+
+
+_RENAMED = {"nosings": "nosings_B", "flipper_rad_s": "flipper"}
+"""Fields of messages whose signals have another name for them."""
+_Converters = tuple[Callable[[Any], Any], Callable[[Any], Any]]
+
+
+def _converters(name: str, hint: Any, constants: Sequence[tuple[str, str, int]]) -> _Converters | None:
+    """Return how a value enters a message and leaves it; None if as it is."""
+    if name == "nosings_B":
+        return (lambda places: [float(x) for place in places for x in place]), lambda points: tuple((p.x, p.y, p.z) for p in points)
+    if name == "flipper":
+        return (lambda flipper: math.nan if flipper is None else flipper.rate_rad_s), _known
+    kinds = get_args(hint) if type(None) in get_args(hint) else (hint,)
+    if any(get_origin(kind) is Literal for kind in kinds):
+        prefix = name.rpartition("_")[2].upper() + "_"
+        numbers: dict[str | None, int] = {
+            word.removeprefix(prefix).lower(): number for word, _, number in constants if word.startswith(prefix)
+        }
+        if type(None) in kinds:
+            numbers = {word: number for word, number in numbers.items() if number} | {None: 0}
+        words = {number: word for word, number in numbers.items()}
+        return numbers.__getitem__, lambda number: _word(words, number)
+    if type(None) not in kinds:
+        return None
+    if str in kinds:
+        return (lambda text: text or ""), lambda text: text or None
+    return (lambda value: math.nan if value is None else value), _known
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+def _word(words: dict[int, str | None], number: int) -> str | None:
+    if number not in words:
+        known = ", ".join(f"{number} {word}" for number, word in words.items())
+        raise LogFormatError(f"unknown value {number}; known: {known}; is it of another version?")
+    return words[number]
+
+
+_FORMS: dict[type, _Form] = {}
+
+
+def form_of(signal: type) -> _Form:
+    """Return type, encoder and decoder of a signal of ``KINDS``."""
+    if signal not in _FORMS:
+        _FORMS[signal] = _Form(signal, *KINDS[signal])
+    return _FORMS[signal]
+
+
+def messages_of(signal: Any, topic: str | None = None) -> list[Message]:
     """Return the messages of a signal, on the default topic of its type unless ``topic`` is given."""
-    own, write = _known(signal)
-    return write(signal, topic or own, writer)
+    own, write = _known_type(signal)
+    return write(signal, topic or own)
 
 
 def topic_of(signal: Any) -> str:
     """Return the default topic of a signal's type."""
-    return _known(signal)[0]
+    return _known_type(signal)[0]
+
+
+def _own(signal: Any, topic: str) -> list[Message]:
+    form = form_of(type(signal))
+    return [(topic, form.kind, form.encode(signal))]
 
 
 def joints(
-    topic: str,
-    t_s: float,
-    names: tuple[str, ...],
-    position: tuple[float, ...],
-    velocity: tuple[float, ...],
-    frame: str,
-    writer: Writer = CdrWriter,
+    topic: str, t_s: float, names: Sequence[str], position: Sequence[float], velocity: Sequence[float], frame: str
 ) -> Message:
     """Return a JointState message."""
-    form = _joints_form(names, len(position), len(velocity), frame, writer)
-    return topic, "sensor_msgs/msg/JointState", form.pack(t_s, position, velocity)
+    counts = len(names), len(position), len(velocity), 0
+    values = (counts[0], *names, counts[1], *position, counts[2], *velocity, 0)
+    return topic, JOINTS, cdr_of(JOINTS, *stamp(t_s), frame, *values, lengths=counts)
 
 
-@lru_cache(maxsize=512)  # a log has some twenty; the maps of nosings have one for each set of measured quantities
-def _joints_form(names: tuple[str, ...], positions: int, velocities: int, frame: str, writer: Writer) -> MessageForm:
-    w = writer()
-    w.open_time()
-    w.string(frame)
-    w.uint32(len(names))
-    for name in names:
-        w.string(name)
-    for count in (positions, velocities):
-        w.uint32(count)
-        w.open_doubles(count)
-    w.uint32(0)
-    return w.form()
-
-
-def status(
-    topic: str,
-    t_s: float,
-    header: tuple[int, str, str, str],
-    values: Mapping[str, str],
-    frame: str,
-    writer: Writer = CdrWriter,
-) -> Message:
+def status(topic: str, t_s: float, header: tuple[int, str, str, str], values: dict[str, str], frame: str) -> Message:
     """Return a DiagnosticArray with one status: level, name, message and hardware, and values by key."""
-    level, *texts = header
-    w = writer()
-    w.stamp(t_s, frame)
-    w.uint32(1)
-    w.uint8(level)
-    for text in texts:
-        w.string(text)
-    w.uint32(len(values))
-    for key, value in values.items():
-        w.string(key)
-        w.string(value)
-    return topic, "diagnostic_msgs/msg/DiagnosticArray", w.message()
+    pairs = [text for pair in values.items() for text in pair]
+    return topic, STATUS, cdr_of(STATUS, *stamp(t_s), frame, 1, *header, len(values), *pairs, lengths=(1, len(values)))
 
 
-@cache
-def _imu_form(writer: Writer) -> MessageForm:
-    unknown = [0.0] * 9
-    w = writer()
-    w.open_time()
-    w.string("imu")
-    w.open_doubles(4)
-    w.doubles(*unknown)
-    w.open_doubles(3)
-    w.doubles(*unknown)
-    w.open_doubles(3)
-    w.doubles(*unknown)
-    return w.form()
+_UNKNOWN = (0.0,) * 9
+"""Covariance that is not known."""
 
 
-def _imu(sample: ImuSample, topic: str, writer: Writer) -> list[Message]:
+def _imu(sample: ImuSample, topic: str) -> list[Message]:
     qw, *q = sample.orientation
     rate, force = sample.angular_velocity_rad_s, sample.linear_acceleration_m_s2
-    return [(topic, "sensor_msgs/msg/Imu", _imu_form(writer).pack(sample.t_s, (*q, qw), rate, force))]
+    return [(topic, IMU, cdr_of(IMU, *stamp(sample.t_s), "imu", *q, qw, *_UNKNOWN, *rate, *_UNKNOWN, *force, *_UNKNOWN))]
 
 
-@cache
-def _heading_form(writer: Writer) -> MessageForm:
-    w = writer()
-    w.open_time()
-    w.string("stair")
-    w.doubles(*[0.0] * 5)
-    w.open_doubles(2)
-    w.doubles(*[0.0] * 35)
-    w.open_doubles(1)
-    return w.form()
+def _heading(signal: HeadingEstimate | HeadingMeasurement, topic: str) -> list[Message]:
+    half = 0.5 * signal.heading_rad
+    values = (*(0.0,) * 5, math.sin(half), math.cos(half), *(0.0,) * 35, signal.sigma_rad * signal.sigma_rad)
+    return [(topic, POSE, cdr_of(POSE, *stamp(signal.t_s), "stair", *values)), *_own(signal, topic + "/detail")]
 
 
-def _heading(topic: str, t_s: float, heading_rad: float, sigma_rad: float, writer: Writer) -> Message:
-    half = 0.5 * heading_rad
-    data = _heading_form(writer).pack(t_s, (math.sin(half), math.cos(half)), (sigma_rad * sigma_rad,))
-    return topic, "geometry_msgs/msg/PoseWithCovarianceStamped", data
+def _stair_map(stair: StairMap, topic: str) -> list[Message]:
+    values = [x for place in stair.nosings_B for x in (*place, 0.0, 0.0, 0.0, 1.0)]
+    count = len(stair.nosings_B)
+    poses = cdr_of(POSES, *stamp(stair.t_s), "chair", count, *values, lengths=(count,))
+    return [(topic, POSES, poses), *_own(stair, topic + "/detail")]
 
 
-def _estimate(estimate: HeadingEstimate, topic: str, writer: Writer) -> list[Message]:
-    values = (estimate.heading_rad, estimate.heading_rate_rad_s, estimate.sigma_rad)
-    names = ("heading_rad", "heading_rate_rad_s", "sigma_rad")
-    return [
-        _heading(topic, estimate.t_s, estimate.heading_rad, estimate.sigma_rad, writer),
-        joints(topic + "/detail", estimate.t_s, names, values, (), estimate.source, writer),
-    ]
-
-
-def _measurement(seen: HeadingMeasurement, topic: str, writer: Writer) -> list[Message]:
-    values = (seen.heading_rad, seen.sigma_rad, float(seen.edge_count), seen.correction_rad)
-    names = ("heading_rad", "sigma_rad", "edge_count", "correction_rad")
-    return [
-        _heading(topic, seen.t_s, seen.heading_rad, seen.sigma_rad, writer),
-        joints(topic + "/detail", seen.t_s, names, values, (), "camera", writer),
-    ]
-
-
-MAYBE_OF_MAP = ("left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m", "left_seen_m", "right_seen_m")
-"""Numbers of a stair map that a frame may not show."""
-
-
-def _sides(stair: StairMap) -> tuple[tuple[str, str | None], ...]:
-    return (("left", stair.left_side), ("right", stair.right_side))
-
-
-def _stair_map(stair: StairMap, topic: str, writer: Writer) -> list[Message]:
-    w = writer()
-    w.stamp(stair.t_s, "chair")
-    w.uint32(len(stair.nosings_B))
-    for place in stair.nosings_B:
-        w.doubles(*place, 0.0, 0.0, 0.0, 1.0)
-    # Quantities without a measurement are left out, so that no number encodes "unknown".
-    maybe = {name: getattr(stair, name) for name in MAYBE_OF_MAP}
-    maybe |= {f"{name}_open": None if side is None else float(side == "open") for name, side in _sides(stair)}
-    known = {"rise_m": stair.rise_m, "run_m": stair.run_m, "slope_rad": stair.slope_rad, "ends": float(stair.ends)}
-    known |= {name: value for name, value in maybe.items() if value is not None} | {"nosings": float(len(stair.nosings_B))}
-    for i, place in enumerate(stair.nosings_B):
-        known |= {f"nosing{i}_{axis}_m": value for axis, value in zip("xyz", place, strict=True)}
-    detail = joints(topic + "/detail", stair.t_s, tuple(known), tuple(known.values()), (), stair.direction, writer)
-    return [(topic, "geometry_msgs/msg/PoseArray", w.message()), detail]
-
-
-def _quality(quality: FrameQuality, topic: str, writer: Writer) -> list[Message]:
-    values = {name: float(getattr(quality, name)) for name in ("fingerprint", "brightness", "contrast", "valid_share")}
-    values |= {} if quality.obstacle_m is None else {"obstacle_m": quality.obstacle_m}
-    return [joints(topic, quality.t_s, tuple(values), tuple(values.values()), (), "camera", writer)]
-
-
-MAYBE_OF_GROUND = ("end_m", "end_sigma_m", "direction_rad", "direction_sigma_rad")
-"""Numbers of the ground ahead that a frame may not show."""
-
-
-def _ground(ground: FreeGround, topic: str, writer: Writer) -> list[Message]:
-    maybe = {name: getattr(ground, name) for name in MAYBE_OF_GROUND}
-    known = {"blind_m": ground.blind_m, "seen_m": ground.seen_m} | {
-        name: value for name, value in maybe.items() if value is not None
-    }
-    return [joints(topic, ground.t_s, tuple(known), tuple(known.values()), (), ground.view, writer)]
-
-
-def _plan(plan: MotionPlan, topic: str, writer: Writer) -> list[Message]:
-    numbers = {"speed_m_s": plan.speed_m_s, "turn_m_s": plan.turn_m_s, "heading_rad": plan.heading_rad}
-    numbers |= {"min_inner_speed_ratio": plan.min_inner_speed_ratio, "pitch_feedforward_m_s": plan.pitch_feedforward_m_s}
-    numbers |= {} if plan.flipper is None else {"flipper_t_s": plan.flipper.t_s, "flipper_rad_s": plan.flipper.rate_rad_s}
-    values = {name: repr(float(value)) for name, value in numbers.items() if value is not None}
-    values |= {"needs_stair": str(plan.needs_stair)} | ({} if plan.hold is None else {"hold": plan.hold})
-    return [status(topic, plan.t_s, (int(plan.hold is not None), plan.phase, plan.cause, "plan"), values, "chair", writer)]
-
-
-def _track_command(command: TrackCommand, topic: str, writer: Writer) -> list[Message]:
-    belts = (command.left_m_s, command.right_m_s)
-    return [_tracks(topic, command.t_s, belts, command.sender, writer, brake=command.brake)]
-
-
-def _track_reading(reading: TrackReading, topic: str, writer: Writer) -> list[Message]:
-    return [_tracks(topic, reading.t_s, (reading.left_m_s, reading.right_m_s), "chair", writer, brake=reading.brake_on)]
-
-
-def _tracks(topic: str, t_s: float, belts: tuple[float, float], frame: str, writer: Writer, *, brake: bool) -> Message:
-    return joints(topic, t_s, ("left", "right", "brake"), (0.0, 0.0, float(brake)), (*belts, 0.0), frame, writer)
-
-
-def _plant_state(state: PlantState, topic: str, writer: Writer) -> list[Message]:
-    header = (0 if state.fault is None else 2, "plant", state.fault or "", "plant")
-    return [status(topic, state.t_s, header, {}, "chair", writer)]
-
-
-def _event(event: Event, topic: str, writer: Writer) -> list[Message]:
+def _event(event: Event, topic: str) -> list[Message]:
     level = 2 if event.name == "hold" else 1
-    return [status(topic, event.t_s, (level, event.name, event.cause, "treadline"), {}, "guard", writer)]
+    return [status(topic, event.t_s, (level, event.name, event.cause, "treadline"), {}, "guard")]
 
 
-def _frame(frame: RgbdFrame, topic: str, writer: Writer) -> list[Message]:
+CAMERA_FRAME = "camera"
+"""Frame of the images: the optical frame of the camera in use."""
+
+
+def _frame(frame: RgbdFrame, topic: str) -> list[Message]:
     return [
-        _image(topic + "/color/image_raw", frame.t_s, frame.rgb, "rgb8", writer),
-        _image(topic + "/depth/image_rect", frame.t_s, frame.depth_m, "32FC1", writer),
-        _camera_info(frame, topic + "/color/camera_info", writer),
+        _image(topic + "/color/image_raw", frame.t_s, frame.rgb, "rgb8"),
+        _image(topic + "/depth/image_rect", frame.t_s, frame.depth_m, "32FC1"),
+        _camera_info(topic + "/color/camera_info", frame.t_s, frame.camera),
     ]
 
 
-def _image(topic: str, t_s: float, pixels: np.ndarray, encoding: str, writer: Writer) -> Message:
-    w = writer()
-    w.stamp(t_s, "camera")
+def _image(topic: str, t_s: float, pixels: np.ndarray, encoding: str) -> Message:
     height, width = pixels.shape[:2]
-    w.uint32(height)
-    w.uint32(width)
-    w.string(encoding)
-    w.uint8(0)
-    w.uint32(pixels.nbytes // height)
-    w.raw(np.ascontiguousarray(pixels).tobytes())
-    return topic, "sensor_msgs/msg/Image", w.message()
+    data = np.ascontiguousarray(pixels).tobytes()
+    return topic, IMAGE, cdr_of(IMAGE, *stamp(t_s), CAMERA_FRAME, height, width, encoding, 0, len(data) // height, data)
 
 
-def _camera_info(frame: RgbdFrame, topic: str, writer: Writer) -> Message:
-    camera = frame.camera
-    w = writer()
-    w.stamp(frame.t_s, "camera")
-    w.uint32(camera.height_px)
-    w.uint32(camera.width_px)
-    w.string("plumb_bob")
-    w.uint32(5)
-    w.doubles(*[0.0] * 5)
-    fx, fy, cx, cy = camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
-    w.doubles(fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
-    w.doubles(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-    w.doubles(fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0)
-    for _ in range(6):
-        w.uint32(0)
-    w.uint8(0)
-    return topic, "sensor_msgs/msg/CameraInfo", w.message()
+def _camera_info(topic: str, t_s: float, camera: PinholeCamera) -> Message:
+    fx, fy, cx, cy = camera.pinhole
+    k = (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
+    r = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    p = (fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0)
+    size = (camera.height_px, camera.width_px)
+    values = (*size, "plumb_bob", 5, *(0.0,) * 5, *k, *r, *p, *(0,) * 6, False)
+    return topic, CAMERA_INFO, cdr_of(CAMERA_INFO, *stamp(t_s), CAMERA_FRAME, *values, lengths=(5,))
 
 
-def _truth(truth: Truth, topic: str, writer: Writer) -> list[Message]:
-    return [joints(topic, truth.t_s, TRUTH_NAMES, attrgetter(*TRUTH_NAMES)(truth), (), "simulator", writer)]
-
-
-def _operator(operator: OperatorInput, topic: str, writer: Writer) -> list[Message]:
-    names = ("dead_man", *BUTTONS)
-    values = tuple(float(getattr(operator, name)) for name in names)
-    return [joints(topic, operator.t_s, names, values, (), "operator", writer)]
-
-
-def _known(signal: Any) -> tuple[str, "_Write"]:
+def _known_type(signal: Any) -> tuple[str, Write]:
     """Return topic and writer of a signal's type; a plant may have its own subclass of a frame."""
     known = _WRITERS.get(type(signal))
     return next(_WRITERS[kind] for kind in type(signal).__mro__ if kind in _WRITERS) if known is None else known
 
 
-_Write = Callable[[Any, str, Writer], list[Message]]
-_WRITERS: dict[type, tuple[str, _Write]] = {
+_WRITERS: dict[type, tuple[str, Write]] = {
     ImuSample: ("/imu", _imu),
     RgbdFrame: ("/camera", _frame),
-    FrameQuality: ("/camera/quality", _quality),
-    FreeGround: ("/ground", _ground),
-    HeadingMeasurement: ("/stair/heading_measured", _measurement),
-    HeadingEstimate: ("/stair/heading", _estimate),
+    FrameQuality: ("/camera/quality", _own),
+    FreeGround: ("/ground", _own),
+    HeadingMeasurement: ("/stair/heading_measured", _heading),
+    HeadingEstimate: ("/stair/heading", _heading),
+    HeadingHealth: ("/stair/heading/health", _own),
     StairMap: ("/stair/map", _stair_map),
-    MotionPlan: ("/plan", _plan),
+    MotionPlan: ("/plan", _own),
     Event: ("/diagnostics", _event),
-    Truth: ("/truth", _truth),
-    TrackCommand: ("/tracks/cmd", _track_command),
-    TrackReading: ("/tracks/state", _track_reading),
-    PlantState: ("/plant/state", _plant_state),
-    SeatCommand: ("/seat/cmd", lambda s, t, w: [joints(t, s.t_s, ("stroke",), (), (s.rate_m_s,), s.sender, w)]),
-    SeatReading: (
-        "/seat/state",
-        lambda s, t, w: [joints(t, s.t_s, ("stroke", "pitch"), (s.stroke_m, s.pitch_rad), (), "chair", w)],
-    ),
-    FlipperCommand: ("/flipper/cmd", lambda s, t, w: [joints(t, s.t_s, ("flipper",), (), (s.rate_rad_s,), s.sender, w)]),
-    FlipperReading: (
-        "/flipper/state",
-        lambda s, t, w: [joints(t, s.t_s, ("angle", "torque"), (s.angle_rad, s.torque_n_m), (), "chair", w)],
-    ),
-    OperatorInput: ("/operator", _operator),
+    Truth: ("/truth", _own),
+    TrackCommand: ("/tracks/cmd", _own),
+    TrackReading: ("/tracks/state", _own),
+    PlantState: ("/plant/state", _own),
+    SeatCommand: ("/seat/cmd", _own),
+    SeatReading: ("/seat/state", _own),
+    FlipperCommand: ("/flipper/cmd", _own),
+    FlipperReading: ("/flipper/state", _own),
+    OperatorInput: ("/operator", _own),
 }

@@ -5,14 +5,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.core.signals import Vector
-from treadline.io.cdr import CdrWriter, MessageForm
-from treadline.io.messages import Message, Writer
+from treadline.io.message_types import cdr_of, stamp
+from treadline.io.messages import COMPRESSED, Message
 from treadline.vehicle.appearance import MeshPart
 
 BASE = "base_link"
@@ -20,6 +20,7 @@ BASE = "base_link"
 FRAMES = "tf2_msgs/msg/TFMessage"
 ODOMETRY = "nav_msgs/msg/Odometry"
 MARKERS = "visualization_msgs/msg/MarkerArray"
+TEXT = "std_msgs/msg/String"
 LINE_LIST, TRIANGLE_LIST = 5, 11
 """Types of a visualization_msgs/Marker."""
 Rgba = tuple[float, float, float, float]
@@ -58,22 +59,10 @@ def marker_of(part: MeshPart, frame: str) -> Marker:
     return Marker(frame=frame, name=part.name, number=0, kind=TRIANGLE_LIST, points_m=points, rgba=(*part.colour, part.opacity))
 
 
-def frames_message(topic: str, t_s: float, poses: Sequence[FramePose], writer: Writer = CdrWriter) -> Message:
+def frames_message(topic: str, t_s: float, poses: Sequence[FramePose]) -> Message:
     """Return a TFMessage."""
-    form = _frames_form(tuple((pose.parent, pose.child) for pose in poses), writer)
-    return topic, FRAMES, form.pack(t_s, *[_numbers(pose) for pose in poses])
-
-
-@lru_cache(maxsize=64)  # a log has two: fixed and moving frames
-def _frames_form(names: tuple[tuple[str, str], ...], writer: Writer) -> MessageForm:
-    w = writer()
-    w.uint32(len(names))
-    for parent, child in names:
-        w.open_time()
-        w.string(parent)
-        w.string(child)
-        w.open_doubles(7)
-    return w.form()
+    values = [value for pose in poses for value in (*stamp(t_s), pose.parent, pose.child, *_numbers(pose))]
+    return topic, FRAMES, cdr_of(FRAMES, len(poses), *values, lengths=(len(poses),))
 
 
 def _numbers(pose: FramePose) -> tuple[float, ...]:
@@ -82,82 +71,39 @@ def _numbers(pose: FramePose) -> tuple[float, ...]:
     return (*pose.place_m, *q, qw)
 
 
-def odometry_message(
-    topic: str,
-    t_s: float,
-    pose: FramePose,
-    speed_m_s: float,
-    angular_velocity_rad_s: Vector,
-    writer: Writer = CdrWriter,
-) -> Message:
+def odometry_message(topic: str, t_s: float, pose: FramePose, speed_m_s: float, angular_velocity_rad_s: Vector) -> Message:
     """Return an Odometry message; covariances are zeros: unknown."""
-    form = _odometry_form(pose.parent, pose.child, writer)
-    return topic, ODOMETRY, form.pack(t_s, _numbers(pose), (speed_m_s,), angular_velocity_rad_s)
-
-
-@lru_cache(maxsize=64)  # a log has one
-def _odometry_form(parent: str, child: str, writer: Writer) -> MessageForm:
-    w = writer()
-    w.open_time()
-    w.string(parent)
-    w.string(child)
-    w.open_doubles(7)
-    w.doubles(*[0.0] * 36)
-    w.open_doubles(1)
-    w.doubles(0.0, 0.0)
-    w.open_doubles(3)
-    w.doubles(*[0.0] * 36)
-    return w.form()
+    unknown = (0.0,) * 36
+    moved, turned = (*_numbers(pose), *unknown), (speed_m_s, 0.0, 0.0, *angular_velocity_rad_s, *unknown)
+    return topic, ODOMETRY, cdr_of(ODOMETRY, *stamp(t_s), pose.parent, pose.child, *moved, *turned)
 
 
 def markers_message(topic: str, t_s: float, markers: Sequence[Marker]) -> Message:
     """Return a MarkerArray; its markers move with their frames and stay until they are replaced."""
-    w = CdrWriter()
-    w.uint32(len(markers))
-    for marker in markers:
-        _marker(w, t_s, marker)
-    return topic, MARKERS, w.message()
+    values = [value for marker in markers for value in _marker(t_s, marker)]
+    lengths = [count for marker in markers for count in (len(marker.points_m), 0, 0)]
+    return topic, MARKERS, cdr_of(MARKERS, len(markers), *values, lengths=(len(markers), *lengths))
 
 
 def text_message(topic: str, text: str) -> Message:
     """Return a String."""
-    w = CdrWriter()
-    w.string(text)
-    return topic, "std_msgs/msg/String", w.message()
+    return topic, TEXT, cdr_of(TEXT, text)
 
 
 def compressed_message(topic: str, t_s: float, frame: str, jpeg: bytes) -> Message:
     """Return a CompressedImage from a JPEG file."""
-    w = CdrWriter()
-    w.stamp(t_s, frame)
-    w.string("jpeg")
-    w.raw(jpeg)
-    return topic, "sensor_msgs/msg/CompressedImage", w.message()
+    return topic, COMPRESSED, cdr_of(COMPRESSED, *stamp(t_s), frame, "jpeg", jpeg)
 
 
-def _marker(w: CdrWriter, t_s: float, marker: Marker) -> None:
-    w.stamp(t_s, marker.frame)
-    w.string(marker.name)
-    w.int32(marker.number)
-    w.int32(marker.kind)
-    w.int32(0)  # add or replace
+def _marker(t_s: float, marker: Marker) -> list[Any]:
+    """Return the values of a visualization_msgs/Marker."""
     across = 1.0 if marker.kind == TRIANGLE_LIST else 0.0
-    w.doubles(*[0.0] * 6, 1.0, marker.width_m, across, across)
-    w.floats(*marker.rgba)
-    w.int32(0)  # no lifetime
-    w.uint32(0)
-    w.uint8(1)  # moves with its frame
-    w.uint32(len(marker.points_m))
-    if len(marker.points_m):
-        w.array(marker.points_m)
-    w.uint32(0)  # no colour of each point
-    w.string("")  # no texture, and an empty image for it
-    w.stamp(0.0, "")
-    w.string("")
-    w.uint32(0)
-    w.uint32(0)
-    w.string("")  # no text
-    w.string("")  # no mesh file
-    w.string("")
-    w.uint32(0)
-    w.uint8(0)
+    place, scale = (*(0.0,) * 6, 1.0), (marker.width_m, across, across)
+    added, for_good, locked, plain = 0, (0, 0), True, 0
+    image, mesh = (*stamp(0.0), "", "", b""), ("", "", b"", False)
+    texture = ("", *image, 0, "")
+    return [
+        *(*stamp(t_s), marker.frame, marker.name, marker.number, marker.kind, added),
+        *(*place, *scale, *marker.rgba, *for_good, locked),
+        *(len(marker.points_m), *marker.points_m.ravel().tolist(), plain, *texture, *mesh),
+    ]

@@ -20,10 +20,10 @@ from typing import Any
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.ports import Reading
 from treadline.core.signals import Event, HeadingMeasurement, ImuSample
-from treadline.io.cdr import seconds_of
-from treadline.io.decode import EVENTS, HEADINGS, LOOKED, OURS, CdrReader, calibration, imu, picture
+from treadline.io.decode import EVENTS, HEADINGS, LOOKED, OURS, calibration, imu, picture, signal_reader
 from treadline.io.mcap_read import BROKEN, has_arrivals
-from treadline.io.topics import Calibrate, Frames, as_logged, packets, reader_of, roles, survey
+from treadline.io.message_types import seconds_of
+from treadline.io.topics import Calibrate, Frames, Received, as_logged, packets, received, roles, survey
 
 BELTS = "/tracks/state"
 HORIZON_S = 1.0
@@ -98,7 +98,7 @@ class SensorLog:
         for topic, logged_ns, data in packets(self._path, self._wants, sealed=self._sealed):
             try:
                 name = self._roles.get(topic.name, "")
-                signal = self._decoded(name, topic.name, reader_of(topic, data, logged_ns, self._origin_ns), logged_ns)
+                signal = self._decoded(name, topic.name, received(topic, data, logged_ns, self._origin_ns), logged_ns)
             except (LogFormatError, ImageError) as error:
                 raise type(error)(f"{self._path}: {topic.name}: {error}") from None
             except BROKEN as error:
@@ -117,38 +117,41 @@ class SensorLog:
     def _is_ours(self) -> bool:
         """Return whether the log holds our belt readings, logged by the clock that stamped them."""
         belts = self.found.get(BELTS)
-        return belts is not None and belts.kind == OURS[BELTS][0] and abs(belts.first_ns - belts.stamp_ns) < HORIZON_S * 1e9
+        return (
+            belts is not None
+            and signal_reader(BELTS, belts.kind) is not None
+            and abs(belts.first_ns - belts.stamp_ns) < HORIZON_S * 1e9
+        )
 
     def _due_s(self, signal: Reading, logged_ns: int) -> float:
         """Return the time at which a reading is due [s]: its arrival, if logged, but never before its stamp."""
         return max(signal.t_s, seconds_of(logged_ns - self._origin_ns)) if self._has_arrivals else signal.t_s
 
     def _wants(self, name: str) -> bool:
-        ours = name in OURS and self.found[name].kind == OURS[name][0] and name not in {HEADINGS, EVENTS}
         # A camera that processes its images itself logs stair maps instead of images.
-        looked = name in LOOKED and self.found[name].kind == LOOKED[name][0] and self.topics.depth is None
-        return name in self._roles or ours or looked
+        ours = name in OURS - {HEADINGS, EVENTS} or (name in LOOKED and self.topics.depth is None)
+        return name in self._roles or (ours and signal_reader(name, self.found[name].kind) is not None)
 
-    def _decoded(self, role: str, name: str, r: CdrReader, logged_ns: int) -> Any | None:
+    def _decoded(self, role: str, name: str, message: Received, logged_ns: int) -> Any | None:
         match role:
             case "depth" | "color":
-                image = picture(r)
+                image = picture(*message)
                 take = self._frames.depth if role == "depth" else self._frames.color
                 return take(image) if self._in_order(name, image.t_s, logged_ns) else None
             case "info":
-                return self._frames.calibrate(calibration(r)[1])
+                return self._frames.calibrate(calibration(message.body))
             case "accel":
-                sample = imu(r)
+                sample = imu(*message)
                 if self._in_order(name, sample.t_s, logged_ns):
                     self._force = sample.linear_acceleration_m_s2
                 return None
             case "imu":
-                signal: Any = imu(r)
+                signal: Any = imu(*message)
                 if self.topics.accel is not None:
                     signal = replace(signal, linear_acceleration_m_s2=self._force)
             case _:
-                read = LOOKED.get(name) or OURS[name if role == "" else HEADINGS]
-                signal = read[1](r)
+                read = signal_reader(name if role == "" else HEADINGS, self.found[name].kind)
+                signal = None if read is None else read(*message)
         if not isinstance(signal, Reading):
             return signal
         return signal if self._in_order(name, signal.t_s, logged_ns) and self._finite(name, signal) else None

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float32, UInt8
@@ -17,11 +18,12 @@ from jaxtyping import Float32, UInt8
 from treadline.core.camera_images import MOUNT_FIELDS, PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
 from treadline.io._tables import listed
-from treadline.io.decode import HEADINGS, IMU, OURS, CdrReader, Picture, Ros1Reader, calibration, heading_of_image, imu
+from treadline.io.decode import HEADINGS, Picture, signal_reader
 from treadline.io.mcap_read import Packet, RecordedTopic, mcap_messages
 from treadline.io.message_files import READERS, damage, parts_of
+from treadline.io.message_types import message_of, stamped_s
+from treadline.io.messages import CAMERA_INFO, COMPRESSED, IMAGE, IMU, JOINTS
 
-IMAGE, CAMERA_INFO, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/CompressedImage"
 DEPTH_ENCODINGS = ("16UC1", "32FC1", "mono16")
 """Encodings of depth images."""
 COLOUR_ENCODINGS = ("rgb8", "bgr8", "rgba8", "bgra8", "8UC3", "mono8", "8UC1")
@@ -60,8 +62,15 @@ class Topics:
     """Topic of recorded heading measurements, used in place of images."""
 
 
-KINDS = {"depth": IMAGE, "color": IMAGE, "info": CAMERA_INFO, "imu": IMU, "accel": IMU, "headings": OURS[HEADINGS][0]}
-"""Message type of each role."""
+KINDS_OF_ROLES = {
+    "depth": (IMAGE,),
+    "color": (IMAGE,),
+    "info": (CAMERA_INFO,),
+    "imu": (IMU,),
+    "accel": (IMU,),
+    "headings": ("treadline_msgs/msg/StairHeadingMeasurement", JOINTS),
+}
+"""Message types of each role."""
 
 
 def packets(path: Path, wants: Callable[[str], bool], *, sealed: bool) -> Iterator[Packet]:
@@ -80,10 +89,21 @@ def packets(path: Path, wants: Callable[[str], bool], *, sealed: bool) -> Iterat
             yield from mcap_messages(file, wants, sealed=True) if sealed else READERS[file.suffix.lower()](file, wants)
 
 
-def reader_of(topic: RecordedTopic, data: bytes, logged_ns: int, origin_ns: int = 0) -> CdrReader:
-    """Return the field reader of a message."""
-    kind = Ros1Reader if topic.encoding == "ros1" else CdrReader
-    return kind(data, origin_ns=origin_ns, logged_ns=logged_ns)
+class Received(NamedTuple):
+    """Message of a log with a header, and its stamp [s]."""
+
+    body: Any
+    t_s: float
+
+
+def received(topic: RecordedTopic, data: bytes, logged_ns: int, origin_ns: int = 0) -> Received:
+    """Return a message of a standard type, or of treadline's; a zero stamp is replaced by the log time.
+
+    Args:
+        origin_ns: Time that is zero on the mission clock.
+    """
+    body = message_of(kind_of(topic), data, ros1=topic.encoding == "ros1")
+    return Received(body, stamped_s(body.header.stamp, origin_ns=origin_ns, logged_ns=logged_ns))
 
 
 def kind_of(topic: RecordedTopic) -> str:
@@ -110,21 +130,11 @@ def survey(path: Path, *, sealed: bool) -> dict[str, TopicSummary]:
 
 def _first(topic: RecordedTopic, logged_ns: int, data: bytes) -> TopicSummary:
     kind, pixels, size, t_s = kind_of(topic), "", (0, 0), 0.0
-
-    def reader() -> CdrReader:
+    if kind in (IMAGE, CAMERA_INFO) or signal_reader(topic.name, kind) is not None:
         # The log time is the origin, because a float rounds the seconds since 1970 by more than a nanosecond.
-        return reader_of(topic, data, logged_ns, origin_ns=logged_ns)
-
-    if kind == IMAGE:
-        t_s, height, width, pixels = heading_of_image(reader())
-        size = width, height
-    elif kind == CAMERA_INFO:
-        t_s, camera = calibration(reader())
-        size = camera.width_px, camera.height_px
-    elif kind == IMU:
-        t_s = imu(reader()).t_s
-    elif topic.name in OURS and kind == OURS[topic.name][0]:
-        t_s = OURS[topic.name][1](reader()).t_s
+        body, t_s = received(topic, data, logged_ns, origin_ns=logged_ns)
+        pixels = body.encoding if kind == IMAGE else ""
+        size = (body.width, body.height) if kind in (IMAGE, CAMERA_INFO) else size
     stamp_ns = logged_ns + round(t_s * 1e9)
     return TopicSummary(
         kind=kind,
@@ -151,7 +161,9 @@ def roles(where: Path, found: Mapping[str, TopicSummary], named: Mapping[str, st
         _check_named(where, found, role, name)
     # A user-named headings topic replaces the images.
     depth = named.get("depth") or (None if "headings" in named else _depth(found))
-    headings = named.get("headings") or (HEADINGS if HEADINGS in found and found[HEADINGS].kind == KINDS["headings"] else None)
+    headings = named.get("headings")
+    if headings is None and HEADINGS in found and found[HEADINGS].kind in KINDS_OF_ROLES["headings"]:
+        headings = HEADINGS
     gyro, accel = (named["imu"], named.get("accel")) if "imu" in named else _imu(where, found)
     if depth is None:
         if headings is None:
@@ -196,8 +208,8 @@ def _check_size(where: Path, found: Mapping[str, TopicSummary], name: str, depth
 def _check_named(where: Path, found: Mapping[str, TopicSummary], role: str, name: str) -> None:
     if name not in found:
         raise SettingsError(f"--topics {role}={name}: no such topic in {where} (there are: {listed(found)})")
-    if found[name].kind != KINDS[role]:
-        raise SettingsError(f"--topics {role}={name}: holds {found[name].kind}; {role} must be {KINDS[role]}")
+    if found[name].kind not in KINDS_OF_ROLES[role]:
+        raise SettingsError(f"--topics {role}={name}: holds {found[name].kind}; {role} must be {KINDS_OF_ROLES[role][0]}")
     allowed = {"depth": DEPTH_ENCODINGS, "color": COLOUR_ENCODINGS}.get(role)
     if allowed is not None and found[name].pixels not in allowed:
         raise SettingsError(f"--topics {role}={name}: its images are '{found[name].pixels}'; {role} must be {', '.join(allowed)}")

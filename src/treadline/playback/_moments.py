@@ -18,9 +18,7 @@ from jaxtyping import Bool, Float
 from treadline.core.angles import DEG
 from treadline.core.rotations import Rotation, Vector3, rotation_of
 from treadline.core.signals import Event
-from treadline.io.columns import read_contents
-from treadline.io.decode import CdrReader
-from treadline.io.mcap_read import has_arrivals
+from treadline.io.mcap_read import has_arrivals, read_contents
 from treadline.io.runs import LOG
 from treadline.playback._nosings import NosingRecord, nosing_record
 from treadline.playback._read_run import manifest_of
@@ -153,8 +151,8 @@ def notes_of(recording: Recording) -> LogNotes:
     log = source / LOG if source.is_dir() else source
     exposures_s, guard = None, None
     if recording.source and log.is_file() and has_arrivals(log):
-        stamps = read_contents(log, [], [], [QUALITY]).messages.get(QUALITY)
-        exposures_s = None if stamps is None else np.unique([CdrReader(message).time() for _, message in stamps])
+        stamps_s = read_contents(log, {}, [], [QUALITY]).stamps_s.get(QUALITY)
+        exposures_s = None if stamps_s is None else np.unique(stamps_s)
         guard = (manifest_of(source) or {}).get("guard")
     return LogNotes(
         exposures_s=exposures_s,

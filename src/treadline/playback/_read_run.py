@@ -5,21 +5,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.core.files import json_of, read_json
 from treadline.core.ports import Truth
 from treadline.core.signals import FlipperReading, HeadingEstimate, ImuSample, SeatReading, TrackCommand, TrackReading
-from treadline.io.columns import Columns, read_contents
-from treadline.io.decode import ADDED_TRUTH, EVENTS, LOOKED, OURS, CdrReader
-from treadline.io.mcap_read import BROKEN, has_arrivals, one_error, read_log, run_metadata
+from treadline.io.decode import EVENTS, signal_reader
+from treadline.io.mcap_read import BROKEN, has_arrivals, read_contents, read_log, run_metadata
 from treadline.io.message_files import READERS, parts_of
-from treadline.io.messages import TRUTH_NAMES
 from treadline.io.runs import LOG, MANIFEST
-from treadline.io.topics import packets, reader_of
-from treadline.playback._builder import RecordingBuilder, Signals
+from treadline.io.topics import kind_of, packets, received
+from treadline.playback._builder import COLUMNS, RecordingBuilder, Signals
 from treadline.playback._recording import Limits, Recording
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Scenario, scenario_of
@@ -36,13 +33,8 @@ NUMERIC: dict[str, type] = {
     IMU: ImuSample,
 }
 """Topics of numbers, with the signal that each holds."""
-POSITIONS: dict[type, tuple[str, ...]] = {
-    Truth: TRUTH_NAMES,
-    HeadingEstimate: ("heading_rad", "sigma_rad"),
-    SeatReading: ("pitch",),
-    FlipperReading: ("angle",),
-}
-"""Names of the positions that become columns of ``COLUMNS``; belts have velocities."""
+OF_IMU = ("orientation.w", "orientation.x", "orientation.y", "orientation.z", "angular_velocity.y")
+"""Numbers of an IMU that a recording needs."""
 DEFAULT_CHAIR = "wheelchair"
 
 
@@ -139,39 +131,20 @@ def _scenario(path: Path, settings: dict[str, Any]) -> Scenario | None:
 
 def _take_log(path: Path, builder: RecordingBuilder) -> None:
     """Read the needed topics of a treadline log."""
-    contents = read_contents(path, [topic for topic in NUMERIC if topic != IMU], [EVENTS, MAPS], [COLOUR])
+    numeric = {topic: OF_IMU if kind is ImuSample else COLUMNS[kind][1:] for topic, kind in NUMERIC.items()}
+    contents = read_contents(path, {topic: names for topic, names in numeric.items() if topic != IMU}, [EVENTS, MAPS], [COLOUR])
     if TRUTH not in contents.columns:
-        contents = read_contents(path, list(NUMERIC), [EVENTS, MAPS], [COLOUR])
+        contents = read_contents(path, numeric, [EVENTS, MAPS], [COLOUR])
     for topic, columns in contents.columns.items():
-        kind, rows = _rows(path, topic, columns)
-        builder.add(Signals(rows={kind: rows}))
-    with one_error(path):
-        for topic, read in ((EVENTS, OURS[EVENTS][1]), (MAPS, LOOKED[MAPS][1])):
-            for taken_s, message in contents.messages.get(topic, []):
-                builder(read(CdrReader(message)), taken_s)
-        builder.add(Signals(frames_t_s=[CdrReader(message).time() for _, message in contents.messages.get(COLOUR, [])]))
+        builder.add(Signals(rows={NUMERIC[topic]: np.column_stack([columns.t_s, columns.values])}))
+    for topic in (EVENTS, MAPS):
+        for taken_s, signal in contents.signals.get(topic, []):
+            builder(signal, taken_s)
+    builder.add(Signals(frames_t_s=contents.stamps_s.get(COLOUR, np.zeros(0)).tolist()))
 
 
-def _rows(path: Path, topic: str, columns: Columns) -> tuple[type, Float[np.ndarray, "n c"]]:
-    """Return the numbers of a topic in the order of ``COLUMNS``."""
-    kind = NUMERIC[topic]
-    if kind is ImuSample:
-        # Orientation x, y, z, w; then a covariance of nine and the angular velocity.
-        return kind, np.column_stack([columns.t_s, columns.position[:, [3, 0, 1, 2, 14]]])
-    if kind in (TrackCommand, TrackReading):
-        if columns.velocity.shape[1] < 2:
-            raise LogFormatError(f"{path}: {topic} holds no belt speeds; is it of another version?")
-        return kind, np.column_stack([columns.t_s, columns.velocity[:, :2]])
-    found = {name: columns.column(name) for name in POSITIONS[kind]}
-    lacking = [name for name, column in found.items() if column is None and name not in ADDED_TRUTH]
-    if lacking:
-        raise LogFormatError(f"{path}: {topic} lacks {lacking[0]}; is it of another version?")
-    unknown = np.full(len(columns.t_s), np.nan)
-    return kind, np.column_stack([columns.t_s, *(unknown if column is None else column for column in found.values())])
-
-
-BAG_READERS = {name: (OURS | LOOKED)[name] for name in (*NUMERIC, EVENTS, MAPS)}
-"""Type and reader of each topic of a bag that a recording needs; a topic with another type means something else."""
+BAG_TOPICS = frozenset({*NUMERIC, EVENTS, MAPS})
+"""Topics of a bag that a recording needs."""
 
 
 def bag_origin_ns(path: Path) -> int:
@@ -180,21 +153,21 @@ def bag_origin_ns(path: Path) -> int:
     Raises:
         LogFormatError: If the bag is damaged.
     """
-    for topic, logged_ns, data in packets(path, BAG_READERS.__contains__, sealed=False):
-        if topic.kind == BAG_READERS[topic.name][0]:
-            return round(reader_of(topic, data, logged_ns).stamp()[0] * 1e9)
+    for topic, logged_ns, data in packets(path, BAG_TOPICS.__contains__, sealed=False):
+        if signal_reader(topic.name, kind_of(topic)) is not None:
+            return round(received(topic, data, logged_ns).t_s * 1e9)
     return 0
 
 
 def _bag_signals(path: Path) -> Iterator[tuple[Any, float]]:
     """Yield the signals of a bag on a clock that starts with its first message, and the time at which each was logged."""
     origin_ns = bag_origin_ns(path)
-    for topic, logged_ns, data in packets(path, BAG_READERS.__contains__, sealed=False):
-        kind, read = BAG_READERS[topic.name]
-        if topic.kind != kind:
+    for topic, logged_ns, data in packets(path, BAG_TOPICS.__contains__, sealed=False):
+        read = signal_reader(topic.name, kind_of(topic))
+        if read is None:  # a topic with another type means something else
             continue
         try:
-            yield read(reader_of(topic, data, logged_ns, origin_ns)), 1e-9 * (logged_ns - origin_ns)
+            yield read(*received(topic, data, logged_ns, origin_ns)), 1e-9 * (logged_ns - origin_ns)
         except LogFormatError as error:
             if topic.name != EVENTS:  # other nodes publish diagnostics too
                 raise LogFormatError(f"{path}: {topic.name}: {error}") from None

@@ -5,6 +5,28 @@ Paper: Fig. 7.
 
 from dataclasses import dataclass
 
+from treadline.core.ports import Truth
+from treadline.core.signals import (
+    FlipperCommand,
+    FlipperReading,
+    FrameQuality,
+    FreeGround,
+    HeadingEstimate,
+    HeadingHealth,
+    HeadingMeasurement,
+    MotionPlan,
+    OperatorInput,
+    PlantState,
+    SeatCommand,
+    SeatReading,
+    StairMap,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.io.messages import CAMERA_INFO, IMAGE, JOINTS, POSE, POSES, STATUS, form_of
+from treadline.io.messages import IMU as IMU_TYPE
+from treadline.io.scene_messages import FRAMES, ODOMETRY
+
 CLOCK = "/clock"
 IMU = "/imu"
 TRACKS = "/tracks/state"
@@ -31,9 +53,8 @@ TWIST = "/cmd_vel"
 ODOM, MOUNTS = "/odom", "/tf_static"
 JOINT_STATES = "/joint_states"
 
-JOINTS, POSE = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseWithCovarianceStamped"
-STATUS, IMAGE = "diagnostic_msgs/msg/DiagnosticArray", "sensor_msgs/msg/Image"
-FRAMES = "tf2_msgs/msg/TFMessage"
+CLOCK_TYPE, TWIST_TYPE = "rosgraph_msgs/msg/Clock", "geometry_msgs/msg/Twist"
+GUARD_TYPE = "treadline_msgs/msg/GuardState"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,8 +64,14 @@ class Topic:
     name: str
     kind: str
     """The message type as ROS 2 writes it."""
+    ros1: str = ""
+    """The message type in ROS 1, a standard one; empty where it is the same."""
     read: bool = True
     """Whether our nodes read it; others are for people and their tools."""
+
+    def kind_of(self, *, ros1: bool) -> str:
+        """Return the message type in ROS 1 or 2."""
+        return (ros1 and self.ros1) or self.kind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,53 +89,54 @@ def _one(name: str, kind: str, depth: int) -> Channel:
     return Channel(topics=(Topic(name=name, kind=kind),), depth=depth)
 
 
-def _with_detail(name: str, kind: str, depth: int) -> Channel:
-    topics = (Topic(name=name, kind=kind, read=False), Topic(name=f"{name}/detail", kind=JOINTS))
-    return Channel(topics=topics, depth=depth)
+def _own(name: str, signal: type, depth: int, ros1: str = JOINTS) -> Channel:
+    return Channel(topics=(Topic(name=name, kind=form_of(signal).kind, ros1=ros1),), depth=depth)
+
+
+def _with_detail(name: str, pose: str, signal: type, depth: int) -> Channel:
+    (detail,) = _own(f"{name}/detail", signal, depth).topics
+    return Channel(topics=(Topic(name=name, kind=pose, read=False), detail), depth=depth)
 
 
 SECOND = 100
 """Messages of a sensor at 100 Hz."""
 
 CHANNELS: dict[str, Channel] = {
-    CLOCK: _one(CLOCK, "rosgraph_msgs/msg/Clock", 1),
-    IMU: _one(IMU, "sensor_msgs/msg/Imu", SECOND),
-    TRACKS: _one(TRACKS, JOINTS, SECOND),
-    SEAT: _one(SEAT, JOINTS, SECOND),
-    FLIPPER: _one(FLIPPER, JOINTS, SECOND),
-    OPERATOR: _one(OPERATOR, JOINTS, 10),
-    PLANT: _one(PLANT, STATUS, 10),
+    CLOCK: _one(CLOCK, CLOCK_TYPE, 1),
+    IMU: _one(IMU, IMU_TYPE, SECOND),
+    TRACKS: _own(TRACKS, TrackReading, SECOND),
+    SEAT: _own(SEAT, SeatReading, SECOND),
+    FLIPPER: _own(FLIPPER, FlipperReading, SECOND),
+    OPERATOR: _own(OPERATOR, OperatorInput, 10),
+    PLANT: _own(PLANT, PlantState, 10, STATUS),
     CAMERA: Channel(
         topics=(
             Topic(name="/camera/color/image_raw", kind=IMAGE),
             Topic(name="/camera/depth/image_rect", kind=IMAGE),
-            Topic(name="/camera/color/camera_info", kind="sensor_msgs/msg/CameraInfo"),
+            Topic(name="/camera/color/camera_info", kind=CAMERA_INFO),
         ),
         depth=2,
     ),
-    CAMERA_HEADING: _with_detail(CAMERA_HEADING, POSE, 10),
-    CAMERA_MAP: _with_detail(CAMERA_MAP, "geometry_msgs/msg/PoseArray", 10),
-    CAMERA_QUALITY: _one(CAMERA_QUALITY, JOINTS, 10),
-    QUALITY: _one(QUALITY, JOINTS, 10),
-    GROUND: _one(GROUND, JOINTS, 10),
-    MEASURED: _with_detail(MEASURED, POSE, 10),
-    MAP: _with_detail(MAP, "geometry_msgs/msg/PoseArray", 10),
-    ESTIMATE: _with_detail(ESTIMATE, POSE, 1),
-    HEALTH: _one(HEALTH, STATUS, 10),
-    PLAN: _one(PLAN, STATUS, 1),
-    TRACKS_PROPOSED: _one(TRACKS_PROPOSED, JOINTS, 1),
-    SEAT_PROPOSED: _one(SEAT_PROPOSED, JOINTS, 1),
-    TRACKS_CMD: _one(TRACKS_CMD, JOINTS, 1),
-    SEAT_CMD: _one(SEAT_CMD, JOINTS, 1),
-    FLIPPER_CMD: _one(FLIPPER_CMD, JOINTS, 1),
-    GUARD: _one(GUARD, STATUS, 10),
+    CAMERA_HEADING: _with_detail(CAMERA_HEADING, POSE, HeadingMeasurement, 10),
+    CAMERA_MAP: _with_detail(CAMERA_MAP, POSES, StairMap, 10),
+    CAMERA_QUALITY: _own(CAMERA_QUALITY, FrameQuality, 10),
+    QUALITY: _own(QUALITY, FrameQuality, 10),
+    GROUND: _own(GROUND, FreeGround, 10),
+    MEASURED: _with_detail(MEASURED, POSE, HeadingMeasurement, 10),
+    MAP: _with_detail(MAP, POSES, StairMap, 10),
+    ESTIMATE: _with_detail(ESTIMATE, POSE, HeadingEstimate, 1),
+    HEALTH: _own(HEALTH, HeadingHealth, 10, STATUS),
+    PLAN: _own(PLAN, MotionPlan, 1, STATUS),
+    TRACKS_PROPOSED: _own(TRACKS_PROPOSED, TrackCommand, 1),
+    SEAT_PROPOSED: _own(SEAT_PROPOSED, SeatCommand, 1),
+    TRACKS_CMD: _own(TRACKS_CMD, TrackCommand, 1),
+    SEAT_CMD: _own(SEAT_CMD, SeatCommand, 1),
+    FLIPPER_CMD: _own(FLIPPER_CMD, FlipperCommand, 1),
+    GUARD: Channel(topics=(Topic(name=GUARD, kind=GUARD_TYPE, ros1=STATUS),), depth=10),
     DIAGNOSTICS: _one(DIAGNOSTICS, STATUS, SECOND),
-    TRUTH: _one(TRUTH, JOINTS, 10),
-    TWIST: _one(TWIST, "geometry_msgs/msg/Twist", 1),
-    ODOM: Channel(
-        topics=(Topic(name=ODOM, kind="nav_msgs/msg/Odometry"), Topic(name="/tf", kind=FRAMES, read=False)),
-        depth=10,
-    ),
+    TRUTH: _own(TRUTH, Truth, 10),
+    TWIST: _one(TWIST, TWIST_TYPE, 1),
+    ODOM: Channel(topics=(Topic(name=ODOM, kind=ODOMETRY), Topic(name="/tf", kind=FRAMES, read=False)), depth=10),
     JOINT_STATES: Channel(topics=(Topic(name=JOINT_STATES, kind=JOINTS, read=False),), depth=10),
     MOUNTS: Channel(topics=(Topic(name=MOUNTS, kind=FRAMES, read=False),), depth=1, kept=True),
 }

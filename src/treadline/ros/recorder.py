@@ -11,15 +11,16 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from treadline.core.errors import SettingsError, TreadlineError
+from treadline.core.errors import SettingsError
 from treadline.core.models import BAG_SUFFIXES, InputOutputRecord
 from treadline.core.ports import Transport
 from treadline.core.signals import TICK_S, HeadingEstimate, TrackCommand
-from treadline.io.cdr import CdrWriter, Ros1Writer, nanoseconds_of
 from treadline.io.mcap_log import RunLog
-from treadline.io.messages import Message, messages_of
+from treadline.io.message_types import nanoseconds_of, store
+from treadline.io.messages import Message, topic_of
 from treadline.io.records import write_record
 from treadline.io.runs import LOG, RECORD, clear_run
+from treadline.io.scene_messages import FRAMES
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
 from treadline.ros._codec import encoded
@@ -42,7 +43,6 @@ def open_bag(path: Path) -> Bag:
 
     Raises:
         SettingsError: If the ending is unknown, or the file is there already.
-        TreadlineError: If rosbags is missing.
     """
     if path.suffix == ".mcap":
         return RunLog(path, image_every=1, messages=_messages)
@@ -51,10 +51,7 @@ def open_bag(path: Path) -> Bag:
     if path.exists():
         raise SettingsError(f"{path}: is there already; give another name")
     path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        return _RosBag(path)
-    except ImportError:
-        raise TreadlineError(f"{path}: '{path.suffix}' needs rosbags: pip install '.[ros]' in treadline's folder") from None
+    return _RosBag(path)
 
 
 class _RosBag:
@@ -62,14 +59,15 @@ class _RosBag:
 
     def __init__(self, path: Path) -> None:
         self._path, self._temporary = path, path.with_name(path.name + ".part")
-        self._writer, self._store, self._kind = _OPENERS[path.suffix](self._temporary)
+        self._writer, self._store = _OPENERS[path.suffix](self._temporary)
+        self._ros1 = path.suffix == ".bag"
         self._writer.open()
         self._connections: dict[str, Any] = {}
         self._closed = False
 
     def __call__(self, signal: Any, taken_s: float | None = None) -> None:
         time_ns = nanoseconds_of(signal.t_s if taken_s is None else taken_s)
-        for topic, kind, data in _messages(signal, self._kind):
+        for topic, kind, data in _messages(signal, ros1=self._ros1):
             if topic not in self._connections:
                 self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
             self._writer.write(self._connections[topic], time_ns, data)
@@ -87,35 +85,34 @@ class _RosBag:
             self._temporary.replace(self._path)
 
 
-def _messages(signal: Any, writer: type[CdrWriter] = CdrWriter) -> list[Message]:
+def _messages(signal: Any, *, ros1: bool = False) -> list[Message]:
     """Return the messages of a signal: those of a run's log, and those that only nodes publish."""
     channel = {Odometry: on.ODOM, Mounts: on.MOUNTS}.get(type(signal))
-    return messages_of(signal, writer=writer) if channel is None else encoded(channel, signal, ros1=writer is Ros1Writer)
+    return encoded(topic_of(signal) if channel is None else channel, signal, ros1=ros1)
 
 
-Opened = tuple[Any, Any, type[CdrWriter]]
-"""Writer of rosbags, its store of types, and the writer of messages."""
+Opened = tuple[Any, Any]
+"""Writer of rosbags, and its store of types."""
 
 
 def _ros1(temporary: Path) -> Opened:
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    store = get_typestore(Stores.ROS1_NOETIC)
-    if on.FRAMES not in store.types:
-        store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", on.FRAMES))
+    known = get_typestore(Stores.ROS1_NOETIC)
+    if FRAMES not in known.types:
+        known.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", FRAMES))
     temporary.unlink(missing_ok=True)
     writer = Writer(temporary)
     writer.set_compression(Writer.CompressionFormat.LZ4)
-    return writer, store, Ros1Writer
+    return writer, known
 
 
 def _ros2(temporary: Path) -> Opened:
     from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
 
     shutil.rmtree(temporary, ignore_errors=True)
-    return Writer(temporary, version=9, storage_plugin=StoragePlugin.SQLITE3), get_typestore(Stores.ROS2_JAZZY), CdrWriter
+    return Writer(temporary, version=9, storage_plugin=StoragePlugin.SQLITE3), store()
 
 
 _OPENERS: dict[str, Callable[[Path], Opened]] = {".bag": _ros1, ".db3": _ros2}

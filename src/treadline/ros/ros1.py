@@ -8,7 +8,8 @@ from typing import Any
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import TreadlineError
-from treadline.ros.channels import IMAGE, Channel
+from treadline.io.messages import IMAGE
+from treadline.ros.channels import Channel
 from treadline.ros.wire import WireTransport
 
 DEBIAN = Path("/usr/lib/python3/dist-packages")

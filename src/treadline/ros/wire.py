@@ -95,7 +95,7 @@ class WireTransport:
             return
         self._announced.add(channel)
         for topic in CHANNELS[channel].topics:
-            self._advertise(topic.name, topic.kind, CHANNELS[channel])
+            self._advertise(topic.name, topic.kind_of(ros1=self.ros1), CHANNELS[channel])
 
     def publish(self, channel: str, signal: Any) -> None:
         """Send a signal."""
@@ -115,7 +115,7 @@ class WireTransport:
             depth = self.spare * spec.depth
             self.inbox.expect(topic.name, depth)
             if first:
-                self._receive(topic.name, topic.kind, depth)
+                self._receive(topic.name, topic.kind_of(ros1=self.ros1), depth)
 
     def deliver(self, timeout_s: float) -> int:
         """Deliver the waiting messages, up to a batch; wait for the first at most ``timeout_s``. Return their number."""
@@ -162,9 +162,10 @@ class WireTransport:
             if topic.name in self._failing:
                 return self._failing[topic.name]
             kinds = self._kinds(topic.name)
-            wrong = [kind for kind in kinds if kind != topic.kind]
+            expected = topic.kind_of(ros1=self.ros1)
+            wrong = [kind for kind in kinds if kind != expected]
             if wrong:
-                return f"{topic.name} is published as {wrong[0]}; {topic.kind} is read"
+                return f"{topic.name} is published as {wrong[0]}; {expected} is read"
             if not kinds:
                 return f"nobody publishes {topic.name}"
         return None

@@ -12,6 +12,7 @@ from typing import Any
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import TreadlineError
+from treadline.io.message_types import store
 from treadline.ros.channels import Channel
 from treadline.ros.wire import WireTransport
 
@@ -36,7 +37,7 @@ class ZenohTransport(WireTransport):
         self, node: str, *, endpoint: str = ENDPOINT, listen: bool = False, domain: int = 0, mount: PinholeCamera | None = None
     ) -> None:
         super().__init__(mount)
-        self._zenoh, self._store = _modules()
+        self._zenoh = _module()
         self._node = node
         self._domain = domain
         self._session = self._open(endpoint, listen=listen)
@@ -81,7 +82,7 @@ class ZenohTransport(WireTransport):
     def _type(self, kind: str) -> tuple[str, str]:
         """Return the name of a message type in DDS, and its hash."""
         package, _, name = kind.split("/")
-        return f"{package}::msg::dds_::{name}_", self._store.hash_rihs01(kind)
+        return f"{package}::msg::dds_::{name}_", str(store().hash_rihs01(kind))
 
     def _token(self, entity: int, what: str, about: tuple[str, ...]) -> Any:
         """Return a liveliness token for a node (NN), publisher (MP) or subscriber (MS)."""
@@ -121,15 +122,14 @@ class ZenohTransport(WireTransport):
         return found
 
 
-def _modules() -> tuple[Any, Any]:
+def _module() -> Any:
     try:
         import zenoh
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
+    except ImportError:
         raise TreadlineError(
-            f"--transport zenoh needs {error.name or 'zenoh'}, which is not installed: pip install '.[ros]' in treadline's folder"
+            "--transport zenoh needs zenoh, which is not installed: pip install '.[ros]' in treadline's folder"
         ) from None
-    return zenoh, get_typestore(Stores.ROS2_JAZZY)
+    return zenoh
 
 
 def _line(error: Exception) -> str:

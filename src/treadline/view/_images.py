@@ -17,9 +17,10 @@ from PIL import Image
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.signals import ImuSample
-from treadline.io.decode import CdrReader, compressed_picture, picture
+from treadline.io.decode import picture
 from treadline.io.mcap_read import BROKEN, has_arrivals, read_log
-from treadline.io.topics import COLOUR_ENCODINGS, COMPRESSED, IMAGE, TopicSummary, kind_of, packets, reader_of, survey
+from treadline.io.messages import COMPRESSED, IMAGE
+from treadline.io.topics import COLOUR_ENCODINGS, Received, TopicSummary, kind_of, packets, received, survey
 from treadline.mission import Detection, GravityAtExposure
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.detection import StairDetection
@@ -119,14 +120,14 @@ def pictures_of(order: ImageOrder) -> Iterator[ShownFrame]:
         return
     origin_ns = bag_origin_ns(path)
     for packet, logged_ns, data in packets(path, topic.__eq__, sealed=False):
-        reader = reader_of(packet, data, logged_ns, origin_ns)
         try:
-            t_s, rgb = _compressed(reader) if kind_of(packet) == COMPRESSED else _raw(reader)
+            message = received(packet, data, logged_ns, origin_ns)
+            rgb = _compressed(message) if kind_of(packet) == COMPRESSED else _raw(message)
         except (LogFormatError, *BROKEN, OSError, Image.DecompressionBombError):
             continue  # an image that cannot be read has nothing to show
         yield ShownFrame(
-            t_s=t_s,
-            taken_s=max(1e-9 * (logged_ns - origin_ns), t_s),
+            t_s=message.t_s,
+            taken_s=max(1e-9 * (logged_ns - origin_ns), message.t_s),
             summary=f"image of {topic}, without a detector's result",
             picture=as_jpeg(rgb, PICTURE_PX),
             is_judged=False,
@@ -144,13 +145,12 @@ def _colour_topic(found: Mapping[str, TopicSummary]) -> str | None:
     return min((*raw, *packed), key=rank, default=None)
 
 
-def _raw(reader: CdrReader) -> tuple[float, UInt8[np.ndarray, "h w 3"]]:
-    image = picture(reader)
+def _raw(message: Received) -> UInt8[np.ndarray, "h w 3"]:
+    image = picture(*message)
     pixels = image.pixels if image.pixels.ndim == 3 else np.repeat(image.pixels[:, :, None], 3, axis=2)
-    return image.t_s, np.ascontiguousarray(pixels[:, :, 2::-1] if image.encoding.startswith("bgr") else pixels[:, :, :3])
+    return np.ascontiguousarray(pixels[:, :, 2::-1] if image.encoding.startswith("bgr") else pixels[:, :, :3])
 
 
-def _compressed(reader: CdrReader) -> tuple[float, UInt8[np.ndarray, "h w 3"]]:
-    t_s, data = compressed_picture(reader)
-    with Image.open(BytesIO(data), formats=("JPEG", "PNG")) as image:
-        return t_s, np.asarray(image.convert("RGB"))
+def _compressed(message: Received) -> UInt8[np.ndarray, "h w 3"]:
+    with Image.open(BytesIO(message.body.data), formats=("JPEG", "PNG")) as image:
+        return np.asarray(image.convert("RGB"))

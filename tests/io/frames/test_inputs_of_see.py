@@ -13,7 +13,7 @@ from treadline.core.errors import ImageError, TreadlineError
 from treadline.io.frames import read_frames
 from treadline.io.frames._cloud_files import point_cloud
 from treadline.io.mcap_log import RunLog
-from treadline.io.topics import CdrReader
+from treadline.io.message_types import message_of
 
 
 def test_a_cloud_is_an_answer_with_its_exit_code(rendered, points, capsys, tmp_path: Path) -> None:
@@ -93,7 +93,7 @@ def test_random_damage_of_a_cloud_message_is_an_error_of_ours(recording, tmp_pat
     data = np.frombuffer(rng.uniform(0.5, 3.0, (60, 3)).astype("<f4").tobytes(), np.uint8)
     log._add("/points", "sensor_msgs/msg/PointCloud2", 0.0, (1, 60, fields, False, 12, 720, data, True))
     whole = log.messages[0][3]
-    assert point_cloud(CdrReader(whole)).values["x"].shape == (60,)
+    assert point_cloud(message_of("sensor_msgs/msg/PointCloud2", whole))["x"].shape == (60,)
     for _ in range(400):
         damaged = bytearray(whole)
         for place in rng.integers(4, 120, rng.integers(1, 6)):

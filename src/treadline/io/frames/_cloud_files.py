@@ -8,13 +8,12 @@ Coordinates are the fields x, y, z. A PCD file with HEIGHT > 1 is organised, and
 import io
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib import recfunctions
 
 from treadline.core.errors import ImageError, LogFormatError
-from treadline.io.decode import CdrReader
 from treadline.io.frames.point_cloud import PointCloud
 
 ENDINGS = (".ply", ".pcd")
@@ -189,31 +188,15 @@ def _typed(table: np.ndarray, kind: np.dtype) -> np.ndarray:
         return recfunctions.unstructured_to_structured(table, kind, casting="unsafe")
 
 
-class CloudMessage(NamedTuple):
-    """Points of one message."""
-
-    t_s: float
-    width: int
-    height: int
-    """Number of rows; 1 for an unorganised cloud."""
-    values: np.ndarray
-    """Structured array with the fields of the message."""
-
-
-def point_cloud(r: CdrReader) -> CloudMessage:
-    """Return the points of a message.
+def point_cloud(message: Any) -> np.ndarray:
+    """Return the points of a sensor_msgs/PointCloud2 as a structured array with its fields.
 
     Raises:
         LogFormatError: If the declared sizes contradict each other.
     """
-    t_s, _ = r.stamp()
-    height, width, count = r.uint32(), r.uint32(), r.uint32()
-    if count > 64:  # usual clouds have four to nine
-        raise LogFormatError(f"a cloud declares {count} fields; at most 64 are read")
-    fields = [(r.string(), r.uint32(), r.uint8(), r.uint32()) for _ in range(count)]
-    order = ">" if r.uint8() else "<"
-    step, row_step = r.uint32(), r.uint32()
-    data = r.take(r.uint32())
+    height, width, step, row_step, data = message.height, message.width, message.point_step, message.row_step, message.data
+    order = ">" if message.is_bigendian else "<"
+    fields = [(item.name, item.offset, item.datatype, item.count) for item in message.fields]
     usable = [(name, offset, NUMBERS[kind]) for name, offset, kind, number in fields if number == 1 and kind in NUMBERS]
     if any(offset + np.dtype(number).itemsize > step for _, offset, number in usable):
         raise LogFormatError(f"a field of the cloud ends beyond its point of {step} bytes")
@@ -227,6 +210,5 @@ def point_cloud(r: CdrReader) -> CloudMessage:
             "itemsize": step,
         }
     )
-    rows = np.frombuffer(data, np.uint8).reshape(height, row_step)[:, : width * step]
-    values = np.ascontiguousarray(rows).reshape(-1).view(kind) if width * height else np.zeros(0, kind)
-    return CloudMessage(t_s, width, height, values)
+    rows = data.reshape(height, row_step)[:, : width * step]
+    return np.ascontiguousarray(rows).reshape(-1).view(kind) if width * height else np.zeros(0, kind)

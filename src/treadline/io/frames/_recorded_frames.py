@@ -17,9 +17,9 @@ from treadline.io.decode import Picture, calibration, picture
 from treadline.io.frames._cloud_files import POINT_CLOUD, cloud_of, point_cloud
 from treadline.io.frames.point_cloud import UNITS, FrameOptions, cloud_image
 from treadline.io.mcap_read import BROKEN, RecordedTopic
+from treadline.io.messages import IMAGE
 from treadline.io.runs import LOG
 from treadline.io.topics import (
-    IMAGE,
     PAIR_S,
     TopicSummary,
     color_topic,
@@ -28,7 +28,7 @@ from treadline.io.topics import (
     depth_topics,
     info_topic,
     packets,
-    reader_of,
+    received,
     rgb_pixels,
     survey,
     with_mount,
@@ -125,25 +125,26 @@ class FramesOfLog:
 
     def _frames(self, topic: RecordedTopic, logged_ns: int, data: bytes) -> Iterator[tuple[RgbdFrame, bool]]:
         """Yield the frames that a message completes, each with whether it has colour."""
-        reader = reader_of(topic, data, logged_ns, self._origin_ns)
+        message = received(topic, data, logged_ns, self._origin_ns)
         match self._roles[topic.name]:
             case "cloud":
-                message = point_cloud(reader)
-                if self._is_later(message.t_s):
-                    yield self._of_cloud(message.t_s, (message.width, message.height), message.values)
+                body, t_s = message
+                values = point_cloud(body)
+                if self._is_later(t_s):
+                    yield self._of_cloud(t_s, (body.width, body.height), values)
             case "info":
-                camera = calibration(reader)[1]
+                camera = calibration(message.body)
                 if not (camera.fx_px > 0.0 and camera.fy_px > 0.0):
                     raise ImageError(f"no intrinsics: fx = {camera.fx_px:g} px; the camera was never calibrated: give --camera")
                 self._camera = camera
             case "colour":
-                self._colour = picture(reader)
+                self._colour = picture(*message)
                 if self._depth is not None and self._colour.t_s >= self._depth.t_s - PAIR_S:
                     yield from self._flushed()
             case _:
                 yield from self._flushed()
                 self._uncalibrated += self._depth is not None
-                image = picture(reader)
+                image = picture(*message)
                 if self._is_later(image.t_s):
                     self._depth = image
                     if not self._wants_colour or self._pair() is not None:

@@ -1,0 +1,280 @@
+"""Signals as standard messages and back: ROS 1, whose users know the paper's topics, and logs of release 0.3 and before.
+
+Belts, seat and ground truth are ``JointState`` messages: names with numbers. What has words is a ``DiagnosticArray``. Quantities
+without a measurement are left out.
+"""
+
+from collections.abc import Callable
+from dataclasses import MISSING, fields
+from functools import cache
+from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
+
+from treadline.core.errors import LogFormatError
+from treadline.core.ports import Truth
+from treadline.core.signals import (
+    BUTTONS,
+    Event,
+    FlipperCommand,
+    FlipperReading,
+    FrameQuality,
+    FreeGround,
+    HeadingEstimate,
+    HeadingFault,
+    HeadingHealth,
+    HeadingMeasurement,
+    MotionPlan,
+    OperatorInput,
+    Phase,
+    PlantState,
+    SeatCommand,
+    SeatReading,
+    StairMap,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.io.messages import JOINTS, STATUS, TRUTH_NAMES, Message, joints, messages_of, status, topic_of
+
+Read = Callable[[Any, float], Any]
+"""Decoder from a message and its stamp [s] to a signal."""
+
+
+def standard_messages_of(signal: Any, topic: str | None = None) -> list[Message]:
+    """Return the messages of a signal in standard types, on the default topic of its type unless ``topic`` is given."""
+    topic = topic or topic_of(signal)
+    match signal:
+        case HeadingEstimate() | HeadingMeasurement():
+            return [messages_of(signal, topic)[0], _Joints(type(signal)).write(signal, f"{topic}/detail")]
+        case StairMap():
+            return [messages_of(signal, topic)[0], _write_map(signal, f"{topic}/detail")]
+        case TrackCommand():
+            return [_write_belts(topic, signal, signal.sender, brake=signal.brake)]
+        case TrackReading():
+            return [_write_belts(topic, signal, "chair", brake=signal.brake_on)]
+        case MotionPlan():
+            return [_write_plan(signal, topic)]
+        case PlantState():
+            level = 0 if signal.fault is None else 2
+            return [status(topic, signal.t_s, (level, "plant", signal.fault or "", "plant"), {}, "chair")]
+        case HeadingHealth():
+            return [_write_health(signal, topic)]
+        case _ if type(signal) in JOINTED:
+            return [_Joints(type(signal)).write(signal, topic)]
+    return messages_of(signal, topic)
+
+
+# ---- JointState ----
+
+
+class _Jointed(NamedTuple):
+    """Signal as a JointState: fields by name of the joint, and the frame: a name, or the field that it holds."""
+
+    frame: str
+    joints: dict[str, str]
+    in_motion: bool = False
+    """Whether the numbers are velocities."""
+
+
+def _by_name(*names: str) -> dict[str, str]:
+    return dict(zip(names, names, strict=True))
+
+
+MAYBE_OF_MAP = ("left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m", "left_seen_m", "right_seen_m")
+"""Numbers of a stair map that a frame may not show."""
+JOINTED: dict[type, _Jointed] = {
+    SeatCommand: _Jointed("sender", {"stroke": "rate_m_s"}, in_motion=True),
+    SeatReading: _Jointed("chair", {"stroke": "stroke_m", "pitch": "pitch_rad"}),
+    FlipperCommand: _Jointed("sender", {"flipper": "rate_rad_s"}, in_motion=True),
+    FlipperReading: _Jointed("chair", {"angle": "angle_rad", "torque": "torque_n_m"}),
+    OperatorInput: _Jointed("operator", _by_name("dead_man", *BUTTONS)),
+    HeadingEstimate: _Jointed("source", _by_name("heading_rad", "heading_rate_rad_s", "sigma_rad")),
+    HeadingMeasurement: _Jointed("camera", _by_name("heading_rad", "sigma_rad", "edge_count", "correction_rad")),
+    FrameQuality: _Jointed("camera", _by_name("fingerprint", "brightness", "contrast", "valid_share", "obstacle_m")),
+    FreeGround: _Jointed("view", _by_name("blind_m", "seen_m", "end_m", "end_sigma_m", "direction_rad", "direction_sigma_rad")),
+    Truth: _Jointed("simulator", _by_name(*TRUTH_NAMES)),
+}
+
+
+@cache
+class _Joints:
+    """Encoder and decoder of a signal of ``JOINTED``."""
+
+    def __init__(self, signal: type) -> None:
+        self._signal, self._form, self._hints = signal, JOINTED[signal], get_type_hints(signal)
+        self._required = tuple(item.name for item in fields(signal) if item.default is MISSING and item.name != "t_s")
+
+    def write(self, signal: Any, topic: str) -> Message:
+        """Return the message of a signal."""
+        known = {name: getattr(signal, item) for name, item in self._form.joints.items()}
+        known = {name: float(value) for name, value in known.items() if value is not None}
+        numbers = tuple(known.values())
+        frame = getattr(signal, self._form.frame, self._form.frame)
+        position, velocity = ((), numbers) if self._form.in_motion else (numbers, ())
+        return joints(topic, signal.t_s, tuple(known), position, velocity, frame)
+
+    def read(self, message: Any, t_s: float) -> Any:
+        """Return the signal of a message; numbers without names are in the order of the form."""
+        values = message.velocity if self._form.in_motion else message.position
+        names = message.name if set(message.name) & set(self._form.joints) else list(self._form.joints)[: len(values)]
+        known = dict(zip(names, _counted(values, len(names)), strict=True))
+        found: dict[str, Any] = {item: known[name] for name, item in self._form.joints.items() if name in known}
+        found |= {item: kind(found[item]) for item, kind in self._hints.items() if item in found and kind in (int, bool)}
+        if self._form.frame in self._hints:
+            hint, word = self._hints[self._form.frame], message.header.frame_id
+            found[self._form.frame] = _one_of(hint, word) if get_origin(hint) is Literal else word
+        lacking = [name for name in self._required if name not in found]
+        if lacking:
+            raise LogFormatError(f"a {self._signal.__name__} lacks {lacking[0]}; is it of another version?")
+        return self._signal(t_s=t_s, **found)
+
+
+def _counted(values: Any, count: int) -> list[float]:
+    """Return the numbers of a JointState after counting them."""
+    if len(values) != count:
+        raise LogFormatError(f"a JointState holds {len(values)} numbers; {count} are required")
+    return [float(value) for value in values]
+
+
+def _one_of(words: Any, word: str) -> Any:
+    """Return a word after checking for membership in a ``Literal``."""
+    known = get_args(words)
+    if word not in known:
+        raise LogFormatError(f"unknown value '{word[:40]}'; known: {', '.join(known)}; is it of another version?")
+    return word
+
+
+def _write_belts(topic: str, belts: TrackCommand | TrackReading, frame: str, *, brake: bool) -> Message:
+    places, speeds = (0.0, 0.0, float(brake)), (belts.left_m_s, belts.right_m_s, 0.0)
+    return joints(topic, belts.t_s, ("left", "right", "brake"), places, speeds, frame)
+
+
+def _read_command(message: Any, t_s: float) -> TrackCommand:
+    left, right, _ = _counted(message.velocity, 3)
+    brake = bool(_counted(message.position, 3)[2])
+    return TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right, brake=brake, sender=message.header.frame_id)
+
+
+def _read_belts(message: Any, t_s: float) -> TrackReading:
+    command = _read_command(message, t_s)
+    return TrackReading(t_s=t_s, left_m_s=command.left_m_s, right_m_s=command.right_m_s, brake_on=command.brake)
+
+
+def _write_map(stair: StairMap, topic: str) -> Message:
+    maybe = {name: getattr(stair, name) for name in MAYBE_OF_MAP}
+    sides = (("left", stair.left_side), ("right", stair.right_side))
+    maybe |= {f"{name}_open": None if side is None else float(side == "open") for name, side in sides}
+    known = {"rise_m": stair.rise_m, "run_m": stair.run_m, "slope_rad": stair.slope_rad, "ends": float(stair.ends)}
+    known |= {name: value for name, value in maybe.items() if value is not None} | {"nosings": float(len(stair.nosings_B))}
+    for i, place in enumerate(stair.nosings_B):
+        known |= {f"nosing{i}_{axis}_m": value for axis, value in zip("xyz", place, strict=True)}
+    return joints(topic, stair.t_s, tuple(known), tuple(known.values()), (), stair.direction)
+
+
+def _read_map(message: Any, t_s: float) -> StairMap:
+    values = dict(zip(message.name, _counted(message.position, len(message.name)), strict=True))
+    places = [tuple(values[f"nosing{i}_{axis}_m"] for axis in "xyz") for i in range(int(values["nosings"]))]
+    sides = {name: values.get(f"{name}_open") for name in ("left", "right")}
+    more: dict[str, Any] = {f"{name}_side": ("wall", "open")[bool(side)] for name, side in sides.items() if side is not None}
+    more |= {name: values.get(name) for name in MAYBE_OF_MAP} | {name: values[name] for name in ("rise_m", "run_m", "slope_rad")}
+    direction = _one_of(Literal["up", "down"], message.header.frame_id)
+    return StairMap(t_s=t_s, direction=direction, nosings_B=tuple(places), ends=bool(values["ends"]), **more)
+
+
+# ---- DiagnosticArray ----
+
+
+class _Standing(NamedTuple):
+    """Single status of a DiagnosticArray of treadline."""
+
+    level: int
+    name: str
+    message: str
+    hardware: str
+    values: dict[str, str]
+
+
+def _status_of(message: Any) -> _Standing:
+    """Return the status in a diagnostic_msgs/DiagnosticArray."""
+    if len(message.status) != 1:
+        raise LogFormatError("a DiagnosticArray of treadline holds one status")
+    (found,) = message.status
+    return _Standing(found.level, found.name, found.message, found.hardware_id, {item.key: item.value for item in found.values})
+
+
+def _write_plan(plan: MotionPlan, topic: str) -> Message:
+    numbers = {"speed_m_s": plan.speed_m_s, "turn_m_s": plan.turn_m_s, "heading_rad": plan.heading_rad}
+    numbers |= {"min_inner_speed_ratio": plan.min_inner_speed_ratio, "pitch_feedforward_m_s": plan.pitch_feedforward_m_s}
+    numbers |= {} if plan.flipper is None else {"flipper_t_s": plan.flipper.t_s, "flipper_rad_s": plan.flipper.rate_rad_s}
+    values = {name: repr(float(value)) for name, value in numbers.items() if value is not None}
+    values |= {"needs_stair": str(plan.needs_stair)} | ({} if plan.hold is None else {"hold": plan.hold})
+    return status(topic, plan.t_s, (int(plan.hold is not None), plan.phase, plan.cause, "plan"), values, "chair")
+
+
+def _read_plan(message: Any, t_s: float) -> MotionPlan:
+    found = _status_of(message)
+    words, numbers = ("needs_stair", "hold"), dict(found.values)
+    needs_stair, hold = (numbers.pop(name, None) for name in words)
+    known = {name: float(value) for name, value in numbers.items()}
+    flipper = (
+        FlipperCommand(t_s=known.pop("flipper_t_s"), rate_rad_s=known.pop("flipper_rad_s")) if "flipper_t_s" in known else None
+    )
+    phase = _one_of(Phase, found.name)
+    if "speed_m_s" not in known or not known.keys() <= {item.name for item in fields(MotionPlan)}:
+        raise LogFormatError("a plan without a speed, or with unknown numbers; is it of another version?")
+    more: dict[str, Any] = known
+    return MotionPlan(
+        t_s=t_s, phase=phase, flipper=flipper, needs_stair=needs_stair == "True", cause=found.message, hold=hold, **more
+    )
+
+
+OF_HEALTH = ("disagreement_rad", "unseen_s", "bias_rad_s", "scale", "walk_rad_rts")
+"""Numbers of a filter's health that are always known."""
+
+
+def _write_health(health: HeadingHealth, topic: str) -> Message:
+    numbers = {name: getattr(health, name) for name in ("since_s", *OF_HEALTH)}
+    values = {name: repr(float(value)) for name, value in numbers.items() if value is not None}
+    header = (int(health.fault is not None), health.fault or "", health.cause or "", "heading filter")
+    return status(topic, health.t_s, header, values, "stair")
+
+
+def _read_health(message: Any, t_s: float) -> HeadingHealth:
+    found = _status_of(message)
+    fault = _one_of(HeadingFault, found.name) if found.name else None
+    numbers = {name: float(found.values[name]) for name in OF_HEALTH}
+    since_s = float(found.values["since_s"]) if "since_s" in found.values else None
+    return HeadingHealth(t_s=t_s, fault=fault, since_s=since_s, cause=found.message or None, **numbers)
+
+
+def _read_event(message: Any, t_s: float) -> Event:
+    """Return the event in a DiagnosticArray."""
+    found = _status_of(message)
+    return Event(t_s=t_s, name=found.name, cause=found.message)
+
+
+def _read_plant(message: Any, t_s: float) -> PlantState:
+    found = _status_of(message)
+    return PlantState(t_s=t_s, fault=found.message if found.level else None)
+
+
+STANDARD: dict[tuple[str, str], Read] = {
+    ("/tracks/cmd", JOINTS): _read_command,
+    ("/tracks/state", JOINTS): _read_belts,
+    ("/seat/cmd", JOINTS): _Joints(SeatCommand).read,
+    ("/seat/state", JOINTS): _Joints(SeatReading).read,
+    ("/flipper/cmd", JOINTS): _Joints(FlipperCommand).read,
+    ("/flipper/state", JOINTS): _Joints(FlipperReading).read,
+    ("/arm/cmd", JOINTS): _Joints(FlipperCommand).read,  # logs of release 0.1
+    ("/arm/state", JOINTS): _Joints(FlipperReading).read,
+    ("/operator", JOINTS): _Joints(OperatorInput).read,
+    ("/camera/quality", JOINTS): _Joints(FrameQuality).read,
+    ("/ground", JOINTS): _Joints(FreeGround).read,
+    ("/stair/heading/detail", JOINTS): _Joints(HeadingEstimate).read,
+    ("/stair/heading_measured/detail", JOINTS): _Joints(HeadingMeasurement).read,
+    ("/stair/map/detail", JOINTS): _read_map,
+    ("/truth", JOINTS): _Joints(Truth).read,
+    ("/stair/heading/health", STATUS): _read_health,
+    ("/plan", STATUS): _read_plan,
+    ("/plant/state", STATUS): _read_plant,
+    ("/diagnostics", STATUS): _read_event,
+}
+"""Decoder of a topic of a standard type."""
