@@ -143,6 +143,18 @@ def at_the_crest(staircase: Staircase, before_m: float) -> tuple[float, Float[np
     return slope, np.array([last.x_m - before_m * math.cos(slope), 0.0, last.z_m - before_m * math.sin(slope)])
 
 
+@pytest.mark.parametrize("slope_deg", [25.0, 28.0])
+def test_treads_above_open_risers_are_no_end_of_the_ground(slope_deg: float) -> None:
+    """Test: a chair that mounts, its rear on the floor, its front pulley on the first nosing. Expected result: no end, at any pitch
+    on the way up; through the gaps the rays go on to the floor."""
+    stair = Stair(slope_deg=slope_deg, steps=12, open_risers=True)
+    staircase = build_staircase(stair, np.random.default_rng(1))
+    for pitch_deg in (0.0, 3.0, 5.0, 6.5, 8.0, 12.0, 16.0, 20.0):
+        pitch = pitch_deg * DEG
+        p_WB = np.array([staircase.steps[0].x_m - 0.5 * math.cos(pitch), 0.0, 0.475 * math.sin(pitch)])
+        assert ground_ahead(*seen([*solids_of(stair_boxes(staircase)), GROUND], pitch, p_WB)).free.end_m is None
+
+
 @pytest.mark.parametrize("before_m", [0.0, 0.3, 0.5])
 @pytest.mark.parametrize("beyond_m", [1.2, 1.6, 2.0])
 def test_a_box_on_the_landing_is_reported_from_the_flight_by_its_distance(before_m: float, beyond_m: float) -> None:

@@ -81,7 +81,7 @@ def ground_ahead(frame: RgbdFrame, gravity_C: Vector3, swept_half_m: float = SWE
     origin = axes @ R_BC.T @ np.array(camera.mount_m)
     lean_rad, start_m = math.atan2(float(R_BC[2] @ ahead), float(R_BC[2] @ up)), max(float(origin[0]), 0.0)
     is_level = abs(lean_rad) < FLAT_RAD
-    level_m = 0.0 if is_level else _level_m(frame, axes, origin, is_highest=way > 0.0)
+    level_m = 0.0 if is_level else _level_m(frame, axes, origin, swept_half_m, is_highest=way > 0.0)
     ground = FreeGround(t_s=frame.t_s, view="front" if way > 0.0 else "rear", blind_m=RANGE_M, seen_m=RANGE_M)
     if level_m is None:
         return GroundProfile(free=ground, obstacle_m=None)
@@ -122,8 +122,11 @@ def blind_distance_m(camera: PinholeCamera, axes: Float[np.ndarray, "3 3"], orig
     return float(far_m[seen[0]]) if seen.size else math.inf
 
 
-def _level_m(frame: RgbdFrame, axes: Float[np.ndarray, "3 3"], origin: Vector3, *, is_highest: bool) -> float | None:
-    """Return the height of the highest or lowest level that is wide enough to drive on [m]; None without one."""
+def _level_m(frame: RgbdFrame, axes: Float[np.ndarray, "3 3"], origin: Vector3, half_m: float, *, is_highest: bool) -> float | None:
+    """Return the height of the highest or lowest level that is large enough to drive on [m]; None without one.
+
+    Its length counts over the swept width alone: a string or a rail beside the flight passes through all heights.
+    """
     step = max(1, round(frame.camera.height_px / 60))
     pixels = step * np.indices(frame.depth_m[::step, ::step].shape)
     depth_m = np.where(frame.depth_m > 0.0, frame.depth_m, np.nan)[::step, ::step]
@@ -136,7 +139,8 @@ def _level_m(frame: RgbdFrame, axes: Float[np.ndarray, "3 3"], origin: Vector3, 
     bins = np.floor(patches[:, 2] / DROP_M)
     for place in sorted(set(bins.tolist()), reverse=is_highest):
         here = (bins == place) | (bins == place + (-1.0 if is_highest else 1.0))
-        if here.sum() >= POINTS and (np.ptp(patches[here, :2], axis=0) > LEVEL_SIZE_M).all():
+        swept, width_m = patches[here & (np.abs(patches[:, 1]) < half_m), 0], np.ptp(patches[here, 1])
+        if here.sum() >= POINTS and width_m > LEVEL_SIZE_M[1] and swept.size and np.ptp(swept) > LEVEL_SIZE_M[0]:
             return float(np.median(patches[here, 2]))
     return None
 
