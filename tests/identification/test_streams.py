@@ -40,7 +40,7 @@ def test_a_stream_that_begins_at_rest_is_identified(draw: Draw, eq_12: LinearMod
 
 
 def test_a_long_initial_rest_is_truncated_and_reported(draw: Draw, eq_12: LinearModel, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stream, "KEPT", 300)
+    monkeypatch.setattr(stream, "RECENT", 300)
     found = fit_chunks(in_chunks(after_standing(draw(0), 1000), 100))
     assert_eq_12(found, eq_12)
     assert any("the first 700 samples, with a constant channel" in warning for warning in found.report.warnings)
@@ -118,7 +118,7 @@ def test_chunks_of_unequal_length_give_the_same_order(draw: Draw, rows: list[int
 
 
 def test_data_before_a_long_pause_are_used_for_validation_if_no_data_follow(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stream, "KEPT", 100)
+    monkeypatch.setattr(stream, "RECENT", 100)
     record = draw(0)
     found = fit_chunks(in_chunks(with_gaps(record, slice(850, 1000)), 60))
     assert sum(len(part_) for part_ in found.judged) == 100
@@ -135,7 +135,7 @@ def test_a_stream_with_too_many_gaps_is_rejected(draw: Draw, share: float) -> No
 
 
 def test_figures_are_on_the_last_samples_of_several_experiments(draw: Draw, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stream, "KEPT", 250)
+    monkeypatch.setattr(stream, "RECENT", 250)
     records = [draw(0), draw(1)]
     found = fit_chunks(in_chunks(records[0], 90), in_chunks(part(records[1], 0, 100), 90))
     assert [len(record) for record in found.judged] == [150, 100]

@@ -49,6 +49,7 @@ from treadline.identification._turn_model import (
     sign_warning,
     turn_model,
 )
+from treadline.identification.options import RECENT
 
 P_VALUE_LIMIT = 0.01
 """p-value below which a residual test is reported as failed."""
@@ -170,16 +171,12 @@ def validation_scores(model: LinearModel, judged: Sequence[InputOutputRecord]) -
     )
 
 
-JUDGED_SAMPLES = 20_000
-"""Number of most recent samples on which the share of the variance in a model's provenance is measured."""
-
-
 def explained_percent(model: LinearModel, judged: Sequence[InputOutputRecord]) -> dict[str, float]:
     """Return the share of each output's variance that the printed fit or the one-step prediction explains, the larger of both [%].
 
     The free run of a heading drifts with the smallest disturbance: of the paper's ten excitations it explains 0 to 16 %.
     """
-    recent = linear_systems.most_recent(judged, JUDGED_SAMPLES)
+    recent = linear_systems.most_recent(judged, RECENT)
     # What is left of a record may be too short to judge by.
     shortest = min(len(recent[-1]), max(TESTED_SAMPLES_MIN, min(len(record) for record in judged)))
     compared = [compare(model, record) for record in recent if len(record) >= shortest]

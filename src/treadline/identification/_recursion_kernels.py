@@ -141,15 +141,3 @@ def tangents(A, B, C, u, dA, dB, dC, dD):
         x, following = following, x
         dx, next_dx = next_dx, dx
     return J
-
-
-@njit(cache=True)
-@no_type_check
-def all_pole(a, x):
-    """Return the columns of x filtered by 1 / (1 + a_1 q⁻¹ + … + a_n q⁻ⁿ)."""
-    made = x.copy()
-    for t in range(1, len(x)):
-        for k in range(1, min(len(a), t) + 1):
-            for c in range(x.shape[1]):
-                made[t, c] -= a[k - 1] * made[t - k, c]
-    return made

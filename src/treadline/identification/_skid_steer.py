@@ -19,10 +19,8 @@ from scipy.signal import lfilter
 from treadline.core.models import InputOutputRecord
 from treadline.identification._belts import DifferentialInput, named_belts, turn_channels, turn_rate
 from treadline.identification._pole_intervals import MEMORY
-from treadline.identification.options import LAGS_MOST, ROWS_PER_PARAMETER
+from treadline.identification.options import LAGS_MOST, RECENT, ROWS_PER_PARAMETER
 
-ROWS_MOST = 20_000
-"""Number of most recent rows that are fitted."""
 NOISE_LAGS = 6
 """Lags of the noise's autoregression: slip and measurement noise need two, the noise of a differenced heading more."""
 DECAYS = (0.0, 0.3, 0.5, 0.65, 0.75, 0.85, 0.9, 0.95, 0.975)
@@ -225,7 +223,7 @@ class _Run:
 
 def _runs(records: Sequence[InputOutputRecord]) -> list[_Run]:
     """Return the unbroken runs of the most recent rows."""
-    runs, left = [], ROWS_MOST
+    runs, left = [], RECENT
     for record in reversed(records):
         rate = turn_rate(record.y, records[0].output_names, record.dt_s)
         u = record.u[: len(rate)]

@@ -17,14 +17,12 @@ from treadline.identification._from_gram import from_gram, provenance_of
 from treadline.identification._gram import Gram, GramBuilder, Units
 from treadline.identification._identified import Identified
 from treadline.identification._threads import one_thread
-from treadline.identification.options import DEFAULT_OPTIONS, LAGS_MOST, IdentificationOptions, max_supported_lags
+from treadline.identification.options import DEFAULT_OPTIONS, LAGS_MOST, RECENT, IdentificationOptions, max_supported_lags
 
 METHODS = ("pbsid", "okid-era")
 """Methods that need only the Gram matrix; refinements need all samples."""
 WHOLE_RECORD_OPTIONS = ("delays", "stable", "validation", "prior", "forgetting")
 """Options that need all samples at once, so that chunks reject them."""
-KEPT = 20_000
-"""Number of most recent samples kept for validation."""
 
 
 @one_thread()
@@ -130,9 +128,9 @@ def _start(chunks: Iterator[_Chunk], lags: int | None, order: int | None) -> _St
         except PoorExcitation as error:
             rejection = error
         samples = sum(len(item.record) for item in waiting)
-        if found is not None and (lags is not None or found.lags == LAGS_MOST or samples >= KEPT):
+        if found is not None and (lags is not None or found.lags == LAGS_MOST or samples >= RECENT):
             break
-        while samples - len(waiting[0].record) >= KEPT:
+        while samples - len(waiting[0].record) >= RECENT:
             left_out, samples = left_out + len(waiting[0].record), samples - len(waiting[0].record)
             waiting = waiting[1:]
     if found is None:
@@ -164,5 +162,5 @@ def _gram_of_chunks(start: _Start, rest: Iterator[_Chunk], solver: str) -> tuple
         if chunk.begins:
             builder.begin()
         builder.add(chunk.record.u, chunk.record.y)
-        last = most_recent(_with(last, chunk), KEPT)
+        last = most_recent(_with(last, chunk), RECENT)
     return replace(builder.finish(), names=channel_names(first)), last

@@ -140,6 +140,8 @@ DEFAULT_OPTIONS = IdentificationOptions()
 """Options that leave every choice to the data."""
 
 
+RECENT = 20_000
+"""Most recent samples of steps whose result more samples would hardly change: dead time, yaw gain, and scores."""
 LAGS_MOST = 40
 """Largest number of lags tried by default."""
 WINDOWS_LEAVE = 0.4
