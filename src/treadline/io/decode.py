@@ -11,8 +11,8 @@ import numpy as np
 from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.signals import ImuSample
-from treadline.io.message_types import PACKAGE, message_of, stamped_s
-from treadline.io.messages import CAMERA_INFO, IMAGE, IMU, KINDS, form_of
+from treadline.io.message_types import message_of, stamped_s
+from treadline.io.messages import CAMERA_INFO, IMAGE, IMU, OWN, form_of
 from treadline.io.standard_messages import STANDARD, Read
 
 HEADINGS, EVENTS = "/stair/heading_measured/detail", "/diagnostics"
@@ -28,10 +28,8 @@ OURS = frozenset({
 
 def signal_reader(topic: str, kind: str) -> Read | None:
     """Return the decoder of a topic's messages to signals, from message and stamp [s]; None if the type means something else."""
-    package, _, name = kind.rpartition("/msg/")
-    if package == PACKAGE:
-        return next((form_of(signal).decode for signal, (known, _) in KINDS.items() if known == name), None)
-    return imu if kind == IMU else STANDARD.get((topic, kind))
+    own = next((form_of(signal).decode for signal, own in OWN.items() if own.kind == kind), None)
+    return own or (imu if kind == IMU else STANDARD.get((topic, kind)))
 
 
 class LogDecoder:
@@ -54,18 +52,16 @@ class LogDecoder:
         if topic == INFO:
             return self._frame(t_s, calibration(message))
         self._images[topic] = picture(message, t_s)
-        if self._images[topic].encoding != IMAGES[topic]:
-            raise LogFormatError(f"{topic} has the encoding '{self._images[topic].encoding}'; '{IMAGES[topic]}' is required")
         return None
 
     def _frame(self, t_s: float, camera: PinholeCamera) -> RgbdFrame:
-        rgb, depth = (self._images.get(topic) for topic in IMAGES)
-        for image in (rgb, depth):
-            if image is None or image.t_s != t_s or image.pixels.shape[:2] != (camera.height_px, camera.width_px):
-                raise LogFormatError(f"the calibration at {t_s} s has no images of its time and size")
-        assert rgb is not None  # noqa: S101 - for the type checker
-        assert depth is not None  # noqa: S101 - the same
-        return RgbdFrame(t_s=t_s, rgb=rgb.pixels, depth_m=depth.pixels, camera=camera)
+        size = camera.height_px, camera.width_px
+        for topic, encoding in IMAGES.items():
+            image = self._images.get(topic)
+            if image is None or (image.t_s, image.encoding, image.pixels.shape[:2]) != (t_s, encoding, size):
+                raise LogFormatError(f"the calibration at {t_s} s has no '{encoding}' image of its time and size on {topic}")
+        rgb, depth = (self._images[topic].pixels for topic in IMAGES)
+        return RgbdFrame(t_s=t_s, rgb=rgb, depth_m=depth, camera=camera)
 
 
 IMAGES, INFO = {"/camera/color/image_raw": "rgb8", "/camera/depth/image_rect": "32FC1"}, "/camera/color/camera_info"

@@ -23,6 +23,7 @@ CDR = b"\x00\x01\x00\x00"
 """Encapsulation header: CDR, little-endian."""
 _CODES = {
     "bool": "?", "byte": "B", "uint8": "B", "int32": "i", "uint32": "I", "uint64": "Q", "float32": "f", "float64": "d",
+    "string": "s",
 }  # fmt: skip
 """Codes of ``struct``; a text is a count and bytes."""
 MOST_ELEMENTS = 1 << 28
@@ -106,26 +107,26 @@ def _texts(kind: str, lengths: tuple[int, ...]) -> tuple[int, ...]:
 
 def _leaves(kind: str, lengths: Iterator[int]) -> Iterator[tuple[str, str]]:
     """Yield name and code of each value of a message; ``s`` is a text or a sequence of bytes."""
-    for name, (node, of) in store().fielddefs[kind][1]:
-        if node in (Nodetype.BASE, Nodetype.NAME):
-            yield from _parts(name, (node, of), lengths)
-        elif node == Nodetype.SEQUENCE and of[0] == (Nodetype.BASE, ("uint8", 0)):
-            yield name, "s"
-        else:
-            count = of[1]
-            if node == Nodetype.SEQUENCE:
-                count = next(lengths)
-                yield name, "I"
-            for k in range(count):
-                yield from _parts(f"{name}[{k}]", of[0], lengths)
+    for name, field in store().fielddefs[kind][1]:
+        yield from _parts(name, field, lengths)
 
 
 def _parts(name: str, field: tuple[Any, Any], lengths: Iterator[int]) -> Iterator[tuple[str, str]]:
+    """Yield name and code of each value of a field."""
     node, of = field
     if node == Nodetype.BASE:
-        yield name, "s" if of[0] == "string" else _CODES[of[0]]
-    else:
+        yield name, _CODES[of[0]]
+    elif node == Nodetype.NAME:
         yield from ((f"{name}.{inner}", code) for inner, code in _leaves(of, lengths))
+    elif node == Nodetype.SEQUENCE and of[0] == (Nodetype.BASE, ("uint8", 0)):
+        yield name, "s"
+    else:
+        count = of[1]
+        if node == Nodetype.SEQUENCE:
+            count = next(lengths)
+            yield name, "I"
+        for k in range(count):
+            yield from _parts(f"{name}[{k}]", of[0], lengths)
 
 
 def seconds_of(time_ns: int) -> float:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from operator import attrgetter
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -51,25 +51,37 @@ TRUTH_NAMES = tuple(item.name for item in fields(Truth) if item.name != "t_s")
 """Names of the ground-truth quantities in a log."""
 
 
-KINDS: dict[type, tuple[str, str]] = {
-    TrackCommand: ("BeltCommand", "base_link"),
-    TrackReading: ("BeltState", "base_link"),
-    SeatCommand: ("SeatCommand", "base_link"),
-    SeatReading: ("SeatState", "base_link"),
-    FlipperCommand: ("FlipperCommand", "base_link"),
-    FlipperReading: ("FlipperState", "base_link"),
-    OperatorInput: ("OperatorInput", "base_link"),
-    PlantState: ("PlantState", "base_link"),
-    FrameQuality: ("FrameQuality", "base_link"),
-    FreeGround: ("FreeGround", "base_link"),
-    HeadingMeasurement: ("StairHeadingMeasurement", "stair"),
-    HeadingEstimate: ("StairHeading", "stair"),
-    HeadingHealth: ("HeadingHealth", "base_link"),
-    StairMap: ("StairMap", "base_link"),
-    MotionPlan: ("MotionPlan", "base_link"),
-    Truth: ("Truth", "world"),
+class _Own(NamedTuple):
+    """How a signal travels in ``treadline_msgs``: its default topic, the name of its message type, the frame in the header."""
+
+    topic: str
+    message: str
+    frame: str = "base_link"
+
+    @property
+    def kind(self) -> str:
+        """Message type as ROS 2 writes it."""
+        return f"{PACKAGE}/msg/{self.message}"
+
+
+OWN: dict[type, _Own] = {
+    TrackCommand: _Own("/tracks/cmd", "BeltCommand"),
+    TrackReading: _Own("/tracks/state", "BeltState"),
+    SeatCommand: _Own("/seat/cmd", "SeatCommand"),
+    SeatReading: _Own("/seat/state", "SeatState"),
+    FlipperCommand: _Own("/flipper/cmd", "FlipperCommand"),
+    FlipperReading: _Own("/flipper/state", "FlipperState"),
+    OperatorInput: _Own("/operator", "OperatorInput"),
+    PlantState: _Own("/plant/state", "PlantState"),
+    FrameQuality: _Own("/camera/quality", "FrameQuality"),
+    FreeGround: _Own("/ground", "FreeGround"),
+    HeadingMeasurement: _Own("/stair/heading_measured", "StairHeadingMeasurement", "stair"),
+    HeadingEstimate: _Own("/stair/heading", "StairHeading", "stair"),
+    HeadingHealth: _Own("/stair/heading/health", "HeadingHealth"),
+    StairMap: _Own("/stair/map", "StairMap"),
+    MotionPlan: _Own("/plan", "MotionPlan"),
+    Truth: _Own("/truth", "Truth", "world"),
 }
-"""Signals with a message type in ``treadline_msgs``: its name, and the frame in its header."""
 
 
 class _Form:
@@ -77,13 +89,11 @@ class _Form:
 
     Args:
         signal: Type of the signal.
-        name: Name of its message type.
-        frame: Frame in the header.
     """
 
-    def __init__(self, signal: type, name: str, frame: str) -> None:
-        self.kind = f"{PACKAGE}/msg/{name}"
-        self._signal, self._frame = signal, frame
+    def __init__(self, signal: type) -> None:
+        self._signal = signal
+        self._frame, self.kind = OWN[signal].frame, OWN[signal].kind
         constants, described = store().fielddefs[self.kind]
         self._fields = tuple(name for name, _ in described[1:])
         self._names = tuple(_RENAMED.get(name, name) for name in self._fields)
@@ -159,9 +169,9 @@ _FORMS: dict[type, _Form] = {}
 
 
 def form_of(signal: type) -> _Form:
-    """Return type, encoder and decoder of a signal of ``KINDS``."""
+    """Return encoder and decoder of a signal of ``OWN``."""
     if signal not in _FORMS:
-        _FORMS[signal] = _Form(signal, *KINDS[signal])
+        _FORMS[signal] = _Form(signal)
     return _FORMS[signal]
 
 
@@ -259,23 +269,11 @@ def _known_type(signal: Any) -> tuple[str, Write]:
 
 
 _WRITERS: dict[type, tuple[str, Write]] = {
+    **{signal: (own.topic, _own) for signal, own in OWN.items()},
+    HeadingMeasurement: (OWN[HeadingMeasurement].topic, _heading),
+    HeadingEstimate: (OWN[HeadingEstimate].topic, _heading),
+    StairMap: (OWN[StairMap].topic, _stair_map),
     ImuSample: ("/imu", _imu),
     RgbdFrame: ("/camera", _frame),
-    FrameQuality: ("/camera/quality", _own),
-    FreeGround: ("/ground", _own),
-    HeadingMeasurement: ("/stair/heading_measured", _heading),
-    HeadingEstimate: ("/stair/heading", _heading),
-    HeadingHealth: ("/stair/heading/health", _own),
-    StairMap: ("/stair/map", _stair_map),
-    MotionPlan: ("/plan", _own),
     Event: ("/diagnostics", _event),
-    Truth: ("/truth", _own),
-    TrackCommand: ("/tracks/cmd", _own),
-    TrackReading: ("/tracks/state", _own),
-    PlantState: ("/plant/state", _own),
-    SeatCommand: ("/seat/cmd", _own),
-    SeatReading: ("/seat/state", _own),
-    FlipperCommand: ("/flipper/cmd", _own),
-    FlipperReading: ("/flipper/state", _own),
-    OperatorInput: ("/operator", _own),
 }

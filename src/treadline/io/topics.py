@@ -17,12 +17,13 @@ from jaxtyping import Float32, UInt8
 
 from treadline.core.camera_images import MOUNT_FIELDS, PinholeCamera, RgbdFrame
 from treadline.core.errors import ImageError, LogFormatError, SettingsError
+from treadline.core.signals import HeadingMeasurement
 from treadline.io._tables import listed
 from treadline.io.decode import HEADINGS, Picture, signal_reader
 from treadline.io.mcap_read import Packet, RecordedTopic, mcap_messages
 from treadline.io.message_files import READERS, damage, parts_of
 from treadline.io.message_types import message_of, stamped_s
-from treadline.io.messages import CAMERA_INFO, COMPRESSED, IMAGE, IMU, JOINTS
+from treadline.io.messages import CAMERA_INFO, COMPRESSED, IMAGE, IMU, JOINTS, OWN
 
 DEPTH_ENCODINGS = ("16UC1", "32FC1", "mono16")
 """Encodings of depth images."""
@@ -68,7 +69,7 @@ KINDS_OF_ROLES = {
     "info": (CAMERA_INFO,),
     "imu": (IMU,),
     "accel": (IMU,),
-    "headings": ("treadline_msgs/msg/StairHeadingMeasurement", JOINTS),
+    "headings": (OWN[HeadingMeasurement].kind, JOINTS),
 }
 """Message types of each role."""
 

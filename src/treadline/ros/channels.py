@@ -5,25 +5,8 @@ Paper: Fig. 7.
 
 from dataclasses import dataclass
 
-from treadline.core.ports import Truth
-from treadline.core.signals import (
-    FlipperCommand,
-    FlipperReading,
-    FrameQuality,
-    FreeGround,
-    HeadingEstimate,
-    HeadingHealth,
-    HeadingMeasurement,
-    MotionPlan,
-    OperatorInput,
-    PlantState,
-    SeatCommand,
-    SeatReading,
-    StairMap,
-    TrackCommand,
-    TrackReading,
-)
-from treadline.io.messages import CAMERA_INFO, IMAGE, JOINTS, POSE, POSES, STATUS, form_of
+from treadline.io.message_types import PACKAGE
+from treadline.io.messages import CAMERA_INFO, IMAGE, JOINTS, POSE, POSES, STATUS
 from treadline.io.messages import IMU as IMU_TYPE
 from treadline.io.scene_messages import FRAMES, ODOMETRY
 
@@ -54,7 +37,7 @@ ODOM, MOUNTS = "/odom", "/tf_static"
 JOINT_STATES = "/joint_states"
 
 CLOCK_TYPE, TWIST_TYPE = "rosgraph_msgs/msg/Clock", "geometry_msgs/msg/Twist"
-GUARD_TYPE = "treadline_msgs/msg/GuardState"
+GUARD_TYPE = f"{PACKAGE}/msg/GuardState"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,12 +72,12 @@ def _one(name: str, kind: str, depth: int) -> Channel:
     return Channel(topics=(Topic(name=name, kind=kind),), depth=depth)
 
 
-def _own(name: str, signal: type, depth: int, ros1: str = JOINTS) -> Channel:
-    return Channel(topics=(Topic(name=name, kind=form_of(signal).kind, ros1=ros1),), depth=depth)
+def _own(name: str, message: str, depth: int, ros1: str = JOINTS) -> Channel:
+    return Channel(topics=(Topic(name=name, kind=f"{PACKAGE}/msg/{message}", ros1=ros1),), depth=depth)
 
 
-def _with_detail(name: str, pose: str, signal: type, depth: int) -> Channel:
-    (detail,) = _own(f"{name}/detail", signal, depth).topics
+def _with_detail(name: str, pose: str, message: str, depth: int) -> Channel:
+    (detail,) = _own(f"{name}/detail", message, depth).topics
     return Channel(topics=(Topic(name=name, kind=pose, read=False), detail), depth=depth)
 
 
@@ -104,11 +87,11 @@ SECOND = 100
 CHANNELS: dict[str, Channel] = {
     CLOCK: _one(CLOCK, CLOCK_TYPE, 1),
     IMU: _one(IMU, IMU_TYPE, SECOND),
-    TRACKS: _own(TRACKS, TrackReading, SECOND),
-    SEAT: _own(SEAT, SeatReading, SECOND),
-    FLIPPER: _own(FLIPPER, FlipperReading, SECOND),
-    OPERATOR: _own(OPERATOR, OperatorInput, 10),
-    PLANT: _own(PLANT, PlantState, 10, STATUS),
+    TRACKS: _own(TRACKS, "BeltState", SECOND),
+    SEAT: _own(SEAT, "SeatState", SECOND),
+    FLIPPER: _own(FLIPPER, "FlipperState", SECOND),
+    OPERATOR: _own(OPERATOR, "OperatorInput", 10),
+    PLANT: _own(PLANT, "PlantState", 10, STATUS),
     CAMERA: Channel(
         topics=(
             Topic(name="/camera/color/image_raw", kind=IMAGE),
@@ -117,24 +100,24 @@ CHANNELS: dict[str, Channel] = {
         ),
         depth=2,
     ),
-    CAMERA_HEADING: _with_detail(CAMERA_HEADING, POSE, HeadingMeasurement, 10),
-    CAMERA_MAP: _with_detail(CAMERA_MAP, POSES, StairMap, 10),
-    CAMERA_QUALITY: _own(CAMERA_QUALITY, FrameQuality, 10),
-    QUALITY: _own(QUALITY, FrameQuality, 10),
-    GROUND: _own(GROUND, FreeGround, 10),
-    MEASURED: _with_detail(MEASURED, POSE, HeadingMeasurement, 10),
-    MAP: _with_detail(MAP, POSES, StairMap, 10),
-    ESTIMATE: _with_detail(ESTIMATE, POSE, HeadingEstimate, 1),
-    HEALTH: _own(HEALTH, HeadingHealth, 10, STATUS),
-    PLAN: _own(PLAN, MotionPlan, 1, STATUS),
-    TRACKS_PROPOSED: _own(TRACKS_PROPOSED, TrackCommand, 1),
-    SEAT_PROPOSED: _own(SEAT_PROPOSED, SeatCommand, 1),
-    TRACKS_CMD: _own(TRACKS_CMD, TrackCommand, 1),
-    SEAT_CMD: _own(SEAT_CMD, SeatCommand, 1),
-    FLIPPER_CMD: _own(FLIPPER_CMD, FlipperCommand, 1),
-    GUARD: Channel(topics=(Topic(name=GUARD, kind=GUARD_TYPE, ros1=STATUS),), depth=10),
+    CAMERA_HEADING: _with_detail(CAMERA_HEADING, POSE, "StairHeadingMeasurement", 10),
+    CAMERA_MAP: _with_detail(CAMERA_MAP, POSES, "StairMap", 10),
+    CAMERA_QUALITY: _own(CAMERA_QUALITY, "FrameQuality", 10),
+    QUALITY: _own(QUALITY, "FrameQuality", 10),
+    GROUND: _own(GROUND, "FreeGround", 10),
+    MEASURED: _with_detail(MEASURED, POSE, "StairHeadingMeasurement", 10),
+    MAP: _with_detail(MAP, POSES, "StairMap", 10),
+    ESTIMATE: _with_detail(ESTIMATE, POSE, "StairHeading", 1),
+    HEALTH: _own(HEALTH, "HeadingHealth", 10, STATUS),
+    PLAN: _own(PLAN, "MotionPlan", 1, STATUS),
+    TRACKS_PROPOSED: _own(TRACKS_PROPOSED, "BeltCommand", 1),
+    SEAT_PROPOSED: _own(SEAT_PROPOSED, "SeatCommand", 1),
+    TRACKS_CMD: _own(TRACKS_CMD, "BeltCommand", 1),
+    SEAT_CMD: _own(SEAT_CMD, "SeatCommand", 1),
+    FLIPPER_CMD: _own(FLIPPER_CMD, "FlipperCommand", 1),
+    GUARD: _own(GUARD, "GuardState", 10, STATUS),
     DIAGNOSTICS: _one(DIAGNOSTICS, STATUS, SECOND),
-    TRUTH: _own(TRUTH, Truth, 10),
+    TRUTH: _own(TRUTH, "Truth", 10),
     TWIST: _one(TWIST, TWIST_TYPE, 1),
     ODOM: Channel(topics=(Topic(name=ODOM, kind=ODOMETRY), Topic(name="/tf", kind=FRAMES, read=False)), depth=10),
     JOINT_STATES: Channel(topics=(Topic(name=JOINT_STATES, kind=JOINTS, read=False),), depth=10),

@@ -7,7 +7,7 @@ with no ROS installed: MCAP, ROS 1's .bag and ROS 2's SQLite. They are read back
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 
@@ -27,18 +27,7 @@ from treadline.ros._codec import encoded
 from treadline.ros._node_signals import Beat, Mounts
 
 
-@runtime_checkable
-class Bag(Protocol):
-    """Takes signals until it is closed."""
-
-    def __call__(self, signal: Any, taken_s: float | None = None) -> None:
-        """Write one signal, taken at ``taken_s`` on the mission clock; at its stamp where that is left out."""
-
-    def close(self) -> None:
-        """Finish the file."""
-
-
-def open_bag(path: Path) -> Bag:
+def open_bag(path: Path) -> "RunLog | _RosBag":
     """Return the bag that a name's ending asks for.
 
     Raises:
@@ -91,11 +80,8 @@ def _messages(signal: Any, *, ros1: bool = False) -> list[Message]:
     return encoded(topic_of(signal) if channel is None else channel, signal, ros1=ros1)
 
 
-Opened = tuple[Any, Any]
-"""Writer of rosbags, and its store of types."""
-
-
-def _ros1(temporary: Path) -> Opened:
+def _ros1(temporary: Path) -> tuple[Any, Any]:
+    """Return a writer of rosbags, and its store of types."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -108,14 +94,15 @@ def _ros1(temporary: Path) -> Opened:
     return writer, known
 
 
-def _ros2(temporary: Path) -> Opened:
+def _ros2(temporary: Path) -> tuple[Any, Any]:
+    """Return a writer of rosbags, and its store of types."""
     from rosbags.rosbag2 import StoragePlugin, Writer
 
     shutil.rmtree(temporary, ignore_errors=True)
     return Writer(temporary, version=9, storage_plugin=StoragePlugin.SQLITE3), store()
 
 
-_OPENERS: dict[str, Callable[[Path], Opened]] = {".bag": _ros1, ".db3": _ros2}
+_OPENERS: dict[str, Callable[[Path], tuple[Any, Any]]] = {".bag": _ros1, ".db3": _ros2}
 
 
 INPUTS = ("left_m_s", "right_m_s")
@@ -144,7 +131,7 @@ class RecorderNode:
         if self._folder is not None:
             clear_run(self._folder)
             self._folder.mkdir(parents=True, exist_ok=True)
-        self._bag: Bag = open_bag(out if self._folder is None else self._folder / LOG)
+        self._bag = open_bag(out if self._folder is None else self._folder / LOG)
         self._channels = tuple(channel for channel in on.LOGGED if frames or channel != on.CAMERA)
         self._period_s = period_s
         self._every = round(period_s / TICK_S)

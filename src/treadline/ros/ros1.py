@@ -2,6 +2,7 @@
 
 import importlib
 import sys
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -119,20 +120,12 @@ def _bytes_of(message: Any) -> bytes:
 
 
 def _modules() -> tuple[Any, Any]:
+    if find_spec("rospy") is None and DEBIAN.is_dir():
+        sys.path.append(str(DEBIAN))
+        importlib.invalidate_caches()
     try:
-        return _import()
-    except ImportError:
-        if DEBIAN.is_dir() and str(DEBIAN) not in sys.path:
-            sys.path.append(str(DEBIAN))
-            importlib.invalidate_caches()
-    try:
-        return _import()
+        import rosgraph
+        import rospy
     except ImportError:
         raise TreadlineError(f"--transport ros1 needs rospy, which is not installed: {INSTALL}") from None
-
-
-def _import() -> tuple[Any, Any]:
-    import rosgraph
-    import rospy
-
     return rospy, rosgraph
