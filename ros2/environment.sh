@@ -74,7 +74,7 @@ compile() {
 
 # What was compiled: other messages are compiled anew.
 messages() {
-    find "$here/treadline_msgs" -type f | sort | xargs cat | sha256sum | cut -d ' ' -f 1
+    find -L "$here/treadline_msgs" -type f | sort | xargs cat | sha256sum | cut -d ' ' -f 1
 }
 
 [ -x "$python" ] || fail "$python is missing; call make setup first"
