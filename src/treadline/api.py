@@ -133,7 +133,7 @@ def identify(
         y: Outputs, sampled together with ``u``; left out where ``u`` holds whole experiments.
         dt: Sampling period [s]; of a file the step of its time column when left out.
         options: Options of the identification; the data decide what is left out.
-        inputs: Input columns of files and whole data frames.
+        inputs: Input columns of files and whole data frames; names of the channels of arrays.
         outputs: Output columns, likewise.
         channels_first: Whether arrays have one row per channel instead of one row per sample.
         resample: Whether files with an irregular time axis are resampled to the period.
@@ -163,6 +163,8 @@ def identify(
     from treadline.io.experiments import Reading, experiments_of
 
     chosen = _options(options, keywords)
+    if bool(inputs) != bool(outputs):
+        raise SettingsError(f"{'inputs' if inputs else 'outputs'} are named alone; name inputs and outputs, or neither")
     columns = (tuple(inputs), tuple(outputs)) if inputs and outputs else None
     how = Reading(period_s=dt, resample=resample, allow_gaps=allow_gaps)
     records = experiments_of(u, y, how, columns, channels_first=channels_first)

@@ -327,3 +327,23 @@ def test_the_hints_of_public_functions_name_types_that_exist() -> None:
         assert Any not in get_type_hints(getattr(api, name), names).values()
     options = {item.name: item.type for item in fields(tl.IdentificationOptions)}
     assert names["IdentificationKeywords"].__annotations__ == options
+
+
+def test_arrays_take_names_for_their_channels() -> None:
+    u = np.random.default_rng(0).normal(size=(200, 2))
+    y = 0.1 * np.vstack([np.zeros((1, 2)), np.cumsum(u, axis=0)[:-1]])
+    found = tl.identify(u, y, 0.25, inputs=["a", "b"], outputs=["c", "d"], order=2, method="okid-era", lags=2)
+    assert (found.model.input_names, found.model.output_names) == (("a", "b"), ("c", "d"))
+    with pytest.raises(SettingsError, match="inputs are named alone"):
+        tl.identify(u, y, 0.25, inputs=["a", "b"])
+    with pytest.raises(RecordError, match="inputs names 1 channels, the data have 2"):
+        tl.identify(u, y, 0.25, inputs=["a"], outputs=["c", "d"])
+
+
+def test_an_order_above_the_rank_is_refused_by_the_rank_of_the_method() -> None:
+    u = np.random.default_rng(0).normal(size=(200, 1))
+    y = 0.1 * np.vstack([[0.0], np.cumsum(u, axis=0)[:-1]])  # one state
+    with pytest.raises(RecordError, match=r"order 9 is above the rank \d that 10 lags show; ask for \d or less"):
+        tl.identify(u, y, 0.25, order=9, method="pbsid", lags=10)
+    with pytest.raises(SettingsError, match="lags is 4; order 9 of 1 outputs needs 9 or more"):
+        tl.identify(u, y, 0.25, order=9, method="pbsid", lags=4)

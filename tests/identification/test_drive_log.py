@@ -116,10 +116,11 @@ def test_validation_data_lose_the_same_inputs() -> None:
 
 def test_collinear_inputs_of_no_belts_are_left_out() -> None:
     record = drive_log("open", 3).record
-    u = np.column_stack([record.u, record.u @ [1.0, 2.0]])
-    found = fit(replace(record, u=u, input_names=("a", "b", "c")), method="okid-era", order=2)
-    assert found.model.input_names == ("a", "b")
-    assert "collinear input: 'c' always moves with 'a' and 'b' and is left out" in found.report.warnings[0]
+    for weights, partners in (([1.0, 2.0], "'a' and 'b'"), ([0.0, 2.0], "'b'")):
+        u = np.column_stack([record.u, record.u @ weights])
+        found = fit(replace(record, u=u, input_names=("a", "b", "c")), method="okid-era", order=2)
+        assert found.model.input_names == ("a", "b")
+        assert f"collinear input: 'c' always moves with {partners} and is left out" in found.report.warnings[0]
 
 
 def test_a_record_without_motion_is_rejected() -> None:

@@ -152,7 +152,8 @@ def predictions(model: StateSpaceModel, record: InputOutputRecord, horizon: int 
 def _predictor_states(model: StateSpaceModel, record: InputOutputRecord) -> Iterator[tuple[slice, Float[np.ndarray, "k n"]]]:
     """Yield the observer's state before each sample, block by block; missing outputs are bridged by prediction."""
     for span in record.stretches(TEST_VALUES * model.order):
-        x = initial_state(model, part(record, span.start, min(span.start + 50, span.stop)))
+        first = prefix(span.stop - span.start, model.order, len(model.C))
+        x = initial_state(model, part(record, span.start, span.start + first))
         for start in range(span.start, span.stop, BLOCK_ROWS):
             stop = min(start + BLOCK_ROWS, span.stop)
             states = _observed(model, part(record, start, min(stop + 1, span.stop)), x)
@@ -184,14 +185,14 @@ def vaf_percent(y: Float[np.ndarray, "T p"], residuals: Float[np.ndarray, "T p"]
 
 
 def h_step_rmse(model: StateSpaceModel, record: InputOutputRecord, steps: int) -> Float[np.ndarray, " p"]:
-    """Return the RMS error of forecasts ``steps`` ahead from every sample, with measured inputs.
+    """Return the RMS error of forecasts ``steps`` ahead from every sample, with measured inputs; 1 is the next sample.
 
     Raises:
         PoorExcitation: If the record is shorter than the forecast.
     """
-    if len(record) <= steps + 1:
+    if len(record) <= steps:
         raise PoorExcitation(f"{len(record)} samples are too few to forecast {steps} ahead")
-    error = (record.y - predictions(model, record, steps + 1))[steps:]
+    error = (record.y - predictions(model, record, steps))[steps - 1 :]
     return np.asarray(np.sqrt(np.nanmean(error**2, axis=0)))
 
 

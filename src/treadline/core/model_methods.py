@@ -124,7 +124,8 @@ class ModelMethods(ABC):
     ) -> "Float[np.ndarray, 'T p']":
         """Return the outputs predicted a number of samples ahead: row k knows the outputs up to k - horizon, and all inputs.
 
-        The observer's start is estimated from the first 50 samples, which these rows therefore know.
+        The observer's start is estimated from the first tenth of the data, which these rows therefore know; ``compare`` scores
+        the others.
 
         Args:
             u: Inputs.

@@ -100,14 +100,14 @@ def compare(model: StateSpaceModel, record: InputOutputRecord) -> Comparison:
     run, scored = fair_run(model, record)
     with np.errstate(over="ignore", invalid="ignore"):
         ahead = predictions(model, record)
-        residuals = record.y - ahead
+        residuals = np.where(scored[:, None], record.y - ahead, np.nan)
         if unstable:
             run = predictions(model, record, FORECAST_STEPS)
     first = prefix(len(record), model.order, len(model.C))
     percent = dict(zip(names, percent_of(record.y[scored], run[scored]).tolist(), strict=True))
     known = np.isfinite(residuals)
     tested = int(known.all(axis=1).sum()) >= TESTED_SAMPLES_MIN
-    vaf = vaf_percent(record.y, residuals)
+    vaf = vaf_percent(record.y[scored], residuals[scored])
     return Comparison(
         fit_percent=None if unstable else percent,
         fit_prefix_s=first * model.dt_s,

@@ -11,6 +11,9 @@ from treadline.core.models import InputOutputRecord
 from treadline.identification._belts import DIFFERENCE_MIN, DifferentialInput, named_differential
 from treadline.identification._checks import COLLINEAR, channel_names
 
+PARTNER = 1e-6
+"""Share of a collinear input's deviation from which another one is part of it: more than rounding."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DriveLog:
@@ -67,7 +70,8 @@ def without_dependent_inputs(records: list[InputOutputRecord], *, name_prior: bo
                 f"constant input: '{names[j]}' is constant at {mean[j]:.4g} and left out; its effect is part of the offset"
             )
         else:
-            partners = " and ".join(f"'{names[i]}'" for i in np.flatnonzero(kept[:j]))
+            share = np.linalg.lstsq(moved[:, :j][:, kept[:j]], moved[:, j], rcond=None)[0] * moved[:, :j][:, kept[:j]].std(axis=0)
+            partners = " and ".join(f"'{names[i]}'" for i in np.flatnonzero(kept[:j])[np.abs(share) > PARTNER * moved[:, j].std()])
             findings.append(
                 f"collinear input: '{names[j]}' always moves with {partners} and is left out; the model holds only while it does"
             )

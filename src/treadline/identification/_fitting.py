@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.linalg import solve_discrete_are
 
-from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import Affine
 from treadline.identification._era import HankelSvd
@@ -125,16 +124,15 @@ class Fitting:
             return system
         return replace(system, K=_kalman_gain(system))
 
-    def subspace(self, method: str, lags: int, order: int) -> Affine | None:
-        """Return the subspace model from the Gram matrix alone."""
+    def subspace(self, method: str, lags: int, order: int) -> Affine:
+        """Return the subspace model from the Gram matrix alone.
+
+        Raises:
+            PoorExcitation: If the order is above the rank of the data.
+        """
         if method == "pbsid":
-            states = self._state_map(lags)
-            return pbsid(self.data, states, order, lags, feedthrough=self.feedthrough) if order <= len(states.s) else None
-        observer, svd = self.observer(lags, order)
-        try:
-            return realised(observer, svd, order)
-        except PoorExcitation:
-            return None
+            return pbsid(self.data, self._state_map(lags), order, lags, feedthrough=self.feedthrough)
+        return realised(*self.observer(lags, order), order)
 
     def observer(self, lags: int, order: int | None) -> tuple[ObserverMarkov, HankelSvd]:
         """Return OKID's observer in standard deviations and its Hankel matrix, long enough for an order."""

@@ -12,9 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord, LinearModel
-from treadline.identification._affine import Affine, to_model
+from treadline.identification._affine import to_model
 from treadline.identification._checks import channel_names, check_excitation, check_independent, check_integers, check_records
 from treadline.identification._deconvolution import observer_of
 from treadline.identification._ensemble import Ensemble, ensemble
@@ -170,7 +169,7 @@ def _by_method(
     ):
         choice = _order_by_bic(fitting, evidence.svd, choice, candidate.lags, options.allowed_orders, warnings)
         candidate = replace(candidate, order=choice.order)
-    system = _model_or_raise(fitting, candidate)
+    system = fitting.subspace(candidate.method, candidate.lags, candidate.order)
     if options.lags is None and candidate.method != "pbsid" and evidence.structural is not None:
         # An observer with few lags restricts its gain, so the innovation gain is refitted separately.
         system = fitting.with_gain(system)
@@ -193,13 +192,6 @@ def _by_deconvolution(fitting: Fitting, order: int | None, allowed: Sequence[int
         evidence=Evidence(lags=0, observer=observer, svd=svd, structural=None, noise=None, choice=choice),
         warnings=warnings,
     )
-
-
-def _model_or_raise(fitting: Fitting, candidate: Candidate) -> Affine:
-    system = fitting.subspace(candidate.method, candidate.lags, candidate.order)
-    if system is None:
-        raise fitting.observer(candidate.lags, candidate.order)[1].refusal(candidate.order)
-    return system
 
 
 def _order_by_bic(
@@ -249,8 +241,6 @@ def pbsid(
     """
     data = _sums(records, lags, order, solver)
     states = state_map(data, lags, regression(data, lags, feedthrough=feedthrough).theta)
-    if order > len(states.s):
-        raise PoorExcitation(f"order {order} is above the rank {len(states.s)} that {lags} lags show; ask for less")
     found = realised_by_pbsid(data, states, order, lags, feedthrough=feedthrough)
     first = records if isinstance(records, InputOutputRecord) else records[0]
     return to_model(found, data.units, data.dt_s, channel_names(first))

@@ -9,14 +9,14 @@ from contextlib import suppress
 from copy import copy
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
 from treadline.core import linear_systems
 from treadline.core.arrays import finite_or_none
 from treadline.core.model_methods import ModelMethods
-from treadline.core.model_scores import TESTED_SAMPLES_MIN, compare
+from treadline.core.model_scores import TESTED_SAMPLES_MIN, Comparison, compare
 from treadline.core.models import EXPLAINED, InputOutputRecord, LinearModel
 from treadline.core.printing import Printable, p_text, percent_text, plain
 from treadline.core.transfer_function import is_unstable, spectral_radius
@@ -133,60 +133,48 @@ class IdentificationReport:
         return dict(plain(asdict(self)))
 
 
-class ValidationScores(TypedDict):
-    """Fit and residual tests of a model on validation data, as fields of the report."""
-
-    fit_percent: dict[str, float] | None
-    fit_prefix_s: float
-    forecast_percent: dict[str, float] | None
-    forecast_horizon_s: float | None
-    fit_conditions: str
-    one_step_vaf_percent: dict[str, float]
-    whiteness_p: float | None
-    crosscorrelation_p: float | None
+def compared(model: LinearModel, judged: Sequence[InputOutputRecord]) -> list[Comparison]:
+    """Return the comparisons with the most recent samples; records too short for the tests are left out where others are not."""
+    recent = linear_systems.most_recent(judged, RECENT)
+    tested = [record for record in recent if whole_samples(record) >= TESTED_SAMPLES_MIN]
+    return [compare(model, record) for record in tested or [max(recent, key=whole_samples)]]
 
 
-def validation_scores(model: LinearModel, judged: Sequence[InputOutputRecord]) -> ValidationScores:
-    """Return a model's fit and residual tests: means over the records, smallest p-values with Bonferroni correction.
-
-    Records too short for the tests are left out.
-    """
-    judged = [record for record in judged if whole_samples(record) >= TESTED_SAMPLES_MIN] or [max(judged, key=whole_samples)]
-    compared = [compare(model, record) for record in judged]
-    vaf = {name: float(np.mean([one.one_step_vaf_percent[name] for one in compared])) for name in compared[0].percent}
+def validation_scores(found: Sequence[Comparison]) -> dict[str, Any]:
+    """Return fit and residual tests as fields of the report: means, and smallest p-values with Bonferroni correction."""
+    vaf, percent = _means(found)
     # A residual of pure rounding has no meaningful p-value; the tests count as passed.
     exact = all(100.0 - value < EXACT_PERCENT for value in vaf.values())
-    white, crossed = [one.whiteness_p for one in compared], [one.crosscorrelation_p for one in compared]
-    longest = max(compared, key=lambda one: one.samples)
-    percent = {name: _json_number(float(np.mean([one.percent[name] for one in compared]))) for name in vaf}
-    return ValidationScores(
-        fit_percent=None if longest.fit_percent is None else percent,
-        fit_prefix_s=longest.fit_prefix_s,
-        forecast_percent=None if longest.forecast_percent is None else percent,
-        forecast_horizon_s=longest.forecast_horizon_s,
-        fit_conditions=longest.conditions + (f", mean of {len(compared)} records" if len(compared) > 1 else ""),
-        one_step_vaf_percent={name: _json_number(value) for name, value in vaf.items()},
-        whiteness_p=1.0 if exact else bonferroni(white),
-        crosscorrelation_p=1.0 if exact else bonferroni(crossed),
-    )
+    white, crossed = [one.whiteness_p for one in found], [one.crosscorrelation_p for one in found]
+    longest = max(found, key=lambda one: one.samples)
+    return {
+        "fit_percent": None if longest.fit_percent is None else percent,
+        "fit_prefix_s": longest.fit_prefix_s,
+        "forecast_percent": None if longest.forecast_percent is None else percent,
+        "forecast_horizon_s": longest.forecast_horizon_s,
+        "fit_conditions": longest.conditions + (f", mean of {len(found)} records" if len(found) > 1 else ""),
+        "one_step_vaf_percent": vaf,
+        "whiteness_p": 1.0 if exact else bonferroni(white),
+        "crosscorrelation_p": 1.0 if exact else bonferroni(crossed),
+    }
 
 
-def explained_percent(model: LinearModel, judged: Sequence[InputOutputRecord]) -> dict[str, float]:
+def _means(found: Sequence[Comparison]) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the mean variance accounted for one step ahead and the mean fit; -1e9, a JSON value, for a diverging one."""
+    names = list(found[0].percent)
+    both = np.array([[[one.one_step_vaf_percent[name] for name in names], [one.percent[name] for name in names]] for one in found])
+    mean = both.mean(axis=0)
+    vaf, percent = np.where(np.isfinite(mean), mean, -1e9).tolist()
+    return dict(zip(names, vaf, strict=True)), dict(zip(names, percent, strict=True))
+
+
+def explained_percent(found: Sequence[Comparison]) -> dict[str, float]:
     """Return the share of each output's variance that the printed fit or the one-step prediction explains, the larger of both [%].
 
     The free run of a heading drifts with the smallest disturbance: of the paper's ten excitations it explains 0 to 16 %.
     """
-    recent = linear_systems.most_recent(judged, RECENT)
-    # What is left of a record may be too short to judge by.
-    shortest = min(len(recent[-1]), max(TESTED_SAMPLES_MIN, min(len(record) for record in judged)))
-    compared = [compare(model, record) for record in recent if len(record) >= shortest]
-    with np.errstate(over="ignore"):
-        lost = {
-            name: np.mean([(1.0 - 0.01 * np.float64(one.percent[name])) ** 2 for one in compared]) for name in compared[0].percent
-        }
-    ahead = {name: np.mean([one.one_step_vaf_percent[name] for one in compared]) for name in lost}
-    shares = {name: np.fmax(100.0 * (1.0 - lost[name]), ahead[name]) for name in lost}
-    return {name: round(_json_number(float(value)), 1) for name, value in shares.items()}
+    ahead, fit = _means(found)
+    return {name: round(max(ahead[name], 100.0 * (1.0 - (1.0 - 0.01 * fit[name]) ** 2)), 1) for name in fit}
 
 
 def whole_samples(record: InputOutputRecord) -> int:
@@ -195,7 +183,7 @@ def whole_samples(record: InputOutputRecord) -> int:
 
 
 def validation_warnings(
-    scores: ValidationScores,
+    report: IdentificationReport,
     model: LinearModel,
     fitted: Sequence[InputOutputRecord],
     judged: Sequence[InputOutputRecord],
@@ -208,15 +196,14 @@ def validation_warnings(
             f"the model is unstable (spectral radius {radius:.4f}): closed-loop or drifting data? give --stable if the plant is "
             "known to be stable"
         )
-    percent = scores["fit_percent"] or scores["forecast_percent"] or {}
-    for name, value in percent.items():
+    for name, value in report.percent.items():
         if value < 0.0 and radius < 1.0 - 1e-3:
             found.append(f"a free run explains '{name}' worse than its mean does ({value:.0f} %)")
-    if max(*percent.values(), *scores["one_step_vaf_percent"].values()) < FIT_PERCENT_MIN:
+    if max(*report.percent.values(), *report.one_step_vaf_percent.values()) < FIT_PERCENT_MIN:
         found.append("the model explains next to nothing: the inputs hardly move these outputs, or not linearly")
     if judged is not fitted:
         found += _low_motion_warnings(model, fitted, judged)
-    white, crossed = scores["whiteness_p"], scores["crosscorrelation_p"]
+    white, crossed = report.whiteness_p, report.crosscorrelation_p
     if white is not None and white < P_VALUE_LIMIT:
         found.append(f"the residuals are not white ({p_text(white)}): the model lacks dynamics of the noise")
     if crossed is not None and crossed < P_VALUE_LIMIT:
@@ -261,11 +248,6 @@ def bonferroni(p_values: Sequence[float | None]) -> float | None:
     """Return the combined p-value of several tests (Bonferroni); None if one has no p-value."""
     known = [value for value in p_values if value is not None]
     return min(1.0, len(known) * min(known)) if known and len(known) == len(p_values) else None
-
-
-def _json_number(value: float) -> float:
-    """Return a JSON-compatible number; a diverging fit becomes -1e9."""
-    return float(value) if np.isfinite(value) else -1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -355,9 +337,13 @@ class Identified(ModelMethods, Printable):
         self._seconds = time.perf_counter() - started
 
     @cached_property
+    def _compared(self) -> list[Comparison]:
+        return compared(self._model, self.judged)
+
+    @cached_property
     def model(self) -> LinearModel:
         """The model; its provenance holds the share of each output's variance that it explains, which ``tune`` reads."""
-        return replace(self._model, provenance=self._model.provenance | {EXPLAINED: explained_percent(self._model, self.judged)})
+        return replace(self._model, provenance=self._model.provenance | {EXPLAINED: explained_percent(self._compared)})
 
     @cached_property
     @one_thread()
@@ -436,14 +422,12 @@ class Identified(ModelMethods, Printable):
         """Fit, validation, uncertainty and warnings of the identification."""
         started = time.perf_counter()
         found, model = self._found, self.model
-        scores = validation_scores(model, self.judged)
         support = excitation_order(found.fitting.data, samples=FEW_SAMPLES)
         fit = self._turn_fit
         warnings = [*self.findings.lines, *self._turn_warnings(), *found.warnings, *self._excitation_warning(support)]
-        warnings += validation_warnings(scores, model, self.fitted, self.judged)
         poles = np.linalg.eigvals(found.system.A).astype(complex)
         radii = None if self.intervals is None else self.intervals.pole_radii()
-        return IdentificationReport(
+        report = IdentificationReport(
             order=model.order,
             lags=found.candidate.lags,
             method=self._method,
@@ -454,10 +438,10 @@ class Identified(ModelMethods, Printable):
             delays=list(model.input_delay),
             singular_values=[float(value) for value in found.evidence.svd.s],
             gap=finite_or_none(gap_of(found.evidence.choice, found.evidence.svd)),
-            noise_level=found.evidence.noise,
+            noise_level=None if found.evidence.noise is None else finite_or_none(found.evidence.noise),
             poles=[(float(pole.real), float(pole.imag)) for pole in poles],
             pole_ci95=None if radii is None else [float(radius) for radius in radii],
-            **scores,
+            **validation_scores(self._compared),
             excitation_order=support,
             samples=round(found.fitting.data.count),
             dropped=found.fitting.data.dropped,
@@ -466,6 +450,7 @@ class Identified(ModelMethods, Printable):
             seconds=self._seconds + time.perf_counter() - started,
             skid_steer=None if fit is None else fit.described(),
         )
+        return replace(report, warnings=[*warnings, *validation_warnings(report, model, self.fitted, self.judged)])
 
     def with_structure(self) -> "Identified":
         """Return the result with the turn model by names, if that contradicts a model of feedback or one that fits no better."""
@@ -488,6 +473,7 @@ class Identified(ModelMethods, Printable):
         )
         result = copy(self)
         found = replace(self._found, candidate=candidate, system=system, fitting=fitting)
+        vars(result).pop("_compared", None)
         vars(result).update(_model=model, _found=found, _differential=None, _is_structure=True)
         return result
 

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.core.arrays import observability
+from treadline.core.errors import PoorExcitation
 from treadline.identification._affine import Affine
 from treadline.identification._era import RANK_MOST, HankelSvd, realise
 from treadline.identification._factor import solved
@@ -143,7 +144,14 @@ def innovations(data: Gram, states: StateMap, most: int, lags: int, *, feedthrou
 
 
 def pbsid(data: Gram, states: StateMap, order: int, lags: int, *, feedthrough: bool) -> Affine:
-    """Return the model of an order in the units of the Gram matrix."""
+    """Return the model of an order in the units of the Gram matrix.
+
+    Raises:
+        PoorExcitation: If the order is above the rank of the state map.
+    """
+    if order > len(states.s):
+        rank = len(states.s)
+        raise PoorExcitation(f"order {order} is above the rank {rank} that {lags} lags show; ask for {rank} or less")
     m, r = data.units.input_count, len(data.units.scale)
     p, n = r - m, order
     T = states.rows[:n]

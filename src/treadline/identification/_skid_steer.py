@@ -13,18 +13,20 @@ from functools import partial
 
 import numpy as np
 from jaxtyping import Float
-from scipy.linalg import LinAlgError, solve_toeplitz
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import LinAlgError
 from scipy.signal import lfilter
 
 from treadline.core.models import InputOutputRecord
 from treadline.identification._belts import DifferentialInput, named_belts, turn_channels, turn_rate
+from treadline.identification._dead_time import dead_time
 from treadline.identification._pole_intervals import MEMORY
 from treadline.identification.options import LAGS_MOST, RECENT, ROWS_PER_PARAMETER
 
 NOISE_LAGS = 6
 """Lags of the noise's autoregression: slip and measurement noise need two, the noise of a differenced heading more."""
-DECAYS = (0.0, 0.3, 0.5, 0.65, 0.75, 0.85, 0.9, 0.95, 0.975)
-"""Decays of a lag per sample from which the fit may start: time constants in steps of about one and a half."""
+DECAYS = (0.3, 0.8)
+"""Decays of a lag per sample from which the fit starts: time constants of about one sample and of about five."""
 DECAY_MOST = 0.999
 """Largest decay: a time constant of a thousand samples."""
 STEPS_MOST = 20
@@ -237,87 +239,24 @@ def _runs(records: Sequence[InputOutputRecord]) -> list[_Run]:
 
 
 def _best(runs: list[_Run], steering: Float[np.ndarray, "s q"]) -> "_Descent":
-    """Return the best descent from the starts of each steering input, and from shifts of a row either way."""
+    """Return the best descent of each steering input: from its dead time, or a row more or less, and a short and a long lag."""
     descents = []
     for signs in steering:
-        for shift, decay, gain, noise in _starts([replace(run, u=run.u @ signs[:, None]) for run in runs]):
-            gains = gain * signs
-            constant = float(np.mean([np.mean(run.rate) - np.mean(run.u, axis=0) @ gains for run in runs]))
-            theta = np.concatenate([gains, np.full(len(gains), decay), [constant], noise])
-            first = _descended(runs, theta, shift)
-            neighbours = [near for near in (shift - 1, shift + 1) if 0 <= near <= LAGS_MOST]
-            descents += [first, *(_descended(runs, first.theta, near) for near in neighbours)]
+        late = dead_time([InputOutputRecord(u=run.u @ signs, y=run.rate, dt_s=run.dt_s) for run in runs])[0]
+        for shift in range(min(late, LAGS_MOST), min(late, LAGS_MOST) + 2):
+            descents += [_descended(runs, _start(runs, signs, decay, shift), shift) for decay in DECAYS]
     return min(descents, key=lambda descent: descent.cost)
 
 
-# Start: dead time, lag and noise by correlations -------------------------------------------------------------------------
-
-
-def _starts(runs: list[_Run]) -> list[tuple[int, float, float, Float[np.ndarray, " q"]]]:
-    """Return shift, decay, gain and autoregression of the difference, from white noise and from the rate as noise alone."""
-    reach = LAGS_MOST + NOISE_LAGS + 1
-    rate = np.sum([_correlation(_centred(run.rate), _centred(run.rate), reach) for run in runs], axis=0)
-    filtered = []
-    for decay in DECAYS:
-        lagged = [_centred(_lagged(run.u[:, 0], decay, 0)) for run in runs]
-        own = np.sum([_correlation(x, x, reach) for x in lagged], axis=0)
-        cross = np.sum([_correlation(x, _centred(run.rate), reach) for x, run in zip(lagged, runs, strict=True)], axis=0)
-        filtered.append((decay, own, cross))
-    white = _alternated(rate, filtered, reach, np.zeros(NOISE_LAGS))
-    coloured = _alternated(rate, filtered, reach, _autoregression(rate[reach : reach + NOISE_LAGS + 1]))
-    return [white] if white[:2] == coloured[:2] else [white, coloured]
-
-
-def _alternated(
-    rate: Float[np.ndarray, " l"],
-    filtered: list[tuple[float, Float[np.ndarray, " l"], Float[np.ndarray, " l"]]],
-    reach: int,
-    noise: Float[np.ndarray, " q"],
-) -> tuple[int, float, float, Float[np.ndarray, " q"]]:
-    """Return the best shift, decay and gain for a noise model, and the noise model of what they leave, in turns."""
-    near = np.arange(NOISE_LAGS + 1)
-    found, chosen = (0, 0.0, 0.0), filtered[0][1:]
-    for _ in range(6):
-        whitening = np.concatenate([[1.0], -noise])
-        weights = np.convolve(whitening, whitening[::-1])
-        span = slice(reach - NOISE_LAGS, reach + NOISE_LAGS + 1)
-        gains, best = 0.0, -np.inf
-        for decay, own, cross in filtered:
-            at = np.convolve(cross, weights, mode="valid")[reach - NOISE_LAGS :][: LAGS_MOST + 1]
-            power = float(weights @ own[span])
-            if not power > 0.0:  # the input stands still
-                continue
-            explained = at**2 / power
-            shift = int(np.argmax(explained))
-            if explained[shift] > best:
-                best, gains = float(explained[shift]), float(at[shift] / power)
-                found, chosen = (shift, decay, gains), (own, cross)
-        own, cross = chosen
-        shift, _, gain = found
-        left = rate[reach + near] - gain * (cross[reach + shift + near] + cross[reach + shift - near]) + gain**2 * own[reach + near]
-        again = _autoregression(left)
-        if np.allclose(again, noise, atol=1e-3):
-            break
-        noise = again
-    return *found, noise
-
-
-def _correlation(x: Float[np.ndarray, " T"], y: Float[np.ndarray, " T"], reach: int) -> Float[np.ndarray, " l"]:
-    """Return Σ x[k - lag] y[k] for lags from -reach to reach."""
-    count = 1 << (2 * len(x) - 1).bit_length()
-    products = np.fft.irfft(np.conj(np.fft.rfft(x, count)) * np.fft.rfft(y, count), count)
-    return np.concatenate([products[-reach:], products[: reach + 1]])
-
-
-def _autoregression(covariance: Float[np.ndarray, " q1"]) -> Float[np.ndarray, " q"]:
-    """Return the coefficients of an autoregression by the Yule-Walker equations."""
-    first = covariance[:-1].copy()
-    first[0] *= 1.0 + 1e-9
-    return np.asarray(solve_toeplitz(first, covariance[1:])) if first[0] > 0.0 else np.zeros(len(first))
-
-
-def _centred(x: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
-    return x - x.mean()
+def _start(runs: list[_Run], signs: Float[np.ndarray, " q"], decay: float, shift: int) -> Float[np.ndarray, " k"]:
+    """Return gain and constant by least squares for a lag and a dead time, and the autoregression of what they leave."""
+    x = np.concatenate([_lagged(run.u @ signs, decay, shift) for run in runs])
+    rate = np.concatenate([run.rate for run in runs])
+    X = np.column_stack([x, np.ones(len(x))])
+    gain, constant = np.linalg.lstsq(X, rate, rcond=None)[0]
+    windows = sliding_window_view(rate - X @ [gain, constant], NOISE_LAGS + 1)
+    noise = np.linalg.lstsq(windows[:, -2::-1], windows[:, -1], rcond=None)[0]
+    return np.concatenate([gain * signs, np.full(len(signs), decay), [constant], noise])
 
 
 def _lagged(x: Float[np.ndarray, " T"], decay: float, shift: int) -> Float[np.ndarray, " T"]:

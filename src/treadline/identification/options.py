@@ -167,10 +167,13 @@ def max_supported_lags(
 
     Raises:
         TooFewSamples: If the data are too short for the lags or the order.
+        SettingsError: If so few lags carry no such order.
     """
     m, p = records[0].u.shape[1], records[0].y.shape[1]
     most = lags if lags is not None else _affordable_lags(records, penalised=penalised)
     needed = max(most, -(-(order or 1) // p), 1)
+    if lags is not None and lags < needed:
+        raise SettingsError(f"lags is {lags}; order {order} of {p} outputs needs {needed} or more")
     whole, lost = _windows(records, needed)
     if most < needed or whole <= ROWS_LEAST * _unknowns(m, p, needed):
         total = sum(len(record) for record in records)

@@ -1,12 +1,13 @@
 """Experiments in any form that a caller holds: arrays, data frames, files, run folders, records, or lists of these."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypedDict
 
 import numpy as np
 
-from treadline.core.errors import RecordError, closest
+from treadline.core.errors import RecordError, ShapeMismatch, closest
 from treadline.core.models import InputOutputRecord
 from treadline.core.samples import record_of
 from treadline.io.records import read_record
@@ -31,7 +32,7 @@ def experiments_of(u: Any, y: Any, how: Reading, columns: Columns | None, *, cha
             of one kind.
         y: Outputs; None where ``u`` holds whole experiments.
         how: Period and options of files; the period may be None for records, and for files with a time column.
-        columns: Columns of files and of whole data frames.
+        columns: Columns of files and of whole data frames; names of the channels of arrays.
         channels_first: Whether arrays have one row per channel instead of one row per sample.
 
     Raises:
@@ -70,7 +71,13 @@ def _record(u: Any, y: Any, how: Reading, columns: Columns | None, *, channels_f
         u, y = (_selected(u, names) for names in columns)
     if how["period_s"] is None:
         raise RecordError("dt is missing; give the sampling period in seconds: tl.identify(u, y, 0.05)")
-    return record_of(u, y, how["period_s"], channels_first=channels_first)
+    record = record_of(u, y, how["period_s"], channels_first=channels_first)
+    if columns is None:
+        return record
+    for kind, names, width in zip(("inputs", "outputs"), columns, (record.u.shape[1], record.y.shape[1]), strict=True):
+        if len(names) != width:
+            raise ShapeMismatch(f"{kind} names {len(names)} channels, the data have {width}; name each of them")
+    return replace(record, input_names=tuple(columns[0]), output_names=tuple(columns[1]))
 
 
 def _selected(frame: Any, names: Sequence[str]) -> Any:
