@@ -78,7 +78,7 @@ def test_a_tip_that_never_finds_the_landing_keeps_the_chair_where_it_is() -> Non
     chair = Brink()
     chair.until("press")
     waiting = chair.nosing_m
-    command = chair.run(CONFIG.patience_s - 0.1)
+    command = chair.run(8.0 - 0.1)
     assert (command.stage, command.speed_m_s) == ("press", 0.0)
     assert chair.run(0.3).stage == "barred"
     assert chair.nosing_m == pytest.approx(waiting, abs=0.002)  # one tick at 0.1 m/s until the belts stop
@@ -252,7 +252,7 @@ def test_a_flipper_that_does_not_lower_is_given_up_where_it_stands() -> None:
     chair = Brink().pressed()
     chair.run(1.0, tip_n=250.0, pitch_deg_s=9.0)
     chair.until("lower", tip_n=200.0)
-    chair.run(2.0 * CONFIG.patience_s - 0.1, tip_n=200.0)
+    chair.run(2.0 * 8.0 - 0.1, tip_n=200.0)
     assert chair.run(0.3, tip_n=200.0).stage == "barred"
 
 

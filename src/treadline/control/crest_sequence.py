@@ -15,9 +15,11 @@ from typing import Literal
 
 from treadline.control.flipper import (
     FLIPPER_PER_S,
+    LIES_RAD,
     LIFTED_RAD,
     OFF_RAD,
     OVER_BELTS_RAD,
+    PATIENCE_S,
     SMALL_RAD,
     UNLOADED_N,
     PitchCommand,
@@ -68,7 +70,6 @@ class CrestConfig(SequenceConfig):
     """Rate at which the belts touch the landing [rad/s]: 5 cm/s at the seat."""
     press_rad_s_n: float = 0.1 * DEG
     """Flipper rate per missing load [rad/s/N]."""
-    level_rad: float = 0.7 * DEG
 
 
 CrestCommand = PitchCommand[Stage]
@@ -110,7 +111,7 @@ class Crest(Sequencer[Stage]):
             case "lead" if beyond < 0.0 or self._is_left_behind(pitch):
                 self._stage = "carry"
                 self._lead_from_m = max(beyond, 0.0) + LATER_M
-            case "carry" | "lead" if pitch < config.level_rad:
+            case "carry" | "lead" if pitch < LIES_RAD:
                 self._stage = "land"
             case "lead" if pitch < SMALL_RAD and self._tip.unloaded_s > LIES_S:
                 self._stage = "land"
@@ -129,7 +130,6 @@ class Crest(Sequencer[Stage]):
 
     def _gets_no_further(self, pitch: float, dt_s: float) -> str:
         """Return the reason why the crossing cannot succeed by current measurements, or an empty string."""
-        config = self._config
         if self._stage in ("climb", "slow"):
             return self._cannot_reach()
         self._waited_s += dt_s
@@ -139,11 +139,11 @@ class Crest(Sequencer[Stage]):
         if self._is_lifted(pitch) and pitch > self._lies[0] + OFF_RAD:
             lifted = (pitch - self._lies[0]) / DEG
             return f"the flipper lifted the chair by {lifted:.1f}°, and stands on something else than the landing"
-        if self._waited_s < config.patience_s:
+        if self._waited_s < PATIENCE_S:
             return ""
         if self._tip.load_n < UNLOADED_N:
-            return f"nothing carried the flipper in {config.patience_s:.0f} s: its motor is dead, or the landing is not there"
-        return f"the chair stayed for {config.patience_s:.0f} s while the belts ran: they slip on the last nosing"
+            return f"nothing carried the flipper in {PATIENCE_S:.0f} s: its motor is dead, or the landing is not there"
+        return f"the chair stayed for {PATIENCE_S:.0f} s while the belts ran: they slip on the last nosing"
 
     def _is_left_behind(self, pitch: float) -> bool:
         """Return whether the chair has not followed an unloaded tip: its centre of mass is further back than assumed."""

@@ -18,6 +18,7 @@ from treadline.control.flipper import (
     LIFTED_RAD,
     OFF_RAD,
     OVER_BELTS_RAD,
+    PATIENCE_S,
     UNLOADED_N,
     PitchCommand,
     SequenceConfig,
@@ -169,7 +170,7 @@ class Edge(Sequencer[Stage]):
                 self._stage = "barred"
             case "settle" if pitch < self._lifted_rad - OFF_RAD:
                 self._begin("lift", pitch)
-            case "lower" if pitch < self._level_rad + LIFTED_RAD or self._waited_s > 2.0 * config.patience_s:
+            case "lower" if pitch < self._level_rad + LIFTED_RAD or self._waited_s > 2.0 * PATIENCE_S:
                 self._stage = "barred"
             case "settle" if self._edge_past_m < config.leave_m:
                 self._begin("leave", pitch)
@@ -185,7 +186,7 @@ class Edge(Sequencer[Stage]):
 
     def _gives_up(self) -> bool:
         """Whether the chair is to be lowered again: on request, or because the flipper makes no progress."""
-        return self._turns_back or (self._stage != "settle" and self._waited_s > self._config.patience_s)
+        return self._turns_back or (self._stage != "settle" and self._waited_s > PATIENCE_S)
 
     def _act(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
         config = self._config
@@ -277,7 +278,7 @@ class Edge(Sequencer[Stage]):
 
     def _is_up(self, flipper: FlipperReading, angle_rad: float) -> bool:
         """Whether the flipper is raised far enough, or dead: a dead flipper is dragged over the nosing and rises slowly."""
-        return flipper.angle_rad > angle_rad or self._waited_s > self._config.patience_s
+        return flipper.angle_rad > angle_rad or self._waited_s > PATIENCE_S
 
     def _stow(self, angle_rad: float, flipper: FlipperReading) -> float:
         fastest = self._config.stow_rad_s if self._tip.load_n < UNLOADED_N else self._config.turn_rad_s

@@ -35,6 +35,11 @@ OVER_BELTS_RAD = 2.0 * DEG
 """Waiting angle slightly above the belts [rad]: in line with them the flipper would carry load and impede turning."""
 OFF_RAD = 4.0 * DEG
 """Pitch off the one at which the belts lie, at which the flipper props the chair up, or has yielded [rad]."""
+LIES_RAD = 0.7 * DEG
+"""Pitch below which the belts lie on floor or landing [rad], despite the error of gravity."""
+PATIENCE_S = 8.0
+"""Time to wait for the flipper to carry, to lift by one degree, or to stow, and for belts on the first nosings to come further [s]:
+0.8 m of slow belts; a weak or dead motor exceeds it."""
 SMALL_RAD = 8.0 * DEG
 """Pitch below which the flipper's angle no longer determines the distance of the pivot [rad]."""
 
@@ -194,8 +199,6 @@ class SequenceConfig(Loading):
     light chair."""
     stow_rad_s: float = 12.0 * DEG
     """Rate at which the flipper is raised from the landing [rad/s]."""
-    patience_s: float = 8.0
-    """Time to wait for the flipper to carry, to lift by one degree, or to stow [s]; a weak or dead motor exceeds it."""
 
 
 class Sequencer(ABC, Generic[StageT]):

@@ -380,17 +380,13 @@ class FlightSituation:
         return -self._around.falls_rad(plumb(loading, self._where.pitch_rad))
 
     def _pitch_feedforward(self, square_rad: float = 0.0, *, allowed: bool = True) -> float:
-        """Return the tip-over feed-forward [m/s]; no speed is added while the chair turns, nor after its belts have slipped."""
-        follows = allowed and self._turning_share(square_rad) < 1.0 and self._has_grip()
+        """Return the tip-over feed-forward [m/s]; no speed is added while the chair turns."""
+        follows = allowed and self._turning_share(square_rad) < 1.0
         return self._tip_over.step(self.t_s, allowed=follows)
 
     def _turning_share(self, square_rad: float) -> float:
         off_rad = LIFTED_HEADING_RAD if self._estimate is None else abs(self._estimate.heading_rad - square_rad)
         return turning_share(off_rad, 0.0 if self._tracks is None else abs(self._tracks.right_m_s - self._tracks.left_m_s))
-
-    def _has_grip(self) -> bool:
-        """Return whether the belts have not slipped on this flight."""
-        return True
 
     def is_laid(self) -> str | None:
         """The chair lies on a flight that is in view, its flipper laid or late; a held chair cannot move its flipper."""

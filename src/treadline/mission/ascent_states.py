@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 from treadline.control.belt_allocation import inner_speed_ratio
 from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
-from treadline.control.flipper import OVER_BELTS_RAD
+from treadline.control.flipper import LIES_RAD, OVER_BELTS_RAD, PATIENCE_S
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, TrackReading
 from treadline.mission._automaton import Automaton, Exits, State
@@ -23,10 +23,6 @@ CREST_SPARE_RAD, CREST_KEEP_M_S_RAD = 1.7 * DEG, 3.0
 """Heading error that is not corrected over the crest [rad], and half the belt speed difference per heading error beyond it
 [m/s per rad]. Only the gyro measures the heading there. A gyro drift of 1 °/s for six seconds caused a heading error of 5.0° with
 this dead band and 6.3° without; with a sound gyro the error was at most 2.9° with and 2.1° without (28 and 30°, six runs)."""
-LOSES_GRIP_M_S = 0.012
-"""Slip speed above which the belts no longer follow a fall on this flight [m/s]."""
-BACKED_RAD = 0.7 * DEG
-"""Pitch below which no part of the chair lies on the first nosing [rad]."""
 
 
 UP = Way(direction="up", sign=1.0, rides_rad=-0.75 * DEG)
@@ -60,8 +56,6 @@ class AscentConfig(TraversalConfig):
     """Heading set point per metre of missing distance [rad/m]."""
     aside_limit_rad: float = 2.0 * DEG
     """Largest such heading set point [rad]."""
-    mount_s: float = 8.0
-    """Time without coming further on the first nosings after which the chair backs off [s]: 0.8 m of belt travel."""
     traction: TractionConfig = field(default_factory=TractionConfig)
 
 
@@ -92,8 +86,6 @@ class Ascent(FlightSituation):
         """Whether the crest sequence has not lowered the flipper yet."""
         self._knows_the_foot = False
         """Whether the chair came onto this flight from the floor."""
-        self._slipped = False
-        """Whether the slip speed of a chair that does not turn has exceeded ``LOSES_GRIP_M_S`` on this flight."""
 
     def update(self, signal: PlannerInput) -> None:
         """Update the planner, and a running traction test, with one signal."""
@@ -141,10 +133,10 @@ class Ascent(FlightSituation):
 
     def gets_no_hold(self) -> str | None:
         """The belts run on the first nosings and the chair does not come further."""
-        if self.stalled_s < self._config.mount_s:
+        if self.stalled_s < PATIENCE_S:
             return None
         slope = self._where.slope_rad / DEG
-        return f"the belts ran {self._config.mount_s:g} s on the first nosings of a {slope:.0f}° stair without getting up"
+        return f"the belts ran {PATIENCE_S:g} s on the first nosings of a {slope:.0f}° stair without getting up"
 
     def mounts_the_crest(self) -> str | None:
         """The front pulley stands on the last nosing before the belts lie on two: one step, or two low ones."""
@@ -237,7 +229,7 @@ class Ascent(FlightSituation):
 
     def is_backed_off(self) -> str | None:
         """The chair stands on the floor, half a metre from the flight: it is refused for the reason for which it backed off."""
-        backed = self._where.pitch_rad < BACKED_RAD and self._from_m - self._where.travel_m > self._config.back_off_m
+        backed = self._where.pitch_rad < LIES_RAD and self._from_m - self._where.travel_m > self._config.back_off_m
         return self.cause if backed else None
 
     def is_sent_back(self) -> str | None:
@@ -271,10 +263,6 @@ class Ascent(FlightSituation):
             pitch_feedforward_m_s=self._pitch_feedforward(aim_rad),
             flipper=self._lie(aim_rad),
         )
-
-    def _has_grip(self) -> bool:
-        self._slipped |= self._where.slip_m_s(self.t_s) > LOSES_GRIP_M_S
-        return not self._slipped
 
     def _slide(self) -> tuple[float, float]:
         return self._where.slip_m_s(self.t_s), self._where.roll_back_m(self.t_s) or 0.0

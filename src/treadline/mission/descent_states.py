@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from treadline.control.edge_sequence import Edge, EdgeCommand, EdgeConfig
+from treadline.control.edge_sequence import STOWED_RAD, Edge, EdgeCommand, EdgeConfig
 from treadline.core.angles import DEG
 from treadline.core.signals import FlipperCommand, HeadingEstimate, MotionPlan
 from treadline.estimation.known_nosings import SIGMAS
@@ -37,9 +37,6 @@ class DescentConfig(TraversalConfig):
     """Heading error on the flight above which the chair turns by climbing [rad]: belts that back down and turn diverge."""
     past_m: float = 0.1
     """Largest distance of the front pulley past the edge when the chair lies on the flight [m]."""
-    stowed_rad: float = 5.0 * DEG
-    """Largest angle between the flipper and its rest at which it counts as stowed, after the chair was lowered back onto the
-    landing [rad]."""
     slow_from_m: float = 0.5
     """Distance of the rear pulley before the last nosing at which the chair has slowed down [m]."""
     slows_m: float = 0.1
@@ -189,7 +186,7 @@ class Descent(FlightSituation):
         pitch = self._where.pitch_rad
         is_level = abs(pitch) < LEVEL_RAD
         off_rad = abs(self._flipper.angle_rad - self._flipper_planner.rest_rad)
-        off_rad = off_rad if is_level and off_rad > self._config.stowed_rad else 0.0
+        off_rad = off_rad if is_level and off_rad > STOWED_RAD else 0.0
         if not self._flipper_planner.is_late(self.t_s, off_rad) and off_rad > 0.0:
             return None
         why = self._turned_back_for or "the flipper could not let the chair down over the edge"
