@@ -229,11 +229,11 @@ def test_what_is_not_known_is_said_to_be_unknown(tmp_path: Path, small: Found) -
     assert "no discs are" in page
 
 
-def test_the_medoid_is_marked_also_where_the_list_is_cut_before_it(tmp_path: Path, small: Found) -> None:
+def test_the_model_is_marked_also_where_the_list_is_cut_before_it(tmp_path: Path, small: Found) -> None:
     found = found_with(small.model, candidates=candidates(50, 45), noise_level=0.02, delays=[2], mirrored=True)
     page = page_of(tmp_path, found)
     (row,) = re.findall(r'<tr class="chosen">(.*?)</tr>', page)
-    assert re.findall("<td>(.*?)</td>", row) == ["45", "0.5", "0.245", "medoid"]
+    assert re.findall("<td>(.*?)</td>", row) == ["45", "0.5", "0.245", "the model"]
     text = " ".join(outline_of(page).text.split())
     assert "50 models of the ensemble" in text
     assert "9 more are not listed" in text

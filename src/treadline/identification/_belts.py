@@ -15,6 +15,7 @@ from jaxtyping import Float
 from treadline.core.angles import DEG
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._gram import Gram, Units, gram_of, units_of
+from treadline.identification._limits import ROUNDING
 from treadline.identification._model_order import min_bic
 from treadline.identification._pole_intervals import ConfidenceIntervals
 
@@ -27,8 +28,6 @@ RATE_WORDS = ("_rate", "rad_s", "deg_s")
 """Parts of such a name that make it a rate."""
 RATE_SUFFIXES_ROS = ("angular_velocity.z", "angular.z")
 """Suffixes of yaw rates in ROS messages."""
-DIFFERENCE_MIN = 1e-6
-"""Standard deviation of the difference relative to the belts' below which only rounding remains."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +148,7 @@ def find_differential_input(
         return None
     alone = differential.difference(records)
     units = differential.units(alone, data.units)
-    if not units.input_scale[0] > DIFFERENCE_MIN * float(data.units.input_scale.min()):
+    if not units.input_scale[0] > ROUNDING**0.5 * float(data.units.input_scale.min()):
         return None
     by_difference = min_bic(gram_of(alone, data.lags, units), lags, feedthrough)
     return differential if by_difference < min_bic(data, lags, feedthrough) else None

@@ -10,13 +10,10 @@ from treadline.core.errors import DependentInputs, NotFinite, PeriodMismatch, Po
 from treadline.core.models import InputOutputRecord
 from treadline.core.state_space import GAP_SHARE, UNWRAPPED
 from treadline.identification._gram import Gram, Units, units_of
+from treadline.identification._limits import PREDICTABLE, ROUNDING
 
-COLLINEAR = 1e-13
-"""Variance of the weakest input combination, relative to one input's variance, attributed to rounding."""
 FEW_SAMPLES = 4.0
 """New information, in samples, below which an order counts as poorly excited."""
-NOTHING_NEW = 1e-9
-"""Innovation variance relative to the input's variance below which a sample is predictable from the past."""
 
 
 def check_records(records: list[InputOutputRecord], *, parts: bool = False, inputs: bool = True) -> Units:
@@ -135,7 +132,7 @@ def check_independent(data: Gram, names: tuple[str, ...]) -> None:
     m = data.units.input_count
     at = slice(1, 1 + m)
     mean = data.sums[0, at] / data.count
-    rank = int(np.sum(np.linalg.eigvalsh(data.sums[at, at] / data.count - np.outer(mean, mean)) > COLLINEAR))
+    rank = int(np.sum(np.linalg.eigvalsh(data.sums[at, at] / data.count - np.outer(mean, mean)) > ROUNDING))
     if rank < m:
         raise DependentInputs(
             f"the {m} inputs move together (rank {rank}): {', '.join(names[:m])}; give a record in which they move independently"
@@ -176,7 +173,7 @@ def excitation_order(data: Gram, *, samples: float = 0.0) -> int:
     covariance = rows[:, at] / data.count - rows[:, :1] * rows[:, 0] / data.count**2
     factor, info = lapack.dpotrf(covariance, lower=1, clean=0)
     pivots = np.diag(factor)[: info - 1 if info > 0 else None] ** 2
-    new = int(np.argmax(np.append(pivots <= max(NOTHING_NEW, samples / data.count), values=True)))
+    new = int(np.argmax(np.append(pivots <= max(PREDICTABLE, samples / data.count), values=True)))
     return new // m
 
 

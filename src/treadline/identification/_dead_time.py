@@ -23,12 +23,10 @@ from treadline.core.models import InputOutputRecord
 from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
 from treadline.identification._factor import solved
 from treadline.identification._gram import Gram, gram_of, units_of
-from treadline.identification.options import LAGS_MOST, RECENT, ROWS_LEAST
+from treadline.identification._limits import LAGS_MOST, RECENT, ROWS_LEAST, SIGNIFICANCE
 
 DECISIVE = 5.0
 """Difference of the logarithm of the evidence that is very strong (Kass and Raftery, J. Am. Stat. Assoc. 90, 1995)."""
-SIGNIFICANCE = 1e-4
-"""Probability with which innovations of an output that an input does not move show it somewhere in the range."""
 RANGE_SHARE = 4
 """Samples of the shortest record per sample of dead time: three quarters of each record remain to be explained."""
 RANGE_MOST = 256

@@ -11,13 +11,12 @@ import numpy as np
 from jaxtyping import Float
 
 from treadline.identification._gram import Gram
+from treadline.identification._limits import ROUNDING
 
 DECAYS = (0.7, 0.9, 1.0)
 """Ratios of prior variances of successive lags: a memory of about three lags, of about ten, and of all."""
 STRENGTHS = 10.0 ** np.arange(-4.0, 5.5, 0.5)
 """Prior variances tried, relative to the noise, for channels in standard deviations: from no coefficient to no penalty."""
-NOISELESS = 1e-14
-"""Residual variance relative to the outputs' that counts as rounding."""
 
 
 def decaying_ridge(data: Gram, decay: float, *, feedthrough: bool) -> tuple[Float[np.ndarray, "q p"], float]:
@@ -49,5 +48,5 @@ def _evidence(
     """Return the logarithm of the evidence of a prior, up to a constant."""
     p = len(YY)
     left = YY / count - (seen / (v + 1.0 / strength)[:, None]).T @ seen / count
-    _, size = np.linalg.slogdet(0.5 * (left + left.T) + NOISELESS * np.eye(p))
+    _, size = np.linalg.slogdet(0.5 * (left + left.T) + ROUNDING * np.eye(p))
     return float(-0.5 * count * size - 0.5 * p * np.log1p(strength * v).sum())

@@ -8,11 +8,9 @@ from jaxtyping import Bool, Float
 
 from treadline.core.errors import DependentInputs, PoorExcitation
 from treadline.core.models import InputOutputRecord
-from treadline.identification._belts import DIFFERENCE_MIN, DifferentialInput, named_differential
-from treadline.identification._checks import COLLINEAR, channel_names
-
-PARTNER = 1e-6
-"""Share of a collinear input's deviation from which another one is part of it: more than rounding."""
+from treadline.identification._belts import DifferentialInput, named_differential
+from treadline.identification._checks import channel_names
+from treadline.identification._limits import ROUNDING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,8 +68,9 @@ def without_dependent_inputs(records: list[InputOutputRecord], *, name_prior: bo
                 f"constant input: '{names[j]}' is constant at {mean[j]:.4g} and left out; its effect is part of the offset"
             )
         else:
-            share = np.linalg.lstsq(moved[:, :j][:, kept[:j]], moved[:, j], rcond=None)[0] * moved[:, :j][:, kept[:j]].std(axis=0)
-            partners = " and ".join(f"'{names[i]}'" for i in np.flatnonzero(kept[:j])[np.abs(share) > PARTNER * moved[:, j].std()])
+            before = np.flatnonzero(kept[:j])
+            share = np.linalg.lstsq(moved[:, before], moved[:, j], rcond=None)[0] * moved[:, before].std(axis=0)
+            partners = " and ".join(f"'{names[i]}'" for i in before[np.abs(share) > ROUNDING**0.5 * moved[:, j].std()])
             findings.append(
                 f"collinear input: '{names[j]}' always moves with {partners} and is left out; the model holds only while it does"
             )
@@ -84,7 +83,7 @@ def _independent(scaled: Float[np.ndarray, "T m"], moving: Bool[np.ndarray, " m"
     for j in np.flatnonzero(moving):
         rest = scaled[:, j] - basis @ (basis.T @ scaled[:, j])
         rest -= basis @ (basis.T @ rest)
-        kept[j] = rest @ rest > COLLINEAR * len(scaled)
+        kept[j] = rest @ rest > ROUNDING * len(scaled)
         if kept[j]:
             basis = np.column_stack([basis, rest / np.linalg.norm(rest)])
     return kept
@@ -94,7 +93,7 @@ def _by_difference(
     records: list[InputOutputRecord], belts: DifferentialInput, moved: Float[np.ndarray, "T 2"], still: Bool[np.ndarray, " 2"]
 ) -> DriveLog:
     one, other = (f"'{name}'" for name in belts.names)
-    if not np.std(moved @ belts.signs.T) > DIFFERENCE_MIN * np.std(moved):
+    if not np.std(moved @ belts.signs.T) > ROUNDING**0.5 * np.std(moved):
         raise PoorExcitation(
             f"collinear inputs: {one} and {other} always differ by the same speed: nothing turns the vehicle; drive curves"
         )

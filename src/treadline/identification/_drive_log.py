@@ -11,6 +11,7 @@ from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.special import chdtrc
 
+from treadline.core.linear_systems import TESTED_LAGS
 from treadline.core.models import InputOutputRecord
 from treadline.identification._belts import (
     DIFFERENCE,
@@ -20,28 +21,18 @@ from treadline.identification._belts import (
 )
 from treadline.identification._checks import channel_names
 from treadline.identification._dependent_inputs import DriveLog
-from treadline.identification.options import ROWS_PER_PARAMETER
+from treadline.identification._limits import HALF, PREDICTABLE, ROWS_PER_PARAMETER, SIGNIFICANCE, TOLERANCE
 
 ROWS_MOST = 2000
 """Largest number of windows in a test, spread over all records: bounds its time to some milliseconds."""
 COLUMNS_MOST = 100
 """Largest number of regressors in a test, likewise."""
-LAGS = 10
-"""Rows of the past in a test."""
-SIGNIFICANCE = 1e-4
-"""p-value below which an influence is significant."""
-PREDICTABLE = 1e-9
-"""Share of an input's variance that is new in a row, below which the input is predictable from its own past."""
-FEEDBACK_SHARE_MIN = 0.5
-"""Share of what is new in an input that the outputs explain, from which feedback determines more of it than anything else does."""
 SQUARE_WAVE_SHARE = 8.0 / np.pi**2
 """Share of a square wave's variance in its fundamental frequency; an input with a larger share is closer to a sinusoid."""
 PERIODS_MIN = 2.0
 """Least number of periods of a sinusoid in a record: a slower one looks like a drift."""
 PADDING = 8
 """Length of the transform over the record's: a frequency is met to within a sixteenth of a line, its power to within 2 %."""
-INTEGRATOR_TOLERANCE = 0.3
-"""Relative difference between a heading's change and the yaw rate's integral from which the names contradict the data."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,15 +58,15 @@ def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
     tested = log.records if log.differential is None else log.differential.difference(log.records)
     bounds = _heading_over_yaw_rate(tested)
     is_integral = _is_integral(tested, bounds)
-    feedback = _feedback(tested, name_prior=name_prior, is_integral=is_integral)
-    static = _static(tested, name_prior=name_prior)
-    lines = [*log.findings, *feedback.findings, *_single_frequencies(tested), *static.findings]
+    has_feedback, feedback = _feedback(tested, name_prior=name_prior, is_integral=is_integral)
+    static, is_feedback = _static(tested, name_prior=name_prior)
+    lines = [*log.findings, *feedback, *_single_frequencies(tested), *static]
     if name_prior:
         lines.extend(_integrator(tested, bounds))
     return LogFindings(
         lines=tuple(lines),
-        has_feedback=feedback.is_significant or static.is_feedback,
-        is_table=bool(static.findings) and not static.is_feedback,
+        has_feedback=has_feedback or is_feedback,
+        is_table=bool(static) and not is_feedback,
         is_integral=is_integral,
     )
 
@@ -83,52 +74,44 @@ def examine(log: DriveLog, *, name_prior: bool = True) -> LogFindings:
 # Regressions on the past ------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Influence:
-    is_significant: bool = False
-    findings: tuple[str, ...] = ()
+def _feedback(records: Sequence[InputOutputRecord], *, name_prior: bool, is_integral: bool) -> tuple[bool, list[str]]:
+    """Return whether outputs significantly determine inputs, and a finding if by more than half.
 
-
-def _feedback(records: Sequence[InputOutputRecord], *, name_prior: bool, is_integral: bool) -> _Influence:
-    """Return whether outputs determine inputs: the largest canonical correlation of what both have new next to the inputs' past.
-
-    The inputs' own past has as many more rows as the outputs have regressors, so that a coloured input alone gains nothing from
-    them. Outputs before the current row decide, because an input may act within the row, and a heading of the row, on which it
-    cannot; all outputs up to the row give the share.
+    The measure is the largest canonical correlation of what both have new next to the inputs' past. That past has as many more
+    rows as the outputs have regressors, so that a coloured input alone gains nothing from them. Outputs before the current row
+    decide, because an input may act within the row, and a heading of the row, on which it cannot; all outputs up to the row give
+    the share.
     """
     m, p = records[0].u.shape[1], records[0].y.shape[1]
-    for lags in range(LAGS, 0, -1):
+    for lags in range(TESTED_LAGS, 0, -1):
         own = lags + -(-(lags + 1) * p // m)
         if m * own + p * (lags + 1) <= _columns(records, own):
             break
     else:
-        return _Influence()
+        return False, []
     z = _windows(records, own)
     if len(z) < 2 * (m * own + p * (lags + 1)):  # gaps leave too few
-        return _Influence()
+        return False, []
     past, now = z[:, :-1, :m].reshape(len(z), -1), z[:, -1, :m]
     new = _residual(past, now)
     if np.trace(new.T @ new) <= PREDICTABLE * np.sum(np.var(now, axis=0)) * len(z):
-        return _Influence()
+        return False, []
     before, seen = z[:, -1 - lags : -1, m:].reshape(len(z), -1), z[:, -1 - lags :, m:]
     if name_prior and is_integral:
         before = np.column_stack([before, _answered(records, new, _residual(past, seen[:, -1]))])
     earlier, _ = _canonical(new, _residual(past, before), now)
     statistic = -len(z) * np.log1p(-min(earlier, 1.0 - 1e-12))
     if not chdtrc(before.shape[1] + m - 1, statistic) < SIGNIFICANCE:
-        return _Influence()
+        return False, []
     share, along = _canonical(new, _residual(past, seen.reshape(len(z), -1)), now)
-    if share < FEEDBACK_SHARE_MIN:
-        return _Influence(is_significant=True)
+    if share < HALF:
+        return True, []
     by_output = [_canonical(new, _residual(past, seen[:, :, j]), now)[0] for j in range(p)]
     output, names = channel_names(records[0])[m + int(np.argmax(by_output))], channel_names(records[0])
-    return _Influence(
-        is_significant=True,
-        findings=(
-            f"feedback: the outputs, above all '{output}', explain {100.0 * share:.0f} % of what is new in "
-            f"{_combination(names, along)}: the model may be the controller's inverse; add dither, or drive without control",
-        ),
-    )
+    return True, [
+        f"feedback: the outputs, above all '{output}', explain {100.0 * share:.0f} % of what is new in "
+        f"{_combination(names, along)}: the model may be the controller's inverse; add dither, or drive without control"
+    ]
 
 
 def _answered(
@@ -166,25 +149,18 @@ def _combination(names: Sequence[str], along: Float[np.ndarray, " m"]) -> str:
     return f"the difference of {listed}" if len(large) == 2 and along[large[0]] * along[large[1]] < 0.0 else listed
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Static:
-    findings: tuple[str, ...] = ()
-    is_feedback: bool = False
-    """Whether the inputs of a row follow its heading; else the rows are a table."""
-
-
-def _static(records: Sequence[InputOutputRecord], *, name_prior: bool) -> _Static:
-    """Return a finding if no output depends on the rows before it (likelihood ratio test, one per output).
+def _static(records: Sequence[InputOutputRecord], *, name_prior: bool) -> tuple[list[str], bool]:
+    """Return a finding if no output depends on the rows before it (likelihood ratio tests), and whether it is of feedback.
 
     A heading integrates, so that inputs of its row can only follow it.
     """
     m, p = records[0].u.shape[1], records[0].y.shape[1]
-    lags = min(LAGS, int(_columns(records, LAGS) // (m + p)))
+    lags = min(TESTED_LAGS, int(_columns(records, TESTED_LAGS) // (m + p)))
     if lags < 1:
-        return _Static()
+        return [], False
     z = _windows(records, lags)
     if len(z) < 2 * lags * (m + p):
-        return _Static()
+        return [], False
     now, y, past = z[:, -1, :m], z[:, -1, m:], z[:, :-1].reshape(len(z), -1)
     static = _residual(now, y)
     full = _residual(np.hstack([now, past]), y)
@@ -196,21 +172,21 @@ def _static(records: Sequence[InputOutputRecord], *, name_prior: bool) -> _Stati
         statistic = (len(z) - m - 0.5 * freedom) * np.log(before / after)
     memory = ~exact & (chdtrc(freedom, np.maximum(statistic, 0.0)) < SIGNIFICANCE)
     if memory.any():
-        return _Static()
+        return [], False
     shares = 1.0 - before / np.maximum(total, 1e-300)
     heading = turn_channels(records[0].output_names).heading if name_prior else None
-    if heading is not None and shares[heading] > FEEDBACK_SHARE_MIN:
+    if heading is not None and shares[heading] > HALF:
         finding = (
             f"feedback: '{records[0].output_names[heading]}' and the inputs of the same row determine each other "
             f"({100.0 * shares[heading]:.0f} %), as under control; add dither, or drive without control"
         )
-        return _Static(findings=(finding,), is_feedback=True)
+        return [finding], True
     share = 100.0 * float(shares.max())
     finding = (
         f"table: no output depends on the rows before it, and the inputs of the same row explain {share:.0f} % at most; a table of "
         "steady states, or rows out of order? sort them by time, or record a drive"
     )
-    return _Static(findings=(finding,))
+    return [finding], False
 
 
 def _columns(records: Sequence[InputOutputRecord], lags: int) -> float:
@@ -289,7 +265,7 @@ def _integrator(records: Sequence[InputOutputRecord], bounds: Float[np.ndarray, 
             "_unwrapped_rad"
         )
         return
-    if bounds is not None and (bounds[1] < 1.0 - INTEGRATOR_TOLERANCE or bounds[0] > 1.0 + INTEGRATOR_TOLERANCE):
+    if bounds is not None and (bounds[1] < 1.0 - TOLERANCE or bounds[0] > 1.0 + TOLERANCE):
         yield (
             f"integrator: {heading} changes by {bounds[0]:.2g} to {bounds[1]:.2g} of the yaw rate's integral, not by 1: check "
             "units, signs, the period and the order of the rows"
@@ -300,7 +276,7 @@ def _is_integral(records: Sequence[InputOutputRecord], bounds: Float[np.ndarray,
     turn = turn_channels(records[0].output_names)
     if turn.heading is None or turn.yaw_rate is None:
         return True
-    return bounds is not None and bool(bounds[0] < 1.0 + INTEGRATOR_TOLERANCE and bounds[1] > 1.0 - INTEGRATOR_TOLERANCE)
+    return bounds is not None and bool(bounds[0] < 1.0 + TOLERANCE and bounds[1] > 1.0 - TOLERANCE)
 
 
 def _heading_over_yaw_rate(records: Sequence[InputOutputRecord]) -> Float[np.ndarray, " 2"] | None:
@@ -327,7 +303,7 @@ def _changes(records: Sequence[InputOutputRecord], heading: int, yaw_rate: int) 
     for record in records:
         # Each ten rows are integrated by themselves, so that a gap costs one of them.
         turns = 0.5 * (record.y[1:, yaw_rate] + record.y[:-1, yaw_rate]) * record.dt_s
-        changes = np.diff(record.y[::LAGS, heading])
-        parts.append(np.column_stack([changes, turns[: LAGS * len(changes)].reshape(-1, LAGS).sum(axis=1)]))
+        changes = np.diff(record.y[::TESTED_LAGS, heading])
+        parts.append(np.column_stack([changes, turns[: TESTED_LAGS * len(changes)].reshape(-1, TESTED_LAGS).sum(axis=1)]))
     z = np.concatenate(parts)
     return np.asarray(z[np.isfinite(z).all(axis=1)])

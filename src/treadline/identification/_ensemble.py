@@ -23,6 +23,7 @@ from treadline.core.errors import PoorExcitation
 from treadline.identification._affine import DECAYED, Affine, stabilised
 from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
 from treadline.identification._fitting import Fitting, last_samples
+from treadline.identification._limits import LAGS_MOST, SIGNIFICANCE
 from treadline.identification._model_order import bic_order
 from treadline.identification._modes import Experiment, with_inputs_again
 from treadline.identification._realisation import StateMap, pbsid, state_map
@@ -30,8 +31,6 @@ from treadline.identification._refine import fair_residual, refined, residual
 
 ORDERS_TRIED = 12
 """Orders per decay, spread evenly over the range: 1 to 12, or from half to one and a half times the order of smallest BIC."""
-ORDER_MOST = 40
-"""Largest order."""
 VALUES_PER_COEFFICIENT = 10
 """Output values per coefficient of the largest order."""
 VALUES_MOST = 40_000
@@ -42,8 +41,6 @@ JUDGED = 0.3
 """Share of the record at its beginning, and at its end, that judges a model fitted to the rest, as for the benchmark's peers."""
 AGREEING = 0.1
 """Share of the members that may disagree with it."""
-CHANCE = 0.999
-"""Probability with which noise explains less than what counts as explained."""
 ENTRIES_MOST = 600
 """Entries of A, B and C above which a refinement takes longer than all other steps."""
 
@@ -129,9 +126,9 @@ def _orders(fitting: Fitting, states: StateMap) -> list[int]:
     """Return the orders tried: about the one of smallest BIC, as far as the samples allow."""
     data = fitting.data
     m, p = data.units.input_count, len(data.units.output_scale)
-    central = bic_order(data, states, data.lags, feedthrough=fitting.feedthrough, most=ORDER_MOST)
+    central = bic_order(data, states, data.lags, feedthrough=fitting.feedthrough, most=LAGS_MOST)
     most = max(1, int((data.count * p / VALUES_PER_COEFFICIENT - m * p) / (m + p)))
-    upper = min(max(ORDERS_TRIED, round(1.5 * central)), ORDER_MOST, most, len(states.s))
+    upper = min(max(ORDERS_TRIED, round(1.5 * central)), LAGS_MOST, most, len(states.s))
     lower = 1 if upper <= ORDERS_TRIED else min(max(central // 2, 1), upper)
     return sorted({int(order) for order in np.linspace(lower, upper, min(ORDERS_TRIED, upper - lower + 1)).round()})
 
@@ -235,5 +232,5 @@ def _explained(experiments: Sequence[Experiment], system: Affine) -> Bool[np.nda
     errors = np.vstack([residual(system, item)[item.there] for item in experiments])
     unexplained = (errors**2).sum(axis=0) / np.maximum(((y - y.mean(axis=0)) ** 2).sum(axis=0), np.finfo(float).tiny)
     coefficients = system.order * (system.B.shape[1] + 1) + system.B.shape[1]
-    by_chance = betaincinv(0.5 * coefficients, 0.5 * max(len(y) - coefficients, 1), CHANCE)
+    by_chance = betaincinv(0.5 * coefficients, 0.5 * max(len(y) - coefficients, 1), 1.0 - SIGNIFICANCE)
     return ~(1.0 - unexplained < by_chance)

@@ -5,7 +5,7 @@ The Hankel matrix holds only the system's Markov parameters; including the obser
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,18 +16,13 @@ from scipy.linalg import lapack
 from treadline.core.arrays import shaped
 from treadline.core.errors import NotFinite, PoorExcitation, ShapeMismatch
 from treadline.identification._checks import check_integers
+from treadline.identification._limits import ROUNDING
 from treadline.identification._recursion_kernels import hankel_matrix
 
 DENSE_MOST = 300
 """Rows up to which a dense decomposition is as fast as a randomised one."""
 RANK_MOST = 30
 """Number of singular values computed by a randomised decomposition."""
-NO_RANK = 1e-14
-"""Singular value, relative to the largest, below which only rounding remains."""
-WELL_APART = 1e-2
-"""Singular value, relative to the largest, above which the squared matrix gives singular vectors to twelve digits."""
-MISSED = 1e-12
-"""Share of a matrix's squared norm outside the random subspace that triggers power iterations."""
 
 
 Triplets = tuple[Float[np.ndarray, "a k"], Float[np.ndarray, " k"], Float[np.ndarray, "k b"]]
@@ -47,40 +42,27 @@ class HankelSvd:
     """Number of block columns."""
     rank: int = RANK_MOST
     """Number of singular values computed for a large H; a small H is decomposed completely."""
-    _led: dict[int, Triplets] = field(default_factory=dict)
 
     @cached_property
     def s(self) -> Float[np.ndarray, " k"]:
         """Singular values."""
-        if self._is_decomposed or not self._is_dense:
-            return self._whole[1]
-        return np.linalg.svd(self.matrix, compute_uv=False)  # without vectors, a third of the time
+        return self._whole[1]
 
     def leading(self, order: int) -> Triplets:
-        """Return the leading singular values and vectors; repeated calls with one order give the same signs.
+        """Return the leading singular values and vectors.
 
         Raises:
             PoorExcitation: If the order is above the rank.
         """
-        if order not in self._led:
-            first = not self._is_decomposed and not self._led and self._is_dense
-            self._led[order] = (leading_by_square(self.matrix, order) if first else None) or self._cut(order)
-        return self._led[order]
-
-    def _cut(self, order: int) -> Triplets:
         U, s, Vt = self._whole
-        if order > s.size or s[order - 1] <= NO_RANK * s[0]:
+        if order > s.size or s[order - 1] <= ROUNDING * s[0]:
             raise self.refusal(order)
         return U[:, :order], s[:order], Vt[:order]
 
     def refusal(self, order: int) -> PoorExcitation:
         """Return the error for an order above the rank."""
-        rank = int(np.sum(self.s > NO_RANK * self.s[0]))
+        rank = int(np.sum(self.s > ROUNDING * self.s[0]))
         return PoorExcitation(f"order {order} is above the rank {rank} of the Hankel matrix; ask for {rank} or less")
-
-    @property
-    def _is_decomposed(self) -> bool:
-        return "_whole" in vars(self)
 
     @cached_property
     def _whole(self) -> Triplets:
@@ -125,24 +107,6 @@ def largest(H: Float[np.ndarray, "a b"]) -> float:
     return float(np.sqrt(max(square, 0.0)))
 
 
-def leading_by_square(H: Float[np.ndarray, "a b"], order: int) -> Triplets | None:
-    """Return the leading singular triplets of a small matrix by its squared matrix, in a third of the time.
-
-    None if the last of these singular values is so small that squaring loses significant digits.
-    """
-    tall = H if len(H) >= H.shape[1] else H.T
-    k = tall.shape[1]
-    if order >= k:
-        return None
-    _, V, _, _, failed = lapack.dsyevr(tall.T @ tall, range="I", il=k - order + 1, iu=k)
-    V = V[:, order - 1 :: -1]
-    U = tall @ V
-    s = np.sqrt(np.einsum("ak,ak->k", U, U))
-    if failed or not s[-1] > WELL_APART * s[0]:
-        return None
-    return (U / s, s, V.T) if tall is H else (V, s, (U / s).T)
-
-
 def hankel(markov: Float[np.ndarray, "n p m"], rows: int, columns: int, shift: int) -> Float[np.ndarray, "a b"]:
     """Return the block Hankel matrix whose first block is ``Y_{1 + shift}``.
 
@@ -180,7 +144,7 @@ def leading_by_products(times: Product, turned_times: Product, width: int, squar
     """
     Q = np.linalg.qr(times(np.random.default_rng(0).standard_normal((width, rank + 10))))[0]
     seen = turned_times(Q)
-    if float(np.vdot(seen, seen)) < (1.0 - MISSED) * squares:
+    if float(np.vdot(seen, seen)) < (1.0 - ROUNDING) * squares:
         for _ in range(2):
             Q = np.linalg.qr(times(np.linalg.qr(seen)[0]))[0]
             seen = turned_times(Q)

@@ -11,8 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Num
 from scipy.linalg import lapack
 
-RIDGE = 1e-13
-"""Relative eigenvalue below which a direction of the regressors counts as not excited."""
+from treadline.identification._limits import ROUNDING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,7 +36,7 @@ class Factor:
         L, failed = lapack.dpotrf(rows[:, past].T, lower=1, clean=0, overwrite_a=1)
         pivots = np.diag(L)[: failed - 1 if failed > 0 else None]
         # Late pivots may be rounding residue: only the lags before the first such pivot are kept.
-        sound = np.minimum.accumulate(pivots) > np.sqrt(RIDGE) * np.maximum.accumulate(pivots)
+        sound = np.minimum.accumulate(pivots) > np.sqrt(ROUNDING) * np.maximum.accumulate(pivots)
         stand = len(sound) if sound.all() else int(np.argmin(sound))
         width = 1 + r * max((stand - 1) // r, 0)
         L = np.asfortranarray(L[:width, :width])
@@ -56,7 +55,7 @@ class Factor:
     def residuals(self, lags: range) -> tuple[Float[np.ndarray, "2 P p p"], Bool[np.ndarray, " P"]]:
         """Return the outputs' residual sums of squares without and with u_k, and whether u_k is excited beyond its past."""
         residual_ss, m = self.residual_ss(lags), self.m
-        excited = np.linalg.eigvalsh(residual_ss[:, :m, :m])[:, 0] > RIDGE * self.now[0, 0]
+        excited = np.linalg.eigvalsh(residual_ss[:, :m, :m])[:, 0] > ROUNDING * self.now[0, 0]
         residual_ss[~excited, :m, :m] = np.eye(m)
         without = residual_ss[:, m:, m:]
         return np.stack(
@@ -64,20 +63,19 @@ class Factor:
         ), excited
 
 
-def solved(XX: Num[np.ndarray, "q q"], XY: Num[np.ndarray, "q p"], *, least: float = RIDGE) -> Num[np.ndarray, "q p"]:
+def solved(XX: Num[np.ndarray, "q q"], XY: Num[np.ndarray, "q p"]) -> Num[np.ndarray, "q p"]:
     """Return the least-squares solution of normal equations; directions that are not excited get zero coefficients.
 
     Args:
         XX: Real or complex normal matrix.
         XY: Right-hand sides.
-        least: Eigenvalue, for regressors of equal size, below which a direction counts as not excited.
     """
     size = np.sqrt(np.maximum(np.diag(XX).real, 0.0))
     scale = np.where(size > 1e-12 * size.max(initial=0.0), 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
     A, right = XX * scale[:, None] * scale, XY * scale[:, None]
     potrf, potrs = (lapack.zpotrf, lapack.zpotrs) if np.iscomplexobj(XX) else (lapack.dpotrf, lapack.dpotrs)
     L, failed = potrf(A, lower=1, clean=0)
-    if not failed and np.diag(L).real.min(initial=1.0) ** 2 > least:
+    if not failed and np.diag(L).real.min(initial=1.0) ** 2 > ROUNDING:
         theta = potrs(L, right, lower=1)[0]
         # One pass of iterative refinement: the normal equations square the condition.
         theta = theta + potrs(L, right - A @ theta, lower=1)[0]
@@ -85,7 +83,7 @@ def solved(XX: Num[np.ndarray, "q q"], XY: Num[np.ndarray, "q p"], *, least: flo
         return np.full(XY.shape, np.nan)
     else:
         values, V = np.linalg.eigh(A)
-        kept = values > least * values[-1]
+        kept = values > ROUNDING * values[-1]
         theta = (V[:, kept] / values[kept]) @ (V[:, kept].conj().T @ right)
     return np.asarray(theta * scale[:, None])
 

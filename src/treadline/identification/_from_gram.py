@@ -17,33 +17,26 @@ from treadline.identification._affine import to_model
 from treadline.identification._checks import channel_names, check_excitation, check_independent, check_integers, check_records
 from treadline.identification._deconvolution import observer_of
 from treadline.identification._ensemble import Ensemble, ensemble
-from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import Candidate, Fitting
 from treadline.identification._gram import Gram, Units, gram_of
 from treadline.identification._identified import Evidence, FittedSystem
 from treadline.identification._model_order import (
-    OrderChoice,
     choose_structure,
-    gap_at,
-    gap_of,
+    no_system,
     noise_level,
     settle_order,
     stands_out,
     structural_order,
 )
 from treadline.identification._okid import ObserverMarkov, observer_markov, regression
+from treadline.identification._realisation import BLOCKS_LEAST, realised, state_map
 from treadline.identification._realisation import pbsid as realised_by_pbsid
-from treadline.identification._realisation import realised, state_map
 from treadline.identification._refine import cost
 from treadline.identification._threads import one_thread
 from treadline.identification.options import IdentificationOptions, max_supported_lags
 
-CLEARLY_SEPARATED_GAP = 10.0
-"""Ratio of singular values above which the order is clear enough to limit the search to its neighbours."""
 EXACT_RUN = 1e-6
 """Squared free-run error relative to the variance below which data count as free of noise: a thousandth of the deviation."""
-PBSID_LAGS = 10
-"""Smallest default number of lags for PBSID, which needs enough past to reconstruct the state."""
 
 
 def provenance_of(method: str, candidate: Candidate) -> dict[str, str | float]:
@@ -93,7 +86,7 @@ def from_gram(
     if order is not None or allowed is not None:
         check_excitation(data, order or min(allowed or [1]))
     fitting = Fitting(data=data, records=records, feedthrough=has_d)
-    evidence = _evidence_of(fitting, used, options, collected)
+    evidence = _evidence_of(fitting, used, options)
     exact = _exact(fitting, evidence, options, collected) if method == "best" and evidence.structural is None else None
     if exact is not None:
         found = exact
@@ -106,12 +99,10 @@ def from_gram(
     return found
 
 
-def _evidence_of(fitting: Fitting, lags: int, options: IdentificationOptions, warnings: list[str]) -> Evidence:
+def _evidence_of(fitting: Fitting, lags: int, options: IdentificationOptions) -> Evidence:
     observer, svd = fitting.observer(lags, options.largest_order)
-    structural = structural_order(observer)
     noise = noise_level(observer, svd) if options.given_order is None else None
-    choice = settle_order(svd, options.given_order, structural, noise or 0.0, warnings, options.allowed_orders)
-    return Evidence(lags=lags, observer=observer, svd=svd, structural=structural, noise=noise, choice=choice)
+    return Evidence(lags=lags, svd=svd, structural=structural_order(observer), noise=noise)
 
 
 def _by_ensemble(
@@ -119,16 +110,16 @@ def _by_ensemble(
 ) -> FittedSystem:
     """Return the model made of the ensemble's medoid."""
     found = ensemble(fitting, orders, on_progress)
-    if stands_out(evidence.svd.s, evidence.noise or 0.0):
-        warnings.clear()  # the ensemble does not choose its order by the gap of the singular values
+    noise = evidence.noise or 0.0
+    if not stands_out(evidence.svd.s, noise):
+        warnings.append(no_system(evidence.svd.s, noise))
     warnings += _unexplained(found, channel_names(fitting.records[0])[fitting.data.units.input_count :])
     candidate = Candidate(method="pbsid", lags=fitting.data.lags, order=found.chosen.order, step=found.step)
-    choice = OrderChoice(order=candidate.order, gap=gap_at(evidence.svd.s[: evidence.structural], candidate.order), clear=True)
     return FittedSystem(
         candidate=candidate,
         system=fitting.observable(found.system),
         fitting=fitting,
-        evidence=replace(evidence, choice=choice),
+        evidence=evidence,
         ensemble=found,
         warnings=warnings,
     )
@@ -157,25 +148,25 @@ def _by_method(
     fitting: Fitting, evidence: Evidence, method: str, options: IdentificationOptions, warnings: list[str]
 ) -> FittedSystem:
     """Return the model by a single named method."""
-    choice, used = evidence.choice, evidence.lags
+    used, svd, order = evidence.lags, evidence.svd, options.given_order
+    if order is None:
+        choice = settle_order(svd.s[: evidence.structural], evidence.noise or 0.0, warnings, options.allowed_orders)
+        order = choice.order
+        if method == "pbsid" and evidence.structural is not None:
+            used = min(max(used, BLOCKS_LEAST, order) if options.lags is None else used, fitting.data.lags)
+            order = fitting.bic_order(used, options.allowed_orders)
+            if order != choice.order:
+                gap = f"the largest gap of the singular values, {choice.gap:.1f}, is at order {choice.order}"
+                warnings.append(f"order {order} by BIC; {gap}")
     if method == "pbsid" and options.lags is None:
-        used = min(max(used, PBSID_LAGS, choice.order), fitting.data.lags)
-    candidate = Candidate(method=method, lags=used, order=choice.order)
-    if (
-        options.given_order is None
-        and candidate.method == "pbsid"
-        and evidence.structural is not None
-        and not _is_clearly_separated(choice, evidence.svd)
-    ):
-        choice = _order_by_bic(fitting, evidence.svd, choice, candidate.lags, options.allowed_orders, warnings)
-        candidate = replace(candidate, order=choice.order)
-    system = fitting.subspace(candidate.method, candidate.lags, candidate.order)
-    if options.lags is None and candidate.method != "pbsid" and evidence.structural is not None:
+        used = min(max(used, BLOCKS_LEAST, order), fitting.data.lags)
+    candidate = Candidate(method=method, lags=used, order=order)
+    system = fitting.subspace(method, used, order)
+    if options.lags is None and method != "pbsid" and evidence.structural is not None:
         # An observer with few lags restricts its gain, so the innovation gain is refitted separately.
         system = fitting.with_gain(system)
-    elif candidate.method == "pbsid" and not system.predictor().radius < 1.0:
+    elif method == "pbsid" and not system.predictor().radius < 1.0:
         system = fitting.observable(system)
-    evidence = replace(evidence, choice=choice)
     return FittedSystem(candidate=candidate, system=system, fitting=fitting, evidence=evidence, warnings=warnings)
 
 
@@ -184,29 +175,14 @@ def _by_deconvolution(fitting: Fitting, order: int | None, allowed: Sequence[int
     data = fitting.data
     fitting = replace(fitting, data=replace(data, units=replace(data.units, shift=np.zeros_like(data.units.shift))))
     observer, svd = observer_of(fitting.records, fitting.data.units)
-    choice = settle_order(svd, order, None, 0.0, warnings, allowed)
+    order = settle_order(svd.s, 0.0, warnings, allowed).order if order is None else order
     return FittedSystem(
-        candidate=Candidate(method="deconvolution", lags=0, order=choice.order),
-        system=realised(observer, svd, choice.order),
+        candidate=Candidate(method="deconvolution", lags=0, order=order),
+        system=realised(observer, svd, order),
         fitting=fitting,
-        evidence=Evidence(lags=0, observer=observer, svd=svd, structural=None, noise=None, choice=choice),
+        evidence=Evidence(lags=0, svd=svd, structural=None, noise=None),
         warnings=warnings,
     )
-
-
-def _order_by_bic(
-    fitting: Fitting, svd: HankelSvd, choice: OrderChoice, lags: int, allowed: Sequence[int] | None, warnings: list[str]
-) -> OrderChoice:
-    """Return the order with the smallest BIC, for singular values without a clear gap."""
-    order = fitting.bic_order(lags, allowed)
-    if order != choice.order:
-        gap = f"the largest gap of the singular values, {choice.gap:.1f}, is at order {choice.order}"
-        warnings.append(f"order {order} by BIC; {gap}")
-    return OrderChoice(order=order, gap=gap_at(svd.s, order), clear=False)
-
-
-def _is_clearly_separated(choice: OrderChoice, svd: HankelSvd) -> bool:
-    return choice.clear and gap_of(choice, svd) > CLEARLY_SEPARATED_GAP
 
 
 @one_thread()

@@ -30,8 +30,8 @@ from treadline.identification._ensemble import Ensemble
 from treadline.identification._era import HankelSvd
 from treadline.identification._fitting import Candidate, Fitting
 from treadline.identification._gram import Gram, Units
-from treadline.identification._model_order import OrderChoice, gap_of
-from treadline.identification._okid import ObserverMarkov
+from treadline.identification._limits import RECENT, ROUNDING
+from treadline.identification._model_order import gap_at
 from treadline.identification._pole_intervals import (
     MEMORY_PER_LAG,
     ConfidenceIntervals,
@@ -49,7 +49,6 @@ from treadline.identification._turn_model import (
     sign_warning,
     turn_model,
 )
-from treadline.identification.options import RECENT
 
 P_VALUE_LIMIT = 0.01
 """p-value below which a residual test is reported as failed."""
@@ -58,8 +57,6 @@ LOW_MOTION_RATIO = 0.5
 
 FIT_PERCENT_MIN = 10.0
 """Fit and variance accounted for [%] below which the model explains practically nothing."""
-EXACT_PERCENT = 1e-10
-"""Unexplained share of the variance [%] attributed to rounding."""
 COLLINEAR_VARIANCE = 0.15
 """Variance of the weakest input combination relative to one input's, below which inputs count as collinear (0.85 correlated)."""
 
@@ -144,7 +141,7 @@ def validation_scores(found: Sequence[Comparison]) -> dict[str, Any]:
     """Return fit and residual tests as fields of the report: means, and smallest p-values with Bonferroni correction."""
     vaf, percent = _means(found)
     # A residual of pure rounding has no meaningful p-value; the tests count as passed.
-    exact = all(100.0 - value < EXACT_PERCENT for value in vaf.values())
+    exact = all(100.0 - value < 100.0 * ROUNDING for value in vaf.values())
     white, crossed = [one.whiteness_p for one in found], [one.crosscorrelation_p for one in found]
     longest = max(found, key=lambda one: one.samples)
     return {
@@ -164,7 +161,7 @@ def _means(found: Sequence[Comparison]) -> tuple[dict[str, float], dict[str, flo
     names = list(found[0].percent)
     both = np.array([[[one.one_step_vaf_percent[name] for name in names], [one.percent[name] for name in names]] for one in found])
     mean = both.mean(axis=0)
-    vaf, percent = np.where(np.isfinite(mean), mean, -1e9).tolist()
+    vaf, percent = np.where(mean > -1e9, mean, -1e9).tolist()  # also for NaN
     return dict(zip(names, vaf, strict=True)), dict(zip(names, percent, strict=True))
 
 
@@ -255,13 +252,11 @@ class Evidence:
     """Structure of the data before a model is fitted."""
 
     lags: int
-    observer: ObserverMarkov
     svd: HankelSvd
     structural: int | None
     """Largest order possible with the observer's lags; None for noise-free data."""
     noise: float | None
     """Largest singular value of noise alone; None for a given order."""
-    choice: OrderChoice
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -437,7 +432,7 @@ class Identified(ModelMethods, Printable):
             mirrored=self._differential is not None,
             delays=list(model.input_delay),
             singular_values=[float(value) for value in found.evidence.svd.s],
-            gap=finite_or_none(gap_of(found.evidence.choice, found.evidence.svd)),
+            gap=finite_or_none(gap_at(found.evidence.svd.s[: found.evidence.structural], found.candidate.order)),
             noise_level=None if found.evidence.noise is None else finite_or_none(found.evidence.noise),
             poles=[(float(pole.real), float(pole.imag)) for pole in poles],
             pole_ci95=None if radii is None else [float(radius) for radius in radii],

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from treadline.identification._era import HankelSvd, hankel, largest
 from treadline.identification._gram import Gram
+from treadline.identification._limits import LAGS_MOST, ROUNDING
 from treadline.identification._okid import ObserverMarkov, residuals_by_lags, system_markov
 from treadline.identification._realisation import StateMap, innovations
 
@@ -24,8 +25,6 @@ FURTHER_ABOVE_NOISE = 1.5
 """Ratio to the noise level for further states; on stairs the second reached 8.6 in a minute of data, the third at most 1.2."""
 NOISE_DRAWS = 4
 """Draws of the noise: the deviation of their root mean square is a quarter of it for one lag, and less for more."""
-NUMERICAL_ZERO = 1e-12
-"""Relative size below which a singular value is rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,8 +32,8 @@ class OrderChoice:
     """Model order and whether the gap at that order is clear."""
 
     order: int
-    gap: float | None
-    """Gap σ_n / σ_{n+1}; None for a given order until requested (``gap_of``)."""
+    gap: float
+    """Gap σ_n / σ_{n+1}."""
     clear: bool
 
 
@@ -59,7 +58,7 @@ def choose_order(
         noise: Largest singular value of noise alone.
         allowed: Orders to choose from; any when None. The smallest if none of them is above the noise.
     """
-    s = np.maximum(singular_values, NUMERICAL_ZERO * singular_values[0])
+    s = np.maximum(singular_values, ROUNDING * singular_values[0])
     candidates = len(s) - 1
     least = 1 if allowed is None else min(allowed)
     if candidates < least:
@@ -74,12 +73,6 @@ def choose_order(
     best = int(np.argmax(np.where(above, ratios, 0.0)))
     clear = bool(ratios[best] >= CLEAR_GAP and stands_out(s, noise))
     return OrderChoice(order=best + 1, gap=float(ratios[best]), clear=clear)
-
-
-ORDER_MOST = 16
-"""Largest order tried."""
-EXACT = 1e-12
-"""Residual variance relative to the outputs' variance below which data count as noise-free."""
 
 
 def choose_structure(whole: Gram, lags: int | None, feedthrough: bool | None, *, is_model: bool = False) -> tuple[int, bool]:
@@ -137,7 +130,7 @@ def _coefficients(whole: Gram, choices: Sequence[tuple[int, bool]]) -> Float[np.
 
 
 def bic_order(
-    data: Gram, states: StateMap, lags: int, *, feedthrough: bool, most: int = ORDER_MOST, allowed: Sequence[int] | None = None
+    data: Gram, states: StateMap, lags: int, *, feedthrough: bool, most: int = LAGS_MOST, allowed: Sequence[int] | None = None
 ) -> int:
     """Return the order of PBSID's state map with the smallest BIC.
 
@@ -166,7 +159,7 @@ def structural_order(observer: ObserverMarkov) -> int | None:
     Args:
         observer: OKID observer in standard deviations.
     """
-    exact = np.trace(observer.residual_covariance) < EXACT * len(observer.D)
+    exact = np.trace(observer.residual_covariance) < ROUNDING * len(observer.D)
     return None if exact else observer.beta.shape[0] * observer.beta.shape[1]
 
 
@@ -185,29 +178,24 @@ def noise_level(observer: ObserverMarkov, svd: HankelSvd) -> float:
     return float(np.sqrt(np.mean([largest(hankel(draw, svd.rows, svd.columns, 0)) ** 2 for draw in draws])))
 
 
-def gap_of(choice: OrderChoice, svd: HankelSvd) -> float:
-    """Return the gap σ_n / σ_{n+1} of a choice, computed here for a given order."""
-    return gap_at(svd.s, choice.order) if choice.gap is None else choice.gap
+def no_system(singular_values: Float[np.ndarray, " k"], noise: float) -> str:
+    """Return the warning for a largest singular value that noise alone may cause."""
+    return (
+        f"no clear gap in the singular values (the largest is {singular_values[0] / noise:.1f} times the noise level); "
+        "give more data, or inputs that vary more"
+    )
 
 
 def settle_order(
-    svd: HankelSvd,
-    order: int | None,
-    structural: int | None,
-    noise: float,
-    warnings: list[str],
-    allowed: Sequence[int] | None = None,
+    singular_values: Float[np.ndarray, " k"], noise: float, warnings: list[str], allowed: Sequence[int] | None = None
 ) -> OrderChoice:
-    """Return the given order, or the order at the gap of the singular values; an unclear gap adds a warning."""
-    if order is not None:
-        return OrderChoice(order=order, gap=None, clear=True)
-    # An observer of p lags has at most p states per output; the drop beyond that rank is an artefact.
-    choice = choose_order(svd.s[:structural], noise=noise, allowed=allowed)
-    if not stands_out(svd.s, noise):
-        warnings.append(
-            f"no clear gap in the singular values (the largest is {svd.s[0] / noise:.1f} times the noise level); "
-            "give more data, or inputs that vary more"
-        )
+    """Return the order at the gap of the singular values; an unclear gap adds a warning.
+
+    An observer of p lags has at most p states per output; the drop beyond that rank is an artefact and left out by the caller.
+    """
+    choice = choose_order(singular_values, noise=noise, allowed=allowed)
+    if not stands_out(singular_values, noise):
+        warnings.append(no_system(singular_values, noise))
     elif not choice.clear:
         warnings.append(
             f"no clear gap in the singular values (largest ratio {choice.gap:.1f} at order {choice.order}); "

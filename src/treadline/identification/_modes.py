@@ -20,8 +20,6 @@ ILL_CONDITIONED = 1e5
 """Condition number of the eigenvectors above which modal coordinates lose too many digits (nearly equal poles)."""
 GROWTH = 1e3
 """Growth of a mode over a record above which the mode dominates the free run."""
-BARELY_SEEN = 1e-10
-"""Relative eigenvalue below which the refit leaves a direction of the inputs' effects at zero."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -185,5 +183,5 @@ def with_inputs_again(system: Affine, experiments: Sequence[Experiment], fixed: 
     n, m1 = system.order, system.B.shape[1]
     live = np.concatenate([np.ones(n * m1, dtype=bool), ~fixed.ravel()])
     found = np.zeros(len(live), dtype=complex)
-    found[live] = solved(square[np.ix_(live, live)], right[live, None], least=BARELY_SEEN)[:, 0]
+    found[live] = solved(square[np.ix_(live, live)], right[live, None])[:, 0]
     return replace(system, B=(modes.V @ found[: n * m1].reshape(n, m1)).real, D=found[n * m1 :].reshape(fixed.shape).real)

@@ -12,8 +12,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.linalg import solve_triangular
 
-from treadline.identification._factor import RIDGE, solved
+from treadline.identification._factor import solved
 from treadline.identification._gram import Gram
+from treadline.identification._limits import ROUNDING
 from treadline.identification._recursion_kernels import unroll
 
 
@@ -35,7 +36,7 @@ class ObserverMarkov:
         """Return the observer, in standard deviations, with a draw of its estimation errors added."""
         lags, p, m = self.alpha.shape
         # The coefficients' covariance is the inverse Gram matrix times the residual covariance.
-        root = np.linalg.cholesky(self.information + RIDGE * np.diag(np.diag(self.information)))
+        root = np.linalg.cholesky(self.information + ROUNDING * np.diag(np.diag(self.information)))
         size, W = np.linalg.eigh(self.residual_covariance)
         errors = (
             solve_triangular(root, rng.standard_normal((len(root), p)) * np.sqrt(np.maximum(size, 0.0)), lower=True, trans="T")
@@ -76,7 +77,7 @@ def _by_root(columns: Float[np.ndarray, "_ w"], q: int) -> tuple[Float[np.ndarra
     root = np.asarray(np.linalg.qr(columns, mode="r"))
     root = np.vstack([root, np.zeros((columns.shape[1] - len(root), columns.shape[1]))])
     R, target = root[:q, :q], root[:q, q:]
-    theta = np.linalg.lstsq(R, target, rcond=RIDGE)[0]
+    theta = np.linalg.lstsq(R, target, rcond=ROUNDING)[0]
     residual = np.vstack([target - R @ theta, root[q:, q:]])
     return theta, residual.T @ residual
 

@@ -20,12 +20,12 @@ from treadline.identification._affine import Affine
 from treadline.identification._era import HankelSvd
 from treadline.identification._factor import inverse
 from treadline.identification._gram import Gram, Units
+from treadline.identification._limits import CONFIDENCE
 from treadline.identification._modes import Experiment
 from treadline.identification._okid import ObserverMarkov, regression
 from treadline.identification._recursion_kernels import tangents, unroll
 from treadline.identification._refine import Directions, directions, jacobian, mixed
 
-CONFIDENCE = 0.95
 PORTION = 256
 """Number of directions propagated through the Hankel matrix at once."""
 ENTRIES_MOST = 2_000_000
@@ -38,8 +38,6 @@ MEMORY_PER_LAG = 2
 """Lags of residual correlation per observer lag; white output noise leaves a moving average of the observer's length."""
 MEMORY = 1.3
 """Lags of residual correlation per cube root of the number of samples (rate for Bartlett weights)."""
-WHITENESS_P_MIN = 0.05
-"""p-value of the whiteness test below which residuals count as correlated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -281,7 +279,7 @@ def _recent(item: Experiment, rows: int) -> Experiment:
 
 def _white(errors: Sequence[Float[np.ndarray, "_ p"]]) -> bool:
     longest = max(errors, key=len)
-    return len(longest) > 4 * TESTED_LAGS and whiteness_p(longest) > WHITENESS_P_MIN
+    return len(longest) > 4 * TESTED_LAGS and whiteness_p(longest) > 1.0 - CONFIDENCE
 
 
 def _root(covariance: Float[np.ndarray, "d d"]) -> Float[np.ndarray, "d d"]:

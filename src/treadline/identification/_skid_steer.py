@@ -16,12 +16,13 @@ from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import LinAlgError
 from scipy.signal import lfilter
+from scipy.special import ndtri
 
 from treadline.core.models import InputOutputRecord
 from treadline.identification._belts import DifferentialInput, named_belts, turn_channels, turn_rate
 from treadline.identification._dead_time import dead_time
+from treadline.identification._limits import CONFIDENCE, LAGS_MOST, RECENT, ROWS_PER_PARAMETER
 from treadline.identification._pole_intervals import MEMORY
-from treadline.identification.options import LAGS_MOST, RECENT, ROWS_PER_PARAMETER
 
 NOISE_LAGS = 6
 """Lags of the noise's autoregression: slip and measurement noise need two, the noise of a differenced heading more."""
@@ -31,8 +32,6 @@ DECAY_MOST = 0.999
 """Largest decay: a time constant of a thousand samples."""
 STEPS_MOST = 20
 """Largest number of Gauss-Newton steps."""
-TWO_SIDED_95 = 1.959964
-"""Quantile of the normal distribution for a two-sided probability of 95 %."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +123,7 @@ class TurnFit:
         """Return a function of the parameters with its interval, to first order."""
         at, steps = value(self.theta), 1e-6 * np.maximum(np.abs(self.theta), 1e-6)
         slope = np.array([(value(self.theta + step) - at) / step.sum() for step in np.diag(steps)])
-        reach = TWO_SIDED_95 * float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
+        reach = float(ndtri(0.5 + 0.5 * CONFIDENCE)) * float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
         return Estimate(value=at, low=at - reach, high=at + reach)
 
     def described(self) -> SkidSteer | None:
@@ -159,7 +158,10 @@ class TurnFit:
     def _lag(self, belt: int) -> Estimate:
         q = len(self.mixing)
         at = q + min(belt, q - 1)
-        decay, reach = float(self.theta[at]), TWO_SIDED_95 * float(np.sqrt(max(self.covariance[at, at], 0.0)))
+        decay, reach = (
+            float(self.theta[at]),
+            float(ndtri(0.5 + 0.5 * CONFIDENCE)) * float(np.sqrt(max(self.covariance[at, at], 0.0))),
+        )
         value, low, high = (self._time_constant(number) for number in (decay, decay - reach, decay + reach))
         return Estimate(value=value, low=low, high=high)
 

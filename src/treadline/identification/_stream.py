@@ -16,8 +16,9 @@ from treadline.identification._dependent_inputs import DriveLog
 from treadline.identification._from_gram import from_gram, provenance_of
 from treadline.identification._gram import Gram, GramBuilder, Units
 from treadline.identification._identified import Identified
+from treadline.identification._limits import LAGS_MOST, RECENT
 from treadline.identification._threads import one_thread
-from treadline.identification.options import DEFAULT_OPTIONS, LAGS_MOST, RECENT, IdentificationOptions, max_supported_lags
+from treadline.identification.options import DEFAULT_OPTIONS, IdentificationOptions, max_supported_lags
 
 METHODS = ("pbsid", "okid-era")
 """Methods that need only the Gram matrix; refinements need all samples."""

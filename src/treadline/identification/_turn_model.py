@@ -15,16 +15,13 @@ from jaxtyping import Float
 from treadline.core.linear_systems import fit_percent, simulate
 from treadline.core.models import InputOutputRecord, LinearModel
 from treadline.identification._belts import radians, turn_channels, turn_rate
+from treadline.identification._limits import HALF, TOLERANCE
 from treadline.identification._skid_steer import Estimate, TurnFit
 
 SETTLED = 0.01
 """Share of a step that a lag leaves when its yaw gain is read."""
-SHARE_MIN = 0.5
-"""Share of the yaw rate's variance below which more of it comes from elsewhere than from the inputs."""
 SAME_DECAY = 1e-3
 """Difference of decays below which two lags share a state: closer poles have eigenvectors without digits left."""
-GAIN_TOLERANCE = 0.3
-"""Relative error of a yaw gain that needs a warning."""
 
 
 def turn_model(fit: TurnFit, record: InputOutputRecord) -> LinearModel:
@@ -89,7 +86,7 @@ class Contradiction:
     @property
     def is_large(self) -> bool:
         """Whether the gain is off by more than the tolerance."""
-        return abs(self.gain - self.known.value) > GAIN_TOLERANCE * abs(self.known.value)
+        return abs(self.gain - self.known.value) > TOLERANCE * abs(self.known.value)
 
     def __str__(self) -> str:
         return (
@@ -141,12 +138,12 @@ def fits_as_well(structured: LinearModel, model: LinearModel, records: Sequence[
     rows = sum(len(record) for record in records)
     further = n * (m + p) + m * p - 2 * m - 1
     granted = max(further, 0) * np.log(rows) / rows
-    return bool(np.log(errors[0] / errors[1]) <= (max(granted, np.log1p(GAIN_TOLERANCE)) if is_large else granted))
+    return bool(np.log(errors[0] / errors[1]) <= (max(granted, np.log1p(TOLERANCE)) if is_large else granted))
 
 
 def input_noise_warning(fit: TurnFit) -> list[str]:
     """Return a warning if the inputs explain little of the yaw rate, or the plain regression turns more than the fit of lags."""
-    if fit.share < SHARE_MIN:
+    if fit.share < HALF:
         share = 100.0 * max(fit.share, 0.0)
         cause = f"the inputs explain {share:.0f} % of the yaw rate; slip, noise of the measured inputs or feedback hides the gain"
         return [f"yaw rate: {cause}; drive wider curves"]

@@ -14,6 +14,7 @@ from treadline.core.errors import SettingsError, TooFewSamples
 from treadline.core.models import InputOutputRecord
 from treadline.identification._checks import check_integers
 from treadline.identification._gram import Gram
+from treadline.identification._limits import LAGS_MOST, ROWS_LEAST, ROWS_PER_PARAMETER
 
 METHODS = ("best", "okid-era", "pbsid", "deconvolution")
 SOLVERS = ("gram", "qr")
@@ -36,8 +37,7 @@ class IdentificationOptions:
 
     order: int | Sequence[int] | None = None
     """Number of states, or the numbers to choose from: ``range(2, 9)``. Chosen, with ``best`` as that of the ensemble's medoid,
-    with ``pbsid`` at the largest gap of the singular values or, where that gap is unclear, at the smallest BIC, otherwise at the
-    largest gap of the singular values. Default: any."""
+    with ``pbsid`` at the smallest BIC, otherwise at the largest gap of the singular values. Default: any."""
     lags: int | None = None
     """Observer lags p. Default: with ``best`` as many as the data support, up to 40, with ``pbsid`` at the smallest BIC, with
     ``okid-era`` at the smallest AICc."""
@@ -140,16 +140,8 @@ DEFAULT_OPTIONS = IdentificationOptions()
 """Options that leave every choice to the data."""
 
 
-RECENT = 20_000
-"""Most recent samples of steps whose result more samples would hardly change: dead time, yaw gain, and scores."""
-LAGS_MOST = 40
-"""Largest number of lags tried by default."""
 WINDOWS_LEAVE = 0.4
 """Smallest share of the samples that must remain as windows without gaps."""
-ROWS_PER_PARAMETER = 8
-"""Windows per coefficient of one output for automatically chosen lags."""
-ROWS_LEAST = 2
-"""Windows per coefficient that must be exceeded for a given number of lags, and for the penalised regression of ``best``."""
 COEFFICIENTS_MOST = 640
 """Coefficients of one output for automatically chosen lags: the decomposition of their Gram matrix takes a tenth of a second."""
 

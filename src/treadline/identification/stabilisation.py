@@ -12,15 +12,12 @@ import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
 from treadline.identification._era import HankelSvd
+from treadline.identification._limits import LAGS_MOST, ROUNDING
 
 FREQUENCY_TOLERANCE = 0.01
 """Largest relative change of a stable frequency."""
 DAMPING_TOLERANCE = 0.05
 """Largest relative change of a stable damping."""
-ORDER_MOST = 40
-"""Highest order of a diagram; more rows would not be legible."""
-ROUNDING = 1e-12
-"""Relative size below which a singular value or an imaginary part is rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,7 +35,7 @@ class StabilisationDiagram:
     """Whether such a pole is also within 5 % in damping."""
 
 
-def stabilisation_of_svd(svd: HankelSvd, dt_s: float, most: int = ORDER_MOST) -> StabilisationDiagram:
+def stabilisation_of_svd(svd: HankelSvd, dt_s: float, most: int = LAGS_MOST) -> StabilisationDiagram:
     """Return the stabilisation diagram of ERA's models of orders 1 … ``most`` from one decomposed Hankel matrix.
 
     In a balanced realisation the state matrix of a lower order is the leading block of a higher order's.
