@@ -21,5 +21,7 @@ setup(
     install_requires=['setuptools', 'treadline'],
     zip_safe=True,
     license='Apache-2.0',
-    entry_points={'console_scripts': [f'node = {PACKAGE}.node:main']},
+    entry_points={
+        'console_scripts': [f'node = {PACKAGE}.node:main', f'climb = {PACKAGE}.client:main']
+    },
 )

@@ -12,14 +12,15 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-
 from treadline.cli.compile import compile_once
 from treadline.core.errors import TreadlineError
 from treadline.core.signals import TICK_S
 from treadline.ros.assembly import driving_nodes, mount_of, node_of, ROLES
+from treadline.ros.goal_driver import GoalDriverNode
 from treadline.ros.node_process import NodeRunner, PlantRunner, POLL_S
 from treadline.ros.plant_node import PlantNode
 from treadline.run.resolve import resolve
+from treadline_ros2.actions import Actions
 from treadline_ros2.transport import RclpyTransport
 
 try:
@@ -48,11 +49,12 @@ PARAMETERS: dict[str, tuple[Any, str]] = {
         '',
         'guard: take cmd_vel in place of the proposals of the driver: twist, or twist_stamped',
     ),
+    'start': ('now', 'driver: now, or goal: stand until climb_stairs or descend_stairs is asked'),
     'out': ('', 'recorder: a run folder, or a file that ends in .mcap, .bag or .db3'),
     'patience': (60.0, 'time after which a silent topic is reported [s]'),
     'autostart': (False, 'whether the node configures and activates itself'),
 }
-STICKS = ('', 'twist', 'twist_stamped')
+CHOICES = {'cmd_vel': ('', 'twist', 'twist_stamped'), 'start': ('now', 'goal')}
 
 
 class TreadlineNode(LifecycleNode):
@@ -70,7 +72,8 @@ class TreadlineNode(LifecycleNode):
         self._transport: RclpyTransport | None = None
         self._runner: NodeRunner | PlantRunner | None = None
         self._timer: Any = None
-        self._is_active = False
+        self._actions: Actions | None = None
+        self.is_active = False
         self._fault: str | None = None
 
     def configure(self) -> bool:
@@ -98,7 +101,7 @@ class TreadlineNode(LifecycleNode):
         """Read the settings, make the block and its topics."""
         del state
         try:
-            self._configure(self._value('role'), self._value('cmd_vel'))
+            self._configure()
         except TreadlineError as error:
             self.get_logger().error(str(error))
             self._release()
@@ -110,7 +113,7 @@ class TreadlineNode(LifecycleNode):
         del state
         self._fault = None
         self._runner.__enter__()
-        self._is_active = True
+        self.is_active = True
         # The wall's time, whatever the clock of the mission does.
         period_s = min(POLL_S, TICK_S / self._value('pace'))
         self._timer = self.create_timer(
@@ -144,7 +147,7 @@ class TreadlineNode(LifecycleNode):
 
     def attempt(self, do: Callable[..., object] | None = None, *given: Any) -> None:
         """Do something while the node is active, then what is due."""
-        if not self._is_active:
+        if not self.is_active:
             return
         try:
             if do is not None:
@@ -156,15 +159,9 @@ class TreadlineNode(LifecycleNode):
             self.get_logger().error(self._fault)
             self.trigger_deactivate()
 
-    def _configure(self, role: str, stick: str) -> None:
-        if role not in ROLES:
-            raise TreadlineError(f"no role is called '{role}'; name one of {', '.join(ROLES)}")
-        if stick not in STICKS:
-            raise TreadlineError(
-                f"cmd_vel is '{stick}'; give -p cmd_vel:=twist or twist_stamped, or leave it out"
-            )
-        if self._value('pace') <= 0.0:
-            raise TreadlineError(f'pace is {self._value("pace"):g}; give a positive number')
+    def _configure(self) -> None:
+        role, stick = self._value('role'), self._value('cmd_vel')
+        self._check_parameters(role)
         setup = resolve(
             self._value('scenario'),
             self._value('controller') or None,
@@ -175,28 +172,40 @@ class TreadlineNode(LifecycleNode):
         if role in driving_nodes(setup.mission.chair):
             # A node that compiles while the graph runs is silent for seconds.
             compile_once()
-        out = Path(self._value('out')) if self._value('out') else None
         self._block = node_of(
-            role, setup.mission, plant=setup.open_plant, out=out, stick=stick != ''
+            role,
+            setup.mission,
+            plant=setup.open_plant,
+            out=Path(self._value('out')) if self._value('out') else None,
+            stick=stick != '',
+            goals=self._value('start') == 'goal',
         )
         self._transport = RclpyTransport(
             self, self.attempt, mount_of(setup.mission), stamped=stick == 'twist_stamped'
         )
-        if isinstance(self._block, PlantNode):
-            self._runner = PlantRunner(
-                self._block,
-                self._transport,
-                pace=self._value('pace'),
-                patience_s=self._value('patience'),
-            )
-            return
+        if isinstance(self._block, GoalDriverNode):
+            self._actions = Actions(self, self._block)
+        self._runner = self._runner_of(self._block, self._transport)
+
+    def _runner_of(self, block: Any, transport: RclpyTransport) -> NodeRunner | PlantRunner:
+        patience_s = self._value('patience')
+        if isinstance(block, PlantNode):
+            return PlantRunner(block, transport, pace=self._value('pace'), patience_s=patience_s)
         clock = 'sim' if self._value('use_sim_time') else 'wall'
-        self._runner = NodeRunner(
-            self._block, self._transport, clock=clock, patience_s=self._value('patience')
-        )
+        return NodeRunner(block, transport, clock=clock, patience_s=patience_s)
+
+    def _check_parameters(self, role: str) -> None:
+        if role not in ROLES:
+            raise TreadlineError(f"no role is called '{role}'; name one of {', '.join(ROLES)}")
+        for name, choices in CHOICES.items():
+            if self._value(name) not in choices:
+                given = ' or '.join(choice for choice in choices if choice)
+                raise TreadlineError(f"{name} is '{self._value(name)}'; give -p {name}:={given}")
+        if self._value('pace') <= 0.0:
+            raise TreadlineError(f'pace is {self._value("pace"):g}; give a positive number')
 
     def _stop(self) -> None:
-        self._is_active = False
+        self.is_active = False
         if self._timer is not None:
             self._timer.cancel()
             self.destroy_timer(self._timer)
@@ -209,7 +218,9 @@ class TreadlineNode(LifecycleNode):
             self._block.close()
         if self._transport is not None:
             self._transport.close()
-        self._block = self._transport = self._runner = None
+        if self._actions is not None:
+            self._actions.close()
+        self._block = self._transport = self._runner = self._actions = None
 
     def _value(self, name: str) -> Any:
         return self.get_parameter(name).value

@@ -22,7 +22,6 @@ def main(arguments: list[str] | None = None) -> int:
         import rclpy
         from rclpy.signals import SignalHandlerOptions
         from rclpy.utilities import remove_ros_args
-
         from treadline_ros2.lifecycle_node import Executor, TreadlineNode
     except ImportError as error:
         return _end(2, f'{_line(error)}; {SOURCE}')

@@ -17,7 +17,6 @@ from rclpy.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
-
 from treadline.core.camera_images import PinholeCamera
 from treadline.ros import channels as on
 from treadline.ros._node_signals import VelocityCommand

@@ -11,6 +11,7 @@ from treadline.guard import GuardConfig
 from treadline.mission.mission_blocks import build_blocks, guard_config, warm_up
 from treadline.mission.mission_config import MissionConfig
 from treadline.ros.block_nodes import CameraNode, DriverNode, GuardNode, HeadingNode, Node, SeatNode
+from treadline.ros.goal_driver import GoalDriverNode
 from treadline.ros.plant_node import PlantNode
 from treadline.ros.recorder import RecorderNode
 from treadline.scenario.chair import ChairDescription
@@ -47,11 +48,13 @@ def node_of(
     plant: Callable[[], Plant] | None = None,
     out: Path | None = None,
     stick: bool = False,
+    goals: bool = False,
 ) -> Node:
     """Return a node by its name.
 
     Args:
         stick: Whether the guard takes ``/cmd_vel`` instead of the driver's proposals.
+        goals: Whether the driver stands until it is given a goal.
         plant: Makes the chair; only the plant node asks.
         out: Where the recorder writes.
 
@@ -81,7 +84,7 @@ def node_of(
                 raise SettingsError(f"chair {config.chair.name!r} has no seat linkage; leave out the seat node")
             return SeatNode(blocks.leveller, limits)
         case "driver":
-            return DriverNode(blocks.planner, blocks.driver, limits)
+            return GoalDriverNode(config, limits) if goals else DriverNode(blocks.planner, blocks.driver, limits)
         case "recorder":
             return RecorderNode(out, blocks.driver.period_s)
     raise SettingsError(f"no node is called '{name}'; there are: {', '.join(NAMES)}")

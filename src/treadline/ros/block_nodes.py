@@ -31,7 +31,7 @@ from treadline.mission import CameraBlock, Detector, DriverBlock, SeatBlock, Sea
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Estimator
 from treadline.mission.odometry import DeadReckoning
-from treadline.mission.planner import Planner
+from treadline.mission.planner import Planner, PlannerInput
 from treadline.ros import channels as on
 from treadline.ros._node_signals import Beat, GuardState, JointAngles, Mounts, VelocityCommand
 from treadline.vehicle.linkage import SeatLinkage
@@ -250,19 +250,25 @@ class DriverNode(_AdmittingNode):
         """Subscribe to the heading, the stair map, the readings and the state of the guard."""
         self._publish = transport.publish
         for channel in (on.IMU, on.TRACKS, on.FLIPPER, on.OPERATOR):
-            self._subscribe(transport, channel, self._block.update)
-        transport.subscribe(on.MAP, self._block.update)
+            self._subscribe(transport, channel, self._update)
+        transport.subscribe(on.MAP, self._update)
         transport.subscribe(on.ESTIMATE, self._take_estimate)
         transport.subscribe(on.GUARD, self._take_guard)
 
     def tick(self, t_s: float) -> None:
         """Publish the plan, and proposed belt speeds where they are due."""
         self.advance(t_s)
-        plan = self._block.plan(t_s, self._estimate)
+        plan = self._plan(t_s)
         self._publish(on.PLAN, plan)
         command = self._block.propose(plan, self._estimate, held=self._holding is not None)
         if command is not None:
             self._publish(on.TRACKS_PROPOSED, command)
+
+    def _plan(self, t_s: float) -> MotionPlan:
+        return self._block.plan(t_s, self._estimate)
+
+    def _update(self, signal: PlannerInput) -> None:
+        self._block.update(signal)
 
     def _take_estimate(self, estimate: HeadingEstimate) -> None:
         self._estimate = estimate

@@ -1,0 +1,155 @@
+"""The driver node that stands until it has a goal: one traversal for each goal, with its progress and its outcome.
+
+``goal, readings -> MotionPlan, TrackCommand, TraversalProgress, Outcome``. The actions of ROS 2 are made of it.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+from treadline.core.errors import SettingsError
+from treadline.core.rotations import rotation_of
+from treadline.core.signals import TICK_S, ImuSample, MotionPlan, Phase, StairMap, TrackReading
+from treadline.guard import GuardConfig
+from treadline.mission import DriverBlock
+from treadline.mission.belt_controllers import Driver
+from treadline.mission.mission_blocks import build_blocks
+from treadline.mission.mission_config import MissionConfig
+from treadline.mission.planner import Planner, PlannerInput
+from treadline.ros.block_nodes import DriverNode
+from treadline.vehicle.loading import Loading, centre_of_mass_level
+from treadline.vehicle.tip_over_margin import tipping_margins, worst_support
+
+
+class TraversalProgress(NamedTuple):
+    """TraversalProgress of a traversal; NaN while a value is not known."""
+
+    phase: Phase
+    heading_rad: float
+    distance_to_go_m: float
+    """Distance along the plane of the nosings to the last nosing of the flight [m]."""
+    stability_margin_rad: float
+    """Smallest tip-over margin at the measured attitude, with the entered payload and level seat [rad]."""
+
+
+class Outcome(NamedTuple):
+    """End of a traversal."""
+
+    verdict: Literal["arrived", "refused", "held", "time_up", "cancelled"]
+    cause: str
+
+
+class GoalDriverNode(DriverNode):
+    """Driver that plans while it has a goal; without one the belts stand.
+
+    Args:
+        config: Mission configuration of each goal.
+        limits: Limits of the admission of readings.
+    """
+
+    def __init__(self, config: MissionConfig, limits: GuardConfig) -> None:
+        self._config = config
+        self._loading = Loading(chair=config.chair, payload_kg=config.payload_kg)
+        super().__init__(*_planner_and_driver(config), limits)
+        self._newest: dict[type, PlannerInput] = {}
+        self._t_s = self._until_s = 0.0
+        self._phase: Phase = "arrived"
+        self._cancelled: str | None = None
+        self._to_go_m = math.nan
+        self.on_end: Callable[[Outcome], object] | None = None
+        """Receives the outcome of the present goal; None without a goal."""
+
+    def begin(
+        self, direction: Literal["up", "down"], on_end: Callable[[Outcome], object], speed_m_s: float = 0.0, limit_s: float = 0.0
+    ) -> None:
+        """Begin a traversal.
+
+        Args:
+            direction: That of the goal.
+            on_end: Receives the outcome.
+            speed_m_s: Belt speed on the flight [m/s]; 0: that of the configuration.
+            limit_s: Time after which the traversal is given up [s]; 0: none.
+
+        Raises:
+            SettingsError: If it cannot begin.
+        """
+        config, fastest = self._config, self._config.chair.drives.max_speed_m_s
+        if self.on_end is not None:
+            raise SettingsError("a traversal is under way; cancel it first")
+        if self._holding is not None:
+            raise SettingsError(f"the guard holds the chair: {self._holding}; re-arm it first")
+        if direction != config.direction:
+            raise SettingsError(f"this graph goes {config.direction}; start one whose scenario has drive.direction = '{direction}'")
+        if not 0.0 <= speed_m_s <= fastest or not limit_s >= 0.0:
+            raise SettingsError(
+                f"a speed of {speed_m_s:g} m/s, a limit of {limit_s:g} s; give 0 to {fastest:g} m/s, and a positive time"
+            )
+        self._block = DriverBlock(*_planner_and_driver(replace(config, climb_speed_m_s=speed_m_s or config.climb_speed_m_s)))
+        for signal in self._newest.values():
+            self._block.update(signal)
+        self._until_s = self._t_s + (limit_s or math.inf)
+        self._cancelled, self._to_go_m = None, math.nan
+        self.on_end = on_end
+
+    def cancel(self, cause: str) -> None:
+        """Hold the chair and end the traversal at the next tick."""
+        self._cancelled = cause
+
+    @property
+    def progress(self) -> TraversalProgress:
+        """TraversalProgress of the traversal."""
+        heading_rad = math.nan if self._estimate is None else self._estimate.heading_rad
+        return TraversalProgress(self._phase, heading_rad, self._to_go_m, self._margin_rad())
+
+    def _plan(self, t_s: float) -> MotionPlan:
+        self._t_s = t_s
+        if self.on_end is None:
+            return MotionPlan(t_s=t_s, phase="arrived", speed_m_s=0.0, turn_m_s=0.0, needs_stair=False, cause="no goal")
+        plan = super()._plan(t_s)
+        self._phase = plan.phase
+        outcome = self._outcome(plan)
+        if outcome is None:
+            return plan
+        on_end, self.on_end = self.on_end, None
+        on_end(outcome)
+        if outcome.verdict in ("cancelled", "time_up"):
+            return replace(plan, speed_m_s=0.0, turn_m_s=0.0, needs_stair=False, hold=outcome.cause)
+        return plan
+
+    def _outcome(self, plan: MotionPlan) -> Outcome | None:
+        if self._cancelled is not None:
+            return Outcome("cancelled", self._cancelled)
+        held = self._holding or plan.hold
+        if held is not None:
+            return Outcome("held", held)
+        if plan.phase in ("arrived", "refused"):
+            return Outcome("arrived" if plan.phase == "arrived" else "refused", plan.cause)
+        if plan.t_s >= self._until_s:
+            return Outcome("time_up", f"the time limit of the goal is over at {plan.t_s:.1f} s")
+        return None
+
+    def _update(self, signal: PlannerInput) -> None:
+        super()._update(signal)
+        self._newest[type(signal)] = signal
+        if isinstance(signal, StairMap) and signal.ends:
+            x_m, _, z_m = signal.nosings_B[-1]
+            self._to_go_m = math.hypot(x_m, z_m)
+        elif isinstance(signal, TrackReading):
+            self._to_go_m = max(self._to_go_m - 0.5 * abs(signal.left_m_s + signal.right_m_s) * TICK_S, 0.0)
+
+    def _margin_rad(self) -> float:
+        """Return the margin as if on the stair seen last; NaN before the first attitude."""
+        imu, stair = self._newest.get(ImuSample), self._newest.get(StairMap)
+        if not isinstance(imu, ImuSample):
+            return math.nan
+        pitch_m = math.hypot(stair.rise_m, stair.run_m) if isinstance(stair, StairMap) else 0.0
+        x_m, z_m = centre_of_mass_level(self._loading, imu.pitch_rad)
+        up_B = rotation_of(imu.orientation)[2]
+        support = worst_support(self._config.chair, pitch_m, self._loading.weight_n)
+        return tipping_margins((x_m, 0.0, z_m), (float(up_B[0]), float(up_B[1]), float(up_B[2])), support).worst
+
+
+def _planner_and_driver(config: MissionConfig) -> tuple[Planner, Driver]:
+    blocks = build_blocks(config)
+    return blocks.planner, blocks.driver

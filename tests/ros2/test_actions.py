@@ -1,0 +1,90 @@
+"""The actions climb_stairs and descend_stairs: goal, feedback, result, and what cancelling does."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+from rclpy.action import ActionClient
+from treadline_msgs.action import ClimbStairs, DescendStairs
+from treadline_msgs.msg import MotionPlan
+
+from treadline.ros import channels as on
+
+NEAR_THE_TOP = """
+[stair]
+steps = 8
+[start]
+place = "flight"
+step = 4
+[sensors]
+camera = "kinect1"
+"""
+
+
+class Asked:
+    """One goal, and what came of it."""
+
+    def __init__(self, bystander: Any, kind: Any, name: str, **goal: float) -> None:
+        self._bystander, self.feedback = bystander, []
+        client = ActionClient(bystander.node, kind, name)
+        bystander.until(client.server_is_ready, name)
+        answer = client.send_goal_async(kind.Goal(**goal), lambda message: self.feedback.append(message.feedback))
+        bystander.until(answer.done, "an answer")
+        self.handle = answer.result()
+
+    def result(self) -> Any:
+        answer = self.handle.get_result_async()
+        self._bystander.until(answer.done, "a result")
+        return answer.result()
+
+    def cancel(self) -> None:
+        answer = self.handle.cancel_goal_async()
+        self._bystander.until(answer.done, "an answer")
+
+
+@pytest.fixture
+def graph(started: Callable[..., Any], watching: Callable[..., Any], roles: tuple[str, ...], tmp_path: Path) -> Any:
+    """A graph that waits for a goal."""
+    (tmp_path / "top.toml").write_text(NEAR_THE_TOP)
+    bystander = watching()
+    bystander.watch_clock()
+    bystander.hear_signals(on.TRACKS)
+    bystander.hear_signals(on.GUARD)
+    started(*roles, given=("-p", "start:=goal", "-p", f"scenario:={tmp_path / 'top.toml'}"))
+    bystander.until(lambda: bystander.t_s > 1.0, "a second without a goal")
+    assert all(abs(reading.left_m_s) < 0.01 for reading in bystander.heard[on.TRACKS])
+    return bystander
+
+
+def test_a_goal_up_to_the_landing(graph: Any) -> None:
+    """Test: a goal of climb_stairs four steps below the landing. Expected result: feedback of phase, heading, margin and a distance
+    that falls; the goal succeeds with the verdict "arrived"; a second goal meanwhile is refused."""
+    goal = Asked(graph, ClimbStairs, "climb_stairs", time_limit_s=90.0)
+    assert goal.handle.accepted
+    assert not Asked(graph, ClimbStairs, "climb_stairs").handle.accepted
+    answer = goal.result()
+    assert (answer.status, answer.result.verdict) == (GoalStatus.STATUS_SUCCEEDED, ClimbStairs.Result.VERDICT_ARRIVED)
+    phases = [message.phase for message in goal.feedback]
+    assert {MotionPlan.PHASE_CLIMB, MotionPlan.PHASE_CREST} <= set(phases)
+    assert all(abs(message.heading_rad) < math.radians(10.0) for message in goal.feedback if not math.isnan(message.heading_rad))
+    assert all(0.0 < message.stability_margin_rad < math.radians(60.0) for message in goal.feedback[1:])
+    known = [message.distance_to_go_m for message in goal.feedback if not math.isnan(message.distance_to_go_m)]
+    assert known[0] > known[-1] + 0.3
+
+
+def test_a_cancelled_goal_holds_the_chair(graph: Any) -> None:
+    """Test: a goal of the other direction; then a goal that is cancelled. Expected result: the first is refused; after the
+    second the guard holds with the cause, and a third is refused until a person re-arms."""
+    assert not Asked(graph, DescendStairs, "descend_stairs").handle.accepted
+    goal = Asked(graph, ClimbStairs, "climb_stairs", speed_m_s=0.1)
+    graph.until(lambda: graph.heard[on.TRACKS][-1].left_m_s > 0.05, "motion")
+    goal.cancel()
+    answer = goal.result()
+    assert (answer.status, answer.result.verdict) == (GoalStatus.STATUS_CANCELED, ClimbStairs.Result.VERDICT_CANCELLED)
+    graph.until(lambda: graph.heard[on.GUARD][-1].holding == "cancelled by the client", "a hold")
+    graph.pause(1.0)
+    assert abs(graph.heard[on.TRACKS][-1].left_m_s) < 0.01
+    assert not Asked(graph, ClimbStairs, "climb_stairs").handle.accepted
