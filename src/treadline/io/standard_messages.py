@@ -46,10 +46,6 @@ def standard_messages_of(signal: Any, topic: str | None = None) -> list[Message]
             return [messages_of(signal, topic)[0], _Joints(type(signal)).write(signal, f"{topic}/detail")]
         case StairMap():
             return [messages_of(signal, topic)[0], _write_map(signal, f"{topic}/detail")]
-        case TrackCommand():
-            return [_write_belts(topic, signal, signal.sender, brake=signal.brake)]
-        case TrackReading():
-            return [_write_belts(topic, signal, "chair", brake=signal.brake_on)]
         case MotionPlan():
             return [_write_plan(signal, topic)]
         case PlantState():
@@ -72,6 +68,8 @@ class _Jointed(NamedTuple):
     joints: dict[str, str]
     in_motion: bool = False
     """Whether the numbers are velocities."""
+    held: dict[str, str] = {}  # noqa: RUF012 - a tuple has no factory
+    """Joints whose number is a position although those of the others are velocities."""
 
 
 def _by_name(*names: str) -> dict[str, str]:
@@ -80,7 +78,10 @@ def _by_name(*names: str) -> dict[str, str]:
 
 MAYBE_OF_MAP = ("left_wall_m", "right_wall_m", "obstacle_m", "left_edge_m", "right_edge_m", "left_seen_m", "right_seen_m")
 """Numbers of a stair map that a frame may not show."""
+BELTS = {"left": "left_m_s", "right": "right_m_s"}
 JOINTED: dict[type, _Jointed] = {
+    TrackCommand: _Jointed("sender", BELTS, in_motion=True, held={"brake": "brake"}),
+    TrackReading: _Jointed("chair", BELTS, in_motion=True, held={"brake": "brake_on"}),
     SeatCommand: _Jointed("sender", {"stroke": "rate_m_s"}, in_motion=True),
     SeatReading: _Jointed("chair", {"stroke": "stroke_m", "pitch": "pitch_rad"}),
     FlipperCommand: _Jointed("sender", {"flipper": "rate_rad_s"}, in_motion=True),
@@ -104,23 +105,30 @@ class _Joints:
 
     def write(self, signal: Any, topic: str) -> Message:
         """Return the message of a signal."""
-        known = {name: getattr(signal, item) for name, item in self._form.joints.items()}
+        form = self._form
+        known = {name: getattr(signal, item) for name, item in form.joints.items()}
         known = {name: float(value) for name, value in known.items() if value is not None}
-        numbers = tuple(known.values())
-        frame = getattr(signal, self._form.frame, self._form.frame)
-        position, velocity = ((), numbers) if self._form.in_motion else (numbers, ())
-        return joints(topic, signal.t_s, tuple(known), position, velocity, frame)
+        held = {name: float(getattr(signal, item)) for name, item in form.held.items()}
+        position, velocity = (*known.values(), *held.values()), ()
+        if form.in_motion:
+            position = (*dict.fromkeys(known, 0.0).values(), *held.values()) if held else ()
+            velocity = (*known.values(), *dict.fromkeys(held, 0.0).values())
+        return joints(topic, signal.t_s, (*known, *held), position, velocity, getattr(signal, form.frame, form.frame))
 
     def read(self, message: Any, t_s: float) -> Any:
         """Return the signal of a message; numbers without names are in the order of the form."""
-        values = message.velocity if self._form.in_motion else message.position
-        names = message.name if set(message.name) & set(self._form.joints) else list(self._form.joints)[: len(values)]
+        form, values = self._form, message.velocity if self._form.in_motion else message.position
+        items = form.joints | form.held
+        names = message.name if set(message.name) & set(items) else list(items)[: len(values)]
         known = dict(zip(names, _counted(values, len(names)), strict=True))
-        found: dict[str, Any] = {item: known[name] for name, item in self._form.joints.items() if name in known}
+        if form.held:
+            places = dict(zip(names, _counted(message.position, len(names)), strict=True))
+            known |= {name: places[name] for name in form.held}
+        found: dict[str, Any] = {item: known[name] for name, item in items.items() if name in known}
         found |= {item: kind(found[item]) for item, kind in self._hints.items() if item in found and kind in (int, bool)}
-        if self._form.frame in self._hints:
-            hint, word = self._hints[self._form.frame], message.header.frame_id
-            found[self._form.frame] = _one_of(hint, word) if get_origin(hint) is Literal else word
+        if form.frame in self._hints:
+            hint, word = self._hints[form.frame], message.header.frame_id
+            found[form.frame] = _one_of(hint, word) if get_origin(hint) is Literal else word
         lacking = [name for name in self._required if name not in found]
         if lacking:
             raise LogFormatError(f"a {self._signal.__name__} lacks {lacking[0]}; is it of another version?")
@@ -140,22 +148,6 @@ def _one_of(words: Any, word: str) -> Any:
     if word not in known:
         raise LogFormatError(f"unknown value '{word[:40]}'; known: {', '.join(known)}; is it of another version?")
     return word
-
-
-def _write_belts(topic: str, belts: TrackCommand | TrackReading, frame: str, *, brake: bool) -> Message:
-    places, speeds = (0.0, 0.0, float(brake)), (belts.left_m_s, belts.right_m_s, 0.0)
-    return joints(topic, belts.t_s, ("left", "right", "brake"), places, speeds, frame)
-
-
-def _read_command(message: Any, t_s: float) -> TrackCommand:
-    left, right, _ = _counted(message.velocity, 3)
-    brake = bool(_counted(message.position, 3)[2])
-    return TrackCommand(t_s=t_s, left_m_s=left, right_m_s=right, brake=brake, sender=message.header.frame_id)
-
-
-def _read_belts(message: Any, t_s: float) -> TrackReading:
-    command = _read_command(message, t_s)
-    return TrackReading(t_s=t_s, left_m_s=command.left_m_s, right_m_s=command.right_m_s, brake_on=command.brake)
 
 
 def _write_map(stair: StairMap, topic: str) -> Message:
@@ -182,22 +174,15 @@ def _read_map(message: Any, t_s: float) -> StairMap:
 # ---- DiagnosticArray ----
 
 
-class _Standing(NamedTuple):
-    """Single status of a DiagnosticArray of treadline."""
-
-    level: int
-    name: str
-    message: str
-    hardware: str
-    values: dict[str, str]
-
-
-def _status_of(message: Any) -> _Standing:
+def _status_of(message: Any) -> Any:
     """Return the status in a diagnostic_msgs/DiagnosticArray."""
     if len(message.status) != 1:
         raise LogFormatError("a DiagnosticArray of treadline holds one status")
-    (found,) = message.status
-    return _Standing(found.level, found.name, found.message, found.hardware_id, {item.key: item.value for item in found.values})
+    return message.status[0]
+
+
+def _values_of(status: Any) -> dict[str, str]:
+    return {item.key: item.value for item in status.values}
 
 
 def _write_plan(plan: MotionPlan, topic: str) -> Message:
@@ -211,8 +196,8 @@ def _write_plan(plan: MotionPlan, topic: str) -> Message:
 
 def _read_plan(message: Any, t_s: float) -> MotionPlan:
     found = _status_of(message)
-    words, numbers = ("needs_stair", "hold"), dict(found.values)
-    needs_stair, hold = (numbers.pop(name, None) for name in words)
+    numbers = _values_of(found)
+    needs_stair, hold = numbers.pop("needs_stair", None), numbers.pop("hold", None)
     known = {name: float(value) for name, value in numbers.items()}
     flipper = (
         FlipperCommand(t_s=known.pop("flipper_t_s"), rate_rad_s=known.pop("flipper_rad_s")) if "flipper_t_s" in known else None
@@ -240,9 +225,9 @@ def _write_health(health: HeadingHealth, topic: str) -> Message:
 def _read_health(message: Any, t_s: float) -> HeadingHealth:
     found = _status_of(message)
     fault = _one_of(HeadingFault, found.name) if found.name else None
-    numbers = {name: float(found.values[name]) for name in OF_HEALTH}
-    since_s = float(found.values["since_s"]) if "since_s" in found.values else None
-    return HeadingHealth(t_s=t_s, fault=fault, since_s=since_s, cause=found.message or None, **numbers)
+    known = {name: float(value) for name, value in _values_of(found).items()}
+    numbers = {name: known[name] for name in OF_HEALTH}
+    return HeadingHealth(t_s=t_s, fault=fault, since_s=known.get("since_s"), cause=found.message or None, **numbers)
 
 
 def _read_event(message: Any, t_s: float) -> Event:
@@ -257,8 +242,8 @@ def _read_plant(message: Any, t_s: float) -> PlantState:
 
 
 STANDARD: dict[tuple[str, str], Read] = {
-    ("/tracks/cmd", JOINTS): _read_command,
-    ("/tracks/state", JOINTS): _read_belts,
+    ("/tracks/cmd", JOINTS): _Joints(TrackCommand).read,
+    ("/tracks/state", JOINTS): _Joints(TrackReading).read,
     ("/seat/cmd", JOINTS): _Joints(SeatCommand).read,
     ("/seat/state", JOINTS): _Joints(SeatReading).read,
     ("/flipper/cmd", JOINTS): _Joints(FlipperCommand).read,

@@ -136,16 +136,8 @@ def _first(topic: RecordedTopic, logged_ns: int, data: bytes) -> TopicSummary:
         body, t_s = received(topic, data, logged_ns, origin_ns=logged_ns)
         pixels = body.encoding if kind == IMAGE else ""
         size = (body.width, body.height) if kind in (IMAGE, CAMERA_INFO) else size
-    stamp_ns = logged_ns + round(t_s * 1e9)
-    return TopicSummary(
-        kind=kind,
-        count=1,
-        first_ns=logged_ns,
-        last_ns=logged_ns,
-        stamp_ns=stamp_ns,
-        pixels=pixels,
-        size=size,
-    )
+    times = {"first_ns": logged_ns, "last_ns": logged_ns, "stamp_ns": logged_ns + round(t_s * 1e9)}
+    return TopicSummary(kind=kind, count=1, pixels=pixels, size=size, **times)
 
 
 def roles(where: Path, found: Mapping[str, TopicSummary], named: Mapping[str, str], *, calibrated: bool) -> Topics:

@@ -77,6 +77,8 @@ class Decoder:
         self._ros1 = ros1
         self._mount = mount
         self._kinds = {topic.name: topic.kind_of(ros1=ros1) for topic in on.CHANNELS[channel].topics if topic.read}
+        for kind in self._kinds.values():
+            store().get_msgdef(kind)  # compiles the decoder now, for a node that stands still to compile it holds the chair
         if channel != on.CAMERA:
             self._readers = {name: _reader(name, kind) for name, kind in self._kinds.items()}
         else:
@@ -150,17 +152,9 @@ def _guard_state(message: Any, t_s: float) -> GuardState:
     return GuardState(t_s=t_s, holding=message.holding or None, sender=message.sender)
 
 
-def _clock(message: Any, _: float) -> Clock:
-    return Clock(t_s=stamped_s(message.clock))
-
-
-def _velocity(message: Any, _: float) -> VelocityCommand:
-    return VelocityCommand(speed_m_s=message.linear.x, turn_rad_s=message.angular.z)
-
-
 _READERS: dict[tuple[str, str], Callable[[Any, float], Any]] = {
-    (on.CLOCK, on.CLOCK_TYPE): _clock,
-    (on.TWIST, on.TWIST_TYPE): _velocity,
+    (on.CLOCK, on.CLOCK_TYPE): lambda message, _: Clock(t_s=stamped_s(message.clock)),
+    (on.TWIST, on.TWIST_TYPE): lambda message, _: VelocityCommand(speed_m_s=message.linear.x, turn_rad_s=message.angular.z),
     (on.ODOM, ODOMETRY): _odometry,
     (on.DIAGNOSTICS, STATUS): _diagnosis,
     (on.GUARD, STATUS): _guard_status,

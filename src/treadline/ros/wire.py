@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import LogFormatError
+from treadline.io.message_types import store
 from treadline.ros._codec import Decoder, encoded
 from treadline.ros.channels import CHANNELS, Channel
 
@@ -95,7 +96,10 @@ class WireTransport:
             return
         self._announced.add(channel)
         for topic in CHANNELS[channel].topics:
-            self._advertise(topic.name, topic.kind_of(ros1=self.ros1), CHANNELS[channel])
+            kind = topic.kind_of(ros1=self.ros1)
+            if self.ros1:
+                store().get_msgdef(kind)  # compiled before the node turns
+            self._advertise(topic.name, kind, CHANNELS[channel])
 
     def publish(self, channel: str, signal: Any) -> None:
         """Send a signal."""
