@@ -103,7 +103,8 @@ def picture(message: Any, t_s: float) -> Picture:
 
 def calibration(message: Any) -> PinholeCamera:
     """Return the camera of a sensor_msgs/CameraInfo."""
-    fx, _, cx, _, fy, cy = message.k[:6].tolist()
+    matrix = message.K if hasattr(message, "K") else message.k  # ROS 1 and 2
+    fx, _, cx, _, fy, cy = matrix[:6].tolist()
     return PinholeCamera(width_px=message.width, height_px=message.height, fx_px=fx, fy_px=fy, cx_px=cx, cy_px=cy)
 
 

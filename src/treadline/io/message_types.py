@@ -33,10 +33,13 @@ TICK_NS = round(TICK_S * 1e9)
 
 
 @cache
-def store() -> Any:
-    """Return rosbags' store of the standard types of ROS 2 and of treadline's."""
-    known = get_typestore(Stores.ROS2_JAZZY)
+def store(*, ros1: bool = False) -> Any:
+    """Return rosbags' store of the standard types of ROS 2 and of treadline's, or of the types of ROS 1."""
+    known = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
     known.max_sequence_length = MOST_ELEMENTS
+    if ros1:
+        known.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
+        return known
     for path in sorted(files("treadline").joinpath("data", PACKAGE, "msg").iterdir(), key=str):
         known.register(get_types_from_msg(path.read_text(encoding="utf-8"), f"{PACKAGE}/msg/{path.name.removesuffix('.msg')}"))
     return known
@@ -68,7 +71,7 @@ def message_of(kind: str, data: bytes, *, ros1: bool = False) -> Any:
         LogFormatError: If the bytes are no message of the type.
     """
     try:
-        return store().deserialize_cdr(store().ros1_to_cdr(data, kind) if ros1 else data, kind)
+        return store(ros1=True).deserialize_ros1(data, kind) if ros1 else store().deserialize_cdr(data, kind)
     except SerdeError as error:
         raise LogFormatError(f"not a {kind}: {error}") from None
 

@@ -100,8 +100,11 @@ class _Joints:
     """Encoder and decoder of a signal of ``JOINTED``."""
 
     def __init__(self, signal: type) -> None:
-        self._signal, self._form, self._hints = signal, JOINTED[signal], get_type_hints(signal)
-        self._required = tuple(item.name for item in fields(signal) if item.default is MISSING and item.name != "t_s")
+        self._signal, self._form, self._items = signal, JOINTED[signal], JOINTED[signal].joints | JOINTED[signal].held
+        hints = get_type_hints(signal)
+        self._converted = [(item, hints[item]) for item in self._items.values() if hints[item] in (int, bool)]
+        self._frame = hints.get(self._form.frame)
+        self._required = {item.name for item in fields(signal) if item.default is MISSING} - {"t_s", self._form.frame}
 
     def write(self, signal: Any, topic: str) -> Message:
         """Return the message of a signal."""
@@ -118,20 +121,19 @@ class _Joints:
     def read(self, message: Any, t_s: float) -> Any:
         """Return the signal of a message; numbers without names are in the order of the form."""
         form, values = self._form, message.velocity if self._form.in_motion else message.position
-        items = form.joints | form.held
-        names = message.name if set(message.name) & set(items) else list(items)[: len(values)]
+        names = message.name if message.name and message.name[0] in self._items else list(self._items)[: len(values)]
         known = dict(zip(names, _counted(values, len(names)), strict=True))
         if form.held:
             places = dict(zip(names, _counted(message.position, len(names)), strict=True))
             known |= {name: places[name] for name in form.held}
-        found: dict[str, Any] = {item: known[name] for name, item in items.items() if name in known}
-        found |= {item: kind(found[item]) for item, kind in self._hints.items() if item in found and kind in (int, bool)}
-        if form.frame in self._hints:
-            hint, word = self._hints[form.frame], message.header.frame_id
-            found[form.frame] = _one_of(hint, word) if get_origin(hint) is Literal else word
-        lacking = [name for name in self._required if name not in found]
+        found: dict[str, Any] = {item: known[name] for name, item in self._items.items() if name in known}
+        lacking = self._required - found.keys()
         if lacking:
-            raise LogFormatError(f"a {self._signal.__name__} lacks {lacking[0]}; is it of another version?")
+            raise LogFormatError(f"a {self._signal.__name__} lacks {min(lacking)}; is it of another version?")
+        found |= {item: kind(found[item]) for item, kind in self._converted if item in found}
+        if self._frame is not None:
+            word = message.header.frame_id
+            found[form.frame] = _one_of(self._frame, word) if get_origin(self._frame) is Literal else word
         return self._signal(t_s=t_s, **found)
 
 
@@ -139,7 +141,7 @@ def _counted(values: Any, count: int) -> list[float]:
     """Return the numbers of a JointState after counting them."""
     if len(values) != count:
         raise LogFormatError(f"a JointState holds {len(values)} numbers; {count} are required")
-    return [float(value) for value in values]
+    return list(values.tolist())
 
 
 def _one_of(words: Any, word: str) -> Any:

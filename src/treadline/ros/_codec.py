@@ -78,7 +78,7 @@ class Decoder:
         self._mount = mount
         self._kinds = {topic.name: topic.kind_of(ros1=ros1) for topic in on.CHANNELS[channel].topics if topic.read}
         for kind in self._kinds.values():
-            store().get_msgdef(kind)  # compiles the decoder now, for a node that stands still to compile it holds the chair
+            store(ros1=ros1).get_msgdef(kind)  # compiled now: the guard holds for a node that stands still
         if channel != on.CAMERA:
             self._readers = {name: _reader(name, kind) for name, kind in self._kinds.items()}
         else:

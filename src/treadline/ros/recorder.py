@@ -20,7 +20,6 @@ from treadline.io.message_types import nanoseconds_of, store
 from treadline.io.messages import Message, topic_of
 from treadline.io.records import write_record
 from treadline.io.runs import LOG, RECORD, clear_run
-from treadline.io.scene_messages import FRAMES
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
 from treadline.ros._codec import encoded
@@ -83,15 +82,11 @@ def _messages(signal: Any, *, ros1: bool = False) -> list[Message]:
 def _ros1(temporary: Path) -> tuple[Any, Any]:
     """Return a writer of rosbags, and its store of types."""
     from rosbags.rosbag1 import Writer
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    known = get_typestore(Stores.ROS1_NOETIC)
-    if FRAMES not in known.types:
-        known.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", FRAMES))
     temporary.unlink(missing_ok=True)
     writer = Writer(temporary)
     writer.set_compression(Writer.CompressionFormat.LZ4)
-    return writer, known
+    return writer, store(ros1=True)
 
 
 def _ros2(temporary: Path) -> tuple[Any, Any]:
