@@ -220,13 +220,13 @@ def test_a_flight_too_low_for_the_track_is_entered_from_its_ends() -> None:
     assert_refused_only_for(report, "0.14 m below the floor, its front on step 1", "start on the floor or the landing")
 
 
-def test_a_landing_too_short_to_stand_on_is_refused_with_the_depth_it_needs() -> None:
+@pytest.mark.parametrize(("end_wall", "needs_m"), [(False, 1.15), (True, 1.56)])
+def test_a_landing_too_short_to_stand_on_is_refused_with_the_depth_it_needs(end_wall: bool, needs_m: float) -> None:
+    """Test: belts of 0.95 m, 0.2 m from the edge; before a wall a flipper of 0.45 m, raised by 40°, and its pulley of 0.07 m."""
     keys = {"start": {"place": "landing"}, "drive": {"direction": "down"}}
-    report = judge(stair={"landing_m": 0.0}, **keys)
-    reason = assert_refused_only_for(report, "the landing is 0.30 m deep", "start on the flight, or give stair.landing_m")
-    needed = float(reason.rpartition("needs ")[2].split()[0])
-    for landing_m, too_short in ((needed - 0.01, True), (needed + 0.01, False)):
-        assert any("the landing is" in said for said in judge(stair={"landing_m": landing_m}, **keys).reasons) == too_short
+    short, enough = (judge(stair={"landing_m": needs_m + m, "end_wall": end_wall}, **keys) for m in (-0.02, 0.02))
+    assert_refused_only_for(short, "the landing is", f"needs {needs_m:.2f} m", "start on the flight, or give stair.landing_m")
+    assert enough.verdict == "go"
 
 
 @pytest.mark.parametrize(("tables", "what"), [({}, "drop"), ({"end_wall": True}, "wall")])

@@ -19,7 +19,7 @@ from treadline.vehicle._start_view import StartView
 from treadline.vehicle.bodies import Vehicle, vehicle
 from treadline.vehicle.stair_solids import Box, stair_boxes, stair_solids
 from treadline.vehicle.staircase import Staircase, as_designed
-from treadline.vehicle.start_pose import CLEARANCE_M, Standing, from_edge_m, rounded_off_m, standing
+from treadline.vehicle.start_pose import CLEARANCE_M, Standing, from_edge_m, length_m, rounded_off_m, standing
 
 SUNK_M = 0.01
 """Largest accepted penetration of a part into floor or stair at the start [m]: settling before t = 0 removes it."""
@@ -209,9 +209,10 @@ def _on_winders(scenario: Scenario, tracks: Tracks) -> str | None:
 
 
 def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str | None:
-    """Return the depth of landing required so that the belts of a chair starting there lie on it."""
-    depth_m, heading = max(scenario.stair.landing_m, scenario.stair.run_m), scenario.start.heading_deg * DEG
-    needed_m = from_edge_m(scenario.stair.landing_m, chair.tracks) + chair.tracks.flat_run_m * math.cos(heading)
+    """Return the depth of landing required so that a chair starting there has its belts on it, and a wall clear of its flipper."""
+    stair, tracks = scenario.stair, chair.tracks
+    depth_m = max(stair.landing_m, stair.run_m)
+    needed_m = from_edge_m(stair, tracks) + length_m(stair, tracks) * math.cos(scenario.start.heading_deg * DEG)
     if scenario.start.place != "landing" or depth_m >= needed_m:
         return None
     return (

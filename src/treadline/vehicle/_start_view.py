@@ -9,7 +9,7 @@ from collections.abc import Callable
 from treadline.scenario.chair import CameraMount, ChairDescription
 from treadline.scenario.scenario import Scenario, Start
 from treadline.vehicle.staircase import Staircase
-from treadline.vehicle.start_pose import LANDING_SPARE_M, from_edge_m, standing
+from treadline.vehicle.start_pose import LANDING_SPARE_M, from_edge_m, length_m, standing
 from treadline.vehicle.visibility import geometry_of, least_nosings
 
 FURTHER_M = [0.01 * cm for cm in range(101)]
@@ -63,9 +63,9 @@ class StartView:
         further_m = next((cm for cm in FURTHER_M if self._shows_edge(self._scenario.start, cm)), None)
         if not further_m:
             return None
-        tracks, landing_m = self._chair.tracks, self._scenario.stair.landing_m
-        needed_m = from_edge_m(landing_m, tracks) + further_m + tracks.flat_run_m + LANDING_SPARE_M
-        hidden = f"the edge, {from_edge_m(landing_m, tracks):.2f} m behind the belts, is hidden under the rear camera"
+        tracks, stair = self._chair.tracks, self._scenario.stair
+        needed_m = from_edge_m(stair, tracks) + further_m + length_m(stair, tracks) + LANDING_SPARE_M
+        hidden = f"the edge, {from_edge_m(stair, tracks):.2f} m behind the belts, is hidden under the rear camera"
         return f"{hidden}; set the chair {further_m:.2f} m further from it, on a landing of {needed_m:.2f} m"
 
     def _shows_edge(self, start: Start, further_m: float = 0.0) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 from treadline.core.rotations import Rotation, Vector3, rotation_y, rotation_z
 from treadline.scenario.chair import Tracks
 from treadline.scenario.scenario import Start
+from treadline.scenario.stair import Stair
 from treadline.vehicle.staircase import Staircase, Step
 
 CLEARANCE_M = 0.001
@@ -29,9 +30,15 @@ class Standing:
     """Angle of the seat relative to the chassis [rad]: level, or parallel."""
 
 
-def from_edge_m(landing_m: float, tracks: Tracks) -> float:
+def from_edge_m(landing: Staircase | Stair, tracks: Tracks) -> float:
     """Return the distance of the rear pulley behind the edge for a start on a landing [m]."""
-    return min(max(landing_m - tracks.flat_run_m - LANDING_SPARE_M, LANDING_LEAST_M), LANDING_START_M)
+    return min(max(landing.landing_m - length_m(landing, tracks) - LANDING_SPARE_M, LANDING_LEAST_M), LANDING_START_M)
+
+
+def length_m(landing: Staircase | Stair, tracks: Tracks) -> float:
+    """Return the length that a chair takes on a landing [m]: its belts, and its raised flipper where a wall is at the end."""
+    flipper_m = tracks.approach_m * math.cos(math.radians(tracks.approach_angle_deg)) + tracks.pulley_radius_m
+    return tracks.flat_run_m + (flipper_m if landing.end_wall else 0.0)
 
 
 def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
@@ -46,7 +53,7 @@ def standing(staircase: Staircase, tracks: Tracks, start: Start) -> Standing:
     if start.place == "floor":
         p_WB = np.array([-along - FLOOR_START_M, start.lateral_m, CLEARANCE_M])
     elif start.place == "landing":
-        behind_m = along + from_edge_m(staircase.landing_m, tracks)
+        behind_m = along + from_edge_m(staircase, tracks)
         p_WB = np.array([top.x_m + behind_m, start.lateral_m, top.z_m + CLEARANCE_M + behind_m * math.tan(slope)])
         flight = staircase.flight_count - 1
     else:
