@@ -1,12 +1,11 @@
 """Inputs that do not move, or only move with others, left out of a record; the difference of belts that move together."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from treadline.core.errors import DependentInputs, PoorExcitation
+from treadline.core.errors import PoorExcitation
 from treadline.core.models import InputOutputRecord
 from treadline.identification._belts import DifferentialInput, named_differential
 from treadline.identification._checks import channel_names
@@ -29,18 +28,6 @@ class DriveLog:
         """Return another record, such as the one for validation, with the same inputs left out."""
         kept = self.kept
         return record if kept is None or record.u.shape[1] != len(kept) else _with_inputs(record, kept)
-
-
-def check_independent_inputs(records: Sequence[InputOutputRecord]) -> None:
-    """Check that no input is a linear combination of the others.
-
-    Raises:
-        DependentInputs: With the inputs.
-    """
-    u = np.vstack([record.u[record.whole] for record in records])
-    moved = u - u.mean(axis=0)
-    if not _independent(moved / moved.std(axis=0), np.ones(u.shape[1], dtype=np.bool_)).all():
-        raise DependentInputs(f"inputs move together: {', '.join(channel_names(records[0])[: u.shape[1]])}; move each by itself")
 
 
 def without_dependent_inputs(records: list[InputOutputRecord], *, name_prior: bool) -> DriveLog | None:

@@ -26,9 +26,9 @@ from treadline.identification._realisation import StateMap, block_rows, markov_s
 from treadline.identification._refine import (
     Directions,
     cost,
-    descended,
     experiments_of,
     predictors_of,
+    refit,
 )
 
 GAIN_SAMPLES = 5_000
@@ -111,7 +111,7 @@ class Fitting:
             C=np.zeros((p, n, n * p)),
             D=np.zeros((p, m1 + p, n * p)),
         )
-        return Affine.of_predictor(descended(best.predictor(), runs, lambda _: ways, ceiling=slowest))
+        return Affine.of_predictor(refit(best.predictor(), runs, lambda _: ways, ceiling=slowest))
 
     def observable(self, system: Affine) -> Affine:
         """Return the system with an innovation gain whose observer is stable.

@@ -9,6 +9,7 @@ is the output error of its predictor with the outputs as additional inputs, so o
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float, Num
@@ -18,15 +19,12 @@ from treadline.core.linear_system_kernels import free_run
 from treadline.core.linear_systems import prefix
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import ON_CIRCLE, Affine
+from treadline.identification._descent import Linearised, descended
 from treadline.identification._factor import solved
 from treadline.identification._gram import Units, runs_of
 from treadline.identification._modes import Experiment, Modes, derivative_sums, modes_of
 from treadline.identification._recursion_kernels import tangents
 
-TRIES = 8
-"""Largest number of damping increases per step before the refinement ends."""
-STEPS_MOST = 60
-"""Largest number of steps."""
 CHANCE = 0.1
 """Relative tolerance: the refinement ends below this share of the gain of one random coefficient, 1/samples of the cost."""
 
@@ -133,13 +131,13 @@ def refined(system: Affine, experiments: Sequence[Experiment], *, fixed: Bool[np
         experiments: Data.
         fixed: Mask of the entries of D that stay unchanged.
     """
-    return descended(system, experiments, lambda now: directions(now, fixed))
+    return refit(system, experiments, lambda now: directions(now, fixed))
 
 
-def descended(
+def refit(
     system: Affine, experiments: Sequence[Experiment], ways_from: Callable[[Affine], Directions], *, ceiling: float = 1.0
 ) -> Affine:
-    """Return the minimum of the output error, by damped Gauss-Newton steps along directions that may depend on the current system.
+    """Return the minimum of the output error along directions that may depend on the current system.
 
     Args:
         system: Initial model.
@@ -151,28 +149,15 @@ def descended(
     # A system on the unit circle may move by an amount without visible effect over the record.
     radius, rows = system.radius, sum(item.y.size for item in experiments)
     bound = ceiling if radius < 1.0 - ON_CIRCLE else radius * (1.0 + 1.0 / rows)
-    best, now = system, cost(system, experiments)
-    damping, rise = 1e-3, 2.0
-    for _ in range(STEPS_MOST if np.isfinite(now) else 0):
-        ways = ways_from(best)
-        H, g = normal_equations(best, experiments, ways)
-        if not np.trace(H) > 0.0:  # no direction changes the outputs
-            break
-        before = now
-        for _ in range(TRIES):
-            step = np.linalg.solve(H + damping * np.trace(H) / len(H) * np.eye(len(H)), g)
-            trial = ways.moved(best, step)
-            there = cost(trial, experiments) if trial.radius <= bound else float("inf")
-            if there < now:
-                # Nielsen (1999): the better the quadratic model predicted the gain, the smaller the next damping.
-                predicted_gain = float(2.0 * step @ g - step @ H @ step)
-                damping *= max(0.1, 1.0 - (2.0 * (now - there) / predicted_gain - 1.0) ** 3)
-                best, now, rise = trial, there, 2.0
-                break
-            damping, rise = damping * rise, rise * 2.0
-        if before - now <= CHANCE / rows * before:
-            break
-    return best
+
+    def allowed_cost(now: Affine) -> float:
+        return cost(now, experiments) if now.radius <= bound else float("inf")
+
+    def linearised(now: Affine) -> Linearised[Affine]:
+        ways = ways_from(now)
+        return *normal_equations(now, experiments, ways), partial(ways.moved, now)
+
+    return descended(system, allowed_cost, linearised, enough=CHANCE / rows)
 
 
 def normal_equations(

@@ -21,7 +21,8 @@ from scipy.special import ndtri
 from treadline.core.models import InputOutputRecord
 from treadline.identification._belts import DifferentialInput, named_belts, turn_channels, turn_rate
 from treadline.identification._dead_time import dead_time
-from treadline.identification._limits import CONFIDENCE, LAGS_MOST, RECENT, ROWS_PER_PARAMETER
+from treadline.identification._descent import Linearised, descended
+from treadline.identification._limits import CONFIDENCE, LAGS_MOST, RECENT, ROUNDING, ROWS_PER_PARAMETER
 from treadline.identification._pole_intervals import MEMORY
 
 NOISE_LAGS = 6
@@ -30,8 +31,6 @@ DECAYS = (0.3, 0.8)
 """Decays of a lag per sample from which the fit starts: time constants of about one sample and of about five."""
 DECAY_MOST = 0.999
 """Largest decay: a time constant of a thousand samples."""
-STEPS_MOST = 20
-"""Largest number of Gauss-Newton steps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -277,32 +276,23 @@ class _Descent:
     cost: float
     rows: int
     square: Float[np.ndarray, "k k"]
-    """J'J of the residuals' derivatives."""
+    right: Float[np.ndarray, " k"]
+    """J'J and J'e of the residuals' derivatives."""
 
 
 def _descended(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> _Descent:
-    """Return the parameters with the least squared prediction error, by damped Gauss-Newton steps (Levenberg, 1944)."""
+    """Return the parameters with the least squared prediction error."""
     m = runs[0].u.shape[1]
-    cost, rows, square, right = _normal(runs, theta, shift)
-    damping = 1e-3
-    for _ in range(STEPS_MOST):
-        size = np.sqrt(np.diag(square))
-        scale = np.where(size > 0.0, size, 1.0)  # the decay of an input without effect is free
-        scaled = square / np.outer(scale, scale)
-        step = np.linalg.solve(scaled + damping * np.eye(len(theta)), right / scale) / scale
-        moved = theta - step
-        moved[m : 2 * m] = np.clip(moved[m : 2 * m], 0.0, DECAY_MOST)
-        new = _normal(runs, moved, shift)
-        if new[0] < cost:
-            is_done = cost - new[0] < 1e-8 * cost
-            theta, (cost, rows, square, right), damping = moved, new, max(0.2 * damping, 1e-9)
-            if is_done:
-                break
-        else:
-            damping *= 5.0
-            if damping > 1e6:
-                break
-    return _Descent(theta=theta, shift=shift, cost=cost, rows=rows, square=square)
+
+    def linearised(at: _Descent) -> Linearised[_Descent]:
+        def moved(step: Float[np.ndarray, " k"]) -> _Descent:
+            new = at.theta + step
+            new[m : 2 * m] = np.clip(new[m : 2 * m], 0.0, DECAY_MOST)
+            return _normal(runs, new, shift)
+
+        return at.square, at.right, moved
+
+    return descended(_normal(runs, theta, shift), lambda at: at.cost, linearised, enough=ROUNDING**0.5)
 
 
 def _explained(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> float:
@@ -336,10 +326,8 @@ def _long_run(products: Float[np.ndarray, "T q"]) -> Float[np.ndarray, "q q"]:
     return S
 
 
-def _normal(
-    runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int
-) -> tuple[float, int, Float[np.ndarray, "k k"], Float[np.ndarray, " k"]]:
-    """Return squared prediction error, rows, J'J and J'e."""
+def _normal(runs: list[_Run], theta: Float[np.ndarray, " k"], shift: int) -> _Descent:
+    """Return squared prediction error, rows, J'J and J'e at some parameters."""
     m = runs[0].u.shape[1]
     gains, decays, constant, noise = theta[:m], theta[m : 2 * m], theta[2 * m], theta[2 * m + 1 :]
     whitening, first = np.concatenate([[1.0], -noise]), NOISE_LAGS + shift
@@ -357,5 +345,5 @@ def _normal(
         past = np.column_stack([left[first - i : len(left) - i] for i in range(1, NOISE_LAGS + 1)])
         J = np.column_stack([white[:, 1:], np.full(len(white), -whitening.sum()), -past])
         cost += float(white[:, 0] @ white[:, 0])
-        square, right, rows = square + J.T @ J, right + J.T @ white[:, 0], rows + len(white)
-    return cost, rows, square, right
+        square, right, rows = square + J.T @ J, right - J.T @ white[:, 0], rows + len(white)
+    return _Descent(theta=theta, shift=shift, cost=cost, rows=rows, square=square, right=right)

@@ -16,12 +16,13 @@ from treadline.identification._belts import find_differential_input
 from treadline.identification._checks import (
     channel_names,
     check_alike,
+    check_independent,
     check_records,
 )
 from treadline.identification._dead_time import dead_time, without_delays
-from treadline.identification._dependent_inputs import DriveLog, check_independent_inputs, without_dependent_inputs
+from treadline.identification._dependent_inputs import DriveLog, without_dependent_inputs
 from treadline.identification._from_gram import data_of, from_gram, provenance_of
-from treadline.identification._gram import Gram
+from treadline.identification._gram import Gram, gram_of
 from treadline.identification._identified import FittedSystem, Identified, whole_samples
 from treadline.identification._modes import with_inputs_again
 from treadline.identification._threads import one_thread
@@ -72,7 +73,8 @@ def _identified(log: DriveLog, options: IdentificationOptions, on_progress: Call
     if validation is not None:
         units = check_records(fitted, inputs=belts is None)
     if belts is None and method == "best":
-        check_independent_inputs(fitted)  # before dead times, which would move inputs apart that are one
+        # Before dead times, which would move inputs apart that are one.
+        check_independent(gram_of(fitted, 1, units), channel_names(fitted[0]))
     one = belts is not None and options.delays is None  # belts that are one input have one dead time
     shifts = 2 * _dead_time(belts.difference(fitted), options, method) if belts and one else _dead_time(fitted, options, method)
     moved = without_delays(fitted, shifts) if any(shifts) else fitted
