@@ -325,17 +325,22 @@ def test_a_missing_step_that_is_seen_late_stops_the_chair_under_its_front_too() 
     assert world.tick().hold is None
 
 
-# --- climb: walls
+# --- climb: walls and drops
 
 
+@pytest.mark.parametrize("kind", ["wall", "open"])
 @pytest.mark.parametrize(
     ("left", "right", "sign"),
-    [(None, None, 0), (0.40, None, -1), (None, 0.40, 1), (0.60, None, 0), (0.45, 0.75, -1), (0.75, 0.45, 1), (0.6, 0.6, 0)],
+    [(None, None, 0), (0.43, None, -1), (None, 0.43, 1), (0.60, None, 0), (0.45, 0.75, -1), (0.75, 0.45, 1), (0.6, 0.6, 0)],
 )
-def test_it_steers_off_a_wall_that_is_near_and_to_the_middle_between_two(
-    left: float | None, right: float | None, sign: int
+def test_it_steers_off_a_side_that_is_near_and_to_the_middle_between_two(
+    kind: str, left: float | None, right: float | None, sign: int
 ) -> None:
-    world = Foot(spoil=lambda seen: replace(seen, left_wall_m=left, right_wall_m=right))
+    ends = {"left": left, "right": right}
+    keys = {f"{side}_wall_m": end_m for side, end_m in ends.items()}
+    if kind == "open":
+        keys = {f"{side}_edge_m": end_m for side, end_m in ends.items()} | {f"{side}_side": "open" for side in ends}
+    world = Foot(spoil=lambda seen: replace(seen, **keys))
     world.run("climb")
     world.run(limit_s=0.5)
     heading = world.plans[-1].heading_rad

@@ -14,6 +14,7 @@ from treadline.control.crest_sequence import Crest, CrestCommand, CrestConfig
 from treadline.control.flipper import LIES_RAD, OVER_BELTS_RAD, PATIENCE_S
 from treadline.core.angles import DEG
 from treadline.core.signals import HeadingEstimate, ImuSample, MotionPlan, TrackReading
+from treadline.estimation.stair_tracker import Side
 from treadline.mission._automaton import Automaton, Exits, State
 from treadline.mission._situation import ASIDE_M, LEVEL_RAD, FlightSituation, TraversalConfig, Way, on_the_tip
 from treadline.mission._traction_test import TractionConfig, TractionTest
@@ -268,9 +269,9 @@ class Ascent(FlightSituation):
         return self._where.slip_m_s(self.t_s), self._where.roll_back_m(self.t_s) or 0.0
 
     def _aside(self) -> float:
-        """Return the heading set point away from a near wall, or towards the middle between two walls [rad]."""
-        config, where, clear_m = self._config, self._where, self._half_width_m + ASIDE_M
-        left, right = where.left_wall_m, where.right_wall_m
+        """Return the heading set point away from a near side, or towards the middle between two: walls or drops [rad]."""
+        config, clear_m = self._config, self._half_width_m + ASIDE_M
+        left, right = self._bound_m("left"), self._bound_m("right")
         if left is not None and right is not None:
             lacking = 0.5 * (right - left)
         elif left is not None:
@@ -279,6 +280,11 @@ class Ascent(FlightSituation):
             lacking = 0.0 if right is None else -max(clear_m - right, 0.0)
         # A negative heading leads to the right, away from a wall on the left.
         return -min(max(config.aside_rad_m * lacking, -config.aside_limit_rad), config.aside_limit_rad)
+
+    def _bound_m(self, side: Side) -> float | None:
+        """Return the distance from the chair's middle to the wall or the drop on a side [m]; None without one in view."""
+        wall = self._where.left_wall_m if side == "left" else self._where.right_wall_m
+        return min((bound for bound in (wall, self._where.side_m(side)[1]) if bound is not None), default=None)
 
     # --- over the crest
 
