@@ -87,9 +87,10 @@ class NodeRunner:
                 self.turn()
 
     def __enter__(self) -> Self:
-        """Begin to run: a standstill counts from now on, and so does the wait for required channels."""
-        self._began, self._looked = time.monotonic(), False
-        self._watchdog.__enter__()
+        """Begin to run. A standstill counts from now on, or from the first simulated time: until then the chair has no command."""
+        self._began, self._looked, self._clock_at = time.monotonic(), False, None
+        if not self._sim:
+            self._watchdog.__enter__()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -138,6 +139,8 @@ class NodeRunner:
         self._transport.publish(on.DIAGNOSTICS, Event(t_s=self._t_s, name=name, cause=f"{self._node.name}: {cause}"))
 
     def _take_clock(self, clock: Clock) -> None:
+        if self._clock_at is None:
+            self._watchdog.__enter__()
         self._clock_at = time.monotonic()
         self._tick(clock.t_s)
 
