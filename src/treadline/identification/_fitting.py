@@ -7,7 +7,7 @@ Last fitting steps of a model:
 ``output-error``      A, B, C and D fitted to the free run
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -25,7 +25,6 @@ from treadline.identification._okid import ObserverMarkov, regression, scaled_ob
 from treadline.identification._realisation import StateMap, block_rows, markov_svd, pbsid, realised, state_map
 from treadline.identification._refine import (
     Directions,
-    cost,
     experiments_of,
     predictors_of,
     refit,
@@ -95,14 +94,11 @@ class Fitting:
         runs = predictors_of(last_samples(self.experiments, GAIN_SAMPLES), least=GAIN_RUN)
         if not runs:  # gaps leave no long run; a stable free-run model has innovation gain zero
             return replace(system, K=np.zeros((n, p))) if system.radius < 1.0 else system
-        starts = [replace(system, K=np.zeros((n, p)))] if system.K is None else [system, replace(system, K=np.zeros((n, p)))]
-        starts.append(replace(system, K=_kalman_gain(system)))
         # An observer slower than this limit and than the plant forgets a wrong initial state too late.
         slowest = max(SLOWEST_OBSERVER, system.radius) if system.radius < 1.0 - 1.0 / len(runs[0].y) else SLOWEST_OBSERVER
-        starts = [start for start in starts if start.predictor().radius <= min(slowest, 1.0 - 1e-6)]
-        if not starts:
+        start = next((one for one in _observed(system) if one.predictor().radius <= min(slowest, 1.0 - 1e-6)), None)
+        if start is None:
             return system
-        best = min(starts, key=lambda start: cost(start.predictor(), runs))
         # K enters the predictor through A - KC, B - KD and K.
         k = np.eye(n * p).reshape(n, p, n * p)
         ways = Directions(
@@ -111,7 +107,7 @@ class Fitting:
             C=np.zeros((p, n, n * p)),
             D=np.zeros((p, m1 + p, n * p)),
         )
-        return Affine.of_predictor(refit(best.predictor(), runs, lambda _: ways, ceiling=slowest))
+        return Affine.of_predictor(refit(start.predictor(), runs, lambda _: ways, ceiling=slowest))
 
     def observable(self, system: Affine) -> Affine:
         """Return the system with an innovation gain whose observer is stable.
@@ -150,6 +146,14 @@ class Fitting:
             theta = regression(self.data, lags, feedthrough=self.feedthrough).theta
             self._maps[lags] = state_map(self.data, lags, theta)
         return self._maps[lags]
+
+
+def _observed(system: Affine) -> Iterator[Affine]:
+    """Yield the system with its own innovation gain, a Kalman gain, and none."""
+    if system.K is not None:
+        yield system
+    yield replace(system, K=_kalman_gain(system))
+    yield replace(system, K=np.zeros((system.order, len(system.C))))
 
 
 def _kalman_gain(system: Affine) -> Float[np.ndarray, "n p"] | None:

@@ -171,8 +171,7 @@ def noise_level(observer: ObserverMarkov, svd: HankelSvd) -> float:
         svd: Its decomposed Hankel matrix.
     """
     # The difference of two Hankel matrices is the Hankel matrix of the difference.
-    rng = np.random.default_rng(0)
-    draws = [system_markov(observer.perturbed(rng), len(svd.markov)) - svd.markov for _ in range(NOISE_DRAWS)]
+    draws = [system_markov(one, len(svd.markov)) - svd.markov for one in observer.draws(NOISE_DRAWS)]
     if not np.max(np.abs(draws)) < np.sqrt(np.finfo(float).max) / svd.rows:  # errors that make the observer diverge
         return float("inf")
     return float(np.sqrt(np.mean([largest(hankel(draw, svd.rows, svd.columns, 0)) ** 2 for draw in draws])))

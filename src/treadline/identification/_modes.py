@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Num
-from scipy.signal import lfilter
 
 from treadline.core.arrays import store_contiguous
 from treadline.identification._affine import Affine
 from treadline.identification._factor import inverse, solved
+from treadline.identification._recursion_kernels import pole_filters
 
 ILL_CONDITIONED = 1e5
 """Condition number of the eigenvectors above which modal coordinates lose too many digits (nearly equal poles)."""
@@ -56,11 +56,7 @@ class Modes:
 
     def filtered(self, x: Num[np.ndarray, "T k_or_n"], *, each: bool = False) -> Complex[np.ndarray, "T h k"]:
         """Return the states of f⁺ = λf + x from zero for each upper pole, of all columns or of each pole's own."""
-        found = []
-        for i, pole in enumerate(self.poles[self.upper]):
-            own = x[:, i : i + 1] if each else x
-            found.append(lfilter([0.0, 1.0], [1.0, -pole], own.astype(complex), axis=0))
-        return np.stack(found, axis=1)
+        return np.asarray(pole_filters(self.poles[self.upper].astype(complex), np.ascontiguousarray(x, dtype=complex), each))
 
 
 def modes_of(system: Affine) -> Modes | None:

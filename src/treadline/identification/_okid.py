@@ -5,7 +5,7 @@ p lags the regression is short and well posed (Juang, Phan, Horta, Longman, 1993
 whose past is unknown, are not used as regression targets.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,20 +32,20 @@ class ObserverMarkov:
     count: float
     feedthrough: bool
 
-    def perturbed(self, rng: np.random.Generator) -> "ObserverMarkov":
-        """Return the observer, in standard deviations, with a draw of its estimation errors added."""
+    def draws(self, count: int) -> Iterator["ObserverMarkov"]:
+        """Yield the observer, in standard deviations, with draws of its estimation errors added."""
         lags, p, m = self.alpha.shape
+        rng = np.random.default_rng(0)
         # The coefficients' covariance is the inverse Gram matrix times the residual covariance.
         root = np.linalg.cholesky(self.information + ROUNDING * np.diag(np.diag(self.information)))
         size, W = np.linalg.eigh(self.residual_covariance)
-        errors = (
-            solve_triangular(root, rng.standard_normal((len(root), p)) * np.sqrt(np.maximum(size, 0.0)), lower=True, trans="T")
-            @ W.T
-        )
+        white = rng.standard_normal((count, len(root), p)) * np.sqrt(np.maximum(size, 0.0)) @ W.T
         first = len(root) - lags * (m + p)
-        lagged = errors[first:].reshape(lags, m + p, p).transpose(0, 2, 1)
-        D = self.D + errors[1:first].T if self.feedthrough else self.D
-        return replace(self, D=D, alpha=self.alpha + lagged[:, :, :m], beta=self.beta + lagged[:, :, m:])
+        for one in white:
+            errors = solve_triangular(root, one, lower=True, trans="T", check_finite=False)
+            lagged = errors[first:].reshape(lags, m + p, p).transpose(0, 2, 1)
+            D = self.D + errors[1:first].T if self.feedthrough else self.D
+            yield replace(self, D=D, alpha=self.alpha + lagged[:, :, :m], beta=self.beta + lagged[:, :, m:])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -141,3 +141,16 @@ def tangents(A, B, C, u, dA, dB, dC, dD):
         x, following = following, x
         dx, next_dx = next_dx, dx
     return J
+
+
+@njit(cache=True)
+@no_type_check
+def pole_filters(poles, x, each):
+    """Return the states of f⁺ = λf + x from zero for each pole, of all columns or of each pole's own: (N, poles, columns)."""
+    steps, k = x.shape[0], 1 if each else x.shape[1]
+    states = np.zeros((steps, len(poles), k), dtype=np.complex128)
+    for t in range(1, steps):
+        for h in range(len(poles)):
+            for j in range(k):
+                states[t, h, j] = poles[h] * states[t - 1, h, j] + x[t - 1, h if each else j]
+    return states
