@@ -270,7 +270,7 @@ class Ascent(FlightSituation):
 
     def _aside(self) -> float:
         """Return the heading set point away from a near side, or towards the middle between two: walls or drops [rad]."""
-        config, clear_m = self._config, self._half_width_m + ASIDE_M
+        config, clear_m = self._config, self._needs_m + ASIDE_M
         left, right = self._bound_m("left"), self._bound_m("right")
         if left is not None and right is not None:
             lacking = 0.5 * (right - left)
