@@ -149,7 +149,7 @@ def sees_late(scenario: Scenario) -> bool:
 
 
 REASONS: tuple[tuple[str, Callable[[Scenario], bool]], ...] = (
-    ("friction|slid|slip|roll-back|traction|steer", lambda scenario: least_grip(scenario) < 1.08),
+    ("friction|slid|slip|rolled|traction|steer", lambda scenario: least_grip(scenario) < 1.08),
     ("riser|nosing|edge|steps|flipper|kerb|pitch|flight beyond|floor beyond", is_irregular),
     ("landing|ground|edge", lambda scenario: scenario.stair.landing_m < 1.5),
     ("side|wall|wide|narrow", lambda scenario: scenario.stair.width_m < 1.1 or abs(scenario.start.lateral_m) > 0.15),
