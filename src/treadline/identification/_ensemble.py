@@ -13,6 +13,7 @@ lowers the error in both directions. Outputs of which the inputs explain no more
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import lt
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -195,14 +196,15 @@ def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member
     def refinement(system: Affine, part: Sequence[Experiment]) -> Affine:
         return stabilised(refined(again(system, part), part, fixed=fitting.fixed), samples=length)
 
-    chosen, error = medoid.system, _errors(medoid.system, experiments, again)
+    chosen, error = medoid.system, list(_errors(medoid.system, experiments, again))
     kept = stabilised(medoid.realised)
-    if not np.array_equal(kept.A, chosen.A) and (_errors(kept, experiments, again) < error).all():
+    if not np.array_equal(kept.A, chosen.A) and all(map(lt, _errors(kept, experiments, again), error)):
         return again(kept, experiments), "inputs-again"
     small = chosen.order * (chosen.order + chosen.B.shape[1] + len(chosen.C)) < ENTRIES_MOST
     # The medoid has its poles from all data; a refinement to the rest alone may err by its coefficients' share of chance.
     chance = 1.0 + _coefficients(chosen) / ((1.0 - JUDGED) * sum(item.y.size for item in experiments))
-    if small and (_errors(chosen, experiments, refinement) < chance * error).all():
+    allowed = [chance * one for one in error]
+    if small and all(map(lt, _errors(chosen, experiments, refinement), allowed)):
         return refinement(chosen, experiments), "output-error"
     return chosen, "inputs-again"
 
@@ -210,17 +212,16 @@ def _checked(fitting: Fitting, experiments: Sequence[Experiment], medoid: Member
 Fit = Callable[[Affine, Sequence[Experiment]], Affine]
 
 
-def _errors(system: Affine, experiments: Sequence[Experiment], fit: Fit) -> Float[np.ndarray, "2"]:
-    """Return the squared error of the free run of each end by the model fitted to the rest; infinite if it diverges."""
-    errors = []
+def _errors(system: Affine, experiments: Sequence[Experiment], fit: Fit) -> Iterator[float]:
+    """Yield the squared error of the free run of each end by the model fitted to the rest; infinite if it diverges."""
     for share, begins in ((1.0 - JUDGED, False), (JUDGED, True)):
         cuts = [(item, round(share * len(item.y))) for item in experiments]
         before, after = [item.part(0, at) for item, at in cuts], [item.part(at, len(item.y)) for item, at in cuts]
         rest, judged = (after, before) if begins else (before, after)
         fitted = fit(system, rest)
         with np.errstate(over="ignore", invalid="ignore"):
-            errors.append(sum(np.sum(fair_residual(fitted, item) ** 2) for item in judged))
-    return np.nan_to_num(np.array(errors), nan=np.inf)
+            error = sum(float(np.sum(fair_residual(fitted, item) ** 2)) for item in judged)
+        yield error if np.isfinite(error) else np.inf
 
 
 def _explained(experiments: Sequence[Experiment], system: Affine) -> Bool[np.ndarray, " p"]:

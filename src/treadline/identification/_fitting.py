@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.linalg import solve_discrete_are
 
+from treadline.core.linear_systems import most_recent
 from treadline.core.models import InputOutputRecord
 from treadline.identification._affine import Affine
 from treadline.identification._era import HankelSvd
@@ -91,7 +92,8 @@ class Fitting:
     def with_gain(self, system: Affine) -> Affine:
         """Return the system with the innovation gain refitted to the one-step prediction, A, B, C and D kept."""
         n, m1, p = system.order, system.B.shape[1], len(system.C)
-        runs = predictors_of(last_samples(self.experiments, GAIN_SAMPLES), least=GAIN_RUN)
+        recent = experiments_of(most_recent(self.records, GAIN_SAMPLES), self.data.units)
+        runs = predictors_of(recent, least=GAIN_RUN)
         if not runs:  # gaps leave no long run; a stable free-run model has innovation gain zero
             return replace(system, K=np.zeros((n, p))) if system.radius < 1.0 else system
         # An observer slower than this limit and than the plant forgets a wrong initial state too late.

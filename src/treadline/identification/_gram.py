@@ -237,10 +237,12 @@ def add_windows(z: Float[np.ndarray, "T r"], lags: int, into: Float[np.ndarray, 
     padded[:samples] = z
     X = np.ascontiguousarray(sliding_window_view(padded.ravel(), (lags + BLOCK) * r)[:: BLOCK * r])
     products = (X[:, lags * r :].T @ X).reshape(BLOCK, r, lags + BLOCK, r)
-    first = np.sum([products[i, :, i : i + lags + 1][:, ::-1] for i in range(BLOCK)], axis=0)
+    first = np.zeros((r, lags + 1, r))
+    for i in range(BLOCK):
+        first += products[i, :, i : i + lags + 1][:, ::-1]
     head, tail = z[:lags][::-1], z[count:][::-1]
     slide(first.reshape(r, -1), head.ravel(), tail.ravel(), into[1:, 1:])
-    constant = np.cumsum(np.vstack([z[lags:].sum(axis=0), head - tail]), axis=0).ravel()
+    constant = np.cumsum(np.vstack([np.ones(count) @ z[lags:], head - tail]), axis=0).ravel()
     into[0, 0] += count
     into[0, 1:] += constant
     into[1:, 0] += constant
