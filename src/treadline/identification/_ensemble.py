@@ -24,7 +24,7 @@ from treadline.core.errors import PoorExcitation
 from treadline.identification._affine import DECAYED, Affine, stabilised
 from treadline.identification._decaying_ridge import DECAYS, decaying_ridge
 from treadline.identification._fitting import Fitting, last_samples
-from treadline.identification._limits import LAGS_MOST, SIGNIFICANCE
+from treadline.identification._limits import LAGS_MOST, RECENT, SIGNIFICANCE
 from treadline.identification._model_order import bic_order
 from treadline.identification._modes import Experiment, with_inputs_again
 from treadline.identification._realisation import StateMap, pbsid, state_map
@@ -106,7 +106,9 @@ def ensemble(fitting: Fitting, orders: Sequence[int] | None, on_progress: Callab
     chosen = _smallest(experiments, members, distances)
     system, step = _checked(fitting, experiments, chosen, length)
     if step == "inputs-again" and sum(len(item.y) for item in experiments) < fitting.data.count:
-        system = with_inputs_again(system, fitting.experiments, fitting.fixed)
+        # In pieces with a start of their own: the filters of a long record would not fit into memory.
+        pieces = [item.part(at, at + RECENT) for item in fitting.experiments for at in range(0, len(item.y), RECENT)]
+        system = with_inputs_again(system, pieces, fitting.fixed)
     explained = _explained(experiments, system)
     if not explained.all():
         system = replace(system, C=system.C * explained[:, None], D=system.D * explained[:, None], K=None)
