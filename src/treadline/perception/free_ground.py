@@ -125,7 +125,7 @@ def blind_distance_m(camera: PinholeCamera, axes: Float[np.ndarray, "3 3"], orig
 def _level_m(frame: RgbdFrame, axes: Float[np.ndarray, "3 3"], origin: Vector3, half_m: float, *, is_highest: bool) -> float | None:
     """Return the height of the highest or lowest level that is large enough to drive on [m]; None without one.
 
-    Its length counts over the swept width alone: a string or a rail beside the flight passes through all heights.
+    Its length counts over the swept width alone: a string or a rail next to the flight passes through all heights.
     """
     step = max(1, round(frame.camera.height_px / 60))
     pixels = step * np.indices(frame.depth_m[::step, ::step].shape)
