@@ -24,9 +24,8 @@ from treadline_ros2.actions import Actions
 from treadline_ros2.transport import RclpyTransport
 
 try:
-    from rclpy.experimental.events_executor import (
-        EventsExecutor as Executor,
-    )  # messages in the order of arrival, at half the cost
+    # Messages in the order of their arrival.
+    from rclpy.experimental.events_executor import EventsExecutor as Executor
 except ImportError:
     from rclpy.executors import SingleThreadedExecutor as Executor
 
@@ -34,27 +33,18 @@ __all__ = ['Executor', 'TreadlineNode']
 
 PARAMETERS: dict[str, tuple[Any, str]] = {
     'role': ('', f'which node of the graph this is: {", ".join(ROLES)}'),
-    'scenario': (
-        'default',
-        'settings that the whole graph shares: a scenario file, or the name of a shipped one',
-    ),
-    'controller': (
-        '',
-        'a file of treadline tune, or a plug-in; empty: that shipped for the vehicle',
-    ),
+    'scenario': ('default', 'settings of the whole graph: a file, or a name of a shipped one'),
+    'controller': ('shipped', 'a file of treadline tune, a plug-in, or shipped'),
     'plant': ('mujoco', 'simulator of the plant: mujoco or gazebo'),
     'seed': (0, 'random seed of the simulated plant'),
     'pace': (1.0, 'simulated seconds per second'),
-    'cmd_vel': (
-        '',
-        'guard: take cmd_vel in place of the proposals of the driver: twist, or twist_stamped',
-    ),
+    'cmd_vel': ('none', 'guard: twist or twist_stamped: cmd_vel drives in place of the planner'),
     'start': ('now', 'driver: now, or goal: stand until climb_stairs or descend_stairs is asked'),
     'out': ('', 'recorder: a run folder, or a file that ends in .mcap, .bag or .db3'),
     'patience': (60.0, 'time after which a silent topic is reported [s]'),
     'autostart': (False, 'whether the node configures and activates itself'),
 }
-CHOICES = {'cmd_vel': ('', 'twist', 'twist_stamped'), 'start': ('now', 'goal')}
+CHOICES = {'cmd_vel': ('none', 'twist', 'twist_stamped'), 'start': ('now', 'goal')}
 
 
 class TreadlineNode(LifecycleNode):
@@ -92,8 +82,7 @@ class TreadlineNode(LifecycleNode):
 
     def end(self) -> None:
         """End from whatever state, with one line."""
-        if self._block is not None:
-            self.trigger_shutdown()
+        self._release()
         self.get_logger().info('ended')
         self.destroy_node()
 
@@ -164,7 +153,7 @@ class TreadlineNode(LifecycleNode):
         self._check_parameters(role)
         setup = resolve(
             self._value('scenario'),
-            self._value('controller') or None,
+            self._value('controller'),
             self._value('seed'),
             open_plant=self._value('plant'),
         )
@@ -177,7 +166,7 @@ class TreadlineNode(LifecycleNode):
             setup.mission,
             plant=setup.open_plant,
             out=Path(self._value('out')) if self._value('out') else None,
-            stick=stick != '',
+            stick=stick != 'none',
             goals=self._value('start') == 'goal',
         )
         self._transport = RclpyTransport(
@@ -199,8 +188,9 @@ class TreadlineNode(LifecycleNode):
             raise TreadlineError(f"no role is called '{role}'; name one of {', '.join(ROLES)}")
         for name, choices in CHOICES.items():
             if self._value(name) not in choices:
-                given = ' or '.join(choice for choice in choices if choice)
-                raise TreadlineError(f"{name} is '{self._value(name)}'; give -p {name}:={given}")
+                raise TreadlineError(
+                    f"{name} is '{self._value(name)}'; give {' or '.join(choices)}"
+                )
         if self._value('pace') <= 0.0:
             raise TreadlineError(f'pace is {self._value("pace"):g}; give a positive number')
 

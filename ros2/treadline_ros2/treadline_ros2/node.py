@@ -18,6 +18,14 @@ def main(arguments: list[str] | None = None) -> int:
     """Run nodes of the roles given as words until an interruption; return the exit code."""
     interruption = Interruption()
     try:
+        return _run(arguments, interruption)
+    except KeyboardInterrupt:
+        interruption.ignore()
+        return 0  # before the nodes ran
+
+
+def _run(arguments: list[str] | None, interruption: 'Interruption') -> int:
+    try:
         _check_middleware()
         import rclpy
         from rclpy.signals import SignalHandlerOptions
@@ -32,16 +40,14 @@ def main(arguments: list[str] | None = None) -> int:
         executor = Executor()
         for node in nodes:
             executor.add_node(node)
-        if not (
-            all(node.configure() for node in nodes) and all(node.activate() for node in nodes)
-        ):
+        if not all(node.configure() for node in nodes):
+            return 2
+        if not all(node.activate() for node in nodes):
             return 2
         interruption.is_waited_for = True
         while not interruption.is_asked:
             executor.spin_once(timeout_sec=EXECUTED_S)
         executor.shutdown()
-    except KeyboardInterrupt:
-        pass  # before they ran
     finally:
         interruption.ignore()
         for node in reversed(nodes):
