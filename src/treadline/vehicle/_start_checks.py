@@ -210,8 +210,7 @@ def _on_winders(scenario: Scenario, tracks: Tracks) -> str | None:
 
 def _over_the_landings_end(scenario: Scenario, chair: ChairDescription) -> str | None:
     """Return the depth of landing required so that a chair starting there has its belts on it, and a wall clear of its flipper."""
-    stair, tracks = scenario.stair, chair.tracks
-    depth_m = max(stair.landing_m, stair.run_m)
+    stair, tracks, depth_m = scenario.stair, chair.tracks, max(scenario.stair.landing_m, scenario.stair.run_m)
     needed_m = from_edge_m(stair, tracks) + length_m(stair, tracks) * math.cos(scenario.start.heading_deg * DEG)
     if scenario.start.place != "landing" or depth_m >= needed_m:
         return None

@@ -64,9 +64,9 @@ class StartView:
         if not further_m:
             return None
         tracks, stair = self._chair.tracks, self._scenario.stair
-        needed_m = from_edge_m(stair, tracks) + further_m + length_m(stair, tracks) + LANDING_SPARE_M
-        hidden = f"the edge, {from_edge_m(stair, tracks):.2f} m behind the belts, is hidden under the rear camera"
-        return f"{hidden}; set the chair {further_m:.2f} m further from it, on a landing of {needed_m:.2f} m"
+        from_m, needs_m = from_edge_m(stair, tracks), length_m(stair, tracks) + LANDING_SPARE_M + further_m
+        hidden = f"the edge, {from_m:.2f} m behind the belts, is hidden under the rear camera"
+        return f"{hidden}; set the chair {further_m:.2f} m further from it, on a landing of {from_m + needs_m:.2f} m"
 
     def _shows_edge(self, start: Start, further_m: float = 0.0) -> bool:
         """Return whether a square chair on the landing has its edge or the nosing after it in view, or none is needed.

@@ -18,6 +18,7 @@ from treadline.vehicle.climb import Climb, climb_of, widest_spacing_m
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.loading import Loading
 from treadline.vehicle.staircase import as_designed
+from treadline.vehicle.start_pose import length_m
 from treadline.vehicle.static_stability import static_margins
 from treadline.vehicle.tip_over_margin import MARGIN_LIMIT_RAD, Margins
 from treadline.vehicle.tracks import (
@@ -368,13 +369,10 @@ def _too_short_to_arrive(scenario: Scenario, chair: ChairDescription) -> str | N
     stair, tracks = scenario.stair, chair.tracks
     if scenario.drive.direction == "down" or scenario.control.loop == "open" or scenario.start.place == "flight":
         return None
-    if stair.end_wall:
-        needed_m = 0.5 * tracks.flat_run_m + chair.nose_m[0] + tracks.pulley_radius_m
-        what = "the flipper before the wall at its end"
-    else:
-        needed_m, what = tracks.flat_run_m + END_CLEAR_M, f"{END_CLEAR_M:.2f} m to the drop at its end"
-    depth_m = max(stair.landing_m, stair.run_m)
-    if depth_m >= needed_m:
+    needed_m, what = length_m(stair, tracks), "the flipper before the wall at its end"
+    if not stair.end_wall:
+        needed_m, what = needed_m + END_CLEAR_M, f"{END_CLEAR_M:.2f} m to the drop at its end"
+    if (depth_m := max(stair.landing_m, stair.run_m)) >= needed_m:
         return None
     return (
         f"the landing is {depth_m:.2f} m deep, a chair that goes up needs {needed_m:.2f} m: its belts, and {what}; take another "
