@@ -97,12 +97,32 @@ def test_an_edge_below_the_image_is_where_the_maps_show_the_uppermost_nosing() -
     assert turned.goes(-0.1, "approach") >= 3.0
 
 
+def test_what_ends_beyond_a_rising_flights_first_nosing_is_no_end_of_the_floor() -> None:
+    """Test: ground that ends 0.85 m ahead, as the floor in view below an open riser; two maps of a rising flight from 0.8 m on, from
+    0.9 m on, one map alone. Expected result: the first goes on; the others stop, and so does a chair back from the flight."""
+    ends = FRONT | {"seen_m": 0.85, "end_m": 0.85, "end_sigma_m": 0.0}
+
+    def up(from_m: float, maps: int = 2) -> Chair:
+        return Chair().look(**ends).map(maps=maps, direction="up", nosings_B=[(from_m, 0.0, 0.16), (from_m + 0.3, 0.0, 0.32)])
+
+    assert up(0.8).cause(0.1, "mount") is None
+    assert "the ground ends" in str(up(0.9).cause(0.1, "mount"))
+    assert "the ground ends" in str(up(0.8, maps=1).cause(0.1, "mount"))
+    landed = up(0.8)
+    for pitch_deg in (20.0, 0.0):
+        landed.monitor.update_motion(landed.t_s, pitch_deg * DEG)
+    assert "the ground ends" in str(landed.cause(0.1, "land"))
+
+
 def test_the_edge_is_one_run_before_a_nosing_that_is_one_rise_below_the_chair() -> None:
     """Test: the next nosing 0.98 m behind mid-track and 0.16 m below, on runs of 0.30 m. Expected result: an edge at 0.68 m, 0.34 m
-    and 0.4 s before which the chair would have stopped; a plan that enters it goes over."""
+    and 0.4 s before which the chair would have stopped; a plan that enters it goes over. With the next nosing at 1.68 m the edge
+    would be in view: none is known."""
     lower = {"nosings_B": [(-0.98, 0.0, -0.16), (-1.28, 0.0, -0.32)]}
     assert "the ground ends 0.2" in str(Chair().look(**HIDDEN).map(**lower).cause(-0.1))
     assert Chair().look(**HIDDEN).map(maps=3, **lower).goes(-0.1, "approach") >= 3.0
+    further = {"nosings_B": [(-1.68, 0.0, -0.16), (-1.98, 0.0, -0.32)]}
+    assert "the ground ends" not in str(Chair().look(**HIDDEN).map(maps=3, **further).cause(-0.1))
 
 
 @pytest.mark.parametrize(

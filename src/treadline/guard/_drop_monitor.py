@@ -27,6 +27,11 @@ class _Ground:
         """Places up to which the ground is known, and up to which the latest frame shows it."""
         self._heading_rad = self._seen_rad = self._known_rad = self._nosing_rad = math.inf
         """Headings of the latest tick, of the latest frame and of the latest map, and for which the known ground holds."""
+        self.rise_m = self._rising_m = math.inf
+        """Nearest place of a rising flight's nosing in two maps that agree, since the chair came onto flat ground, and in the
+        latest. What ends beyond it is not this ground: below open risers the floor is in view between the treads."""
+        self.blind_m = -math.inf
+        """Place from which on the latest frame could show ground."""
         self._forget_end()
 
     def _forget_end(self) -> None:
@@ -43,6 +48,7 @@ class _Ground:
 
         Ground on the same level behind a strip below the image is known: a chair bridges a gap as long as its reach from mid-track.
         """
+        self.blind_m = place_m + ground.blind_m
         bridges = place_m + ground.blind_m - self.known_m <= reach_m and ground.seen_m > ground.blind_m
         self._seen_m, self._seen_rad = place_m + min(ground.seen_m, NEAR_M) if bridges else -math.inf, self._heading_rad
         self.known_m = max(self.known_m, self._seen_m)
@@ -76,6 +82,12 @@ class _Ground:
         if abs(nosing_m - self._shown_m) < SAME_M:
             self._nosing_m, self._nosing_rad = nosing_m, self._heading_rad
             self._nosing_count += 1
+
+    def look_up_stair(self, nosing_m: float) -> None:
+        """Update with the place of a rising flight's nearest nosing in one map."""
+        if abs(nosing_m - self._rising_m) < SAME_M:
+            self.rise_m = min(self.rise_m, nosing_m)
+        self._rising_m = nosing_m
 
     def drive(self, under_m: float, heading_rad: float, square_rad: float, *, on_flight: bool) -> None:
         """Add the ground under the belts; after a turn only that is known, and the latest frame if it was taken since.
@@ -114,7 +126,7 @@ class DropMonitor:
         if abs(pitch_rad) > FLAT_RAD:
             self._flat_s = None
         elif self._flat_s is None:
-            self._flat_s = t_s
+            self._flat_s, self._ground[1.0].rise_m = t_s, math.inf
 
     def look(self, ground: FreeGround, travel_m: float) -> None:
         """Update with the ground of one frame and the belt travel at its exposure."""
@@ -122,17 +134,21 @@ class DropMonitor:
         self._ground[way].look(ground, way * travel_m, reach_m)
 
     def look_on_stair(self, stair: StairMap, travel_m: float) -> None:
-        """Update with the nosings of one map and the belt travel at its exposure; falling flights are seen backwards.
+        """Update with the nosings of one map and the belt travel at its exposure.
 
-        One nosing counts if the floor beyond it was seen, as down a kerb. The edge of a landing is one run before a nosing that is
-        one rise below the chair.
+        Rising flights are seen forwards, falling ones backwards. One nosing counts if the floor beyond it was seen, as down a kerb.
+        The edge of a landing is one run before a nosing that is one rise below the chair, if that is below the image.
         """
-        if stair.direction == "down" and len(stair.nosings_B) >= (1 if stair.ends else 2):
-            x_m, _, z_m = stair.nosings_B[0]
-            is_hidden = self._flat_s is not None and abs(z_m + stair.rise_m) < 0.5 * stair.rise_m
-            edge_m = -x_m - stair.run_m if is_hidden else -x_m
-            is_level = is_hidden or (self._flat_s is not None and abs(z_m) < 0.5 * stair.rise_m)
-            self._ground[-1.0].look_on_stair(edge_m - travel_m, self._config.rear_m, is_level=is_level)
+        if len(stair.nosings_B) < (1 if stair.ends else 2):
+            return
+        x_m, _, z_m = stair.nosings_B[0]
+        if stair.direction == "up":
+            self._ground[1.0].look_up_stair(x_m + travel_m)
+        else:
+            behind, next_m, inner_m = self._ground[-1.0], -x_m - travel_m, -x_m - stair.run_m - travel_m
+            is_hidden = abs(z_m + stair.rise_m) < 0.5 * stair.rise_m and inner_m < behind.blind_m
+            is_level = self._flat_s is not None and (is_hidden or abs(z_m) < 0.5 * stair.rise_m)
+            behind.look_on_stair(inner_m if is_hidden else next_m, self._config.rear_m, is_level=is_level)
 
     def cause(self, t_s: float, travel_m: float, speed_m_s: float, plan: MotionPlan | None, heading_rad: float) -> str | None:
         """Return why the chair may not go on over flat ground; None if it may, or if it is on a flight.
@@ -155,7 +171,7 @@ class DropMonitor:
         ends_m, known_m = ground.end_m - pulley_m, ground.known_m - pulley_m
         # Where the planner enters a flight, or the chair pitches, ground out of sight is usual.
         counts = ground.is_drop or (phase not in ENTERS and self._flat_s is not None)
-        if counts and ends_m < self._config.obstacle_clear_m + stopping_m:
+        if counts and ground.end_m < ground.rise_m and ends_m < self._config.obstacle_clear_m + stopping_m:
             ends = "the ground ends" if ground.is_drop else "no ground is seen beyond"
             return f"{ends} {ends_m:.2f} m from the belts' leading pulley"
         # A chair that has just come down onto flat ground has not seen it yet.

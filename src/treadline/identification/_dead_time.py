@@ -40,9 +40,12 @@ Delays = tuple[int, ...]
 def dead_time(records: Sequence[InputOutputRecord]) -> list[int]:
     """Return the dead time of each input in samples; 0 where the data do not decide for one.
 
-    The range of the search is a quarter of the shortest record, at most ``RANGE_MOST``.
+    The range of the search is a quarter of the shortest record, at most ``RANGE_MOST``; records shorter than a quarter of the
+    longest are left out.
     """
     recent = most_recent(records, RECENT)
+    longest = max(len(record) for record in recent)
+    recent = [record for record in recent if RANGE_SHARE * len(record) >= longest]
     found = np.zeros(records[0].u.shape[1], dtype=int)
     units = units_of(recent)
     moves = np.flatnonzero(units.input_scale > 1e-12 * np.abs(units.shift[: len(found)]))

@@ -240,10 +240,10 @@ def _runs(records: Sequence[InputOutputRecord]) -> list[_Run]:
 
 
 def _best(runs: list[_Run], steering: Float[np.ndarray, "s q"]) -> "_Descent":
-    """Return the best descent of each steering input: from its dead time, or a row more or less, and a short and a long lag."""
+    """Return the best descent of each steering input: from its dead time, or a row more, and a short and a long lag."""
     descents = []
     for signs in steering:
-        late = dead_time([InputOutputRecord(u=run.u @ signs, y=run.rate, dt_s=run.dt_s) for run in runs])[0]
+        late = dead_time([InputOutputRecord(u=run.u @ signs[:, None], y=run.rate[:, None], dt_s=run.dt_s) for run in runs])[0]
         for shift in range(min(late, LAGS_MOST), min(late, LAGS_MOST) + 2):
             descents += [_descended(runs, _start(runs, signs, decay, shift), shift) for decay in DECAYS]
     return min(descents, key=lambda descent: descent.cost)

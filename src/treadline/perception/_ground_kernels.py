@@ -44,7 +44,7 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
         x, is_open = (u - cx) / fx, True
         base, height = start
         lowest = height
-        known, through, place, is_risen = -1.0, -1.0, 0.0, False
+        known, through, place = -1.0, -1.0, 0.0
         for v in range(rows - 1, -1, -1):
             z = depth[v, u]
             if not 0.0 < z < 1e3:
@@ -68,10 +68,9 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
             if not is_open:
                 continue
             if above > 0.5 * drop + slack:
-                # What rises from the ground bears as well; what stands in front of it does not touch it in this column. Its far
-                # side is no end of the ground: behind a tread, the rays go on below an open riser.
+                # What rises from the ground bears as well; what stands in front of it does not touch it in this column.
                 if known >= 0.0 and known - cell < far < min(known + bridge, furthest):
-                    known, through, is_risen = far, -1.0, True
+                    known = far
                     if within:
                         seen[int(far / cell), int((left + half) * per_m)] += 1
                 continue
@@ -83,7 +82,7 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
             if not is_open or far <= 0.0 or crossing <= 0.0:
                 continue
             if not is_low:
-                known, through, place, is_risen = max(known, far), -1.0, left, False
+                known, through, place = max(known, far), -1.0, left
                 if within:
                     seen[int(far / cell), int((left + half) * per_m)] += 1
                 if far > base:
@@ -92,7 +91,7 @@ def scan(depth, step, pinhole, view, start, half, clear, limits, seen, standing)
             elif above < lowest - height - drop - slack:  # back from a ramp to the level before it is no drop
                 if abs(crossing_left) < half:
                     seen[int(crossing / cell), int((crossing_left + half) * per_m)] -= 1
-                if known >= 0.0 and through < 0.0 and not is_risen:
+                if known >= 0.0 and through < 0.0:
                     through, place = crossing, crossing_left
         if known >= 0.0:
             ends[count] = place, known, through

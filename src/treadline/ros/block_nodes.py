@@ -319,9 +319,9 @@ class GuardNode:
             transport.subscribe(channel, self._admit)
         for channel in (on.MEASURED, on.MAP, on.HEALTH):
             transport.subscribe(channel, self._guard.on_message)
-        transport.subscribe(on.PLAN, self._take_plan)
         transport.subscribe(on.ESTIMATE, self._take_estimate)
         if self._gauge_m is None:
+            transport.subscribe(on.PLAN, self._take_plan)
             transport.subscribe(on.TRACKS_PROPOSED, self._guard.propose)
         else:
             transport.subscribe(on.TWIST, self._take_velocity)

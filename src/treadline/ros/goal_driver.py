@@ -23,7 +23,7 @@ from treadline.vehicle.tip_over_margin import tipping_margins, worst_support
 
 
 class TraversalProgress(NamedTuple):
-    """TraversalProgress of a traversal; NaN while a value is not known."""
+    """Progress of a traversal; NaN while a value is not known."""
 
     phase: Phase
     heading_rad: float
@@ -55,7 +55,10 @@ class GoalDriverNode(DriverNode):
         self._newest: dict[type, PlannerInput] = {}
         self._t_s = self._until_s = 0.0
         self._phase: Phase = "arrived"
+        self._fastest_m_s = min(config.chair.drives.max_speed_m_s, limits.cruise_limit_m_s)
         self._cancelled: str | None = None
+        self._hold: str | None = None
+        """Why the chair is to be held after a goal, until the guard reports that it holds."""
         self._to_go_m = math.nan
         self.on_end: Callable[[Outcome], object] | None = None
         """Receives the outcome of the present goal; None without a goal."""
@@ -74,11 +77,11 @@ class GoalDriverNode(DriverNode):
         Raises:
             SettingsError: If it cannot begin.
         """
-        config, fastest = self._config, self._config.chair.drives.max_speed_m_s
+        config, fastest, held = self._config, self._fastest_m_s, self._holding or self._hold
         if self.on_end is not None:
             raise SettingsError("a traversal is under way; cancel it first")
-        if self._holding is not None:
-            raise SettingsError(f"the guard holds the chair: {self._holding}; re-arm it first")
+        if held is not None:
+            raise SettingsError(f"the guard holds the chair: {held}; re-arm it first")
         if direction != config.direction:
             raise SettingsError(f"this graph goes {config.direction}; start one whose scenario has drive.direction = '{direction}'")
         if not 0.0 <= speed_m_s <= fastest or not limit_s >= 0.0:
@@ -96,16 +99,24 @@ class GoalDriverNode(DriverNode):
         """Hold the chair and end the traversal at the next tick."""
         self._cancelled = cause
 
+    def abandon(self, cause: str) -> None:
+        """End the traversal without a further tick, as the node stops."""
+        on_end, self.on_end = self.on_end, None
+        if on_end is not None:
+            on_end(Outcome("held", cause))
+
     @property
     def progress(self) -> TraversalProgress:
-        """TraversalProgress of the traversal."""
+        """Progress of the traversal."""
         heading_rad = math.nan if self._estimate is None else self._estimate.heading_rad
         return TraversalProgress(self._phase, heading_rad, self._to_go_m, self._margin_rad())
 
     def _plan(self, t_s: float) -> MotionPlan:
         self._t_s = t_s
         if self.on_end is None:
-            return MotionPlan(t_s=t_s, phase="arrived", speed_m_s=0.0, turn_m_s=0.0, needs_stair=False, cause="no goal")
+            self._hold = None if self._holding is not None else self._hold
+            still = MotionPlan(t_s=t_s, phase="arrived", speed_m_s=0.0, turn_m_s=0.0, needs_stair=False, cause="no goal")
+            return replace(still, hold=self._hold)
         plan = super()._plan(t_s)
         self._phase = plan.phase
         outcome = self._outcome(plan)
@@ -114,6 +125,7 @@ class GoalDriverNode(DriverNode):
         on_end, self.on_end = self.on_end, None
         on_end(outcome)
         if outcome.verdict in ("cancelled", "time_up"):
+            self._hold = outcome.cause
             return replace(plan, speed_m_s=0.0, turn_m_s=0.0, needs_stair=False, hold=outcome.cause)
         return plan
 
@@ -132,7 +144,7 @@ class GoalDriverNode(DriverNode):
     def _update(self, signal: PlannerInput) -> None:
         super()._update(signal)
         self._newest[type(signal)] = signal
-        if isinstance(signal, StairMap) and signal.ends:
+        if isinstance(signal, StairMap) and signal.ends and signal.nosings_B:
             x_m, _, z_m = signal.nosings_B[-1]
             self._to_go_m = math.hypot(x_m, z_m)
         elif isinstance(signal, TrackReading):

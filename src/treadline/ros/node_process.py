@@ -223,7 +223,7 @@ class PlantRunner:
     def __enter__(self) -> Self:
         """Begin to run: the wait for the guard counts from now on."""
         self._watchdog = LoopWatchdog(self._node.trip, self._node.brake, limit_s=SILENCE_S)
-        self._armed = ExitStack()
+        self._armed, self._is_armed = ExitStack(), False
         self._began = self._due_at = self._answered_at = self._ticked_at = time.monotonic()
         self._commanded_s = -math.inf
         return self
@@ -258,8 +258,9 @@ class PlantRunner:
         self._watchdog.begin("plant.advance")
         self.t_s = START_S + self._ticks * TICK_S
         self._node.tick(self.t_s)
-        if self._ticks == 0:  # the first tick compiles and loads, and the chair has no command yet
+        if not self._is_armed:  # the first tick compiles and loads, and the chair has no command yet
             self._armed.enter_context(self._watchdog)
+            self._is_armed = True
         self._ticks += 1
         self._transport.publish(on.CLOCK, Clock(t_s=self.t_s))
         self._ticked_at = time.monotonic()
