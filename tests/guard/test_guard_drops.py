@@ -98,7 +98,7 @@ def test_an_edge_below_the_image_is_where_the_maps_show_the_uppermost_nosing() -
 
 
 def test_what_ends_beyond_a_rising_flights_first_nosing_is_no_end_of_the_floor() -> None:
-    """Test: ground that ends 0.85 m ahead, as the floor in view below an open riser; two maps of a rising flight from 0.8 m on, from
+    """Test: ground that ends 0.85 m ahead, as floor in view below an open riser; two maps of a rising flight from 0.8 m on, from
     0.9 m on, one map alone. Expected result: the first goes on; the others stop, and so does a chair back from the flight."""
     ends = FRONT | {"seen_m": 0.85, "end_m": 0.85, "end_sigma_m": 0.0}
 

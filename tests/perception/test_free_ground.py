@@ -145,7 +145,7 @@ def at_the_crest(staircase: Staircase, before_m: float) -> tuple[float, Float[np
 
 @pytest.mark.parametrize("slope_deg", [25.0, 28.0])
 def test_treads_above_open_risers_end_no_ground_before_the_flight(slope_deg: float) -> None:
-    """Test: a chair that mounts, its rear on the floor, its front pulley on the first nosing; rays go through the gaps to the floor.
+    """Test: a chair that mounts, its rear on the floor, its front pulley on the first nosing; rays pass the gaps to the floor.
     Expected result: no end before that nosing, 0.5 m ahead, and none at all once the chair is pitched as on no ramp."""
     staircase = build_staircase(Stair(slope_deg=slope_deg, steps=12, open_risers=True), np.random.default_rng(1))
     for pitch_deg in (0.0, 3.0, 5.0, 6.5, 8.0, 12.0, 16.0, 20.0):
