@@ -295,7 +295,7 @@ class Descent(FlightSituation):
         """Backs off the last nosings with the flipper lifted."""
         is_low = self._low_rad > 0.0
         speed, turn = (0.0, 0.0) if is_low else (-self._config.slow_m_s, self._level.keep(self._estimate))
-        return self.driving(speed + self._pitch_feedforward(allowed=not is_low), turn, self._lift())
+        return self.driving(speed, turn, self._lift())
 
     def stow(self) -> MotionPlan:
         """Stands for good, and stows the flipper."""
