@@ -84,9 +84,10 @@ class Crest(Sequencer[Stage]):
         around: Nosings around the chair; the uppermost is the landing's edge.
     """
 
+    _config: CrestConfig
+
     def __init__(self, config: CrestConfig, around: KnownNosings) -> None:
         super().__init__(config, "climb", around)
-        self._config = config
         self._waited_s, self._least_m = 0.0, math.inf
         """Time since the landing's edge last came nearer by ``PROGRESS_M`` [s], and its distance then [m]."""
         self._tries = 0
@@ -163,7 +164,7 @@ class Crest(Sequencer[Stage]):
     def _may_go_on(self, pitch: float) -> bool:
         """Return whether another attempt leaves the centre of mass behind the nosing, even if its first position was correct."""
         goes_m = self._config.reach_from_m + (self._tries + 1) * (EARLY_M + self._config.reach_from_m)
-        return plumb(self._loading, pitch) < self._geometry.pivot_m - goes_m
+        return plumb(self._config, pitch) < self._geometry.pivot_m - goes_m
 
     def _act(self, pitch: float, flipper: FlipperReading, speed: float, dt_s: float) -> tuple[float, float]:
         config = self._config

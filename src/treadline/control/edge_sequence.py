@@ -86,9 +86,10 @@ class Edge(Sequencer[Stage]):
         around: Nosings around the chair; the uppermost is the edge.
     """
 
+    _config: EdgeConfig
+
     def __init__(self, config: EdgeConfig, around: KnownNosings) -> None:
         super().__init__(config, "approach", around)
-        self._config = config
         flipper = flipper_of(config.chair)
         self._max_rate_rad_s = flipper.max_rate_deg_s * DEG
         self._most_n_m = flipper.torque_n_m

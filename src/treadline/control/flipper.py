@@ -205,18 +205,18 @@ class Sequencer(ABC, Generic[StageT]):
     """State machine for one crossing of the landing's edge.
 
     Args:
-        loading: Chair, load, rates and speeds.
+        config: Chair, load, rates and speeds.
         stage: Initial stage.
         around: Nosings around the chair.
     """
 
-    def __init__(self, loading: SequenceConfig, stage: StageT, around: KnownNosings) -> None:
-        self._loading = loading
-        self._geometry = geometry_of(loading.chair)
-        self._tip = Tip(loading)
-        self._rate = _FlipperRate(flipper_of(loading.chair))
-        self._lowest_rad = flipper_of(loading.chair).range_deg[0] * DEG
-        self._rest_rad = loading.chair.tracks.approach_angle_deg * DEG
+    def __init__(self, config: SequenceConfig, stage: StageT, around: KnownNosings) -> None:
+        self._config = config
+        self._geometry = geometry_of(config.chair)
+        self._tip = Tip(config)
+        self._rate = _FlipperRate(flipper_of(config.chair))
+        self._lowest_rad = flipper_of(config.chair).range_deg[0] * DEG
+        self._rest_rad = config.chair.tracks.approach_angle_deg * DEG
         self._stage = stage
         self._cause = ""
         self._around = around
@@ -236,7 +236,7 @@ class Sequencer(ABC, Generic[StageT]):
         self._tip.step(pitch, flipper, dt_s)
         if tracks.brake_on:
             dt_s = 0.0
-            self._rate = _FlipperRate(flipper_of(self._loading.chair))
+            self._rate = _FlipperRate(flipper_of(self._config.chair))
             self._lead_from(pitch)
         self._sequence(pitch, flipper, dt_s)
         belts, rate = self._act(pitch, flipper, speed, dt_s)
@@ -283,7 +283,7 @@ class Sequencer(ABC, Generic[StageT]):
         """
         if pitch <= SMALL_RAD:
             return math.inf
-        return self._geometry.past(pitch, self._lowest_rad) - self._geometry.pivot_m + plumb(self._loading, pitch)
+        return self._geometry.past(pitch, self._lowest_rad) - self._geometry.pivot_m + plumb(self._config, pitch)
 
     @property
     def _lies(self) -> tuple[float, float]:
@@ -296,7 +296,7 @@ class Sequencer(ABC, Generic[StageT]):
 
     def _com_beyond(self, pitch: float) -> float:
         """Return the distance of the centre of mass's plumb line beyond the crossed nosing, along the belts [m]."""
-        return plumb(self._loading, pitch) - self._ahead_m
+        return plumb(self._config, pitch) - self._ahead_m
 
     def _towards(self, angle_rad: float, flipper: FlipperReading) -> float:
         """Return the rate that moves the flipper to an angle above the belts."""
@@ -304,8 +304,8 @@ class Sequencer(ABC, Generic[StageT]):
 
     def _reach(self, pitch: float, flipper: FlipperReading) -> float:
         """Return the rate of a flipper that reaches down for the landing, slower near the expected contact."""
-        sequence = self._loading
-        return -min(max(FLIPPER_PER_S * self._to_go(pitch, flipper), sequence.meet_rad_s), sequence.reach_rad_s)
+        config = self._config
+        return -min(max(FLIPPER_PER_S * self._to_go(pitch, flipper), config.meet_rad_s), config.reach_rad_s)
 
     def _to_go(self, pitch: float, flipper: FlipperReading) -> float:
         """Return the flipper's angle above the expected contact of its tip with the landing."""

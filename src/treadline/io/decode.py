@@ -12,7 +12,7 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.signals import ImuSample
 from treadline.io.message_types import message_of, stamped_s
-from treadline.io.messages import CAMERA_INFO, IMAGE, IMU, OWN, form_of
+from treadline.io.messages import CAMERA_INFO, IMAGE, IMU, SIGNALS, form_of
 from treadline.io.standard_messages import STANDARD, Read
 
 HEADINGS, EVENTS = "/stair/heading_measured/detail", "/diagnostics"
@@ -28,8 +28,9 @@ OURS = frozenset({
 
 def signal_reader(topic: str, kind: str) -> Read | None:
     """Return the decoder of a topic's messages to signals, from message and stamp [s]; None if the type means something else."""
-    own = next((form_of(signal).decode for signal, own in OWN.items() if own.kind == kind), None)
-    return own or (imu if kind == IMU else STANDARD.get((topic, kind)))
+    if kind in SIGNALS:
+        return form_of(SIGNALS[kind]).decode
+    return imu if kind == IMU else STANDARD.get((topic, kind))
 
 
 class LogDecoder:

@@ -10,6 +10,7 @@ viewers; only the exact ``…/detail`` is read.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from functools import cache
 from operator import attrgetter
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
@@ -82,6 +83,8 @@ OWN: dict[type, _Own] = {
     MotionPlan: _Own("/plan", "MotionPlan"),
     Truth: _Own("/truth", "Truth", "world"),
 }
+SIGNALS = {own.kind: signal for signal, own in OWN.items()}
+"""Signal of each message type of ``treadline_msgs``."""
 
 
 class _Form:
@@ -165,14 +168,10 @@ def _word(words: dict[int, str | None], number: int) -> str | None:
     return words[number]
 
 
-_FORMS: dict[type, _Form] = {}
-
-
+@cache
 def form_of(signal: type) -> _Form:
     """Return encoder and decoder of a signal of ``OWN``."""
-    if signal not in _FORMS:
-        _FORMS[signal] = _Form(signal)
-    return _FORMS[signal]
+    return _Form(signal)
 
 
 def messages_of(signal: Any, topic: str | None = None) -> list[Message]:
@@ -187,7 +186,8 @@ def topic_of(signal: Any) -> str:
 
 
 def _own(signal: Any, topic: str) -> list[Message]:
-    form = form_of(type(signal))
+    kind: type = type(signal)
+    form = form_of(kind)
     return [(topic, form.kind, form.encode(signal))]
 
 

@@ -103,6 +103,7 @@ class FlightSituation:
         self._way = way
         self._flipper_planner = FlipperPlanner(chair, way.rides_rad)
         self._tip_over = TipOverFeedforward()
+        self._loading = Loading(chair=chair, payload_kg=config.payload_kg)
         self._pivot_m = 0.5 * chair.tracks.flat_run_m
         self._half_width_m = chair.half_width_m
         self._needs_m = chair.swept_half_m + SIDE_MARGIN_M
@@ -371,13 +372,11 @@ class FlightSituation:
         Downhill they reach it from the belts. There it raises the front by the angle by which the chair would else fall onto its
         rear.
         """
-        config = self._config
         if self._around is None:
             return 0.0
         if self._way.sign > 0.0:
-            return self._around.flipper_rad(self._pivot_m, config.chair.tracks.approach_m)
-        loading = Loading(chair=config.chair, payload_kg=config.payload_kg)
-        return -self._around.falls_rad(plumb(loading, self._where.pitch_rad))
+            return self._around.flipper_rad(self._pivot_m, self._config.chair.tracks.approach_m)
+        return -self._around.falls_rad(plumb(self._loading, self._where.pitch_rad))
 
     def _pitch_feedforward(self, square_rad: float = 0.0, *, allowed: bool = True) -> float:
         """Return the tip-over feed-forward [m/s]; no speed is added while the chair turns."""
