@@ -4,6 +4,18 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+SHORT_FLIGHT = """
+[stair]
+steps = 12
+[start]
+place = "flight"
+step = 4
+heading_deg = 8
+[sensors]
+camera = "kinect1"
+"""
+"""Scenario of a graph whose nodes are other processes: a chair on a flight, turned."""
+
 
 def wait_for(condition: Callable[[], bool], within_s: float = 60.0) -> None:
     """Wait until something is so, and fail if it does not become so."""

@@ -13,7 +13,8 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.rotations import rotation_of, rotation_x, rotation_y, rotation_z
 from treadline.core.signals import HeadingEstimate, ImuSample, SeatCommand, TrackCommand
-from treadline.io.mcap_read import read_contents, read_log
+from treadline.io.columns import read_contents
+from treadline.io.mcap_read import read_log
 from treadline.io.runs import LOG
 from treadline.plant.mujoco import open_plant
 from treadline.playback import Recording, RecordingBuilder, SignalCollector, read_frames, read_recording

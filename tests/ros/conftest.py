@@ -12,23 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from processes import SHORT_FLIGHT
 
 from treadline.ros import channels as on
 from treadline.ros._node_signals import Clock
 from treadline.ros.wire import WireTransport
-
-SCENARIO = """
-[stair]
-steps = 12
-[start]
-place = "flight"
-step = 4
-heading_deg = 8
-[sensors]
-camera = "kinect1"
-[drive]
-duration_s = 60
-"""
 
 
 class Graph:
@@ -36,7 +24,7 @@ class Graph:
 
     def __init__(self, folder: Path, transport: str, options: list[str]) -> None:
         scenario = folder / "short.toml"
-        scenario.write_text(SCENARIO)
+        scenario.write_text(f"{SHORT_FLIGHT}[drive]\nduration_s = 60\n")
         self._err = (folder / "stderr").open("w+")
         command = [sys.executable, "-m", "treadline", "nodes", str(scenario), "--transport", transport, "--json", *options]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self._err, text=True)

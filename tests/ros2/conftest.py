@@ -13,21 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from processes import SHORT_FLIGHT
 
 HAS_ROS2 = importlib.util.find_spec("rclpy") is not None and os.environ.get("TREADLINE_ROS2") == "1"
 if not HAS_ROS2:
     collect_ignore_glob = ["test_*.py"]
 
-SCENARIO = """
-[stair]
-steps = 12
-[start]
-place = "flight"
-step = 4
-heading_deg = 8
-[sensors]
-camera = "kinect1"
-"""
 ROLES = ("guard", "camera", "heading", "seat", "driver", "plant")
 LAST_S = 90.0
 """Longest wait for anything [s]."""
@@ -162,7 +153,7 @@ def starting(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[...,
     """Start nodes: roles and ROS arguments; what is started is ended."""
     running: list[Running] = []
     folder = tmp_path_factory.mktemp("nodes")
-    (folder / "short.toml").write_text(SCENARIO)
+    (folder / "short.toml").write_text(SHORT_FLIGHT)
 
     def start(*roles: str, given: tuple[str, ...] = (), sim: bool = True, autostart: bool = True) -> Running:
         parameters = {"scenario": folder / "short.toml", "use_sim_time": str(sim).lower(), "autostart": str(autostart).lower()}

@@ -1,7 +1,4 @@
-"""Messages of any MCAP file, and the signals and numbers of a run's own log. The file is not trusted: sizes and counts are limited.
-
-Thousands of messages of one layout become arrays together: those of ``treadline_msgs`` and of an IMU have their numbers at the same
-places, as long as the frame's name has one length. Others are decoded one by one.
+"""Messages of any MCAP file, and the signals of a run's own log. The file is not trusted: sizes and counts are limited.
 
 Checksums are verified if present. A log written by treadline has checksums everywhere, so a chunk without checksum is rejected
 (``sealed``): any damage gives one ``LogFormatError``, and all messages yielded before have verified checksums.
@@ -10,17 +7,14 @@ Checksums are verified if present. A log written by treadline has checksums ever
 import mmap
 import struct
 import zlib
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import lz4.frame
-import numpy as np
 import zstandard
-from jaxtyping import Float, Int
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -30,10 +24,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
 from treadline.core.errors import LogFormatError
-from treadline.core.signals import TICK_S
-from treadline.io.decode import LogDecoder, signal_reader
-from treadline.io.message_types import CDR, PACKAGE, TICK_NS, message_of, row_layout, seconds_of, stamped_s
-from treadline.io.messages import IMU
+from treadline.io.decode import LogDecoder
 
 MAX_FILE_BYTES = 8 * 1024**3
 """Largest size of a run log [bytes]; other logs are read record by record without a limit."""
@@ -287,119 +278,3 @@ def _gathered(piece: Callable[[], bytes], most: int) -> bytes:
 
 
 _INFLATE: dict[str, Callable[[bytes, int], bytes]] = {"": lambda data, _: data, "zstd": inflate_zstd, "lz4": inflate_lz4}
-
-
-# ---- numbers of a run's log ----
-
-_STAMP = slice(len(CDR), len(CDR) + 8)
-"""Bytes of the stamp, with which each message begins."""
-_COUNT = slice(_STAMP.stop, _STAMP.stop + 4)
-"""Bytes of the length of the frame's name."""
-MOST_TEXTS = 8
-"""More texts than any message of a log has."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Columns:
-    """Messages of one topic: stamps, log times and numbers, in recorded order."""
-
-    t_s: Float[np.ndarray, " n"]
-    taken_s: Float[np.ndarray, " n"]
-    """Mission time at which each message was taken [s]."""
-    values: Float[np.ndarray, "n c"]
-    """The requested numbers."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LogContents:
-    """Selected topics of a log."""
-
-    columns: dict[str, Columns] = field(default_factory=dict)
-    """Topics of numbers, as arrays."""
-    signals: dict[str, list[tuple[float, Any]]] = field(default_factory=dict)
-    """Other topics: mission time [s] and signal of each message."""
-    stamps_s: dict[str, Float[np.ndarray, " n"]] = field(default_factory=dict)
-    """Stamps of the topics of which nothing else was requested [s]."""
-
-
-def read_contents(
-    path: Path, numeric: Mapping[str, Sequence[str]], others: Collection[str] = (), stamped: Collection[str] = ()
-) -> LogContents:
-    """Return the requested topics of a run log.
-
-    Args:
-        numeric: Fields of each topic that becomes an array.
-        others: Topics whose messages are returned as signals.
-        stamped: Topics of which only the stamps are needed.
-
-    Raises:
-        LogFormatError: If the file is missing, too large, damaged or not a treadline log.
-    """
-    wanted = {*numeric, *others, *stamped}
-    topics: dict[str, RecordedTopic] = {}
-    logged_ns: dict[str, list[int]] = {}
-    data: dict[str, list[bytes]] = {}
-    contents = LogContents()
-    with one_error(path):
-        for topic, time_ns, message in mcap_messages(path, wanted.__contains__, sealed=True):
-            topics[topic.name] = topic
-            logged_ns.setdefault(topic.name, []).append(time_ns)
-            data.setdefault(topic.name, []).append(message[: _STAMP.stop] if topic.name in stamped else message)
-        for name, topic in topics.items():
-            if name in stamped:
-                contents.stamps_s[name] = _stamps_s(_rows(data[name], _STAMP.stop))
-            elif name in numeric:
-                contents.columns[name] = _columns(topic, np.array(logged_ns[name]), data[name], numeric[name])
-            else:
-                times = map(seconds_of, logged_ns[name])
-                contents.signals[name] = list(zip(times, (_signal(topic, message) for message in data[name]), strict=True))
-    return contents
-
-
-def _signal(topic: RecordedTopic, data: bytes) -> Any:
-    read = signal_reader(topic.name, topic.kind)
-    if read is None:
-        raise LogFormatError(f"{topic.name} holds {topic.kind}; is it of another version?")
-    message = message_of(topic.kind, data)
-    return read(message, stamped_s(message.header.stamp))
-
-
-def _columns(topic: RecordedTopic, logged_ns: Int[np.ndarray, " n"], data: Sequence[bytes], names: Sequence[str]) -> Columns:
-    taken_s = _seconds(logged_ns)
-    places = _places(topic.kind, data, names)
-    if places is None:
-        signals = [_signal(topic, message) for message in data]
-        found = [[getattr(signal, name) for name in names] for signal in signals]
-        return Columns(t_s=np.array([signal.t_s for signal in signals]), taken_s=taken_s, values=np.array(found, dtype=float))
-    rows = _rows(data, max(places) + 8)
-    values = [rows[:, at : at + 8].copy().view("<f8")[:, 0] for at in places]
-    return Columns(t_s=_stamps_s(rows), taken_s=taken_s, values=np.column_stack(values))
-
-
-def _places(kind: str, data: Sequence[bytes], names: Sequence[str]) -> list[int] | None:
-    """Return the offset of each number, the same in all messages; None where a topic has no such layout."""
-    if (not kind.startswith(PACKAGE) and kind != IMU) or len({message[_COUNT] for message in data}) != 1:
-        return None
-    count = int.from_bytes(data[0][_COUNT], "little")
-    if count > len(data[0]):
-        raise LogFormatError("a message ends before its last field")
-    layout = {name: at for name, code, at in row_layout(kind, (count, *(1,) * MOST_TEXTS)) if code == "d"}
-    return [len(CDR) + layout[name] for name in names]
-
-
-def _rows(data: Sequence[bytes], size: int) -> np.ndarray:
-    """Return the first bytes of each message."""
-    if min(map(len, data)) < size:
-        raise LogFormatError("a message ends before its last field")
-    return np.frombuffer(b"".join(message[:size] for message in data), np.uint8).reshape(len(data), size)
-
-
-def _stamps_s(rows: np.ndarray) -> Float[np.ndarray, " n"]:
-    seconds, nanoseconds = rows[:, _STAMP].copy().view("<i4").T.astype(np.int64)
-    return _seconds(1_000_000_000 * seconds + nanoseconds)
-
-
-def _seconds(time_ns: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Return times in seconds, as ``seconds_of`` does: a multiple of the tick gives the mission's float."""
-    ticks, rest = np.divmod(time_ns, TICK_NS)
-    return np.where(rest == 0, ticks * TICK_S, time_ns / 1e9)

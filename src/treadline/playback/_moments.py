@@ -18,7 +18,8 @@ from jaxtyping import Bool, Float
 from treadline.core.angles import DEG
 from treadline.core.rotations import Rotation, Vector3, rotation_of
 from treadline.core.signals import Event
-from treadline.io.mcap_read import has_arrivals, read_contents
+from treadline.io.columns import read_contents
+from treadline.io.mcap_read import has_arrivals
 from treadline.io.runs import LOG
 from treadline.playback._nosings import NosingRecord, nosing_record
 from treadline.playback._read_run import manifest_of
