@@ -19,6 +19,7 @@
     │   └── PeriodMismatch               two different sampling periods where one is required
     ├── ImageError                       an image or its calibration cannot be used
     ├── CameraError                      a live depth camera is missing, busy, or has stopped
+    ├── LinkError                        a drive or sensor of a real chair is missing, busy, or has gone
     ├── MechanicsError                   an impossible geometry
     ├── GazeboError                      Gazebo is not installed, does not start, or has exited
     └── SimulationDiverged               the simulation is numerically invalid and has no result (exit code 1)
@@ -95,6 +96,10 @@ class ImageError(TreadlineError):
 
 class CameraError(TreadlineError):
     """A live depth camera is missing, busy, or has stopped."""
+
+
+class LinkError(TreadlineError):
+    """A drive or sensor of a real chair is missing, busy, of another protocol version, or has gone."""
 
 
 class MechanicsError(TreadlineError):
