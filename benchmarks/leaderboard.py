@@ -109,7 +109,7 @@ def main() -> None:
     parser.add_argument("--frames-in", type=Path, help="folder of rendered frames; without it they are rendered")
     parser.add_argument("--results", nargs="*", default=[], metavar="NAME=FILE", help="results tables of other programs")
     parser.add_argument("--notes", type=Path, help="text to append, for example how the peers were run")
-    parser.add_argument("--out", type=Path, default=Path("docs/evidence/leaderboard.md"))
+    parser.add_argument("--out", type=Path, default=Path("leaderboard.md"))
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         folder = arguments.frames_in or Path(place) / "frames"

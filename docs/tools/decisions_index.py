@@ -5,8 +5,8 @@ from pathlib import Path
 
 HEAD = """# Decisions and evidence
 
-A decision record states context, decision and consequences in at most 40 lines. Measurements are in dated evidence pages, with
-the command that makes them. A later record supersedes an earlier one.
+A decision record states context, decision and consequences of the present design in at most 300 words; a decision that changes is
+written into the record of its matter. Evidence pages hold measurements with date, seeds and the command that makes them.
 
 ## Decisions
 

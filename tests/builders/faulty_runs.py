@@ -1,4 +1,4 @@
-"""Runs on a stair with faults, for tests of the rows of docs/decisions/0014; the camera is the one without images."""
+"""Runs on a stair with faults, for tests of the rows of docs/explanation/safety.md; the camera is the one without images."""
 
 from functools import cache
 from typing import Any

@@ -15,7 +15,7 @@ from treadline.core.signals import StairMap
 from treadline.estimation.stair_tracker import StairTracker
 
 KNOWN_AFTER = 2
-"""A nosing counts from its second sight on: a ghost is seen once (docs/decisions/0019)."""
+"""A nosing counts from its second sight on: a ghost is seen once (docs/decisions/0011)."""
 
 
 @dataclass(kw_only=True)

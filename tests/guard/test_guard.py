@@ -386,7 +386,7 @@ def blind(phase: Any, *, needs_stair: bool = False) -> Callable[[Drive], None]:
 def test_belts_that_turn_the_chair_with_the_heading_from_the_gyro_alone_hold(phase: Any, apart_m_s: float, held_s: float) -> None:
     """Test: no stair in view, as planned, and one belt runs faster all the time. Expected result: HOLD after a turn of 3°. On the
     flight belts that do not skid would turn the chair by 4.4 °/s, and the bound stops at the 1.5 °/s by which a gyro may drift; on
-    the landing 0.03 m/s turn it by 2.1 °/s, which road wheels and Coulomb friction allow (docs/decisions/0034)."""
+    the landing 0.03 m/s turn it by 2.1 °/s, which road wheels and Coulomb friction allow (docs/decisions/0013)."""
     drive = Drive(asked=(0.1, 0.1 + apart_m_s))
     drive.silent = {"stair"}
     # The belts need 0.15 s to run apart; the cause is known a tick later.

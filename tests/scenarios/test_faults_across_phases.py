@@ -1,4 +1,4 @@
-"""What fails beside the flight's middle: at the foot, over crest and edge; the rows of docs/decisions/0014, in physical terms.
+"""What fails beside the flight's middle: at the foot, over crest and edge; the rows of docs/explanation/safety.md, in physical terms.
 
 ``benchmarks/faults.py`` has each fault in each phase. The camera is the one without images.
 """

@@ -1,4 +1,4 @@
-"""What fails on the flight, and what must then happen: the rows of docs/decisions/0014, in physical terms.
+"""What fails on the flight, and what must then happen: the rows of docs/explanation/safety.md, in physical terms.
 
 The camera is the one without images. Each run waits for its flipper, drives on the flight for four
 seconds before something fails, and is watched for three after it holds.

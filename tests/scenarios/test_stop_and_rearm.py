@@ -13,7 +13,7 @@ from treadline.vehicle.comfort import lasting
 
 HELD_S = 10.0
 PITCH_RATE = 15.0 * DEG
-"""Row 18 of docs/decisions/0014, nominal; means over 50 ms."""
+"""Row 18 of docs/explanation/safety.md, nominal; means over 50 ms."""
 HALF_WAY = 14.0 * DEG
 
 

@@ -2,7 +2,7 @@
 
 State: error of the odometry's position, place (x, z) of each nosing, and the correlated error of the camera on each of them. Two
 thirds of the variance of a nosing's error stay the same over 0.2 m of travel, so that frames are no independent measurements: the
-error is a state that decorrelates with travel (docs/decisions/0027).
+error is a state that decorrelates with travel (docs/decisions/0011).
 
 Rise and run of the flight come from all frames: ``shapes of frames, nosings -> run, rise, variances``. Frames and tracked nosings
 determine them in two ways. The detector's fit of one frame also uses treads and their normals, and averages over frames; tracked

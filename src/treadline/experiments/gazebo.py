@@ -2,7 +2,7 @@
 
 Paper: Fig. 8, Fig. 9, Fig. 10, Table II.
 
-Both simulators use the statistical camera (decision 0016), so that only their contact models differ. Each row is one run per seed.
+Both simulators use the statistical camera (decision 0015), so that only their contact models differ. Each row is one run per seed.
 """
 
 import time

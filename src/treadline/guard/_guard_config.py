@@ -11,7 +11,7 @@ SILENCE_S = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardConfig:
-    """Limits of the guard, each with its reason; "row" is a row of the table of hazards in docs/evidence/0014-guard.md.
+    """Limits of the guard, each with its reason; "row" is a row of the table of hazards in docs/explanation/safety.md.
 
     The fields without a default come from the chair file and from the controller.
     """

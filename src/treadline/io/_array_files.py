@@ -4,7 +4,7 @@ A vector is a column by its name, a column of a matrix is ``name[0]``, ``name[1]
 ``struct.field``. Header sizes are checked against the archive directory; nothing is unpickled, object arrays are rejected.
 
 MAT version 5 (MATLAB's -v6 and -v7) is parsed here: scipy's compiled parser trusts type codes of a damaged file and crashes the
-process (decision 0028). A variable is never larger than its bytes in the file, and decompression has a size limit. Format:
+process (decision 0008). A variable is never larger than its bytes in the file, and decompression has a size limit. Format:
 MathWorks, MAT-File Format, level 5. An element is a tag (type, bytes) and its data, padded to 8 bytes.
 """
 

@@ -1,4 +1,4 @@
-"""CSV files, read by numpy in blocks of lines so that a file can exceed the memory (decision 0028).
+"""CSV files, read by numpy in blocks of lines so that a file can exceed the memory (decision 0008).
 
 Where numpy fails, a cell is quoted, or rows differ in length, the block is read cell by cell; this gives the line and column of an
 error, and reads what numpy does not know. A byte order mark distinguishes UTF-16 from UTF-8; a file that ends in .gz is unpacked.

@@ -30,7 +30,7 @@ class LevelConfig:
     """Rate of change of half the belt speed difference [m/s²]: with high friction a sudden turn breaks loose with 4 m/s²."""
     skid: float = 1.27
     """Ratio of belt speed to that of a turn without skidding: the belts drag each other sideways. Statics of the wheelchair's road
-    wheels with Table I's friction (docs/decisions/0034); 1.16 to 1.40 with other friction, which the heading loop makes up for."""
+    wheels with Table I's friction (docs/decisions/0013); 1.16 to 1.40 with other friction, which the heading loop makes up for."""
     keep_m_s_rad: float = 1.5
     """Half the belt speed difference per heading error while the belts stand on several heights [m/s per rad]."""
     keep_limit_m_s: float = 0.10

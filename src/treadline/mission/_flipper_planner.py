@@ -1,7 +1,7 @@
 """Flipper commands on floor and flight: move to an angle, ride on the nosings, and detect a flipper that does not follow.
 
 ``FlipperReading -> FlipperCommand``. Over crest and edge other sequences command the flipper (``control/crest_sequence.py``,
-``control/edge_sequence.py``). The riding flipper acts as a spring and damper on the nosings as they are: docs/decisions/0019, 0035.
+``control/edge_sequence.py``). The riding flipper acts as a spring and damper on the nosings as they are: docs/decisions/0013.
 """
 
 import math

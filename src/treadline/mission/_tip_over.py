@@ -14,7 +14,7 @@ TIME_CONSTANT_S = 0.015
 """Time constant of the pitch rate filter [s]: a sliding chair vibrates."""
 DEAD_BAND_RAD_S = 2.0 * DEG
 """Absolute pitch rate above which the belts act [rad/s]. The belts can change their speed only once; an earlier action would
-prolong the fall (sensitivity from 1 to 4 °/s: docs/evidence/0019-traversal-phases.md)."""
+prolong the fall (sensitivity: docs/evidence/constants.md)."""
 GAIN_M_RAD = 10.0
 """Added belt speed per pitch rate beyond the dead band [m/s per rad/s]."""
 LIMIT_M_S = 0.1

@@ -2,7 +2,7 @@
 
 Coordinates are the fields x, y, z. A PCD file with HEIGHT > 1 is organised, and so is a PLY file whose grid size is declared: by
 ``obj_info num_cols`` and ``num_rows`` (range grids) or by the viewport of PCL's camera element. PCD files are read by pypcd4
-(decision 0029).
+(decision 0008).
 """
 
 import io
