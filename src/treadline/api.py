@@ -329,7 +329,13 @@ class Run(Printable):
 
     @property
     def scores(self) -> "Scores":
-        """Scores by ground truth: heading, roll-back, seat, passenger acceleration, tip-over margin and phases."""
+        """Scores by ground truth: heading, roll-back, seat, passenger acceleration, tip-over margin and phases.
+
+        Raises:
+            TreadlineError: If the run has none: it was rejected, or its plant has no ground truth.
+        """
+        if self.episode.scores is None:
+            raise TreadlineError(f"no scores ({self.verdict}): the ground truth is known of a simulated run that has begun")
         return self.episode.scores
 
     @property
@@ -350,15 +356,15 @@ class Run(Printable):
 
         if len(self.episode.trace["t_s"]) < 2:
             raise TreadlineError(f"nothing to plot: the run ended before its first tick ({self.verdict}: {self.cause})")
-        return single_run(self.series, self.scores.phases)
+        return single_run(self.series, self.episode.phases)
 
     def printed(self) -> tuple[str, list[tuple[str, str]]]:
         """Return the title and the most important scores."""
-        scores = self.scores
-        settled = "not settled" if scores.settle_s is None else f"{scores.settle_s:.1f} s to ±2°"
+        scores = self.episode.scores
         title = f"{self.verdict}" + (f": {self.cause}" if self.cause else "")
-        if scores.duration_s == 0.0:
+        if scores is None or scores.duration_s == 0.0:
             return title, []
+        settled = "not settled" if scores.settle_s is None else f"{scores.settle_s:.1f} s to ±2°"
         return f"{title} after {scores.duration_s:.1f} s", [
             ("heading", f"{scores.rms_heading_deg:.2f}° RMS, {settled}"),
             ("roll-back", f"{scores.roll_back_m:.3f} m"),

@@ -246,6 +246,8 @@ def test_a_refused_run_prints_its_reason_and_has_no_figure() -> None:
     assert repr(run).startswith("refused: the stair is 44.0° steep")
     with pytest.raises(TreadlineError, match="nothing to plot"):
         run.plot()
+    with pytest.raises(TreadlineError, match="no scores"):
+        _ = run.scores
 
 
 def printed() -> list[Any]:

@@ -62,5 +62,5 @@ def test_a_slide_of_more_than_half_a_metre_is_a_fall(metres: float, fell: bool) 
     ],
 )
 def test_an_arrival_is_rough_by_acceleration_or_margin(passenger_m_s2: float, margin_deg: float, cause: str | None) -> None:
-    scores = score(Trace.of([]))
+    scores = score(Trace.of([truth(0.0)]))
     assert rough_cause(replace(scores, passenger_max_m_s2=passenger_m_s2, min_stability_margin_deg=margin_deg)) == cause

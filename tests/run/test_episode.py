@@ -1,6 +1,8 @@
 """Whole traversals on the simulator: from floor to landing and back, each figure by truth; and the ways in which one is refused."""
 
+import json
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import jaxtyping
@@ -13,8 +15,10 @@ from treadline.core.signals import TrackCommand
 from treadline.mission.mission_blocks import planner_of
 from treadline.mission.mission_config import is_full_traversal
 from treadline.mission.planner import Cruise
-from treadline.run.episode import Traverse, traverse
-from treadline.run.resolve import mission_config, ready
+from treadline.plant.mujoco import open_plant
+from treadline.run.episode import Traverse, run_episode, traverse
+from treadline.run.recorded_run import recorded_run
+from treadline.run.resolve import mission_config, ready, resolve
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
@@ -159,7 +163,7 @@ def test_a_start_beside_the_floor_ends_before_its_first_row(asked: bool, verdict
     scenario = Trip().scenario().model_copy(update={"start": start, "drive": drive})
     run = traverse(scenario, controller=shipped_controller("wheelchair"), seed=1)
     assert run.verdict == verdict
-    assert (run.scores.duration_s, len(run.trace["t_s"])) == (0.0, 0)
+    assert (run.duration_s, run.scores, len(run.trace["t_s"])) == (0.0, None, 0)
     assert ("outside the flight" if asked else "touches nothing") in str(run.cause)
 
 
@@ -251,3 +255,39 @@ def test_a_run_along_one_flight_ends_where_the_front_pulley_meets_the_last_nosin
     pitch_m = float(np.hypot(scenario.stair.rise_m, scenario.stair.run_m))
     half_m = 0.5 * read_chair("wheelchair-fixed").tracks.flat_run_m
     assert run.trace["x_m"][-1] == pytest.approx(7 * pitch_m - half_m, abs=0.01)
+
+
+class Blindfolded:
+    """A simulated chair that offers no ground truth, as a real one."""
+
+    virtual_time = True
+
+    def __init__(self, scenario: Scenario, seed: int) -> None:
+        plant = open_plant(scenario, seed)
+        self.start, self.advance, self.read, self.write, self.close = (
+            plant.start,
+            plant.advance,
+            plant.read,
+            plant.write,
+            plant.close,
+        )
+
+
+def test_a_plant_without_ground_truth_runs_and_has_no_scores(tmp_path: Path) -> None:
+    scenario = Trip(duration_s=0.5).scenario()
+    setup = resolve(scenario, seed=5, open_plant=Blindfolded)
+    run = recorded_run(tmp_path, setup)
+    known = run_episode(resolve(scenario, seed=5))
+    assert (run.verdict, run.scores, known.verdict) == ("time_up", None, "time_up")
+    np.testing.assert_array_equal(run.estimate_rad, known.estimate_rad)
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert (result["duration_s"], result["phases"][0]) == (pytest.approx(0.5), [0.0, "search"])
+    assert not {"rms_heading_deg", "roll_back_m", "energy_wh"} & set(result)
+    assert (tmp_path / "series.csv").read_text().splitlines()[0] == "t_s,estimate_deg"
+
+
+def test_a_fault_is_injected_into_a_plant_without_ground_truth_as_well() -> None:
+    scenario = Trip(duration_s=2.0, fault=({"kind": "imu_lost", "at_s": 0.5},)).scenario()
+    run = run_episode(resolve(scenario, seed=5, open_plant=Blindfolded))
+    assert (run.verdict, run.scores) == ("held", None)
+    assert "no IMU sample" in run.cause

@@ -26,12 +26,6 @@ def test_a_ramp_of_t_seconds_has_the_rms_of_its_triangle() -> None:
     assert score(trace(heading)).rms_heading_deg == pytest.approx(30.0 * math.sqrt(4.0 / 240.0), rel=2e-3)
 
 
-def test_a_run_that_ended_before_its_first_row_moved_nothing() -> None:
-    scores = score(Trace.of([]))
-    assert scores.duration_s == scores.climbed_m == scores.max_abs_heading_deg == 0.0
-    assert scores.settle_s is None
-
-
 def test_settling_is_the_last_entry_into_the_band() -> None:
     t = np.arange(1001) / 100
     heading = np.where(t < 1.0, 10.0, 0.0)

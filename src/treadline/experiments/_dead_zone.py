@@ -12,8 +12,7 @@ from typing import Any
 from treadline.core.angles import DEG
 from treadline.core.signals import SeatCommand, TrackCommand
 from treadline.experiments.plan import FIG10_SLOPE, turn
-from treadline.plant.mujoco import open_plant as open_mujoco
-from treadline.run.resolve import Opener
+from treadline.plant.mujoco import open_plant
 from treadline.scenario.scenario import Scenario
 from treadline.vehicle.quasi_static import quasi_static_run
 
@@ -30,7 +29,7 @@ def rows(seed: int) -> list[dict[str, Any]]:
     return [row(heading, difference, seed) for heading in HEADINGS_DEG for difference in DIFFERENCES_M_S]
 
 
-def row(heading_deg: int, difference_m_s: float, seed: int, open_plant: Opener = open_mujoco) -> dict[str, Any]:
+def row(heading_deg: int, difference_m_s: float, seed: int) -> dict[str, Any]:
     """Return simulated and theoretical yaw rate of one start; the left belt is faster, which turns the chair back to straight."""
     scenario = turn(FIG10_SLOPE, heading_deg, UNTIL_S).changed(chair={"belt_mismatch": 0.0}, control={"vision": "truth"})
     with closing(open_plant(scenario, seed)) as plant:

@@ -16,8 +16,7 @@ from treadline.core.signals import ImuSample
 from treadline.experiments.plan import FIG10_SLOPE, turn
 from treadline.perception import DetectorConfig, StairDetector
 from treadline.perception.paper.pictures import write_stages
-from treadline.plant.mujoco import open_plant as open_mujoco
-from treadline.run.resolve import Opener
+from treadline.plant.mujoco import open_plant
 
 HEADING_DEG = 10
 
@@ -42,7 +41,7 @@ def see_stages(figures: Path, seed: int) -> dict[str, Any]:
     }
 
 
-def first_frame(seed: int, open_plant: Opener = open_mujoco) -> tuple[RgbdFrame, Vector3, float]:
+def first_frame(seed: int) -> tuple[RgbdFrame, Vector3, float]:
     """Return the figure's frame, gravity in the camera's frame, and the true heading [rad]."""
     with closing(open_plant(turn(FIG10_SLOPE, HEADING_DEG, 1.0), seed)) as plant:
         plant.start()

@@ -1,4 +1,4 @@
-"""End of a run and its verdict, by the simulator's ground truth: arrival, a hold, a fall, a slide down the flight, or the limit.
+"""End of a run and its verdict, by ground truth if the plant has any: arrival, hold, fall, slide down the flight, time limit.
 
 A slide is a retreat that the belts did not drive. An arrival that was too rough for a passenger has a verdict of its own.
 """
@@ -25,7 +25,7 @@ who is not held slides on a seat, with an assumed friction of 0.4 between clothe
 
 
 class Ending:
-    """End of a run and its verdict, judged by simulator ground truth."""
+    """End of a run and its verdict, judged by ground truth; without ground truth by the reports of planner and guard."""
 
     def __init__(self, scenario: Scenario, chair: ChairDescription, *, attended: bool = False) -> None:
         self._slope_rad = climb_of(scenario, chair).slope_rad
@@ -46,26 +46,28 @@ class Ending:
         roll_back_m = self._slide.update(truth)
         return ("fell", f"slid {roll_back_m:.2f} m down the flight by {truth.t_s:.2f} s") if roll_back_m > FALLEN_SLIDE_M else None
 
-    def verdict(self, truth: Truth, plan: MotionPlan, holding: str | None) -> tuple[str, str | None] | None:
+    def verdict(self, truth: Truth | None, plan: MotionPlan, holding: str | None) -> tuple[str, str | None] | None:
         """Return the verdict and its cause, or None while the run goes on.
 
         Args:
+            truth: Ground truth of the tick; None for a plant without it.
+            plan: Plan of the tick.
             holding: Cause of the guard's hold, if it holds.
         """
-        fallen = self.fall(truth)
+        fallen = None if truth is None else self.fall(truth)
         if fallen is not None:
             return fallen
-        if holding is not None and truth.t_s >= self._rearms_until_s:
+        if holding is not None and plan.t_s >= self._rearms_until_s:
             return "held", holding
         if plan.phase == "arrived":
-            if self._is_there(truth):
+            if truth is None or self._is_there(truth):
                 return "arrived", None
-            return "held", f"reported arrival at {truth.t_s:.2f} s, and has not arrived"
+            return "held", f"reported arrival at {plan.t_s:.2f} s, and has not arrived"
         if plan.phase == "refused":
             return "refused", plan.cause
-        if plan.phase == "drive" and self._is_up and truth.x_m >= self._end_x_m:
+        if plan.phase == "drive" and self._is_up and truth is not None and truth.x_m >= self._end_x_m:
             return "end_of_flight", None
-        if truth.t_s >= self._duration_s - 0.5 * TICK_S:
+        if plan.t_s >= self._duration_s - 0.5 * TICK_S:
             return "time_up", None
         return None
 

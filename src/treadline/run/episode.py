@@ -1,6 +1,7 @@
 """One simulated run: a resolved setup in, scores and (through a sink) a log out.
 
-The mission receives the plant's sensors only; verdict and scores are computed from the simulator's ground truth.
+The mission receives the plant's sensors only; verdict and scores are computed from the ground truth of a simulator. A run on a
+plant without ground truth has the verdicts of planner and guard, and no scores.
 """
 
 import time
@@ -15,7 +16,7 @@ from jaxtyping import Float
 from treadline.core.compile_cache import compiling
 from treadline.core.errors import SimulationDiverged
 from treadline.core.models import ControllerDesign
-from treadline.core.ports import Truth, TruthPlant
+from treadline.core.ports import Plant, Truth
 from treadline.core.printing import Brief
 from treadline.core.signals import TICK_S, Event, HeadingHealth, MotionPlan, StairMap
 from treadline.mission.belt_controllers import Driver
@@ -44,8 +45,14 @@ class Traverse(Brief):
     """``arrived`` (on the landing or the floor), ``arrived_rough`` (there, but too rough for a passenger), ``end_of_flight`` (a run
     along one flight that ends at its last nosing), ``held``, ``refused``, ``fell``, ``time_up`` or ``diverged``."""
     cause: str | None
-    scores: Scores
+    duration_s: float
+    """Mission time of the last tick [s]."""
+    phases: tuple[tuple[float, str], ...]
+    """Start time [s] and name of each phase of the mission."""
+    scores: Scores | None
+    """Scores by ground truth; None without ground truth."""
     trace: Trace
+    """Ground truth; no rows without it."""
     estimate_rad: Float[np.ndarray, " T"]
     """Heading estimate at each tick [rad]; NaN before the first estimate."""
     events: tuple[Event, ...]
@@ -58,9 +65,11 @@ class Traverse(Brief):
             "verdict": self.verdict,
             "cause": self.cause,
             "seed": self.seed,
-            **asdict(self.scores),
+            "duration_s": self.duration_s,
+            "phases": self.phases,
+            **({} if self.scores is None else asdict(self.scores)),
             "events": [asdict(event) for event in self.events],
-            "real_time_factor": self.scores.duration_s / max(self.cpu_s, 1e-9),
+            "real_time_factor": self.duration_s / max(self.cpu_s, 1e-9),
         }
 
 
@@ -71,7 +80,7 @@ def run_episode(
     sink: Sink | None = None,
     watch: Watch | None = None,
     after_hold_s: float = 0.0,
-    plant: TruthPlant | None = None,
+    plant: Plant | None = None,
     faults: Sequence[Fault] | None = None,
     attended: bool = False,
     pace: Callable[[float], None] | None = None,
@@ -129,7 +138,7 @@ def rejected_run(setup: Setup) -> Traverse:
 
 def _drive(
     ending: Ending,
-    plant: TruthPlant,
+    plant: Plant,
     blocks: Blocks,
     recorder: "_EpisodeRecorder",
     watch: Watch | None,
@@ -151,14 +160,15 @@ def _drive(
                 with mission.watchdog.paused():
                     pace(tick.t_s)
             if over is None:
-                over = ending.verdict(recorder.truth[-1], tick.plan, blocks.guard.holding)
+                over = ending.verdict(recorder.last_truth, tick.plan, blocks.guard.holding)
             else:
                 held_s += TICK_S
-                over = ending.fall(recorder.truth[-1]) or over
+                last = recorder.last_truth
+                over = over if last is None else ending.fall(last) or over
     return over
 
 
-def _is_virtual(plant: TruthPlant) -> bool:
+def _is_virtual(plant: Plant) -> bool:
     """Return whether the plant states that its time advances in ``advance`` alone."""
     return getattr(plant, "virtual_time", False) is True
 
@@ -200,7 +210,7 @@ class _EpisodeRecorder:
 
     def __init__(self, scenario: Scenario, seed: int, sink: Sink | None) -> None:
         self._scenario, self._seed, self._sink = scenario, seed, sink
-        self.truth: list[Truth] = []
+        self._truth: list[Truth] = []
         self._estimates: list[float] = []
         self._phases: list[tuple[float, str]] = []
         self._events: list[Event] = []
@@ -213,23 +223,28 @@ class _EpisodeRecorder:
         if self._sink is not None:
             self._sink(signal, taken_s)
 
-    def note(self, tick: Tick, plant: TruthPlant) -> None:
+    @property
+    def last_truth(self) -> Truth | None:
+        """Ground truth of the last tick; None without ground truth."""
+        return self._truth[-1] if self._truth else None
+
+    def note(self, tick: Tick, plant: Plant) -> None:
         """Record one tick."""
         self._estimates.append(np.nan if tick.estimate is None else tick.estimate.heading_rad)
         if not self._phases or self._phases[-1][1] != tick.plan.phase:
             self._phases.append((tick.t_s, tick.plan.phase))
         self.collect(plant)
 
-    def collect(self, plant: TruthPlant) -> None:
-        """Record the ground truth of the ticks since the last call."""
-        for sample in plant.truth():
+    def collect(self, plant: Plant) -> None:
+        """Record the ground truth of the ticks since the last call, if the plant has any."""
+        for sample in getattr(plant, "truth", tuple)():
             if sample.hull_contacts > 0.0 and not self._touched:
                 self._touched = True
                 self.log(
                     Event(t_s=sample.t_s, name="hull_contact", cause="hull, seat or passenger touches stair, wall or obstacle"),
                     sample.t_s,
                 )
-            self.truth.append(sample)
+            self._truth.append(sample)
             if self._sink is not None:
                 self._sink(sample, sample.t_s)
 
@@ -240,16 +255,18 @@ class _EpisodeRecorder:
 
     def result(self, over: tuple[str, str | None], cpu_s: float) -> Traverse:
         """Return the run."""
-        trace = Trace.of(self.truth)
+        trace, phases = Trace.of(self._truth), tuple(self._phases)
         upward = self._scenario.drive.direction == "up"
-        scores = score(trace, tuple(self._phases), upward=upward, held_s=self._held_s())
-        if over[0] == "arrived" and (rough := rough_cause(scores)) is not None:
+        scores = score(trace, phases, upward=upward, held_s=self._held_s()) if self._truth else None
+        if over[0] == "arrived" and scores is not None and (rough := rough_cause(scores)) is not None:
             over = "arrived_rough", rough
         return Traverse(
             scenario=self._scenario,
             seed=self._seed,
             verdict=over[0],
             cause=over[1],
+            duration_s=max(len(self._estimates) - 1, 0) * TICK_S,
+            phases=phases,
             scores=scores,
             trace=trace,
             estimate_rad=np.array(self._estimates),

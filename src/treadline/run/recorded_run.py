@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from treadline.core.angles import DEG
 from treadline.core.models import ControllerDesign
+from treadline.core.signals import TICK_S
 from treadline.io.mcap_log import RunLog
 from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
 from treadline.mission.loop import Blocks, Tick
@@ -99,7 +100,12 @@ def write_run(
 
 
 def series(trace: Trace, estimate_rad: Float[np.ndarray, " T"]) -> dict[str, Float[np.ndarray, " T"]]:
-    """Return the columns of ``series.csv`` by name: angles in degrees, everything else in SI units."""
+    """Return the columns of ``series.csv`` by name: angles in degrees, everything else in SI units.
+
+    Without ground truth these are time and estimate alone.
+    """
+    if not len(trace["t_s"]):
+        return {"t_s": np.arange(len(estimate_rad)) * TICK_S, "estimate_deg": estimate_rad / DEG}
     columns = {"t_s": trace["t_s"], "estimate_deg": estimate_rad[: len(trace["t_s"])] / DEG}
     columns |= {name: trace[source] / DEG for name, source in SERIES.items()}
     columns |= {name: trace[name] for name in PLAIN_SERIES}

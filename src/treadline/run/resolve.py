@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign, LinearModel
-from treadline.core.ports import TruthPlant
+from treadline.core.ports import Plant
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.loop import Blocks
 from treadline.mission.mission_blocks import build_blocks
@@ -36,9 +36,11 @@ SEAT_SHIFT_M = 0.10
 SHIPPED = "shipped"
 """Source that names the shipped controller, detector or estimator."""
 
-Opener = Callable[[Scenario, int], TruthPlant]
-"""Factory of a plant from a scenario and a seed. ``reports_ground = True`` on it, for example on the plant's class, declares that
-the plant delivers frames, or reports the ground ahead (``FreeGround``) itself: the guard then awaits it."""
+Opener = Callable[[Scenario, int], Plant]
+"""Factory of a plant from a scenario and a seed. A run on a plant without ground truth has no scores.
+
+``reports_ground = True`` on the factory, for example on the plant's class, declares that the plant delivers frames, or reports the
+ground ahead (``FreeGround``) itself: the guard then awaits it."""
 PlantName = Literal["mujoco", "gazebo"]
 ControllerSource = str | Path | ControllerDesign | Driver | ControllerPlugin | None
 """File, ``module:Class``, entry point name, design, driver or plug-in class; None for the shipped controller of the vehicle."""
@@ -83,7 +85,7 @@ class Setup:
         """
         return build_blocks(self.mission, self.driver)
 
-    def open_plant(self) -> TruthPlant:
+    def open_plant(self) -> Plant:
         """Return a new plant of the scenario, with the faults that the scenario injects.
 
         Raises:
@@ -93,7 +95,7 @@ class Setup:
 
         return faulty(self._open(), self.scenario, self.seed)
 
-    def _open(self) -> TruthPlant:
+    def _open(self) -> Plant:
         if self.opener == "mujoco":
             from treadline.plant.mujoco import open_plant
 

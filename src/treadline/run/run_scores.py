@@ -6,7 +6,6 @@ The paper scores the heading alone; roll-back, lateral drift and the friction ma
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -122,15 +121,13 @@ class Scores:
 
 
 def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: bool = True, held_s: float | None = None) -> Scores:
-    """Return the scores of a run; a run without samples scores zero.
+    """Return the scores of a run with at least one sample.
 
     Args:
         phases: Start time [s] and name of each phase, as the mission reports them.
         upward: Whether the chair drives up the flight.
         held_s: Time of the hold that ended the run, if one did.
     """
-    if not len(trace["t_s"]):
-        return _without_samples()
     t, heading, x, y = (trace[name] for name in ("t_s", "heading_rad", "x_m", "y_m"))
     steady = t > STEADY_FROM_S
     seat = trace["seat_pitch_rad"]
@@ -173,13 +170,6 @@ def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: b
         max_belt_force_n=float(max(np.abs(lasting(trace[name])).max() for name in ("left_force_n", "right_force_n"))),
         phases=phases,
     )
-
-
-def _without_samples() -> Scores:
-    """Return the scores of a run without samples: zeros, and None where a score may be missing, except the seat's."""
-    is_zero = {"seat_rms_deg", "seat_max_deg"} | {item.name for item in fields(Scores) if item.type is float}
-    values: dict[str, Any] = {item.name: 0.0 if item.name in is_zero else None for item in fields(Scores)}
-    return Scores(**values | {"phases": ()})
 
 
 def _reported(

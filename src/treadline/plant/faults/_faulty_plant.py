@@ -1,4 +1,4 @@
-"""Fault injection: a ``TruthPlant`` that wraps another plant.
+"""Fault injection: a plant that wraps another plant.
 
 Sensor readings are modified on output, commands on input; the wrapped plant simulates damage of the chair itself. Random numbers
 derive from the seed with one stream per fault, so that an additional fault leaves the others unchanged; before and after a fault
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from treadline.core.errors import SettingsError
-from treadline.core.ports import Reading, Truth, TruthPlant
+from treadline.core.ports import Plant, Reading, Truth
 from treadline.core.signals import ROUNDING_S, STATE_TICKS, TICK_S, FlipperCommand, PlantState, SeatCommand, TrackCommand
 from treadline.guard import SILENCE_S
 from treadline.plant.faults._damage import PHYSICAL, UNCHANGED, Breakable, Damage, damage_of
@@ -33,7 +33,7 @@ class FaultyPlant:
         SettingsError: If a fault damages the chair itself, and the wrapped plant does not support damage.
     """
 
-    def __init__(self, plant: TruthPlant, faults: Sequence[Fault], seed: int, acts: Sequence[OperatorAct] = ()) -> None:
+    def __init__(self, plant: Plant, faults: Sequence[Fault], seed: int, acts: Sequence[OperatorAct] = ()) -> None:
         self._chair = plant if isinstance(plant, Breakable) else None
         for fault in faults:
             self._check(fault)
@@ -113,8 +113,8 @@ class FaultyPlant:
         self._act(t_s)
 
     def truth(self) -> Sequence[Truth]:
-        """Return the ground truth of each tick since the last call."""
-        return self._plant.truth()
+        """Return the ground truth of each tick since the last call; none of a plant without it."""
+        return getattr(self._plant, "truth", tuple)()
 
     def close(self) -> None:
         """Release the wrapped plant."""
@@ -139,7 +139,7 @@ class FaultyPlant:
             self._plant.write(*command)
 
 
-def faulty(plant: TruthPlant, scenario: Scenario, seed: int) -> TruthPlant:
+def faulty(plant: Plant, scenario: Scenario, seed: int) -> Plant:
     """Return a plant with the scenario's faults and operator actions, or the plant itself without any."""
     if not (scenario.fault or scenario.operator):
         return plant
