@@ -10,7 +10,7 @@ PIP := $(BIN)/python tools/install.py --constraint $(LOCK)
 # Without bytecode files every process would compile the sources of all libraries anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-ros2 test-gazebo test-browser check coverage format docs docs-serve schema dist clean
+.PHONY: help setup lock reproduce quick publish test fast shapes slow test-ros1 test-ros2 test-gazebo test-browser firmware test-firmware check coverage format docs docs-serve schema dist clean
 
 help:
 	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
@@ -25,6 +25,8 @@ help:
 	@echo "make test-browser run the tests of the viewer in Chromium, which they install from Debian first (root, once; asks, unless CI=true)"
 	@echo "make test-ros2    install ROS 2 from pip in build/ros2 and run the nodes on it (Python 3.11 to 3.13, cmake and a C++ compiler)"
 	@echo "make test-ros1    install ROS 1 from Debian (root; asks, unless CI=true) and run the graph on a real roscore"
+	@echo "make firmware     compile the firmware of the box at the drives and, beside it in build/firmware, the exported heading controller"
+	@echo "make test-firmware  run the self-tests of both under the sanitisers; each branch of the firmware must be taken (gcov)"
 	@echo "make check        formatter, linter, types, import contracts"
 	@echo "make coverage     measure that the guard's own tests take each of its branches"
 	@echo "make lock         resolve all requirements anew and write their versions to requirements.lock"
@@ -123,6 +125,12 @@ test-ros2: $(VENV)/.test setup
 	@folder=$$(ros2/environment.sh); status=$$?; \
 	if [ $$status = 77 ]; then echo "test-ros2: skipped"; exit 0; fi; [ $$status = 0 ] || exit $$status; \
 	. $$folder/env.sh; TREADLINE_ROS2=1 python -m pytest -W default tests/ros2
+
+build/firmware/heading: $(VENV)/.base
+	$(BIN)/treadline export src/treadline/data/controllers/wheelchair.json --to c --out $@ --force
+
+firmware test-firmware: build/firmware/heading
+	$(MAKE) -C firmware $(if $(filter test-%,$@),test,all) heading
 
 check: $(VENV)/.dev
 	$(BIN)/ruff format --check .

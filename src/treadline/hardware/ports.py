@@ -15,6 +15,10 @@ from typing import Protocol, runtime_checkable
 
 from treadline.core.signals import FlipperReading, ImuSample, OperatorInput, SeatReading
 
+HOLD_M_S2 = 1.0
+"""Largest deceleration of a hold that is not urgent [m/s²]: that of the guard's ramped stop from 0.2 m/s
+(``guard._half_cosine_stop``)."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveLimits:
@@ -23,9 +27,13 @@ class DriveLimits:
     speed_m_s: float
     """Largest speed of one belt [m/s], positive."""
     acceleration_m_s2: float
-    """Largest change of a commanded belt speed [m/s²], positive; a hold ramps down with it."""
+    """Largest change of a commanded belt speed [m/s²], positive; a hold ramps down with ``HOLD_M_S2`` at most."""
     watchdog_s: float
-    """Time without a valid command after which the box stops and latches [s], positive."""
+    """Time without a valid command after which the box stops and latches [s], positive and at most 0.1 s."""
+    seat_m_s: float = 0.0
+    """Largest rate of the seat's stroke [m/s]; 0 for a chair without a seat actuator at the box."""
+    flipper_rad_s: float = 0.0
+    """Largest rate of the flipper [rad/s]; 0 for a chair without a flipper at the box."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
