@@ -1,4 +1,4 @@
-"""What fails beside the flight's middle: at the foot, over crest and edge; the rows of docs/explanation/safety.md, in physical terms.
+"""Faults at the foot, over crest and edge, in physical terms: the rows of docs/explanation/safety.md.
 
 ``benchmarks/faults.py`` has each fault in each phase. The camera is the one without images.
 """
