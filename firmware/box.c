@@ -3,6 +3,8 @@
 
 static const tl_outputs STANDING = {.belts_um_s = {0, 0}, .seat = 0, .flipper = 0, .brake = true};
 
+size_t tl_box_bytes(void) { return sizeof(tl_box); }
+
 void tl_box_start(tl_box *box, uint32_t now_ms) {
     tl_rules_start(&box->rules, now_ms);
     box->outputs = STANDING;

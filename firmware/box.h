@@ -17,6 +17,9 @@ typedef struct {
     size_t length;               /* their number, TL_FRAME_MAX if there were too many */
 } tl_box;
 
+/* Return the size of a box's memory [bytes], for programs in other languages. */
+size_t tl_box_bytes(void);
+
 /* Start a box: latched, without limits. */
 void tl_box_start(tl_box *box, uint32_t now_ms);
 

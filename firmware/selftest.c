@@ -63,6 +63,7 @@ static void test_bytes(void) {
     expect(tl_message_decode(content, TL_HOST_BYTES, &message) == TL_ACCEPTED && message.values[TL_LEFT] == -2);
     expect(tl_message_decode(content, 0, &message) == TL_BROKEN);
     expect(tl_message_decode(content, TL_HOST_BYTES - 1u, &message) == TL_BROKEN);
+    expect(tl_box_bytes() == sizeof box);
     set_off();
     tl_box_receive(&box, frame, tl_frame_encode(content, TL_HOST_BYTES, frame));
     expect(box.rules.cause == TL_STOPPED && tick(10).belts_um_s[TL_LEFT] == 0);

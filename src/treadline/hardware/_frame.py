@@ -1,0 +1,236 @@
+"""Messages between the host and the box at the drives, as frames on a serial line.
+
+``HostMessage -> bytes`` and ``bytes -> BoxState``; the other direction is ``firmware/``, in C. A frame is the content and its
+CRC-32, with consistent overhead byte stuffing (COBS: Cheshire and Baker, IEEE/ACM Transactions on Networking 7, 1999) and a zero
+byte at the end. Numbers have their least significant byte first. Byte tables: docs/reference/firmware.md.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+
+from treadline.core.errors import LinkError
+
+VERSION = 1
+"""Version of the messages, the first byte of each."""
+BELT_M_S = 1e-4
+"""Unit of belt speeds [m/s]."""
+SEAT_M = 1e-5
+"""Unit of the seat's stroke [m], and of its rate [m/s]."""
+FLIPPER_RAD_S = 1e-3
+"""Unit of the flipper's rate [rad/s]."""
+RAD = 1e-4
+"""Unit of angles [rad] and angular velocities [rad/s]."""
+TORQUE_N_M = 0.1
+"""Unit of the flipper's torque [N m]."""
+QUATERNION = 2.0**-14
+"""Unit of a quaternion's components."""
+MILLI = 1e-3
+"""Unit of the box's clock [s], accelerations [m/s²] and voltages [V]."""
+
+HOST = struct.Struct("<BBBHHIH6h")
+"""Bytes of a host's message."""
+STATE = struct.Struct("<BBBIHBBBBHHIH6h2i2hH4h3h3h2h2h")
+"""Bytes of the box's state."""
+STATE_KIND = 0x80
+"""Kind of the box's state."""
+_CRC = struct.Struct("<I")
+_LONGEST = 254
+"""Largest number of bytes between two zeros that COBS admits without a second code byte."""
+
+
+class Kind(IntEnum):
+    """Kinds of a host's messages."""
+
+    DRIVE = 1
+    HOLD = 2
+    STOP = 3
+    REARM = 4
+    LIMITS = 5
+
+
+class Cause(IntEnum):
+    """Causes of a latched stop."""
+
+    ARMED = 0
+    START = 1
+    STOPPED = 2
+    WATCHDOG = 3
+    TWO_HOSTS = 4
+    DEAD_MAN = 5
+    BUTTON = 6
+    DRIVE_ERROR = 7
+
+
+class Reply(IntEnum):
+    """Reasons for which the box rejected a message."""
+
+    ACCEPTED = 0
+    BROKEN = 1
+    VERSION = 2
+    FOREIGN = 3
+    STALE = 4
+    OUT_OF_ORDER = 5
+    NOT_NOW = 6
+    OLD_LATCH = 7
+    NO_LIMITS = 8
+    BLOCKED = 9
+    BEYOND = 10
+
+
+class Flag(IntFlag):
+    """Bits of ``BoxState.flags``."""
+
+    BRAKE = 1
+    DEAD_MAN = 2
+    STOP = 4
+    REARM = 8
+    FLIGHT_ENDS = 16
+    GO_BACK = 32
+
+
+class Present(IntFlag):
+    """Bits of ``BoxState.present``: what the box measures."""
+
+    IMU = 1
+    SEAT = 2
+    FLIPPER = 4
+    HANDSET = 8
+    VOLTAGE = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostMessage:
+    """Message of a host, in the units of the frame."""
+
+    kind: Kind
+    sender: int
+    """Number that the host draws at random when it connects; a second one stops an armed box."""
+    sequence: int
+    """One more for each message, modulo 65536."""
+    stamp_ms: int
+    """Box time of the newest state that the host received [ms]."""
+    latch: int = 0
+    """Number of the latched stop that a re-arm ends."""
+    values: tuple[int, ...] = (0, 0, 0, 0, 0, 0)
+    """Drive and hold: left, right [0.1 mm/s], seat [0.01 mm/s], flipper [mrad/s]. Limits: largest belt speed [0.1 mm/s],
+    acceleration, deceleration of a hold [mm/s²], watchdog [ms], seat [0.01 mm/s], flipper [mrad/s]. Otherwise zero."""
+
+    def frame(self) -> bytes:
+        """Return the message as a frame, ending zero included."""
+        head = (VERSION, self.kind, HOST.size, self.sender, self.sequence, self.stamp_ms, self.latch)
+        return frame_of(HOST.pack(*head, *self.values))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoxState:
+    """State of the box and its readings, in the units of the frame."""
+
+    now_ms: int
+    latch: int
+    """Number of latched stops since the start of the box."""
+    cause: Cause
+    flags: Flag
+    present: Present
+    reply: Reply
+    """Reason of the newest rejection."""
+    rejections: int
+    """Number of rejected messages since the start of the box, modulo 65536."""
+    sender: int
+    """Host that armed the box last."""
+    heard_ms: int
+    """Stamp of the newest accepted message [ms]."""
+    drive_error: int
+    """Error code of the motor drives, 0 without one."""
+    limits: tuple[int, ...]
+    """Limits in force, as in ``HostMessage.values``; zero before they are set."""
+    set_points_um_s: tuple[int, ...]
+    """Set points of the belts after limits and slew, left and right [µm/s]."""
+    belts: tuple[int, ...]
+    """Measured speeds of the belts."""
+    voltage_mv: int
+    orientation: tuple[int, ...]
+    rates: tuple[int, ...]
+    accelerations: tuple[int, ...]
+    seat: tuple[int, ...]
+    """Pitch of the seat, and stroke."""
+    flipper: tuple[int, ...]
+    """Angle of the flipper, and torque."""
+
+
+def frame_of(content: bytes) -> bytes:
+    """Return a content as a frame: CRC, byte stuffing, ending zero."""
+    parts = (content + _CRC.pack(zlib.crc32(content))).split(b"\0")
+    return b"".join(bytes([len(part) + 1]) + part for part in parts) + b"\0"
+
+
+def content_of(frame: bytes) -> bytes | None:
+    """Return the content of a frame without its ending zero; None if the frame is broken."""
+    content, place = b"", 0
+    while place < len(frame):
+        end = place + frame[place]
+        if not place < end <= len(frame):
+            return None
+        content += (b"\0" if place else b"") + frame[place + 1 : end]
+        place = end
+    body, crc = content[: -_CRC.size], content[-_CRC.size :]
+    return body if body and _CRC.pack(zlib.crc32(body)) == crc else None
+
+
+def state_of(content: bytes) -> BoxState | None:
+    """Return the state that a content holds; None if the content is of another kind.
+
+    Raises:
+        LinkError: If the content is of another version.
+    """
+    if content[0] != VERSION:
+        raise LinkError(
+            f"the box speaks version {content[0]} of the messages, and this program version {VERSION}; "
+            "write the firmware of the same release to the box"
+        )
+    if len(content) != STATE.size or content[1] != STATE_KIND:
+        return None
+    _, _, _, now, latch, cause, flags, present, reply, rejections, sender, heard, error, *rest = STATE.unpack(content)
+    return BoxState(
+        now_ms=now,
+        latch=latch,
+        cause=Cause(cause),
+        flags=Flag(flags),
+        present=Present(present),
+        reply=Reply(reply),
+        rejections=rejections,
+        sender=sender,
+        heard_ms=heard,
+        drive_error=error,
+        limits=tuple(rest[:6]),
+        set_points_um_s=tuple(rest[6:8]),
+        belts=tuple(rest[8:10]),
+        voltage_mv=rest[10],
+        orientation=tuple(rest[11:15]),
+        rates=tuple(rest[15:18]),
+        accelerations=tuple(rest[18:21]),
+        seat=tuple(rest[21:23]),
+        flipper=tuple(rest[23:25]),
+    )
+
+
+class FrameReader:
+    """Reader of a line: bytes in whatever portions they arrive, to the contents of whole frames."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self.broken = 0
+        """Number of broken frames so far."""
+
+    def feed(self, received: bytes) -> Iterator[bytes]:
+        """Return the contents of the frames that end in these bytes."""
+        *frames, rest = (self._rest + received).split(b"\0")
+        self._rest = rest[:_LONGEST]  # a line that never ends a frame must not fill the memory
+        for frame in filter(None, frames):
+            content = content_of(frame)
+            if content is None:
+                self.broken += 1
+            else:
+                yield content

@@ -1,0 +1,120 @@
+"""The firmware in C: its frames against literals, its rules against a twin that was written a second time."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from firmware_memory import first_difference, memory_of
+from hypothesis import given
+from hypothesis import strategies as st
+
+from treadline.core.errors import LinkError
+from treadline.hardware._frame import (
+    VERSION,
+    Cause,
+    FrameReader,
+    HostMessage,
+    Kind,
+    Present,
+    Reply,
+    content_of,
+    frame_of,
+    state_of,
+)
+from treadline.hardware.emulators._firmware import SOURCES, DriveBox, Inputs, Readings
+
+HAS_COMPILER = any(map(shutil.which, ("cc", "gcc", "clang")))
+compiled = pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler (cc, gcc or clang) on the path")
+HELD = Inputs(dead_man=True, stop=False, drive_error=0)
+LIMITS = (10000, 4000, 1000, 100, 600, 500)
+
+
+def message(kind: Kind, values: tuple[int, ...] = (0,) * 6, **given: int) -> HostMessage:
+    return HostMessage(**{"sender": 7, "sequence": 1, "stamp_ms": 0, "latch": 1, **given}, kind=kind, values=values)
+
+
+def test_a_message_has_the_bytes_of_the_page() -> None:
+    drive = message(Kind.DRIVE, (2000, -2000, 0, 0, 0, 0), stamp_ms=1000, latch=0)
+    assert drive.frame().hex(" ") == (
+        "05 01 01 19 07 02 01 03 e8 03 01 01 01 05 d0 07 30 f8 01 01 01 01 01 01 01 05 92 c9 56 6a 00"
+    )
+
+
+@given(st.binary(min_size=1, max_size=90))
+def test_a_frame_holds_one_zero_at_its_end_and_gives_its_content_back(content: bytes) -> None:
+    frame = frame_of(content)
+    assert frame.index(0) == len(frame) - 1
+    assert content_of(frame[:-1]) == content
+
+
+@given(st.sets(st.integers(0, 30 * 8 - 1), min_size=1, max_size=3))
+def test_up_to_three_flipped_bits_are_found(flipped: set[int]) -> None:
+    """CRC-32 of IEEE 802.3 has Hamming distance 5 and more at this length."""
+    sound = message(Kind.DRIVE, (2000, 2000, 0, 0, 0, 0))
+    frame = bytearray(sound.frame())
+    for bit in flipped:
+        frame[bit // 8] ^= 1 << bit % 8
+    assert all(content == content_of(sound.frame()[:-1]) for content in FrameReader().feed(bytes(frame)))
+
+
+def test_a_half_frame_costs_no_other_frame() -> None:
+    reader, sound = FrameReader(), frame_of(b"sound")
+    assert list(reader.feed(sound + sound[:4] + b"\0" + sound)) == [b"sound", b"sound"]
+    assert reader.broken == 1
+    assert [*reader.feed(b"\x55" * 100_000), *reader.feed(b"\0" + sound)] == [b"sound"]
+
+
+def test_another_version_is_named_with_its_remedy() -> None:
+    with pytest.raises(LinkError, match=r"version 2 .* version 1; write the firmware of the same release"):
+        state_of(bytes([VERSION + 1]) + bytes(76))
+
+
+@compiled
+def test_the_self_test_passes_under_the_sanitisers_and_takes_each_branch(tmp_path: Path) -> None:
+    if shutil.which("make") is None or shutil.which("gcov") is None:
+        pytest.skip("no make or no gcov on the path")
+    done = subprocess.run(["make", "-C", SOURCES, "test", f"BUILD={tmp_path}"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count(": 100.00 %") == 4
+
+
+@compiled
+@pytest.mark.parametrize("seed", range(4))
+def test_firmware_and_twin_agree_on_random_traffic(seed: int) -> None:
+    """``benchmarks/firmware_fuzz.py`` does the same on 10⁷ ticks."""
+    assert first_difference(seed, 25_000) is None
+
+
+@compiled
+def test_the_state_says_what_the_rules_hold_and_what_was_measured() -> None:
+    box = DriveBox()
+    box.tick(0, HELD)
+    box.receive(message(Kind.LIMITS, LIMITS).frame() + message(Kind.REARM).frame())
+    box.receive(message(Kind.DRIVE, (2000, -2000, 600, -500, 0, 0), sequence=2).frame() + b"\x03\x07\x00")
+    box.tick(10, HELD)
+    readings = Readings(present=Present.IMU | Present.VOLTAGE, belts=(-5, 6), voltage_mv=26_600, orientation=(16384, 0, 0, -1))
+    content = content_of(box.state(readings)[:-1])
+    assert content is not None
+    state = state_of(content)
+    assert state is not None
+    assert (state.now_ms, state.latch, state.cause, state.sender, state.heard_ms) == (10, 1, Cause.ARMED, 7, 0)
+    assert (state.set_points_um_s, state.limits) == ((40_000, -40_000), LIMITS)  # 4 m/s² in 10 ms
+    assert (state.reply, state.rejections) == (Reply.BROKEN, 1)
+    assert (state.present, state.belts, state.voltage_mv) == (Present.IMU | Present.VOLTAGE, (-5, 6), 26_600)
+    assert state.orientation == (16384, 0, 0, -1)
+
+
+@compiled
+def test_bytes_of_any_kind_move_nothing() -> None:
+    box = DriveBox()
+
+    @given(st.binary(max_size=300))
+    def feed(received: bytes) -> None:
+        box.receive(received)
+        outputs = box.tick(0, HELD)
+        assert outputs.brake
+        assert tuple(outputs.belts_um_s) == (0, 0)
+
+    feed()
+    assert memory_of(box)["cause"] == Cause.START
