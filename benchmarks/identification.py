@@ -1,10 +1,11 @@
 """Identification next to peer libraries: ``python benchmarks/identification.py [--quick] [--only accuracy|speed|real]``.
 
-Peers take part where they are installed: ``pip install -e ".[dev]" control sippy_unipi nfoursid``,
+Peers take part where they are installed: ``pip install -e ".[dev]" control sippy_unipi nfoursid jax-sysid``,
 ``apt-get install libslicot0 libopenblas0``, and modred as a run without it says. Accuracy is the relative error of Markov
 parameters, with the Cramér–Rao bound of the same inputs; speed is processor time on one thread; real data are judged by
-free runs on the second half. One module (``score.py``) scores every model. Peers get the best of several numbers of block rows,
-chosen by ground truth; for treadline, only the method is chosen.
+free runs on the half that did not estimate. One module (``score.py``) scores every model. On simulated systems peers get the best
+of several numbers of block rows, chosen by ground truth, on measured ones what ``real.py`` says; for treadline, only the method
+is chosen.
 """
 # ruff: noqa: E402 (the number of threads must be set before a BLAS is loaded)
 
@@ -21,19 +22,19 @@ from pathlib import Path
 
 import accuracy
 import numpy as np
-import ours
 import peers
 import real
 import scipy
 import speed
-from score import fits_apart
-from systems import DATA_SETS, DataSet, halves
+from systems import DATA_SETS, halves
 from tables import Row, percent, table
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "sysid"
 SEEDS, QUICK_SEEDS = 20, 4
 RUNS, QUICK_RUNS = 200, 10
-SLOW = {"SIPPY PARSIM-K", "SIPPY CVA", "nfoursid"}
+SEARCH_S, QUICK_SEARCH_S = 6.0, 1.0
+"""CPU time of a peer's search for order and block rows on one cut [s]."""
+SLOW = {"SIPPY CVA", "nfoursid", "jax-sysid"}
 """Peers left out of a quick run: slow on the longer records, or close to another method of the same package."""
 
 
@@ -47,45 +48,40 @@ def accuracy_part(fits: dict[str, peers.Fit], first: int, *, quick: bool) -> Non
         accuracy.coverage_table(case, runs)
 
 
-def real_part(fits: dict[str, peers.Fit], folder: Path, *, quick: bool) -> None:
-    """Print a table per measured set, and one line for each at the end."""
-    if not folder.is_dir():
-        print(f"\nreal data: no folder {folder}; name it with --data")
-        return
-    summary: list[Row] = []
-    for data in DATA_SETS:
+def real_part(fits: dict[str, peers.Fit], folder: Path, search_s: float) -> None:
+    """Print the scores of each cut, then all beside each other, then ours against each single peer."""
+    cuts: dict[str, dict[str, real.Score]] = {}
+    for data, turned in ((data, turned) for data in DATA_SETS for turned in (False, True)):
         if not (folder / data.file).is_file():
-            print(f"\n{data.name}: no {data.file} in {folder}")
-        elif quick and len(halves(data, folder)[0].u) > real.QUICK_SAMPLES:
-            print(f"\n{data.name}: left out of a quick run")
-        else:
-            summary.append(_one_set(data, folder, fits))
-    own = list(ours.WAYS)
-    table(
-        "free run on the second half, fit % (no seeds: nothing is drawn)",
-        ("set", *own, "best peer", "which", f"{own[-1]} less best peer: 95 % of records", "known before"),
-        summary,
-    )
+            print(f"\n{data.name}: no {data.file} in {folder}; name the folder with --data")
+            continue
+        name = f"{data.name}, turned" if turned else data.name
+        found = list(real.scores(*halves(data, folder, turned=turned), fits, search_s))
+        rows = [(score.method, percent(score.percent), score.choice, score.cpu_s) for score in found]
+        table(f"{name}: fit % of a free run on the half that did not estimate", ("method", "fit %", "choice", "CPU s"), rows)
+        print("\n".join(f"  {score.method} warns: {note}" for score in found for note in score.notes))
+        cuts[name] = {score.method: score for score in found}
+    if cuts:
+        _summary(cuts)
 
 
-def _one_set(data: DataSet, folder: Path, fits: dict[str, peers.Fit]) -> Row:
-    scores = list(real.scores(data, folder, fits))
-    rows = [(score.method, percent(score.percent), score.choice) for score in scores]
-    table(f"{data.name}: fit % of a free run on the second half", ("method", "fit %", "choice"), rows)
-    told = list(ours.WAYS)[-1:]  # the way that chooses most by itself is the one whose warnings count
-    for note in (note for score in scores if score.method in told for note in score.notes):
-        print(f"  {told[0]} warns: {note}")
-    best = max((score for score in scores if score.is_peer), key=lambda score: score.percent, default=None)
-    shown = [percent(score.percent) for score in scores if score.method in ours.WAYS]
-    known = "–" if data.known_percent is None else f"{data.known_percent:.1f}"
-    if best is None or best.model is None:
-        return (data.name, *shown, "–", "–", "–", known)
-    model = next((score.model for score in scores if score.method in told), None)
-    apart = "–"
-    if model is not None:
-        low, high = fits_apart(model, best.model, halves(data, folder)[1])
-        apart = f"{low:+.1f} to {high:+.1f}"
-    return (data.name, *shown, percent(best.percent), best.method, apart, known)
+def _summary(cuts: dict[str, dict[str, real.Score]]) -> None:
+    methods = list(next(iter(cuts.values())))
+    rows: list[Row] = [(name, *(percent(by[method].percent) for method in methods)) for name, by in cuts.items()]
+    table("free runs, fit %", ("cut", *methods), rows)
+    against: list[Row] = []
+    for method in methods:
+        able = [by for by in cuts.values() if by[method].percent > 0.0]
+        close = [by for by in able if by["best"].percent > by[method].percent - real.CLOSE_POINTS]
+        close_to = [
+            by for by in cuts.values() if by["best"].percent <= 0.0 or by[method].percent > by["best"].percent - real.CLOSE_POINTS
+        ]
+        cpu_s = sum(by[method].cpu_s for by in cuts.values())
+        against.append(
+            (method, f"{len(able)} of {len(cuts)}", f"{len(close)} of {len(able)}", f"{len(close_to)} of {len(cuts)}", cpu_s)
+        )
+    heads = ("method", "above 0 on", "best at most 2 points behind it", "it at most 2 behind best", "CPU s")
+    table("`best` against each single method", heads, against)
 
 
 def main() -> None:
@@ -114,7 +110,7 @@ def main() -> None:
     if given.only in {None, "speed"}:
         speed.speed_tables(fits, given.seed, quick=given.quick)
     if given.only in {None, "real"}:
-        real_part(fits, given.data, quick=given.quick)
+        real_part(fits, given.data, QUICK_SEARCH_S if given.quick else SEARCH_S)
     print(f"\n{time.process_time() - started:.0f} s of processor time")
 
 

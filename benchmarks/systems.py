@@ -129,55 +129,62 @@ def _loop(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataSet:
-    """A measured set: its file, its columns, and the best free run that eleven peers reached before [%]."""
+    """A measured set: its file and its columns."""
 
     name: str
     file: str
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    known_percent: float | None = None
     validation_file: str | None = None
     """Where a second run validates; otherwise the second half of the first does."""
 
 
 DATA_SETS = (
-    DataSet(name="CD arm", file="cd_arm.csv", inputs=("force_1", "force_2"), outputs=("track_1", "track_2"), known_percent=75.1),
-    DataSet(name="robot arm", file="robot_arm.csv", inputs=("torque",), outputs=("acceleration",), known_percent=97.5),
+    DataSet(name="CD arm", file="cd_arm.csv", inputs=("force_1", "force_2"), outputs=("track_1", "track_2")),
+    DataSet(name="robot arm", file="robot_arm.csv", inputs=("torque",), outputs=("acceleration",)),
     DataSet(
         name="steam generator",
         file="steam_generator.csv",
         inputs=("fuel", "air", "level_reference", "disturbance"),
         outputs=("drum_pressure", "excess_oxygen", "level", "steam_flow"),
-        known_percent=74.1,
     ),
-    DataSet(name="heating", file="heating.csv", inputs=("voltage",), outputs=("temperature",), known_percent=93.2),
+    DataSet(name="heating", file="heating.csv", inputs=("voltage",), outputs=("temperature",)),
     DataSet(
         name="cascaded tanks",
         file="cascaded_tanks_estimation.csv",
         validation_file="cascaded_tanks_validation.csv",
         inputs=("pump",),
         outputs=("level",),
-        known_percent=71.9,
+    ),
+    *(
+        DataSet(name=f"Husky {run}", file=f"husky_{run}.csv", inputs=("left_m_s", "right_m_s"), outputs=("yaw_rate_rad_s",))
+        for run in ("asphalt_00", "flooring_00", "asphalt_05")
     ),
     *(
         DataSet(
-            name=f"Husky {run}",
-            file=f"husky_{run}.csv",
-            inputs=("left_m_s", "right_m_s"),
-            outputs=("yaw_rate_rad_s",),
-            known_percent=known,
+            name=name.replace("_", " "),
+            file=f"{name}.csv",
+            inputs=tuple(f"u{k}" for k in range(inputs)),
+            outputs=tuple(f"y{k}" for k in range(outputs)),
         )
-        for run, known in (("asphalt_00", 80.5), ("flooring_00", 76.0), ("asphalt_05", None))
+        for name, inputs, outputs in (
+            ("evaporator", 3, 3),
+            ("glass_furnace", 3, 6),
+            ("flutter", 1, 1),
+            ("flexible_structure", 2, 28),
+        )
     ),
 )
 
 
-def halves(data: DataSet, folder: Path) -> tuple[InputOutputRecord, InputOutputRecord]:
-    """Return the record to estimate from and the record to validate on."""
-    first = read(data, folder / data.file)
+def halves(data: DataSet, folder: Path, *, turned: bool = False) -> tuple[InputOutputRecord, InputOutputRecord]:
+    """Return the record to estimate from and the record to validate on; ``turned`` exchanges them."""
+    whole = read(data, folder / data.file)
     if data.validation_file is not None:
-        return first, read(data, folder / data.validation_file)
-    return part(first, 0, len(first) // 2), part(first, len(first) // 2, len(first))
+        first, second = whole, read(data, folder / data.validation_file)
+    else:
+        first, second = part(whole, 0, len(whole) // 2), part(whole, len(whole) // 2, len(whole))
+    return (second, first) if turned else (first, second)
 
 
 def read(data: DataSet, path: Path) -> InputOutputRecord:

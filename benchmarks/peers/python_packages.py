@@ -16,6 +16,8 @@ from treadline.core.models import InputOutputRecord
 
 HANKEL_MOST = 20_000
 """Longest record [samples] given to SIPPY and nfoursid: they hold block-Hankel matrices whole, SIPPY their pseudo-inverses too."""
+SIMULATED = 10
+"""Number of block rows at which a method without block rows takes part."""
 
 
 def modred_fit(record: InputOutputRecord, order: int, block_rows: int) -> StateSpace:
@@ -75,6 +77,24 @@ def sippy_fit(record: InputOutputRecord, order: int, block_rows: int, *, method:
     return without_offsets(*(np.asarray(matrix) for matrix in (model.A, model.B, model.C, model.D)))
 
 
+def jax_fit(record: InputOutputRecord, order: int, block_rows: int) -> StateSpace:
+    """Return the model of an order by gradient descent on the simulation error, from a random start; no block rows, so one try."""
+    import jax
+    from jax_sysid.models import LinearModel
+
+    if block_rows != SIMULATED:
+        raise PeerError("fits no block rows")
+    jax.config.update("jax_enable_x64", True)
+    u_scale, y_scale = record.u.std(axis=0), record.y.std(axis=0)
+    m, p = _channels(record)
+    model = LinearModel(order, p, m, feedthrough=True)
+    model.optimization(adam_epochs=0, lbfgs_epochs=1000, iprint=-1)
+    with contextlib.redirect_stdout(io.StringIO()):
+        model.fit(record.y / y_scale, record.u / u_scale)
+    A, B, C, D = (np.asarray(matrix) for matrix in model.ssdata())
+    return without_offsets(A, B / u_scale, y_scale[:, None] * C, y_scale[:, None] * D / u_scale)
+
+
 def _channels(record: InputOutputRecord) -> tuple[int, int]:
     return record.u.shape[1], record.y.shape[1]
 
@@ -111,8 +131,8 @@ class PythonPackage:
         return f"{self.distribution} {importlib.metadata.version(self.distribution)}"
 
 
-SIPPY_METHODS = ("N4SID", "MOESP", "CVA", "PARSIM-K")
-"""PARSIM-S and PARSIM-P are left out: sippy_unipi 1.0.1 adds the response to the measured outputs to every column of the
+SIPPY_METHODS = ("N4SID", "MOESP", "CVA")
+"""PARSIM-K is slow. PARSIM-S and PARSIM-P of sippy_unipi 1.0.1 add the response to the measured outputs to every column of the
 regression for B, D and x0 instead of taking it off once, which costs 3 to 7 % even without noise."""
 PACKAGES = (
     PythonPackage(
@@ -142,5 +162,12 @@ PACKAGES = (
         distribution="nfoursid",
         install="pip install nfoursid",
         methods={"nfoursid": nfoursid_fit},
+    ),
+    PythonPackage(
+        name="jax-sysid",
+        module="jax_sysid.models",
+        distribution="jax-sysid",
+        install="pip install jax-sysid",
+        methods={"jax-sysid": jax_fit},
     ),
 )
