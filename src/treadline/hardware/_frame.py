@@ -8,8 +8,9 @@ byte at the end. Numbers have their least significant byte first. Byte tables: d
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum, IntFlag
+from typing import Any
 
 from treadline.core.errors import LinkError
 
@@ -27,6 +28,8 @@ TORQUE_N_M = 0.1
 """Unit of the flipper's torque [N m]."""
 QUATERNION = 2.0**-14
 """Unit of a quaternion's components."""
+SET_POINT_M_S = 1e-6
+"""Unit of the belts' set points [m/s]."""
 MILLI = 1e-3
 """Unit of the box's clock [s], accelerations [m/s²] and voltages [V]."""
 
@@ -36,6 +39,8 @@ STATE = struct.Struct("<BBBIHBBBBHHIH6h2i2hH4h3h3h2h2h")
 """Bytes of the box's state."""
 STATE_KIND = 0x80
 """Kind of the box's state."""
+VALUES = 6
+"""Number of values in a host's message."""
 _CRC = struct.Struct("<I")
 _LONGEST = 254
 """Largest number of bytes between two zeros that COBS admits without a second code byte."""
@@ -114,7 +119,7 @@ class HostMessage:
     """Box time of the newest state that the host received [ms]."""
     latch: int = 0
     """Number of the latched stop that a re-arm ends."""
-    values: tuple[int, ...] = (0, 0, 0, 0, 0, 0)
+    values: tuple[int, ...] = (0,) * VALUES
     """Drive and hold: left, right [0.1 mm/s], seat [0.01 mm/s], flipper [mrad/s]. Limits: largest belt speed [0.1 mm/s],
     acceleration, deceleration of a hold [mm/s²], watchdog [ms], seat [0.01 mm/s], flipper [mrad/s]. Otherwise zero."""
 
@@ -160,6 +165,24 @@ class BoxState:
     """Angle of the flipper, and torque."""
 
 
+_COUNTS = dict.fromkeys((field.name for field in fields(BoxState)), 1) | {
+    "limits": VALUES,
+    "set_points_um_s": 2,
+    "belts": 2,
+    "orientation": 4,
+    "rates": 3,
+    "accelerations": 3,
+    "seat": 2,
+    "flipper": 2,
+}
+"""Numbers in each field of a state, in the order of its bytes."""
+
+
+def counts(value: float, unit: float) -> int:
+    """Return a finite value in a unit, rounded and kept within 16 bits, as a sensor's converter does."""
+    return round(min(max(value / unit, -(2.0**15)), 2.0**15 - 1.0))
+
+
 def frame_of(content: bytes) -> bytes:
     """Return a content as a frame: CRC, byte stuffing, ending zero."""
     parts = (content + _CRC.pack(zlib.crc32(content))).split(b"\0")
@@ -192,28 +215,12 @@ def state_of(content: bytes) -> BoxState | None:
         )
     if len(content) != STATE.size or content[1] != STATE_KIND:
         return None
-    _, _, _, now, latch, cause, flags, present, reply, rejections, sender, heard, error, *rest = STATE.unpack(content)
-    return BoxState(
-        now_ms=now,
-        latch=latch,
-        cause=Cause(cause),
-        flags=Flag(flags),
-        present=Present(present),
-        reply=Reply(reply),
-        rejections=rejections,
-        sender=sender,
-        heard_ms=heard,
-        drive_error=error,
-        limits=tuple(rest[:6]),
-        set_points_um_s=tuple(rest[6:8]),
-        belts=tuple(rest[8:10]),
-        voltage_mv=rest[10],
-        orientation=tuple(rest[11:15]),
-        rates=tuple(rest[15:18]),
-        accelerations=tuple(rest[18:21]),
-        seat=tuple(rest[21:23]),
-        flipper=tuple(rest[23:25]),
-    )
+    numbers = iter(STATE.unpack(content)[3:])
+    values: dict[str, Any] = {
+        name: next(numbers) if count == 1 else tuple(next(numbers) for _ in range(count)) for name, count in _COUNTS.items()
+    }
+    kinds: dict[str, Any] = {"cause": Cause, "flags": Flag, "present": Present, "reply": Reply}
+    return BoxState(**values | {name: kind(values[name]) for name, kind in kinds.items()})
 
 
 class FrameReader:

@@ -1,0 +1,87 @@
+"""Chair behind a pseudo-terminal: the firmware's serial line as a host sees it."""
+
+import contextlib
+import os
+import pty
+import tty
+from collections.abc import Iterator
+from pathlib import Path
+
+from treadline.core.signals import TICK_S
+from treadline.hardware._frame import HostMessage, Kind
+from treadline.hardware.emulators._chair import EmulatedChair
+from treadline.hardware.emulators._faults import Faults, FaultyLine, spoilt_bytes
+from treadline.hardware.emulators._firmware import DriveBox, Inputs, Outputs
+
+TICK_MS = round(1000 * TICK_S)
+SECOND_HOST = 0
+"""Sender of the other program; a link draws its own above zero."""
+
+
+class Terminal:
+    """Pseudo-terminal under a name that stays: a symbolic link.
+
+    Args:
+        port: Path of the link.
+    """
+
+    def __init__(self, port: Path) -> None:
+        self._near, self._far = pty.openpty()
+        tty.setraw(self._far)
+        os.set_blocking(self._near, False)
+        port.unlink(missing_ok=True)
+        port.symlink_to(os.ttyname(self._far))
+        self._rest = b""
+
+    def read(self) -> list[bytes]:
+        """Return the frames that have arrived, ending zeros included."""
+        with contextlib.suppress(BlockingIOError):
+            self._rest += os.read(self._near, 1 << 16)
+        *frames, self._rest = self._rest.split(b"\0")
+        return [frame + b"\0" for frame in frames]
+
+    def write(self, frame: bytes) -> None:
+        """Send a frame; a host that does not read loses it."""
+        with contextlib.suppress(BlockingIOError):
+            os.write(self._near, frame)
+
+    def close(self) -> None:
+        """Remove the device: to the host it has gone."""
+        os.close(self._far)
+        os.close(self._near)
+
+
+class SerialBox:
+    """Box with its firmware between a terminal and a chair."""
+
+    def __init__(self, chair: EmulatedChair, faults: Faults, port: Path) -> None:
+        self._chair, self._faults = chair, faults
+        self._terminal: Terminal | None = Terminal(port)
+        self._line = FaultyLine(faults, spoilt_bytes)
+        self._start()
+
+    def _start(self) -> None:
+        """Switch the box on."""
+        self._box, self._started_s = DriveBox(), self._chair.t_s
+
+    def step(self) -> None:
+        """Run the main loop of the box once."""
+        t_s = self._chair.t_s
+        if self._faults.once("brown_out", t_s):
+            self._start()
+        if self._faults.once("gone", t_s) and self._terminal is not None:
+            self._terminal.close()
+            self._terminal = None
+        now_ms = round(1000 * (t_s - self._started_s))
+        for frame in self._received(t_s, now_ms):
+            self._box.receive(frame)
+        outputs: Outputs = self._box.tick(now_ms, Inputs(dead_man=True, stop=False, drive_error=0))
+        state = self._box.state(self._chair.step(outputs))
+        if self._terminal is not None and not self._faults.active("unplugged", t_s):
+            self._terminal.write(state)
+
+    def _received(self, t_s: float, now_ms: int) -> Iterator[bytes]:
+        """Yield the frames that reach the box."""
+        yield from self._line.carry([] if self._terminal is None else self._terminal.read(), t_s)
+        if self._faults.once("second_host", t_s):
+            yield HostMessage(kind=Kind.HOLD, sender=SECOND_HOST, sequence=0, stamp_ms=now_ms).frame()
