@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 help:
 	@echo "make reproduce    run the whole paper and write $(OUT)/report.html"
-	@echo "make quick        the same, shortened (figures are marked as such)"
+	@echo "make quick        fewer items of the paper, each at its full length"
 	@echo "make publish      run the paper with five seeds and write the headline figures to README.md and docs/evidence/results.json"
 	@echo "make setup        install the program and compile its kernels; the targets above and below do so themselves"
 	@echo "make test         run all tests"

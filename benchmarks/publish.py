@@ -29,8 +29,7 @@ def published(results: Results) -> dict[str, Any]:
         "git_commit": results.git_commit,
         "versions": results.versions,
         "figures": [
-            {name: getattr(row, name) for name in ("figure", "paper", "ours", "conditions")}
-            for row in comparisons(results, headline=True)
+            {name: getattr(row, name) for name in ("figure", "paper", "ours", "conditions")} for row in comparisons(results)
         ],
     }
 
@@ -43,7 +42,7 @@ def published_of(folder: Path) -> dict[str, Any]:
     """
     results = read_part(folder / "results.json", Results)
     if results.quick:
-        raise SettingsError(f"{folder}: a quick reproduction is not published: its runs are shortened")
+        raise SettingsError(f"{folder}: a quick reproduction is not published: it lacks items")
     seeds = min((cell.seeds for cell in results.table2), default=0)
     if seeds < PUBLISHED_SEEDS:
         raise SettingsError(

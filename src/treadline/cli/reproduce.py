@@ -23,7 +23,7 @@ def reproduce(
 
     Args:
         out: Folder of the results. Default: reproduce.
-        quick: Run fewer seeds and shorter runs, in under a minute; the figures are marked as such.
+        quick: Run fewer items, each at its full length, in about a minute: Eq. (12) to (14), Fig. 5, 8, 10 and 11, Table II at 28°.
         workers: Number of processes. Default: the number of cores.
         plant: Simulator: mujoco, or gazebo (Fig. 8, 9, 10 and Table II in Gazebo 11, with a controller identified there, next to
             MuJoCo).

@@ -44,7 +44,7 @@ def reproduce_in_gazebo(plan: ReproducePlan, out: Path, *, workers: int, done: D
     """
     find_environment()
     started = time.monotonic()
-    plan = replace(plan, grounds=(CONTROLLER_GROUND,), frictions=(PAPER_FRICTION,))
+    plan = replace(plan, quick=False, grounds=(CONTROLLER_GROUND,), frictions=(PAPER_FRICTION,))
     found = {name: _paper_in(plan, out / name, name, workers=workers, done=done) for name in SIMULATORS}
     values: dict[str, Any] = plain(
         {**found, "compared": compared(found["gazebo"], found["mujoco"]), "wall_s": time.monotonic() - started, **provenance()}

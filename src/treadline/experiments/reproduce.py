@@ -165,10 +165,11 @@ def _steerless(plan: ReproducePlan, out: Path) -> list[Job[Any]]:
 
 def _drives(plan: ReproducePlan, controller: ControllerDesign, runs: Path) -> list[RunJob]:
     """Return all runs with the identified controller, the longest first: the workers then end together."""
+    sliding = replace(plan, seeds=plan.seeds[:1], frictions=(PAPER_FRICTION,), slopes_deg=() if plan.quick else plan.slopes_deg)
     drives = [
         *_fig08_to_fig10.straight_jobs(plan, controller, runs),
         *_fig08_to_fig10.turn_jobs(plan, controller, runs),
-        *_fig08_to_fig10.turn_jobs(replace(plan, seeds=plan.seeds[:1], frictions=(PAPER_FRICTION,)), controller, runs, "paper"),
+        *_fig08_to_fig10.turn_jobs(sliding, controller, runs, "paper"),
         *_lugs.jobs(plan, controller, runs),
     ]
     return sorted(drives, key=_cost, reverse=True)

@@ -13,6 +13,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from treadline.core.printing import p_text, percent_text
+from treadline.report.labels import run_words
 
 TEMPLATES = Path(__file__).parent / "templates"
 NOT_A_NUMBER, LARGEST = -32768, 32767
@@ -31,6 +32,7 @@ def page_of(template: str, drawings: Mapping[str, Sequence[str]], **values: Any)
         "p_value": p_text,
         "ratio": ratio,
         "gain": _gain,
+        "run_words": run_words,
     }
     engine.filters.update(filters)
     inline = {

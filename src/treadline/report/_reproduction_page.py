@@ -27,7 +27,8 @@ from treadline.playback import Recording, read_recording
 from treadline.report._html import in_base64
 from treadline.report._results import PAPER_FRICTION, Cell, Impulse, ModelFigures, Results, Steered, Straight, Turn, read_part
 from treadline.report._run_page import checked_series, write_page, write_run_page
-from treadline.report.comparison import comparisons
+from treadline.report.comparison import answer, comparisons
+from treadline.report.labels import run_words
 from treadline.report.player_page import write_player
 from treadline.report.side_view import SideViews
 from treadline.report.svg_figures import BLUE, GREEN, GREY, ORANGE, RED, STYLE, panels_of, plain_log_labels, svg_of
@@ -233,7 +234,8 @@ def write_reproduction_page(folder: Path, each: Callable[[str, Callable[[Any], A
         svg,
         {name: panels_of(figure) for name, figure in drawn.items()},
         r=results,
-        rows=comparisons(results),
+        answer=answer(comparisons(results)),
+        rows={section: comparisons(results, section) for section in ("paper", "beyond", "machine")},
         linked=[page["name"] for page in pages],
         others=[page["name"] for page in pages if not page["is_main"]],
         cards=[page for page in pages if page["svg"]],
@@ -306,7 +308,7 @@ def _side_view(recording: Recording, name: str, number: int) -> str | None:
     if not recording.has_poses:
         return None
     views, t_s = SideViews(recording, f"run{number}"), 0.5 * recording.duration_s
-    return Markup(views.definitions + views.view(t_s, f"Side view of {name} at {t_s:.0f} s"))  # noqa: S704 - drawn by this package
+    return Markup(views.definitions + views.view(t_s, f"Side view, {run_words(name)}, at {t_s:.0f} s"))  # noqa: S704 - drawn by this package
 
 
 def _with_series(runs: Path, rows: Sequence[R]) -> list[tuple[R, Series]]:

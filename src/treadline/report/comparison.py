@@ -1,7 +1,8 @@
-"""Table of the reproduction's figures: our figure, the paper's figure, the target and the verdict.
+"""Table of the reproduction's figures: our figure, the paper's figure, the target with its source, and the verdict.
 
-The summary of the report page, the README's table and ``docs/evidence/results.json`` are rows of the table in
-``data/reproduction_figures.toml``, computed from one ``results.json``; ``benchmarks/publish.py`` writes the last two.
+The tables of the report page, the README's table and ``docs/evidence/results.json`` are rows of the table in
+``data/reproduction_figures.toml``, computed from one ``results.json``; ``benchmarks/publish.py`` writes the last two. The paper's
+own items come in the paper's order. The answer of the page, three sentences, follows from their verdicts.
 """
 
 import math
@@ -14,11 +15,12 @@ import numpy as np
 
 from treadline.core import paper
 from treadline.io.runs import COMPLETED
-from treadline.report._results import PAPER_FRICTION, BeltRun, Cell, Moves, Results, Straight
-from treadline.report.labels import suffix
+from treadline.report._results import PAPER_FRICTION, Cell, Moves, PrintedController, Results, Straight
+from treadline.report.labels import run_words, suffix
 from treadline.scenario.shipped_files import DATA
 
-REACHED, NO_TARGET, QUICK = "reached", "–", "quick run: not judged"
+REACHED, NO_TARGET = "reached", "–"
+REPRODUCED, NOT_REPRODUCED = "reproduced", "not reproduced"
 TABLE_SLOPES = {float(slope) for slope, _ in paper.TABLE_II}
 RMS_TARGETS = {0.62: 2.3, 0.9: 2.0}
 """Target RMS heading over 80 s from ±30°, average of the slopes [deg], by friction along the belt."""
@@ -30,8 +32,6 @@ TILT_DEG = 0.5
 """Gravity error of the IMU for which the steady targets are set."""
 PUBLISHED_SEEDS = 5
 """Seeds of Table II in published figures. The RMS headings of five seeds differ by 0.01 to 0.04°; two show the figure."""
-SMOOTH_BELT = "none"
-"""Lug of a smooth belt, as a scenario names it."""
 
 Values = dict[str, Any]
 """Values of one group of results, by name; ``part`` is the first part of the group's keys in the uncertainty budget."""
@@ -50,11 +50,17 @@ class Figure:
     """Largest accepted value, or the name of the group's value that holds it."""
     at_least: bool = False
     """Whether the target is the smallest accepted value."""
+    source: str = "ours"
+    """Source of the target: the paper, a derivation, or ours."""
     conditions: str = "{conditions}"
-    from_runs: bool = True
-    """Whether the figure depends on the duration of the runs: a quick run does not judge it."""
-    headline: bool = False
-    """Whether the entry is a row of the README, not of the summary."""
+    section: str = "beyond"
+    """Section of the page: the ``paper``'s own items, ``beyond`` the paper, or the speed of this ``machine``."""
+    item: str = ""
+    """Name of the paper's item in a sentence."""
+    test: str = ""
+    """Name of the number that is compared with the target, where ``of`` is a text."""
+    why: str = ""
+    """Reason if the item is not reproduced."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +73,10 @@ class FigureRow:
     conditions: str
     target: str = "–"
     verdict: str = NO_TARGET
-    """``reached``, ``missed by …``, ``–`` without a target, or that a quick run is not judged."""
+    """``reached``, ``missed by …``, ``reproduced``, ``not reproduced``, or ``–`` without a target."""
+    item: str = ""
+    why: str = ""
+    """Reason why an item is not reproduced."""
     sensitivity: str = ""
     """Change of the figure with step size, stiffness and friction, in words; empty where it was not measured."""
 
@@ -79,14 +88,20 @@ TABLE = {
 """Figures by the kind of group that they are computed from, in the order of ``_groups``."""
 
 
-def comparisons(results: Results, *, headline: bool = False) -> list[FigureRow]:
-    """Return all rows of the summary, or those of the README; a part that was not measured has none.
+def comparisons(results: Results, section: str = "paper") -> list[FigureRow]:
+    """Return the rows of a section; a part that was not measured has none."""
+    return [_row(entry, values, results) for kind, values in _groups(results) for entry in TABLE[kind] if entry.section == section]
 
-    The targets hold for whole runs: a figure of a shortened run is shown next to its target without a verdict.
-    """
-    return [
-        _row(entry, values, results) for kind, values in _groups(results) for entry in TABLE[kind] if entry.headline is headline
-    ]
+
+def answer(rows: Sequence[FigureRow]) -> list[str]:
+    """Return three sentences on the paper's items: what was reproduced, what was not, and why."""
+    done, failed = ([row for row in rows if row.verdict == verdict] for verdict in (REPRODUCED, NOT_REPRODUCED))
+    parts = {
+        "Reproduced": [row.item for row in done],
+        "Not reproduced": [row.item for row in failed],
+        "Why": list(dict.fromkeys(row.why for row in failed)),
+    }
+    return [f"{name}: {'; '.join(items)}." for name, items in parts.items() if items]
 
 
 def moves_text(moves: Moves) -> str:
@@ -104,7 +119,7 @@ def moves_text(moves: Moves) -> str:
 def _row(entry: Figure, values: Values, results: Results) -> FigureRow:
     """Return an entry evaluated on a group of results; an absent number misses every target."""
     value, target = values[entry.of], values[entry.target] if isinstance(entry.target, str) else entry.target
-    moves = None if results.quick else results.sensitivity.get(f"{values.get('part', '')}/{entry.of}")
+    moves = results.sensitivity.get(f"{values.get('part', '')}/{entry.of}")
     known = value is not None and (isinstance(value, str) or math.isfinite(value))
     row = {
         "figure": entry.label.format_map(values),
@@ -115,16 +130,19 @@ def _row(entry: Figure, values: Values, results: Results) -> FigureRow:
     }
     if target is None:
         return FigureRow(**row)
-    gap = None if not known else target - value if entry.at_least else value - target
-    if results.quick and entry.from_runs:
-        verdict = QUICK
+    tested = values[entry.test or entry.of]
+    gap = None if tested is None else target - tested if entry.at_least else tested - target
+    if entry.section == "paper":
+        verdict = REPRODUCED if gap is not None and gap <= 0.0 and not values.get("early") else NOT_REPRODUCED
+        row |= {"item": entry.item.format_map(values), "why": entry.why.format_map(values)}
     elif values.get("early"):
         verdict = "missed: a run ended early"
     elif gap is None:
         verdict = "missed"
     else:
         verdict = REACHED if gap <= 0.0 else f"missed by {_rounded(gap, 2)}{suffix(entry.unit)}"
-    return FigureRow(**row, target=f"{'≥' if entry.at_least else '≤'} {target:g}{suffix(entry.unit)}", verdict=verdict)
+    bound = f"{'≥' if entry.at_least else '≤'} {target:g}{suffix(entry.unit)}"
+    return FigureRow(**row, target=f"{bound} ({entry.source})", verdict=verdict)
 
 
 def _written(value: float, unit: str) -> str:
@@ -146,23 +164,22 @@ def _two_digits(value: float) -> str:
 
 
 def _groups(results: Results) -> Iterator[tuple[str, Values]]:
-    """Yield kind and values of each group of results, in the order of the rows."""
-    if (printed := results.literal) is not None:
-        asked = f"{max(printed.asked_m_s, key=abs):.2f} m/s"
-        yield "literal", {"gap": printed.max_gap_to_print, "asked": asked, "limit": printed.max_speed_m_s}
+    """Yield kind and values of each group of results, in the order of the rows: the paper's items in the paper's order first."""
     if (seen := results.fig05) is not None:
-        robust, printed_ = ("none" if a is None else f"{a:.2f}°" for a in (seen.robust_heading_deg, seen.heading_deg))
-        values = {"robust_heading_deg": robust, "printed": printed_, "true": seen.true_heading_deg}
-        yield "fig05", {"part": "fig05/28", "conditions": seen.conditions, **values}
-    yield from _table_two(results)
-    yield from _straight(results.fig09)
+        robust, printed = ("none" if a is None else f"{a:.2f}°" for a in (seen.robust_heading_deg, seen.heading_deg))
+        gap = None if seen.heading_deg is None else abs(seen.heading_deg - seen.true_heading_deg)
+        values = {"robust": robust, "printed": printed, "true": seen.true_heading_deg, "gap": gap}
+        yield "fig05", {"conditions": seen.conditions, **values}
     yield from _models(results)
+    if (printed_controller := results.literal) is not None:
+        yield "literal", _printed_controller(printed_controller)
+    yield from _straight(results.fig09)
+    yield from _paper_turns([cell for cell in results.table2 if cell.friction == PAPER_FRICTION])
     if (seat := results.fig11) is not None:
-        error = abs(seat.steady_error_deg)
-        settling = "does not settle" if seat.settle_s is None else f"settles in {seat.settle_s:.1f} s"
-        values = {"steady_error_deg": error, "settling": f"{error:.3f}°, {settling}", "conditions": seat.conditions}
-        yield "fig11", {"part": "fig11/28", **values}
-    yield from _whole_traversals([run for run in results.lugs if not run.is_turn])
+        settles = "does not settle" if seat.settle_s is None else f"settles to ±1° in {seat.settle_s:.1f} s"
+        values = {"text": f"{settles}, then {abs(seat.steady_error_deg):.3f}° off", "settle_s": seat.settle_s}
+        yield "fig11", {"conditions": seat.conditions, **values}
+    yield from _table_two(results)
     if (speed := results.speed) is not None:
         yield "speed", {"physics": speed.physics_real_time_factor, "loop": speed.loop_cpu_s_per_s}
     if results.wall_s is not None:
@@ -183,9 +200,6 @@ def _table_two(results: Results) -> Iterator[tuple[str, Values]]:
             target = ROLL_BACK_TARGETS.get(int(slope)) if slope.is_integer() and on_paper else None
             yield "table2, slope", common | {"part": f"{common['part']}/{slope:g}", "back_target": target} | _worst(here)
         yield from ((kind, common | values) for kind, values in (*_comfort(cells), *_steady(cells, results.gravity_error_deg)))
-        if on_paper:
-            yield from _lug_groups(results.lugs)
-            yield from _published_turns(cells, slopes)
     if results.table2_roll_back_allowed:
         yield "table2_roll_back_allowed", _allowed(results.table2_roll_back_allowed)
 
@@ -212,13 +226,12 @@ def _early(cells: Sequence[Cell]) -> str:
 
 def _average(cells: Sequence[Cell], start_deg: float) -> Values:
     """Return the means from one start; paper and target are those of the three slopes of Table II."""
-    values = {"start": start_deg, **_means(cells)}
-    if {cell.slope_deg for cell in cells} != TABLE_SLOPES or abs(start_deg) != 30.0:
-        return {**values, "part": "", "printed": "–", "rms_target": None}
+    whole = {cell.slope_deg for cell in cells} == TABLE_SLOPES and abs(start_deg) == 30.0
     return {
-        **values,
-        "printed": f"{paper.TABLE_II_AVERAGE[int(start_deg)]}°",
-        "rms_target": RMS_TARGETS.get(cells[0].friction[0]),
+        **_means(cells),
+        "start": start_deg,
+        "printed": f"{paper.TABLE_II_AVERAGE[int(start_deg)]}°" if whole else "–",
+        "rms_target": RMS_TARGETS.get(cells[0].friction[0]) if whole else None,
     }
 
 
@@ -230,7 +243,6 @@ def _worst(cells: Sequence[Cell]) -> Values:
         "slope": cells[0].slope_deg,
         "roll_back_m": max(cell.roll_back_m for cell in cells),
         "settle_s": None if None in times else max(time for time in times if time is not None),
-        "printed_settling": "10–20 s (Fig. 10)" if cells[0].slope_deg == paper.FIG10_SLOPE_DEG else "–",
         "starts": ", ".join(f"{start:+g}°" for start in starts),
         "conditions": cells[0].conditions + _early(cells),
     }
@@ -267,110 +279,71 @@ def _allowed(cells: Sequence[Cell]) -> Values:
     }
 
 
-def _published_turns(cells: Sequence[Cell], slopes: Sequence[float]) -> Iterator[tuple[str, Values]]:
-    """Yield the cells of each slope and the worst turns of all, slopes and starts side by side."""
-    worst = []
-    for slope in slopes:
-        here = sorted((cell for cell in cells if cell.slope_deg == slope), key=lambda cell: -cell.start_heading_deg)
-        worst.append(_worst(here))
-        sides = {
-            "starts": " / ".join(f"{cell.start_heading_deg:+g}°" for cell in here),
-            "printed": " / ".join("–" if cell.paper_deg is None else f"{cell.paper_deg:g}°" for cell in here),
-            "rms": " / ".join("–" if cell.rms_heading_deg is None else f"{cell.rms_heading_deg:.2f}°" for cell in here),
-        }
-        yield "table2, cells", {"slope": slope, "conditions": here[0].conditions + _early(here), **sides}
-    settled = ("never" if turn["settle_s"] is None else f"{turn['settle_s']:.1f}" for turn in worst)
-    back = " / ".join(f"{turn['roll_back_m']:.3f}" for turn in worst)
-    at = " / ".join(f"{slope:g}°" for slope in slopes)
-    yield "table2, turns", {"at": at, "back": f"{back} m", "settled": f"{' / '.join(settled)} s"}
-    for _, values in _comfort(cells):
-        yield "table2, passenger", {"most": _written(values["passenger_m_s2"], "m/s²")}
+def _paper_turns(cells: Sequence[Cell]) -> Iterator[tuple[str, Values]]:
+    """Yield Fig. 10 and both readings of Table II: over the whole run, and after settling."""
+    cells = sorted(cells, key=lambda cell: (cell.slope_deg, -cell.start_heading_deg))
+    if turned := [cell for cell in cells if cell.slope_deg == paper.FIG10_SLOPE_DEG]:
+        both = ", ".join(f"from {c.start_heading_deg:+g}° {_or_none(c.settle_s, 1, ' s')}" for c in turned)
+        yield "fig10", _worst(turned) | {"settled": both}
+    if cells:
+        pairs = [(c.rms_heading_deg, c.paper_deg) for c in cells]
+        gaps = [abs(ours - printed) for ours, printed in pairs if ours is not None and printed is not None]
+        names = {"printed": "paper_deg", "whole": "rms_heading_deg", "settled": "steady_rms_heading_deg"}
+        values = {key: _by_slope(cells, name) for key, name in names.items()}
+        worst = {"gap": max(gaps) if len(gaps) == len(cells) else None, "back": max(cell.roll_back_m for cell in cells)}
+        yield "table2", values | worst | {"conditions": cells[0].conditions + _early(cells)}
 
 
-def _lug_groups(runs: Sequence[BeltRun]) -> Iterator[tuple[str, Values]]:
-    """Yield comfort and roll-back with lugs next to those with smooth belts: turns by slope, then whole traversals."""
-    turns, whole = ([run for run in runs if run.is_turn is turn] for turn in (True, False))
-    slopes = sorted({run.slope_deg for run in turns})
-    by_slope = [([run for run in turns if run.slope_deg == slope], f" in the turn at {slope:g}°") for slope in slopes]
-    courses = sorted({run.course for run in whole})
-    by_course = [([run for run in whole if run.course == course], f", {course}") for course in courses]
-    for kind, score, unit in (("lugs, roll-back", "roll_back_m", "m"), ("lugs, passenger", "passenger_m_s2", "m/s²")):
-        yield from ((kind, values) for here, where in by_slope for values in _lugged(here, where, score, unit))
-    for here, where in by_course:
-        yield from (("lugs, passenger", values) for values in _lugged(here, where, "passenger_m_s2", "m/s²"))
-        yield from (("lugs, pitch", values) for values in _lugged(here, where, "pitch_rate_deg_s", "°/s"))
+def _by_slope(cells: Sequence[Cell], name: str) -> str:
+    """Return a value of all cells, both starts of a slope side by side."""
+    slopes = dict.fromkeys(cell.slope_deg for cell in cells)
+    sides = {slope: [_or_none(getattr(cell, name), 2, "°") for cell in cells if cell.slope_deg == slope] for slope in slopes}
+    return "; ".join(f"{slope:g}°: {' / '.join(values)}" for slope, values in sides.items())
 
 
-def _lugged(runs: Sequence[BeltRun], where: str, score: str, unit: str) -> Iterator[Values]:
-    """Yield a score with lugs of nominal rubber, the rubber's stiffness bracketed; nothing without smooth belts or without lugs."""
-    smooth = [run for run in runs if run.lug == SMOOTH_BELT]
-    lugged = sorted((run for run in runs if run.lug != SMOOTH_BELT), key=lambda run: run.rubber_s or 0.0)
-    if not smooth or not lugged:
-        return
-    nominal, values = lugged[len(lugged) // 2], [getattr(run, score) for run in lugged]
-    bracket = f"{_written(min(values), unit)} to {_written(max(values), unit)} with rubber of "
-    bracket += f"{lugged[0].rubber_s:g} to {lugged[-1].rubber_s:g} s; " if len(lugged) > 1 else ""
-    ended = [run for run in (*smooth, *lugged) if run.verdict not in COMPLETED]
-    yield {
-        "part": f"lugs/{nominal.course}",
-        "slope": nominal.slope_deg,
-        "where": where,
-        "lug": nominal.lug,
-        score: getattr(nominal, score),
-        "back_target": ROLL_BACK_TARGETS.get(int(nominal.slope_deg)),
-        "smooth": _written(getattr(smooth[0], score), unit),
-        "bracket": bracket if len(lugged) > 1 else "",
-        "duration": nominal.duration_s,
-        "seed": nominal.seed,
-        "ended": "".join(f"; {run.run}: {run.verdict} ({run.cause})" for run in ended),
-    }
-
-
-def _whole_traversals(runs: Sequence[BeltRun]) -> Iterator[tuple[str, Values]]:
-    smooth, lugged = ([run for run in runs if (run.lug == SMOOTH_BELT) is flat] for flat in (True, False))
-    if smooth and lugged:
-        one, other = smooth[0], lugged[0]
-        both = f"{one.passenger_m_s2:.2g} / {other.passenger_m_s2:.2g} m/s²"
-        verdicts = f"{one.verdict} / {other.verdict}"
-        yield "lugs", {"course": one.course, "lug": other.lug, "both": both, "verdicts": verdicts, "seed": one.seed}
+def _or_none(value: float | None, digits: int, unit: str) -> str:
+    return "none" if value is None else f"{value:.{digits}f}{unit}"
 
 
 def _straight(runs: Sequence[Straight]) -> Iterator[tuple[str, Values]]:
     closed, opened = ([run for run in runs if run.loop == loop] for loop in ("closed", "open"))
-    if closed:
-        rms, lateral = max(run.rms_heading_deg for run in closed), max(run.lateral_m for run in closed)
-        conditions = f"{_span(closed)}, worst of {_listed([run.slope_deg for run in closed])}"
-        values = {"rms_heading_deg": rms, "lateral_m": lateral, "conditions": conditions}
-        yield "fig09, closed", {"part": "fig09/28", **values}
-    if opened:
-        final = ", ".join(f"{round(run.final_heading_deg, 2) + 0.0:g}°" for run in opened)
-        largest, drift = max(run.max_abs_heading_deg for run in opened), max(run.lateral_m for run in opened)
-        at = _listed([run.slope_deg for run in opened])
-        conditions = f"{_span(opened)}; at {at}; largest heading {largest:.2g}°, drift {drift:.2g} m"
-        yield "fig09, open", {"part": "fig09_open/28", "final_heading_deg": final, "conditions": conditions}
-    if closed and opened:
-        both = f"{rms:.2f}°, {_written(lateral, 'm')}"
-        both += f" (open loop: {max(run.rms_heading_deg for run in opened):.1f}°, {drift:.1f} m)"
-        yield "fig09", {"both": both, "duration": closed[0].duration_s}
-
-
-def _span(runs: Sequence[Straight]) -> str:
-    early = "".join(f"; {run.run} ended early: {run.verdict}" for run in runs if run.verdict not in COMPLETED)
-    return f"{max(run.duration_s for run in runs):.0f} s, right belt 2 % faster, seed {runs[0].seed}{early}"
+    if not closed or not opened:
+        return
+    rms, largest = max(run.rms_heading_deg for run in closed), max(run.max_abs_heading_deg for run in opened)
+    early = "".join(f"; {run_words(run.run)} ended early: {run.verdict}" for run in runs if run.verdict not in COMPLETED)
+    slopes = _listed([run.slope_deg for run in closed])
+    values = {"rms": rms, "largest": largest, "early": early, "text": f"{rms:.2f}° ({largest:.1f}°)"}
+    values |= {"lateral": max(run.lateral_m for run in closed), "drift": max(run.lateral_m for run in opened)}
+    conditions = f"{closed[0].duration_s:.0f} s, right belt 2 % faster, worst of {slopes}, seed {closed[0].seed}{early}"
+    yield "fig09", values | {"conditions": conditions}
 
 
 def _models(results: Results) -> Iterator[tuple[str, Values]]:
-    if results.fig08 is None:
+    if (main := results.fig08) is None:
         return
-    for item in results.fig08.slopes:
+    dead = [item.slope_deg for item in main.slopes if item.yaw_rate_vaf_percent < IDENTIFIABLE_VAF]
+    explained = main.yaw_rate_vaf_percent if main.rank == paper.RANK else None
+    where = f"; on {_listed(dead)} the belts do not turn the chair" if dead else ""
+    text = f"rank {main.rank} at {main.slope_deg:g}°, {main.yaw_rate_vaf_percent:.0f} % of the yaw rate one step ahead{where}"
+    yield "fig08", {"slope_deg": main.slope_deg, "explained": explained, "text": text, "conditions": main.conditions}
+    for item in main.slopes:
         along, across = item.friction
         ground = f"{item.slope_deg:g}" + ("" if item.friction == PAPER_FRICTION else f"-mu{along:g}-{across:g}")
         kind = "fig08, slope" if item.yaw_rate_vaf_percent >= IDENTIFIABLE_VAF else "fig08, dead zone"
         at, share = f"at {item.slope_deg:g}°, friction {along:g}/{across:g}", f"{item.yaw_rate_vaf_percent:.0f} %"
         yield kind, {"part": f"fig08/{ground}", "at": at, "share": share, **item.model_dump()}
-    main = results.fig08
-    share = f"{main.yaw_rate_vaf_percent:.0f} %"
-    yield "fig08", {"slope": main.slope_deg, "share": share, "conditions": main.conditions}
+
+
+def _printed_controller(printed: PrintedController) -> Values:
+    """Return K computed again, and what the printed controller does on the stair."""
+    return {
+        "gap": f"{printed.max_gap_to_print:.1e}",
+        "max_gap_to_print": printed.max_gap_to_print,
+        "asked": f"{max(printed.asked_m_s, key=abs):.2f} m/s",
+        "limit": printed.max_speed_m_s,
+        "ends": "; ".join(f"{run.verdict} after {run.duration_s:.1f} s" for run in printed.runs) or "not run",
+        "failed": sum(run.verdict not in COMPLETED for run in printed.runs) if printed.runs else None,
+    }
 
 
 def _listed(degrees: Sequence[float]) -> str:

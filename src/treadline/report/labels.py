@@ -1,5 +1,6 @@
-"""Words of the pages: labels and units of channels and of the scores in ``result.json``, and explanations of terms and phases."""
+"""Words of the pages: names of runs, labels and units of channels and of scores in ``result.json``, explanations of terms."""
 
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -107,3 +108,27 @@ def _written(key: str, value: int | float | None) -> str:  # noqa: PYI041 - to t
         return f"{value}{suffix(unit)}"
     digits = DIGITS.get(unit, 2) + (abs(value) < 0.1)
     return f"{round(value, digits) + 0.0:.{digits}f}{suffix(unit)}"
+
+
+RUN_WORDS = (
+    (r"^literal-(\d+)", r"printed controller at \1°"),
+    (r"^turn-rollback-(\d+)", r"turn at \1° with roll-back allowed"),
+    (r"^(turn|seat)-(\d+)", r"\1 at \2°"),
+    (r"^excite-(\d+)", r"random belt speeds at \1°"),
+    (r"^straight-(\d+)-(open|closed)", r"straight up \1°, \2 loop"),
+    (r"^(up|down)-(\d+)-", r"traversal \1 \2°-"),
+    (r"-mu([\d.]+)-([\d.]+)", r", friction \1/\2"),
+    (r"-plus(\d+)", r", from +\1°"),
+    (r"-minus(\d+)", r", from −\1°"),
+    (r"-seed(\d+)", r", seed \1"),
+    (r"-smooth", ", smooth belts"),
+    (r"-lugs-(\d+)-(\d+)-([\d.]+)ms", r", lugs \1/\2 mm, rubber \3 ms"),
+)
+"""Patterns in the names of a reproduction's run folders, with the words for them."""
+
+
+def run_words(name: str) -> str:
+    """Return the name of a run folder of a reproduction in words."""
+    for pattern, words in RUN_WORDS:
+        name = re.sub(pattern, words, name)
+    return name
