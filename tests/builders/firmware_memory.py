@@ -2,12 +2,16 @@
 
 import ctypes
 import random
+import shutil
 from typing import Any
 
 import firmware_twin as twin
 
 from treadline.hardware._frame import HostMessage, Kind
 from treadline.hardware.emulators._firmware import DriveBox, Inputs, Outputs
+
+HAS_COMPILER = any(map(shutil.which, ("cc", "gcc", "clang")))
+"""Whether the firmware can be compiled here."""
 
 
 class Rules(ctypes.Structure):

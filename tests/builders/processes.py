@@ -17,12 +17,12 @@ camera = "kinect1"
 """Scenario of a graph whose nodes are other processes: a chair on a flight, turned."""
 
 
-def wait_for(condition: Callable[[], bool], within_s: float = 60.0) -> None:
+def wait_for(condition: Callable[[], bool], within_s: float = 60.0, pause_s: float = 0.02) -> None:
     """Wait until something is so, and fail if it does not become so."""
     limit = time.monotonic() + within_s
-    while not condition() and time.monotonic() < limit:
-        time.sleep(0.02)
-    assert condition()
+    while not (is_so := condition()) and time.monotonic() < limit:
+        time.sleep(pause_s)
+    assert is_so
 
 
 def alive(pid: int) -> bool:

@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from firmware_memory import first_difference, memory_of
+from firmware_memory import HAS_COMPILER, first_difference, memory_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -24,7 +24,6 @@ from treadline.hardware._frame import (
 )
 from treadline.hardware.emulators._firmware import SOURCES, DriveBox, Inputs, Readings
 
-HAS_COMPILER = any(map(shutil.which, ("cc", "gcc", "clang")))
 compiled = pytest.mark.skipif(not HAS_COMPILER, reason="no C compiler (cc, gcc or clang) on the path")
 HELD = Inputs(dead_man=True, stop=False, drive_error=0)
 LIMITS = (10000, 4000, 1000, 100, 600, 500)
@@ -94,7 +93,7 @@ def test_the_state_says_what_the_rules_hold_and_what_was_measured() -> None:
     box.receive(message(Kind.DRIVE, (2000, -2000, 600, -500, 0, 0), sequence=2).frame() + b"\x03\x07\x00")
     box.tick(10, HELD)
     readings = Readings(present=Present.IMU | Present.VOLTAGE, belts=(-5, 6), voltage_mv=26_600, orientation=(16384, 0, 0, -1))
-    content = content_of(box.state(readings)[:-1])
+    content = content_of(box.frame(readings)[:-1])
     assert content is not None
     state = state_of(content)
     assert state is not None

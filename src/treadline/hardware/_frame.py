@@ -8,11 +8,13 @@ byte at the end. Numbers have their least significant byte first. Byte tables: d
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from itertools import islice
 from typing import Any
 
 from treadline.core.errors import LinkError
+from treadline.hardware.ports import HOLD_M_S2, DriveLimits
 
 VERSION = 1
 """Version of the messages, the first byte of each."""
@@ -46,64 +48,16 @@ _LONGEST = 254
 """Largest number of bytes between two zeros that COBS admits without a second code byte."""
 
 
-class Kind(IntEnum):
-    """Kinds of a host's messages."""
-
-    DRIVE = 1
-    HOLD = 2
-    STOP = 3
-    REARM = 4
-    LIMITS = 5
-
-
-class Cause(IntEnum):
-    """Causes of a latched stop."""
-
-    ARMED = 0
-    START = 1
-    STOPPED = 2
-    WATCHDOG = 3
-    TWO_HOSTS = 4
-    DEAD_MAN = 5
-    BUTTON = 6
-    DRIVE_ERROR = 7
-
-
-class Reply(IntEnum):
-    """Reasons for which the box rejected a message."""
-
-    ACCEPTED = 0
-    BROKEN = 1
-    VERSION = 2
-    FOREIGN = 3
-    STALE = 4
-    OUT_OF_ORDER = 5
-    NOT_NOW = 6
-    OLD_LATCH = 7
-    NO_LIMITS = 8
-    BLOCKED = 9
-    BEYOND = 10
-
-
-class Flag(IntFlag):
-    """Bits of ``BoxState.flags``."""
-
-    BRAKE = 1
-    DEAD_MAN = 2
-    STOP = 4
-    REARM = 8
-    FLIGHT_ENDS = 16
-    GO_BACK = 32
-
-
-class Present(IntFlag):
-    """Bits of ``BoxState.present``: what the box measures."""
-
-    IMU = 1
-    SEAT = 2
-    FLIPPER = 4
-    HANDSET = 8
-    VOLTAGE = 16
+Kind = IntEnum("Kind", "DRIVE HOLD STOP REARM LIMITS")
+"""Kinds of a host's messages."""
+Cause = IntEnum("Cause", "ARMED START STOPPED WATCHDOG TWO_HOSTS DEAD_MAN BUTTON DRIVE_ERROR", start=0)
+"""Causes of a latched stop."""
+Reply = IntEnum("Reply", "ACCEPTED BROKEN VERSION FOREIGN STALE OUT_OF_ORDER NOT_NOW OLD_LATCH NO_LIMITS BLOCKED BEYOND", start=0)
+"""Reasons for which the box rejected a message; ``firmware/rules.h`` describes each."""
+Flag = IntFlag("Flag", "BRAKE DEAD_MAN STOP REARM FLIGHT_ENDS GO_BACK")
+"""Bits of ``BoxState.flags``."""
+Present = IntFlag("Present", "IMU SEAT FLIPPER HANDSET VOLTAGE")
+"""Bits of ``BoxState.present``: what the box measures."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,22 +119,29 @@ class BoxState:
     """Angle of the flipper, and torque."""
 
 
-_COUNTS = dict.fromkeys((field.name for field in fields(BoxState)), 1) | {
-    "limits": VALUES,
-    "set_points_um_s": 2,
-    "belts": 2,
-    "orientation": 4,
-    "rates": 3,
-    "accelerations": 3,
+_COUNTS = {"limits": VALUES, "set_points_um_s": 2, "belts": 2, "orientation": 4, "rates": 3, "accelerations": 3} | {
     "seat": 2,
     "flipper": 2,
 }
-"""Numbers in each field of a state, in the order of its bytes."""
+"""Numbers in those fields of a state that have more than one."""
 
 
 def counts(value: float, unit: float) -> int:
     """Return a finite value in a unit, rounded and kept within 16 bits, as a sensor's converter does."""
     return round(min(max(value / unit, -(2.0**15)), 2.0**15 - 1.0))
+
+
+def limit_values(limits: DriveLimits) -> tuple[int, ...]:
+    """Return limits as the values of a message."""
+    hold_m_s2 = min(HOLD_M_S2, limits.acceleration_m_s2)
+    return (
+        counts(limits.speed_m_s, BELT_M_S),
+        counts(limits.acceleration_m_s2, MILLI),
+        counts(hold_m_s2, MILLI),
+        counts(limits.watchdog_s, MILLI),
+        counts(limits.seat_m_s, SEAT_M),
+        counts(limits.flipper_rad_s, FLIPPER_RAD_S),
+    )
 
 
 def frame_of(content: bytes) -> bytes:
@@ -216,9 +177,10 @@ def state_of(content: bytes) -> BoxState | None:
     if len(content) != STATE.size or content[1] != STATE_KIND:
         return None
     numbers = iter(STATE.unpack(content)[3:])
-    values: dict[str, Any] = {
-        name: next(numbers) if count == 1 else tuple(next(numbers) for _ in range(count)) for name, count in _COUNTS.items()
-    }
+    values: dict[str, Any] = {}
+    for name in BoxState.__slots__:
+        count = _COUNTS.get(name)
+        values[name] = next(numbers) if count is None else tuple(islice(numbers, count))
     kinds: dict[str, Any] = {"cause": Cause, "flags": Flag, "present": Present, "reply": Reply}
     return BoxState(**values | {name: kind(values[name]) for name, kind in kinds.items()})
 

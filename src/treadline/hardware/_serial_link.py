@@ -15,7 +15,7 @@ from treadline.core.errors import LinkError
 from treadline.core.signals import FlipperReading, ImuSample, OperatorInput, SeatReading
 from treadline.hardware import _frame as frame
 from treadline.hardware._frame import BoxState, Cause, Flag, FrameReader, HostMessage, Kind, Present, Reply, counts
-from treadline.hardware.ports import HOLD_M_S2, BoxReading, DriveLimits, DriveState
+from treadline.hardware.ports import BoxReading, DriveLimits, DriveState
 
 SPEAKS_S = 2.0
 """Time after opening within which a box must have sent a whole frame [s]: boards that restart when their port opens take one."""
@@ -44,7 +44,7 @@ class SerialLink:
 
     def __init__(self, *, port: str, limits: DriveLimits | None = None, baud: int = 115_200) -> None:
         self._port, self._opened_s = port, time.monotonic()
-        self._limits = None if limits is None else _limit_values(limits)
+        self._limits = None if limits is None else frame.limit_values(limits)
         try:
             self._line = serial.Serial(port, baud, timeout=0, write_timeout=0, exclusive=True)
         except (serial.SerialException, OSError, ValueError) as error:
@@ -69,7 +69,9 @@ class SerialLink:
             state = frame.state_of(content)
             if state is not None:
                 self._state, self._has_spoken = state, True
-                readings.extend(_readings(state, now_s, self._error(state)))
+                readings.extend(_sensor_readings(state, now_s))
+                if self._limits is not None:
+                    readings.append(_drive_state(state, now_s, self._error(state)))
         if not self._has_spoken and now_s - self._opened_s > SPEAKS_S:
             raise LinkError(
                 f"{self._port} sent no frame of a box within {SPEAKS_S:g} s ({self._reader.broken} broken ones); "
@@ -142,19 +144,6 @@ class SerialLink:
         return ERRORS.get(state.cause)
 
 
-def _limit_values(limits: DriveLimits) -> tuple[int, ...]:
-    """Return limits in the units of the frame, rounded."""
-    hold_m_s2 = min(HOLD_M_S2, limits.acceleration_m_s2)
-    return (
-        counts(limits.speed_m_s, frame.BELT_M_S),
-        counts(limits.acceleration_m_s2, frame.MILLI),
-        counts(hold_m_s2, frame.MILLI),
-        counts(limits.watchdog_s, frame.MILLI),
-        counts(limits.seat_m_s, frame.SEAT_M),
-        counts(limits.flipper_rad_s, frame.FLIPPER_RAD_S),
-    )
-
-
 def _open_problem(port: str, error: Exception) -> str:
     """Return why a port cannot be opened, with the remedy."""
     text = str(error)
@@ -169,9 +158,9 @@ def _open_problem(port: str, error: Exception) -> str:
     return f"{port} cannot be opened: {text}; give the device of a serial line"
 
 
-def _readings(state: BoxState, t_s: float, error: str | None) -> list[BoxReading]:
-    """Return the readings that a state holds."""
-    readings: list[BoxReading] = [_drive_state(state, t_s, error)]
+def _sensor_readings(state: BoxState, t_s: float) -> list[BoxReading]:
+    """Return the readings of the sensors that the box has."""
+    readings: list[BoxReading] = []
     if Present.IMU in state.present:
         readings.append(_imu_sample(state, t_s))
     if Present.SEAT in state.present:

@@ -1,5 +1,6 @@
 """Command line of the emulators: ``python -m treadline.hardware.emulators serial``."""
 
+import math
 import sys
 from pathlib import Path
 from typing import Literal
@@ -7,20 +8,25 @@ from typing import Literal
 import cyclopts
 
 from treadline.core.errors import TreadlineError
+from treadline.hardware.emulators._can import CanAxes
 from treadline.hardware.emulators._chair import EmulatedChair
 from treadline.hardware.emulators._clock import TickPacer
 from treadline.hardware.emulators._faults import KINDS, Faults
-from treadline.hardware.emulators._serial import SerialBox
+from treadline.hardware.emulators._serial import SerialBox, Terminal
 
+NODES = (1, 2)
+"""Node ids of the emulated axes, left and right."""
 app = cyclopts.App(name="python -m treadline.hardware.emulators", help_epilogue=f"Faults: {KINDS}")
 
 
 @app.default
 def emulate(
-    link: Literal["serial"],  # noqa: ARG001 - the bus follows
+    link: Literal["serial", "can"],
     /,
     *,
     port: Path = Path("chair"),
+    channel: str = "239.74.163.2",
+    udp_port: int = 43113,
     scenario: str = "up-28",
     seed: int = 0,
     fault: list[str] | None = None,
@@ -29,8 +35,11 @@ def emulate(
     """Emulate a chair: its motion in MuJoCo, and the firmware of its box, until Ctrl-C.
 
     Args:
-        link: Link to the drives: serial, a line behind a pseudo-terminal.
+        link: Link to the drives: serial, a line behind a pseudo-terminal; or can, a bus of python-can's udp_multicast with the axes
+            1 (left) and 2 (right), whose motors turn the chair's pulleys directly. The sensors are on the serial line in both.
         port: Path of the serial port: a link to the pseudo-terminal.
+        channel: Multicast address that carries the CAN bus.
+        udp_port: Port that carries the CAN bus.
         scenario: Scenario, by name or file: stair, chair, load and start.
         seed: Random seed of the stair and of the sensors' noise.
         fault: Fault as KIND@START or KIND@START=VALUE, in seconds of the emulator's clock; may be repeated.
@@ -38,12 +47,24 @@ def emulate(
     """
     faults = Faults(fault or [])
     chair = EmulatedChair(scenario, seed, faults)
-    box = SerialBox(chair, faults, port)
-    print(f"chair at {port}; Ctrl-C ends it", flush=True)  # noqa: T201 - a program that runs in a terminal of its own
+    terminal = Terminal(port)
+    box: SerialBox | CanAxes
+    if link == "serial":
+        box = SerialBox(chair, faults, terminal)
+    else:
+        turn_m = math.tau * chair.chair.tracks.pulley_radius_m
+        bus = {"interface": "udp_multicast", "channel": channel, "port": udp_port, "fd": False}
+        box = CanAxes(chair, faults, terminal, NODES, turn_m, bus)
+    _say(f"chair at {port}{'' if link == 'serial' else f', drives on {channel}'}; Ctrl-C ends it")
     pacer = TickPacer(pace)
     while True:
-        box.step()
+        for event in box.step():
+            _say(event)
         pacer.wait()
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)  # noqa: T201 - the program runs in a terminal of its own
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """Firmware of the box at the drives, compiled for this computer: the same C files that run on the microcontroller.
 
-``DriveBox.receive(bytes)``, ``DriveBox.tick(now_ms, inputs) -> outputs``, ``DriveBox.state(readings) -> bytes``.
+``DriveBox.receive(bytes)``, ``DriveBox.tick(now_ms, inputs) -> outputs``, ``DriveBox.frame(readings) -> bytes``.
 """
 
 import ctypes
@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 
 from treadline.core.errors import LinkError
+from treadline.hardware._frame import BoxState, content_of, state_of
 
 SOURCES = Path(__file__).parents[4] / "firmware"
 """Folder of the C files in a checkout of the repository."""
@@ -95,8 +96,16 @@ class DriveBox:
         outputs: Outputs = self._library.tl_box_tick(self.memory, now_ms, inputs)
         return outputs
 
-    def state(self, readings: Readings) -> bytes:
+    def frame(self, readings: Readings) -> bytes:
         """Return the state as a frame."""
         frame = ctypes.create_string_buffer(FRAME_MAX)
         length = self._library.tl_box_state(self.memory, readings, frame)
         return frame.raw[:length]
+
+    @property
+    def state(self) -> BoxState:
+        """State without readings."""
+        content = content_of(self.frame(Readings())[:-1])
+        state = None if content is None else state_of(content)
+        assert state is not None, "the firmware writes a whole state"  # noqa: S101
+        return state

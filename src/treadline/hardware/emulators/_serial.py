@@ -7,13 +7,16 @@ import tty
 from collections.abc import Iterator
 from pathlib import Path
 
+from treadline.core.errors import LinkError
 from treadline.core.signals import TICK_S
-from treadline.hardware._frame import HostMessage, Kind
+from treadline.hardware._frame import Cause, HostMessage, Kind
 from treadline.hardware.emulators._chair import EmulatedChair
 from treadline.hardware.emulators._faults import Faults, FaultyLine, spoilt_bytes
-from treadline.hardware.emulators._firmware import DriveBox, Inputs, Outputs
+from treadline.hardware.emulators._firmware import DriveBox, Inputs
 
 TICK_MS = round(1000 * TICK_S)
+SOUND = Inputs(dead_man=True, stop=False, drive_error=0)
+"""Inputs of a box without switches at its drives."""
 SECOND_HOST = 0
 """Sender of the other program; a link draws its own above zero."""
 
@@ -23,9 +26,14 @@ class Terminal:
 
     Args:
         port: Path of the link.
+
+    Raises:
+        LinkError: If the path is another file.
     """
 
     def __init__(self, port: Path) -> None:
+        if port.exists() and not port.is_symlink():
+            raise LinkError(f"{port} exists and is no port of an emulator; give another --port")
         self._near, self._far = pty.openpty()
         tty.setraw(self._far)
         os.set_blocking(self._near, False)
@@ -35,14 +43,14 @@ class Terminal:
 
     def read(self) -> list[bytes]:
         """Return the frames that have arrived, ending zeros included."""
-        with contextlib.suppress(BlockingIOError):
+        with contextlib.suppress(OSError):
             self._rest += os.read(self._near, 1 << 16)
         *frames, self._rest = self._rest.split(b"\0")
         return [frame + b"\0" for frame in frames]
 
     def write(self, frame: bytes) -> None:
         """Send a frame; a host that does not read loses it."""
-        with contextlib.suppress(BlockingIOError):
+        with contextlib.suppress(OSError):
             os.write(self._near, frame)
 
     def close(self) -> None:
@@ -54,34 +62,39 @@ class Terminal:
 class SerialBox:
     """Box with its firmware between a terminal and a chair."""
 
-    def __init__(self, chair: EmulatedChair, faults: Faults, port: Path) -> None:
-        self._chair, self._faults = chair, faults
-        self._terminal: Terminal | None = Terminal(port)
+    def __init__(self, chair: EmulatedChair, faults: Faults, terminal: Terminal) -> None:
+        self._chair, self._faults, self._terminal = chair, faults, terminal
         self._line = FaultyLine(faults, spoilt_bytes)
         self._start()
 
     def _start(self) -> None:
         """Switch the box on."""
-        self._box, self._started_s = DriveBox(), self._chair.t_s
+        self._box, self._started_s, self._cause = DriveBox(), self._chair.t_s, Cause.ARMED
 
-    def step(self) -> None:
-        """Run the main loop of the box once."""
+    def step(self) -> Iterator[str]:
+        """Run the main loop of the box once; yield a line for each latched stop and re-arm."""
         t_s = self._chair.t_s
         if self._faults.once("brown_out", t_s):
             self._start()
-        if self._faults.once("gone", t_s) and self._terminal is not None:
+        if self._faults.once("gone", t_s):
             self._terminal.close()
-            self._terminal = None
         now_ms = round(1000 * (t_s - self._started_s))
         for frame in self._received(t_s, now_ms):
             self._box.receive(frame)
-        outputs: Outputs = self._box.tick(now_ms, Inputs(dead_man=True, stop=False, drive_error=0))
-        state = self._box.state(self._chair.step(outputs))
-        if self._terminal is not None and not self._faults.active("unplugged", t_s):
+        outputs = self._box.tick(now_ms, SOUND)
+        yield from self._events(t_s)
+        state = self._box.frame(self._chair.step(outputs))
+        if not self._faults.active("unplugged", t_s):
             self._terminal.write(state)
 
     def _received(self, t_s: float, now_ms: int) -> Iterator[bytes]:
         """Yield the frames that reach the box."""
-        yield from self._line.carry([] if self._terminal is None else self._terminal.read(), t_s)
+        yield from self._line.carry(self._terminal.read(), t_s)
         if self._faults.once("second_host", t_s):
             yield HostMessage(kind=Kind.HOLD, sender=SECOND_HOST, sequence=0, stamp_ms=now_ms).frame()
+
+    def _events(self, t_s: float) -> Iterator[str]:
+        state = self._box.state
+        if state.cause != self._cause:
+            self._cause = state.cause
+            yield f"{t_s:.2f} s: {state.cause.name}, newest command {state.now_ms - state.heard_ms} ms old"

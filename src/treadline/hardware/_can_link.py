@@ -1,0 +1,281 @@
+"""Link to two axes of ODrive motor drives by CANSimple, through python-can.
+
+Robot file: ``link = "can"``, ``interface`` and ``channel`` of python-can, ``left_node``, ``right_node``, ``wheel_radius_m`` and
+``gear_ratio``. Velocity limit, ramp and watchdog are those of the drives' own configuration (docs/reference/firmware.md); the link
+proves the watchdog before each re-arm.
+"""
+
+import contextlib
+import math
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import can
+
+from treadline.core.errors import LinkError
+from treadline.hardware import _can_simple as simple
+from treadline.hardware._can_simple import CanCommand
+from treadline.hardware.ports import DriveLimits, DriveState
+
+SETTLE_S = 0.5
+"""Time in which an axis must take a state [s]: five heartbeats of the default period."""
+ECHOES = 64
+"""Remembered commands, of which a bus may return copies."""
+
+
+@dataclass(slots=True)
+class Axis:
+    """What one node reported last."""
+
+    node: int
+    velocity_m_s: float = 0.0
+    is_new: bool = False
+    """Whether ``velocity_m_s`` came after the last ``DriveState``."""
+    state: int = 0
+    error: int = 0
+    protocol: int | None = None
+    serials: set[bytes] = field(default_factory=set)
+    """Serial numbers that answered under this id."""
+
+    @property
+    def problem(self) -> str | None:
+        """Error of the drive in one line; none for those that stop() and the watchdog set."""
+        error = self.error & ~(simple.WATCHDOG_EXPIRED | simple.ESTOP_REQUESTED)
+        return f"drive {self.node} reports error {error:#x}; read it with odrivetool: dump_errors" if error else None
+
+
+class CanSimpleLink:
+    """Drive link to one axis for each belt.
+
+    Args:
+        channel: Channel of the bus, for example can0.
+        left_node: Node id of the left belt's axis.
+        wheel_radius_m: Radius of the pulley that drives a belt [m].
+        limits: Limits of the commands; the drives must be configured with the same.
+        gear_ratio: Turns of the motor for a turn of the pulley.
+        interface: Interface of python-can.
+        options: Further options of python-can's bus.
+
+    Raises:
+        LinkError: If a number is impossible, or the bus does not open.
+    """
+
+    def __init__(
+        self,
+        *,
+        channel: str,
+        left_node: int,
+        right_node: int,
+        wheel_radius_m: float,
+        limits: DriveLimits,
+        gear_ratio: float = 1.0,
+        interface: str = "socketcan",
+        **options: Any,
+    ) -> None:
+        self._turn_m = _turn_m(wheel_radius_m, gear_ratio)
+        self._axes = {node: Axis(node) for node in _nodes(left_node, right_node)}
+        self._limits, self._name = limits, f"{interface} {channel}"
+        try:
+            self._bus: can.BusABC | None = can.Bus(interface=interface, channel=channel, **options)
+        except (can.CanError, OSError, ValueError, ImportError) as error:
+            raise LinkError(f"no CAN bus {self._name} ({error}); bring it up, or correct interface and channel") from error
+        self._sent: deque[tuple[int, bytes]] = deque(maxlen=ECHOES)
+        self._voltage_v: float | None = None
+        self._phase = "latched"
+        """latched; proving: standing without a command until the watchdog trips; arming; armed."""
+        self._phase_s = 0.0
+        self._fault: str | None = None
+        self._ask(CanCommand.GET_VERSION)
+
+    def poll(self) -> Sequence[DriveState]:
+        """Return a state for each pair of the axes' encoder estimates since the last call.
+
+        Raises:
+            LinkError: If the bus has gone, a drive speaks another protocol, or two drives have one id.
+        """
+        states = []
+        for message in self._received():
+            self._take(message)
+            self._advance()
+            if all(axis.is_new for axis in self._axes.values()):
+                states.append(self._drive_state())
+        return states
+
+    def send(self, left_m_s: float, right_m_s: float) -> None:
+        """Set the belt speeds within the limits. A speed that is not a number stops the drives."""
+        if not (math.isfinite(left_m_s) and math.isfinite(right_m_s)):
+            self.stop()
+        elif self._phase in ("arming", "armed"):
+            limit_m_s = self._limits.speed_m_s
+            for node, speed_m_s in zip(self._axes, (left_m_s, right_m_s), strict=True):
+                velocity = max(-limit_m_s, min(speed_m_s, limit_m_s)) / self._turn_m if self._phase == "armed" else 0.0
+                self._send(node, CanCommand.SET_INPUT_VEL, simple.FLOATS.pack(velocity, 0.0))
+
+    def hold(self) -> None:
+        """Ramp to zero with the drives' own ramp."""
+        self.send(0.0, 0.0)
+
+    def stop(self) -> None:
+        """Stop at once, latched until ``rearm``."""
+        self._enter("latched")
+        for node in self._axes:
+            self._send(node, CanCommand.ESTOP)
+
+    def rearm(self) -> None:
+        """Prove the watchdog, then end the latched stop; the belts stand meanwhile."""
+        if any(axis.protocol is None for axis in self._axes.values()):
+            return
+        self._fault = None
+        self._enter("proving")
+        self._close_loops()
+
+    def close(self) -> None:
+        """Stop the drives and release the bus."""
+        if self._bus is not None:
+            self.stop()
+            self._bus.shutdown()
+            self._bus = None
+
+    def _received(self) -> Iterator[can.Message]:
+        while self._bus is not None:
+            try:
+                message = self._bus.recv(0)
+            except (can.CanError, OSError) as error:
+                raise LinkError(f"the CAN bus {self._name} has gone ({error}); bring it up and start again") from error
+            if message is None:
+                return
+            if not message.is_remote_frame and message.arbitration_id >> simple.COMMAND_BITS in self._axes:
+                yield message
+
+    def _take(self, message: can.Message) -> None:
+        """Keep what a message reports."""
+        axis = self._axes[message.arbitration_id >> simple.COMMAND_BITS]
+        command, content = message.arbitration_id & ((1 << simple.COMMAND_BITS) - 1), bytes(message.data)
+        match command:
+            case CanCommand.HEARTBEAT:
+                axis.error, axis.state, *_ = simple.HEARTBEAT.unpack(content)
+                if axis.protocol is None:
+                    self._ask(CanCommand.GET_VERSION)
+            case CanCommand.ENCODER_ESTIMATES:
+                axis.velocity_m_s, axis.is_new = simple.FLOATS.unpack(content)[1] * self._turn_m, True
+            case CanCommand.BUS_VOLTAGE:
+                self._voltage_v = simple.FLOATS.unpack(content)[0]
+            case CanCommand.GET_VERSION:
+                self._identify(axis, content[0])
+            case CanCommand.ADDRESS:
+                axis.serials.add(content[1:7])
+                if len(axis.serials) > 1:
+                    raise LinkError(f"two drives have the node id {axis.node}; set another one with odrivetool: can.config.node_id")
+            case CanCommand.SET_INPUT_VEL | CanCommand.SET_AXIS_STATE:
+                self._note_command(message.arbitration_id, content)
+
+    def _identify(self, axis: Axis, protocol: int) -> None:
+        """Keep the protocol of an axis, and ask for its serial number."""
+        if protocol != simple.PROTOCOL:
+            raise LinkError(f"drive {axis.node} speaks version {protocol} of CANSimple, not {simple.PROTOCOL}; update its firmware")
+        if axis.protocol is None:
+            axis.protocol = protocol
+            self._ask(CanCommand.ADDRESS)
+
+    def _note_command(self, identifier: int, content: bytes) -> None:
+        """Stop where a command on the bus is neither this link's nor a copy of it that the bus returns."""
+        if (identifier, content) in self._sent:
+            self._sent.remove((identifier, content))
+        elif self._phase != "latched":
+            self._fail(f"two hosts send commands to drive {identifier >> simple.COMMAND_BITS}; stop one of them")
+
+    def _advance(self) -> None:
+        """Carry on with arming, and stop both axes where one has stopped."""
+        axes, waited_s = self._axes.values(), time.monotonic() - self._phase_s
+        have_tripped = [bool(axis.error & simple.WATCHDOG_EXPIRED) for axis in axes]
+        are_closed = [axis.state == simple.CLOSED_LOOP and not axis.error for axis in axes]
+        if self._phase == "proving" and all(have_tripped):
+            self._enter("arming")
+            self._close_loops()
+        elif self._phase == "proving" and waited_s > self._limits.watchdog_s + SETTLE_S:
+            node = next(axis.node for axis, has_tripped in zip(axes, have_tripped, strict=True) if not has_tripped)
+            wanted = f"axis0.config.watchdog_timeout = {self._limits.watchdog_s:g}, enable_watchdog = True"
+            self._fail(f"drive {node} has no watchdog; set it with odrivetool: {wanted}")
+        elif self._phase == "arming" and all(are_closed):
+            self._enter("armed")
+        elif self._phase == "armed" or waited_s > SETTLE_S:
+            self._check_closed(are_closed)
+
+    def _check_closed(self, are_closed: Sequence[bool]) -> None:
+        """Stop both axes where one is not in closed-loop control; the watchdog, which the state names, is no error."""
+        open_axes = [axis for axis, is_closed in zip(self._axes.values(), are_closed, strict=True) if not is_closed]
+        if self._phase in ("arming", "armed") and open_axes:
+            unexplained = [axis for axis in open_axes if not axis.error & simple.WATCHDOG_EXPIRED]
+            if unexplained and self._fault is None:
+                self._fault = f"drive {unexplained[0].node} left closed-loop control; check its supply and its errors (odrivetool)"
+            self.stop()
+
+    def _close_loops(self) -> None:
+        """Clear the errors and ask for closed-loop control at zero speed."""
+        for node in self._axes:
+            self._send(node, CanCommand.CLEAR_ERRORS, b"\0")
+            self._send(node, CanCommand.SET_CONTROLLER_MODE, simple.WORDS.pack(simple.VELOCITY_CONTROL, simple.VELOCITY_RAMP))
+            self._send(node, CanCommand.SET_INPUT_VEL, simple.FLOATS.pack(0.0, 0.0))
+            self._send(node, CanCommand.SET_AXIS_STATE, simple.WORD.pack(simple.CLOSED_LOOP))
+
+    def _enter(self, phase: str) -> None:
+        self._phase, self._phase_s = phase, time.monotonic()
+
+    def _fail(self, fault: str) -> None:
+        """Stop with a cause, which stays until ``rearm``."""
+        self._fault = fault
+        self.stop()
+
+    def _drive_state(self) -> DriveState:
+        axes = list(self._axes.values())
+        for axis in axes:
+            axis.is_new = False
+        problems = [self._fault, *(axis.problem for axis in axes), *map(_unknown, axes)]
+        return DriveState(
+            t_s=time.monotonic(),
+            box_s=None,
+            left_m_s=axes[0].velocity_m_s,
+            right_m_s=axes[1].velocity_m_s,
+            watchdog_tripped=self._phase == "latched" and any(axis.error & simple.WATCHDOG_EXPIRED for axis in axes),
+            latched=self._phase != "armed",
+            error=next(filter(None, problems), None),
+            voltage_v=self._voltage_v,
+        )
+
+    def _ask(self, command: CanCommand) -> None:
+        """Request a message from both axes."""
+        for node in self._axes:
+            self._send(node, command, remote=True)
+
+    def _send(self, node: int, command: CanCommand, content: bytes = b"", *, remote: bool = False) -> None:
+        """Send a message; a bus that takes none is reported by ``poll``, and stops the drives by their watchdog."""
+        identifier = node << simple.COMMAND_BITS | command
+        message = can.Message(arbitration_id=identifier, data=content, is_extended_id=False, is_remote_frame=remote)
+        if command in (CanCommand.SET_INPUT_VEL, CanCommand.SET_AXIS_STATE):
+            self._sent.append((identifier, content))
+        if self._bus is not None:
+            with contextlib.suppress(can.CanError, OSError):
+                self._bus.send(message, timeout=0)
+
+
+def _unknown(axis: Axis) -> str | None:
+    """Return that a drive has not reported its protocol; None if it has."""
+    return f"drive {axis.node} does not report its protocol version; it needs firmware 0.6" if axis.protocol is None else None
+
+
+def _turn_m(wheel_radius_m: float, gear_ratio: float) -> float:
+    """Return the travel of a belt in a turn of its motor [m]."""
+    for name, value in (("wheel_radius_m", wheel_radius_m), ("gear_ratio", gear_ratio)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise LinkError(f"{name} is {value}; it must be above zero: measure the belt's drive pulley and read the gear's plate")
+    return math.tau * wheel_radius_m / gear_ratio
+
+
+def _nodes(left: int, right: int) -> tuple[int, int]:
+    """Return the two node ids."""
+    if left == right or not (0 <= left < 64 and 0 <= right < 64):
+        raise LinkError(f"left_node is {left} and right_node {right}; give each drive an id of its own from 0 to 63")
+    return left, right
