@@ -14,27 +14,18 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from jaxtyping import Float
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
 from treadline.core.errors import SettingsError, TreadlineError
 from treadline.playback import Recording, read_recording
+from treadline.report.film import write_film
 from treadline.report.player_page import TEMPLATES, json_in_page, scene_of
+from treadline.vehicle.film_camera import AZIMUTH_RAD, BACKGROUND, DISTANCE_M, ELEVATION_RAD, FRAME_S, SIZE_PX, TARGET_M
 
-SIZE_PX = (720, 405)
-SPEED_UP = 4.0
-"""Playback speed over simulated time."""
-FRAMES_PER_S = 10.0
-END_S = 2.0
-"""Time for which the last frame is shown [s]."""
-QUALITY = 55
-"""WebP quality: a traversal of 50 s stays below 1.5 MB."""
 SMOOTH_S = 3.0
 """Time over which the camera's target is averaged [s of the run], so that the view does not rock with the chair."""
-BACKGROUND = (0.93, 0.945, 0.96)
-INK = (27, 32, 38)
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 HEADLESS = (
     "--headless=new",
@@ -62,12 +53,8 @@ def write_climb_picture(run: Path, path: Path) -> Path:
     recording = read_recording(run)
     if not recording.has_poses:
         raise SettingsError(f"{run}: {' '.join(recording.missing)}")
-    times_s = np.arange(0.0, recording.duration_s, SPEED_UP / FRAMES_PER_S)
-    frames = [_captioned(image, recording, t_s) for image, t_s in zip(render(recording, times_s), times_s.tolist(), strict=True)]
-    durations = [round(1000.0 / FRAMES_PER_S)] * (len(frames) - 1) + [round(1000.0 * END_S)]
-    path.parent.mkdir(parents=True, exist_ok=True)
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=QUALITY, method=4)
-    return path
+    times_s = np.arange(0.0, recording.duration_s, FRAME_S)
+    return write_film(zip(times_s.tolist(), render(recording, times_s), strict=True), recording, path)
 
 
 def render(recording: Recording, times_s: Float[np.ndarray, " n"]) -> list[Image.Image]:
@@ -115,20 +102,12 @@ def _shot(recording: Recording, t_s: float) -> dict[str, Any]:
             "travel": recording.belt_travel_m[k].tolist(),
         },
         "view": {
-            "azimuth": -2.05 + 0.75 * share,
-            "elevation": 0.27,
-            "distance": 4.1,
-            "target": (recording.p_WB[near].mean(axis=0) + np.array([0.1, 0.0, 0.55])).tolist(),
+            "azimuth": AZIMUTH_RAD + 0.75 * share,
+            "elevation": ELEVATION_RAD,
+            "distance": DISTANCE_M,
+            "target": (recording.p_WB[near].mean(axis=0) + np.array(TARGET_M)).tolist(),
         },
     }
-
-
-def _captioned(image: Image.Image, recording: Recording, t_s: float) -> Image.Image:
-    """Return an image with time and phase."""
-    span = recording.phase_at(t_s)
-    font = ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), 17)
-    ImageDraw.Draw(image).text((16, 12), f"{t_s:4.0f} s   {'' if span is None else span.name}", fill=INK, font=font)
-    return image
 
 
 def main() -> None:

@@ -53,7 +53,7 @@ compile() {
     built=$root/opt/treadline
     rm -rf "$built"
     mkdir -p "$built/source"
-    cp "$here/CMakeLists.txt" "$here/lockstep.cc" "$built/source/"
+    cp "$here/CMakeLists.txt" "$here"/*.cc "$built/source/"
     inside sh -c 'cmake -S /opt/treadline/source -B /opt/treadline/build -DCMAKE_BUILD_TYPE=Release && make -C /opt/treadline/build' \
         >>"$log" 2>&1 || fail "the plugin does not compile; see $log"
     sources >"$built/built-from"
@@ -65,7 +65,7 @@ inside() {
 
 # What was compiled, for which Gazebo: another of either is compiled anew.
 sources() {
-    { cat "$here/CMakeLists.txt" "$here/lockstep.cc"; inside dpkg-query --show libgazebo-dev; } | sha256sum | cut -d ' ' -f 1
+    { cat "$here/CMakeLists.txt" "$here"/*.cc; inside dpkg-query --show libgazebo-dev; } | sha256sum | cut -d ' ' -f 1
 }
 
 if [ "$cache" = / ]; then

@@ -4,7 +4,7 @@
 // Gazebo's own plugin takes a Twist on a topic, whenever it arrives. This one sets the two belts' speeds themselves, holds the
 // world until it is told how many steps to go, and answers with the state after them: the same orders give the same run.
 //
-// One order is eight doubles, one answer COLUMNS doubles, both little-endian; see src/treadline/plant/gazebo/server.py, which speaks
+// One order is eight doubles, one answer COLUMNS doubles, both little-endian; see src/treadline/plant/gazebo/_gzserver.py, which speaks
 // the other end. A client that closes the socket ends the process.
 
 #include <arpa/inet.h>
@@ -24,6 +24,8 @@
 #include <gazebo/common/Events.hh>
 #include <gazebo/gazebo_config.h>
 #include <gazebo/physics/physics.hh>
+#include <gazebo/rendering/Camera.hh>
+#include <gazebo/sensors/sensors.hh>
 #include <gazebo/plugins/SimpleTrackedVehiclePlugin.hh>
 
 namespace treadline {
@@ -35,6 +37,8 @@ constexpr double PROTOCOL = 1.0;
 constexpr double NO_REACH_M = -1e3;  // of a chair that touches nothing
 constexpr int SEAT_GAIN = 60, FLIPPER_GAIN = 10;  // 1/s: how fast a servo takes up what is left to its target
 constexpr double STIFF_N_M = 1e4;  // a seat's gear holds whatever sits on it
+constexpr unsigned int SCENE_US = 10000;
+constexpr double FOLLOWED = 0.01;  // per order, 10 ms: the film's camera is a second behind the chair, and does not shake with it
 
 enum Order { STEPS, LEFT, RIGHT, SEAT, FLIPPER, FLIPPER_RATE, FRICTION, FRICTION_ACROSS, ORDERS };
 
@@ -48,6 +52,7 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
   void Load(gazebo::physics::ModelPtr model, sdf::ElementPtr sdf) override {
     SimpleTrackedVehiclePlugin::Load(model, sdf);
     model_ = model;
+    film_ = sdf->Get<std::string>("film", "").first;
     chair_ = model->GetLink(sdf->Get<std::string>("body"));
     seat_ = model->GetJoint("seat_joint");
     flipper_ = model->GetJoint("flipper_joint");
@@ -69,6 +74,8 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
         collision->SetCategoryBits(ROBOT_CATEGORY | BELT_CATEGORY | (collision->GetName().rfind("left", 0) == 0 ? LEFT_CATEGORY : 0u));
     Put(seat_, seat_start_, STIFF_N_M);
     if (flipper_) Put(flipper_, flipper_start_, flipper_torque_n_m_);
+    camera_ = model_->GetWorld()->ModelByName("film");
+    if (camera_) beside_ = camera_->WorldPose().Pos() - chair_->WorldPose().Pos();
     contacts_ = gazebo::event::Events::ConnectBeforePhysicsUpdate([this](const auto&) { Reach(); });
   }
 
@@ -106,6 +113,7 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
   // Before a step: answer when the last order is done, then wait for the next one.
   void Before() {
     if (client_ < 0) Accept();
+    if (camera_ && !images_) Film();
     if (flipper_ && is_under_way_) flipper_torque_ += FlipperTorque();  // of single steps ODE's forces jump
     if (steps_left_ == 0) {
       if (is_under_way_) {
@@ -126,12 +134,35 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
   }
 
   void Obey() {
+    if (camera_) Follow();
     SetTrackVelocityImpl(order_[LEFT], order_[RIGHT]);
     if (order_[FRICTION] == friction_[0] && order_[FRICTION_ACROSS] == friction_[1]) return;
     friction_ = {order_[FRICTION], order_[FRICTION_ACROSS]};
     SetTrackMu(friction_[0]);
     SetTrackMu2(friction_[1]);
     UpdateTrackSurface();
+  }
+
+  // Keeps the film's images, named by the time at which they were taken. A camera appears some steps after the world, when its
+  // scene is drawn; until then the world goes slowly, so that the film begins with the run.
+  void Film() {
+    const auto sensor = std::dynamic_pointer_cast<gazebo::sensors::CameraSensor>(gazebo::sensors::get_sensor("film"));
+    if (!sensor || !sensor->Camera() || !sensor->Camera()->Initialized()) {
+      usleep(SCENE_US);
+      return;
+    }
+    images_ = sensor->Camera()->ConnectNewImageFrame(
+        [this, sensor](const unsigned char* image, unsigned int width, unsigned int height, unsigned int depth, const std::string& format) {
+          const auto name = film_ + "/" + std::to_string(sensor->LastMeasurementTime().Double()) + ".jpg";
+          gazebo::rendering::Camera::SaveFrame(image, width, height, static_cast<int>(depth), format, name);
+        });
+  }
+
+  // The film's camera keeps its place beside the chair and its direction.
+  void Follow() {
+    auto pose = camera_->WorldPose();
+    pose.Pos() += FOLLOWED * (chair_->WorldPose().Pos() + beside_ - pose.Pos());
+    camera_->SetWorldPose(pose);
   }
 
   static void Servo(const JointPtr& joint, double target, double rate, double gain) {
@@ -202,7 +233,9 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
     }
   }
 
-  gazebo::physics::ModelPtr model_;
+  gazebo::physics::ModelPtr model_, camera_;
+  Vector3d beside_;
+  std::string film_;
   gazebo::physics::LinkPtr chair_;
   JointPtr seat_, flipper_;
   double flipper_torque_n_m_ = 0.0, seat_start_ = 0.0, flipper_start_ = 0.0, flipper_torque_ = 0.0;
@@ -213,7 +246,7 @@ class Lockstep : public gazebo::SimpleTrackedVehiclePlugin {
   long steps_left_ = 0;
   bool is_under_way_ = false;
   int listener_ = -1, client_ = -1;
-  gazebo::event::ConnectionPtr begin_, contacts_;
+  gazebo::event::ConnectionPtr begin_, contacts_, images_;
 };
 
 GZ_REGISTER_MODEL_PLUGIN(Lockstep)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from treadline.identification.options import IdentificationKeywords
     from treadline.perception import StairDetection
     from treadline.run.episode import Traverse
-    from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource
+    from treadline.run.resolve import ControllerSource, DetectorSource, EstimatorSource, Opener, PlantName
     from treadline.run.run_scores import Scores
     from treadline.scenario import Scenario
     from treadline.scenario.camera_file import CameraFile
@@ -384,6 +384,7 @@ def climb(
     set: "Mapping[str, object] | None" = None,  # noqa: A002 - as --set
     detector: "DetectorSource" = None,
     estimator: "EstimatorSource" = None,
+    plant: "PlantName | Opener" = "mujoco",
     out: str | Path | None = None,
     log_images: bool = False,
     on_progress: OnProgress | None = None,
@@ -400,6 +401,7 @@ def climb(
         set: Values in place of the scenario's, by dotted key, as in ``tl.read_scenario``.
         detector: Stair detector: plug-in class, ``module:Class``, or entry point name.
         estimator: Heading estimator, likewise.
+        plant: Simulator: mujoco, gazebo, or a factory of the plant.
         out: Run folder to write, as ``treadline climb --out`` does; none when left out.
         log_images: Keep every frame in the log of the run folder.
         on_progress: Receives the mission time and the time limit [s] at each tick.
@@ -416,7 +418,7 @@ def climb(
     from treadline.run.recorded_run import recorded_run
     from treadline.run.resolve import resolve
 
-    setup = resolve(read_scenario(scenario, set=set), controller, seed, detector=detector, estimator=estimator)
+    setup = resolve(read_scenario(scenario, set=set), controller, seed, detector=detector, estimator=estimator, open_plant=plant)
     if setup.rejections:
         return Run(episode=rejected_run(setup), rejections=setup.rejections)
     limit_s = setup.scenario.drive.duration_s

@@ -4,10 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from climb_picture import SIZE_PX, render, write_climb_picture
+from climb_picture import render, write_climb_picture
 
 from treadline.core.errors import LogFormatError, SettingsError
 from treadline.playback import Recording
+from treadline.vehicle.film_camera import SIZE_PX
 
 from .conftest import CHROMIUM
 

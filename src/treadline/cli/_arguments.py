@@ -12,6 +12,7 @@ from treadline.core.errors import SettingsError
 
 List = Annotated[str | None, Parameter(allow_leading_hyphen=True)]
 """A list that may begin with a minus: -35,35."""
+PlantName = Literal["mujoco", "gazebo"]
 Force = Annotated[bool, Parameter(help="Overwrite an existing result; without it an existing, non-empty --out is refused.")]
 """The option ``--force`` of a verb."""
 Set = Annotated[

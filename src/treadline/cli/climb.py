@@ -1,11 +1,18 @@
 """``treadline climb``: one traversal in closed loop."""
 
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from treadline import api
-from treadline.cli._arguments import Force, Set, claim, set_values
+from treadline.cli._arguments import Force, PlantName, Set, claim, set_values
 from treadline.cli._output import Answer, SimulatedTime
 from treadline.cli.compile import report_compiling
+from treadline.core.errors import SettingsError
+
+if TYPE_CHECKING:
+    from treadline.run.resolve import Opener
 
 
 def climb(
@@ -18,6 +25,8 @@ def climb(
     detector: str | None = None,
     estimator: str | None = None,
     seed: int = 0,
+    plant: PlantName = "mujoco",
+    picture: Path | None = None,
     log_images: bool = False,
     force: Force = False,
 ) -> Answer:
@@ -38,13 +47,17 @@ def climb(
         detector: Stair detector plug-in. Default: the shipped detector.
         estimator: Heading estimator plug-in. Default: the shipped Kalman filter.
         seed: Random seed. The same seed gives byte-identical results.
+        plant: Simulator: mujoco or gazebo.
+        picture: Film of the run to write, film.webp or film.gif, drawn by Gazebo as it simulates.
         log_images: Keep every frame in the log (about 1.7 MB per second at 320×240).
     """
     from treadline.io.runs import SUCCEEDED
 
     claim(out, force=force)
+    if picture is not None:
+        claim(picture, force=force, kind="file")
     report_compiling()
-    with SimulatedTime("climb") as progress:
+    with TemporaryDirectory() as images, SimulatedTime("climb") as progress:
         run = api.climb(
             scenario,
             controller,
@@ -52,10 +65,13 @@ def climb(
             set=set_values(changes),
             detector=detector,
             estimator=estimator,
+            plant=plant if picture is None else _filmed(plant, picture, Path(images)),
             out=out,
             log_images=log_images,
             on_progress=progress.at,
         )
+        if picture is not None and not run.rejections:
+            _write_film(Path(images), out, picture)
     if run.rejections:
         return Answer(
             values={"verdict": "refused", "cause": run.cause, "reasons": run.rejections, "seed": seed, "events": []},
@@ -74,7 +90,33 @@ def climb(
             f"passenger at most {scores.passenger_max_m_s2:.2f} m/s² (vertical {scores.passenger_vertical_m_s2:.2f}, along "
             f"{scores.passenger_longitudinal_m_s2:.2f}, across {scores.passenger_lateral_m_s2:.2f}); tip-over margin at least "
             f"{scores.min_stability_margin_deg:.1f}°, below 7° for {scores.seconds_below_7_deg:.2f} s",
-            f"run folder: {out} (treadline report {out} draws it)",
+            f"run folder: {out} (treadline report {out} draws it)" + ("" if picture is None else f"; film: {picture}"),
         ],
         code=0 if run.verdict in SUCCEEDED else 1,
     )
+
+
+def _filmed(plant: PlantName, picture: Path, images: Path) -> "Opener":
+    """Return what opens a plant that keeps images of its run in a folder.
+
+    Raises:
+        SettingsError: If the simulator draws none, or the film's format is unknown.
+    """
+    if plant != "gazebo":
+        raise SettingsError("--picture is drawn by Gazebo: add --plant gazebo; a run in MuJoCo is played by treadline report RUN")
+    if picture.suffix not in (".webp", ".gif"):
+        raise SettingsError(f"--picture is {picture}; the name of a film ends in .webp or .gif")
+    from treadline.plant.gazebo import open_gazebo
+
+    return partial(open_gazebo, film=images)
+
+
+def _write_film(images: Path, run: Path, picture: Path) -> None:
+    """Write the film of a run whose images are named by their mission time."""
+    from PIL import Image
+
+    from treadline.playback import read_recording
+    from treadline.report.film import write_film
+
+    taken = ((float(file.stem), Image.open(file)) for file in sorted(images.iterdir()))
+    write_film(taken, read_recording(run), picture)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from treadline.cli._arguments import Force, check_times, claim, make_way
+from treadline.cli._arguments import Force, PlantName, check_times, claim, make_way
 from treadline.cli._output import Answer
 from treadline.cli.compile import compile_once
 from treadline.core.errors import SettingsError
@@ -24,7 +24,6 @@ RECORDER_SPARE = 100
 """Queue length of a recorder [messages]: it keeps every image, however late."""
 WireName = Literal["ros1", "zenoh"]
 TransportName = Literal["inproc", WireName]
-PlantName = Literal["mujoco", "gazebo"]
 
 
 def node(

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
-from treadline.cli._arguments import Force, check_times, claim, make_way
+from treadline.cli._arguments import Force, PlantName, check_times, claim, make_way
 from treadline.cli._output import Answer
 from treadline.cli.compile import compile_once
-from treadline.cli.node import STARTED_BY, PlantName, TransportName, stopping, wired
+from treadline.cli.node import STARTED_BY, TransportName, stopping, wired
 from treadline.core.errors import SettingsError
 
 GONE_S = 4.0

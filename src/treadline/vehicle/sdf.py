@@ -1,24 +1,25 @@
 """Export of a chair, and of the stair around it, as SDF 1.6 for Gazebo 11.
 
 Each belt is a separate link, as required by Gazebo's tracked-vehicle plugins (Pecka et al., IROS 2017): ``left_track`` and
-``right_track`` on the chassis, ``left_flipper`` and ``right_flipper`` on the flipper. The plugin for moving contact surfaces is
-passed in ``plugins``; without a plugin the belts are at rest.
+``right_track`` on the chassis, ``left_flipper`` and ``right_flipper`` on the flipper. Without a plugin for moving contact surfaces
+(``Lockstep``) the belts are at rest.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription, Tracks
 from treadline.scenario.scenario import Chair
+from treadline.vehicle import film_camera
+from treadline.vehicle.appearance import MeshPart, stair_parts
 from treadline.vehicle.bodies import HULL_FRICTION, Body, Vehicle, sides, vehicle
 from treadline.vehicle.stair_solids import NosingGeometry, stair_solids
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.start_pose import Standing
-from treadline.vehicle.urdf import document, roll_pitch_yaw, text
+from treadline.vehicle.urdf import document, drawn_parts, roll_pitch_yaw, stl, text
 
 
 def sdf_model(chair: ChairDescription, loading: Chair, *, friction: tuple[float, float]) -> str:
@@ -30,31 +31,52 @@ def sdf_model(chair: ChairDescription, loading: Chair, *, friction: tuple[float,
     return _written(chair, vehicle(chair, loading), friction)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lockstep:
+    """Plugin that drives a chair in lock-step, and films it. Its belts stay on chassis and flipper."""
+
+    plugin: str
+    """File of the plugin, as Gazebo sees it."""
+    port: int
+    """Port of the plugin on the loopback interface."""
+    film: str | None = None
+    """Folder, as Gazebo sees it, that holds ``film_meshes`` and receives the images; None: nothing is filmed."""
+
+
 def sdf_world(
     staircase: Staircase,
     chair: ChairDescription,
     loading: Chair,
     *,
     start: Standing | None = None,
-    plugins: Sequence[str] = (),
-    belts_on_bodies: bool = False,
+    lockstep: Lockstep | None = None,
 ) -> str:
     """Return a world with the stair and the chair; light and floor are included, nothing is downloaded.
 
     Args:
-        start: Start pose of the chair.
-        plugins: ``<plugin>`` elements, as text, appended to the model.
-        belts_on_bodies: Keep the belts on chassis and flipper instead of on separate links.
+        start: Start pose of the chair; a chair that is driven has one.
+        lockstep: Plugin that drives the chair.
     """
     solids = [(solid.box, solid.nosing and _bar(solid.nosing)) for solid in stair_solids(staircase)]
     pose = "" if start is None else text(*start.p_WB, *roll_pitch_yaw(start.R_WB))
-    more = {"solids": solids, "pose": pose, "plugins": plugins, "belts_on_bodies": belts_on_bodies}
+    more: dict[str, Any] = {"solids": solids, "pose": pose, "start": start, "lockstep": lockstep, "vehicle": chair}
+    if lockstep is not None and lockstep.film is not None and start is not None:
+        more |= {"drawn": _drawn(staircase, chair, loading), "film": film_camera, "film_pose": film_camera.pose(start.p_WB)}
     return _written(chair, vehicle(chair, loading), staircase.friction, **more)
+
+
+def film_meshes(staircase: Staircase, chair: ChairDescription, loading: Chair) -> dict[str, bytes]:
+    """Return the mesh files of a filmed world by name."""
+    return {f"{part.name}.stl": stl(part) for part in _drawn(staircase, chair, loading)}
+
+
+def _drawn(staircase: Staircase, chair: ChairDescription, loading: Chair) -> tuple[MeshPart, ...]:
+    return (*drawn_parts(chair, loading, None), *stair_parts(staircase))
 
 
 def _written(chair: ChairDescription, whole: Vehicle, friction: tuple[float, float], **more: Any) -> str:
     """Return the file; a body without mass is left out: a robot without payload, for SDF has no link without mass."""
-    words = {} if more.get("belts_on_bodies") else {"chair": "track", "flipper": "flipper"}
+    words = {} if more.get("lockstep") else {"chair": "track", "flipper": "flipper"}
     massive = [body for body in whole.bodies if body.mass_kg > 0.0]
     links = [(body, divided(body, chair.tracks, words[body.name]) if body.name in words else (body,)) for body in massive]
     return document(

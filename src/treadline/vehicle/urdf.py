@@ -13,6 +13,7 @@ from xml.etree.ElementTree import fromstring, indent, tostring
 import numpy as np
 from jinja2 import Environment, PackageLoader, Template
 
+from treadline.core.angles import DEG
 from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR
 from treadline.core.rotations import Rotation
 from treadline.scenario.chair import CameraMount, ChairDescription, Point
@@ -36,7 +37,9 @@ def document(template: str, /, **values: Any) -> str:
 @cache
 def _template(name: str) -> Template:
     engine = Environment(loader=PackageLoader("treadline", "vehicle"), autoescape=True)
-    return engine.get_template(name, globals={"row": lambda *values: text(*np.hstack(values)), "half_pi": 0.5 * math.pi})
+    return engine.get_template(
+        name, globals={"row": lambda *values: text(*np.hstack(values)), "half_pi": 0.5 * math.pi, "radians": DEG}
+    )
 
 
 def roll_pitch_yaw(R: Rotation) -> Point:
@@ -78,12 +81,17 @@ def drawn_urdf(chair: ChairDescription, loading: Chair, belts: Belts | None, mes
         belts: Lug profile of the scenario; None: a smooth belt.
         mesh_url: Prefix of the file names in the URDF, for example ``chair_meshes/`` or ``package://my_chair/meshes/``.
     """
+    shown = drawn_parts(chair, loading, belts)
+    return urdf(chair, loading, shown, mesh_url), {f"{part.name}.stl": stl(part) for part in shown}
+
+
+def drawn_parts(chair: ChairDescription, loading: Chair, belts: Belts | None) -> tuple[MeshPart, ...]:
+    """Return the parts of a chair whose bodies are links, with resting belts."""
     parts = (*chair_parts(chair, loading, belts), *resting_lugs(chair, belts))
-    shown = [part for part in parts if part.body not in LINKAGE_BODIES]
-    return urdf(chair, loading, shown, mesh_url), {f"{part.name}.stl": _stl(part) for part in shown}
+    return tuple(part for part in parts if part.body not in LINKAGE_BODIES)
 
 
-def _stl(part: MeshPart) -> bytes:
+def stl(part: MeshPart) -> bytes:
     """Return a part as a binary STL file."""
     corners = part.vertices_m[part.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

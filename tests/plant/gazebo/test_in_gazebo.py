@@ -3,7 +3,6 @@
 import json
 import math
 import os
-import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -13,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from treadline.core.angles import DEG
 from treadline.core.errors import GazeboError
@@ -23,6 +23,8 @@ from treadline.run.episode import traverse
 from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
+from treadline.vehicle.appearance import colour
+from treadline.vehicle.film_camera import FRAME_S, SIZE_PX
 
 pytestmark = pytest.mark.skipif(os.environ.get("TREADLINE_TEST_GAZEBO") != "1", reason="make test-gazebo runs these")
 
@@ -84,20 +86,48 @@ def test_a_gzserver_that_dies_ends_the_run_in_a_line(started: Opened) -> None:
     assert "\n" not in str(raised.value)
 
 
-def test_a_port_that_is_taken_is_named() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = int(taken.getsockname()[1])
-        plant = GazeboPlant(flight(), 0, read_chair("wheelchair"), find_environment(), port=port)
-        with pytest.raises(GazeboError, match=rf"port {port} is taken"):
-            plant.start()
-
-
 def test_a_plugin_for_another_gazebo_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     # The loader's word for a plugin that it cannot link against this Gazebo.
     monkeypatch.setattr("treadline.plant.gazebo._gazebo_plant.PLUGIN", "lib/x86_64-linux-gnu/libnothing.so")
     plant = GazeboPlant(flight(), 0, read_chair("wheelchair"), find_environment())
     with pytest.raises(GazeboError, match=r"does not load the plugin: .*libnothing.so.*build it"):
         plant.start()
+
+
+@pytest.mark.parametrize(("turn_rule", "turn_deg_s"), [(True, 0.0), (False, 3.5)])
+def test_without_the_turn_rule_a_small_difference_of_the_belts_turns_the_chair(turn_rule: bool, turn_deg_s: float) -> None:
+    """Test: belts at 0.18 and 0.22 m/s on 28°, 0.04 / 0.65 = 0.06 rad/s, for 3 s. Expected: by the rule the chair is taken to drive
+    straight; without, it turns by 0.06 rad/s = 3.5 °/s as it does above the rule's 0.1 rad/s."""
+    plant = open_gazebo(flight(mismatch=0.0, heading_deg=0.0), 3, turn_rule=turn_rule)
+    plant.start()
+    plant.write(TrackCommand(t_s=0.0, left_m_s=0.18, right_m_s=0.22), SeatCommand(t_s=0.0, rate_m_s=0.0))
+    plant.advance(3.0)
+    truth = plant.truth()
+    plant.close()
+    assert (truth[-1].yaw_rad - truth[100].yaw_rad) / 2.0 == pytest.approx(turn_deg_s * DEG, abs=0.7 * DEG)
+
+
+def test_a_film_shows_passenger_and_stair_and_does_not_change_the_run(tmp_path: Path) -> None:
+    """Test: 2 s with and without a film. Expected: the same bits; an image every 0.4 s from the start on, in the drawn colours."""
+    ends = []
+    for film in (None, tmp_path):
+        plant = open_gazebo(flight(), 3, film=film)
+        plant.start()
+        plant.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.0))
+        plant.advance(2.0)
+        ends.append(plant.truth()[-1])
+        plant.close()
+    assert repr(ends[0]) == repr(ends[1])
+    images = sorted(tmp_path.iterdir())
+    taken_s = np.array([float(image.stem) for image in images])
+    assert taken_s[0] < FRAME_S
+    np.testing.assert_allclose(np.diff(taken_s), FRAME_S, atol=0.0051)  # the names have two digits
+    pixels = np.asarray(Image.open(images[-1]).convert("RGB")).reshape(-1, 3) / 255.0
+    for part in ("shirt", "cushion", "nosing"):
+        hue = np.array(colour(part)) / max(colour(part))
+        bright = pixels[pixels.max(axis=1) > 0.3]
+        close = np.abs(bright / bright.max(axis=1, keepdims=True) - hue).max(axis=1) < 0.1
+        assert close.sum() > 200, part
 
 
 def test_nothing_is_left_behind(started: Opened) -> None:
@@ -124,6 +154,16 @@ def treadline(*words: object) -> dict[str, Any]:
     """Run a command as a user does: compiled code is then read back, not compiled again under the shape checker."""
     command = [sys.executable, "-m", "treadline", *map(str, words), "--json"]
     return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def test_a_climb_is_filmed_in_one_command(tmp_path: Path) -> None:
+    (tmp_path / "flight.toml").write_text(FRAMES.replace("kinect1", "statistical") + "[drive]\nduration_s = 3\n")
+    film = tmp_path / "film.webp"
+    climbed = treadline("climb", tmp_path / "flight.toml", "--plant", "gazebo", "--out", tmp_path / "run", "--picture", film)
+    assert climbed["verdict"] == "time_up"
+    with Image.open(film) as picture:
+        assert picture.n_frames in (6, 7)  # of 3 s, one each 0.4 s; the last is shown if it was written when Gazebo ended
+        assert picture.size == SIZE_PX
 
 
 def test_a_bag_recorded_in_gazebo_is_replayed_to_the_heading_of_then(tmp_path: Path) -> None:

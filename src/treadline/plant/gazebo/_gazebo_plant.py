@@ -5,7 +5,7 @@ those of the MuJoCo plant.
 """
 
 from collections.abc import Iterator
-from xml.etree.ElementTree import Element, SubElement, tostring
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -16,14 +16,12 @@ from treadline.core.rotations import Rotation, Vector3, rotation_of
 from treadline.core.signals import TICK_S
 from treadline.plant import _actuator_lag_and_slew_kernels as kernels
 from treadline.plant.gazebo import _gzserver as server
-from treadline.plant.gazebo._gzserver import PLUGIN, Environment, find_environment
+from treadline.plant.gazebo._gzserver import NO_TURN_RULE, PLUGIN, Environment, find_environment
 from treadline.plant.sensors._instruments import ChairState, InstrumentedPlant
 from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Belts, Scenario
-from treadline.vehicle.sdf import sdf_world
-from treadline.vehicle.staircase import Staircase
+from treadline.vehicle.sdf import Lockstep, film_meshes, sdf_world
 from treadline.vehicle.start_pose import standing
-from treadline.vehicle.urdf import text
 
 STEPS = 10
 """Number of 1 ms steps per tick."""
@@ -31,24 +29,31 @@ SETTLE_TICKS = 100
 """Duration of settling before t = 0 on a stair of high friction [ticks], until the chair rests on its nosings."""
 SETTLE_FRICTION = (1.0, 1.0)
 """Friction coefficients of the stair during settling; ODE uses the smaller of the two bodies' coefficients."""
-SOLVER_TOLERANCE = 1e-3
-"""Tolerance of ODE's solver (``sor_lcp_tolerance``), which ends its iterations: left and right turns stay mirror images, in half
-the time (docs/gazebo.md)."""
 
 
 class GazeboPlant(InstrumentedPlant):
     """Simulation of a chair, its stair and its sensors in a separate gzserver."""
 
-    def __init__(self, scenario: Scenario, seed: int, chair: ChairDescription, environment: Environment, *, port: int = 0) -> None:
-        _refuse_what_gazebo_cannot(scenario)
-        if chair.seat is None:
-            raise SettingsError(
-                f"chair {chair.name!r} has no seat linkage, whose joint the Gazebo plugin drives; use --plant mujoco"
-            )
-        if scenario.belts != Belts():
-            raise SettingsError("the Gazebo plant has smooth belts of its own stiffness; leave out [belts], or use MuJoCo's plant")
+    def __init__(
+        self,
+        scenario: Scenario,
+        seed: int,
+        chair: ChairDescription,
+        environment: Environment,
+        *,
+        turn_rule: bool = True,
+        film: Path | None = None,
+    ) -> None:
+        """Prepare a simulation; options as of ``open_gazebo``.
+
+        Raises:
+            SettingsError: If the scenario or the chair has what Gazebo cannot simulate.
+        """
+        _refuse_what_gazebo_cannot(scenario, chair)
         super().__init__(scenario, chair, seed)
-        self._environment, self._port = environment, port
+        self._environment, self._film = environment, film
+        self._plugin = PLUGIN if turn_rule else NO_TURN_RULE
+        self._start = standing(self.staircase, chair.tracks, scenario.start)
         self._server: server.GazeboServer | None = None
         self._tick = 0
         self._flipper_rad = 0.0
@@ -63,9 +68,10 @@ class GazeboPlant(InstrumentedPlant):
             GazeboError: If Gazebo does not start.
         """
         self.close()
-        self._server = server.GazeboServer(self._environment, self._world, port=self._port)
+        meshes = {} if self._film is None else film_meshes(self.staircase, self._chair, self._scenario.chair.leaning())
+        self._server = server.GazeboServer(self._environment, self._world, meshes)
         self._flipper_rad = self._chair.tracks.approach_angle_deg * DEG
-        self._drives.rest(standing(self.staircase, self._chair.tracks, self._scenario.start).seat_rad, self._flipper_rad)
+        self._drives.rest(self._start.seat_rad, self._flipper_rad)
         self._drives.command[:] = (0.0, 0.0, 1.0, 0.0, 0.0)
         rows = [self._step(SETTLE_FRICTION) for _ in range(SETTLE_TICKS)]
         self._drives.command[:] = 0.0
@@ -92,13 +98,17 @@ class GazeboPlant(InstrumentedPlant):
             self._row = row
 
     def close(self) -> None:
-        """Stop gzserver."""
+        """Stop gzserver, and keep its images."""
         if self._server is not None:
-            self._server.close()
+            images = self._server.close()
             self._server = None
+            for t_s, image in images.items():
+                if self._film is not None and t_s >= self._began_s:
+                    (self._film / f"{t_s - self._began_s:08.2f}.jpg").write_bytes(image)
 
-    def _world(self, port: int) -> str:
-        return world_sdf(self._scenario, self.staircase, self._chair, plugin=f"/{PLUGIN}", port=port)
+    def _world(self, port: int, folder: str) -> str:
+        lockstep = Lockstep(plugin=f"/{self._plugin}", port=port, film=None if self._film is None else folder)
+        return sdf_world(self.staircase, self._chair, self._scenario.chair.leaning(), start=self._start, lockstep=lockstep)
 
     def _step(self, friction: tuple[float, float]) -> Float[np.ndarray, " 22"]:
         if self._server is None:
@@ -147,13 +157,17 @@ class GazeboPlant(InstrumentedPlant):
             yield state, 1.0
 
 
-def _refuse_what_gazebo_cannot(scenario: Scenario) -> None:
-    """Reject keys that this plant would ignore.
+def _refuse_what_gazebo_cannot(scenario: Scenario, chair: ChairDescription) -> None:
+    """Reject what this plant would ignore.
 
     Raises:
-        SettingsError: If the passenger sways, or friction is not uniform over the stair.
+        SettingsError: If the chair has no seat linkage, belts have lugs, the passenger sways, or friction is not uniform.
     """
     stair = scenario.stair
+    if chair.seat is None:
+        raise SettingsError(f"chair {chair.name!r} has no seat linkage, whose joint the Gazebo plugin drives; use --plant mujoco")
+    if scenario.belts != Belts():
+        raise SettingsError("the Gazebo plant has smooth belts of its own stiffness; leave out [belts], or use MuJoCo's plant")
     if stair.side_slope_deg:
         raise SettingsError(f"stair.side_slope_deg is {stair.side_slope_deg:g}: Gazebo's stairs are level; use --plant mujoco")
     if scenario.chair.sways:
@@ -170,48 +184,17 @@ def _pose_of(row: Float[np.ndarray, " 22"]) -> tuple[Vector3, Rotation]:
     return row[server.POSITION : server.POSITION + 3], rotation_of(row[server.ORIENTATION : server.ORIENTATION + 4])
 
 
-def open_gazebo(scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None) -> GazeboPlant:
+def open_gazebo(
+    scenario: Scenario, seed: int = 0, *, chair: ChairDescription | None = None, turn_rule: bool = True, film: Path | None = None
+) -> GazeboPlant:
     """Return a chair in Gazebo on the scenario's stair.
+
+    Args:
+        turn_rule: Whether the plugin takes yaw rates below 0.1 rad/s and speeds below 0.1 m/s for zero, as Gazebo's own does.
+        film: Folder for the images of the run, named by their mission time [s]; None: Gazebo draws nothing.
 
     Raises:
         GazeboError: If Gazebo is not installed.
     """
-    return GazeboPlant(scenario, seed, scenario.read_chair() if chair is None else chair, find_environment())
-
-
-def world_sdf(scenario: Scenario, staircase: Staircase, chair: ChairDescription, *, plugin: str, port: int) -> str:
-    """Return the world of a scenario at its start.
-
-    Args:
-        plugin: File of the lock-step plugin, in gzserver's file system.
-        port: Port of the plugin on the loopback interface.
-    """
-    start = standing(staircase, chair.tracks, scenario.start)
-    element = plugin_sdf(chair, plugin=plugin, port=port, seat_rad=start.seat_rad)
-    return sdf_world(staircase, chair, scenario.chair.leaning(), start=start, plugins=(element,), belts_on_bodies=True)
-
-
-def plugin_sdf(chair: ChairDescription, *, plugin: str, port: int, seat_rad: float) -> str:
-    """Return the ``<plugin>`` element of a chair."""
-    # Both belts are parts of the same bodies; the plugin distinguishes them by the names of their shapes.
-    belts = {"left_track": "chair", "right_track": "chair"}
-    flipper = {}
-    if chair.flipper is not None:
-        belts |= {"left_flipper": "flipper", "right_flipper": "flipper"}
-        flipper["flipper_start"] = text(chair.tracks.approach_angle_deg * DEG)
-        flipper["flipper_torque"] = text(chair.flipper.torque_n_m)
-    drive = {
-        "tracks_separation": text(chair.tracks.gauge_m),
-        # Table I: 3.07 rad/s at ±1 m/s is the speed difference of the belts divided by the gauge.
-        "steering_efficiency": "1",
-        "max_linear_speed": text(chair.drives.max_speed_m_s),
-        "solver_tolerance": text(SOLVER_TOLERANCE),
-        # Placeholder, set before the first step: the plugin can only modify existing elements.
-        "track_mu": "1",
-        "track_mu2": "1",
-    }
-    element = Element("plugin", name="treadline", filename=plugin)
-    settings = {"body": "chair"} | belts | drive | {"seat_start": text(seat_rad)} | flipper | {"port": str(port)}
-    for name, value in settings.items():
-        SubElement(element, name).text = value
-    return tostring(element, encoding="unicode")
+    chair = scenario.read_chair() if chair is None else chair
+    return GazeboPlant(scenario, seed, chair, find_environment(), turn_rule=turn_rule, film=film)

@@ -13,7 +13,7 @@ import struct
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +27,8 @@ from treadline.core.processes import killed_with_starter
 VARIABLE = "TREADLINE_GAZEBO"
 """Environment variable for another folder; ``/``: Gazebo is installed on this system."""
 PLUGIN = "opt/treadline/build/libtreadline_lockstep.so"
-"""Path of the lock-step plugin in the root folder."""
+NO_TURN_RULE = "opt/treadline/build/libtreadline_lockstep_no_turn_rule.so"
+"""Paths of the lock-step plugin in the root folder: with the turn rules of Gazebo's own plugin, and without."""
 LIBRARIES = "usr/lib/x86_64-linux-gnu/gazebo-11/plugins"
 """Path of Gazebo's plugins in the root folder."""
 BUILD = "build it with legacy/gazebo/environment.sh (root, once), or take the Dockerfile"
@@ -36,6 +37,7 @@ PROTOCOL, MAJOR = 1, 11
 ORDERS, COLUMNS = 8, 22
 """Number of doubles in a command and in an answer, as in ``legacy/gazebo/lockstep.cc``."""
 T, POSITION, ORIENTATION, SEAT, FLIPPER, FLIPPER_TORQUE, REACH = 0, 1, 4, 14, 15, 16, 18
+Process = subprocess.Popen[bytes]
 COLOURS = re.compile(r"\x1b\[[0-9;]*m")
 START_S = 180.0
 """Timeout for loading a world, and of an answer [s], on a machine with other load."""
@@ -61,12 +63,12 @@ class Environment:
 class GazeboServer:
     """Process of gzserver with one world, from start to end."""
 
-    def __init__(self, environment: Environment, world: Callable[[int], str], *, port: int = 0) -> None:
+    def __init__(self, environment: Environment, world: Callable[[int, str], str], files: Mapping[str, bytes]) -> None:
         """Load a world.
 
         Args:
-            world: Function from the plugin's port to the world's SDF.
-            port: Port of the plugin; zero selects a free one.
+            world: Function from the plugin's port and the run's folder, as gzserver sees it, to the world's SDF.
+            files: Contents of the run's files by name; without any, Gazebo draws nothing and needs no display.
 
         Raises:
             GazeboError: If gzserver or the plugin does not start.
@@ -75,14 +77,15 @@ class GazeboServer:
         base = environment.root / "tmp"
         base.mkdir(exist_ok=True)
         self._folder = Path(tempfile.mkdtemp(prefix="treadline-", dir=base))
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: Process | None = None
+        self._display: Process | None = None
         self._socket: socket.socket | None = None
         for attempt in range(TRIES):
             try:
-                self._launch(world, port or free_port())
+                self._launch(world, free_port(), files)
             except GazeboError as error:
                 self.close()
-                if port or attempt == TRIES - 1 or "taken" not in str(error):
+                if attempt == TRIES - 1 or "taken" not in str(error):
                     raise
             else:
                 return
@@ -100,21 +103,26 @@ class GazeboServer:
         except OSError as error:
             raise self._died(error) from None
 
-    def close(self) -> None:
-        """Stop gzserver and delete its files."""
+    def close(self) -> dict[float, bytes]:
+        """Stop gzserver, delete its files and return the film's images by time, without the last, which may be half written."""
         if self._socket is not None:
             self._socket.close()
-            self._socket = None
-        if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            self._process = None
+        for process in (self._process, self._display):
+            if process is not None:
+                process.kill()
+                process.wait()
+        self._socket = self._process = self._display = None
+        taken = sorted((float(file.stem), file) for file in self._folder.glob("*.jpg"))
+        images = {t_s: file.read_bytes() for t_s, file in taken[:-1]}
         shutil.rmtree(self._folder, ignore_errors=True)
+        return images
 
-    def _launch(self, world: Callable[[int], str], port: int) -> None:
+    def _launch(self, world: Callable[[int, str], str], port: int, files: Mapping[str, bytes]) -> None:
         self._folder.mkdir(exist_ok=True)
+        for name, data in files.items():
+            (self._folder / name).write_bytes(data)
         file = self._folder / "chair.world"
-        file.write_text(world(port), encoding="utf-8")
+        file.write_text(world(port, self._environment.inside(self._folder)), encoding="utf-8")
         variables = {
             "HOME": self._environment.inside(self._folder),
             "PATH": "/usr/bin:/bin",
@@ -127,18 +135,35 @@ class GazeboServer:
             "GAZEBO_IP": "127.0.0.1",
             "GAZEBO_MASTER_URI": f"http://127.0.0.1:{free_port()}",
         }
+        if files:
+            variables["DISPLAY"] = self._screen()
         words = ("/usr/bin/gzserver", "--lockstep", "-e", "ode", "--verbose", self._environment.inside(file))
+        self._process = self._started(*words, variables=variables)
+        self._connect(port)
+        self._greet()
+
+    def _screen(self) -> str:
+        """Start a display in memory for Gazebo's camera, and return its name."""
+        words = ("/usr/bin/Xvfb", "-displayfd", "1", "-screen", "0", "640x480x24", "-nolisten", "tcp")
+        self._display = self._started(*words, stdout=subprocess.PIPE)
+        assert self._display.stdout is not None  # noqa: S101 - a pipe
+        with self._display.stdout as written:
+            number = written.readline().strip()
+        if not number:
+            raise GazeboError(f"Xvfb does not start, which Gazebo's camera needs: {self._reason()}; {BUILD}")
+        return f":{number.decode()}"
+
+    def _started(self, *words: str, stdout: int | None = None, variables: Mapping[str, str] | None = None) -> Process:
+        """Return a new process in the root folder, which ends with this one."""
         with self._log.open("wb") as log:
-            self._process = subprocess.Popen(  # noqa: S603 - our own words
+            return subprocess.Popen(  # noqa: S603 - our own words
                 self._environment.command(*words),
-                env=os.environ | variables,
+                env={**os.environ, **(variables or {})},
                 stdin=subprocess.DEVNULL,
-                stdout=log,
+                stdout=log if stdout is None else stdout,
                 stderr=log,
                 preexec_fn=killed_with_starter(),  # noqa: PLW1509 - it only calls prctl
             )
-        self._connect(port)
-        self._greet()
 
     @property
     def _log(self) -> Path:
@@ -167,10 +192,9 @@ class GazeboServer:
             protocol, major, orders, columns = struct.unpack("<4d", self._received(32))
         except OSError as error:
             raise self._died(error) from None
-        if (protocol, orders, columns) != (PROTOCOL, ORDERS, COLUMNS):
-            raise GazeboError(f"the plugin speaks protocol {protocol:g}, this program {PROTOCOL}; {BUILD}")
-        if major != MAJOR:
-            raise GazeboError(f"the plugin was built for Gazebo {major:g}, not {MAJOR}; {BUILD}")
+        if (protocol, major, orders, columns) != (PROTOCOL, MAJOR, ORDERS, COLUMNS):
+            what = f"the plugin speaks protocol {protocol:g} of Gazebo {major:g}, this program {PROTOCOL} of Gazebo {MAJOR}"
+            raise GazeboError(f"{what}; {BUILD}")
 
     def _received(self, size: int) -> bytes:
         assert self._socket is not None  # noqa: S101 - connected
