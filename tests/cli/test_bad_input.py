@@ -86,6 +86,12 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
         # A list that begins with a minus is a value, not an option: what follows it is what is refused.
         ("see", ["a.png", "b.png", "--gravity", "-0.05,0.8,0.6"], "--camera"),
         ("tune", ["none.json", "--state-weight", "-1,1"], "none.json: no such file"),
+        ("climb", ["paper-28", "--out", "run", "--picture", "film.webp"], "--picture is drawn by Gazebo: add --plant gazebo"),
+        (
+            "climb",
+            ["paper-28", "--out", "run", "--plant", "gazebo", "--picture", "film.avi"],
+            "suffix of --picture is '.avi'; allowed: .webp, .gif",
+        ),
         ("climb", ["paper-28"], "climb requires --out; see treadline climb --help"),
         ("export", ["--to", "c"], "export requires --out"),
         ("model", ["paper-28", "--to", "obj", "--out", "run"], "--to"),

@@ -6,7 +6,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from treadline import api
-from treadline.cli._arguments import Force, PlantName, Set, claim, set_values
+from treadline.cli._arguments import Force, PlantName, Set, choice, claim, set_values
 from treadline.cli._output import Answer, SimulatedTime
 from treadline.cli.compile import report_compiling
 from treadline.core.errors import SettingsError
@@ -55,6 +55,7 @@ def climb(
 
     claim(out, force=force)
     if picture is not None:
+        _require_film(plant, picture)
         claim(picture, force=force, kind="file")
     report_compiling()
     with TemporaryDirectory() as images, SimulatedTime("climb") as progress:
@@ -65,7 +66,7 @@ def climb(
             set=set_values(changes),
             detector=detector,
             estimator=estimator,
-            plant=plant if picture is None else _filmed(plant, picture, Path(images)),
+            plant=plant if picture is None else _filmed(Path(images)),
             out=out,
             log_images=log_images,
             on_progress=progress.at,
@@ -96,16 +97,19 @@ def climb(
     )
 
 
-def _filmed(plant: PlantName, picture: Path, images: Path) -> "Opener":
-    """Return what opens a plant that keeps images of its run in a folder.
+def _require_film(plant: PlantName, picture: Path) -> None:
+    """Refuse a film that the simulator does not draw, or of an unknown format.
 
     Raises:
-        SettingsError: If the simulator draws none, or the film's format is unknown.
+        SettingsError: If it is one.
     """
     if plant != "gazebo":
         raise SettingsError("--picture is drawn by Gazebo: add --plant gazebo; a run in MuJoCo is played by treadline report RUN")
-    if picture.suffix not in (".webp", ".gif"):
-        raise SettingsError(f"--picture is {picture}; the name of a film ends in .webp or .gif")
+    choice("suffix of --picture", picture.suffix, (".webp", ".gif"))
+
+
+def _filmed(images: Path) -> "Opener":
+    """Return what opens a plant in Gazebo that keeps the images of its run in a folder."""
     from treadline.plant.gazebo import open_gazebo
 
     return partial(open_gazebo, film=images)

@@ -3,8 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-import matplotlib as mpl
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from treadline.core.errors import SettingsError
 from treadline.playback import Recording
@@ -26,18 +25,15 @@ def write_film(images: Iterable[tuple[float, Image.Image]], recording: Recording
     Raises:
         SettingsError: If there is no image.
     """
-    frames = [_captioned(image, recording, t_s) for t_s, image in images]
+    frames = []
+    for t_s, image in images:
+        span = recording.phase_at(t_s)
+        caption = f"{t_s:4.0f} s   {'' if span is None else span.name}"
+        ImageDraw.Draw(image).text((16, 12), caption, fill=INK, font_size=17)
+        frames.append(image)
     if not frames:
         raise SettingsError(f"{path}: the run is shorter than the time between two images of its film; let it run longer")
     durations = [round(1000.0 / FRAMES_PER_S)] * (len(frames) - 1) + [round(1000.0 * END_S)]
     path.parent.mkdir(parents=True, exist_ok=True)
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=QUALITY, method=4)
     return path
-
-
-def _captioned(image: Image.Image, recording: Recording, t_s: float) -> Image.Image:
-    """Return an image with time and phase."""
-    span = recording.phase_at(t_s)
-    font = ImageFont.truetype(str(Path(mpl.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), 17)
-    ImageDraw.Draw(image).text((16, 12), f"{t_s:4.0f} s   {'' if span is None else span.name}", fill=INK, font=font)
-    return image

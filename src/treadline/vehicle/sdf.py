@@ -19,7 +19,7 @@ from treadline.vehicle.bodies import HULL_FRICTION, Body, Vehicle, sides, vehicl
 from treadline.vehicle.stair_solids import NosingGeometry, stair_solids
 from treadline.vehicle.staircase import Staircase
 from treadline.vehicle.start_pose import Standing
-from treadline.vehicle.urdf import document, drawn_parts, roll_pitch_yaw, stl, text
+from treadline.vehicle.urdf import document, drawn_parts, mesh_files, roll_pitch_yaw, text
 
 
 def sdf_model(chair: ChairDescription, loading: Chair, *, friction: tuple[float, float]) -> str:
@@ -67,7 +67,7 @@ def sdf_world(
 
 def film_meshes(staircase: Staircase, chair: ChairDescription, loading: Chair) -> dict[str, bytes]:
     """Return the mesh files of a filmed world by name."""
-    return {f"{part.name}.stl": stl(part) for part in _drawn(staircase, chair, loading)}
+    return mesh_files(_drawn(staircase, chair, loading))
 
 
 def _drawn(staircase: Staircase, chair: ChairDescription, loading: Chair) -> tuple[MeshPart, ...]:

@@ -82,7 +82,7 @@ def drawn_urdf(chair: ChairDescription, loading: Chair, belts: Belts | None, mes
         mesh_url: Prefix of the file names in the URDF, for example ``chair_meshes/`` or ``package://my_chair/meshes/``.
     """
     shown = drawn_parts(chair, loading, belts)
-    return urdf(chair, loading, shown, mesh_url), {f"{part.name}.stl": stl(part) for part in shown}
+    return urdf(chair, loading, shown, mesh_url), mesh_files(shown)
 
 
 def drawn_parts(chair: ChairDescription, loading: Chair, belts: Belts | None) -> tuple[MeshPart, ...]:
@@ -91,7 +91,12 @@ def drawn_parts(chair: ChairDescription, loading: Chair, belts: Belts | None) ->
     return tuple(part for part in parts if part.body not in LINKAGE_BODIES)
 
 
-def stl(part: MeshPart) -> bytes:
+def mesh_files(parts: Sequence[MeshPart]) -> dict[str, bytes]:
+    """Return the STL files of parts by name."""
+    return {f"{part.name}.stl": _stl(part) for part in parts}
+
+
+def _stl(part: MeshPart) -> bytes:
     """Return a part as a binary STL file."""
     corners = part.vertices_m[part.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

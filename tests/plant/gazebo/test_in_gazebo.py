@@ -1,4 +1,4 @@
-"""The plant in Gazebo beside MuJoCo's, its server's life, and a climb. Needs the environment: ``make test-gazebo`` runs these."""
+"""The plant in Gazebo next to MuJoCo's, its server's life, and a climb. Needs the environment: ``make test-gazebo`` runs these."""
 
 import json
 import math
