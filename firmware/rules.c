@@ -18,11 +18,12 @@ static void set_targets(tl_rules *rules, const int16_t values[TL_VALUES], bool d
     rules->drives = drives;
 }
 
-/* Stand until a re-arm; the first cause stays. */
+/* Stand until a re-arm, from now on and not from the next tick; the first cause stays. */
 static void stop(tl_rules *rules, tl_cause cause) {
     if (rules->cause == TL_ARMED) {
         rules->cause = (uint8_t)cause;
         rules->latch++;
+        rules->belts_um_s[TL_LEFT] = rules->belts_um_s[TL_RIGHT] = 0;
     }
 }
 
@@ -125,15 +126,15 @@ tl_reply tl_rules_receive(tl_rules *rules, const tl_message *message) {
     return TL_ACCEPTED;
 }
 
-/* Inputs and silence of an armed box, the most telling cause first. */
-static void watch(tl_rules *rules) {
+/* Inputs and silence of an armed box, the most telling cause first. A clock that is set back counts as a long time. */
+static void watch(tl_rules *rules, uint32_t elapsed_ms) {
     if (rules->inputs.drive_error != 0u) {
         stop(rules, TL_DRIVE_ERROR);
     } else if (rules->inputs.stop) {
         stop(rules, TL_BUTTON);
     } else if (!rules->inputs.dead_man) {
         stop(rules, TL_DEAD_MAN);
-    } else if (!is_fresh(rules, rules->heard_ms)) {
+    } else if (elapsed_ms >= watchdog_ms(rules) || !is_fresh(rules, rules->heard_ms)) {
         stop(rules, TL_WATCHDOG);
     }
 }
@@ -151,7 +152,7 @@ tl_outputs tl_rules_tick(tl_rules *rules, uint32_t now_ms, const tl_inputs *inpu
     tl_outputs outputs = {.belts_um_s = {0, 0}, .seat = 0, .flipper = 0, .brake = true};
     rules->now_ms = now_ms;
     rules->inputs = *inputs;
-    watch(rules);
+    watch(rules, elapsed_ms);
     const bool is_armed = rules->cause == TL_ARMED;
     /* 1 mm/s2 in 1 ms is 1 um/s. The watchdog keeps the time of an armed box below 100 ms, and the product within 32 bits. */
     const int32_t step = is_armed ? rules->limits[rules->drives ? TL_LIMIT_ACCELERATION : TL_LIMIT_HOLD] * (int32_t)elapsed_ms : 0;

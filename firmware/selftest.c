@@ -128,6 +128,13 @@ static void test_stops(void) {
     expect(drive_at(0, 2000, 0, 0) == TL_ACCEPTED && tick(20).belts_um_s[TL_LEFT] == 0 && tell(TL_HOLD, NONE) == TL_ACCEPTED);
     expect(!tick(10).brake);
 
+    set_off(); /* a clock that is set back, or a loop that stood still */
+    expect(tl_box_tick(&box, box.rules.now_ms - 30u, &IDLE).brake && box.rules.cause == TL_WATCHDOG);
+
+    set_off(); /* stopped, given lower limits and armed again between two ticks */
+    expect(tell(TL_STOP, NONE) == TL_ACCEPTED && tell(TL_SET_LIMITS, LIMITS) == TL_ACCEPTED && tell(TL_REARM, NONE) == TL_ACCEPTED);
+    expect(tick(10).belts_um_s[TL_LEFT] == 0);
+
     set_off();
     sequence--; /* the same message again */
     expect(drive_at(0, 0, 0, 0) == TL_OUT_OF_ORDER);

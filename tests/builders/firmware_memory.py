@@ -92,8 +92,9 @@ class Traffic:
         return {"dead_man": rare() < 0.995, "stop": rare() < 0.002, "drive_error": 0 if rare() < 0.998 else 17}
 
     def elapsed_ms(self) -> int:
-        """Return the time to the next tick [ms]: mostly up to 20, now and then anything."""
-        return self._random.randint(0, 20) if self._random.random() < 0.998 else self._random.randint(0, 2**32 - 1)
+        """Return the time to the next tick [ms]: mostly up to 20, now and then anything, a clock set back included."""
+        rare = self._random.random()
+        return self._random.randint(*((0, 20) if rare < 0.996 else (-100, 200) if rare < 0.998 else (0, 2**32 - 1)))
 
 
 def first_difference(seed: int, ticks: int) -> str | None:

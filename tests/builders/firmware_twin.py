@@ -105,6 +105,8 @@ def received(box: Values, message: Mapping[str, Any], logic: Logic = PLAIN) -> V
     for name, value in zip(LIMIT_NAMES, values, strict=True):
         new[name] = after(name, limited, logic.choose(valid, value, 0))
     new["latch"] = after("latch", halted, (box["latch"] + 1) % 2**16)
+    for side in ("left_um_s", "right_um_s"):
+        new[side] = after(side, halted, 0)
     new["cause"] = logic.choose(halted, logic.choose(kind == STOP, STOPPED, TWO_HOSTS), logic.choose(rearmed, ARMED, box["cause"]))
     return new
 
@@ -117,7 +119,7 @@ def ticked(box: Values, now_ms: Any, inputs: Mapping[str, Any], logic: Logic = P
         (inputs["drive_error"] != 0, DRIVE_ERROR),
         (inputs["stop"], BUTTON),
         (logic.no(inputs["dead_man"]), DEAD_MAN),
-        ((now_ms - box["heard"]) % 2**32 >= allowed, WATCHDOG),
+        (logic.some(elapsed >= allowed, (now_ms - box["heard"]) % 2**32 >= allowed), WATCHDOG),
     ]
     cause: Any = ARMED
     for condition, name in reversed(causes):

@@ -85,6 +85,16 @@ def test_firmware_and_twin_agree_on_random_traffic(seed: int) -> None:
     assert first_difference(seed, 25_000) is None
 
 
+def test_the_theorems_on_the_rules_hold() -> None:
+    """docs/reference/firmware.md lists them with their assumptions."""
+    pytest.importorskip("z3", reason="z3-solver is not installed")
+    from firmware_proof import theorems, verdict
+
+    proved = {name: verdict(assumption, claim) for name, assumption, claim in theorems()}
+    assert len(proved) == 16
+    assert set(proved.values()) == {("proved", "")}
+
+
 @compiled
 def test_the_state_says_what_the_rules_hold_and_what_was_measured() -> None:
     box = DriveBox()
