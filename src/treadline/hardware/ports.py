@@ -58,13 +58,24 @@ class DriveState:
     """Battery voltage [V]; None if it is not measured."""
 
 
-BoxReading = DriveState | ImuSample | SeatReading | FlipperReading | OperatorInput
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StickReading:
+    """Deflection of a handset's stick, as shares of the largest speed from -1 to 1; used on the bench alone."""
+
+    t_s: float
+    speed: float
+    """Forward share."""
+    turn: float
+    """Share of the turn, positive to the left."""
+
+
+BoxReading = DriveState | ImuSample | SeatReading | FlipperReading | OperatorInput | StickReading
 """Readings of a link. Their ``t_s`` is the host's monotonic time at arrival."""
 
 
 @runtime_checkable
 class SensorLink(Protocol):
-    """Link that is only read: an inertial sensor (``ImuSample``, in the chair frame B) or a handset (``OperatorInput``)."""
+    """Link that is only read: an inertial sensor (``ImuSample``, in the chair frame B) or a handset (``OperatorInput`` at 10 Hz)."""
 
     def poll(self) -> Sequence[BoxReading]:
         """Return the readings since the last call, oldest first; none if nothing arrived.

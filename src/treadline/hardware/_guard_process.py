@@ -1,0 +1,160 @@
+"""The guard process: owns the links and runs the guard on the monotonic clock, whatever the loop does.
+
+``python -m treadline.hardware._guard_process FD`` with one end of a pair of local sockets. The loop sends readings of the camera,
+plans and proposals; the process sends readings of the box, the guard's commands and events, each once a tick. The loop's datagram of
+each tick is its heartbeat. The process loads the guard and the links, and no numerical library.
+"""
+
+import contextlib
+import gc
+import os
+import select
+import signal
+import socket
+import sys
+import time
+from typing import Any
+
+from treadline.core.errors import LinkError
+from treadline.core.signals import TICK_S, Event, HeadingEstimate, OperatorInput
+from treadline.guard import SILENCE_S, Guard
+from treadline.hardware._links import Links, open_links
+from treadline.hardware._process_messages import received, send
+from treadline.hardware.ports import DriveLimits, StickReading
+
+LEAST_PRIORITY = 1
+"""Least real-time priority, above every process without one."""
+CLOSING_TICKS = 5
+"""Ticks for which a stop is repeated before the links are closed: a serial frame may be lost."""
+
+
+class GuardProcess:
+    """Guard of one chair, session after session: arming, then a drive.
+
+    Args:
+        channel: Socket to the loop.
+        links: Open links.
+        limits: Limits of the box; its watchdog is taken off the silence of the loop that is tolerated, so that the belts stop in
+            time even if this process ends in the same instant.
+    """
+
+    def __init__(self, channel: socket.socket, links: Links, limits: DriveLimits) -> None:
+        self._channel, self._links = channel, links
+        self._loop_silence_s = SILENCE_S - limits.watchdog_s
+        self._guard: Guard | None = None
+        self._start_s = self._heard_s = time.monotonic()
+        self._estimate: HeadingEstimate | None = None
+        self._ended: str | None = None
+        self._notes: list[Event] = []
+
+    def run(self) -> None:
+        """Tick until the loop ends, then stop the box."""
+        due_s = time.monotonic()
+        while self._ended is None:
+            self.tick(time.monotonic())
+            due_s = max(due_s + TICK_S, time.monotonic() - TICK_S)  # a tick that was missed is not made up for
+            time.sleep(max(due_s - time.monotonic(), 0.0))
+        for _ in range(CLOSING_TICKS):
+            self._links.stop()
+            time.sleep(TICK_S)
+        self._links.close()
+
+    def tick(self, now_s: float) -> None:
+        """Take what has arrived, step the guard, command the box, report."""
+        t_s = now_s - self._start_s
+        if self._guard is not None:
+            self._guard.advance(t_s)
+        self._hear(now_s)
+        t_s, guard = now_s - self._start_s, self._guard
+        if guard is None:
+            readings = list(self._links.poll(self._start_s))
+            self._links.stop()
+            send(self._channel, {"t_s": t_s, "readings": readings, "state": self._links.state, "failed": self._links.lost})
+            return
+        readings = self._sense(guard)
+        silent_s = now_s - self._heard_s
+        if silent_s > self._loop_silence_s:
+            guard.hold(f"the loop stood still for {silent_s:.2f} s")
+        if self._links.lost is not None:
+            guard.hold(self._links.lost)
+        commands = guard.step(t_s, self._estimate)
+        self._estimate = None
+        self._links.command(*commands, held=guard.holding is not None)
+        report = {"t_s": t_s, "readings": readings, "commands": commands, "holding": guard.holding, "state": self._links.state}
+        events, self._notes = [*self._notes, *guard.take_events()], []
+        send(self._channel, report | {"events": events, "failed": self._links.lost})
+
+    def _sense(self, guard: Guard) -> list[Any]:
+        """Return the readings since the last tick, which the guard receives first; the person's re-arm reaches the box as well."""
+        readings = []
+        for reading in self._links.poll(self._start_s):
+            readings.append(reading)
+            if isinstance(reading, StickReading):
+                continue
+            held = guard.holding
+            guard.admit(reading)
+            if isinstance(reading, OperatorInput) and held is not None and guard.holding is None:
+                self._links.rearm()
+        return readings
+
+    def _hear(self, now_s: float) -> None:
+        try:
+            for message in received(self._channel):
+                self._heard_s = now_s
+                self._obey(message, now_s)
+        except EOFError:
+            self._ended = "the loop has ended"
+
+    def _obey(self, message: dict[str, Any], now_s: float) -> None:
+        if "session" in message:
+            self._begin(now_s, **message["session"])
+        self._ended = message.get("end", self._ended)
+        guard = self._guard
+        if guard is None:
+            return
+        if "hold" in message:
+            guard.hold(message["hold"])
+        self._estimate = message.get("estimate", self._estimate)
+        for call, signal_ in message.get("calls", ()):
+            getattr(guard, call)(signal_)
+
+    def _begin(self, now_s: float, config: Any, start_s: float, note: str, cause: str) -> None:
+        """Begin a session with a new guard, which holds until a person re-arms."""
+        self._links.stop()
+        self._guard, self._start_s, self._estimate = Guard(config), start_s, None
+        self._guard.advance(now_s - start_s)
+        self._guard.hold(cause)
+        self._notes = [Event(t_s=now_s - start_s, name="guard_process", cause=note)]
+
+
+def real_time() -> str:
+    """Ask for real-time scheduling; return what was granted, as a sentence for the log."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(LEAST_PRIORITY))
+    except (OSError, AttributeError) as error:
+        reason = getattr(error, "strerror", None) or "not of this system"
+        return f"no real-time scheduling ({reason}); allow it: rtprio 1 in /etc/security/limits.conf, or run with CAP_SYS_NICE"
+    return f"real-time scheduling, SCHED_FIFO {LEAST_PRIORITY}"
+
+
+def main(descriptor: int) -> None:
+    """Open the links that the first message asks for, and run until the loop ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in the terminal reaches the loop, which ends this process in order
+    channel = socket.socket(fileno=descriptor)
+    select.select([channel], [], [])
+    request = next(received(channel))
+    try:
+        links = Links(open_links(request["links"], request["limits"]), request["signs"])
+    except LinkError as error:
+        send(channel, {"failed": str(error)})
+        return
+    note = real_time()
+    gc.collect()
+    gc.freeze()
+    send(channel, {"opened": note})
+    with contextlib.suppress(KeyboardInterrupt):
+        GuardProcess(channel, links, request["limits"]).run()
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))

@@ -1,0 +1,133 @@
+"""Handsets: keys held down in the terminal, and a gamepad by the joystick interface of Linux.
+
+``key, button, stick -> OperatorInput, StickReading``, ten times a second and at each change.
+"""
+
+import os
+import struct
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from treadline.core.errors import LinkError
+from treadline.core.signals import OperatorInput
+from treadline.hardware.ports import StickReading
+
+REPORT_S = 0.1
+"""Period of the reports [s]."""
+HELD_S = 0.15
+"""Time between two repeats of a key up to which it is held down [s]: terminals repeat at 10 Hz or faster."""
+KEYS = {"r": (0.0, 0.0), "w": (1.0, 0.0), "s": (-1.0, 0.0), "a": (0.0, 1.0), "d": (0.0, -1.0)}
+"""Keys that are held down, with their speed and turn on the bench."""
+EVENT = struct.Struct("IhBB")
+"""Event of the joystick interface: time [ms], value, type, number (linux/joystick.h)."""
+AXIS, BUTTON = 2, 1
+FULL = 32767.0
+DEAD_MAN, STOP, REARM, FLIGHT_ENDS, GO_BACK = 4, 1, 7, 3, 2
+"""Buttons of a gamepad in the order of the kernel's xpad driver: left shoulder, B, start, Y, X."""
+
+
+class _Reports:
+    """Reports at their period and at each change."""
+
+    def __init__(self) -> None:
+        self._last: tuple[object, ...] = ()
+        self._due_s = 0.0
+
+    def of(self, t_s: float, stick: tuple[float, float], **buttons: bool) -> list[OperatorInput | StickReading]:
+        """Return the reports that are due."""
+        state = (stick, *buttons.items())
+        if state == self._last and t_s < self._due_s:
+            return []
+        self._last, self._due_s = state, t_s + REPORT_S
+        return [OperatorInput(t_s=t_s, **buttons), StickReading(t_s=t_s, speed=stick[0], turn=stick[1])]
+
+
+class Keyboard:
+    """Keys of the terminal as a dead-man switch: a held key repeats, and the chair may move while it does.
+
+    ``r`` re-arms and drives the mission; ``w``, ``s``, ``a`` and ``d`` re-arm and drive on the bench; ``e`` is "this is the end", ``b``
+    is "go back"; every other key, and none, stops.
+    """
+
+    def __init__(self, descriptor: int = 0) -> None:
+        if not os.isatty(descriptor):
+            raise LinkError("the keyboard is no terminal; run treadline drive in a terminal, or take a gamepad")
+        self._descriptor = descriptor
+        os.set_blocking(descriptor, False)
+        self._key, self._first_s, self._pressed_s = "", 0.0, 0.0
+        self._reports = _Reports()
+        self._answers: set[str] = set()
+
+    def poll(self) -> Sequence[OperatorInput | StickReading]:
+        """Return the reports that are due."""
+        now_s = time.monotonic()
+        for key in self._typed():
+            if key != self._key or now_s - self._pressed_s > HELD_S:
+                self._first_s = now_s
+            self._key, self._pressed_s = key, now_s
+        # A key that was pressed once is not held: a repeat must have followed.
+        held = self._key in KEYS and self._pressed_s > self._first_s and now_s - self._pressed_s <= HELD_S
+        return self._reports.of(
+            now_s,
+            KEYS[self._key] if held else (0.0, 0.0),
+            dead_man=held,
+            rearm=held,
+            flight_ends=self._key == "e" and now_s - self._pressed_s <= REPORT_S,
+            go_back=self._key == "b" and now_s - self._pressed_s <= REPORT_S,
+        )
+
+    def close(self) -> None:
+        """Leave the terminal as it is: the verb that set its mode restores it."""
+
+    def _typed(self) -> str:
+        try:
+            return os.read(self._descriptor, 256).decode(errors="ignore")
+        except BlockingIOError:
+            return ""
+
+
+class Gamepad:
+    """Gamepad: left shoulder button is the dead-man switch, start re-arms, B stops, the left stick drives on the bench.
+
+    Args:
+        port: Device of the joystick interface.
+    """
+
+    def __init__(self, port: str = "/dev/input/js0") -> None:
+        try:
+            self._file = os.open(Path(port), os.O_RDONLY | os.O_NONBLOCK)
+        except OSError as error:
+            raise LinkError(f"{port}: {error.strerror}; is the gamepad plugged in, and may this user read it (group input)?") from None
+        self._port = port
+        self._down: dict[int, bool] = {}
+        self._axes = {0: 0.0, 1: 0.0}
+        self._reports = _Reports()
+
+    def poll(self) -> Sequence[OperatorInput | StickReading]:
+        """Return the reports that are due."""
+        try:
+            data = os.read(self._file, 64 * EVENT.size)
+        except BlockingIOError:
+            data = b""
+        except OSError as error:
+            raise LinkError(f"{self._port}: the gamepad has gone ({error.strerror}); plug it in") from None
+        for _, value, kind, number in EVENT.iter_unpack(data):
+            if kind & BUTTON:
+                self._down[number] = value != 0
+            elif kind & AXIS and number in self._axes:
+                self._axes[number] = -value / FULL
+        down = self._down.get
+        return self._reports.of(
+            time.monotonic(),
+            (self._axes[1], self._axes[0]),
+            dead_man=down(DEAD_MAN, False),
+            stop=down(STOP, False),
+            rearm=down(REARM, False),
+            flight_ends=down(FLIGHT_ENDS, False),
+            go_back=down(GO_BACK, False),
+        )
+
+    def close(self) -> None:
+        """Release the device."""
+        os.close(self._file)

@@ -1,0 +1,136 @@
+"""Links of a chair as one: opened by name, polled in mission time and in the chair's signs, commanded in one call.
+
+``DriveState -> TrackReading, PlantState``; the other readings pass with their stamps on the mission clock.
+"""
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from importlib import import_module
+from typing import Any
+
+from treadline.core.errors import LinkError, TreadlineError
+from treadline.core.signals import FlipperCommand, PlantState, SeatCommand, TrackCommand, TrackReading
+from treadline.hardware.ports import DriveLimits, DriveLink, DriveState, JointLink, SensorLink
+
+PROTOCOLS = {"drives": DriveLink, "imu": SensorLink, "joints": JointLink, "handset": SensorLink}
+"""Protocol of the link of each port."""
+
+
+def open_links(requests: Mapping[str, Any], limits: DriveLimits) -> dict[str, Any]:
+    """Return the links of a chair by port; those that are open are closed where another fails.
+
+    Args:
+        requests: Class and options of each link, as ``LinkTable.request`` gives them.
+        limits: Limits for the box at the drives.
+
+    Raises:
+        LinkError: If a class does not exist or fits no port, or a device does not open.
+    """
+    links: dict[str, Any] = {}
+    try:
+        for port, request in requests.items():
+            links[port] = links["drives"] if request["class"] == "drives" else _opened(port, request, limits)
+            if not isinstance(links[port], PROTOCOLS[port]):
+                wanted = [name for name in dir(PROTOCOLS[port]) if not name.startswith("_") and not hasattr(links[port], name)]
+                raise LinkError(f"{port}: {type(links[port]).__name__} has no {', '.join(wanted)}(); see treadline.hardware.ports")
+    except LinkError:
+        for link in {id(link): link for link in links.values()}.values():
+            link.close()
+        raise
+    return links
+
+
+def _opened(port: str, request: Mapping[str, Any], limits: DriveLimits) -> Any:
+    module, _, name = request["class"].partition(":")
+    options = request["options"] | ({"limits": limits} if port == "drives" else {})
+    if "" not in sys.path:
+        sys.path.insert(0, "")  # an own driver lies in the working folder
+    try:
+        return getattr(import_module(module), name)(**options)
+    except TreadlineError as error:
+        raise LinkError(f"{port}: {error}") from error
+    except TypeError as error:
+        raise LinkError(f"{port}: {error}; correct the keys of [{port}] in the robot file") from error
+    except Exception as error:
+        raise LinkError(f"{port}: {request['class']} cannot be opened: {type(error).__name__}: {error}") from error
+
+
+class Links:
+    """Open links, in mission time and in the chair's signs.
+
+    Args:
+        links: Links by port; ports may share one.
+        signs: The keys of ``robot_file.Signs``.
+    """
+
+    def __init__(self, links: Mapping[str, Any], signs: Mapping[str, Any]) -> None:
+        self._drives: DriveLink = links["drives"]
+        self._joints: JointLink | None = links.get("joints")
+        self._each = {id(link): (port, link) for port, link in reversed(links.items())}
+        self._swapped, self._signs = signs["swapped"], (signs["left"], signs["right"])
+        self._stops = True
+        self.state: DriveState | None = None
+        """Newest state of the drives, in the box's signs."""
+        self.lost: str | None = None
+        """Why a link was lost; None while all work."""
+
+    def poll(self, start_s: float) -> Iterator[Any]:
+        """Yield the readings since the last call, with stamps relative to ``start_s`` on the monotonic clock."""
+        for port, link in list(self._each.values()):
+            for reading in self._guarded(port, link.poll) or ():
+                t_s = reading.t_s - start_s
+                if isinstance(reading, DriveState):
+                    self.state = reading
+                    yield from self._drive_signals(reading, t_s)
+                else:
+                    yield replace(reading, t_s=t_s)
+
+    def command(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None, *, held: bool) -> None:
+        """Pass the guard's commands on; the brake of a held chair latches the box."""
+        if self._joints is not None:
+            rate_rad_s = 0.0 if flipper is None else flipper.rate_rad_s
+            self._guarded("joints", self._joints.move, seat.rate_m_s, rate_rad_s)
+        if held and tracks.brake:
+            self.stop()
+        elif tracks.brake:
+            self._guarded("drives", self._drives.hold)
+        else:
+            left, right = (sign * speed for sign, speed in zip(self._signs, (tracks.left_m_s, tracks.right_m_s), strict=True))
+            self._guarded("drives", self._drives.send, *((right, left) if self._swapped else (left, right)))
+
+    def stop(self) -> None:
+        """Stop at once; the box stays latched until ``rearm``."""
+        self._stops = True
+        self._guarded("drives", self._drives.stop)
+
+    def rearm(self) -> None:
+        """End the latched stop of the box."""
+        self._stops = False
+        self._guarded("drives", self._drives.rearm)
+
+    def close(self) -> None:
+        """Stop the drives and release all devices."""
+        self.stop()
+        for port, link in self._each.values():
+            self._guarded(port, link.close)
+
+    def _drive_signals(self, state: DriveState, t_s: float) -> Iterator[TrackReading | PlantState]:
+        belts = (state.right_m_s, state.left_m_s) if self._swapped else (state.left_m_s, state.right_m_s)
+        left, right = (sign * speed for sign, speed in zip(self._signs, belts, strict=True))
+        yield TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=state.latched)
+        fault = state.error
+        if fault is None and state.latched and not self._stops:
+            fault = "no valid command reached the box in time (its watchdog)" if state.watchdog_tripped else "the box latched a stop"
+        yield PlantState(t_s=t_s, fault=fault)
+
+    def _guarded(self, port: str, call: Callable[..., Any], *arguments: float) -> Any:
+        """Return the result of a call; a link that fails, by whatever error, is lost and is not called again."""
+        if self.lost is not None and self.lost.startswith(f"{port}: "):
+            return None
+        try:
+            return call(*arguments)
+        except Exception as error:
+            cause = str(error) if isinstance(error, TreadlineError) else f"{type(error).__name__}: {error}"
+            self.lost = self.lost or f"{port}: {' '.join(cause.split())}"
+            return None

@@ -1,0 +1,123 @@
+"""A real chair as a ``Plant`` on the wall clock: readings from the guard process and frames from a camera thread.
+
+The guard process commands the drives by itself, so ``write`` has nothing to do.
+"""
+
+import time
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import replace
+from threading import Event as Flag
+from threading import Thread
+from typing import Any
+
+from treadline.core.camera_images import NamedFrame, RgbdFrame
+from treadline.core.errors import TreadlineError
+from treadline.core.ports import Reading
+from treadline.core.signals import FlipperCommand, SeatCommand, TrackCommand
+from treadline.hardware.guard_client import GuardClient
+from treadline.hardware.ports import StickReading
+
+WAIT_S = 0.002
+"""Longest sleep before reports are read again [s]: a fifth of a tick."""
+FRAMES = 2
+"""Frames that wait for the loop; older ones are dropped, because a frame that waits longer than a period has a successor."""
+
+
+class CameraThread:
+    """Thread that reads a live camera; it stamps frames on the host's monotonic clock.
+
+    The device's clock is mapped by the smallest delay between exposure and arrival that was seen.
+
+    Args:
+        frames: Frames of a live camera, stamped on the device's clock.
+    """
+
+    def __init__(self, frames: Iterable[NamedFrame]) -> None:
+        self._frames = frames
+        self._waiting: deque[RgbdFrame] = deque(maxlen=FRAMES)
+        self._is_over = Flag()
+        self.error: str | None = None
+        """Why the camera stopped; None while it runs."""
+        self.count = 0
+        """Number of frames so far."""
+        self._thread = Thread(target=self._run, name="camera", daemon=True)
+        self._thread.start()
+
+    def take(self, start_s: float) -> list[RgbdFrame]:
+        """Return the frames since the last call, stamped relative to ``start_s`` on the monotonic clock."""
+        taken = []
+        while self._waiting:
+            frame = self._waiting.popleft()
+            taken.append(replace(frame, t_s=frame.t_s - start_s))
+        return taken
+
+    def close(self) -> None:
+        """End the thread after its next frame; a camera that is stuck is left behind."""
+        self._is_over.set()
+        self._thread.join(1.0)
+
+    def _run(self) -> None:
+        offset_s = float("inf")
+        try:
+            for named in self._frames:
+                offset_s = min(offset_s, time.monotonic() - named.frame.t_s)
+                self._waiting.append(replace(named.frame, t_s=named.frame.t_s + offset_s))
+                self.count += 1
+                if self._is_over.is_set():
+                    return
+        except TreadlineError as error:
+            self.error = str(error)
+        except Exception as error:
+            self.error = f"the camera's driver failed: {type(error).__name__}: {error}"
+
+
+class RobotPlant:
+    """Chair behind the guard process.
+
+    Args:
+        client: The guard process.
+        start_s: Monotonic time at which the mission clock is zero [s].
+        camera: Camera; None on the bench.
+    """
+
+    reports_ground = True
+    """Whether frames show the ground."""
+
+    def __init__(self, client: GuardClient, start_s: float, camera: CameraThread | None = None) -> None:
+        self._client, self._start_s, self._camera = client, start_s, camera
+        self._until_s = 0.0
+        self._camera_error: str | None = None
+
+    def start(self) -> None:
+        """Do nothing: the chair stands where it stands."""
+
+    def advance(self, until_s: float) -> None:
+        """Wait until the mission clock reaches ``until_s``."""
+        self._until_s = until_s
+        while (left_s := self._start_s + until_s - time.monotonic()) > 0.0:
+            time.sleep(min(left_s, WAIT_S))
+        self._client.receive()
+
+    def read(self) -> list[Reading]:
+        """Return the readings up to now; a stopped camera holds the chair."""
+        frames: list[Any] = []
+        if self._camera is not None:
+            frames = self._camera.take(self._start_s)
+            if self._camera.error != self._camera_error:
+                self._camera_error = self._camera.error
+                self._client.hold(f"camera: {self._camera_error}")
+        return [*(reading for reading in self._client.readings(self._until_s) if not isinstance(reading, StickReading)), *frames]
+
+    def write(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None = None) -> None:
+        """Do nothing: the guard process has commanded the drives."""
+
+    def brake(self) -> None:
+        """Brake at once, from any thread; waits for no lock."""
+        self._client.hold("the loop stood still")
+
+    def close(self) -> None:
+        """Stop the chair, and release camera and links."""
+        self._client.close()
+        if self._camera is not None:
+            self._camera.close()
