@@ -49,6 +49,7 @@ VERBS = {
     "Identification and control": ("excite", "identify", "compare", "tune", "export"),
     "Perception": ("see", "frames", "mount"),
     "Logs and ROS": ("replay", "record", "nodes", "node"),
+    "Real chairs": ("drive",),
     "Installation": ("doctor", "compile"),
 }
 """Verbs by the heading under which ``--help`` lists them."""

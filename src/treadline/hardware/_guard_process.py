@@ -1,13 +1,11 @@
 """The guard process: owns the links and runs the guard on the monotonic clock, whatever the loop does.
 
 ``python -m treadline.hardware._guard_process FD`` with one end of a pair of local sockets. The loop sends readings of the camera,
-plans and proposals; the process sends readings of the box, the guard's commands and events, each once a tick. The loop's datagram of
-each tick is its heartbeat. The process loads the guard and the links, and no numerical library.
+plans and proposals; the process sends readings of the box, the guard's commands and events, each once a tick. The loop's datagram
+of each tick is its heartbeat. The process loads the guard and the links, and no numerical library.
 """
 
-import contextlib
 import gc
-import os
 import select
 import signal
 import socket
@@ -20,10 +18,9 @@ from treadline.core.signals import TICK_S, Event, HeadingEstimate, OperatorInput
 from treadline.guard import SILENCE_S, Guard
 from treadline.hardware._links import Links, open_links
 from treadline.hardware._process_messages import received, send
+from treadline.hardware._real_time import GUARD, real_time
 from treadline.hardware.ports import DriveLimits, StickReading
 
-LEAST_PRIORITY = 1
-"""Least real-time priority, above every process without one."""
 CLOSING_TICKS = 5
 """Ticks for which a stop is repeated before the links are closed: a serial frame may be lost."""
 
@@ -127,16 +124,6 @@ class GuardProcess:
         self._notes = [Event(t_s=now_s - start_s, name="guard_process", cause=note)]
 
 
-def real_time() -> str:
-    """Ask for real-time scheduling; return what was granted, as a sentence for the log."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(LEAST_PRIORITY))
-    except (OSError, AttributeError) as error:
-        reason = getattr(error, "strerror", None) or "not of this system"
-        return f"no real-time scheduling ({reason}); allow it: rtprio 1 in /etc/security/limits.conf, or run with CAP_SYS_NICE"
-    return f"real-time scheduling, SCHED_FIFO {LEAST_PRIORITY}"
-
-
 def main(descriptor: int) -> None:
     """Open the links that the first message asks for, and run until the loop ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C in the terminal reaches the loop, which ends this process in order
@@ -148,11 +135,10 @@ def main(descriptor: int) -> None:
     except LinkError as error:
         send(channel, {"failed": str(error)})
         return
-    note = real_time()
     gc.collect()
     gc.freeze()
-    send(channel, {"opened": note})
-    with contextlib.suppress(KeyboardInterrupt):
+    with real_time(GUARD) as note:
+        send(channel, {"opened": note})
         GuardProcess(channel, links, request["limits"]).run()
 
 

@@ -46,8 +46,8 @@ class _Reports:
 class Keyboard:
     """Keys of the terminal as a dead-man switch: a held key repeats, and the chair may move while it does.
 
-    ``r`` re-arms and drives the mission; ``w``, ``s``, ``a`` and ``d`` re-arm and drive on the bench; ``e`` is "this is the end", ``b``
-    is "go back"; every other key, and none, stops.
+    ``r`` re-arms and drives the mission; ``w``, ``s``, ``a`` and ``d`` re-arm and drive on the bench; ``e`` is "this is the end",
+    ``b`` is "go back"; every other key, and none, stops.
     """
 
     def __init__(self, descriptor: int = 0) -> None:
@@ -98,7 +98,7 @@ class Gamepad:
         try:
             self._file = os.open(Path(port), os.O_RDONLY | os.O_NONBLOCK)
         except OSError as error:
-            raise LinkError(f"{port}: {error.strerror}; is the gamepad plugged in, and may this user read it (group input)?") from None
+            raise LinkError(f"{port}: {error.strerror}; plug the gamepad in, and let this user read it (group input)") from None
         self._port = port
         self._down: dict[int, bool] = {}
         self._axes = {0: 0.0, 1: 0.0}

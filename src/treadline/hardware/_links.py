@@ -31,14 +31,18 @@ def open_links(requests: Mapping[str, Any], limits: DriveLimits) -> dict[str, An
     try:
         for port, request in requests.items():
             links[port] = links["drives"] if request["class"] == "drives" else _opened(port, request, limits)
-            if not isinstance(links[port], PROTOCOLS[port]):
-                wanted = [name for name in dir(PROTOCOLS[port]) if not name.startswith("_") and not hasattr(links[port], name)]
-                raise LinkError(f"{port}: {type(links[port]).__name__} has no {', '.join(wanted)}(); see treadline.hardware.ports")
+            _check_protocol(port, links[port])
     except LinkError:
         for link in {id(link): link for link in links.values()}.values():
             link.close()
         raise
     return links
+
+
+def _check_protocol(port: str, link: Any) -> None:
+    wanted = [name for name in dir(PROTOCOLS[port]) if not name.startswith("_") and not hasattr(link, name)]
+    if wanted:
+        raise LinkError(f"{port}: {type(link).__name__} has no {', '.join(wanted)}(); see treadline.hardware.ports")
 
 
 def _opened(port: str, request: Mapping[str, Any], limits: DriveLimits) -> Any:
@@ -67,7 +71,7 @@ class Links:
     def __init__(self, links: Mapping[str, Any], signs: Mapping[str, Any]) -> None:
         self._drives: DriveLink = links["drives"]
         self._joints: JointLink | None = links.get("joints")
-        self._each = {id(link): (port, link) for port, link in reversed(links.items())}
+        self._each = {id(link): (port, link) for port, link in reversed(list(links.items()))}
         self._swapped, self._signs = signs["swapped"], (signs["left"], signs["right"])
         self._stops = True
         self.state: DriveState | None = None
@@ -76,14 +80,14 @@ class Links:
         """Why a link was lost; None while all work."""
 
     def poll(self, start_s: float) -> Iterator[Any]:
-        """Yield the readings since the last call, with stamps relative to ``start_s`` on the monotonic clock."""
+        """Yield the readings since the last call, on a clock that is zero at ``start_s`` of the monotonic one; none from before."""
         for port, link in list(self._each.values()):
             for reading in self._guarded(port, link.poll) or ():
                 t_s = reading.t_s - start_s
                 if isinstance(reading, DriveState):
                     self.state = reading
-                    yield from self._drive_signals(reading, t_s)
-                else:
+                    yield from self._drive_signals(reading, t_s) if t_s >= 0.0 else ()
+                elif t_s >= 0.0:
                     yield replace(reading, t_s=t_s)
 
     def command(self, tracks: TrackCommand, seat: SeatCommand, flipper: FlipperCommand | None, *, held: bool) -> None:
@@ -121,7 +125,7 @@ class Links:
         yield TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=state.latched)
         fault = state.error
         if fault is None and state.latched and not self._stops:
-            fault = "no valid command reached the box in time (its watchdog)" if state.watchdog_tripped else "the box latched a stop"
+            fault = "its watchdog had no valid command in time" if state.watchdog_tripped else "the box latched a stop"
         yield PlantState(t_s=t_s, fault=fault)
 
     def _guarded(self, port: str, call: Callable[..., Any], *arguments: float) -> Any:
@@ -130,7 +134,7 @@ class Links:
             return None
         try:
             return call(*arguments)
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - a driver of the user may raise anything
             cause = str(error) if isinstance(error, TreadlineError) else f"{type(error).__name__}: {error}"
             self.lost = self.lost or f"{port}: {' '.join(cause.split())}"
             return None

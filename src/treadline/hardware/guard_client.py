@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from treadline.core.errors import LinkError
+from treadline.core.ports import Reading
 from treadline.core.signals import (
     Event,
     FrameQuality,
@@ -26,7 +27,6 @@ from treadline.core.signals import (
     TrackCommand,
 )
 from treadline.guard import SILENCE_S, Commands, GuardConfig, ReadingAdmission
-from treadline.guard._stamps import Stamped
 from treadline.hardware._process_messages import received, send
 from treadline.hardware.ports import DriveState
 from treadline.hardware.robot_file import RobotFile
@@ -64,20 +64,22 @@ class GuardClient:
         self._events: list[Event] = []
         self._readings: list[Any] = []
         self._calls: list[tuple[str, Any]] = []
-        self._open(robot)
+        try:
+            self._open(robot)
+        except LinkError:
+            self.close()
+            raise
 
     def _open(self, robot: RobotFile) -> None:
         links = {port: table.request for port, table in robot.tables.items()}
         send(self._channel, {"links": links, "limits": robot.drive_limits, "signs": robot.signs.model_dump()})
         if not select.select([self._channel], [], [], OPEN_S)[0]:
-            self.process.kill()
             raise LinkError(f"the guard process did not open the links within {OPEN_S:g} s; is a driver waiting for its device?")
         try:
             answer = next(received(self._channel))
         except EOFError:
             raise LinkError("the guard process ended while it opened the links; see its messages above") from None
         if "failed" in answer:
-            self.process.wait(CLOSE_S)
             raise LinkError(answer["failed"])
         self.note = answer["opened"]
 
@@ -105,8 +107,9 @@ class GuardClient:
                 self._take(report)
         except EOFError:
             self.lost = self.lost or "the guard process has ended; the box's watchdog has stopped the belts"
-        if now_s - self._heard_s > SILENCE_S:
-            self.lost = self.lost or f"the guard process is silent for {now_s - self._heard_s:.2f} s; the box's watchdog stopped the belts"
+        silent_s = now_s - self._heard_s
+        if silent_s > SILENCE_S:
+            self.lost = self.lost or f"the guard process is silent for {silent_s:.2f} s; the box's watchdog has stopped the belts"
         self.holding = self.holding or self.lost
 
     def readings(self, until_s: float) -> list[Any]:
@@ -121,7 +124,7 @@ class GuardClient:
         """Set the clock that stamps are compared with."""
         self._admission.advance(t_s)
 
-    def admit(self, reading: Stamped) -> bool:
+    def admit(self, reading: Reading) -> bool:
         """Return whether other blocks may use a reading; those of the camera are passed on, the others came from there."""
         if isinstance(reading, FrameQuality | FreeGround):
             self._calls.append(("admit", reading))

@@ -75,7 +75,7 @@ BoxReading = DriveState | ImuSample | SeatReading | FlipperReading | OperatorInp
 
 @runtime_checkable
 class SensorLink(Protocol):
-    """Link that is only read: an inertial sensor (``ImuSample``, in the chair frame B) or a handset (``OperatorInput`` at 10 Hz)."""
+    """Link that is only read: an inertial sensor (``ImuSample``, in the chair frame B) or a handset (``OperatorInput``, 10 Hz)."""
 
     def poll(self) -> Sequence[BoxReading]:
         """Return the readings since the last call, oldest first; none if nothing arrived.

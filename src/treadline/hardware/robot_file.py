@@ -68,7 +68,9 @@ class Signs(Settings):
 
 
 class Camera(Settings):
-    """Live depth camera."""
+    """Live depth camera; further keys are options of an own camera's class."""
+
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, strict=True)
 
     source: str
     """realsense, orbbec, oak, or module:Class of an own camera."""
@@ -115,7 +117,7 @@ class RobotFile(Settings):
         for name, table in self.tables.items():
             port = (table.model_extra or {}).get("port")
             if table.link != "drives" and port is not None and seen.setdefault(str(port), name) != name:
-                raise ValueError(f"{name}.port is '{port}', which {seen[str(port)]} opens; write {name}.link = 'drives', or another")
+                raise ValueError(f"{name}.port is '{port}', which {seen[str(port)]} opens; write {name}.link = 'drives'")
         return self
 
     @property
@@ -128,9 +130,7 @@ class RobotFile(Settings):
     def drive_limits(self) -> DriveLimits:
         """Limits for the box."""
         limits = self.limits
-        return DriveLimits(
-            speed_m_s=limits.belt_m_s, acceleration_m_s2=limits.acceleration_m_s2, watchdog_s=limits.watchdog_s
-        )
+        return DriveLimits(speed_m_s=limits.belt_m_s, acceleration_m_s2=limits.acceleration_m_s2, watchdog_s=limits.watchdog_s)
 
 
 def read_robot(path: Path) -> RobotFile:

@@ -61,14 +61,15 @@ class CameraThread:
         offset_s = float("inf")
         try:
             for named in self._frames:
-                offset_s = min(offset_s, time.monotonic() - named.frame.t_s)
-                self._waiting.append(replace(named.frame, t_s=named.frame.t_s + offset_s))
-                self.count += 1
+                if named.frame is not None:
+                    offset_s = min(offset_s, time.monotonic() - named.frame.t_s)
+                    self._waiting.append(replace(named.frame, t_s=named.frame.t_s + offset_s))
+                    self.count += 1
                 if self._is_over.is_set():
                     return
         except TreadlineError as error:
             self.error = str(error)
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - a driver of the user may raise anything
             self.error = f"the camera's driver failed: {type(error).__name__}: {error}"
 
 

@@ -14,7 +14,7 @@ The loop gets readings, the chair's file and the operator's input, and never the
 the same blocks over channels.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -39,7 +39,7 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.guard import Commands, Guard
+from treadline.guard import Commands, GuardConfig
 from treadline.mission._blocks import CameraBlock, Detector, DriverBlock, SeatBlock, SeatLeveller
 from treadline.mission.belt_controllers import Driver
 from treadline.mission.planner import Planner
@@ -64,6 +64,39 @@ class Estimator(Protocol):
         """Faults known to the filter, or None before the first heading."""
 
 
+class Supervisor(Protocol):
+    """The guard of this process (``Guard``), or the loop's side of a guard in a process of its own."""
+
+    @property
+    def config(self) -> GuardConfig:
+        """Limits of the guard."""
+
+    @property
+    def holding(self) -> str | None:
+        """Cause of the HOLD, or None."""
+
+    def advance(self, t_s: float) -> None:
+        """Set the clock at the start of a tick."""
+
+    def admit(self, reading: Reading) -> bool:
+        """Return whether other blocks may use a reading."""
+
+    def on_message(self, message: HeadingMeasurement | StairMap | HeadingHealth | MotionPlan) -> object:
+        """Update with a message that other blocks computed."""
+
+    def propose(self, command: TrackCommand | SeatCommand) -> None:
+        """Update with a proposed command."""
+
+    def hold(self, cause: str) -> None:
+        """Hold for a fault that readings do not show."""
+
+    def step(self, t_s: float, estimate: HeadingEstimate | None) -> Commands:
+        """Return the commands to the plant."""
+
+    def take_events(self) -> Sequence[Event]:
+        """Return the events since the last call."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blocks:
     """Blocks of Fig. 2; each keeps its own state."""
@@ -74,7 +107,7 @@ class Blocks:
     driver: Driver
     leveller: SeatLeveller | None
     """Control loop of the seat; None for a chair without a seat linkage."""
-    guard: Guard
+    guard: Supervisor
     swept_half_m: float = SWEPT_HALF_M
     """Half of the width that the chair sweeps [m]."""
 

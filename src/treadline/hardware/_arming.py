@@ -1,0 +1,272 @@
+"""Arming of a real chair: sensors speak, axes and signs are right, the battery is charged, the dead-man switch works.
+
+``LinkError`` names the first check that fails and its remedy. Nothing moves but for the wiggle of one belt at 0.05 m/s, while a
+person holds the dead-man switch: each belt alone, forward and back, is compared with its own report and with the gyro.
+"""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from statistics import fmean
+from typing import Any
+
+from treadline.core.angles import DEG, tilt_of
+from treadline.core.errors import LinkError
+from treadline.core.signals import (
+    TICK_S,
+    FlipperReading,
+    ImuSample,
+    OperatorInput,
+    SeatReading,
+    TrackCommand,
+    TrackReading,
+)
+from treadline.guard import GuardConfig
+from treadline.hardware.guard_client import GuardClient
+from treadline.hardware.robot_file import BENCH_M_S, RobotFile
+from treadline.hardware.robot_plant import CameraThread
+from treadline.scenario.chair import GRAVITY_M_S2, ChairDescription
+
+SPEAK_S = 3.0
+"""Longest wait for the first reading of each sensor [s]: a BNO055 fuses 0.65 s after its reset, a camera streams after 2 s."""
+PERSON_S = 60.0
+"""Longest wait for a person's hand [s]."""
+WIGGLE_M_S = 0.5 * BENCH_M_S
+"""Belt speed of the wiggle [m/s]."""
+WIGGLE_S, SETTLE_S = 1.0, 0.2
+"""Duration of each movement, and the time after which it is measured [s]: the guard holds for a belt that
+does not follow after 0.2 s more than the lag of its drive."""
+TILT_RAD = 5.0 * DEG
+"""Largest tilt of a chair on level ground, and largest angle between its attitude and its specific force [rad]."""
+SHARE = 0.4
+"""Share of the commanded speed above which a belt moves, and of the kinematic turn above which the chair turns: half of the 0.79
+that tracks turn on a floor (guard, level share); lifted ones do not turn at all."""
+SCALE = 0.3
+"""Largest deviation of a belt's report from its command: the guard's limit, beyond which it would hold on the first metre."""
+
+
+class Session:
+    """Ticks of a chair without a mission: the heartbeat, the readings and commanded belt speeds.
+
+    Args:
+        client: The guard process.
+        config: Limits of the session.
+        cause: Why the guard holds until the first re-arm.
+        log: Receives each reading and event, with its mission time [s].
+    """
+
+    def __init__(
+        self, client: GuardClient, config: GuardConfig, cause: str, log: Callable[[Any, float], None] = lambda _signal, _t_s: None
+    ) -> None:
+        self._client, self._log = client, log
+        self.start_s = client.begin(config, cause)
+        self._ticks = 0
+        self.newest: dict[type, Any] = {}
+        """Newest reading of each type."""
+
+    @property
+    def t_s(self) -> float:
+        """Mission time [s]."""
+        return self._ticks * TICK_S
+
+    def tick(self, left_m_s: float = 0.0, right_m_s: float = 0.0) -> list[Any]:
+        """Propose belt speeds and return the readings of one tick.
+
+        Raises:
+            LinkError: If a link or the guard process is lost.
+        """
+        client = self._client
+        self._ticks += 1
+        time.sleep(max(self.start_s + self.t_s - time.monotonic(), 0.0))
+        client.receive()
+        if client.lost is not None:
+            raise LinkError(client.lost)
+        readings = client.readings(math.inf)
+        for signal in (*readings, *client.take_events()):
+            self._log(signal, self.t_s)
+        self.newest |= {type(reading): reading for reading in readings}
+        client.propose(TrackCommand(t_s=self.t_s, left_m_s=left_m_s, right_m_s=right_m_s))
+        client.step(self.t_s, None)
+        return readings
+
+    def wait(self, what: str, limit_s: float, until: Callable[[], bool]) -> None:
+        """Tick until a condition holds.
+
+        Raises:
+            LinkError: With ``what`` is missing, if it does not within ``limit_s``.
+        """
+        end_s = self.t_s + limit_s
+        while not until():
+            if self.t_s > end_s:
+                raise LinkError(f"arming: {what} (waited {limit_s:g} s)")
+            self.tick()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wiggle:
+    """Response to one belt that was commanded alone, forward less back, half of it."""
+
+    own_m_s: float
+    """Reported speed of the belt."""
+    other_m_s: float
+    """Reported speed of the other belt."""
+    turn_rad_s: float
+    """Rate of the gyro about the vertical, positive to the left."""
+
+
+def report_fault(name: str, wiggle: Wiggle) -> str | None:
+    """Return the fault of a belt's report, with its remedy; None if it follows the command."""
+    if abs(wiggle.other_m_s) > SHARE * WIGGLE_M_S:
+        return f"the other belt reports when the {name} one is commanded: motor or encoder lines are crossed at the box"
+    if wiggle.own_m_s < -SHARE * WIGGLE_M_S:
+        return f"the report of the {name} belt has the wrong sign: reverse its encoder at the box"
+    if abs(wiggle.own_m_s / WIGGLE_M_S - 1.0) > SCALE:
+        seen = f"the {name} belt reports {wiggle.own_m_s:.3f} m/s where {WIGGLE_M_S:g} is commanded"
+        return f"{seen}: correct wheel radius, gear or supply"
+    return None
+
+
+def turn_fault(left: Wiggle, right: Wiggle, gauge_m: float) -> tuple[str | None, bool]:
+    """Return the fault of the belts' direction by the gyro, with its remedy, or None, and whether the chair stands on its belts.
+
+    Args:
+        left: Response to the left belt, whose report is right.
+        right: Response to the right belt.
+        gauge_m: Distance between the belts [m].
+    """
+    ideal_rad_s = WIGGLE_M_S / gauge_m
+    turns = {"left": -left.turn_rad_s / ideal_rad_s, "right": right.turn_rad_s / ideal_rad_s}
+    if min(map(abs, turns.values())) < SHARE:
+        return None, False
+    backward = [name for name, turn in turns.items() if turn < 0.0]
+    if len(backward) == 2:
+        return "the chair turns the wrong way: the belts are swapped (signs.swapped = true), or both run backwards", True
+    return (
+        (f"the {backward[0]} belt runs backwards: set signs.{backward[0]} = -1 in the robot file", True)
+        if backward
+        else (None, True)
+    )
+
+
+class Arming:
+    """The arming list of one chair.
+
+    Args:
+        session: Session with the bench limits.
+        client: The guard process.
+        robot: The robot file.
+        chair: The chair.
+        say: Receives each line for the person.
+    """
+
+    def __init__(
+        self, session: Session, client: GuardClient, robot: RobotFile, chair: ChairDescription, say: Callable[[str], None]
+    ) -> None:
+        self._session, self._client, self._robot, self._chair, self._say = session, client, robot, chair, say
+
+    def sensors(self, camera: CameraThread | None) -> None:
+        """Wait until every sensor has spoken; check the battery and the axes of the inertial sensor.
+
+        Raises:
+            LinkError: If one is silent, or a value is wrong.
+        """
+        session = self._session
+        wanted: dict[type, str] = {TrackReading: "drives", ImuSample: "imu", OperatorInput: "handset"}
+        if self._chair.seat is not None:
+            wanted[SeatReading] = "joints (seat)"
+        if self._chair.flipper is not None:
+            wanted[FlipperReading] = "joints (flipper)"
+        for kind, name in wanted.items():
+            session.wait(
+                f"no reading of {name}; is it plugged in and powered?", SPEAK_S, partial(session.newest.__contains__, kind)
+            )
+        if camera is not None:
+            session.wait("no frame of the camera", SPEAK_S, lambda: camera.count > 0 or camera.error is not None)
+            if camera.error is not None:
+                raise LinkError(f"arming: camera: {camera.error}")
+        least_v, state = self._robot.limits.battery_least_v, self._client.state
+        volts = None if state is None else state.voltage_v
+        if least_v is not None and (volts is None or volts < least_v):
+            measured = "not measured" if volts is None else f"at {volts:.1f} V"
+            raise LinkError(f"arming: the battery is {measured}, and {least_v:g} V are asked for; charge it")
+        self._check_axes()
+        self._say(f"sensors speak, axes right, battery {'not measured' if volts is None else f'{volts:.1f} V'}")
+
+    def dead_man(self) -> None:
+        """Wait until the dead-man switch was seen released, and then held with a re-arm.
+
+        Raises:
+            LinkError: If no person does so in time.
+        """
+        session = self._session
+        session.wait("the dead-man switch is held; release it", PERSON_S, lambda: not session.newest[OperatorInput].dead_man)
+        self._say("hold the dead-man switch and re-arm (keyboard: hold r); each belt will move a few centimetres")
+        session.wait("no re-arm with the dead-man switch held", PERSON_S, lambda: self._client.holding is None)
+
+    def signs(self) -> bool:
+        """Wiggle each belt; return whether the chair stands on its belts.
+
+        Raises:
+            LinkError: If a sign or a scale is wrong, with the remedy.
+        """
+        wiggles: dict[str, Wiggle] = {}
+        for name, left, right in (("left", 1.0, 0.0), ("right", 0.0, 1.0)):
+            while name not in wiggles or self._client.holding is not None:
+                if self._client.holding is not None:
+                    self._say(f"held: {self._client.holding}; release the dead-man switch and re-arm")
+                wiggles[name] = self._wiggle(left, right)
+                fault = report_fault(name, wiggles[name])
+                if fault is not None:
+                    raise LinkError(f"arming: {fault}")
+        fault, on_floor = turn_fault(wiggles["left"], wiggles["right"], self._chair.tracks.gauge_m)
+        if fault is not None:
+            raise LinkError(f"arming: {fault}")
+        self._say(
+            "belts on the floor, signs right by the gyro" if on_floor else "belts lifted; did the left one move first, forward?"
+        )
+        return on_floor
+
+    def _wiggle(self, left: float, right: float) -> Wiggle:
+        ahead = self._moved(left, right)
+        # A guard that holds has seen a belt that does not follow: the way there shows which.
+        back = [-value for value in ahead] if self._client.holding is not None else self._moved(-left, -right)
+        own, other, turn = (0.5 * (one - two) for one, two in zip(ahead, back, strict=True))
+        return Wiggle(own_m_s=own, other_m_s=other, turn_rad_s=turn)
+
+    def _moved(self, left: float, right: float) -> tuple[float, float, float]:
+        """Return the means of a movement: speeds of the moved and of the other belt [m/s], gyro rate [rad/s]."""
+        session, client = self._session, self._client
+        start_s, tracks, rates = session.t_s, deque[TrackReading](), deque[float]()
+        while session.t_s < start_s + WIGGLE_S and client.holding is None:
+            for reading in session.tick(left * WIGGLE_M_S, right * WIGGLE_M_S):
+                if isinstance(reading, TrackReading) and session.t_s > start_s + SETTLE_S:
+                    tracks.append(reading)
+                elif isinstance(reading, ImuSample) and session.t_s > start_s + SETTLE_S:
+                    rates.append(reading.angular_velocity_rad_s[2])
+        if not tracks or not rates:
+            return float(left + right) * WIGGLE_M_S, 0.0, 0.0  # held before the belt moved: the wiggle is repeated
+        belts = fmean(reading.left_m_s for reading in tracks), fmean(reading.right_m_s for reading in tracks)
+        own, other = belts if left else belts[::-1]
+        return own, other, fmean(rates)
+
+    def _check_axes(self) -> None:
+        """Raise where gravity is not along +z, or the attitude contradicts it."""
+        samples: list[ImuSample] = []
+        end_s = self._session.t_s + SETTLE_S
+        while self._session.t_s < end_s:
+            samples += [reading for reading in self._session.tick() if isinstance(reading, ImuSample)]
+        x, y, z = (fmean(sample.linear_acceleration_m_s2[axis] for sample in samples) for axis in range(3))
+        if z < math.cos(TILT_RAD) * math.hypot(x, y, z) or abs(math.hypot(x, y, z) / GRAVITY_M_S2 - 1.0) > SCALE:
+            raise LinkError(
+                f"arming: the specific force is ({x:.1f}, {y:.1f}, {z:.1f}) m/s² where (0, 0, 9.8) is at rest on level ground; "
+                "correct the axes of the inertial sensor, or stand level"
+            )
+        pitch_rad, roll_rad = tilt_of(samples[-1].orientation)
+        if max(abs(pitch_rad - math.asin(x / GRAVITY_M_S2)), abs(roll_rad - math.asin(y / GRAVITY_M_S2))) > TILT_RAD:
+            raise LinkError(
+                f"arming: the attitude has {pitch_rad / DEG:.0f}° pitch and {roll_rad / DEG:.0f}° roll, gravity says otherwise; "
+                "correct the axes of the inertial sensor's attitude"
+            )

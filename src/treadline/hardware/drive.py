@@ -1,0 +1,244 @@
+"""Runs of a real chair: recording without motion, the bench, and a drive with mission and guard.
+
+``RobotFile -> run folder``: ``manifest.json``, ``log.mcap`` and ``result.json``, and of a drive ``series.csv``, as of a simulated
+run but without ground truth.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict, dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from treadline.core.angles import DEG
+from treadline.core.errors import SettingsError
+from treadline.core.models import ControllerDesign
+from treadline.core.signals import TICK_S, Event
+from treadline.guard import GuardConfig
+from treadline.hardware._arming import Arming, Session
+from treadline.hardware._real_time import LOOP, real_time
+from treadline.hardware.guard_client import GuardClient
+from treadline.hardware.ports import StickReading
+from treadline.hardware.robot_file import BENCH_M_S, RobotFile
+from treadline.hardware.robot_plant import CameraThread, RobotPlant
+from treadline.io.live import CAMERAS, camera_by_name
+from treadline.io.live.stream import LiveFrames
+from treadline.io.mcap_log import RunLog
+from treadline.io.runs import LOG, begin_run, log_metadata, write_result, write_series
+from treadline.mission.loop import Mission
+from treadline.mission.mission_blocks import build_blocks, guard_config, warm_up
+from treadline.mission.mission_config import MissionConfig
+from treadline.run.scene_log import SceneLog
+from treadline.scenario.camera_file import read_camera
+from treadline.scenario.chair import ChairDescription, read_chair
+from treadline.scenario.scenario import Chair
+from treadline.scenario.shipped_files import shipped_controller
+
+BENCH_PERIOD_S = 0.25
+"""Control period of a session without a mission [s]: Table I, 4 Hz."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """A chair as it is driven: its file, its limits and its mission."""
+
+    file: RobotFile
+    chair: ChairDescription
+    """Chair, with the limits of the robot file where these are lower."""
+    mission: MissionConfig
+
+    @classmethod
+    def of(cls, file: RobotFile) -> "Robot":
+        """Return the chair of a robot file.
+
+        Raises:
+            SettingsError: If chair or controller are missing or invalid.
+        """
+        chair, asked = read_chair(file.mission.chair), file.mission
+        speed_m_s = min(chair.drives.max_speed_m_s, file.limits.belt_m_s)
+        acceleration_m_s2 = min(chair.drives.max_acceleration_m_s2, file.limits.acceleration_m_s2)
+        limited = chair.changed(drives={"max_speed_m_s": speed_m_s, "max_acceleration_m_s2": acceleration_m_s2})
+        design = shipped_controller(chair.name) if asked.controller is None else ControllerDesign.load(Path(asked.controller))
+        mission = MissionConfig(
+            chair=limited,
+            controller=design,
+            direction=asked.direction,
+            payload_kg=asked.payload_kg,
+            climb_speed_m_s=min(asked.speed_m_s, speed_m_s),
+            flights=asked.flights,
+            reports_ground=True,
+        )
+        return cls(file=file, chair=limited, mission=mission)
+
+    def bench_config(self) -> GuardConfig:
+        """Limits of the guard without a mission: a person commands the belts, slowly."""
+        config = guard_config(replace(self.mission, loop="open", reports_ground=False), BENCH_PERIOD_S)
+        return replace(config, belt_limit_m_s=min(BENCH_M_S, config.belt_limit_m_s), has_planner=False)
+
+    def drive_config(self, period_s: float) -> GuardConfig:
+        """Limits of the guard for a drive.
+
+        A chair whose camera or inertial sensor is silent holds at once: driving on by one sensor alone, as the simulated chair
+        does, was never tried on a real one.
+        """
+        config = guard_config(self.mission, period_s)
+        return replace(config, blind_timeout_s=config.silence_s, vision_only_s=config.imu_timeout_s)
+
+
+def camera_of(file: RobotFile) -> CameraThread:
+    """Return the running camera of a chair.
+
+    Raises:
+        SettingsError: If the robot file names none, or its class does not exist.
+    """
+    if file.camera is None:
+        raise SettingsError("no [camera] in the robot file, and only --bench drives without one; add source and calibration")
+    module, _, name = file.camera.source.partition(":")
+    try:
+        options = file.camera.model_extra or {}
+        camera = getattr(import_module(module), name)(**options) if name else camera_by_name(file.camera.source)
+    except (ImportError, AttributeError, TypeError) as error:
+        known = ", ".join(CAMERAS)
+        raise SettingsError(f"camera.source is '{file.camera.source}': {error}; give {known} or module:Class") from None
+    return CameraThread(LiveFrames(camera, calibration=read_camera(Path(file.camera.calibration)), colour=True))
+
+
+@contextmanager
+def _recorded(robot: Robot, out: Path, config: GuardConfig, images: int) -> Iterator[SceneLog]:
+    """Begin a run folder and yield its log."""
+    settings = {"robot": robot.file.model_dump(mode="json")}
+    manifest = begin_run(out, settings, 0, robot.mission.controller, guard=asdict(config))
+    with (
+        RunLog(out / LOG, image_every=images, metadata=log_metadata(manifest, None, out)) as log,
+        SceneLog(
+            log, robot.chair, Chair(payload_kg=robot.mission.payload_kg), backwards=robot.mission.direction == "down"
+        ) as scene,
+    ):
+        yield scene
+
+
+def record(file: RobotFile, out: Path, seconds: float) -> dict[str, Any]:
+    """Record all sensors without motion, with every frame, for ``treadline mount`` and ``treadline replay``.
+
+    Raises:
+        TreadlineError: If a device does not open, or is lost.
+    """
+    robot = Robot.of(file)
+    config, count = robot.bench_config(), 0
+    wanted = None if file.camera is None else camera_of(file)
+    with _connected(file, wanted) as (client, camera), _recorded(robot, out, config, 1) as scene:
+        session = Session(client, config, "recording without motion", _without_sticks(scene))
+        with suppress(KeyboardInterrupt):
+            while session.t_s < seconds:
+                session.tick()
+                for frame in () if camera is None else camera.take(session.start_s):
+                    scene(frame, session.t_s)
+                    count += 1
+    return _ended(out, "time_up", None, session.t_s, []) | {"frames": count}
+
+
+def bench(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]) -> dict[str, Any]:
+    """Arm the chair, then drive its belts by the handset's stick, at most 0.1 m/s.
+
+    Raises:
+        TreadlineError: If a device does not open, arming fails, or a link is lost.
+    """
+    robot = Robot.of(file)
+    config = robot.bench_config()
+    events: list[Event] = []
+    with _connected(file, None, say) as (client, _), _recorded(robot, out, config, 0) as scene:
+        session = Session(client, config, "not armed", _told(_without_sticks(scene), events, say))
+        arming = Arming(session, client, file, robot.chair, say)
+        arming.sensors(None)
+        arming.dead_man()
+        arming.signs()
+        say(f"bench: the stick (keyboard: hold w, s, a, d) drives at most {config.belt_limit_m_s:g} m/s; Ctrl-C ends")
+        end_s = session.t_s + seconds
+        with suppress(KeyboardInterrupt):
+            while session.t_s < end_s:
+                stick = session.newest.get(StickReading)
+                speed, turn = (0.0, 0.0) if stick is None else (stick.speed, stick.turn)
+                session.tick(config.belt_limit_m_s * (speed - turn), config.belt_limit_m_s * (speed + turn))
+    return _ended(out, "time_up", None, session.t_s, events)
+
+
+def drive(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None], *, images: int = 0) -> dict[str, Any]:
+    """Arm the chair, then drive the mission until it arrives, refuses, or the chair can no longer be driven.
+
+    Args:
+        images: Keep every n-th frame in the log; 0 keeps none.
+
+    Raises:
+        TreadlineError: If a device does not open, or arming fails.
+    """
+    robot = Robot.of(file)
+    blocks = build_blocks(robot.mission)
+    warm_up(robot.mission)
+    config = robot.drive_config(blocks.driver.period_s)
+    events: list[Event] = []
+    headings: list[float] = []
+    with _connected(file, camera_of(file), say) as (client, camera), _recorded(robot, out, config, images) as scene:
+        arming = Arming(Session(client, robot.bench_config(), "not armed"), client, file, robot.chair, say)
+        arming.sensors(camera)
+        arming.dead_man()
+        if not arming.signs():
+            raise SettingsError("the belts are lifted: put the chair on the floor, or run --bench")
+        say("armed; release the dead-man switch, then hold it and re-arm: the chair drives")
+        start_s = client.begin(config, "armed: waits for a re-arm")
+        mission = Mission(RobotPlant(client, start_s, camera), replace(blocks, guard=client), _told(scene, events, say))
+        over: tuple[str, str | None] | None = None
+        with mission.watchdog, suppress(KeyboardInterrupt):
+            while over is None:
+                tick = mission.tick()
+                scene.plan(tick.plan)
+                headings.append(math.nan if tick.estimate is None else tick.estimate.heading_rad / DEG)
+                if client.lost is not None:
+                    over = "held", client.lost
+                elif tick.plan.phase in ("arrived", "refused"):
+                    over = tick.plan.phase, tick.plan.cause or None
+                elif tick.t_s > seconds:
+                    over = "time_up", None
+    write_series(out, {"t_s": np.arange(len(headings)) * TICK_S, "estimate_deg": np.array(headings)})
+    return _ended(out, *(over or ("ended", "by the operator")), len(headings) * TICK_S, events)
+
+
+def _without_sticks(sink: Callable[[Any, float], None]) -> Callable[[Any, float], None]:
+    """Return a sink without the handset's stick, which is no signal of a log."""
+    return lambda signal, t_s: None if isinstance(signal, StickReading) else sink(signal, t_s)
+
+
+def _told(sink: Callable[[Any, float], None], events: list[Event], say: Callable[[str], None]) -> Callable[[Any, float], None]:
+    """Return a sink that also keeps events, and tells the person."""
+
+    def take(signal: Any, t_s: float) -> None:
+        if isinstance(signal, Event):
+            events.append(signal)
+            say(f"{t_s:7.2f} s {signal.name}: {signal.cause}")
+        sink(signal, t_s)
+
+    return take
+
+
+@contextmanager
+def _connected(
+    file: RobotFile, camera: CameraThread | None, say: Callable[[str], None] = lambda _: None
+) -> Iterator[tuple[GuardClient, CameraThread | None]]:
+    """Yield guard process and camera; the chair is stopped and both are released at the end, however it comes."""
+    with ExitStack() as stack:
+        if camera is not None:
+            stack.callback(camera.close)
+        client = GuardClient(file)
+        stack.callback(client.close)
+        say(f"loop: {stack.enter_context(real_time(LOOP))}; guard: {client.note}")
+        yield client, camera
+
+
+def _ended(out: Path, verdict: str, cause: str | None, duration_s: float, events: list[Event]) -> dict[str, Any]:
+    """Write and return the result of a run."""
+    values = {"verdict": verdict, "cause": cause, "duration_s": duration_s, "events": [asdict(event) for event in events]}
+    write_result(out, values)
+    return values

@@ -1,0 +1,160 @@
+"""Faults while the belts turn: the guard process stops the box within 0.3 s whatever the loop does, names the cause, and waits.
+
+Times are those of the box's clock, the monotonic one of this machine.
+"""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from threading import Thread
+from typing import Any
+
+import pytest
+from robots import TestRobot
+
+PATIENCE_S = 20.0
+HELD = {"dead_man": True, "speed": 1.0}
+
+
+def wait(until: Callable[[], Any], said: Callable[[], object] = str) -> Any:
+    """Return the first true result; a test that waits in vain fails with what was said."""
+    end_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end_s:
+        if result := until():
+            return result
+        time.sleep(0.01)
+    pytest.fail(f"it did not come to pass: {said()}")
+
+
+class Bench:
+    """``treadline drive --bench`` in a process, driven at 0.1 m/s."""
+
+    def __init__(self, robot: TestRobot) -> None:
+        self.robot = robot
+        command = [sys.executable, "-m", "treadline", "drive", str(robot.path), "--bench", "--out", str(robot.folder / "run")]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        self.said: list[str] = []
+        self.ear = Thread(target=self._hear, daemon=True)
+        self.ear.start()
+        wait(lambda: any(line.startswith("bench: ") for line in self.said), lambda: self.said)
+        self.drive()
+
+    def _hear(self) -> None:
+        assert self.process.stderr is not None
+        for line in self.process.stderr:
+            self.said.append(line.strip())
+            self.robot.obey(line)
+
+    def drive(self) -> None:
+        """Hold the switch and push the stick until the box is asked for 0.1 m/s."""
+        self.robot.hold(**HELD)
+        wait(lambda: self.robot.done()[-1]["asked"] == [0.1, 0.1] and not self.robot.done()[-1]["latched"])
+
+    def guard(self) -> int:
+        """Return the process id of the guard process."""
+        listed = subprocess.run(["ps", "-o", "pid=", "--ppid", str(self.process.pid)], capture_output=True, text=True, check=True)
+        return int(listed.stdout.split()[0])
+
+    def stopped(self, fault_s: float) -> float:
+        """Return the time from a fault to the stop of the box [s]."""
+        done = wait(lambda: [entry for entry in self.robot.done() if entry["latched"] and entry["box_s"] > fault_s])
+        return float(done[0]["box_s"] - fault_s)
+
+    def cause(self) -> str:
+        """Return the cause of the hold as the person is told."""
+        return str(wait(lambda: [line for line in self.said if " hold: " in line and "not armed" not in line])[-1])
+
+
+@pytest.fixture
+def bench(robot: TestRobot) -> Iterator[Bench]:
+    made = Bench(robot)
+    yield made
+    for pid in (made.process.pid,):
+        try:
+            os.kill(pid, signal.SIGCONT)
+            made.process.terminate()
+            made.process.wait(PATIENCE_S)
+        except ProcessLookupError:
+            pass
+    made.ear.join(PATIENCE_S)
+    made.process.communicate()
+
+
+def test_a_loop_that_is_stopped_stops_the_chair_until_a_person_rearms(bench: Bench) -> None:
+    """Test: SIGSTOP; SIGCONT; then a re-arm. Expected result: latched within 0.3 s and awake, then it drives."""
+    os.kill(bench.process.pid, signal.SIGSTOP)
+    fault_s = time.monotonic()
+    assert bench.stopped(fault_s) <= 0.3
+    os.kill(bench.process.pid, signal.SIGCONT)
+    assert "the loop stood still for 0.2" in bench.cause()
+    assert bench.robot.done()[-1]["latched"]
+    bench.robot.hold(dead_man=False)
+    wait(lambda: bench.robot.hold(dead_man=True, rearm=True) or not bench.robot.done()[-1]["latched"])
+    bench.drive()
+
+
+def test_a_loop_that_is_killed_stops_the_chair(bench: Bench) -> None:
+    bench.process.kill()
+    fault_s = time.monotonic()
+    assert bench.stopped(fault_s) <= 0.3
+    assert wait(lambda: bench.robot.done()[-1]["what"] == "close")
+
+
+def test_a_guard_process_that_is_killed_ends_the_run(bench: Bench) -> None:
+    """Test: the guard process is killed. Expected result: one line that says so, and no traceback; the box has its own watchdog."""
+    os.kill(bench.guard(), signal.SIGKILL)
+    assert bench.process.wait(PATIENCE_S) == 2
+    bench.ear.join(PATIENCE_S)
+    assert bench.said[-1] == "treadline: the guard process has ended; the box's watchdog has stopped the belts"
+
+
+def test_a_guard_process_that_is_stopped_ends_the_run(bench: Bench) -> None:
+    guard = bench.guard()
+    os.kill(guard, signal.SIGSTOP)
+    assert bench.process.wait(PATIENCE_S) == 2
+    bench.ear.join(PATIENCE_S)
+    assert bench.said[-1].startswith("treadline: the guard process is silent for 0.3")
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("error", "the plant braked by itself: overcurrent of the left motor"),
+        ("restart", "the plant braked by itself: the box latched a stop"),
+        ("left_reversed", "left track runs away: -0."),
+        ("right_report_reversed", "right track runs away: -0."),
+    ],
+)
+def test_a_fault_of_the_box_holds_and_is_named(bench: Bench, fault: str, said: str) -> None:
+    fault_s = time.monotonic()
+    bench.robot.broken(fault)
+    assert bench.stopped(fault_s) <= 0.3
+    assert said in bench.cause()
+
+
+def test_an_unplugged_line_ends_the_run_with_its_cause(bench: Bench) -> None:
+    bench.robot.broken("unplugged")
+    assert bench.process.wait(PATIENCE_S) == 2
+    bench.ear.join(PATIENCE_S)
+    assert "the line is unplugged" in bench.said[-1]
+
+
+@pytest.mark.parametrize("hand", [{"dead_man": False, "speed": 1.0}, {"dead_man": True, "stop": True, "speed": 1.0}])
+def test_the_persons_hand_stops_the_chair(bench: Bench, hand: dict[str, Any]) -> None:
+    fault_s = time.monotonic()
+    bench.robot.hold(**hand)
+    assert bench.stopped(fault_s) <= 0.3
+    assert "operator stop" in bench.cause()
+
+
+def test_ctrl_c_stops_the_chair_and_keeps_the_log(bench: Bench) -> None:
+    fault_s = time.monotonic()
+    bench.process.send_signal(signal.SIGINT)
+    assert bench.stopped(fault_s) <= 0.3
+    assert bench.process.wait(PATIENCE_S) == 0
+    result = json.loads((bench.robot.folder / "run" / "result.json").read_text())
+    assert [event["name"] for event in result["events"]][-1] == "rearmed"

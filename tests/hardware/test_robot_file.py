@@ -1,0 +1,63 @@
+"""Robot files: speed limits are required, links are named, each error is one line with the key and the remedy."""
+
+import pytest
+from robots import TestRobot
+
+from treadline.core.errors import LinkError, SettingsError
+from treadline.hardware.guard_client import GuardClient
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "said"),
+    [
+        ("belt_m_s = 0.3", "", "limits.belt_m_s"),
+        ("acceleration_m_s2 = 1.0", "", "limits.acceleration_m_s2"),
+        ("belt_m_s = 0.3", "belt_m_s = 0.0", "limits.belt_m_s"),
+        ("belt_m_s = 0.3", 'belt_m_s = "0.3"', "limits.belt_m_s"),
+        ("acceleration_m_s2 = 1.0", "acceleration_m_s2 = 1.0\nwatchdog_s = 0.5", "limits.watchdog_s"),
+        ("payload_kg = 50.0", "payload_kg = 50.0\nspeed = 1.0", "mission.speed"),
+        ('[imu]\nlink = "drives"', '[imu]\nlink = "bno"', "give serial, can"),
+        ('[drives]\nlink = "box:Box"', '[drives]\nlink = "drives"', "give serial, can, or module:Class"),
+        ('[imu]\nlink = "drives"', '[imu]\nlink = "serial"\nport = "/dev/ttyACM0"', None),
+    ],
+)
+def test_a_wrong_line_is_named(robot: TestRobot, line: str, instead: str, said: str | None) -> None:
+    text = robot.path.read_text()
+    assert line in text
+    robot.path.write_text(text.replace(line, instead))
+    if said is None:
+        assert robot.file().imu.link == "serial"
+        return
+    with pytest.raises(SettingsError) as error:
+        robot.file()
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+    assert str(robot.path) in str(error.value)
+
+
+def test_two_links_on_one_port_are_refused(robot: TestRobot) -> None:
+    port = 'link = "serial"\nport = "/dev/ttyACM0"'
+    text = robot.path.read_text().replace('link = "box:Box"', port, 1).replace('[imu]\nlink = "drives"', f"[imu]\n{port}")
+    robot.path.write_text(text)
+    with pytest.raises(SettingsError, match=r"imu\.port is '/dev/ttyACM0', which drives opens; write imu.link = 'drives'"):
+        robot.file()
+
+
+@pytest.mark.parametrize(
+    ("link", "instead", "said"),
+    [
+        (
+            '[drives]\nlink = "box:Box"',
+            '[drives]\nlink = "nowhere:Box"',
+            "drives: nowhere:Box cannot be opened: ModuleNotFoundError",
+        ),
+        ('[drives]\nlink = "box:Box"', '[drives]\nlink = "box:Hand"', r"drives: .*limits.*correct the keys of \[drives\]"),
+        ('[handset]\nlink = "box:Hand"', '[handset]\nlink = "box:Hand"\nbaud = 9600', "handset: .*baud.*correct the keys"),
+        ('[handset]\nlink = "box:Hand"', '[handset]\nlink = "keyboard"', "handset: .*correct the keys"),
+    ],
+)
+def test_a_link_that_does_not_open_is_one_line(robot: TestRobot, link: str, instead: str, said: str) -> None:
+    robot.path.write_text(robot.path.read_text().replace(link, instead))
+    with pytest.raises(LinkError, match=said) as error:
+        GuardClient(robot.file())
+    assert "\n" not in str(error.value)
