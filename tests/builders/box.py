@@ -1,6 +1,6 @@
 """A box at the drives, and a handset, inside the guard process: the rules of the firmware on belts with a first-order lag.
 
-What the box does is told through files, because the test is another process: ``faults.json`` in (names of ``FAULTS``),
+Test and box speak through files, because the test is another process: ``faults.json`` in (names of ``FAULTS``),
 ``box.jsonl`` out, one line at each change of what the belts are commanded, by the box's own clock.
 """
 
@@ -23,7 +23,7 @@ FAULTS = (
 )  # fmt: skip
 
 
-class Box:
+class FloorBox:
     """Link to drives, inertial sensor, seat and flipper."""
 
     def __init__(self, *, limits: DriveLimits, folder: str, volts: float = 25.0) -> None:
@@ -32,7 +32,7 @@ class Box:
         self.asked = (0.0, 0.0)
         self.commanded = [0.0, 0.0]
         self.belts = [0.0, 0.0]
-        self.yaw_rad = 0.0
+        self.yaw_rad, self.moving = 0.0, False
         self.t_s = self.heard_s = time.monotonic()
         self.faults: set[str] = set()
         self.log("open")
@@ -66,6 +66,9 @@ class Box:
             change = min(max(asked[side] - self.commanded[side], -step), step)
             self.commanded[side] = 0.0 if self.latched else self.commanded[side] + change
             self.belts[side] += (1.0 - math.exp(-PERIOD_S / LAG_S)) * (self.commanded[side] - self.belts[side])
+        if self.moving != (self.belts[0] > 0.09):
+            self.moving = not self.moving
+            self.log("moving" if self.moving else "slow")
         self.yaw_rad += PERIOD_S * self.turn_rad_s
 
     @property

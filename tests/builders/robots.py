@@ -15,7 +15,7 @@ belt_m_s = 0.3
 acceleration_m_s2 = 1.0
 battery_least_v = 22.0
 [drives]
-link = "box:Box"
+link = "box:FloorBox"
 folder = "{folder}"
 [imu]
 link = "drives"

@@ -302,7 +302,7 @@ def test_a_belt_may_differ_by_its_share_for_a_time() -> None:
     assert run(*[0.25] * 4) is None
     assert run(*[0.25] * 5) == "left track is stalled: 0.25 m/s where 0.50 is expected"
     assert run(*[0.75] * 5) == "left track runs away: 0.75 m/s where 0.50 is expected"
-    assert run(*[-0.5] * 5) == "left track is stalled: -0.50 m/s where 0.50 is expected"
+    assert run(*[-0.5] * 5) == "left track runs backwards: -0.50 m/s where 0.50 is expected"
     assert run(*[0.25] * 4, *[0.5] * 4, *[0.25] * 4) is None
     assert run(*[0.25, 0.25, 0.25, 0.25, 0.5] * 5) is not None  # four readings in five
 

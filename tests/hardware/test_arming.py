@@ -72,7 +72,7 @@ def test_a_fault_of_the_wiring_is_named_and_the_chair_does_not_drive(robot: Test
 
 
 def test_a_low_battery_is_not_armed(robot: TestRobot) -> None:
-    robot.path.write_text(robot.path.read_text().replace('link = "box:Box"', 'link = "box:Box"\nvolts = 21.5'))
+    robot.path.write_text(robot.path.read_text().replace('link = "box:FloorBox"', 'link = "box:FloorBox"\nvolts = 21.5'))
     with pytest.raises(LinkError, match=r"the battery is at 21.5 V, and 22 V are asked for; charge it"):
         runs.bench(robot.file(), robot.folder / "run", 1.0, robot.obey)
     assert [entry["what"] for entry in robot.done()] == ["open", "close"]

@@ -17,7 +17,7 @@ from treadline.hardware.guard_client import GuardClient
         ("acceleration_m_s2 = 1.0", "acceleration_m_s2 = 1.0\nwatchdog_s = 0.5", "limits.watchdog_s"),
         ("payload_kg = 50.0", "payload_kg = 50.0\nspeed = 1.0", "mission.speed"),
         ('[imu]\nlink = "drives"', '[imu]\nlink = "bno"', "give serial, can"),
-        ('[drives]\nlink = "box:Box"', '[drives]\nlink = "drives"', "give serial, can, or module:Class"),
+        ('[drives]\nlink = "box:FloorBox"', '[drives]\nlink = "drives"', "give serial, can, or module:Class"),
         ('[imu]\nlink = "drives"', '[imu]\nlink = "serial"\nport = "/dev/ttyACM0"', None),
     ],
 )
@@ -37,7 +37,7 @@ def test_a_wrong_line_is_named(robot: TestRobot, line: str, instead: str, said: 
 
 def test_two_links_on_one_port_are_refused(robot: TestRobot) -> None:
     port = 'link = "serial"\nport = "/dev/ttyACM0"'
-    text = robot.path.read_text().replace('link = "box:Box"', port, 1).replace('[imu]\nlink = "drives"', f"[imu]\n{port}")
+    text = robot.path.read_text().replace('link = "box:FloorBox"', port, 1).replace('[imu]\nlink = "drives"', f"[imu]\n{port}")
     robot.path.write_text(text)
     with pytest.raises(SettingsError, match=r"imu\.port is '/dev/ttyACM0', which drives opens; write imu.link = 'drives'"):
         robot.file()
@@ -47,11 +47,11 @@ def test_two_links_on_one_port_are_refused(robot: TestRobot) -> None:
     ("link", "instead", "said"),
     [
         (
-            '[drives]\nlink = "box:Box"',
+            '[drives]\nlink = "box:FloorBox"',
             '[drives]\nlink = "nowhere:Box"',
             "drives: nowhere:Box cannot be opened: ModuleNotFoundError",
         ),
-        ('[drives]\nlink = "box:Box"', '[drives]\nlink = "box:Hand"', r"drives: .*limits.*correct the keys of \[drives\]"),
+        ('[drives]\nlink = "box:FloorBox"', '[drives]\nlink = "box:Hand"', r"drives: .*limits.*correct the keys of \[drives\]"),
         ('[handset]\nlink = "box:Hand"', '[handset]\nlink = "box:Hand"\nbaud = 9600', "handset: .*baud.*correct the keys"),
         ('[handset]\nlink = "box:Hand"', '[handset]\nlink = "keyboard"', "handset: .*correct the keys"),
     ],

@@ -111,4 +111,6 @@ class BeltMonitor:
         off = abs(speed - expected) > limits.deviation * abs(expected) + limits.mismatch_spare_m_s
         if lasting.update(self._t_s, beyond=off):
             fault = "runs away" if abs(speed) > abs(expected) else "is stalled"
+            if speed * expected < 0.0 and abs(speed) > limits.mismatch_spare_m_s:
+                fault = "runs backwards"
             self.cause = f"{name} track {fault}: {speed:.2f} m/s where {expected:.2f} is expected"

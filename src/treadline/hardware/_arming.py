@@ -48,7 +48,7 @@ SCALE = 0.3
 """Largest deviation of a belt's report from its command: the guard's limit, beyond which it would hold on the first metre."""
 
 
-class Session:
+class BenchSession:
     """Ticks of a chair without a mission: the heartbeat, the readings and commanded belt speeds.
 
     Args:
@@ -155,7 +155,7 @@ class Arming:
     """The arming list of one chair.
 
     Args:
-        session: Session with the bench limits.
+        session: BenchSession with the bench limits.
         client: The guard process.
         robot: The robot file.
         chair: The chair.
@@ -163,7 +163,7 @@ class Arming:
     """
 
     def __init__(
-        self, session: Session, client: GuardClient, robot: RobotFile, chair: ChairDescription, say: Callable[[str], None]
+        self, session: BenchSession, client: GuardClient, robot: RobotFile, chair: ChairDescription, say: Callable[[str], None]
     ) -> None:
         self._session, self._client, self._robot, self._chair, self._say = session, client, robot, chair, say
 

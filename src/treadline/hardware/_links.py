@@ -65,7 +65,7 @@ class Links:
 
     Args:
         links: Links by port; ports may share one.
-        signs: The keys of ``robot_file.Signs``.
+        signs: The keys of ``robot_file.SignsTable``.
     """
 
     def __init__(self, links: Mapping[str, Any], signs: Mapping[str, Any]) -> None:

@@ -1,6 +1,6 @@
 """Messages between the mission and the guard process: one JSON object a datagram, on a pair of connected local sockets.
 
-The sockets never block: a datagram that does not fit is lost, and its receiver notices the silence.
+The sockets never block: a datagram that does not fit is lost, and its receiver detects the silence.
 """
 
 import json

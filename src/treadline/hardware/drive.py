@@ -19,7 +19,7 @@ from treadline.core.errors import SettingsError
 from treadline.core.models import ControllerDesign
 from treadline.core.signals import TICK_S, Event
 from treadline.guard import GuardConfig
-from treadline.hardware._arming import Arming, Session
+from treadline.hardware._arming import Arming, BenchSession
 from treadline.hardware._real_time import LOOP, real_time
 from treadline.hardware.guard_client import GuardClient
 from treadline.hardware.ports import StickReading
@@ -131,7 +131,7 @@ def record(file: RobotFile, out: Path, seconds: float) -> dict[str, Any]:
     config, count = robot.bench_config(), 0
     wanted = None if file.camera is None else camera_of(file)
     with _connected(file, wanted) as (client, camera), _recorded(robot, out, config, 1) as scene:
-        session = Session(client, config, "recording without motion", _without_sticks(scene))
+        session = BenchSession(client, config, "recording without motion", _without_sticks(scene))
         with suppress(KeyboardInterrupt):
             while session.t_s < seconds:
                 session.tick()
@@ -142,7 +142,7 @@ def record(file: RobotFile, out: Path, seconds: float) -> dict[str, Any]:
 
 
 def bench(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]) -> dict[str, Any]:
-    """Arm the chair, then drive its belts by the handset's stick, at most 0.1 m/s.
+    """Run the arming list, then drive its belts by the handset's stick, at most 0.1 m/s.
 
     Raises:
         TreadlineError: If a device does not open, arming fails, or a link is lost.
@@ -151,7 +151,7 @@ def bench(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]
     config = robot.bench_config()
     events: list[Event] = []
     with _connected(file, None, say) as (client, _), _recorded(robot, out, config, 0) as scene:
-        session = Session(client, config, "not armed", _told(_without_sticks(scene), events, say))
+        session = BenchSession(client, config, "not armed", _declared(_without_sticks(scene), events, say))
         arming = Arming(session, client, file, robot.chair, say)
         arming.sensors(None)
         arming.dead_man()
@@ -167,7 +167,7 @@ def bench(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]
 
 
 def drive(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None], *, images: int = 0) -> dict[str, Any]:
-    """Arm the chair, then drive the mission until it arrives, refuses, or the chair can no longer be driven.
+    """Run the arming list, then drive the mission until it arrives, refuses, or the chair can no longer be driven.
 
     Args:
         images: Keep every n-th frame in the log; 0 keeps none.
@@ -182,14 +182,14 @@ def drive(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]
     events: list[Event] = []
     headings: list[float] = []
     with _connected(file, camera_of(file), say) as (client, camera), _recorded(robot, out, config, images) as scene:
-        arming = Arming(Session(client, robot.bench_config(), "not armed"), client, file, robot.chair, say)
+        arming = Arming(BenchSession(client, robot.bench_config(), "not armed"), client, file, robot.chair, say)
         arming.sensors(camera)
         arming.dead_man()
         if not arming.signs():
             raise SettingsError("the belts are lifted: put the chair on the floor, or run --bench")
         say("armed; release the dead-man switch, then hold it and re-arm: the chair drives")
         start_s = client.begin(config, "armed: waits for a re-arm")
-        mission = Mission(RobotPlant(client, start_s, camera), replace(blocks, guard=client), _told(scene, events, say))
+        mission = Mission(RobotPlant(client, start_s, camera), replace(blocks, guard=client), _declared(scene, events, say))
         over: tuple[str, str | None] | None = None
         with mission.watchdog, suppress(KeyboardInterrupt):
             while over is None:
@@ -211,8 +211,8 @@ def _without_sticks(sink: Callable[[Any, float], None]) -> Callable[[Any, float]
     return lambda signal, t_s: None if isinstance(signal, StickReading) else sink(signal, t_s)
 
 
-def _told(sink: Callable[[Any, float], None], events: list[Event], say: Callable[[str], None]) -> Callable[[Any, float], None]:
-    """Return a sink that also keeps events, and tells the person."""
+def _declared(sink: Callable[[Any, float], None], events: list[Event], say: Callable[[str], None]) -> Callable[[Any, float], None]:
+    """Return a sink that also keeps events, and reports them to the person."""
 
     def take(signal: Any, t_s: float) -> None:
         if isinstance(signal, Event):

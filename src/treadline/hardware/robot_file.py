@@ -24,7 +24,7 @@ Positive = Annotated[float, Field(gt=0.0)]
 Sign = Literal[-1, 1]
 
 
-class Limits(Settings):
+class LimitsTable(Settings):
     """Limits that the box at the drives enforces whatever the host sends."""
 
     belt_m_s: Annotated[float, Field(gt=0.0, le=1.0)]
@@ -43,7 +43,7 @@ class LinkTable(Settings):
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, strict=True)
 
     link: str
-    """serial, can, keyboard, gamepad, module:Class, or drives for a device that the link to the drives also reads."""
+    """Name or class: serial, can, keyboard, gamepad, module:Class, or drives for a device that the drives' link reads too."""
 
     @model_validator(mode="after")
     def _has_a_class(self) -> "LinkTable":
@@ -57,7 +57,7 @@ class LinkTable(Settings):
         return {"class": LINKS.get(self.link, self.link), "options": dict(self.model_extra or {})}
 
 
-class Signs(Settings):
+class SignsTable(Settings):
     """Result of the guided wiggle: what the host changes between the chair's belts and those of the box."""
 
     swapped: bool = False
@@ -67,18 +67,18 @@ class Signs(Settings):
     right: Sign = 1
 
 
-class Camera(Settings):
+class CameraTable(Settings):
     """Live depth camera; further keys are options of an own camera's class."""
 
     model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, strict=True)
 
     source: str
-    """realsense, orbbec, oak, or module:Class of an own camera."""
+    """Name or class: realsense, orbbec, oak, or module:Class of an own camera."""
     calibration: str
     """Camera file with intrinsics and the mount on the chair, as treadline mount writes it."""
 
 
-class Mission(Settings):
+class MissionTable(Settings):
     """Traversal as the operator enters it."""
 
     chair: str = "wheelchair"
@@ -98,16 +98,16 @@ class RobotFile(Settings):
     """A real chair: its links, its limits and its mission."""
 
     name: str
-    limits: Limits
+    limits: LimitsTable
     drives: LinkTable
     imu: LinkTable
     joints: LinkTable | None = None
     """Seat and flipper. None: a chair without them."""
     handset: LinkTable
-    signs: Signs = Signs()
-    camera: Camera | None = None
+    signs: SignsTable = SignsTable()
+    camera: CameraTable | None = None
     """Required for a drive; the bench needs none."""
-    mission: Mission
+    mission: MissionTable
 
     @model_validator(mode="after")
     def _each_device_has_one_link(self) -> "RobotFile":
