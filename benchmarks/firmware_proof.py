@@ -2,8 +2,7 @@
 
 Run: ``pip install z3-solver`` and ``python benchmarks/firmware_proof.py``. The rules are those of
 ``tests/builders/firmware_twin.py``; that the C code follows them is tested on random traffic (``benchmarks/firmware_fuzz.py``), not
-proved. The theorems and their assumptions are listed in docs/reference/firmware.md. Ends with 1 and a counterexample if one does not
-hold.
+proved. The theorems and their assumptions are listed in docs/reference/firmware.md. Ends with 1 and a counterexample if one fails.
 """
 
 import sys

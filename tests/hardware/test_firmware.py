@@ -33,13 +33,6 @@ def message(kind: Kind, values: tuple[int, ...] = (0,) * 6, **given: int) -> Hos
     return HostMessage(**{"sender": 7, "sequence": 1, "stamp_ms": 0, "latch": 1, **given}, kind=kind, values=values)
 
 
-def test_a_message_has_the_bytes_of_the_page() -> None:
-    drive = message(Kind.DRIVE, (2000, -2000, 0, 0, 0, 0), stamp_ms=1000, latch=0)
-    assert drive.frame().hex(" ") == (
-        "05 01 01 19 07 02 01 03 e8 03 01 01 01 05 d0 07 30 f8 01 01 01 01 01 01 01 05 92 c9 56 6a 00"
-    )
-
-
 @given(st.binary(min_size=1, max_size=90))
 def test_a_frame_holds_one_zero_at_its_end_and_gives_its_content_back(content: bytes) -> None:
     frame = frame_of(content)
