@@ -21,10 +21,11 @@ from treadline.core.signals import (
     SeatReading,
     TrackCommand,
     TrackReading,
+    VelocityCommand,
 )
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
-from treadline.ros._node_signals import Beat, Clock, GuardState, VelocityCommand
+from treadline.ros._node_signals import Beat, Clock, GuardState
 
 T_S = 12.34
 CAMERA = PinholeCamera(
@@ -37,7 +38,7 @@ SIDES_M = {"right_wall_m": 0.6, "left_seen_m": -0.1, "right_seen_m": 0.55}
 MAP = stair(T_S, PLACES_B, direction="down", rise_m=0.17, slope_rad=0.5, ends=True, **SIDES_M)
 SIGNALS = [
     (on.CLOCK, Clock(t_s=T_S)),
-    (on.TWIST, VelocityCommand(speed_m_s=0.2, turn_rad_s=-0.1)),
+    (on.TWIST, VelocityCommand(t_s=T_S, speed_m_s=0.2, turn_rad_s=-0.1)),
     (
         on.ODOM,
         Odometry(

@@ -24,6 +24,7 @@ from treadline.core.signals import (
     StairMap,
     TrackCommand,
     TrackReading,
+    VelocityCommand,
 )
 from treadline.guard import Guard
 
@@ -45,8 +46,9 @@ MADE: dict[type, Callable[[float], Any]] = {
     ),
     TrackCommand: lambda t_s: TrackCommand(t_s=t_s, left_m_s=0.2, right_m_s=0.2),
     SeatCommand: lambda t_s: SeatCommand(t_s=t_s, rate_m_s=0.01),
+    VelocityCommand: lambda t_s: VelocityCommand(t_s=t_s, speed_m_s=0.1, turn_rad_s=0.1),
 }
-"""A sound message of each type, of a chair that climbs at 0.2 m/s."""
+"""A sound message of each type, of a chair that climbs at 0.2 m/s; the driver's commands have precedence over velocities."""
 OUT = (Event, FlipperCommand)
 """Types that no block sends to the guard: its own events, and a command that is part of the plan."""
 OF_CAMERA = (FrameQuality, HeadingMeasurement, StairMap, FreeGround)
@@ -99,7 +101,7 @@ class Traffic:
         match message:
             case HeadingEstimate():
                 self.estimate = message
-            case TrackCommand() | SeatCommand():
+            case TrackCommand() | SeatCommand() | VelocityCommand():
                 self.guard.propose(message)
             case HeadingHealth() | MotionPlan():
                 self.guard.on_message(message)

@@ -24,6 +24,7 @@ from treadline.core.signals import (
     SeatReading,
     TrackCommand,
     TrackReading,
+    VelocityCommand,
 )
 from treadline.guard import Guard, GuardConfig
 
@@ -1224,3 +1225,67 @@ def test_an_open_loop_run_needs_no_heading_but_still_needs_a_driver() -> None:
     drive.silent = {"driver", "camera"}
     drive.until_held(1.0)
     assert drive.events() == [("slow", "no command or tick for 0.38 s"), ("hold", "no command for 0.76 s")]
+
+
+# Velocity commands
+
+
+IDLE = MotionPlan(t_s=0.0, phase="arrived", speed_m_s=0.0, turn_m_s=0.0, needs_stair=False)
+CLIMB = MotionPlan(t_s=0.0, phase="climb", speed_m_s=0.2)
+
+
+def joystick(drive: Drive) -> None:
+    """Drive at 0.1 m/s, with a command each tenth of a second, 5 ms under way."""
+    if drive.tick % 10 == 0:
+        drive.guard.propose(VelocityCommand(t_s=drive.t_s - 0.005, speed_m_s=0.1, turn_rad_s=0.0))
+
+
+def test_velocities_drive_while_no_traversal_is_under_way() -> None:
+    """Test: a driver without a goal that still asks for 0.2 m/s, velocities of 0.1 m/s, a traversal, and its end. Expected result:
+    each source in its time; after a change belts at rest until a new command comes, 0.1 s or 0.25 s later; no hold."""
+    drive = Drive(limits(has_planner=True))
+    drive.plan = IDLE
+    drive.run(0.2)
+    for plan, source, speed_m_s, waits_s in (
+        (IDLE, "velocity", 0.1, 0.1),
+        (CLIMB, "driver", 0.2, 0.25),
+        (IDLE, "velocity", 0.1, 0.1),
+    ):
+        drive.plan = plan
+        drive.run(0.01, joystick)
+        assert (drive.guard.source, drive.mean_m_s) == (source, 0.0)
+        for seconds in (waits_s, 1.0):
+            drive.run(seconds, joystick)
+            assert drive.mean_m_s == pytest.approx(speed_m_s)
+    assert drive.guard.holding is None
+    assert [name for name, _ in drive.events()] == ["source"] * 3
+
+
+def test_velocities_that_fall_silent_stop_the_chair_and_no_person_has_to_re_arm_it() -> None:
+    """Test: the last velocity at 1.0 s. Expected result: the belts ramp down from 1.4 s on and stand, braked, at 1.76 s; no hold;
+    a planner that falls silent meanwhile is held for."""
+    drive = Drive(limits(has_planner=True))
+    drive.plan = IDLE
+    drive.run(1.01, joystick)
+    drive.run(0.3)
+    assert drive.mean_m_s == pytest.approx(0.1)
+    drive.run(0.3)
+    assert 0.0 < drive.mean_m_s < 0.06
+    drive.run(0.16)
+    assert (drive.guard.source, drive.passed.brake, drive.mean_m_s) == ("driver", True, 0.0)
+    drive.run(1.0)
+    assert drive.guard.holding is None
+    drive.plan = None
+    drive.run(0.35, joystick)
+    assert (drive.guard.holding or "").startswith("plan silent")
+
+
+@pytest.mark.parametrize("late_s", [-0.2, 3.1, math.nan])
+def test_a_velocity_of_another_time_drives_nothing(late_s: float) -> None:
+    """Test: velocities 0.2 s ahead of the clock, 3.1 s old, of no time. Expected: the chair stands; rejected and reported."""
+    drive = Drive(limits(has_planner=True))
+    drive.plan = IDLE
+    drive.run(4.0, lambda drive: drive.guard.propose(VelocityCommand(t_s=drive.t_s - late_s, speed_m_s=0.1, turn_rad_s=0.0)))
+    assert (drive.guard.source, drive.mean_m_s) == ("driver", 0.0)
+    assert drive.guard.rejected["VelocityCommand"] > 300
+    assert [name for name, _ in drive.events()] == ["rejected"]

@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from wires import decoded
 
 from treadline.io.mcap_log import KEPT, RunLog
-from treadline.io.message_types import cdr_of, store
+from treadline.io.message_types import RosMessage, store
 from treadline.io.scene_messages import (
     FramePose,
     Marker,
@@ -38,7 +38,7 @@ MESSAGES = [
     odometry_message("/odom", 0.25, POSE, 0.2, (0.1, 0.2, 0.3)),
     markers_message("/chair", 0.25, MARKERS),
     text_message("/robot_description", "<robot/>"),
-    compressed_message("/camera/overlay/compressed", 0.25, "camera", b"\xff\xd8jpeg"),
+    compressed_message("/camera/overlay/compressed", 0.25, "camera_optical_frame", b"\xff\xd8jpeg"),
 ]
 
 
@@ -67,7 +67,7 @@ def test_a_decoder_of_ros_2_reads_frames_markers_and_images(log: Path) -> None:
     assert bytes(read["/camera/overlay/compressed"].data) == b"\xff\xd8jpeg"
 
 
-@pytest.mark.parametrize("kind", [kind for _, kind, _ in MESSAGES])
+@pytest.mark.parametrize("kind", [message.kind for message in MESSAGES])
 def test_definitions_are_those_of_ros_2(kind: str) -> None:
     """Test: the definitions in a log, against those of ROS 2 Humble, whose logs are read too."""
     humble = get_typestore(Stores.ROS2_HUMBLE)
@@ -91,7 +91,7 @@ def test_a_message_is_as_rosbags_writes_it(lengths: tuple[int, int]) -> None:
     """Test: texts whose lengths need padding before numbers, empty sequences, sequences of texts; against rosbags' own encoder."""
     names, numbers = ["a", "bcdef"][: lengths[0]], [0.5, -2.0, 7.0][: lengths[1]]
     values = (12, 34, "abc", len(names), *names, len(numbers), *numbers, 0, 0)
-    data = cdr_of("sensor_msgs/msg/JointState", *values, lengths=(len(names), len(numbers), 0, 0))
+    data = RosMessage("/any", "sensor_msgs/msg/JointState", values, (len(names), len(numbers), 0, 0)).encoded()
     store = get_typestore(Stores.ROS2_HUMBLE)
     message = store.deserialize_cdr(data, "sensor_msgs/msg/JointState")
     assert (message.header.stamp.nanosec, message.header.frame_id, message.name) == (34, "abc", names)
@@ -101,4 +101,4 @@ def test_a_message_is_as_rosbags_writes_it(lengths: tuple[int, int]) -> None:
 
 def test_a_message_asks_for_as_many_values_as_it_has() -> None:
     with pytest.raises(struct.error):
-        cdr_of("builtin_interfaces/msg/Time", 1)
+        RosMessage("/any", "builtin_interfaces/msg/Time", (1,)).encoded()

@@ -17,14 +17,14 @@ from world import limits
 import treadline
 from treadline.cli import doctor, main
 from treadline.core.errors import TreadlineError
-from treadline.core.signals import PlantState, SeatReading
+from treadline.core.signals import PlantState, SeatReading, VelocityCommand
 from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.mission.replay_plant import ReplayPlant
 from treadline.ros import channels as on
 from treadline.ros import node_process as process
 from treadline.ros import ros1
-from treadline.ros._node_signals import Clock, GuardState, VelocityCommand
+from treadline.ros._node_signals import Clock, GuardState
 from treadline.ros.block_nodes import GuardNode, SeatNode
 from treadline.ros.lockstep import InProcess
 from treadline.ros.node_process import NodeRunner, run_plant
@@ -137,7 +137,7 @@ def test_two_guards_on_one_bus_hold_and_name_each_other() -> None:
     """Test: a second guard appears while the first drives. Expected result: both hold, the plant brakes whatever either commands,
     and each line names both and says what to do."""
     bus, plant = InProcess(), PlantNode(Bench(), limits())
-    guards = [GuardNode(limits(needs_heading=False, watches_motion=False), gauge_m=0.5, sender=f"guard-{k}") for k in (1, 2)]
+    guards = [GuardNode(limits(needs_heading=False, watches_motion=False), sender=f"guard-{k}") for k in (1, 2)]
     states: list[PlantState] = []
     held: list[GuardState] = []
     bus.subscribe(on.PLANT, states.append)
@@ -149,7 +149,7 @@ def test_two_guards_on_one_bus_hold_and_name_each_other() -> None:
                 guard.listen(bus)
             guard.advance(0.01 * tick)
         plant.tick(0.01 * tick)
-        bus.publish(on.TWIST, VelocityCommand(speed_m_s=0.2, turn_rad_s=0.0))
+        bus.publish(on.TWIST, VelocityCommand(t_s=0.01 * tick, speed_m_s=0.2, turn_rad_s=0.0))
         for guard in guards[: 1 + (tick > 20)]:
             guard.tick(0.01 * tick)
             guard.repeat_state()

@@ -1,16 +1,17 @@
 """A node that falls silent: the guard holds within 0.8 s, whichever it is; without a guard the plant brakes by itself."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
 from world import health, limits
 
 from treadline.core.ports import Truth
-from treadline.core.signals import HeadingHealth, OperatorInput, TrackCommand
+from treadline.core.signals import HeadingHealth, OperatorInput, TrackCommand, VelocityCommand
 from treadline.mission.mission_blocks import build_blocks, guard_config
 from treadline.plant.mujoco import open_plant
 from treadline.ros import channels as on
-from treadline.ros._node_signals import Beat, GuardState, VelocityCommand
+from treadline.ros._node_signals import Beat, GuardState
 from treadline.ros.block_nodes import GuardNode, HeadingNode
 from treadline.ros.lockstep import InProcess, LockStep
 from treadline.run.resolve import mission_config
@@ -56,22 +57,23 @@ def test_the_guard_holds_for_a_node_that_is_gone(name: str) -> None:
     assert states[-1].t_s - KILLED_S <= WITHIN_S
 
 
-def test_a_stick_drives_through_the_guard_and_no_faster_than_it_allows() -> None:
+def test_a_velocity_drives_through_the_guard_and_no_faster_than_it_allows() -> None:
+    """Test: velocities with and without a stamp, too fast, and not finite. Expected: belts by the gauge of 0.65 m; a hold."""
     transport = InProcess()
-    guard = GuardNode(limits(needs_heading=False, watches_motion=False), gauge_m=0.5)
+    guard = GuardNode(limits(needs_heading=False, watches_motion=False))
     guard.listen(transport)
     commands: list[TrackCommand] = []
     transport.subscribe(on.TRACKS_CMD, commands.append)
     transport.publish(on.DIAGNOSTICS, Beat(t_s=0.0, node="recorder"))  # its end holds nothing
     for k in range(100):
-        transport.publish(on.TWIST, VelocityCommand(speed_m_s=0.2, turn_rad_s=0.1))
+        t_s = 0.01 * k if k % 2 else math.nan
+        transport.publish(on.TWIST, VelocityCommand(t_s=t_s, speed_m_s=0.2, turn_rad_s=0.1))
         guard.tick(0.01 * k)
-    assert (commands[-1].left_m_s, commands[-1].right_m_s) == pytest.approx((0.175, 0.225))
-    for speed_m_s in (0.2, 5.0):  # of two in one tick the newest counts
-        transport.publish(on.TWIST, VelocityCommand(speed_m_s=speed_m_s, turn_rad_s=0.0))
+    assert (commands[-1].left_m_s, commands[-1].right_m_s) == pytest.approx((0.1675, 0.2325))
+    transport.publish(on.TWIST, VelocityCommand(t_s=1.0, speed_m_s=5.0, turn_rad_s=0.0))
     guard.tick(1.0)
-    assert 0.2 < commands[-1].left_m_s <= 1.0
-    transport.publish(on.TWIST, VelocityCommand(speed_m_s=float("nan"), turn_rad_s=0.0))
+    assert commands[-1].left_m_s == pytest.approx(0.55)
+    transport.publish(on.TWIST, VelocityCommand(t_s=1.01, speed_m_s=math.nan, turn_rad_s=0.0))
     guard.tick(1.01)
     assert commands[-1].brake
 

@@ -75,11 +75,17 @@ def test_a_tree_of_frames_leads_from_odometry_to_the_camera() -> None:
             frames |= {part.child_frame_id: part for part in message.transforms}
     assert {child: part.header.frame_id for child, part in frames.items()} == {
         "base_link": "odom",
-        **dict.fromkeys(("chair", "imu", "camera"), "base_link"),
+        **dict.fromkeys(("chair", "imu"), "base_link"),
+        "camera_link": "chair",
+        "camera_optical_frame": "camera_link",
     }
-    move, turn = frames["camera"].transform.translation, frames["camera"].transform.rotation
+    move = frames["camera_link"].transform.translation
     assert (move.x, move.y, move.z) == camera.mount_m
-    np.testing.assert_allclose(rotation_of(np.array([turn.w, turn.x, turn.y, turn.z])), camera.R_BC, atol=1e-12)
+    R_BC = np.eye(3)
+    for name in ("camera_link", "camera_optical_frame"):
+        turn = frames[name].transform.rotation
+        R_BC = R_BC @ rotation_of(np.array([turn.w, turn.x, turn.y, turn.z]))
+    np.testing.assert_allclose(R_BC, camera.R_BC, atol=1e-12)
     assert frames["base_link"].transform.rotation.z == pytest.approx(math.sin(0.15))
 
 

@@ -2,26 +2,29 @@
 
 import math
 from collections.abc import Callable
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import TwistStamped
 from rclpy.action import ActionClient
 from treadline_msgs.action import ClimbStairs, DescendStairs
 from treadline_msgs.msg import MotionPlan
 
 from treadline.ros import channels as on
 
-NEAR_THE_TOP = """
+TWO_FLOORS = """
 [stair]
-steps = 8
-[start]
-place = "flight"
-step = 4
+steps = 1
+landing_m = 4.0
 [sensors]
-camera = "kinect1"
+camera = "statistical"
 """
+CLIMB_S = 400.0
+"""Longest wait for the end of a traversal, which a busy machine slows [s]."""
 
 
 class Asked:
@@ -37,7 +40,7 @@ class Asked:
 
     def result(self) -> Any:
         answer = self.handle.get_result_async()
-        self._bystander.until(answer.done, "a result")
+        self._bystander.until(answer.done, "a result", CLIMB_S)
         return answer.result()
 
     def cancel(self) -> None:
@@ -48,27 +51,52 @@ class Asked:
 @pytest.fixture
 def graph(started: Callable[..., Any], watching: Callable[..., Any], roles: tuple[str, ...], tmp_path: Path) -> Any:
     """A graph that waits for a goal."""
-    (tmp_path / "top.toml").write_text(NEAR_THE_TOP)
+    (tmp_path / "two_floors.toml").write_text(TWO_FLOORS)
     bystander = watching()
     bystander.watch_clock()
     bystander.hear_signals(on.TRACKS)
     bystander.hear_signals(on.GUARD)
-    started(*roles, given=("-p", "start:=goal", "-p", f"scenario:={tmp_path / 'top.toml'}"))
+    started(*roles, given=("-p", "start:=goal", "-p", f"scenario:={tmp_path / 'two_floors.toml'}"))
     bystander.until(lambda: bystander.t_s > 1.0, "a second without a goal")
     assert all(abs(reading.left_m_s) < 0.01 for reading in bystander.heard[on.TRACKS])
     return bystander
 
 
-def test_a_goal_up_to_the_landing(graph: Any) -> None:
-    """Test: a goal of climb_stairs four steps below the landing. Expected result: feedback of phase, heading, margin and a distance
-    that falls; the goal succeeds with the verdict "arrived"; a second goal meanwhile is refused."""
+def follow_path(graph: Any, publisher: Any, seconds: float) -> None:
+    """Drive straight on at 0.1 m/s as Nav2's FollowPath does: stamped by the clock, 20 Hz."""
+
+    def drive() -> None:
+        message = TwistStamped()
+        message.header.stamp = Time(sec=int(graph.t_s), nanosec=int(graph.t_s % 1.0 * 1e9))
+        message.twist.linear.x = 0.1
+        publisher.publish(message)
+
+    until_s, timer = graph.t_s + seconds, graph.node.create_timer(0.05, drive)
+    graph.until(lambda: graph.t_s > until_s, f"{seconds} seconds of driving")
+    graph.node.destroy_timer(timer)
+
+
+def test_a_behaviour_tree_over_two_floors(graph: Any) -> None:
+    """Test: ``two_floors.xml`` as a client plays it: cmd_vel, a goal of climb_stairs, cmd_vel. Expected result: the belts run as
+    asked; feedback of phase, heading, margin and a distance that falls; the goal succeeds, a second one meanwhile is refused;
+    the guard says whose commands count, and never holds."""
+    publisher = graph.node.create_publisher(TwistStamped, "cmd_vel", 10)
+    belts = graph.heard[on.TRACKS]
+    follow_path(graph, publisher, 1.5)
+    assert math.isclose(belts[-1].left_m_s, 0.1, abs_tol=0.01)
     goal = Asked(graph, ClimbStairs, "climb_stairs", time_limit_s=90.0)
     assert goal.handle.accepted
     assert not Asked(graph, ClimbStairs, "climb_stairs").handle.accepted
     answer = goal.result()
-    assert (answer.status, answer.result.verdict) == (GoalStatus.STATUS_SUCCEEDED, ClimbStairs.Result.VERDICT_ARRIVED)
+    assert answer.result.verdict == ClimbStairs.Result.VERDICT_ARRIVED, answer.result.cause
+    assert answer.status == GoalStatus.STATUS_SUCCEEDED
+    follow_path(graph, publisher, 1.5)
+    assert math.isclose(belts[-1].left_m_s, 0.1, abs_tol=0.01)
+    states = graph.heard[on.GUARD]
+    assert [source for source, _ in groupby(state.source for state in states)] == ["driver", "velocity", "driver", "velocity"]
+    assert [state.holding for state in states if state.holding] == []
     phases = [message.phase for message in goal.feedback]
-    assert {MotionPlan.PHASE_CLIMB, MotionPlan.PHASE_CREST} <= set(phases)
+    assert {MotionPlan.PHASE_MOUNT, MotionPlan.PHASE_CREST} <= set(phases)
     assert all(abs(message.heading_rad) < math.radians(10.0) for message in goal.feedback if not math.isnan(message.heading_rad))
     assert all(0.0 < message.stability_margin_rad < math.radians(60.0) for message in goal.feedback[1:])
     known = [message.distance_to_go_m for message in goal.feedback if not math.isnan(message.distance_to_go_m)]

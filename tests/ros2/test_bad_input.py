@@ -45,7 +45,7 @@ def test_a_middleware_that_is_not_installed() -> None:
     [
         (("-p", "scenario:=nowhere"), "nowhere"),
         (("-p", "role:=pilot"), "no role is called 'pilot'; name one of guard, camera"),
-        (("-p", "cmd_vel:=joystick"), "cmd_vel is 'joystick'; give none or twist or twist_stamped"),
+        (("-p", "cmd_vel:=joystick"), "cmd_vel is 'joystick'; give twist_stamped or twist"),
         (("-p", "pace:=0.0"), "pace is 0; give a positive number"),
     ],
 )

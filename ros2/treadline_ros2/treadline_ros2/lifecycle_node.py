@@ -38,13 +38,13 @@ PARAMETERS: dict[str, tuple[Any, str]] = {
     'plant': ('mujoco', 'simulator of the plant: mujoco or gazebo'),
     'seed': (0, 'random seed of the simulated plant'),
     'pace': (1.0, 'simulated seconds per second'),
-    'cmd_vel': ('none', 'guard: twist or twist_stamped: cmd_vel drives in place of the planner'),
+    'cmd_vel': ('twist_stamped', 'guard: type of cmd_vel: twist_stamped or twist'),
     'start': ('now', 'driver: now, or goal: stand until climb_stairs or descend_stairs is asked'),
     'out': ('', 'recorder: a run folder, or a file that ends in .mcap, .bag or .db3'),
     'patience': (60.0, 'time after which a silent topic is reported [s]'),
     'autostart': (False, 'whether the node configures and activates itself'),
 }
-CHOICES = {'cmd_vel': ('none', 'twist', 'twist_stamped'), 'start': ('now', 'goal')}
+CHOICES = {'cmd_vel': ('twist_stamped', 'twist'), 'start': ('now', 'goal')}
 
 
 class TreadlineNode(LifecycleNode):
@@ -151,7 +151,7 @@ class TreadlineNode(LifecycleNode):
             self.trigger_deactivate()
 
     def _configure(self) -> None:
-        role, stick = self._value('role'), self._value('cmd_vel')
+        role = self._value('role')
         self._check_parameters(role)
         setup = resolve(
             self._value('scenario'),
@@ -168,12 +168,11 @@ class TreadlineNode(LifecycleNode):
             setup.mission,
             plant=setup.open_plant,
             out=Path(self._value('out')) if self._value('out') else None,
-            stick=stick != 'none',
             goals=self._value('start') == 'goal',
         )
-        self._transport = RclpyTransport(
-            self, self.attempt, mount_of(setup.mission), stamped=stick == 'twist_stamped'
-        )
+        stamped = self._value('cmd_vel') == 'twist_stamped'
+        mount = mount_of(setup.mission)
+        self._transport = RclpyTransport(self, self.attempt, mount, stamped=stamped)
         if isinstance(self._block, GoalDriverNode):
             self._actions = Actions(self, self._block)
         self._runner = self._runner_of(self._block, self._transport)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import importlib
 from typing import Any
 
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import Twist
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import (
     DurabilityPolicy,
@@ -19,7 +19,7 @@ from rclpy.qos import (
 )
 from treadline.core.camera_images import PinholeCamera
 from treadline.ros import channels as on
-from treadline.ros._node_signals import VelocityCommand
+from treadline.ros._codec import velocity_of
 from treadline.ros.channels import Channel
 from treadline.ros.wire import WireTransport
 
@@ -56,7 +56,7 @@ class RclpyTransport(WireTransport):
         attempt: Callable[..., None],
         mount: PinholeCamera | None = None,
         *,
-        stamped: bool = False,
+        stamped: bool = True,
     ) -> None:
         super().__init__(mount)
         self._node = node
@@ -85,18 +85,15 @@ class RclpyTransport(WireTransport):
             super().publish(channel, signal)
 
     def subscribe(self, channel: str, take: Callable[[Any], object]) -> None:
-        """Subscribe to a channel; ``cmd_vel`` is a TwistStamped where the node asks for it."""
-        if channel != on.TWIST or not self._stamped:
+        """Subscribe to a channel; ``cmd_vel`` is a Twist where the node asks for it."""
+        if channel != on.TWIST or self._stamped:
             super().subscribe(channel, take)
             return
 
-        def velocity(message: TwistStamped) -> None:
-            twist = message.twist
-            self._attempt(
-                take, VelocityCommand(speed_m_s=twist.linear.x, turn_rad_s=twist.angular.z)
-            )
+        def receive(twist: Twist) -> None:
+            self._attempt(take, velocity_of(twist))
 
-        self._subscribe(TwistStamped, channel, velocity, 1, raw=False)
+        self._subscribe(Twist, channel, receive, 1, raw=False)
 
     def _advertise(self, topic: str, kind: str, channel: Channel) -> None:
         durability = (

@@ -41,7 +41,7 @@ def node(
     endpoint: str = "tcp/127.0.0.1:7447",
     domain: int = 0,
     patience: float = 60.0,
-    stick: bool = False,
+    wait: bool = False,
     out: Path | None = None,
     force: Force = False,
 ) -> Answer:
@@ -63,7 +63,7 @@ def node(
         endpoint: Address at which the nodes of zenoh connect; the guard listens there.
         domain: ROS_DOMAIN_ID of ROS 2.
         patience: Startup timeout for required topics, in seconds.
-        stick: Let the guard take /cmd_vel (geometry_msgs/Twist) instead of the driver's commands.
+        wait: Let the driver stand, so that /cmd_vel moves the chair.
         out: Run folder, or .mcap, .bag or .db3 file, that the recorder writes.
     """
     from treadline.ros.assembly import driving_nodes, node_of
@@ -87,7 +87,7 @@ def node(
     try:
         if name in driving_nodes(config.chair):
             compile_once()  # a node that compiles while the graph runs is silent for seconds, for which the guard holds
-        made = node_of(name, config, plant=setup.open_plant, out=out, stick=stick)
+        made = node_of(name, config, plant=setup.open_plant, out=out, goals=wait)
         if isinstance(made, PlantNode):
             try:
                 t_s = run_plant(made, wire, stop=stop, pace=pace, duration_s=duration or setup.scenario.drive.duration_s)

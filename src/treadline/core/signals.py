@@ -323,6 +323,21 @@ class TrackCommand:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class VelocityCommand:
+    """Speed and turn rate of a joystick or another planner, ROS's ``/cmd_vel``."""
+
+    t_s: float
+    speed_m_s: float
+    """Speed of mid-track, positive forwards [m/s]."""
+    turn_rad_s: float
+    """Rate of turn, positive anticlockwise seen from above [rad/s]."""
+
+
+CommandSource = Literal["driver", "velocity"]
+"""Whose commands move the belts: those of the driver, or velocity commands."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SeatCommand:
     """Commanded rate of the seat actuator; positive lengthens the stroke."""
 
@@ -383,8 +398,8 @@ class Event:
     t_s: float
     name: str
     """Name: ``hold``, ``rearmed``, ``slow``, ``resumed``, ``re-referenced``, ``vision_dim``, ``vision_clear``, ``seat_shifted``,
-    ``refused``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, ``drop_unwatched``, ``dropped``, ``clock``, ``guard_process``, or the
-    phase entered; ``ended`` in a recording. Other publishers on the topic use other names."""
+    ``refused``, ``camera_mount``, ``imu_axes``, ``imu_tilt``, ``drop_unwatched``, ``source``, ``dropped``, ``clock``,
+    ``guard_process``, or the phase entered; ``ended`` in a recording. Other publishers on the topic use other names."""
     cause: str
     """Observation behind the event, with its value."""
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from treadline.core.signals import (
     ROUNDING_S,
+    CommandSource,
     Event,
     FlipperCommand,
     FlipperReading,
@@ -31,6 +32,7 @@ from treadline.core.signals import (
     StairMap,
     TrackCommand,
     TrackReading,
+    VelocityCommand,
 )
 from treadline.guard._admission import ReadingAdmission
 from treadline.guard._attitude_limits import SeatMonitor, TiltMonitor
@@ -96,10 +98,13 @@ class Guard:
         self._seat_command = SeatCommand(t_s=-math.inf, rate_m_s=0.0)
         self._now_s = self._driver_s = 0.0
         self._t_s: float | None = None
-        self._map_s = self._rearmed_s = -math.inf
+        self._velocity: VelocityCommand | None = None
+        self._map_s = self._rearmed_s = self._begun_s = -math.inf
         self._direction = ""
         self._heading_rad = math.inf
         self._plan: MotionPlan | None = None
+        self.source: CommandSource = "driver"
+        """Whose commands move the belts."""
 
     @property
     def config(self) -> GuardConfig:
@@ -164,16 +169,16 @@ class Guard:
         """Hold for a fault that readings do not show: a loop that stood still, or a second guard."""
         self._latch.hold(self._now_s, Stop.BRAKE, cause)
 
-    def propose(self, command: TrackCommand | SeatCommand) -> None:
-        """Update with the command of the driver or of the seat's leveller."""
+    def propose(self, command: TrackCommand | SeatCommand | VelocityCommand) -> None:
+        """Update with the command of the driver, of the seat's leveller, or of a joystick or another planner."""
         if not self._admission.stamps.accept(command, "a block"):
             self._report_rejection()
         elif isinstance(command, SeatCommand):
             self._propose_seat(command)
-        elif not finite(command.left_m_s, command.right_m_s):
-            self._latch.hold(self._now_s, Stop.BRAKE, "command is not finite")
-        elif command.t_s >= self._rearmed_s:
-            self._driver_s, self._command = min(command.t_s, self._now_s), command
+        elif isinstance(command, VelocityCommand):
+            self._velocity = command
+        else:
+            self._propose_belts(command, "driver")
 
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> Commands:
         """Return the commands to the plant at ``t_s``: the proposals within their limits, or those of a held chair.
@@ -184,6 +189,7 @@ class Guard:
             t_s = self._now_s
             self._latch.hold(t_s, Stop.BRAKE, "mission clock is not finite")
         self.advance(t_s)
+        self._choose_source(t_s)
         late_s = self._lateness(t_s)
         if estimate is not None and self._accepts(estimate, "a block"):
             self._estimate, self._heading_rad = estimate, estimate.heading_rad
@@ -193,7 +199,7 @@ class Guard:
         travel_m, mean_m_s = self._belts.travel.travel_m, 0.5 * (passed.left_m_s + passed.right_m_s)
         self._latch.hold(t_s, Stop.BRAKE, self._ahead.cause(travel_m, mean_m_s))
         if self._config.watches_motion and self._config.awaits_ground:
-            drop = self._drop.cause(t_s, travel_m, mean_m_s, self._plan, self._heading_rad)
+            drop = self._drop.cause(t_s, travel_m, mean_m_s, self._followed, self._heading_rad)
             self._latch.hold(t_s, Stop.BRAKE, drop)
         if self._latch.cause is not None:
             passed = self._latch.stop(t_s, self._belts.expected_m_s)
@@ -242,7 +248,7 @@ class Guard:
                 self._update_motion(signal)
             case TrackReading():
                 self._belts.update(signal)
-                self._blind.update_belts(signal.t_s, signal.right_m_s - signal.left_m_s, self._plan)
+                self._blind.update_belts(signal.t_s, signal.right_m_s - signal.left_m_s, self._followed)
             case SeatReading():
                 self._seat_rad = signal.pitch_rad
                 if self._config.watches_motion:
@@ -284,7 +290,7 @@ class Guard:
         if usable or (frames.is_alive and not needs_stair):
             self._senses.frame(quality.t_s, travel_m)
         if usable:
-            self._ahead.look_on(quality.obstacle_m, self._plan, travel_m)
+            self._ahead.look_on(quality.obstacle_m, self._followed, travel_m)
 
     def _see(self, t_s: float) -> None:
         """Record a measured heading; from then on an estimate is awaited."""
@@ -311,7 +317,7 @@ class Guard:
         self._ahead.look(stair, places, sign * travel_m)
         self._drop.look_on_stair(stair, travel_m)
         # In other phases the chair pitches, or is on flat ground, and nosings do not pass at belt speed.
-        plan = self._plan
+        plan = self._followed
         # A chair that climbs to turn square, with its camera on the flight below, does not roll back.
         on_flight = plan is None or (plan.phase in FLIGHT and (stair.direction == "up") == (plan.speed_m_s >= 0.0))
         if self._config.watches_slip and on_flight and math.isfinite(self._heading_rad):
@@ -337,8 +343,8 @@ class Guard:
 
         The chair stands until a new command arrives; proposals from before the hold are discarded.
         """
-        self._driver_s = self._rearmed_s = t_s
-        self._command = TrackCommand.stop(t_s)
+        self._rearmed_s = t_s
+        self._stand(t_s)
         self._admission.stamps.restart()
         self._senses.restart(t_s, self._belts.travel.travel_m)
         for silence in (self._link, self._plans, self._processes, self._drives, self._estimates):
@@ -350,10 +356,47 @@ class Guard:
 
     def _follow(self, plan: MotionPlan) -> None:
         self._plan = plan
-        if plan.phase not in FLIGHT:
+        if plan.phase not in FLIGHT and self.source == "driver":
             self._slip.begin()
         if not plan.needs_stair:
             self._senses.seen(plan.t_s)
+
+    @property
+    def _followed(self) -> MotionPlan | None:
+        """The plan that the belts follow; None while velocity commands move them."""
+        return self._plan if self.source == "driver" else None
+
+    def _choose_source(self, t_s: float) -> None:
+        """Let velocity commands move the belts while they come and no traversal is under way, otherwise the driver.
+
+        After a change the chair stands until a new command of the source arrives.
+        """
+        under_way = self._config.has_planner if self._plan is None else self._plan.phase not in ENDS
+        velocity = None if under_way else self._velocity
+        if velocity is not None and t_s - velocity.t_s > self._config.driver_timeout_s:
+            velocity = None
+        source: CommandSource = "driver" if velocity is None else "velocity"
+        if source != self.source:
+            self.source = source
+            self._latch.report(t_s, "source", "the driver" if velocity is None else "velocity commands: no traversal is under way")
+            self._slip.begin()
+            self._stand(t_s)
+        if velocity is not None:
+            half_m_s = 0.5 * velocity.turn_rad_s * self._config.gauge_m
+            speed = velocity.speed_m_s
+            self._propose_belts(TrackCommand(t_s=velocity.t_s, left_m_s=speed - half_m_s, right_m_s=speed + half_m_s), "velocity")
+
+    def _propose_belts(self, command: TrackCommand, source: CommandSource) -> None:
+        """Keep a command of the belts if it is of their source, and not of before the source began."""
+        if not finite(command.left_m_s, command.right_m_s):
+            self._latch.hold(self._now_s, Stop.BRAKE, "command is not finite")
+        elif source == self.source and command.t_s >= self._begun_s:
+            self._driver_s, self._command = min(command.t_s, self._now_s), command
+
+    def _stand(self, t_s: float) -> None:
+        """Let the chair stand until a new command arrives."""
+        self._driver_s = self._begun_s = t_s
+        self._command = TrackCommand.stop(t_s)
 
     def _propose_seat(self, command: SeatCommand) -> None:
         """Keep a seat command within its limits.
@@ -429,7 +472,7 @@ class Guard:
             yield Stop.BRAKE, self._belts.cause
             yield Stop.BRAKE, self._slip.cause
         if limits.needs_heading:
-            phase = None if self._plan is None else self._plan.phase
+            phase = None if self._followed is None else self._followed.phase
             # Row 7: belts 0.1 m/s apart turn the chair by 0.3° more over a ramp, of 5° allowed.
             silent, missing = self._estimates.cause(t_s), self._senses.speed_restriction(t_s)
             yield Stop.RAMP, silent if silent is None or missing is None else f"{silent}: {missing[1]}"
@@ -437,10 +480,10 @@ class Guard:
             # Row 9: held within 0.5 s, of which the silence takes 0.3 s. Of one lost sense the other carries the heading.
             yield Stop.BRAKE if self._senses.both_lost(t_s) else Stop.RAMP, lost
             yield Stop.RAMP, self._blind.cause
-            yield Stop.RAMP, heading_fault(limits, self._estimate, self._plan)
+            yield Stop.RAMP, heading_fault(limits, self._estimate, self._followed)
 
     def _limited(self, t_s: float, late_s: float) -> TrackCommand:
-        limits, plan = self._config, self._plan
+        limits, plan = self._config, self._followed
         kind, cause = self._speed_restriction(t_s, late_s)
         self._latch.slow(t_s, kind, cause)
         if plan is not None and stands(plan):

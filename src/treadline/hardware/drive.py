@@ -114,9 +114,7 @@ def _recorded(robot: Robot, out: Path, config: GuardConfig, images: int) -> Iter
     manifest = begin_run(out, settings, 0, robot.mission.controller, guard=asdict(config))
     with (
         RunLog(out / LOG, image_every=images, metadata=log_metadata(manifest, None, out)) as log,
-        SceneLog(
-            log, robot.chair, Chair(payload_kg=robot.mission.payload_kg), backwards=robot.mission.direction == "down"
-        ) as scene,
+        SceneLog(log, robot.chair, Chair(payload_kg=robot.mission.payload_kg)) as scene,
     ):
         yield scene
 

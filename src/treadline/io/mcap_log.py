@@ -19,8 +19,8 @@ from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import TreadlineError
 from treadline.core.processes import deferred
 from treadline.io.mcap_read import LIBRARY
-from treadline.io.message_types import nanoseconds_of, store
-from treadline.io.messages import Message, messages_of
+from treadline.io.message_types import RosMessage, nanoseconds_of, store
+from treadline.io.messages import messages_of
 
 CHUNK_BYTES = 4 * 1024 * 1024
 """Size at which a chunk is complete [bytes]."""
@@ -40,7 +40,7 @@ class RunLog:
     Args:
         path: File to write.
         image_every: Keep every n-th frame; 0 keeps none.
-        messages: Encoder from a signal to its messages.
+        messages: Function from a signal to its messages.
         metadata: Properties of the run for the file's metadata record ``treadline``; None writes no record.
     """
 
@@ -49,11 +49,11 @@ class RunLog:
         path: Path,
         *,
         image_every: int = 0,
-        messages: Callable[[Any], list[Message]] = messages_of,
+        messages: Callable[[Any], list[RosMessage]] = messages_of,
         metadata: Mapping[str, str] | None = None,
     ) -> None:
         self._path = path
-        self._messages = messages
+        self._messages_of = messages
         self._temporary = path.with_name(path.name + ".part")
         self._image_every = image_every
         self._frames = 0
@@ -83,19 +83,19 @@ class RunLog:
             taken_s: Mission time at which the signal was taken [s]; the stamp where it is left out.
         """
         with deferred():
-            self.add(self.encoded(signal), signal.t_s, taken_s)
+            self.add(self.messages(signal), signal.t_s, taken_s)
 
-    def encoded(self, signal: Any) -> list[Message]:
+    def messages(self, signal: Any) -> list[RosMessage]:
         """Return the messages of a signal; none for a frame that is not kept."""
         if isinstance(signal, RgbdFrame):
             self._frames += 1
             if self._image_every == 0 or (self._frames - 1) % self._image_every:
                 return []
             self.kept_frame_s = signal.t_s
-        return self._messages(signal)
+        return self._messages_of(signal)
 
-    def add(self, messages: Sequence[Message], stamp_s: float, taken_s: float | None = None) -> None:
-        """Write encoded messages with one stamp; the caller defers interrupts to the end.
+    def add(self, messages: Sequence[RosMessage], stamp_s: float, taken_s: float | None = None) -> None:
+        """Write messages with one stamp; the caller defers interrupts to the end.
 
         Args:
             taken_s: Mission time at which the messages were made [s]; the stamp where it is left out.
@@ -104,9 +104,9 @@ class RunLog:
         taken_ns = stamp_ns if taken_s is None or taken_s == stamp_s else nanoseconds_of(taken_s)
         channels, counts, write = self._channels, self._counts, self._writer.add_message
         try:
-            for topic, kind, data in messages:
-                channel = channels.get(topic) or self._channel(topic, kind)
-                write(channel, taken_ns, data, stamp_ns, counts[channel])
+            for message in messages:
+                channel = channels.get(message.topic) or self._channel(message.topic, message.kind)
+                write(channel, taken_ns, message.encoded(), stamp_ns, counts[channel])
                 counts[channel] += 1
         except OSError as error:
             raise self._unwritable(error) from None

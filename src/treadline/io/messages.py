@@ -1,4 +1,4 @@
-"""Signals as messages of ROS 2 and back: topic, type and bytes, for run logs and between nodes.
+"""Signals as messages of ROS 2 and back: topic, type and values, for run logs and between nodes.
 
 What is ours travels in ``treadline_msgs``, whose fields have the names of the signals' own; images, IMU, poses and diagnostics are
 standard types. ``standard_messages`` has the standard types that ROS 1, and logs of release 0.3 and before, hold for the rest.
@@ -38,11 +38,10 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.io.message_types import PACKAGE, cdr_of, stamp, store
+from treadline.io.message_types import PACKAGE, RosMessage, stamp, store
 
-Message = tuple[str, str, bytes]
-"""Topic, type, bytes."""
-Write = Callable[[Any, str], list[Message]]
+Write = Callable[[Any, str], list[RosMessage]]
+
 
 IMAGE, CAMERA_INFO, IMU = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo", "sensor_msgs/msg/Imu"
 JOINTS, STATUS = "sensor_msgs/msg/JointState", "diagnostic_msgs/msg/DiagnosticArray"
@@ -106,17 +105,17 @@ class _Form:
         self._converted = [(at, *both) for at, name in enumerate(self._names) if (both := known[name]) is not None]
         self._list = self._names.index("nosings_B") if "nosings_B" in self._names else None
 
-    def encode(self, signal: Any) -> bytes:
+    def message(self, signal: Any, topic: str) -> RosMessage:
         """Return the message of a signal."""
         found = self._values(signal)
         values = list(found) if len(self._names) > 1 else [found]
         for at, write, _ in self._converted:
             values[at] = write(values[at])
         if self._list is None:
-            return cdr_of(self.kind, *stamp(signal.t_s), self._frame, *values)
+            return RosMessage(topic, self.kind, (*stamp(signal.t_s), self._frame, *values))
         count = len(values[self._list]) // 3
         values[self._list : self._list + 1] = [count, *values[self._list]]
-        return cdr_of(self.kind, *stamp(signal.t_s), self._frame, *values, lengths=(count,))
+        return RosMessage(topic, self.kind, (*stamp(signal.t_s), self._frame, *values), (count,))
 
     def decode(self, message: Any, t_s: float) -> Any:
         """Return the signal of a message."""
@@ -174,7 +173,7 @@ def form_of(signal: type) -> _Form:
     return _Form(signal)
 
 
-def messages_of(signal: Any, topic: str | None = None) -> list[Message]:
+def messages_of(signal: Any, topic: str | None = None) -> list[RosMessage]:
     """Return the messages of a signal, on the default topic of its type unless ``topic`` is given."""
     own, write = _known_type(signal)
     return write(signal, topic or own)
@@ -185,81 +184,92 @@ def topic_of(signal: Any) -> str:
     return _known_type(signal)[0]
 
 
-def _own(signal: Any, topic: str) -> list[Message]:
+def _own(signal: Any, topic: str) -> list[RosMessage]:
     kind: type = type(signal)
-    form = form_of(kind)
-    return [(topic, form.kind, form.encode(signal))]
+    return [form_of(kind).message(signal, topic)]
 
 
 def joints(
     topic: str, t_s: float, names: Sequence[str], position: Sequence[float], velocity: Sequence[float], frame: str
-) -> Message:
+) -> RosMessage:
     """Return a JointState message."""
     counts = len(names), len(position), len(velocity), 0
-    values = (counts[0], *names, counts[1], *position, counts[2], *velocity, 0)
-    return topic, JOINTS, cdr_of(JOINTS, *stamp(t_s), frame, *values, lengths=counts)
+    values = (*stamp(t_s), frame, counts[0], *names, counts[1], *position, counts[2], *velocity, 0)
+    return RosMessage(topic, JOINTS, values, counts)
 
 
-def status(topic: str, t_s: float, header: tuple[int, str, str, str], values: dict[str, str], frame: str) -> Message:
+def status(topic: str, t_s: float, header: tuple[int, str, str, str], values: dict[str, str], frame: str) -> RosMessage:
     """Return a DiagnosticArray with one status: level, name, message and hardware, and values by key."""
     pairs = [text for pair in values.items() for text in pair]
-    return topic, STATUS, cdr_of(STATUS, *stamp(t_s), frame, 1, *header, len(values), *pairs, lengths=(1, len(values)))
+    return RosMessage(topic, STATUS, (*stamp(t_s), frame, 1, *header, len(values), *pairs), (1, len(values)))
 
 
 _UNKNOWN = (0.0,) * 9
 """Covariance that is not known."""
 
 
-def _imu(sample: ImuSample, topic: str) -> list[Message]:
+def _imu(sample: ImuSample, topic: str) -> list[RosMessage]:
     qw, *q = sample.orientation
     rate, force = sample.angular_velocity_rad_s, sample.linear_acceleration_m_s2
-    return [(topic, IMU, cdr_of(IMU, *stamp(sample.t_s), "imu", *q, qw, *_UNKNOWN, *rate, *_UNKNOWN, *force, *_UNKNOWN))]
+    return [RosMessage(topic, IMU, (*stamp(sample.t_s), "imu", *q, qw, *_UNKNOWN, *rate, *_UNKNOWN, *force, *_UNKNOWN))]
 
 
-def _heading(signal: HeadingEstimate | HeadingMeasurement, topic: str) -> list[Message]:
+def _heading(signal: HeadingEstimate | HeadingMeasurement, topic: str) -> list[RosMessage]:
     half = 0.5 * signal.heading_rad
     values = (*(0.0,) * 5, math.sin(half), math.cos(half), *(0.0,) * 35, signal.sigma_rad * signal.sigma_rad)
-    return [(topic, POSE, cdr_of(POSE, *stamp(signal.t_s), "stair", *values)), *_own(signal, topic + "/detail")]
+    return [RosMessage(topic, POSE, (*stamp(signal.t_s), "stair", *values)), *_own(signal, topic + "/detail")]
 
 
-def _stair_map(stair: StairMap, topic: str) -> list[Message]:
+def _stair_map(stair: StairMap, topic: str) -> list[RosMessage]:
     values = [x for place in stair.nosings_B for x in (*place, 0.0, 0.0, 0.0, 1.0)]
     count = len(stair.nosings_B)
-    poses = cdr_of(POSES, *stamp(stair.t_s), "chair", count, *values, lengths=(count,))
-    return [(topic, POSES, poses), *_own(stair, topic + "/detail")]
+    poses = RosMessage(topic, POSES, (*stamp(stair.t_s), "chair", count, *values), (count,))
+    return [poses, *_own(stair, topic + "/detail")]
 
 
-def _event(event: Event, topic: str) -> list[Message]:
+def _event(event: Event, topic: str) -> list[RosMessage]:
     level = 2 if event.name == "hold" else 1
     return [status(topic, event.t_s, (level, event.name, event.cause, "treadline"), {}, "guard")]
 
 
-CAMERA_FRAME = "camera"
-"""Frame of the images: the optical frame of the camera in use."""
+CAMERA, REAR_CAMERA = "camera", "rear_camera"
+"""Names of the cameras in the chair's URDF."""
 
 
-def _frame(frame: RgbdFrame, topic: str) -> list[Message]:
+def camera_name(camera: PinholeCamera) -> str:
+    """Return the name in the URDF of the camera that has this mount: by the side to which it looks."""
+    return CAMERA if camera.R_BC[0, 2] >= 0.0 else REAR_CAMERA
+
+
+def optical_frame(camera: str) -> str:
+    """Return the name of a camera's optical frame: x right, y down, z forward."""
+    return f"{camera}_optical_frame"
+
+
+def images_of(frame: RgbdFrame, topic: str, frame_id: str | None = None) -> list[RosMessage]:
+    """Return colour and depth image of a frame and their calibration; without ``frame_id`` in the camera's optical frame."""
+    frame_id = frame_id or optical_frame(camera_name(frame.camera))
     return [
-        _image(topic + "/color/image_raw", frame.t_s, frame.rgb, "rgb8"),
-        _image(topic + "/depth/image_rect", frame.t_s, frame.depth_m, "32FC1"),
-        _camera_info(topic + "/color/camera_info", frame.t_s, frame.camera),
+        _image(topic + "/color/image_raw", frame.t_s, frame_id, frame.rgb, "rgb8"),
+        _image(topic + "/depth/image_rect", frame.t_s, frame_id, frame.depth_m, "32FC1"),
+        _camera_info(topic + "/color/camera_info", frame.t_s, frame_id, frame.camera),
     ]
 
 
-def _image(topic: str, t_s: float, pixels: np.ndarray, encoding: str) -> Message:
+def _image(topic: str, t_s: float, frame_id: str, pixels: np.ndarray, encoding: str) -> RosMessage:
     height, width = pixels.shape[:2]
     data = np.ascontiguousarray(pixels).tobytes()
-    return topic, IMAGE, cdr_of(IMAGE, *stamp(t_s), CAMERA_FRAME, height, width, encoding, 0, len(data) // height, data)
+    return RosMessage(topic, IMAGE, (*stamp(t_s), frame_id, height, width, encoding, 0, len(data) // height, data))
 
 
-def _camera_info(topic: str, t_s: float, camera: PinholeCamera) -> Message:
+def _camera_info(topic: str, t_s: float, frame_id: str, camera: PinholeCamera) -> RosMessage:
     fx, fy, cx, cy = camera.pinhole
     k = (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0)
     r = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     p = (fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0)
     size = (camera.height_px, camera.width_px)
     values = (*size, "plumb_bob", 5, *(0.0,) * 5, *k, *r, *p, *(0,) * 6, False)
-    return topic, CAMERA_INFO, cdr_of(CAMERA_INFO, *stamp(t_s), CAMERA_FRAME, *values, lengths=(5,))
+    return RosMessage(topic, CAMERA_INFO, (*stamp(t_s), frame_id, *values), (5,))
 
 
 def _known_type(signal: Any) -> tuple[str, Write]:
@@ -274,6 +284,6 @@ _WRITERS: dict[type, tuple[str, Write]] = {
     HeadingEstimate: (OWN[HeadingEstimate].topic, _heading),
     StairMap: (OWN[StairMap].topic, _stair_map),
     ImuSample: ("/imu", _imu),
-    RgbdFrame: ("/camera", _frame),
+    RgbdFrame: ("/camera", images_of),
     Event: ("/diagnostics", _event),
 }

@@ -1,6 +1,6 @@
 """ROS messages that place and draw a scene: frames, odometry, joint angles, markers, robot description, compressed images.
 
-``transforms, meshes, lines -> topic, type, bytes``. No block reads them: they are for RViz, Foxglove and PlotJuggler.
+``transforms, meshes, lines -> RosMessage``. No block reads them: they are for RViz, Foxglove and PlotJuggler.
 """
 
 from collections.abc import Sequence
@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, PinholeCamera
+from treadline.core.rotations import quaternion_of
 from treadline.core.signals import Vector
-from treadline.io.message_types import cdr_of, stamp
-from treadline.io.messages import COMPRESSED, Message
+from treadline.io.message_types import RosMessage, stamp
+from treadline.io.messages import COMPRESSED, camera_name, optical_frame
 from treadline.vehicle.appearance import MeshPart
 
 BASE = "base_link"
@@ -59,10 +61,20 @@ def marker_of(part: MeshPart, frame: str) -> Marker:
     return Marker(frame=frame, name=part.name, number=0, kind=TRIANGLE_LIST, points_m=points, rgba=(*part.colour, part.opacity))
 
 
-def frames_message(topic: str, t_s: float, poses: Sequence[FramePose]) -> Message:
+def frames_message(topic: str, t_s: float, poses: Sequence[FramePose]) -> RosMessage:
     """Return a TFMessage."""
     values = [value for pose in poses for value in (*stamp(t_s), pose.parent, pose.child, *_numbers(pose))]
-    return topic, FRAMES, cdr_of(FRAMES, len(poses), *values, lengths=(len(poses),))
+    return RosMessage(topic, FRAMES, (len(poses), *values), (len(poses),))
+
+
+def camera_frames(camera: PinholeCamera) -> list[FramePose]:
+    """Return the frames of a camera on the chair as in the URDF: its link, and its optical frame."""
+    name, R = camera_name(camera), camera.R_BC @ CAMERA_AXES_IN_CHAIR.T
+    axes = quaternion_of(CAMERA_AXES_IN_CHAIR)
+    return [
+        FramePose(parent="chair", child=f"{name}_link", place_m=camera.mount_m, quaternion=quaternion_of(R)),
+        FramePose(parent=f"{name}_link", child=optical_frame(name), place_m=(0.0, 0.0, 0.0), quaternion=axes),
+    ]
 
 
 def _numbers(pose: FramePose) -> tuple[float, ...]:
@@ -71,28 +83,28 @@ def _numbers(pose: FramePose) -> tuple[float, ...]:
     return (*pose.place_m, *q, qw)
 
 
-def odometry_message(topic: str, t_s: float, pose: FramePose, speed_m_s: float, angular_velocity_rad_s: Vector) -> Message:
+def odometry_message(topic: str, t_s: float, pose: FramePose, speed_m_s: float, angular_velocity_rad_s: Vector) -> RosMessage:
     """Return an Odometry message; covariances are zeros: unknown."""
     unknown = (0.0,) * 36
     moved, turned = (*_numbers(pose), *unknown), (speed_m_s, 0.0, 0.0, *angular_velocity_rad_s, *unknown)
-    return topic, ODOMETRY, cdr_of(ODOMETRY, *stamp(t_s), pose.parent, pose.child, *moved, *turned)
+    return RosMessage(topic, ODOMETRY, (*stamp(t_s), pose.parent, pose.child, *moved, *turned))
 
 
-def markers_message(topic: str, t_s: float, markers: Sequence[Marker]) -> Message:
+def markers_message(topic: str, t_s: float, markers: Sequence[Marker]) -> RosMessage:
     """Return a MarkerArray; its markers move with their frames and stay until they are replaced."""
     values = [value for marker in markers for value in _marker(t_s, marker)]
     lengths = [count for marker in markers for count in (len(marker.points_m), 0, 0)]
-    return topic, MARKERS, cdr_of(MARKERS, len(markers), *values, lengths=(len(markers), *lengths))
+    return RosMessage(topic, MARKERS, (len(markers), *values), (len(markers), *lengths))
 
 
-def text_message(topic: str, text: str) -> Message:
+def text_message(topic: str, text: str) -> RosMessage:
     """Return a String."""
-    return topic, TEXT, cdr_of(TEXT, text)
+    return RosMessage(topic, TEXT, (text,))
 
 
-def compressed_message(topic: str, t_s: float, frame: str, jpeg: bytes) -> Message:
+def compressed_message(topic: str, t_s: float, frame: str, jpeg: bytes) -> RosMessage:
     """Return a CompressedImage from a JPEG file."""
-    return topic, COMPRESSED, cdr_of(COMPRESSED, *stamp(t_s), frame, "jpeg", jpeg)
+    return RosMessage(topic, COMPRESSED, (*stamp(t_s), frame, "jpeg", jpeg))
 
 
 def _marker(t_s: float, marker: Marker) -> list[Any]:

@@ -9,6 +9,7 @@ from dataclasses import MISSING, fields
 from functools import cache
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.errors import LogFormatError
 from treadline.core.ports import Truth
 from treadline.core.signals import (
@@ -32,13 +33,14 @@ from treadline.core.signals import (
     TrackCommand,
     TrackReading,
 )
-from treadline.io.messages import JOINTS, STATUS, TRUTH_NAMES, Message, joints, messages_of, status, topic_of
+from treadline.io.message_types import RosMessage
+from treadline.io.messages import CAMERA, JOINTS, STATUS, TRUTH_NAMES, images_of, joints, messages_of, status, topic_of
 
 Read = Callable[[Any, float], Any]
 """Decoder from a message and its stamp [s] to a signal."""
 
 
-def standard_messages_of(signal: Any, topic: str | None = None) -> list[Message]:
+def standard_messages_of(signal: Any, topic: str | None = None) -> list[RosMessage]:
     """Return the messages of a signal in standard types, on the default topic of its type unless ``topic`` is given."""
     topic = topic or topic_of(signal)
     match signal:
@@ -46,6 +48,8 @@ def standard_messages_of(signal: Any, topic: str | None = None) -> list[Message]
             return [messages_of(signal, topic)[0], _Joints(type(signal)).write(signal, f"{topic}/detail")]
         case StairMap():
             return [messages_of(signal, topic)[0], _write_map(signal, f"{topic}/detail")]
+        case RgbdFrame():
+            return images_of(signal, topic, CAMERA)  # the name of the camera's optical frame in ROS 1
         case MotionPlan():
             return [_write_plan(signal, topic)]
         case PlantState():
@@ -106,7 +110,7 @@ class _Joints:
         self._frame = hints.get(self._form.frame)
         self._required = {item.name for item in fields(signal) if item.default is MISSING} - {"t_s", self._form.frame}
 
-    def write(self, signal: Any, topic: str) -> Message:
+    def write(self, signal: Any, topic: str) -> RosMessage:
         """Return the message of a signal."""
         form = self._form
         known = {name: getattr(signal, item) for name, item in form.joints.items()}
@@ -152,7 +156,7 @@ def _one_of(words: Any, word: str) -> Any:
     return word
 
 
-def _write_map(stair: StairMap, topic: str) -> Message:
+def _write_map(stair: StairMap, topic: str) -> RosMessage:
     maybe = {name: getattr(stair, name) for name in MAYBE_OF_MAP}
     sides = (("left", stair.left_side), ("right", stair.right_side))
     maybe |= {f"{name}_open": None if side is None else float(side == "open") for name, side in sides}
@@ -187,7 +191,7 @@ def _values_of(status: Any) -> dict[str, str]:
     return {item.key: item.value for item in status.values}
 
 
-def _write_plan(plan: MotionPlan, topic: str) -> Message:
+def _write_plan(plan: MotionPlan, topic: str) -> RosMessage:
     numbers = {"speed_m_s": plan.speed_m_s, "turn_m_s": plan.turn_m_s, "heading_rad": plan.heading_rad}
     numbers |= {"min_inner_speed_ratio": plan.min_inner_speed_ratio, "pitch_feedforward_m_s": plan.pitch_feedforward_m_s}
     numbers |= {} if plan.flipper is None else {"flipper_t_s": plan.flipper.t_s, "flipper_rad_s": plan.flipper.rate_rad_s}
@@ -217,7 +221,7 @@ OF_HEALTH = ("disagreement_rad", "unseen_s", "bias_rad_s", "scale", "walk_rad_rt
 """Numbers of a filter's health that are always known."""
 
 
-def _write_health(health: HeadingHealth, topic: str) -> Message:
+def _write_health(health: HeadingHealth, topic: str) -> RosMessage:
     numbers = {name: getattr(health, name) for name in ("since_s", *OF_HEALTH)}
     values = {name: repr(float(value)) for name, value in numbers.items() if value is not None}
     header = (int(health.fault is not None), health.fault or "", health.cause or "", "heading filter")

@@ -245,6 +245,11 @@ class DriverBlock:
         """Return the plan of a tick."""
         return self._planner.step(t_s, estimate)
 
+    @property
+    def to_go_m(self) -> float | None:
+        """Distance along the belts to the last nosing of the flight [m]; None while it is not known."""
+        return self._planner.to_go_m
+
     def propose(self, plan: MotionPlan, estimate: HeadingEstimate | None, *, held: bool) -> TrackCommand | None:
         """Return the proposed belt speeds of a tick; None leaves the last proposal in force.
 

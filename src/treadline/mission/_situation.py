@@ -266,6 +266,16 @@ class FlightSituation:
         return self._next_flight() if self._is_clear() and self._goes_on else None
 
     @property
+    def to_go_m(self) -> float | None:
+        """Distance along the belts from mid-track to the last nosing of the flight [m]; None while its end is not known."""
+        where = self._where
+        if self._way.sign > 0.0:
+            ends, ahead_m = where.top_ends, where.top_ahead_m()
+        else:
+            ends, ahead_m = where.bottom_ends, where.bottom_ahead_m()
+        return max(self._way.sign * ahead_m, 0.0) if ends and ahead_m is not None else None
+
+    @property
     def enters(self) -> bool:
         """Whether the chair is about to drive onto the flight: a side that was not in view does not count as wide enough."""
         return False

@@ -30,6 +30,10 @@ class Planner(Protocol):
     def step(self, t_s: float, estimate: HeadingEstimate | None) -> MotionPlan:
         """Return the plan of this tick; ``estimate`` is None before the first heading."""
 
+    @property
+    def to_go_m(self) -> float | None:
+        """Distance along the belts from mid-track to the last nosing of the flight [m]; None while its end is not known."""
+
 
 class Cruise:
     """Planner of a single flight: constant speed, steered by the belt controller."""
@@ -44,3 +48,8 @@ class Cruise:
         """Return the plan ``drive`` at the configured speed."""
         del estimate
         return MotionPlan(t_s=t_s, phase="drive", speed_m_s=self._speed_m_s)
+
+    @property
+    def to_go_m(self) -> float | None:
+        """None: the end of the flight is not looked for."""
+        return None

@@ -1,24 +1,25 @@
 """Signals as ROS messages and back, channel by channel: ``treadline_msgs`` for ROS 2, standard types for ROS 1."""
 
+import math
 import struct
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from treadline.core.camera_images import PinholeCamera
 from treadline.core.errors import ImageError, LogFormatError
 from treadline.core.rotations import quaternion_of
-from treadline.core.signals import Event
+from treadline.core.signals import CommandSource, Event, VelocityCommand
 from treadline.io.decode import calibration, picture, signal_reader
-from treadline.io.message_types import cdr_of, message_of, stamp, stamped_s, store
-from treadline.io.messages import CAMERA_FRAME, STATUS, Message, joints, messages_of, status
-from treadline.io.scene_messages import BASE, ODOMETRY, FramePose, frames_message, odometry_message
+from treadline.io.message_types import RosMessage, message_of, stamp, stamped_s, store
+from treadline.io.messages import CAMERA, STATUS, joints, messages_of, status
+from treadline.io.scene_messages import BASE, ODOMETRY, FramePose, camera_frames, frames_message, odometry_message
 from treadline.io.standard_messages import standard_messages_of
 from treadline.io.topics import Frames, Topics, with_mount
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
-from treadline.ros._node_signals import Beat, Clock, GuardState, JointAngles, Mounts, VelocityCommand
+from treadline.ros._node_signals import Beat, Clock, GuardState, JointAngles, Mounts
 
 NODE = "node"
 """Hardware id of a heartbeat in a diagnostic message."""
@@ -29,25 +30,27 @@ AHEAD = 8
 MILLIMETRE = 0.001
 """Depth per count of a 16-bit depth image [m], the convention of ROS drivers."""
 
+SOURCES: dict[int, CommandSource] = dict(enumerate(get_args(CommandSource), 1))
+"""Values of the field ``source`` of ``GuardState``."""
+
 BROKEN = (ImageError, ValueError, LookupError, ArithmeticError, struct.error)
 """Errors of a reader that the bytes of a message cause: text that is no UTF-8, missing names, numbers out of range."""
 
 
-def encoded(channel: str, signal: Any, *, ros1: bool) -> list[Message]:
+def encoded(channel: str, signal: Any, *, ros1: bool) -> list[tuple[str, str, bytes]]:
+    """Return topic, type and bytes of the messages that hold a signal."""
+    return [(message.topic, message.kind, message.encoded(ros1=ros1)) for message in messages_on(channel, signal, ros1=ros1)]
+
+
+def messages_on(channel: str, signal: Any, *, ros1: bool) -> list[RosMessage]:
     """Return the messages that hold a signal."""
-    found = _between_nodes(channel, signal, ros1=ros1)
-    if found is None:
-        found = standard_messages_of(signal, channel) if ros1 else messages_of(signal, channel)
-    return [(topic, kind, bytes(store().cdr_to_ros1(data, kind))) for topic, kind, data in found] if ros1 else found
-
-
-def _between_nodes(channel: str, signal: Any, *, ros1: bool) -> list[Message] | None:
-    """Return the messages of a signal that only nodes exchange; None for other signals."""
-    match signal:
+    match signal:  # those that only nodes exchange
         case Clock():
-            return [(channel, on.CLOCK_TYPE, cdr_of(on.CLOCK_TYPE, *stamp(signal.t_s)))]
+            return [RosMessage(channel, on.CLOCK_TYPE, stamp(signal.t_s))]
         case VelocityCommand():
-            return [(channel, on.TWIST_TYPE, cdr_of(on.TWIST_TYPE, signal.speed_m_s, 0.0, 0.0, 0.0, 0.0, signal.turn_rad_s))]
+            twist = (signal.speed_m_s, 0.0, 0.0, 0.0, 0.0, signal.turn_rad_s)
+            stamped = RosMessage(channel, on.TWIST_STAMPED, (*stamp(signal.t_s), BASE, *twist))
+            return [RosMessage(channel, on.TWIST_TYPE, twist) if ros1 else stamped]
         case Beat():
             status_fields = (int(signal.state != "ready"), signal.node, signal.state, NODE)
             return [status(channel, signal.t_s, status_fields, {}, signal.node)]
@@ -56,14 +59,14 @@ def _between_nodes(channel: str, signal: Any, *, ros1: bool) -> list[Message] | 
         case JointAngles():
             return [joints(channel, signal.t_s, signal.names, signal.angles_rad, (), "chair")]
         case Mounts():
-            return [frames_message(channel, signal.t_s, _sensors(signal.camera))]
+            return [frames_message(channel, signal.t_s, _sensors(signal.camera, ros1=ros1))]
         case GuardState() if ros1:
             status_fields = (0 if signal.holding is None else 2, "guard", signal.holding or "", signal.sender)
             return [status(channel, signal.t_s, status_fields, {}, "guard")]
         case GuardState():
-            values = (*stamp(signal.t_s), BASE, signal.holding or "", signal.sender)
-            return [(channel, on.GUARD_TYPE, cdr_of(on.GUARD_TYPE, *values))]
-    return None
+            source = next(number for number, word in SOURCES.items() if word == signal.source)
+            return [RosMessage(channel, on.GUARD_TYPE, (*stamp(signal.t_s), BASE, signal.holding or "", source, signal.sender))]
+    return standard_messages_of(signal, channel) if ros1 else messages_of(signal, channel)
 
 
 class Decoder:
@@ -112,17 +115,19 @@ class Decoder:
         return camera if camera is None or self._mount is None else with_mount(camera, self._mount)
 
 
-def _odometry_messages(channel: str, odometry: Odometry) -> list[Message]:
+def _odometry_messages(channel: str, odometry: Odometry) -> list[RosMessage]:
     """Return the pose and the transform of an odometry."""
     pose = FramePose(parent="odom", child=BASE, place_m=tuple(odometry.p_OB.tolist()), quaternion=odometry.orientation)
     moved = odometry_message(channel, odometry.t_s, pose, odometry.speed_m_s, odometry.angular_velocity_rad_s)
     return [moved, frames_message("/tf", odometry.t_s, [pose])]
 
 
-def _sensors(camera: PinholeCamera) -> list[FramePose]:
+def _sensors(camera: PinholeCamera, *, ros1: bool) -> list[FramePose]:
     """Return where on the chair the frames are that messages name; an IMU is read in the chair's axes."""
-    optical = FramePose(parent=BASE, child=CAMERA_FRAME, place_m=camera.mount_m, quaternion=quaternion_of(camera.R_BC))
-    return [*(FramePose(parent=BASE, child=name, place_m=(0.0, 0.0, 0.0), quaternion=LEVEL) for name in ("chair", "imu")), optical]
+    level = [FramePose(parent=BASE, child=name, place_m=(0.0, 0.0, 0.0), quaternion=LEVEL) for name in ("chair", "imu")]
+    if ros1:
+        return [*level, FramePose(parent=BASE, child=CAMERA, place_m=camera.mount_m, quaternion=quaternion_of(camera.R_BC))]
+    return [*level, *camera_frames(camera)]
 
 
 def _odometry(message: Any, t_s: float) -> Odometry:
@@ -149,12 +154,18 @@ def _guard_status(message: Any, t_s: float) -> GuardState:
 
 
 def _guard_state(message: Any, t_s: float) -> GuardState:
-    return GuardState(t_s=t_s, holding=message.holding or None, sender=message.sender)
+    return GuardState(t_s=t_s, holding=message.holding or None, source=SOURCES[message.source], sender=message.sender)
+
+
+def velocity_of(twist: Any, t_s: float = math.nan) -> VelocityCommand:
+    """Return the command in a geometry_msgs/Twist, which has no stamp: NaN."""
+    return VelocityCommand(t_s=t_s, speed_m_s=twist.linear.x, turn_rad_s=twist.angular.z)
 
 
 _READERS: dict[tuple[str, str], Callable[[Any, float], Any]] = {
     (on.CLOCK, on.CLOCK_TYPE): lambda message, _: Clock(t_s=stamped_s(message.clock)),
-    (on.TWIST, on.TWIST_TYPE): lambda message, _: VelocityCommand(speed_m_s=message.linear.x, turn_rad_s=message.angular.z),
+    (on.TWIST, on.TWIST_TYPE): lambda message, _: velocity_of(message),
+    (on.TWIST, on.TWIST_STAMPED): lambda message, t_s: velocity_of(message.twist, t_s),
     (on.ODOM, ODOMETRY): _odometry,
     (on.DIAGNOSTICS, STATUS): _diagnosis,
     (on.GUARD, STATUS): _guard_status,

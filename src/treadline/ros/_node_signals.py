@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from treadline.core.camera_images import PinholeCamera
+from treadline.core.signals import CommandSource
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,20 +25,15 @@ class Beat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardState:
-    """Cause of the guard's HOLD, None without one."""
+    """State of the guard."""
 
     t_s: float
     holding: str | None
+    """Cause of its HOLD, None without one."""
+    source: CommandSource = "driver"
+    """Whose commands move the belts; ROS 1's message does not hold it."""
     sender: str = "chair"
     """Id of the guard."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VelocityCommand:
-    """Speed and turn rate of a joystick or another planner (``/cmd_vel``); it has no stamp."""
-
-    speed_m_s: float
-    turn_rad_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -47,14 +47,12 @@ def node_of(
     *,
     plant: Callable[[], Plant] | None = None,
     out: Path | None = None,
-    stick: bool = False,
     goals: bool = False,
 ) -> Node:
     """Return a node by its name.
 
     Args:
-        stick: Whether the guard takes ``/cmd_vel`` instead of the driver's proposals.
-        goals: Whether the driver stands until it is given a goal.
+        goals: Whether the driver stands until it is given a goal; ``/cmd_vel`` moves the chair meanwhile.
         plant: Makes the chair; only the plant node asks.
         out: Where the recorder writes.
 
@@ -69,10 +67,8 @@ def node_of(
         return PlantNode(plant(), limits)
     match name:
         case "guard":
-            awaited = tuple(
-                other for other in driving_nodes(config.chair) if other != "guard" and not (stick and other == "driver")
-            )
-            return GuardNode(limits, awaited, config.chair.tracks.gauge_m if stick else None, sender=f"guard-{uuid4().hex[:8]}")
+            awaited = tuple(other for other in driving_nodes(config.chair) if other != "guard")
+            return GuardNode(limits, awaited, sender=f"guard-{uuid4().hex[:8]}")
         case "camera":
             warm_up(config)
             return CameraNode(blocks.detector, limits, blocks.swept_half_m)

@@ -4,6 +4,7 @@ Paper: Fig. 7. ``plant`` (simulator or drivers) ─► ``camera`` and ``heading`
 ``seat`` in parallel. The nodes compute nothing: the blocks are those of ``mission.loop``.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Protocol, runtime_checkable
@@ -12,6 +13,7 @@ from treadline.core.camera_images import PinholeCamera, RgbdFrame
 from treadline.core.ports import Reading, Transport
 from treadline.core.signals import (
     TICK_S,
+    CommandSource,
     FlipperCommand,
     FlipperReading,
     FrameQuality,
@@ -24,6 +26,7 @@ from treadline.core.signals import (
     StairMap,
     TrackCommand,
     TrackReading,
+    VelocityCommand,
 )
 from treadline.guard import Guard, GuardConfig, ReadingAdmission
 from treadline.io.messages import topic_of
@@ -33,7 +36,7 @@ from treadline.mission.loop import Estimator
 from treadline.mission.odometry import DeadReckoning
 from treadline.mission.planner import Planner, PlannerInput
 from treadline.ros import channels as on
-from treadline.ros._node_signals import Beat, GuardState, JointAngles, Mounts, VelocityCommand
+from treadline.ros._node_signals import Beat, GuardState, JointAngles, Mounts
 from treadline.vehicle.linkage import SeatLinkage
 
 ODOM_TICKS = 5
@@ -283,7 +286,6 @@ class GuardNode:
     Args:
         config: Limits of the guard.
         awaited: Nodes without which the chair does not start; the belts are braked until each has reported.
-        gauge_m: Distance between the tracks [m], where ``/cmd_vel`` drives (a joystick or another planner); else the driver drives.
         sender: Id of this guard in its commands; another id on the bus is a second guard.
     """
 
@@ -291,19 +293,15 @@ class GuardNode:
     publishes = (*on.COMMANDS, on.GUARD)
     needs = ()
 
-    def __init__(
-        self, config: GuardConfig, awaited: tuple[str, ...] = (), gauge_m: float | None = None, sender: str = "chair"
-    ) -> None:
-        self._guard = Guard(replace(config, has_planner=config.has_planner and gauge_m is None))
-        self._gauge_m = gauge_m
+    def __init__(self, config: GuardConfig, awaited: tuple[str, ...] = (), sender: str = "chair") -> None:
+        self._guard = Guard(config)
         self._has_seat = config.seat_rate_m_s is not None
         self._sender = sender
         self._waits_for = dict.fromkeys(awaited, "")
         self._estimate: HeadingEstimate | None = None
         self._flipper_runs = False
-        self._velocity: VelocityCommand | None = None
         self._t_s = 0.0
-        self._last_published: str | None = None
+        self._last_published: tuple[str | None, CommandSource] = (None, "driver")
 
     @property
     def waits_for(self) -> str:
@@ -320,12 +318,10 @@ class GuardNode:
         for channel in (on.MEASURED, on.MAP, on.HEALTH):
             transport.subscribe(channel, self._guard.on_message)
         transport.subscribe(on.ESTIMATE, self._take_estimate)
-        if self._gauge_m is None:
-            transport.subscribe(on.PLAN, self._take_plan)
-            transport.subscribe(on.TRACKS_PROPOSED, self._guard.propose)
-        else:
-            transport.subscribe(on.TWIST, self._take_velocity)
-        transport.subscribe(on.SEAT_PROPOSED, self._guard.propose)
+        transport.subscribe(on.PLAN, self._take_plan)
+        for channel in (on.TRACKS_PROPOSED, on.SEAT_PROPOSED):
+            transport.subscribe(channel, self._guard.propose)
+        transport.subscribe(on.TWIST, self._take_velocity)
         transport.subscribe(on.DIAGNOSTICS, self._receive)
         transport.subscribe(on.GUARD, self._check_other)
 
@@ -337,7 +333,6 @@ class GuardNode:
         """Publish the commands that may reach the chair now."""
         self._t_s = t_s
         self.advance(t_s)
-        self._propose_velocity()
         if self._waits_for:
             self._command(on.TRACKS_CMD, TrackCommand.stop(t_s))
             return
@@ -353,8 +348,9 @@ class GuardNode:
             self._publish(on.DIAGNOSTICS, event)
 
     def repeat_state(self) -> None:
-        """Publish again whether the guard holds, for later subscribers."""
-        self._publish(on.GUARD, GuardState(t_s=self._t_s, holding=self._guard.holding, sender=self._sender))
+        """Publish again whether the guard holds, and whose commands move the belts, for later subscribers."""
+        guard = self._guard
+        self._publish(on.GUARD, GuardState(t_s=self._t_s, holding=guard.holding, source=guard.source, sender=self._sender))
 
     def hold(self, cause: str) -> None:
         """Hold for a fault of this process or of the plant's."""
@@ -379,15 +375,9 @@ class GuardNode:
     def _take_estimate(self, estimate: HeadingEstimate) -> None:
         self._estimate = estimate
 
-    def _take_velocity(self, drive: VelocityCommand) -> None:
-        self._velocity = drive
-
-    def _propose_velocity(self) -> None:
-        """Propose the newest velocity since the last tick, as of this tick: ``/cmd_vel`` has no stamps."""
-        drive, self._velocity = self._velocity, None
-        if drive is not None:
-            speed, half_m_s = drive.speed_m_s, 0.5 * drive.turn_rad_s * (self._gauge_m or 0.0)
-            self._guard.propose(TrackCommand(t_s=self._t_s, left_m_s=speed - half_m_s, right_m_s=speed + half_m_s))
+    def _take_velocity(self, command: VelocityCommand) -> None:
+        """Propose a velocity; one without a stamp counts as of its arrival."""
+        self._guard.propose(replace(command, t_s=self._t_s) if math.isnan(command.t_s) else command)
 
     def _receive(self, message: object) -> None:
         if isinstance(message, Beat) and message.node not in (self.name, "recorder"):
@@ -399,6 +389,7 @@ class GuardNode:
             self._guard.beat(message.node, self._t_s)
 
     def _report_state(self) -> None:
-        if self._guard.holding != self._last_published:
-            self._last_published = self._guard.holding
+        state = self._guard.holding, self._guard.source
+        if state != self._last_published:
+            self._last_published = state
             self.repeat_state()

@@ -36,7 +36,8 @@ TWIST = "/cmd_vel"
 ODOM, MOUNTS = "/odom", "/tf_static"
 JOINT_STATES = "/joint_states"
 
-CLOCK_TYPE, TWIST_TYPE = "rosgraph_msgs/msg/Clock", "geometry_msgs/msg/Twist"
+CLOCK_TYPE = "rosgraph_msgs/msg/Clock"
+TWIST_TYPE, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
 GUARD_TYPE = f"{PACKAGE}/msg/GuardState"
 
 
@@ -118,7 +119,7 @@ CHANNELS: dict[str, Channel] = {
     GUARD: _own(GUARD, "GuardState", 10, STATUS),
     DIAGNOSTICS: _one(DIAGNOSTICS, STATUS, SECOND),
     TRUTH: _own(TRUTH, "Truth", 10),
-    TWIST: _one(TWIST, TWIST_TYPE, 1),
+    TWIST: Channel(topics=(Topic(name=TWIST, kind=TWIST_STAMPED, ros1=TWIST_TYPE),), depth=1),
     ODOM: Channel(topics=(Topic(name=ODOM, kind=ODOMETRY), Topic(name="/tf", kind=FRAMES, read=False)), depth=10),
     JOINT_STATES: Channel(topics=(Topic(name=JOINT_STATES, kind=JOINTS, read=False),), depth=10),
     MOUNTS: Channel(topics=(Topic(name=MOUNTS, kind=FRAMES, read=False),), depth=1, kept=True),

@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 from treadline.core.errors import SettingsError
 from treadline.core.rotations import rotation_of
-from treadline.core.signals import TICK_S, ImuSample, MotionPlan, Phase, StairMap, TrackReading
+from treadline.core.signals import ImuSample, MotionPlan, Phase, StairMap
 from treadline.guard import GuardConfig
 from treadline.mission import DriverBlock
 from treadline.mission.belt_controllers import Driver
@@ -28,7 +28,7 @@ class TraversalProgress(NamedTuple):
     phase: Phase
     heading_rad: float
     distance_to_go_m: float
-    """Distance along the plane of the nosings to the last nosing of the flight [m]."""
+    """Distance along the belts from mid-track to the last nosing of the flight [m]."""
     stability_margin_rad: float
     """Smallest tip-over margin at the measured attitude, with the entered payload and level seat [rad]."""
 
@@ -59,7 +59,6 @@ class GoalDriverNode(DriverNode):
         self._cancelled: str | None = None
         self._hold: str | None = None
         """Why the chair is to be held after a goal, until the guard reports that it holds."""
-        self._to_go_m = math.nan
         self.on_end: Callable[[Outcome], object] | None = None
         """Receives the outcome of the present goal; None without a goal."""
 
@@ -92,7 +91,7 @@ class GoalDriverNode(DriverNode):
         for signal in self._newest.values():
             self._block.update(signal)
         self._until_s = self._t_s + (limit_s or math.inf)
-        self._cancelled, self._to_go_m = None, math.nan
+        self._cancelled = None
         self.on_end = on_end
 
     def cancel(self, cause: str) -> None:
@@ -109,7 +108,8 @@ class GoalDriverNode(DriverNode):
     def progress(self) -> TraversalProgress:
         """Progress of the traversal."""
         heading_rad = math.nan if self._estimate is None else self._estimate.heading_rad
-        return TraversalProgress(self._phase, heading_rad, self._to_go_m, self._margin_rad())
+        to_go_m = math.nan if self._block.to_go_m is None else self._block.to_go_m
+        return TraversalProgress(self._phase, heading_rad, to_go_m, self._margin_rad())
 
     def _plan(self, t_s: float) -> MotionPlan:
         self._t_s = t_s
@@ -144,11 +144,6 @@ class GoalDriverNode(DriverNode):
     def _update(self, signal: PlannerInput) -> None:
         super()._update(signal)
         self._newest[type(signal)] = signal
-        if isinstance(signal, StairMap) and signal.ends and signal.nosings_B:
-            x_m, _, z_m = signal.nosings_B[-1]
-            self._to_go_m = math.hypot(x_m, z_m)
-        elif isinstance(signal, TrackReading):
-            self._to_go_m = max(self._to_go_m - 0.5 * abs(signal.left_m_s + signal.right_m_s) * TICK_S, 0.0)
 
     def _margin_rad(self) -> float:
         """Return the margin as if on the stair seen last; NaN before the first attitude."""

@@ -16,13 +16,13 @@ from treadline.core.models import BAG_SUFFIXES, InputOutputRecord
 from treadline.core.ports import Transport
 from treadline.core.signals import TICK_S, HeadingEstimate, TrackCommand
 from treadline.io.mcap_log import RunLog
-from treadline.io.message_types import nanoseconds_of, store
-from treadline.io.messages import Message, topic_of
+from treadline.io.message_types import RosMessage, nanoseconds_of, store
+from treadline.io.messages import topic_of
 from treadline.io.records import write_record
 from treadline.io.runs import LOG, RECORD, clear_run
 from treadline.mission.odometry import Odometry
 from treadline.ros import channels as on
-from treadline.ros._codec import encoded
+from treadline.ros._codec import messages_on
 from treadline.ros._node_signals import Beat, Mounts
 
 
@@ -55,10 +55,12 @@ class _RosBag:
 
     def __call__(self, signal: Any, taken_s: float | None = None) -> None:
         time_ns = nanoseconds_of(signal.t_s if taken_s is None else taken_s)
-        for topic, kind, data in _messages(signal, ros1=self._ros1):
-            if topic not in self._connections:
-                self._connections[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
-            self._writer.write(self._connections[topic], time_ns, data)
+        for message in _messages(signal, ros1=self._ros1):
+            connection = self._connections.get(message.topic)
+            if connection is None:
+                connection = self._writer.add_connection(message.topic, message.kind, typestore=self._store)
+                self._connections[message.topic] = connection
+            self._writer.write(connection, time_ns, message.encoded(ros1=self._ros1))
 
     def close(self) -> None:
         if self._closed:
@@ -73,10 +75,10 @@ class _RosBag:
             self._temporary.replace(self._path)
 
 
-def _messages(signal: Any, *, ros1: bool = False) -> list[Message]:
+def _messages(signal: Any, *, ros1: bool = False) -> list[RosMessage]:
     """Return the messages of a signal: those of a run's log, and those that only nodes publish."""
     channel = {Odometry: on.ODOM, Mounts: on.MOUNTS}.get(type(signal))
-    return encoded(topic_of(signal) if channel is None else channel, signal, ros1=ros1)
+    return messages_on(topic_of(signal) if channel is None else channel, signal, ros1=ros1)
 
 
 def _ros1(temporary: Path) -> tuple[Any, Any]:

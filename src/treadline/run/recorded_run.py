@@ -79,11 +79,10 @@ def write_run(
     manifest = begin_run(folder, scenario.model_dump(mode="json"), seed, controller, **more)
     # The stair of a run with this seed: the plant draws it from the first of its streams.
     staircase = build_staircase(scenario.stair, np.random.default_rng(seed).spawn(1)[0], scenario.step)
-    backwards = scenario.drive.direction == "down"
     metadata = log_metadata(manifest, manifest["settings"], folder)
     with (
         RunLog(folder / LOG, image_every=image_every, metadata=metadata) as log,
-        SceneLog(log, setup.chair, scenario.chair, belts=scenario.belts, staircase=staircase, backwards=backwards) as scene,
+        SceneLog(log, setup.chair, scenario.chair, belts=scenario.belts, staircase=staircase) as scene,
     ):
 
         def ended(tick: Tick) -> None:

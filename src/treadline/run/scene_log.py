@@ -7,17 +7,17 @@ root. Everything is a function of the signals: the same signals give the same by
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from types import TracebackType
 
 import numpy as np
 from jaxtyping import Float
 
 from treadline.core.angles import DEG
-from treadline.core.camera_images import CAMERA_AXES_IN_CHAIR, RgbdFrame
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.ports import Truth
 from treadline.core.processes import deferred
-from treadline.core.rotations import Rotation, Vector3, attitude_of, quaternion_of, rotation_of, rotation_x, rotation_y, rotation_z
+from treadline.core.rotations import Rotation, Vector3, attitude_of, quaternion_of, rotation_of
 from treadline.core.signals import (
     PERIOD_ROUNDING_S,
     TICK_S,
@@ -30,12 +30,13 @@ from treadline.core.signals import (
     TrackReading,
 )
 from treadline.io.mcap_log import RunLog
-from treadline.io.messages import joints
+from treadline.io.messages import camera_name, joints, optical_frame
 from treadline.io.scene_messages import (
     BASE,
     LINE_LIST,
     FramePose,
     Marker,
+    camera_frames,
     compressed_message,
     frames_message,
     marker_of,
@@ -48,7 +49,7 @@ from treadline.mission.loop import Signal
 from treadline.mission.odometry import DeadReckoning, Odometry
 from treadline.perception.detector import FrameResult
 from treadline.perception.overlay import as_jpeg, overlay
-from treadline.scenario.chair import CameraMount, ChairDescription
+from treadline.scenario.chair import ChairDescription
 from treadline.scenario.scenario import Belts, Chair
 from treadline.vehicle.appearance import LINKAGE_BODIES, chair_parts, colour, resting_lugs, stair_parts
 from treadline.vehicle.bodies import Vehicle, vehicle
@@ -84,7 +85,6 @@ class SceneLog:
         loading: Payload, with the seat's shift.
         belts: Lug profile; None: smooth belts.
         staircase: Staircase of a simulated run; None for a recording of an unknown stair.
-        backwards: Whether the rear camera is in use.
     """
 
     def __init__(
@@ -95,7 +95,6 @@ class SceneLog:
         *,
         belts: Belts | None = None,
         staircase: Staircase | None = None,
-        backwards: bool = False,
     ) -> None:
         self._log = log
         self._linkage = None if chair.seat is None else SeatLinkage(chair.seat)
@@ -111,7 +110,7 @@ class SceneLog:
         self._phase: tuple[str, str | None] = ("", None)
         self._waiting: list[tuple[Signal | Truth, float | None]] = []
         with deferred():
-            self._begin(chair, loading, belts, staircase, backwards=backwards)
+            self._begin(chair, loading, belts, staircase)
 
     def __enter__(self) -> "SceneLog":
         return self
@@ -140,7 +139,7 @@ class SceneLog:
 
     def _write(self, signal: Signal | Truth, taken_s: float | None) -> None:
         """Write one signal, and the messages of the scene that follow from it."""
-        self._log.add(self._log.encoded(signal), signal.t_s, taken_s)
+        self._log.add(self._log.messages(signal), signal.t_s, taken_s)
         match signal:
             case ImuSample():
                 self._reckoning.update(signal)
@@ -166,15 +165,14 @@ class SceneLog:
         """Write the image with the detection of a frame whose images are kept."""
         self._flush()
         if frame.t_s == self._log.kept_frame_s and isinstance(seen, FrameResult) and seen.sight is not None:
-            image = as_jpeg(overlay(frame, seen.sight))
+            image, optical = as_jpeg(overlay(frame, seen.sight)), optical_frame(camera_name(frame.camera))
             with deferred():
-                self._log.add([compressed_message("/camera/overlay/compressed", frame.t_s, "camera", image)], frame.t_s)
+                self._log.add([compressed_message("/camera/overlay/compressed", frame.t_s, optical, image)], frame.t_s)
 
-    def _begin(
-        self, chair: ChairDescription, loading: Chair, belts: Belts | None, staircase: Staircase | None, *, backwards: bool
-    ) -> None:
+    def _begin(self, chair: ChairDescription, loading: Chair, belts: Belts | None, staircase: Staircase | None) -> None:
         """Write what does not change: description, fixed frames, and meshes of chair and stair."""
-        fixed = [*_fixed_frames(self._vehicle), *_camera_frames(chair, backwards=backwards)]
+        cameras = [chair.camera_at(), *([] if chair.rear_camera is None else [chair.camera_at(rear=True)])]
+        fixed = [*_fixed_frames(self._vehicle), *(frame for camera in cameras for frame in camera_frames(camera))]
         drawn = (*chair_parts(chair, loading, belts), *resting_lugs(chair, belts))
         messages = [
             text_message("/robot_description", urdf(chair, loading)),
@@ -294,20 +292,4 @@ def _fixed_frames(whole: Vehicle) -> list[FramePose]:
             for shape in body.shapes
             if shape.kind == "cylinder"
         ]
-    return frames
-
-
-def _camera_frames(chair: ChairDescription, *, backwards: bool) -> list[FramePose]:
-    """Return the frames of the cameras as in the URDF, and ``camera``, the frame of the images in the log."""
-    mounts: Sequence[tuple[str, CameraMount | None]] = (("camera", chair.camera), ("rear_camera", chair.rear_camera))
-    optical = quaternion_of(CAMERA_AXES_IN_CHAIR)
-    frames: list[FramePose] = []
-    for name, mount in mounts:
-        if mount is None:
-            continue
-        R = rotation_z(mount.yaw_deg * DEG) @ rotation_y(mount.pitch_deg * DEG) @ rotation_x(mount.roll_deg * DEG)
-        frames.append(FramePose(parent="chair", child=f"{name}_link", place_m=mount.position_m, quaternion=quaternion_of(R)))
-        frames.append(FramePose(parent=f"{name}_link", child=f"{name}_optical_frame", place_m=ORIGIN, quaternion=optical))
-    used = "rear_camera" if backwards and chair.rear_camera is not None else "camera"
-    frames.append(FramePose(parent=f"{used}_optical_frame", child="camera", place_m=ORIGIN, quaternion=LEVEL))
     return frames

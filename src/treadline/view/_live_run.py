@@ -110,6 +110,11 @@ class AttendedPlanner:
             return plan
         return replace(plan, speed_m_s=state.speed_m_s, turn_m_s=state.turn_m_s, min_inner_speed_ratio=None)
 
+    @property
+    def to_go_m(self) -> float | None:
+        """Distance along the belts to the last nosing of the flight [m]; None while it is not known."""
+        return self._planner.to_go_m
+
 
 class LiveRun:
     """One run that is watched, commanded and paced.
