@@ -1,5 +1,7 @@
 """Robot files: speed limits are required, links are named, each error is one line with the key and the remedy."""
 
+import math
+
 import pytest
 from robots import TestRobot
 
@@ -33,6 +35,15 @@ def test_a_wrong_line_is_named(robot: TestRobot, line: str, instead: str, said: 
     assert said in str(error.value)
     assert "\n" not in str(error.value)
     assert str(robot.path) in str(error.value)
+
+
+def test_the_box_receives_the_rates_of_seat_and_flipper_of_the_chair_file(robot: TestRobot) -> None:
+    """Commands at these rates are sound; a box with smaller limits would reject them, and stop."""
+    limits = robot.file().drive_limits
+    assert (limits.seat_m_s, limits.flipper_rad_s) == (0.06, math.radians(30.0))
+    robot.path.write_text(robot.path.read_text().replace('[joints]\nlink = "drives"\n', ""))
+    limits = robot.file().drive_limits
+    assert (limits.seat_m_s, limits.flipper_rad_s) == (0.0, 0.0)
 
 
 def test_two_links_on_one_port_are_refused(robot: TestRobot) -> None:

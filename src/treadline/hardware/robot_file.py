@@ -8,8 +8,10 @@ from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
+from treadline.core.angles import DEG
 from treadline.core.settings import Settings, read_toml
 from treadline.hardware.ports import DriveLimits
+from treadline.scenario.chair import read_chair
 
 LINKS = {
     "serial": "treadline.hardware._serial_link:SerialLink",
@@ -128,9 +130,16 @@ class RobotFile(Settings):
 
     @property
     def drive_limits(self) -> DriveLimits:
-        """Limits for the box."""
-        limits = self.limits
-        return DriveLimits(speed_m_s=limits.belt_m_s, acceleration_m_s2=limits.acceleration_m_s2, watchdog_s=limits.watchdog_s)
+        """Limits for the box, which rejects any larger command; those of seat and flipper are the chair file's."""
+        limits, chair = self.limits, read_chair(self.mission.chair)
+        seat, flipper = (None, None) if self.joints is None else (chair.seat, chair.flipper)
+        return DriveLimits(
+            speed_m_s=limits.belt_m_s,
+            acceleration_m_s2=limits.acceleration_m_s2,
+            watchdog_s=limits.watchdog_s,
+            seat_m_s=0.0 if seat is None else seat.max_rate_m_s,
+            flipper_rad_s=0.0 if flipper is None else flipper.max_rate_deg_s * DEG,
+        )
 
 
 def read_robot(path: Path) -> RobotFile:
