@@ -15,7 +15,6 @@ CONTROLLER = CONTROLLERS / "wheelchair.json"
     ("target", "files"),
     [
         ("c", ["heading_controller.c", "heading_controller.h", "heading_log.h", "heading_numbers.h", "heading_selftest.c"]),
-        ("ros", ["heading_controller.yaml"]),
         ("json", ["heading_controller.json"]),
     ],
 )

@@ -162,17 +162,6 @@ def test_the_rehearsal_covers_every_state_of_a_drive() -> None:
     assert all(exchange.answer.brake for exchange in log if exchange.estimate is None)
 
 
-def test_the_ros_parameters_are_yaml_of_flat_lists() -> None:
-    yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
-    design = shipped_controller("wheelchair")
-    told = yaml.safe_load(exported("ros", design, CONFIG)["heading_controller.yaml"])["heading_controller"]["ros__parameters"]
-    assert told["vehicle"] == "wheelchair"
-    assert told["topics"]["tracks"] == "/tracks/cmd"
-    np.testing.assert_array_equal(np.reshape(told["gains"]["K"], design.K.shape), design.K)
-    # ROS 2 infers a list's type from its first number; an integer among floats is rejected.
-    assert all(isinstance(x, float) for name, row in told["gains"].items() if name not in ("states", "input_delay") for x in row)
-
-
 def test_json_contains_the_controller_and_a_test_log() -> None:
     design = shipped_controller("wheelchair")
     told = json.loads(exported("json", design, CONFIG)["heading_controller.json"])

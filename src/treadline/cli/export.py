@@ -1,6 +1,6 @@
 """Files for other programs.
 
-``treadline export``: a controller as C99, as ROS parameters or as JSON; layouts for the viewers of logs.
+``treadline export``: a controller as C99 or as JSON; layouts for the viewers of logs.
 ``treadline model``: chair and stair as MJCF, URDF or SDF.
 """
 
@@ -16,7 +16,7 @@ def export(
     source: Path | None = None,
     /,
     *,
-    to: Literal["c", "ros", "json", "layouts"],
+    to: Literal["c", "json", "layouts"],
     out: Path,
     chair: str | None = None,
     allocation: Literal["climb-safe", "paper"] = "climb-safe",
@@ -24,7 +24,7 @@ def export(
     speed: float = 0.2,
     force: Force = False,
 ) -> Answer:
-    """Write a controller as C99, as parameters of a ROS node or as JSON; or layouts for viewers of logs.
+    """Write a controller as C99 or as JSON, or layouts for viewers of logs.
 
     JSON holds a log to test a copy with. The layouts show a run's log in Foxglove, PlotJuggler and RViz 2.
 
@@ -33,12 +33,12 @@ def export(
 
     Args:
         source: Controller file that treadline tune wrote; for layouts, nothing.
-        to: Format: c, ros, json or layouts.
+        to: Format: c, json or layouts.
         out: Folder for the files.
         chair: Chair whose belt speed limit applies. Default: the chair that the controller was tuned for.
         allocation: Allocation of a turn to the belts: climb-safe, or paper.
         reconstruct: State reconstruction: observer, or static for Eq. (11b). Default: as in the controller file.
-        speed: Climb speed in m/s: an input of every step in C, a setting in the other formats.
+        speed: Climb speed in m/s: an input of every step in C, a setting in JSON.
     """
     if to == "layouts":
         return _layouts(source, out, force=force)

@@ -1,4 +1,4 @@
-"""Export of the heading controller: C99, parameters of a ROS node, or JSON.
+"""Export of the heading controller: C99 or JSON.
 
 ``ControllerDesign, ControllerConfig -> {file name: text}``. Each export contains a log with the responses of this
 controller, so that the copy can be verified on the target.
@@ -44,7 +44,7 @@ INVALID_PLANS: dict[int, dict[str, Any]] = {
 }
 """Invalid plans by step of the rehearsal, for which a copy must stop."""
 
-Target = Literal["c", "ros", "json"]
+Target = Literal["c", "json"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +68,7 @@ def exported(
         config: Limits, allocation and period.
         log: Test data of the copy; a rehearsal on the design's own model when left out.
     """
-    writers: dict[Target, Callable[..., dict[str, str]]] = {"c": _c_files, "ros": _ros_files, "json": _json_files}
+    writers: dict[Target, Callable[..., dict[str, str]]] = {"c": _c_files, "json": _json_files}
     return writers[target](design, config, rehearsal(design, config) if log is None else log)
 
 
@@ -172,12 +172,6 @@ def _row(exchange: Exchange) -> tuple[bool, bool, str, str, bool]:
 
 def _literal(value: float) -> str:
     return repr(float(value)) if math.isfinite(value) else "NAN" if math.isnan(value) else "INFINITY" if value > 0 else "-INFINITY"
-
-
-def _ros_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:
-    """Return a parameter file for the controller's node; ROS parameters are flat lists, so matrices are stored row by row."""
-    name = "heading_controller.yaml"
-    return {name: _written(name, design, config, log)}
 
 
 def _json_files(design: ControllerDesign, config: ControllerConfig, log: Sequence[Exchange]) -> dict[str, str]:

@@ -239,6 +239,7 @@ class Arming:
     def _moved(self, left: float, right: float) -> tuple[float, float, float]:
         """Return the means of a movement: speeds of the moved and of the other belt [m/s], gyro rate [rad/s]."""
         session, client = self._session, self._client
+        session.wait("the guard holds, and no person re-armed", PERSON_S, lambda: client.holding is None)
         start_s, tracks, rates = session.t_s, deque[TrackReading](), deque[float]()
         while session.t_s < start_s + WIGGLE_S and client.holding is None:
             for reading in session.tick(left * WIGGLE_M_S, right * WIGGLE_M_S):

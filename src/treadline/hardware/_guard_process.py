@@ -83,9 +83,9 @@ class GuardProcess:
 
     def _sense(self, guard: Guard) -> list[Any]:
         """Return the readings since the last tick, which the guard receives first; the person's re-arm reaches the box as well."""
-        readings = []
-        for reading in self._links.poll(self._start_s):
-            readings.append(reading)
+        readings = list(self._links.poll(self._start_s))
+        guard.advance(time.monotonic() - self._start_s)  # readings are stamped as they arrive, after the tick began
+        for reading in readings:
             if isinstance(reading, StickReading):
                 continue
             held = guard.holding
@@ -116,11 +116,12 @@ class GuardProcess:
             getattr(guard, call)(signal_)
 
     def _begin(self, now_s: float, config: Any, start_s: float, note: str, cause: str) -> None:
-        """Begin a session with a new guard, which holds until a person re-arms."""
+        """Begin a session with a new guard, which holds until a person presses re-arm anew: a button that is down counts as old."""
         self._links.stop()
         self._guard, self._start_s, self._estimate = Guard(config), start_s, None
         self._guard.advance(now_s - start_s)
         self._guard.hold(cause)
+        self._guard.admit(OperatorInput(t_s=now_s - start_s, dead_man=False, rearm=True))
         self._notes = [Event(t_s=now_s - start_s, name="guard_process", cause=note)]
 
 

@@ -41,7 +41,7 @@ class GuardClient:
     """Guard in a process of its own.
 
     Args:
-        robot: The chair whose links the process opens.
+        robot: Robot file whose links the process opens.
 
     Raises:
         LinkError: If a device does not open.

@@ -13,6 +13,7 @@ from treadline.hardware.emulators._chair import EmulatedChair
 from treadline.hardware.emulators._clock import TickPacer
 from treadline.hardware.emulators._faults import KINDS, Faults
 from treadline.hardware.emulators._serial import SerialBox, Terminal
+from treadline.hardware.emulators.camera import FrameFile
 
 NODES = (1, 2)
 """Node ids of the emulated axes, left and right."""
@@ -46,7 +47,7 @@ def emulate(
         pace: Emulated seconds in a second of the wall clock.
     """
     faults = Faults(fault or [])
-    chair = EmulatedChair(scenario, seed, faults)
+    chair = EmulatedChair(scenario, seed, faults, FrameFile(port))
     terminal = Terminal(port)
     box: SerialBox | CanAxes
     if link == "serial":

@@ -5,6 +5,7 @@
 
 from pathlib import Path
 
+from treadline.core.camera_images import RgbdFrame
 from treadline.core.signals import (
     TICK_S,
     FlipperCommand,
@@ -19,6 +20,7 @@ from treadline.hardware import _frame as frame
 from treadline.hardware._frame import Present, counts
 from treadline.hardware.emulators._faults import Faults
 from treadline.hardware.emulators._firmware import Outputs, Readings
+from treadline.hardware.emulators.camera import FrameFile
 from treadline.run.resolve import resolve
 
 
@@ -27,15 +29,15 @@ class EmulatedChair:
 
     Args:
         scenario: Name of a shipped scenario, or path of a scenario file.
-        faults: Faults, of which ``imu_frozen``, ``swapped_belts``, ``left_reversed`` and ``right_reversed`` apply here.
+        faults: Faults, of which those of camera, inertial sensor and belts apply here.
     """
 
-    def __init__(self, scenario: str | Path, seed: int, faults: Faults) -> None:
+    def __init__(self, scenario: str | Path, seed: int, faults: Faults, camera: FrameFile) -> None:
         setup = resolve(scenario, seed=seed)
         self.chair = setup.chair
         self._plant = setup.open_plant()
         self._plant.start()
-        self._faults, self._ticks = faults, 0
+        self._faults, self._camera, self._ticks = faults, camera, 0
         self._readings = Readings(voltage_mv=round(self._voltage_v() / frame.MILLI), present=Present.VOLTAGE)
 
     @property
@@ -75,6 +77,8 @@ class EmulatedChair:
                 to.orientation[:] = [counts(part, frame.QUATERNION) for part in reading.orientation]
                 to.rates[:] = [counts(rate, frame.RAD) for rate in reading.angular_velocity_rad_s]
                 to.accelerations[:] = [counts(part, frame.MILLI) for part in reading.linear_acceleration_m_s2]
+            case RgbdFrame() if not self._faults.active("camera_gone", self.t_s):
+                self._camera.write(reading)
             case SeatReading():
                 to.present |= Present.SEAT
                 to.seat[:] = counts(reading.pitch_rad, frame.RAD), counts(reading.stroke_m, frame.SEAT_M)

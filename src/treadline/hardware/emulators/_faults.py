@@ -23,6 +23,7 @@ KINDS = {
     "two_with_one_id": "a second drive answers to each node id",
     "second_host": "another program sends one sound command to the box",
     "gone": "the device disappears from the computer",
+    "camera_gone": "the camera sends no more frames",
     "imu_frozen": "the inertial sensor repeats its last sample",
     "swapped_belts": "the box's left output drives the right belt",
     "left_reversed": "the left belt runs backwards",
