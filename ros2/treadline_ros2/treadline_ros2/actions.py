@@ -16,10 +16,16 @@ ACTIONS = {'climb_stairs': (ClimbStairs, 'up'), 'descend_stairs': (DescendStairs
 
 
 class Actions:
-    """One goal at a time; cancelling it holds the chair."""
+    """
+    One goal at a time; cancelling it holds the chair.
+
+    They are offered until the node ends, whatever its state: the end of a goal is asked for after
+    an error of the driver, too.
+    """
 
     def __init__(self, node: Any, driver: GoalDriverNode) -> None:
-        self._node, self._driver = node, driver
+        self._node = node
+        self.driver = driver
         self._outcome: Future[Any] = Future()
         self._servers = [
             ActionServer(
@@ -44,7 +50,7 @@ class Actions:
             self._node.get_logger().error('goal refused: activate this node first')
             return GoalResponse.REJECT
         try:
-            self._driver.begin(direction, outcome.set_result, goal.speed_m_s, goal.time_limit_s)
+            self.driver.begin(direction, outcome.set_result, goal.speed_m_s, goal.time_limit_s)
         except SettingsError as error:
             self._node.get_logger().error(f'goal refused: {error}')
             return GoalResponse.REJECT
@@ -55,12 +61,12 @@ class Actions:
         del goal
         if not self._node.is_active:
             return CancelResponse.REJECT
-        self._driver.cancel('cancelled by the client')
+        self.driver.cancel('cancelled by the client')
         return CancelResponse.ACCEPT
 
     async def _execute(self, kind: Any, goal: Any) -> Any:
         def report() -> None:
-            progress = self._driver.progress._asdict()
+            progress = self.driver.progress._asdict()
             phase = getattr(MotionPlan, f'PHASE_{progress.pop("phase").upper()}')
             goal.publish_feedback(kind.Feedback(phase=phase, **progress))
 

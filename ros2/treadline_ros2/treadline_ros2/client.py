@@ -4,8 +4,11 @@ A client of climb_stairs and descend_stairs: an example, and a command.
 ``ros2 run treadline_ros2 climb [down]`` prints the progress; Ctrl-C cancels: the chair holds.
 """
 
+from collections.abc import Callable
 import math
+import signal
 import sys
+import time
 from typing import Any
 
 import rclpy
@@ -16,34 +19,68 @@ from treadline_msgs.action import ClimbStairs, DescendStairs
 
 WAIT_S = 10.0
 """Time in which the action has to be offered [s]."""
+SPIN_S = 0.1
+"""Longest time without a look at Ctrl-C and at the driver [s]: the interval of the feedback."""
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, as of a shell."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Ask for one traversal; return 0 where the chair arrives."""
     down = 'down' in remove_ros_args(arguments)
     name, kind = ('descend_stairs', DescendStairs) if down else ('climb_stairs', ClimbStairs)
+    presses: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: presses.append(number))
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('stairs_client')
+    try:
+        return _traverse(node, name, kind, presses)
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _traverse(node: Any, name: str, kind: Any, presses: list[int]) -> int:
+    """Ask, wait for the end, and return the exit code; ``presses`` grows with each Ctrl-C."""
     client = ActionClient(node, kind, name)
-    if not client.wait_for_server(WAIT_S):
-        sys.stderr.write(f'treadline: nobody offers {name}; start the graph with start:=goal\n')
-        return 2
+    until_s = time.monotonic() + WAIT_S
+    _spin(node, lambda: client.server_is_ready() or presses or time.monotonic() > until_s)
+    if presses:
+        return _end(INTERRUPTED, 'interrupted; no goal was sent')
+    if not client.server_is_ready():
+        return _end(2, f'nobody offers {name}; start the graph with start:=goal')
+
     asked = client.send_goal_async(kind.Goal(), _report)
-    rclpy.spin_until_future_complete(node, asked)
+    # After Ctrl-C, too: a goal that is accepted later must not drive the chair with nobody there.
+    _spin(node, lambda: asked.done() or not client.server_is_ready())
+    if not asked.done():
+        return _end(1, 'the driver has ended without an answer')
     goal = asked.result()
     if not goal.accepted:
-        sys.stderr.write(f'treadline: {name} is refused; the log of the driver says why\n')
-        return 2
+        return _end(2, f'{name} is refused; the log of the driver says why')
+
     ended = goal.get_result_async()
-    try:
-        rclpy.spin_until_future_complete(node, ended)
-    except KeyboardInterrupt:
+    _spin(node, lambda: ended.done() or presses or not client.server_is_ready())
+    if not ended.done() and presses:
         goal.cancel_goal_async()
-        rclpy.spin_until_future_complete(node, ended)
+        _spin(node, lambda: ended.done() or len(presses) > 1 or not client.server_is_ready())
+    if not ended.done() and len(presses) > 1:
+        return _end(INTERRUPTED, 'interrupted before the end; see whether the chair stands')
+    if not ended.done():
+        return _end(1, 'the driver has ended; the guard holds the chair')
     result = ended.result().result
     sys.stdout.write(f'verdict {result.verdict}: {result.cause or "arrived"}\n')
-    rclpy.try_shutdown()
     return 0 if result.verdict == kind.Result.VERDICT_ARRIVED else 1
+
+
+def _spin(node: Any, done: Callable[[], object]) -> None:
+    while not done():
+        rclpy.spin_once(node, timeout_sec=SPIN_S)
+
+
+def _end(code: int, line: str) -> int:
+    sys.stderr.write(f'treadline: {line}\n')
+    return code
 
 
 def _report(message: Any) -> None:

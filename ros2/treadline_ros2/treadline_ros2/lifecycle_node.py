@@ -85,6 +85,8 @@ class TreadlineNode(LifecycleNode):
     def end(self) -> None:
         """End from whatever state, with one line."""
         self._release()
+        if self._actions is not None:
+            self._actions.close()
         self.get_logger().info('ended')
         self.destroy_node()
 
@@ -174,7 +176,8 @@ class TreadlineNode(LifecycleNode):
         mount = mount_of(setup.mission)
         self._transport = RclpyTransport(self, self.attempt, mount, stamped=stamped)
         if isinstance(self._block, GoalDriverNode):
-            self._actions = Actions(self, self._block)
+            self._actions = self._actions or Actions(self, self._block)
+            self._actions.driver = self._block
         self._runner = self._runner_of(self._block, self._transport)
 
     def _runner_of(self, block: Any, transport: RclpyTransport) -> NodeRunner | PlantRunner:
@@ -211,9 +214,7 @@ class TreadlineNode(LifecycleNode):
             self._block.close()
         if self._transport is not None:
             self._transport.close()
-        if self._actions is not None:
-            self._actions.close()
-        self._block = self._transport = self._runner = self._actions = None
+        self._block = self._transport = self._runner = None
 
     def _value(self, name: str) -> Any:
         value = self.get_parameter(name).value
