@@ -109,7 +109,9 @@ def _begun(manifest: dict[str, Any], path: Path, source: Path) -> RecordingBuild
     if not isinstance(settings, dict):
         raise SettingsError(f"{path}: no settings; make the run again")
     scenario = _scenario(path, settings)
-    chair = read_chair(DEFAULT_CHAIR) if scenario is None else scenario.read_chair()
+    robot = settings.get("robot")  # of a real chair
+    named = DEFAULT_CHAIR if robot is None else robot["mission"]["chair"]
+    chair = read_chair(named) if scenario is None else scenario.read_chair()
     guard, seed = manifest.get("guard"), manifest.get("seed", 0)
     return RecordingBuilder(
         chair,
@@ -121,8 +123,8 @@ def _begun(manifest: dict[str, Any], path: Path, source: Path) -> RecordingBuild
 
 
 def _scenario(path: Path, settings: dict[str, Any]) -> Scenario | None:
-    """Return the scenario of a manifest; None for a replayed log, whose settings are not a scenario."""
-    if "replay" in settings:
+    """Return the scenario of a manifest; None for a replayed log and for a real chair, whose settings are not a scenario."""
+    if {"replay", "robot"} & set(settings):
         return None
     try:
         return scenario_of(settings, path, where="settings")
