@@ -200,6 +200,8 @@ def test_two_axes_on_a_can_bus_drive_and_stop_together(tmp_path: Path) -> None:
         errors = {state.error for state in states}
         assert "two hosts send commands to drive 1; stop one of them" in errors
         assert any(error is not None and error.startswith("drive 1 left closed-loop control") for error in errors)
+        # Each re-arm proves the watchdog: before the first drive, after the unplugged line, and after the second host.
+        assert [event.cause for event in chair.events if event.axis == 1].count("WATCHDOG") >= 1 + 3
         cause, after_s = stop_after(chair, 1.5)
         assert cause == "WATCHDOG"
         assert after_s <= 0.1

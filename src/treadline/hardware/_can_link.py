@@ -20,8 +20,8 @@ from treadline.hardware import _can_simple as simple
 from treadline.hardware._can_simple import CanCommand
 from treadline.hardware.ports import DriveLimits, DriveState
 
-SETTLE_S = 0.5
-"""Time in which an axis must take a state [s]: five heartbeats of the default period."""
+SETTLE_S = 1.0
+"""Time in which an axis must take a state [s]: ten heartbeats of the default period."""
 ECHOES = 64
 """Remembered commands, of which a bus may return copies."""
 
@@ -36,9 +36,16 @@ class Axis:
     """Whether ``velocity_m_s`` came after the last ``DriveState``."""
     state: int = 0
     error: int = 0
+    was_closed: bool = False
+    """Whether the axis was in closed-loop control since it was last asked to be: its errors are new."""
     protocol: int | None = None
     serials: set[bytes] = field(default_factory=set)
     """Serial numbers that answered under this id."""
+
+    @property
+    def is_closed(self) -> bool:
+        """Whether the axis is in closed-loop control."""
+        return self.state == simple.CLOSED_LOOP and not self.error
 
     @property
     def problem(self) -> str | None:
@@ -154,9 +161,12 @@ class CanSimpleLink:
         """Keep what a message reports."""
         axis = self._axes[message.arbitration_id >> simple.COMMAND_BITS]
         command, content = message.arbitration_id & ((1 << simple.COMMAND_BITS) - 1), bytes(message.data)
+        if len(content) != simple.CONTENT_BYTES and command != CanCommand.SET_AXIS_STATE:
+            return
         match command:
             case CanCommand.HEARTBEAT:
                 axis.error, axis.state, *_ = simple.HEARTBEAT.unpack(content)
+                axis.was_closed |= axis.is_closed
                 if axis.protocol is None:
                     self._ask(CanCommand.GET_VERSION)
             case CanCommand.ENCODER_ESTIMATES:
@@ -190,8 +200,8 @@ class CanSimpleLink:
     def _advance(self) -> None:
         """Carry on with arming, and stop both axes where one has stopped."""
         axes, waited_s = self._axes.values(), time.monotonic() - self._phase_s
-        have_tripped = [bool(axis.error & simple.WATCHDOG_EXPIRED) for axis in axes]
-        are_closed = [axis.state == simple.CLOSED_LOOP and not axis.error for axis in axes]
+        have_tripped = [axis.was_closed and axis.error & simple.WATCHDOG_EXPIRED for axis in axes]
+        are_closed = [axis.is_closed for axis in axes]
         if self._phase == "proving" and all(have_tripped):
             self._enter("arming")
             self._close_loops()
@@ -215,7 +225,8 @@ class CanSimpleLink:
 
     def _close_loops(self) -> None:
         """Clear the errors and ask for closed-loop control at zero speed."""
-        for node in self._axes:
+        for node, axis in self._axes.items():
+            axis.was_closed = False
             self._send(node, CanCommand.CLEAR_ERRORS, b"\0")
             self._send(node, CanCommand.SET_CONTROLLER_MODE, simple.WORDS.pack(simple.VELOCITY_CONTROL, simple.VELOCITY_RAMP))
             self._send(node, CanCommand.SET_INPUT_VEL, simple.FLOATS.pack(0.0, 0.0))

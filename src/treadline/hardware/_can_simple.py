@@ -21,6 +21,8 @@ WORD, WORDS = struct.Struct("<I"), struct.Struct("<II")
 HEARTBEAT = struct.Struct("<IBBBx")
 """Error, state, result of the last procedure, end of the trajectory."""
 COMMAND_BITS = 5
+CONTENT_BYTES = 8
+"""Length of each report of a drive."""
 
 
 class CanCommand(IntEnum):
