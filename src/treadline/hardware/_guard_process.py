@@ -14,7 +14,7 @@ import time
 from typing import Any
 
 from treadline.core.errors import LinkError
-from treadline.core.signals import TICK_S, Event, HeadingEstimate, OperatorInput
+from treadline.core.signals import TICK_S, Event, HeadingEstimate, OperatorInput, TrackCommand
 from treadline.guard import SILENCE_S, Guard
 from treadline.hardware._links import Links, open_links
 from treadline.hardware._process_messages import received, send
@@ -113,7 +113,8 @@ class GuardProcess:
             guard.hold(message["hold"])
         self._estimate = message.get("estimate", self._estimate)
         for call, signal_ in message.get("calls", ()):
-            getattr(guard, call)(signal_)
+            waits = isinstance(signal_, TrackCommand) and self._links.is_rearming  # a command that nobody follows would be a stall
+            getattr(guard, call)(TrackCommand.stop(signal_.t_s) if waits else signal_)
 
     def _begin(self, now_s: float, config: Any, start_s: float, note: str, cause: str) -> None:
         """Begin a session with a new guard, which holds until a person presses re-arm anew: a button that is down counts as old."""

@@ -3,7 +3,9 @@
 ``DriveState -> TrackReading, PlantState``; the other readings pass with their stamps on the mission clock.
 """
 
+import math
 import sys
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from importlib import import_module
@@ -13,6 +15,8 @@ from treadline.core.errors import LinkError, TreadlineError
 from treadline.core.signals import FlipperCommand, PlantState, SeatCommand, TrackCommand, TrackReading
 from treadline.hardware.ports import DriveLimits, DriveLink, DriveState, JointLink, SensorLink
 
+REARM_S = 2.5
+"""Longest time in which a box ends its latched stop [s]: drives on CAN prove their watchdog first, and take a state within 1 s."""
 PROTOCOLS = {"drives": DriveLink, "imu": SensorLink, "joints": JointLink, "handset": SensorLink}
 """Protocol of the link of each port."""
 
@@ -73,7 +77,7 @@ class Links:
         self._joints: JointLink | None = links.get("joints")
         self._each = {id(link): (port, link) for port, link in reversed(list(links.items()))}
         self._swapped, self._signs = signs["swapped"], (signs["left"], signs["right"])
-        self._stops = True
+        self._stops, self._rearmed_s = True, -math.inf
         self.state: DriveState | None = None
         """Newest state of the drives, in the box's signs."""
         self.lost: str | None = None
@@ -108,9 +112,14 @@ class Links:
         self._stops = True
         self._guarded("drives", self._drives.stop)
 
+    @property
+    def is_rearming(self) -> bool:
+        """Whether the box was asked to end its latched stop and has not reported it: it takes no motion yet."""
+        return time.monotonic() - self._rearmed_s < REARM_S
+
     def rearm(self) -> None:
         """End the latched stop of the box."""
-        self._stops = False
+        self._stops, self._rearmed_s = False, time.monotonic()
         self._guarded("drives", self._drives.rearm)
 
     def close(self) -> None:
@@ -123,8 +132,10 @@ class Links:
         belts = (state.right_m_s, state.left_m_s) if self._swapped else (state.left_m_s, state.right_m_s)
         left, right = (sign * speed for sign, speed in zip(self._signs, belts, strict=True))
         yield TrackReading(t_s=t_s, left_m_s=left, right_m_s=right, brake_on=state.latched)
-        fault = state.error
-        if fault is None and state.latched and not self._stops:
+        if not state.latched:
+            self._rearmed_s = -math.inf
+        fault = None if self.is_rearming else state.error
+        if fault is None and state.latched and not self._stops and not self.is_rearming:
             fault = "its watchdog had no valid command in time" if state.watchdog_tripped else "the box latched a stop"
         yield PlantState(t_s=t_s, fault=fault)
 
