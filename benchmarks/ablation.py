@@ -29,7 +29,7 @@ OTHERS = (
     Case(label="D455 from 30 to 42° aside, down", recipe={"sensor": "d455", "heading_deg": (30.0, 42.0), "scenes": ("down",)}),
     Case(label="D435, rolling shutter", recipe=ROLLING | {"sensor": "d435"}),
 )
-"""Rows beside those of the tables of sensors and conditions."""
+"""Rows next to those of the tables of sensors and conditions."""
 CURVES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("straight, Kinect 1", {}),
     ("straight, D455", {"sensor": "d455"}),

@@ -33,7 +33,7 @@ STARTS: dict[tuple[str, str], Literal["floor", "flight", "landing"]] = {
 }
 LEVEL_RAD = 2.0 * DEG
 NOSING_SIGMA_M = 0.001
-"""Standard deviation of a nosing's height that the sequencers are told [m]: that of the stair tracker near the chair."""
+"""Standard deviation of a nosing's height that the sequencers receive [m]: that of the stair tracker near the chair."""
 HEADING_GAIN_M_S_RAD = 0.3
 """Belt-speed difference to each side per heading error [m/s/rad]: a proportional controller of the initial heading, in place of the
 LQR."""
@@ -162,7 +162,7 @@ class _CrestRun:
         self._nosing_m = (STEPS - 1) * plant.staircase.pitch_m if case.at == "top" else 0.0
         self._sequencer: Crest | Edge | None = None
         self._top_m = 0.0
-        """Distance of the uppermost nosing ahead of mid-track along the belts, as the sequencer is told [m]."""
+        """Distance of the uppermost nosing ahead of mid-track along the belts, as the sequencer receives it [m]."""
         self._ticks: list[CrossingTick] = []
         self._is_lost = False
 

@@ -64,7 +64,7 @@ RAMP_S = 0.32
 COMMANDED_M_S = {"belt": 1.0, "square": 0.30, "turning": 0.55}
 """Largest command of one belt, and largest mean of a square chair and of one that turns, likewise."""
 SQUARE_DEG = 5.0
-TOLD = ("slow", "hold", "re-referenced", "vision_dim", "back_off", "refused")
+DECLARED = ("slow", "hold", "re-referenced", "vision_dim", "back_off", "refused")
 """Events that count as detection of a fault."""
 
 
@@ -337,8 +337,8 @@ class Disturbed(NamedTuple):
 
     def _seen(self, ride: Traverse, scenario: Scenario) -> Outcome:
         # The event of a missing sample carries the time of the previous sample.
-        told = [(event.t_s, event.name) for event in ride.events if event.t_s >= self.at_s - 1.5 * TICK_S]
-        held_s = next((t_s for t_s, name in told if name == "hold"), math.nan)
+        declared = [(event.t_s, event.name) for event in ride.events if event.t_s >= self.at_s - 1.5 * TICK_S]
+        held_s = next((t_s for t_s, name in declared if name == "hold"), math.nan)
         last = len(ride.trace["t_s"]) - 1  # a chair of another seed may arrive before its first fault
         after = slice(min(round(self.at_s / TICK_S), last), None)
         trace = {name: column[after] for name, column in ride.trace.columns.items()}
@@ -350,10 +350,10 @@ class Disturbed(NamedTuple):
         runs = np.flatnonzero(np.maximum(np.abs(trace["left_m_s"]), np.abs(trace["right_m_s"])) > MOVING_M_S)
         due_s = self.at_s + (int(runs[0]) * TICK_S if self.case.moving and runs.size else 0.0)
         onward = trace["x_m"] if self.place.leg.direction == "up" else -trace["x_m"]
-        backs_s = next((t_s - self.at_s for t_s, name in told if name == "back_off"), math.inf)
+        backs_s = next((t_s - self.at_s for t_s, name in declared if name == "back_off"), math.inf)
         onward = onward[: max(round(min(backs_s / TICK_S, len(onward))), 1)]  # backing off is commanded motion, not a slide
         figures = {
-            "found s": next((t_s - due_s for t_s, name in told if name in TOLD), math.nan),
+            "found s": next((t_s - due_s for t_s, name in declared if name in DECLARED), math.nan),
             "held s": held_s - due_s,
             "still s": (int(moving[-1]) + 1) * TICK_S if moving.size else 0.0,
             "slide mm": 1000.0 * float(np.hypot(x - x[0], y - y[0]).max()) if rests else math.nan,

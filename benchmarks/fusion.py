@@ -79,7 +79,7 @@ CONDITIONS = (
     Condition(label="gyro bias steps by 1 °/s", seconds=90.0, bias_step_rad_s=1.0 * DEG),
     Condition(label="gyro bias steps by 3 °/s", seconds=90.0, bias_step_rad_s=3.0 * DEG),
     Condition(label="gyro jumps by 15°", seconds=90.0, gyro_jump_rad=15.0 * DEG),
-    Condition(label="a wall, 0–20° askew, for 14 s", seconds=57.0, wall=True),
+    Condition(label="a wall, 0–20° of heading, for 14 s", seconds=57.0, wall=True),
     Condition(label="over the crest, 14 s without vision", seconds=100.0, gap_s=14.0, crest=True),
 )
 
@@ -136,7 +136,7 @@ def _faulty(sample: ImuSample, condition: Condition) -> ImuSample:
 
 
 def _frames(condition: Condition, heading: Float[np.ndarray, " n"], rng: np.random.Generator) -> dict[int, HeadingMeasurement]:
-    askew = float(rng.uniform(-20.0 * DEG, 20.0 * DEG))
+    at_an_angle = float(rng.uniform(-20.0 * DEG, 20.0 * DEG))
     wall_s = WALL_FROM_S + float(rng.uniform(0.0, 3.0))
     frames = {}
     for k in range(0, len(heading), FRAME_TICKS):
@@ -145,7 +145,7 @@ def _frames(condition: Condition, heading: Float[np.ndarray, " n"], rng: np.rand
         if t_s >= condition.seconds - condition.gap_s or (condition.wall and WALL_FROM_S <= t_s < wall_s):
             continue
         if condition.wall and t_s >= wall_s:
-            seen += askew
+            seen += at_an_angle
         if t_s >= 10.0 and t_s % 10.0 < condition.burst_s - 1e-6:
             seen += condition.burst_rad
         frames[k] = HeadingMeasurement(t_s=t_s, heading_rad=wrap(seen), sigma_rad=VISION_SIGMA_RAD, edge_count=6)
@@ -167,7 +167,7 @@ def outcome_of(drive: Drive, fusion: Fusion) -> Outcome:
     """Run one method over one drive."""
     ticks = len(drive.samples)
     errors, sigmas = np.full(ticks, np.nan), np.full(ticks, np.nan)
-    told: set[float] = set()
+    declared: set[float] = set()
     for k, sample in enumerate(drive.samples):
         if isinstance(fusion, HeadingFilter):
             fusion.step(drive.belts[k])
@@ -175,12 +175,12 @@ def outcome_of(drive: Drive, fusion: Fusion) -> Outcome:
         if k in drive.frames:
             estimate = fusion.step(drive.frames[k])
             if isinstance(fusion, HeadingFilter) and fusion.health is not None and fusion.health.since_s is not None:
-                told.add(fusion.health.since_s)
+                declared.add(fusion.health.since_s)
         if estimate is not None:
             errors[k] = wrap(estimate.heading_rad - float(drive.heading[k]))
             sigmas[k] = estimate.sigma_rad
-    after = [at_s for at_s in told if at_s >= FAULT_FROM_S]
-    return Outcome(errors_rad=errors, sigmas_rad=sigmas, found_s=min(after, default=math.inf), alarms=len(told))
+    after = [at_s for at_s in declared if at_s >= FAULT_FROM_S]
+    return Outcome(errors_rad=errors, sigmas_rad=sigmas, found_s=min(after, default=math.inf), alarms=len(declared))
 
 
 def table(seeds: list[int]) -> None:

@@ -49,7 +49,7 @@ def accuracy_part(fits: dict[str, peers.Fit], first: int, *, quick: bool) -> Non
 
 
 def real_part(fits: dict[str, peers.Fit], folder: Path, search_s: float) -> None:
-    """Print the scores of each cut, then all beside each other, then ours against each single peer."""
+    """Print the scores of each cut, then all side by side, then ours against each single peer."""
     cuts: dict[str, dict[str, real.Score]] = {}
     for data, turned in ((data, turned) for data in DATA_SETS for turned in (False, True)):
         if not (folder / data.file).is_file():

@@ -204,7 +204,7 @@ def collected() -> tuple[list[Case], coverage.CoverageData]:
     return sorted(collector.cases, key=lambda case: spent[case.name]), lines.get_data()
 
 
-def noticed(mutant: Mutant, cases: list[Case]) -> str:
+def detected(mutant: Mutant, cases: list[Case]) -> str:
     """Return the test that detects a mutant, or "" if none does. The tests run in a forked process, after the imports."""
     read, write = os.pipe()
     child = os.fork()
@@ -253,7 +253,7 @@ def judge(mutants: list[Mutant], cases: list[Case], lines: coverage.CoverageData
     executed = {path: lines.contexts_by_lineno(str(path)) for path in {mutant.path for mutant in mutants}}
     for count, mutant in enumerate(mutants, start=1):
         names = {name for name in executed[mutant.path].get(mutant.line, ()) if name}
-        failed = noticed(mutant, [case for case in cases if case.name in names or not names])
+        failed = detected(mutant, [case for case in cases if case.name in names or not names])
         with (RESULTS / f"{mutant.path.stem}.jsonl").open("a") as results:
             results.write(json.dumps([mutant.key, failed]) + "\n")
         # The test that detected one mutant is likely to detect the next.
@@ -285,10 +285,10 @@ def main() -> int:
     if second == 0:
         os._exit(0)
     os.waitpid(second, 0)
-    return _tell(files)
+    return _report(files)
 
 
-def _tell(files: list[Path]) -> int:
+def _report(files: list[Path]) -> int:
     """Print the table and the survivors; return whether too many survive."""
     equivalents = tomllib.loads(EQUIVALENTS.read_text())
     total, killed, equivalent = Counter[str](), Counter[str](), Counter[str]()

@@ -79,7 +79,7 @@ def sink(kind: str, seconds: float) -> None:
         pass
     into.close()
     for channel, rate in ((on.CAMERA, 10), (on.IMU, 100)):
-        tell(f"{kind}: {channel}: {len(delays[channel])} of {round(rate * seconds)} came", delays[channel])
+        report(f"{kind}: {channel}: {len(delays[channel])} of {round(rate * seconds)} came", delays[channel])
 
 
 def graph(kind: str, seconds: float) -> None:
@@ -121,11 +121,11 @@ def graph(kind: str, seconds: float) -> None:
                 began = time.monotonic()
         took_s = time.monotonic() - (began or 0.0)
         watch.close()
-    tell(f"{kind}: camera to heading seen, {len(looked)} frames", looked[3:])
-    tell(f"{kind}: camera to command, {len(delays)} frames, {seconds / took_s:.2f} × real time", delays[3:])
+    report(f"{kind}: camera to heading seen, {len(looked)} frames", looked[3:])
+    report(f"{kind}: camera to command, {len(delays)} frames, {seconds / took_s:.2f} × real time", delays[3:])
 
 
-def tell(what: str, delays_ms: list[float]) -> None:
+def report(what: str, delays_ms: list[float]) -> None:
     median, p95, worst = np.percentile(delays_ms, (50, 95, 100)) if delays_ms else (np.nan, np.nan, np.nan)
     print(f"{what}: median {median:.1f} ms, p95 {p95:.1f} ms, worst {worst:.1f} ms", flush=True)
 

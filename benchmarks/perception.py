@@ -221,7 +221,7 @@ def sides_row(case: Case, seeds: range) -> str:
                 errors.append(edge_m - getattr(truth, f"{side}_edge_m"))
                 right.append(getattr(seen, f"{side}_side") == getattr(truth, f"{side}_side"))
         widths += [(sum(both), truth.width_m)] if len(both) == 2 else []
-    width = f"{rms([told - true for told, true in widths]) * 1e3:.0f} mm ({len(widths)})" if widths else ""
+    width = f"{rms([measured - true for measured, true in widths]) * 1e3:.0f} mm ({len(widths)})" if widths else ""
     return (
         f"| {case.label} | {len(found)} | {percent(len(errors), 2 * len(found))} | {rms(errors) * 1e3:.0f} mm | "
         f"{percent(sum(right), len(right))} | {width} |"
@@ -229,7 +229,7 @@ def sides_row(case: Case, seeds: range) -> str:
 
 
 STAIRLESS_COLUMNS = (
-    "| | frames | accepted | without gravity | with the chair ±3° askew | 95 % interval of all | ms (median) | "
+    "| | frames | accepted | without gravity | with the chair ±3° of heading | 95 % interval of all | ms (median) | "
     "seeds of those accepted |"
 )
 
@@ -246,8 +246,8 @@ def stairless_rows(seeds: range) -> Iterator[str]:
         }
         upright = list(looks(Case(label=scene, recipe=recipe), seeds))
         blind = list(looks(Case(label=scene, recipe=recipe, knows_down=False), seeds))
-        askew = list(looks(Case(label=scene, recipe=recipe | {"rock_deg": 3.0}), seeds))
-        groups = (upright, blind, askew)
+        at_an_angle = list(looks(Case(label=scene, recipe=recipe | {"rock_deg": 3.0}), seeds))
+        groups = (upright, blind, at_an_angle)
         counts, frames = [sum(look.sight.accepted for look in group) for group in groups], sum(map(len, groups))
         # Nothing is left out of these rows, so that looks and seeds run side by side.
         taken = [seed for group in groups for seed, look in zip(seeds, group, strict=True) if look.sight.accepted]

@@ -36,8 +36,8 @@ def free_run(model: Model, record: InputOutputRecord) -> Float[np.ndarray, "T p"
             return np.full_like(record.y, np.inf)
         scale = record.y[:start].std(axis=0) + np.finfo(float).tiny
         free = np.array(_observability(model, start)) / scale[:, None]
-        misfit = (record.y[:start] - forced) / scale
-        x0 = np.linalg.lstsq(free.reshape(-1, len(model.A)), misfit.ravel(), rcond=None)[0] if np.isfinite(free).all() else 0.0
+        residual = (record.y[:start] - forced) / scale
+        x0 = np.linalg.lstsq(free.reshape(-1, len(model.A)), residual.ravel(), rcond=None)[0] if np.isfinite(free).all() else 0.0
         return _simulated(model, v, np.zeros(len(model.A)) + x0) + model.output_offset
 
 

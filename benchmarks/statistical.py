@@ -88,7 +88,7 @@ SHARED = (
     ("left", "wall", True),
     ("right", "wall", True),
     ("where", "free", False),
-    ("nosing told", "told", True),
+    ("nosing declared", "told", True),
     ("nosing along", "along", False),
     ("nosing height", "height", False),
 )
@@ -217,8 +217,8 @@ def tilt_of(rng: np.random.Generator) -> Rotation:
     return rotation_z(way) @ rotation_y(GRAVITY_ERROR_RAD * float(abs(rng.standard_normal()))) @ rotation_z(-way)
 
 
-def _plain(told: Visibility | StairMap) -> Record:
-    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(told).items()}
+def _plain(declared: Visibility | StairMap) -> Record:
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(declared).items()}
 
 
 def lines_of(seeds: range, kind: str, keep: Path | None) -> list[Record]:
@@ -234,14 +234,14 @@ def lines_of(seeds: range, kind: str, keep: Path | None) -> list[Record]:
 
 def look_of(record: Record) -> tuple[Visibility | None, StairMap | None]:
     """Return ground truth and detection of a record as their original types."""
-    seen, told = record["seen"], record["map"]
+    seen, declared = record["seen"], record["map"]
     if seen is not None:
         arrays = {name: np.array(seen[name]) for name in ("numbers", "nosings_B", "margins_px", "depths_m")}
         sides = tuple(VisibleSide(**side) for side in seen["sides"])
         seen = Visibility(**seen | arrays | {"sides": sides})
-    if told is not None:
-        told = StairMap(**told | {"t_s": 0.0, "nosings_B": np.array(told["nosings_B"])})
-    return seen, told
+    if declared is not None:
+        declared = StairMap(**declared | {"t_s": 0.0, "nosings_B": np.array(declared["nosings_B"])})
+    return seen, declared
 
 
 @dataclass(kw_only=True)
@@ -255,7 +255,7 @@ class Samples:
     values: list[float] = field(default_factory=list)
 
     def add(self, record: Record, place: Vector3, cell: tuple[int, ...], value: float, number: int = 0) -> None:
-        """Take one; ``number`` tells those apart that have no part in each other, as two nosings."""
+        """Take one; ``number`` separates those that have no part in each other, as two nosings."""
         self.drives.append(1000 * (6 * int(record["drive"]) + 2 * int(record.get("chance", 0)) + int(record["rear"])) + number)
         self.places.append(place.tolist())
         self.cells.append(cell)
@@ -282,26 +282,26 @@ def samples_of(records: list[Record]) -> dict[str, Samples]:
     found: dict[str, Samples] = defaultdict(Samples)
     for frame, line in enumerate(records):
         record = line | {"frame": frame}
-        seen, told = look_of(record)
+        seen, declared = look_of(record)
         if seen is None:
-            found["unseen"].add(record, np.zeros(3), (0,), told is not None)
+            found["unseen"].add(record, np.zeros(3), (0,), declared is not None)
             continue
         kind = KINDS.index(f"{seen.direction} {'open' if record['open'] else 'closed'}")
         place = np.array(record["p"]) + np.array(record["R"])[:, 0]
         second = int(np.searchsorted(ACCEPT_PX, np.sort(seen.margins_px)[-2]))
-        found["accept"].add(record, place, (kind, seen.acceptance_row, second), told is not None)
-        if told is None:
+        found["accept"].add(record, place, (kind, seen.acceptance_row, second), declared is not None)
+        if declared is None:
             continue
         add = partial(_add, found, record, place)
-        cell = cell_of(len(told.nosings_B))
+        cell = cell_of(len(declared.nosings_B))
         add("error", (kind, cell), record["heading"] - seen.heading_rad)
         add("sigma", (kind, cell), record["sigma"])
-        add("slope", (kind, cell), told.slope_rad - math.atan2(seen.rise_m, seen.run_m))
-        add("pitch", (kind, cell), math.hypot(told.rise_m, told.run_m) - math.hypot(seen.rise_m, seen.run_m))
-        if told.obstacle_m is None or not _ends_a_wall(record, told.obstacle_m):
-            add("obstacle", (kind,), told.obstacle_m is not None)
-        _add_nosings(add, kind, seen, told)
-        for number, side, free in zip((1, 0), seen.sides, (told.left_wall_m, told.right_wall_m), strict=True):
+        add("slope", (kind, cell), declared.slope_rad - math.atan2(seen.rise_m, seen.run_m))
+        add("pitch", (kind, cell), math.hypot(declared.rise_m, declared.run_m) - math.hypot(seen.rise_m, seen.run_m))
+        if declared.obstacle_m is None or not _ends_a_wall(record, declared.obstacle_m):
+            add("obstacle", (kind,), declared.obstacle_m is not None)
+        _add_nosings(add, kind, seen, declared)
+        for number, side, free in zip((1, 0), seen.sides, (declared.left_wall_m, declared.right_wall_m), strict=True):
             if side.kind == "open":
                 add("no wall", (kind,), free is not None, number)
                 continue
@@ -312,7 +312,7 @@ def samples_of(records: list[Record]) -> dict[str, Samples]:
 
 
 def _ends_a_wall(record: Record, obstacle_m: float) -> bool:
-    """Return whether a chair that went straight on from where it stands, askew before a stair, would meet a side wall's end."""
+    """Return whether a chair at an angle before a stair would meet, straight on from its place, a side wall's end."""
     way = -1.0 if record["rear"] else 1.0
     corners_B = np.array([[way * obstacle_m, side * CHAIR.swept_half_m, 0.0] for side in (-1.0, 1.0)])
     y = (np.array(record["p"]) + corners_B @ np.array(record["R"]).T)[:, 1]
@@ -326,8 +326,8 @@ def _add(
     found[name].add(record, place, cell, value, number)
 
 
-def _add_nosings(add: Callable[..., None], kind: int, seen: Visibility, told: StairMap) -> None:
-    apart = np.array(told.nosings_B)[:, None, ::2] - seen.nosings_B[None, :, ::2]
+def _add_nosings(add: Callable[..., None], kind: int, seen: Visibility, declared: StairMap) -> None:
+    apart = np.array(declared.nosings_B)[:, None, ::2] - seen.nosings_B[None, :, ::2]
     gaps = np.linalg.norm(apart, axis=2)
     rows, columns = reported_cell(seen)
     away = -1.0 if seen.nosings_B[0, 0] < 0.0 else 1.0
@@ -342,7 +342,7 @@ def _add_nosings(add: Callable[..., None], kind: int, seen: Visibility, told: St
             add("height", (kind, int(columns[k])), apart[nearest, k, 1], number)
     for alone in gaps.min(axis=1):
         add("false", (kind,), alone > SAME_NOSING_M)
-    add("ends", (kind, end_class(seen, last)), told.ends)
+    add("ends", (kind, end_class(seen, last)), declared.ends)
 
 
 def fit(records: list[Record], about: Record) -> Record:
@@ -378,19 +378,19 @@ def _power(found: dict[str, Samples], kind: int) -> float:
 
 def _table(found: dict[str, Samples], kind: int, power: float) -> Record:
     counts, depths = range(len(COUNTS)), range(len(DEPTHS_M) + 1)
-    # Open or closed, which open stairs are too few to tell apart.
+    # Open or closed, which open stairs are too few to separate.
     either = (kind - kind % 2, kind - kind % 2 + 1)
-    told = [[_score(found["told"], (kind, row, column)) for column in depths] for row in range(len(MARGINS_PX) + 1)]
+    declared = [[_score(found["told"], (kind, row, column)) for column in depths] for row in range(len(MARGINS_PX) + 1)]
     seen = {cell[:2] for cell in found["accept"].cells}
     accept = []
-    for doubt in range(4):
+    for warning in range(4):
         # No drive has a frame of some stairs: those with other risers count, then those with other walls, then other distances.
-        others = ((one, doubt ^ flip) for flip in (0, 2, 1, 3) for one in (kind, kind ^ 1))
-        source = next((other for other in others if other in seen), (kind, doubt))
+        others = ((one, warning ^ flip) for flip in (0, 2, 1, 3) for one in (kind, kind ^ 1))
+        source = next((other for other in others if other in seen), (kind, warning))
         accept.append([_score(found["accept"], (*source, cell)) for cell in range(len(ACCEPT_PX) + 1)])
     return {
         "accept": {"margins_px": ACCEPT_AT_PX, "score": accept},
-        "told": {"score": told},
+        "told": {"score": declared},
         "heading": [
             {
                 "power": power,
@@ -485,11 +485,11 @@ def modelled(records: list[Record], kind: str, chance: int) -> list[Record]:
             camera, at = StatisticalCamera(flight.staircase, calibration, rng, sensor=kind), drive_
         assert camera is not None  # noqa: S101 - for the type checker
         heading = sigma = stair = None
-        for told in camera.look(0.0, np.array(record["R"]), np.array(record["p"])):
-            if isinstance(told, HeadingMeasurement):
-                heading, sigma = told.heading_rad, told.sigma_rad
+        for declared in camera.look(0.0, np.array(record["R"]), np.array(record["p"])):
+            if isinstance(declared, HeadingMeasurement):
+                heading, sigma = declared.heading_rad, declared.sigma_rad
             else:
-                stair = _plain(told)
+                stair = _plain(declared)
         answers.append(record | {"chance": chance, "heading": heading, "sigma": sigma, "map": stair})
     return answers
 
@@ -555,12 +555,12 @@ def _print_trust(frames: dict[str, Samples], model: dict[str, Samples]) -> None:
             for samples in (frames, model):
                 its = np.array([c == (kind, cell) for c in samples["error"].cells])
                 strain = np.abs(np.array(samples["error"].values)[its] / np.array(samples["sigma"].values)[its])
-                told = (
+                declared = (
                     f"{100 * np.mean(strain < 1.96):.1f} %, {np.mean(strain**2):.2f}, {np.quantile(strain, 0.99):.2f}"
                     if its.any()
                     else ""
                 )
-                cells.append(told)
+                cells.append(declared)
             print(f"| {KINDS[kind]}, {count} nosings or more | {' | '.join(cells)} |")
 
 

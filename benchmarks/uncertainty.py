@@ -133,10 +133,12 @@ def _reading(rows: Sequence[BudgetRow]) -> str:
                 f"* {row.figure.what}: {nominal} **misses its target** of {row.figure.target:g} {unit} before any variation."
             )
         elif row.exceeded:
-            told = ", ".join(f"{name} ({_number(row.moves[name])})" for name in row.exceeded)
+            declared = ", ".join(f"{name} ({_number(row.moves[name])})" for name in row.exceeded)
             missed = ", ".join(f"{name} ({_number(row.values[name])})" for name in row.missed) or "none: it moves for the better"
             margin = _number(row.margin)
-            lines.append(f"* {row.figure.what}: {nominal}, margin {margin}; moved further by {told}. Target missed with: {missed}.")
+            lines.append(
+                f"* {row.figure.what}: {nominal}, margin {margin}; moved further by {declared}. Target missed with: {missed}."
+            )
     return "\n".join(lines) or "None."
 
 

@@ -70,7 +70,7 @@ class SceneCamera(Camera):
         holes: Fraction of the depth image lost in blotches.
         missing: Fraction of the pixels without depth, each independent of its neighbours.
         hole_filling: How the driver fills pixels without depth: one of ``bad_pixels.HOLE_FILLINGS``.
-        flying: Fraction of the pixels beside a depth jump whose depth lies between both sides.
+        flying: Fraction of the pixels next to a depth jump whose depth lies between both sides.
         blur_px: Motion of the colour image to the right and down during the exposure [px].
     """
 

@@ -113,7 +113,7 @@ class ViewRecipe:
     hole_filling: str = ""
     """How the driver fills pixels without depth: one of ``bad_pixels.HOLE_FILLINGS``."""
     flying: float = 0.0
-    """Fraction of the pixels beside a depth jump whose depth lies between both sides."""
+    """Fraction of the pixels next to a depth jump whose depth lies between both sides."""
     height_px: int | None = None
     """Image height. None: the sensor's default: 240, 424 for the Kinect 2, 480 for stereo, 576 for tof."""
     focal_px: float | None = None

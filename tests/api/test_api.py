@@ -309,7 +309,7 @@ def test_a_set_value_holds_in_check_and_climb_and_stands_in_the_manifest(tmp_pat
         (lambda: tl.tune(np.eye(2)), "model is of type ndarray; tl.identify"),
     ],
 )  # fmt: skip
-def test_a_wrong_type_is_told_what_to_give(call: Callable[[], Any], message: str) -> None:
+def test_a_wrong_type_is_reported_with_what_to_give(call: Callable[[], Any], message: str) -> None:
     with pytest.raises(TreadlineError, match=message):
         call()
 

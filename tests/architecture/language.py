@@ -121,6 +121,10 @@ EXAMPLE = re.compile(r"``[^`]*``|`[^`]*`|```.*?```", re.DOTALL)
 """Code in prose, which keeps whatever names the code has."""
 
 
+PRONOUN = re.compile(r"\b(it|one|that|what|which|those)\b", re.IGNORECASE)
+"""Pronouns and relatives whose share of the words of the documents has a limit."""
+
+
 class Finding(NamedTuple):
     """Violation of one rule."""
 
@@ -142,6 +146,13 @@ def findings(files: Iterable[Path]) -> list[Finding]:
         elif path.suffix == ".py":
             found += _in_code(path)
     return sorted(found)
+
+
+def pronoun_share(pages: Iterable[Path]) -> float:
+    """Return the share of pronouns and relatives among the words of Markdown files, code left out."""
+    texts = [EXAMPLE.sub("", page.read_text(encoding="utf-8")) for page in pages]
+    words = sum(len(re.findall(r"[A-Za-z']+", text)) for text in texts)
+    return sum(len(PRONOUN.findall(text)) for text in texts) / words
 
 
 def homonyms(files: Iterable[Path]) -> dict[str, list[Path]]:

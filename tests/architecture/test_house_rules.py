@@ -27,7 +27,7 @@ def test_imports_follow_the_contracts() -> None:
 
 
 def test_the_mission_never_gets_the_ground_truth() -> None:
-    """``Truth`` lives beside ``Plant`` in ports, where import contracts do not tell them apart."""
+    """``Truth`` lives next to ``Plant`` in ports, where import contracts do not separate them."""
     for path in SOURCES:
         if path.is_relative_to(Path(treadline.__file__).parent / "mission"):
             names = {node.id for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Name)}

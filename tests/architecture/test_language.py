@@ -38,10 +38,19 @@ def test_a_folder_reads_in_field_terms(folder: str) -> None:
     assert not found, "\n".join(str(finding) for finding in found)
 
 
-def test_documents_use_field_terms() -> None:
-    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
-    found = {str(page.relative_to(ROOT)) for page in pages if language.findings([page])}
+def _documents() -> list[Path]:
+    return [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+
+
+def test_documents_tests_and_benchmarks_use_field_terms() -> None:
+    terms = {Path(language.__file__), Path(__file__)}  # which list the retired terms
+    files = [*_documents(), *language.files_of(ROOT / "tests"), *language.files_of(ROOT / "benchmarks")]
+    found = {str(path.relative_to(ROOT)) for path in files if path not in terms and language.findings([path])}
     assert not found, "python tests/architecture/language.py FILE lists the terms"
+
+
+def test_at_most_three_percent_of_the_documents_words_are_pronouns() -> None:
+    assert language.pronoun_share(page for page in _documents() if page.name != "CHANGELOG.md") <= 0.03
 
 
 def test_a_class_name_has_one_meaning() -> None:

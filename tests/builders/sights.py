@@ -1,4 +1,4 @@
-"""What the detector sees in random views of stairs, beside the ground truth."""
+"""What the detector sees in random views of stairs, next to the ground truth."""
 
 from collections.abc import Iterator
 from typing import Any

@@ -14,7 +14,7 @@ from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Stair
 from treadline.vehicle.staircase import build_staircase
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 BEYOND = 1
 
 CAMERA = read_chair("wheelchair").camera_at(240)

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import flown
 import numpy as np
 import pytest
+import short_runs
 
 from treadline.campaign import _cluster as cluster
 from treadline.campaign._cluster import LOCAL, Cluster
@@ -96,7 +96,7 @@ def cluster_of(monkeypatch: pytest.MonkeyPatch) -> Any:
         monkeypatch.setattr(distributed, "as_completed", AsCompleted)
         monkeypatch.setattr(cluster, "STALLED_S", 0.01)
         monkeypatch.setattr(cluster, "POLL_S", 0.001)
-        made = Cluster(flown.quick, address, 2)
+        made = Cluster(short_runs.quick, address, 2)
         made._client = scheduler
         monkeypatch.setattr(made, "_restart_workers", scheduler.hire)
         scheduler.hire()
@@ -139,6 +139,6 @@ def test_a_run_that_kills_every_worker_is_run_alone_and_reported(small: Path, cl
 
 def test_a_lost_scheduler_is_reported(small: Path, cluster_of: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     scheduler = Scheduler(lives=[9])
-    monkeypatch.setattr(scheduler, "submit", lambda run, fly, episode, pure: Promise(run, fly, episode, lost=not pure))
+    monkeypatch.setattr(scheduler, "submit", lambda run, run_once, episode, pure: Promise(run, run_once, episode, lost=not pure))
     with pytest.raises(SettingsError, match=r"--cluster tcp://a:1: its scheduler is gone; start it, and go on with --resume"):
         list(cluster_of(scheduler, "tcp://a:1").results(episodes(small, 2)))

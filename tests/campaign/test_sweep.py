@@ -14,9 +14,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-import flown
 import numpy as np
 import pytest
+import short_runs
 from processes import alive, wait_for
 
 from treadline.campaign._journal import Journal
@@ -43,7 +43,13 @@ def sealed(row: Row) -> bytes:
 
 
 def sweep(
-    plan: SweepPlan, folder: Path, run_episode: EpisodeRunner = flown.quick, *, workers: int = 2, resume: bool = False, **given: Any
+    plan: SweepPlan,
+    folder: Path,
+    run_episode: EpisodeRunner = short_runs.quick,
+    *,
+    workers: int = 2,
+    resume: bool = False,
+    **given: Any,
 ) -> dict[str, Any]:
     runners = given.get("runners") or Pool(run_episode, workers)
     return run_sweep(
@@ -95,14 +101,14 @@ def test_dask_gives_the_same_bytes_with_a_killed_worker(small: Path, tmp_path: P
     plan = SweepPlan(spec=read_spec(small), runs=40, seed=1)
     sweep(plan, tmp_path / "pool")
     monkeypatch.setenv("DIES_ONCE", str(tmp_path / "died"))
-    sweep(plan, tmp_path / "dask", runners=Cluster(flown.killed_once, LOCAL, 2))
+    sweep(plan, tmp_path / "dask", runners=Cluster(short_runs.killed_once, LOCAL, 2))
     assert (tmp_path / "died").exists()  # a worker was killed, and its run repeated
     assert results(tmp_path / "pool") == results(tmp_path / "dask")
 
 
 def test_a_process_has_one_run_at_a_time_and_no_other_is_drawn(small: Path) -> None:
     plan, drawn = SweepPlan(spec=read_spec(small), runs=40), []
-    with Pool(flown.quick, 2) as pool:
+    with Pool(short_runs.quick, 2) as pool:
         episodes = (drawn.append(k) or plan.episode(k, point) for k, point in enumerate(plan.first_points()))
         for ended, _row in enumerate(pool.results(episodes)):
             assert len(drawn) - ended <= 2
@@ -117,7 +123,7 @@ class InProcess(Pool):
         for number, episode in enumerate(episodes):
             if number % 20 == 0:
                 self.most = max(self.most, sum(isinstance(kept, Episode) for kept in gc.get_objects()))
-            yield run_one(flown.quick, episode)
+            yield run_one(short_runs.quick, episode)
 
 
 def test_memory_does_not_grow_with_the_number_of_runs(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -126,7 +132,7 @@ def test_memory_does_not_grow_with_the_number_of_runs(small: Path, tmp_path: Pat
         monkeypatch.setattr(f"treadline.campaign.{module}.BLOCK", 32)
     peaks, most = [], []
     for runs in (40, 100, 300):  # the first sweep imports
-        executor = InProcess(flown.quick, 1)
+        executor = InProcess(short_runs.quick, 1)
         gc.collect()  # what earlier tests and sweeps left
         tracemalloc.start()
         sweep(SweepPlan(spec=read_spec(small), runs=runs, sampling="sobol"), tmp_path / f"{runs}", runners=executor)
@@ -140,18 +146,18 @@ def test_memory_does_not_grow_with_the_number_of_runs(small: Path, tmp_path: Pat
 def test_a_failing_run_is_a_row_and_affects_no_other_run(small: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     once = tmp_path / "died"
     monkeypatch.setenv("DIES_ONCE", str(once))
-    sweep(SweepPlan(spec=read_spec(small), runs=40, seed=1), tmp_path / "out", flown.unlucky)
+    sweep(SweepPlan(spec=read_spec(small), runs=40, seed=1), tmp_path / "out", short_runs.unlucky)
     table = rows(tmp_path / "out")
     assert len(table) == 40
     seen = {"crashed": 0, "diverged": 0, "error": 0}
     for row in table:
         payload_kg = float(row["chair.payload_kg"])
-        if payload_kg > flown.DEADLY_KG:
+        if payload_kg > short_runs.DEADLY_KG:
             expected, cause = "crashed", "its process was killed by SIGKILL, 2 times"
-        elif payload_kg > flown.BAD_KG:
+        elif payload_kg > short_runs.BAD_KG:
             expected, cause = "diverged", "time went back"
         elif row["stair.texture"] == "dark":
-            expected, cause = "error", "ValueError: no light (flown.py:50)"
+            expected, cause = "error", "ValueError: no light (short_runs.py:50)"
         else:
             assert row["verdict"] in ("arrived", "held")
             continue
@@ -266,7 +272,7 @@ def test_a_sweep_on_a_full_disk_can_be_resumed(small: Path, tmp_path: Path, larg
 
 def started(spec: Path, out: Path, *options: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, HERE / "fly_slowly.py", "sweep", spec, "--runs", "60", "--workers", "2", "--out", out, *options],
+        [sys.executable, HERE / "sweep_slowly.py", "sweep", spec, "--runs", "60", "--workers", "2", "--out", out, *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -326,7 +332,7 @@ def test_every_run_that_did_not_arrive_can_be_repeated(small: Path, tmp_path: Pa
     worst = summary["worst"][0]
     words = worst["replay"].split()
     assert words[:2] == ["treadline", "climb"]
-    again = flown.quick(read_scenario(words[2]), int(words[words.index("--seed") + 1]), 3.0)
+    again = short_runs.quick(read_scenario(words[2]), int(words[words.index("--seed") + 1]), 3.0)
     assert again["min_stability_margin_deg"] == worst["min_stability_margin_deg"]
 
 

@@ -50,7 +50,7 @@ def test_doctor_finds_what_the_tests_run_with(run) -> None:
     assert {part["name"] for part in outcome.values["parts"]} >= {"mujoco-core", "numba", "mcap", "viser"}
 
 
-def test_doctor_tells_optional_parts_from_required_ones(run, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_separates_optional_parts_from_required_ones(run, monkeypatch: pytest.MonkeyPatch) -> None:
     find = doctor.util.find_spec
 
     def without(*names: str) -> None:

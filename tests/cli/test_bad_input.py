@@ -72,7 +72,7 @@ def test_a_scenario_that_is_no_file_says_so(run, tmp_path: Path, verb: str) -> N
         ("see", ["a.png", "b.png"], "--camera"),
         ("see", ["a.png", "b.png", "--camera", "c.toml", "--method", "magic"], "--method"),
         ("report", ["no-run"], "no-run"),
-        ("fly", [], 'Unknown command "fly"; see treadline --help'),
+        ("jump", [], 'Unknown command "jump"; see treadline --help'),
         ("sea", [], 'Did you mean "seat"? See treadline --help'),
         ("check", ["envelope"], "run it with treadline sweep envelope"),
         ("sweep", ["paper-28", "--runs", "3"], "run it once with treadline climb paper-28"),

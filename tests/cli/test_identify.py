@@ -93,7 +93,7 @@ def test_the_default_finds_the_plant_and_writes_model_and_page(run, tmp_path: Pa
     np.testing.assert_allclose(np.sort(np.linalg.eigvals(LinearModel.load(out).A).real), real_poles(values), atol=1e-12)
 
 
-def test_a_summary_tells_people_the_fit_and_where_things_are(run, tmp_path: Path) -> None:
+def test_a_summary_shows_people_the_fit_and_where_things_are(run, tmp_path: Path) -> None:
     log = write_log(tmp_path / "log.csv")
     outcome = run("identify", log, *CHANNELS, "--out", tmp_path / "m.json", "--page", tmp_path / "p.html")
     assert outcome.code == 0

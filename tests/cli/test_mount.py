@@ -1,4 +1,4 @@
-"""``treadline mount``: half a minute on a flight tells pitch and roll; a log that cannot tell them is one line."""
+"""``treadline mount``: half a minute on a flight measures pitch and roll; a log that cannot is one line."""
 
 import math
 from collections.abc import Callable
@@ -34,7 +34,7 @@ KEYS = {
     "frames", "counted", "left_out", "dropped", "topics", "change_deg", "path",
 }  # fmt: skip
 MEANT_PITCH_DEG = 40.0
-"""As the chair's file has it."""
+"""Mount pitch of the chair file [°]."""
 
 
 def drive(log: Path, heading_rad: Callable[[float], float]) -> Path:
@@ -94,24 +94,24 @@ def test_pitch_and_roll_are_found_within_their_interval(run, driven: Path, tmp_p
 
 
 def test_a_wrong_calibration_is_corrected_and_keeps_the_rest(run, driven: Path, tmp_path: Path) -> None:
-    told = tmp_path / "told.toml"
-    told.write_text(
+    declared = tmp_path / "declared.toml"
+    declared.write_text(
         "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\ndepth_unit_m = 0.0002\n"
         'mount_pitch_deg = 44.0\nmount_yaw_deg = 0.5\nsensor = "kinect1"\n'
     )
-    outcome = run("mount", driven, "--camera", told, "--out", told, "--force")
+    outcome = run("mount", driven, "--camera", declared, "--out", declared, "--force")
     assert outcome.code == 0, outcome.err
     assert outcome.out.startswith("pitch 4")
-    assert f"treadline replay {driven} --camera {told} --out RUN" in outcome.out
+    assert f"treadline replay {driven} --camera {declared} --out RUN" in outcome.out
     assert "changed by pitch -" in outcome.out
-    learned = read_camera(told)
+    learned = read_camera(declared)
     assert learned.mount_pitch_deg == pytest.approx(MEANT_PITCH_DEG + PITCH_OFF_DEG, abs=0.3)
     assert learned.mount_roll_deg == pytest.approx(ROLL_OFF_DEG, abs=0.3)
     assert learned.depth_unit_m == 0.0002
     assert learned.sensor == "kinect1"
     assert learned.mount_m == (0.4, 0.0, 0.8)  # the chair's: the file does not say
-    # What was learned stays when it is believed.
-    again = run("mount", driven, "--camera", told, "--out", tmp_path / "again.toml", "--json").values
+    # What was learned stays when it is accepted.
+    again = run("mount", driven, "--camera", declared, "--out", tmp_path / "again.toml", "--json").values
     assert max(abs(again["change_deg"][name]) for name in ("pitch", "roll")) < 0.05
 
 
@@ -152,15 +152,17 @@ def test_a_drive_that_is_too_short_says_how_much_is_missing(run, driven: Path, t
 
 
 def test_a_mount_far_from_the_one_meant_is_said_to_be(run, driven: Path, tmp_path: Path) -> None:
-    told = tmp_path / "told.toml"
-    told.write_text("width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\nmount_pitch_deg = 20\n")
-    outcome = run("mount", driven, "--camera", told, "--out", tmp_path / "camera.toml")
+    declared = tmp_path / "declared.toml"
+    declared.write_text(
+        "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5\ncy_px = 119.5\nmount_pitch_deg = 20\n"
+    )
+    outcome = run("mount", driven, "--camera", declared, "--out", tmp_path / "camera.toml")
     assert outcome.code == 1
     assert len(outcome.out.splitlines()) == 1
     assert "more than 15° from its direction with the nominal mount" in outcome.out
 
 
-def test_a_log_that_cannot_tell_is_one_line(run, driven: Path, tmp_path: Path) -> None:
+def test_a_log_that_cannot_decide_is_one_line(run, driven: Path, tmp_path: Path) -> None:
     def seen(signal: Any) -> Any:
         if isinstance(signal, RgbdFrame):
             return HeadingMeasurement(t_s=signal.t_s, heading_rad=0.0, sigma_rad=0.01, edge_count=4)

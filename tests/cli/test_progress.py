@@ -14,9 +14,9 @@ def test_a_job_of_many_parts_is_reported_in_a_few_lines(capsys: pytest.CaptureFi
     with Progress("frames", parts) as progress:
         for number in range(parts):
             progress.done(f"{number:05d}")
-    told = capsys.readouterr().err.splitlines()
-    assert len(told) == lines
-    assert f" {parts} of {parts}: {parts - 1:05d}" in told[-1]
+    declared = capsys.readouterr().err.splitlines()
+    assert len(declared) == lines
+    assert f" {parts} of {parts}: {parts - 1:05d}" in declared[-1]
 
 
 def test_a_silent_job_says_within_ten_seconds_what_runs(capsys: pytest.CaptureFixture[str]) -> None:

@@ -98,9 +98,11 @@ def test_an_unchanged_run_repeats_itself_bit_for_bit(run, climbed: Path, tmp_pat
     assert values["sees"] == "images"
     assert values["frames"] == values["accepted"] + sum(values["refusals"].values()) == FRAMES
     assert values["largest_command_gap_m_s"] == values["largest_seat_gap_m_s"] == values["rms_difference_deg"] == 0.0
-    told = [command.t_s for command in signals_of(climbed, TrackCommand)]
-    assert {0.0, 0.25, 0.5, 0.75} <= set(told)  # 4 Hz from zero on; where the chair falls, or is let alone, one between
-    assert values["commands_compared"] == len(told)
+    declared = [command.t_s for command in signals_of(climbed, TrackCommand)]
+    assert {0.0, 0.25, 0.5, 0.75} <= set(
+        declared
+    )  # 4 Hz from zero on; where the chair falls, or has its steering suspended, one between
+    assert values["commands_compared"] == len(declared)
     assert values["rms_error_deg"] == values["recorded_rms_error_deg"]
     assert 0.0 < values["rms_error_deg"] < 0.5
     # What the chair itself knows agrees with what the simulator knew: a heading within 0.5°, a seat within its sensor's noise.
@@ -204,7 +206,7 @@ def test_anybodys_log_with_the_imu_in_the_camera_and_no_attitude(run, recording,
     assert values["topics"]["color"] == "/camera/rgb/image_color"
     assert values["frames"] == FRAMES
     assert values["largest_command_gap_m_s"] is None
-    # The accelerometer also feels the chair move: what remains is the tilt that it reads from that.
+    # The accelerometer also measures the chair's motion: what remains is the tilt that it reads from that.
     then = np.array([signal.heading_rad for signal in signals_of(climbed, HeadingEstimate)])
     now = np.array([signal.heading_rad for signal in signals_of(tmp_path / "out", HeadingEstimate)])
     assert np.rad2deg(np.abs(now - then).max()) < 1.0
@@ -290,10 +292,10 @@ CAMERA = "width = 320\nheight = 240\nfx_px = 287.5\nfy_px = 287.5\ncx_px = 159.5
 
 
 def test_a_calibration_counts_instead_of_the_logs_and_a_key_before_it(run, climbed: Path, tmp_path: Path) -> None:
-    told = tmp_path / "mounted.toml"
-    told.write_text(CAMERA + "mount_pitch_deg = 41.5\nmount_m = [0.4, 0.1, 0.8]\n")
+    declared = tmp_path / "mounted.toml"
+    declared.write_text(CAMERA + "mount_pitch_deg = 41.5\nmount_m = [0.4, 0.1, 0.8]\n")
     keys = ["--set", "camera.mount_pitch_deg=41.5", "--set", "camera.mount_m=[0.4, 0.1, 0.8]"]
-    by_file = run("replay", climbed, "--camera", told, "--out", tmp_path / "file", "--log-images", "--json").values
+    by_file = run("replay", climbed, "--camera", declared, "--out", tmp_path / "file", "--log-images", "--json").values
     by_keys = run("replay", climbed, *keys, "--out", tmp_path / "keys", "--log-images", "--json").values
     assert by_file["rms_error_deg"] == by_keys["rms_error_deg"] > by_keys["recorded_rms_error_deg"]
     # The logs' metadata hold the manifests, which say where the calibration came from.
@@ -301,9 +303,9 @@ def test_a_calibration_counts_instead_of_the_logs_and_a_key_before_it(run, climb
     assert file == by_key
     over = tmp_path / "over"
     right = ["--set", "camera.mount_pitch_deg=40", "--set", "camera.mount_m=[0.4, 0.0, 0.8]"]
-    assert run("replay", climbed, "--camera", told, *right, "--out", over, "--json").values["largest_command_gap_m_s"] == 0.0
+    assert run("replay", climbed, "--camera", declared, *right, "--out", over, "--json").values["largest_command_gap_m_s"] == 0.0
     # The run's folder says what the file said, which may be another one tomorrow.
-    told.unlink()
+    declared.unlink()
     again = run("replay", tmp_path / "file", "--out", tmp_path / "again", "--json").values
     assert again["largest_command_gap_m_s"] == 0.0
 

@@ -76,7 +76,7 @@ def test_its_head_stays_level_to_44_degrees_as_the_wheelchairs_seat_does() -> No
 @pytest.mark.parametrize(("heading_deg", "camera"), [(30, "kinect1"), (-30, "statistical")])
 def test_it_climbs_from_30_degrees_over_the_crest_by_itself(run, tmp_path: Path, heading_deg: int, camera: str) -> None:
     scenario = tmp_path / "rescue.toml"
-    # Belts that grip better along than across: on Table I's friction the dead zone of 28° leaves it 4° askew, and it is held.
+    # Belts that grip better along than across: on Table I's friction the dead zone of 28° leaves 4° of heading, and a hold.
     grips = FLIGHT.format(heading=heading_deg, camera=camera).replace("[stair]", "[stair]\nfriction = [0.9, 0.5]")
     scenario.write_text(grips)
     outcome = run("climb", scenario, "--out", tmp_path / "run", "--seed", "3", "--json")

@@ -98,11 +98,11 @@ def test_without_a_mount_the_heading_is_said_to_be_the_cameras_own(run, folder: 
     assert known["mount_known"] is True
     assert known["warning"] is None
     (folder / "camera.toml").write_text(CAMERA.replace("mount_pitch_deg = 40.0\n", ""))
-    told = [f"--gravity={gravity(folder)}"] if with_gravity else []
-    seen = run("see", *pair(folder), *told, "--json").values
+    declared = [f"--gravity={gravity(folder)}"] if with_gravity else []
+    seen = run("see", *pair(folder), *declared, "--json").values
     assert seen["mount_known"] is False
     assert "treadline mount" in seen["warning"]
-    # tan 12° · cos 40° is that of 9.2° (docs/frames.md): half a degree tells them apart.
+    # tan 12° · cos 40° is that of 9.2° (docs/frames.md): half a degree separates them.
     assert seen["heading_deg"] == pytest.approx(np.arctan(np.tan(HEADING_DEG * DEG) * np.cos(40.0 * DEG)) / DEG, abs=0.5)
     # The frame was taken on the flight: there the nosings' plane stands in for the mount, and gravity does not.
     assert seen["heading_on_flight_deg"] == pytest.approx(HEADING_DEG, abs=0.5)
@@ -300,7 +300,7 @@ def test_the_unit_of_depth_can_be_given(run, folder: Path) -> None:
     assert_refused(run("see", *pair(folder), "--unit", "inch"), "--unit", "mm")
 
 
-def test_images_in_the_wrong_order_are_noticed(run, folder: Path) -> None:
+def test_images_in_the_wrong_order_are_detected(run, folder: Path) -> None:
     rgb, depth, *camera = pair(folder)
     assert_refused(run("see", depth, rgb, *camera), "a_depth.png", "no colour image")
     assert_refused(run("see", rgb, rgb, *camera), "a_rgb.png", "16-bit")
@@ -323,7 +323,7 @@ def test_a_picture_that_announces_too_many_pixels_is_refused(run, folder: Path) 
     assert_refused(run("see", *pair(folder)), "a_depth.png", "not an image that can be read")
 
 
-def test_a_calibration_of_another_size_is_noticed_by_its_centre(run, folder: Path) -> None:
+def test_a_calibration_of_another_size_is_detected_by_its_centre(run, folder: Path) -> None:
     (folder / "camera.toml").write_text(CAMERA.replace("cx_px = 159.5", "cx_px = 319.5"))
     assert_refused(run("see", *pair(folder)), "cx_px = 319.5", "320×240", "another size")
 
@@ -385,7 +385,7 @@ def test_a_folder_takes_a_calibration_and_gravity_from_the_command_line(run, fol
     assert {**given, "ms": 0} == {**own, "ms": 0}
 
 
-@pytest.mark.skipif(not KINECT2.is_dir(), reason="the recorded Kinect 2 frames are not beside this checkout")
+@pytest.mark.skipif(not KINECT2.is_dir(), reason="the recorded Kinect 2 frames are not next to this checkout")
 def test_recorded_kinect_2_frames(run, tmp_path: Path) -> None:
     reference = json.loads((KINECT2 / "reference.json").read_text())
     answers = {}

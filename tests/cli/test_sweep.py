@@ -10,8 +10,8 @@ import pytest
 
 import treadline.cli.sweep as verb
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "campaign"))  # spawned processes find what flies by its module's name
-import flown
+sys.path.insert(0, str(Path(__file__).parents[1] / "campaign"))  # spawned processes find what runs by its module's name
+import short_runs
 
 from .conftest import assert_refused
 
@@ -38,7 +38,7 @@ def spec(tmp_path: Path) -> Path:
 
 
 def test_a_sweep_answers_with_one_object(run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verb, "RunScenario", lambda **_: flown.quick)
+    monkeypatch.setattr(verb, "RunScenario", lambda **_: short_runs.quick)
     done = run("sweep", spec, "--runs", 6, "--seed", 3, "--workers", 1, "--out", tmp_path / "out", "--json")
     assert (done.code, done.values["runs"], done.values["seed"]) == (0, 6, 3), done.err
     assert {"verdicts", "scores", "worst", "traversals_per_cpu_hour", "report"} <= done.values.keys()
@@ -47,14 +47,14 @@ def test_a_sweep_answers_with_one_object(run: Callable, spec: Path, tmp_path: Pa
     assert last.endswith(", 0 s left")
     for name in ("runs.csv", "summary.json", "manifest.json", "spec.toml", "report.html", "times.json", "journal.jsonl"):
         assert (tmp_path / "out" / name).exists(), name
-    told = run("sweep", spec, "--runs", 6, "--seed", 3, "--workers", 1, "--out", tmp_path / "out", "--resume")
-    assert (told.code, told.err) == (0, "")  # all were flown: nothing to show progress of
-    assert "6 runs; shares with 95 % bounds:" in told.out
-    assert "treadline climb" in told.out
+    declared = run("sweep", spec, "--runs", 6, "--seed", 3, "--workers", 1, "--out", tmp_path / "out", "--resume")
+    assert (declared.code, declared.err) == (0, "")  # all were run: nothing to show progress of
+    assert "6 runs; shares with 95 % bounds:" in declared.out
+    assert "treadline climb" in declared.out
 
 
 def test_a_run_that_failed_is_exit_code_1(run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(verb, "RunScenario", lambda **_: flown.unlucky)
+    monkeypatch.setattr(verb, "RunScenario", lambda **_: short_runs.unlucky)
     monkeypatch.setenv("DIES_ONCE", os.devnull)
     spec.write_text(SPEC.replace("[0, 80]", "[85, 90]"))
     done = run("sweep", spec, "--runs", 2, "--workers", 1, "--out", tmp_path / "out", "--json")
@@ -117,7 +117,7 @@ def test_a_traversal_can_be_repeated_by_the_command_that_it_names(run: Callable,
 def test_a_sweep_keeps_its_plug_ins_when_it_is_resumed_and_repeated(
     run: Callable, spec: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(verb, "RunScenario", lambda **_: flown.quick)
+    monkeypatch.setattr(verb, "RunScenario", lambda **_: short_runs.quick)
     plugin = f"{Path(__file__).parents[2] / 'examples' / 'own_controller_pid.py'}:HeadingPid"
     common = ("sweep", spec, "--workers", 1, "--out", tmp_path / "out", "--json")
     done = run(*common, "--runs", 2, "--controller", plugin)

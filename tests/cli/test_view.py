@@ -1,4 +1,4 @@
-"""``treadline view``: bad input is one line with a remedy, and the viewer ends by itself when told to."""
+"""``treadline view``: bad input is one line with a remedy, and the viewer ends by itself on request."""
 
 import contextlib
 import json

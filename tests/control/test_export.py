@@ -164,10 +164,10 @@ def test_the_rehearsal_covers_every_state_of_a_drive() -> None:
 
 def test_json_contains_the_controller_and_a_test_log() -> None:
     design = shipped_controller("wheelchair")
-    told = json.loads(exported("json", design, CONFIG)["heading_controller.json"])
-    np.testing.assert_array_equal(told["matrices"]["A"], design.model.A)
-    assert told["settings"]["period_s"] == 0.25
-    first = told["self_test"]["log"][0]
+    declared = json.loads(exported("json", design, CONFIG)["heading_controller.json"])
+    np.testing.assert_array_equal(declared["matrices"]["A"], design.model.A)
+    assert declared["settings"]["period_s"] == 0.25
+    first = declared["self_test"]["log"][0]
     answer = rehearsal(design, CONFIG)[0].answer
     assert (first["left_m_s"], first["right_m_s"]) == (answer.left_m_s, answer.right_m_s)
 

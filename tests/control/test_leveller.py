@@ -50,8 +50,8 @@ class SeatOnStair:
         pitch_deg, rates = [], []
         for k in range(round(seconds / TICK_S)):
             pitch_deg.append(self.pitch_rad / DEG)
-            felt = self.pitch_rad + self.noise_rad * float(rng.normal())
-            command = leveller.step(reading(felt, self.stroke_m, k * TICK_S))
+            measured = self.pitch_rad + self.noise_rad * float(rng.normal())
+            command = leveller.step(reading(measured, self.stroke_m, k * TICK_S))
             rates.append(command.rate_m_s)
             self.move(command)
         return pitch_deg, rates

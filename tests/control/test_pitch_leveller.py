@@ -26,7 +26,7 @@ def imu(t_s: float, pitch_rad: float = 0.0, pitch_rate_rad_s: float = 0.0) -> Im
     return world.imu(t_s, pitch_rad, rates_rad_s=(0.0, -pitch_rate_rad_s, 0.0))
 
 
-def felt(k: int, pitch_rad: float = 0.0, stroke_m: float = 0.05) -> SeatReading:
+def measured(k: int, pitch_rad: float = 0.0, stroke_m: float = 0.05) -> SeatReading:
     return SeatReading(t_s=k * TICK_S, pitch_rad=pitch_rad, stroke_m=stroke_m)
 
 
@@ -94,19 +94,19 @@ def test_feed_forward_is_off_on_a_rocking_chair(hertz: float, rate_deg_s: float)
     the chair pitches over."""
     led, alone = PitchLeveller(CONFIG), Leveller(CONFIG)
     for k in range(300):
-        reading = felt(k, 0.01)
+        reading = measured(k, 0.01)
         rocking = rate_deg_s * DEG * math.sin(2.0 * math.pi * hertz * k * TICK_S)
         answer = led.step(reading, imu(k * TICK_S, pitch_rate_rad_s=rocking))
         assert answer == alone.step(reading) or k * TICK_S < 0.8 / hertz
     for k in range(300, 390):
-        answer = led.step(felt(k), imu(k * TICK_S, pitch_rate_rad_s=8.0 * DEG))
+        answer = led.step(measured(k), imu(k * TICK_S, pitch_rate_rad_s=8.0 * DEG))
     assert answer.rate_m_s > 0.0
 
 
 def test_a_sample_that_is_no_number_leads_nothing_and_is_forgotten() -> None:
     led, alone = PitchLeveller(CONFIG), Leveller(CONFIG)
     for k in range(60):
-        reading = felt(k, 0.01)
+        reading = measured(k, 0.01)
         answer = led.step(reading, imu(k * TICK_S, pitch_rate_rad_s=math.nan if k < 10 else 10.0 * DEG))
         assert math.isfinite(answer.rate_m_s)
         assert k >= 10 or answer == alone.step(reading)
@@ -117,7 +117,7 @@ def test_the_sign_of_the_lead_is_that_of_the_pitch_rate() -> None:
     for sign in (1.0, -1.0):
         leveller = PitchLeveller(CONFIG)
         for k in range(50):
-            command = leveller.step(felt(k), imu(k * TICK_S, pitch_rate_rad_s=sign * 10.0 * DEG))
+            command = leveller.step(measured(k), imu(k * TICK_S, pitch_rate_rad_s=sign * 10.0 * DEG))
         # The front rises: the seat must lean forward relative to the chassis, with a longer stroke.
         assert command.rate_m_s * sign > 0.0
 
@@ -126,7 +126,7 @@ def test_the_sign_of_the_lead_is_that_of_the_pitch_rate() -> None:
 def test_a_sample_not_of_now_or_below_the_quiet_rate_of_a_degree_per_second_leads_nothing(late_s: float, rate_deg_s: float) -> None:
     led, alone = PitchLeveller(CONFIG), Leveller(CONFIG)
     for k in range(100):
-        reading = felt(k, 0.05)
+        reading = measured(k, 0.05)
         assert led.step(reading, imu(k * TICK_S - late_s, pitch_rate_rad_s=rate_deg_s * DEG)) == alone.step(reading)
 
 
@@ -139,7 +139,7 @@ def test_a_sample_not_of_now_or_below_the_quiet_rate_of_a_degree_per_second_lead
 def test_the_rate_keeps_its_limit_for_any_reading(pitch: float, stroke: float, rates: list[float]) -> None:
     leveller = PitchLeveller(CONFIG)
     for k, rate in enumerate(rates):
-        reading = felt(k, pitch, stroke)
+        reading = measured(k, pitch, stroke)
         command = leveller.step(reading, imu(k * TICK_S, pitch_rate_rad_s=rate))
         assert isinstance(command, SeatCommand)
         assert abs(command.rate_m_s) <= SEAT.max_rate_m_s
@@ -149,5 +149,5 @@ def test_the_rate_keeps_its_limit_for_any_reading(pitch: float, stroke: float, r
 def test_no_rate_is_asked_beyond_an_end_of_the_stroke(stroke: float, sign: float) -> None:
     leveller = PitchLeveller(CONFIG)
     for k in range(50):
-        command = leveller.step(felt(k, stroke_m=stroke), imu(k * TICK_S, pitch_rate_rad_s=sign * 10.0 * DEG))
+        command = leveller.step(measured(k, stroke_m=stroke), imu(k * TICK_S, pitch_rate_rad_s=sign * 10.0 * DEG))
     assert command.rate_m_s * sign <= 0.0

@@ -1,70 +1,34 @@
-"""Tutorials, notebooks and how-to guides: every command and script on a page runs, in the page's order, in an empty folder.
+"""Tutorials, notebooks and how-to guides: every command and script on a page runs, and an output that it shows is the program's.
 
-A page's fenced blocks are its program: a block with ``title="NAME"`` is a file to write, ``sh`` and ``python`` without a title
-run. A comment ``<!-- not run by the tests: REASON -->`` before a block leaves that block out.
+``docs/tools/pages.py`` says how a page is read, and renews outputs and pictures.
 """
 
 import json
-import os
-import re
 import subprocess
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
-
-import treadline
+from scripts import module_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted([*(DOCS / "tutorials").glob("*.md"), *(DOCS / "how-to").glob("*.md")])
-BLOCK = re.compile(
-    r"(?P<skip><!-- not run by the tests: [^>]+ -->\n)?"
-    r'```(?P<kind>sh|python|toml)(?: title="(?P<name>[^"]+)")?\n(?P<text>.*?)```',
-    re.DOTALL,
-)
-
-
-class Block(NamedTuple):
-    """Fenced block of a page."""
-
-    kind: str
-    name: str | None
-    text: str
-
-
-def blocks_of(page: Path) -> list[Block]:
-    """Return the blocks of a page that run, or that are files to write."""
-    found = BLOCK.finditer(page.read_text(encoding="utf-8"))
-    return [Block(block["kind"], block["name"], block["text"]) for block in found if not block["skip"]]
+pages = module_of(DOCS / "tools" / "pages.py")
 
 
 @pytest.fixture
 def shell(tmp_path: Path) -> dict[str, str]:
     """Return an environment in which ``treadline`` and ``python`` are those under test."""
-    programs = tmp_path / "bin"
-    programs.mkdir()
-    for name, call in (("treadline", "-m treadline"), ("python", "")):
-        (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" {call} "$@"\n', encoding="utf-8")
-        (programs / name).chmod(0o755)
-    source = str(Path(treadline.__file__).parents[1])
-    return os.environ | {"PATH": f"{programs}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": source}
+    env: dict[str, str] = pages.environment(tmp_path)
+    return env
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the pages' commands are for a POSIX shell")
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: f"{page.parent.name}/{page.stem}")
-def test_every_command_of_a_page_runs(page: Path, tmp_path: Path, shell: dict[str, str]) -> None:
-    folder = tmp_path / "work"
-    folder.mkdir()
-    (folder / "benchmarks").symlink_to(DOCS.parent / "benchmarks")  # pages with benchmarks are for a checkout
-    for number, block in enumerate(blocks_of(page)):
-        if block.name is not None:
-            (folder / block.name).write_text(block.text, encoding="utf-8")
-        if block.name is not None or block.kind == "toml":
-            continue
-        command = ["sh", "-e", "-c", block.text] if block.kind == "sh" else [sys.executable, "-c", block.text]
-        done = subprocess.run(command, cwd=folder, env=shell, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, f"{page.name}, block {number}:\n{block.text}\n{done.stdout}\n{done.stderr}"
+def test_every_command_of_a_page_runs_and_prints_what_the_page_shows(page: Path, tmp_path: Path, shell: dict[str, str]) -> None:
+    for block, output in pages.outputs_of(page, tmp_path / "work", shell):
+        if block.shown is not None:
+            assert pages.words_of(block.shown) == pages.words_of(output), f"python docs/tools/pages.py {page}"
 
 
 @pytest.mark.parametrize("page", sorted(DOCS.rglob("*.ipynb")), ids=lambda page: page.stem)
@@ -77,6 +41,8 @@ def test_every_cell_of_a_notebook_runs(page: Path, tmp_path: Path, shell: dict[s
 
 
 @pytest.mark.parametrize("page", sorted((DOCS / "tutorials").glob("*.md")), ids=lambda page: page.stem)
-def test_a_tutorial_has_commands_and_scripts(page: Path) -> None:
-    kinds = {block.kind for block in blocks_of(page)}
-    assert kinds >= {"sh", "python"}
+def test_a_tutorial_has_commands_and_scripts_an_output_and_a_picture(page: Path) -> None:
+    blocks = pages.blocks_of(page)
+    assert {block.kind for block in blocks} >= {"sh", "python"}
+    assert any(block.shown for block in blocks)
+    assert f"](../media/pages/{page.stem}-" in page.read_text(encoding="utf-8")

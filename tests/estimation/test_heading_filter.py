@@ -77,9 +77,9 @@ class Climb:
         for k in range(ticks):
             if self.has_belts:
                 self.filter.step(belts(float(t[k]), 0.2, 0.2 + float(rate[k]) / 0.38))
-            felt = self.imu(float(t[k]), float(measured[k]))
-            if felt is not None:
-                self.estimates[k] = self.filter.step(gyro(float(t[k]), felt))
+            sensed = self.imu(float(t[k]), float(measured[k]))
+            if sensed is not None:
+                self.estimates[k] = self.filter.step(gyro(float(t[k]), sensed))
             if k % TICKS_PER_FRAME == 0:
                 frame = self.frames(float(t[k]), float(self.truth[k] + noise[k]))
                 if frame is not None:
@@ -89,9 +89,9 @@ class Climb:
     def _note(self) -> None:
         health = self.filter.health
         if health is not None and health.fault is not None and health.since_s is not None:
-            told = (health.since_s, health.fault)
-            if told not in self.faults:
-                self.faults.append(told)
+            reported = (health.since_s, health.fault)
+            if reported not in self.faults:
+                self.faults.append(reported)
 
     def _shaken(self, rate: Float[np.ndarray, " n"], rng: np.random.Generator) -> Float[np.ndarray, " n"]:
         """Return the reading of an MPU-6050: 0.035 °/s of noise, bias, 1 % of scale, and 0.3 °/s of vibration."""
@@ -197,8 +197,8 @@ def test_vision_determines_the_gyros_angle_random_walk(climbs: list[Climb], shak
 
 
 def test_a_turn_seen_by_vision_determines_the_gyro_scale() -> None:
-    told = [Climb(9, seconds=20.0, shaken=True, imu=lambda _t, rate, by=by: by * rate).filter.health for by in (1.0, 1.02)]
-    scales = [health.scale for health in told if health is not None]
+    reported = [Climb(9, seconds=20.0, shaken=True, imu=lambda _t, rate, by=by: by * rate).filter.health for by in (1.0, 1.02)]
+    scales = [health.scale for health in reported if health is not None]
     # 2 % of the 30° turn are 0.6°, three prior sigma, half of it before the heading is known accurately.
     assert 0.005 < scales[1] - scales[0] < 0.025
 
@@ -245,7 +245,7 @@ def test_bursts_of_two_seconds_with_twelve_degrees_of_bias_are_rejected(seed: in
 @pytest.mark.parametrize(("jump_deg", "over_s"), [(6.0, 0.1), (19.0, 0.1), (30.0, 0.3)])
 def test_a_gyro_jump_under_continuous_vision_is_detected_and_corrected(jump_deg: float, over_s: float) -> None:
     rate = jump_deg * DEG / over_s
-    climb = Climb(1, seconds=20.0, has_belts=True, imu=lambda t, felt: felt + (rate if within(t, 10.03, over_s) else 0.0))
+    climb = Climb(1, seconds=20.0, has_belts=True, imu=lambda t, reading: reading + (rate if within(t, 10.03, over_s) else 0.0))
     jumped = np.abs(climb.errors_deg())
     # The belts cannot turn the chair so fast: the sample is rejected, and hazard 7 allows 5°.
     assert jumped.max() < 5.0
@@ -298,20 +298,20 @@ def test_correct_sensors_raise_no_fault(shaken: list[Climb]) -> None:
     assert [climb.faults for climb in shaken] == [[]] * len(shaken)
 
 
-@pytest.mark.parametrize(("seed", "askew_deg", "unseen_s"), [(1, -20.0, 0.0), (2, 3.0, 0.0), (3, -12.0, 1.0), (4, 2.5, 1.0)])
-def test_the_wall_of_a_landing_is_not_accepted_as_heading(seed: int, askew_deg: float, unseen_s: float) -> None:
+@pytest.mark.parametrize(("seed", "wall_deg", "unseen_s"), [(1, -20.0, 0.0), (2, 3.0, 0.0), (3, -12.0, 1.0), (4, 2.5, 1.0)])
+def test_the_wall_of_a_landing_is_not_accepted_as_heading(seed: int, wall_deg: float, unseen_s: float) -> None:
     climb = Climb(
         seed,
         seconds=34.0,
         shaken=True,
-        frames=lambda t, h: (t, h) if t < 20.0 else None if t < 20.0 + unseen_s else (t, h + askew_deg * DEG),
+        frames=lambda t, h: (t, h) if t < 20.0 else None if t < 20.0 + unseen_s else (t, h + wall_deg * DEG),
     )
     # The wall is in view for 14 s, as at the top of a flight; the gyro alone drifts by 0.2° in that time.
     assert np.abs(climb.errors_deg(since_s=2.0)).max() < 0.8
     assert climb.faults[-1][1] == "disagreement"
     health = climb.filter.health
     # One frame's noise, four sigma.
-    assert health.disagreement_rad == pytest.approx(askew_deg * DEG, abs=1.2 * DEG)
+    assert health.disagreement_rad == pytest.approx(wall_deg * DEG, abs=1.2 * DEG)
     assert health.unseen_s > 12.0
 
 
@@ -394,8 +394,8 @@ def test_the_heading_is_preserved_from_stair_to_landing(heading_deg: float, over
         before, R_WB = R_WB, rotation_y(-slope * (1.0 - down)) @ rotation_z(heading)
         turn = before.T @ R_WB
         # Rotation from one attitude to the next, about z_B, from the skew-symmetric part.
-        felt = (turn[1, 0] - turn[0, 1]) / (2.0 * IMU_S) if k > 0 else 0.0
-        estimate = held.step(gyro(t_s, felt + 0.035 * DEG * rng.normal())) or estimate
+        sensed = (turn[1, 0] - turn[0, 1]) / (2.0 * IMU_S) if k > 0 else 0.0
+        estimate = held.step(gyro(t_s, sensed + 0.035 * DEG * rng.normal())) or estimate
         if k % TICKS_PER_FRAME == 0 and t_s < climb_s - 2.0:
             estimate = held.step(seen(t_s, heading + VISION_SIGMA_RAD * rng.normal()))
     # On the landing, heading is the rotation about the vertical. The target is 1.5°; eight seconds of frames determine it to 0.1°,

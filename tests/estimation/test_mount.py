@@ -112,11 +112,11 @@ def test_sigma_is_consistent(drives: list[tuple[Drive, MountEstimate]]) -> None:
 
 
 def test_turns_determine_the_yaw_and_the_imu_tilt(drives: list[tuple[Drive, MountEstimate]]) -> None:
-    told = [(drive, estimate) for drive, estimate in drives if estimate.yaw_rad is not None]
+    declared = [(drive, estimate) for drive, estimate in drives if estimate.yaw_rad is not None]
     # Eight degrees to either side are sufficient.
-    assert len(told) >= 13
-    errors = np.array([estimate.yaw_rad - drive.true.mount_yaw_rad for drive, estimate in told])
-    sigmas = np.array([estimate.yaw_sigma_rad for _, estimate in told])
+    assert len(declared) >= 13
+    errors = np.array([estimate.yaw_rad - drive.true.mount_yaw_rad for drive, estimate in declared])
+    sigmas = np.array([estimate.yaw_sigma_rad for _, estimate in declared])
     assert 0.4 <= np.mean(np.square(errors / sigmas)) <= 1.8
     tilts = np.array([np.subtract(estimate.imu_tilt_rad, drive.tilt_rad) for drive, estimate in drives])
     # About y, the edge's own axis, the two slopes determine it: only the treads' slope remains.

@@ -19,7 +19,7 @@ from treadline.core.signals import StairMap
 from treadline.estimation._nosing_filter import COMMON, NosingFilter
 from treadline.estimation.stair_tracker import StairTracker
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 CORRELATED_M = 0.49
 FAR_1_M = 0.0008
 GATE = 16.0

@@ -52,8 +52,10 @@ def test_a_gyro_with_a_bias_is_held_level_by_gravity() -> None:
     tilt, R_WB, bias = Tilt(), rotation_y(-28 * DEG), np.array([0.2, -0.2, 0.2]) * DEG
     rng = np.random.default_rng(1)
     for k in range(6000):
-        felt = sample(0.01 * k, R_WB, bias)
-        orientation = tilt.step(replace(felt, linear_acceleration_m_s2=felt.linear_acceleration_m_s2 + rng.normal(0.0, 0.2, 3)))
+        measured = sample(0.01 * k, R_WB, bias)
+        orientation = tilt.step(
+            replace(measured, linear_acceleration_m_s2=measured.linear_acceleration_m_s2 + rng.normal(0.0, 0.2, 3))
+        )
     # A bias of b leaves b·τ: 0.28 °/s over 2 s.
     assert off_level(orientation, R_WB) < 0.8
 

@@ -61,11 +61,11 @@ def test_the_flipper_lets_the_chair_over_gently(ride: Ride, case: CrestCase) -> 
     [
         pytest.param(CrestCase(slope_deg=28.0, nosing_error_m=-0.15, com_error_m=-0.10, seed=1), id="early"),
         pytest.param(CrestCase(slope_deg=30.0, payload_kg=0.0, nosing_error_m=-0.15, seed=1), id="early, empty"),
-        pytest.param(CrestCase(slope_deg=30.0, heading_deg=10.0, seed=1), id="askew, slipping on to a third try"),
+        pytest.param(CrestCase(slope_deg=30.0, heading_deg=10.0, seed=1), id="at an angle, slipping on to a third try"),
         pytest.param(CrestCase(slope_deg=30.0, com_error_m=0.10, seed=2), id="weight behind"),
         pytest.param(
             CrestCase(slope_deg=26.0, payload_kg=110.0, nosing_error_m=0.10, com_error_m=0.10, heading_deg=-10.0, seed=7),
-            id="heavy, late and askew",
+            id="heavy, late and at an angle",
         ),
         pytest.param(CrestCase(gravity_error_deg=2.0), id="gravity off by 2 degrees"),
         pytest.param(down(gravity_error_deg=2.0), id="down, gravity off by 2 degrees"),
@@ -74,7 +74,7 @@ def test_the_flipper_lets_the_chair_over_gently(ride: Ride, case: CrestCase) -> 
         ),
         pytest.param(
             down(slope_deg=28.0, nosing_error_m=-0.15, com_error_m=0.10, payload_error_kg=30.0, seed=1),
-            id="down, late, weight behind, believed heavier",
+            id="down, late, weight behind, declared heavier",
         ),
         pytest.param(
             down(slope_deg=30.0, nosing_error_m=0.10, com_error_m=-0.10, slope_error_deg=-1.0, seed=2),
@@ -82,11 +82,11 @@ def test_the_flipper_lets_the_chair_over_gently(ride: Ride, case: CrestCase) -> 
         ),
         pytest.param(
             down(slope_deg=25.0, payload_kg=0.0, slope_error_deg=1.0, heading_deg=5.0, seed=3),
-            id="down, empty, slope steeper, askew",
+            id="down, empty, slope steeper, at an angle",
         ),
         pytest.param(
             down(slope_deg=26.0, payload_kg=110.0, payload_error_kg=-30.0, com_error_m=-0.10, heading_deg=-5.0, seed=4),
-            id="down, heavy, weight ahead, askew, believed lighter",
+            id="down, heavy, weight ahead, at an angle, declared lighter",
         ),
     ],
 )

@@ -203,7 +203,7 @@ def test_an_edge_is_entered_where_the_guards_own_maps_show_its_nosing(phase: Any
 
 @pytest.mark.parametrize(("turn_deg", "enters"), [(15.0, True), (44.0, True), (46.0, False)])
 def test_a_confirmed_edge_below_the_image_is_entered_by_a_chair_that_turned_square(turn_deg: float, enters: bool) -> None:
-    """Test: an edge and its nosings seen askew, then a turn with both below the image. Expected result: entered up to 45°."""
+    """Test: an edge and its nosings seen at an angle, then a turn with both below the image. Expected result: entered up to 45°."""
     chair = Chair().look(**REAR | {"seen_m": 0.9, "end_m": 0.9, "end_sigma_m": 0.01}).map(0.9)
     chair.heading_rad = turn_deg * DEG
     chair.cause(0.0)

@@ -25,7 +25,7 @@ from treadline.mission.mission_blocks import guard_config
 from treadline.mission.mission_config import MissionConfig
 from treadline.scenario.chair import read_chair
 
-# Literals, so that a changed value in the code is noticed here: shares of 1/0.65 m, the turn of belts that do not skid.
+# Literals, so that a changed value in the code is detected here: shares of 1/0.65 m, the turn of belts that do not skid.
 FLIGHT_RAD_M = 1.0 / 0.65
 LEVEL_RAD_M = 0.789 / 0.65
 OVER_RAD_M = 0.26 / 0.65

@@ -10,7 +10,7 @@ from treadline.guard import Guard
 from treadline.guard._half_cosine_stop import RampedStop, Stop
 from treadline.guard.stop_latch import Latch
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 RAMP_S = 0.3
 STANDING_M_S = 0.03
 

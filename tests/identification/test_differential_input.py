@@ -104,8 +104,8 @@ def test_the_operating_point_lies_between_the_belts_own_means() -> None:
     # No drive separates offsets of belts and output; with the right belt faster by 0.08 the output is 0.3.
     np.testing.assert_allclose(model.input_offset.mean(), record.u.mean(axis=0).mean(), atol=1e-9)
     still = np.linalg.solve(np.eye(1) - model.A, model.B @ (np.array([0.0, 0.08]) - model.input_offset))
-    told = model.output_offset + model.C @ still + model.D @ (np.array([0.0, 0.08]) - model.input_offset)
-    np.testing.assert_allclose(told, 0.3, atol=0.01)
+    declared = model.output_offset + model.C @ still + model.D @ (np.array([0.0, 0.08]) - model.input_offset)
+    np.testing.assert_allclose(declared, 0.3, atol=0.01)
 
 
 def test_intervals_of_both_belts_are_those_of_their_difference() -> None:
@@ -135,11 +135,11 @@ def test_samples_before_the_dead_time_do_not_affect_the_input_structure() -> Non
     structure and intervals as for the data shifted by hand."""
     record = driven(vehicle(), 10, samples=300)
     u, y = np.vstack([record.u, np.zeros((2, 2))]), np.vstack([np.ones((2, 1)), record.y])
-    told = fit(replace(record, u=u, y=y), order=1, delays=[2, 2])
+    declared = fit(replace(record, u=u, y=y), order=1, delays=[2, 2])
     by_hand = fit(record, order=1)
-    assert told.report.mirrored
-    np.testing.assert_allclose(impulse_response(told.model, 22)[2:], impulse_response(by_hand.model, 20), atol=1e-9)
-    np.testing.assert_allclose(told.intervals.impulse(10), by_hand.intervals.impulse(10), rtol=1e-6)
+    assert declared.report.mirrored
+    np.testing.assert_allclose(impulse_response(declared.model, 22)[2:], impulse_response(by_hand.model, 20), atol=1e-9)
+    np.testing.assert_allclose(declared.intervals.impulse(10), by_hand.intervals.impulse(10), rtol=1e-6)
 
 
 @pytest.mark.parametrize("method", ["okid-era", "pbsid"])

@@ -187,11 +187,11 @@ def test_intervals_follow_the_units_of_the_record(draw: Draw) -> None:
 def test_the_interval_of_the_impulse_response_matches_the_scatter_over_many_records(eq_12: LinearModel) -> None:
     models = [fit(record_of(eq_12, seed, 300, 0.1), order=2, lags=4, method="okid-era") for seed in range(100)]
     spread = np.std([impulse_response(item.model, STEPS) for item in models], axis=0)
-    told: Float[np.ndarray, "k p m"] = np.mean([item.intervals.impulse(STEPS) for item in models if item.intervals], axis=0)
+    declared: Float[np.ndarray, "k p m"] = np.mean([item.intervals.impulse(STEPS) for item in models if item.intervals], axis=0)
     # A standard deviation of 100 runs is known to 7 %: three of those. Beyond the lags, parameters follow from products of noisy
     # ones, and the first-order intervals are too wide by a half at most.
-    np.testing.assert_allclose(told[:2], spread[:2], rtol=0.25)
-    assert np.all((told > 0.8 * spread) & (told < 1.6 * spread))
+    np.testing.assert_allclose(declared[:2], spread[:2], rtol=0.25)
+    assert np.all((declared > 0.8 * spread) & (declared < 1.6 * spread))
 
 
 def test_an_exact_model_has_vanishing_intervals(draw: Draw) -> None:

@@ -22,7 +22,7 @@ from treadline.io.scene_messages import (
     text_message,
 )
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 LINE_LIST = 5
 TRIANGLE_LIST = 11
 

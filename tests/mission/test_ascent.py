@@ -13,7 +13,7 @@ from treadline.core.angles import DEG
 from treadline.core.signals import FlipperReading, OperatorInput, StairMap
 from treadline.mission import ascent_states as ascent
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 OVER_BELTS_RAD = 2.0 * DEG
 
 # Flipper and tip-over feed-forward on the flight: docs/decisions/0019.

@@ -14,7 +14,7 @@ from treadline.scenario.scenario import Chair, Scenario, Stair
 from treadline.vehicle.linkage import SeatLinkage
 from treadline.vehicle.tracks import minimum_track_length
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 MEASURED_M = 0.01
 MEASURED_RAD = 1.0 * DEG
 SHAPE_SIGMAS = 3.0

@@ -103,7 +103,7 @@ def late_gap(world: World) -> None:
     after("edge", 4)(world)
 
 
-def askew(world: World) -> None:
+def at_an_angle(world: World) -> None:
     world.run("descend")
     world.heading_rad = 0.17
     world.run("climb")
@@ -149,8 +149,8 @@ DOWN: dict[str, Case] = {
     "whole way": (Landing, until_the_end, ()),
     "nothing in view": (lambda: Landing(spoil=lambda _: None, knows=False), until_the_end, ()),
     "wakes up on a flight": (lambda: Landing(x_m=EDGE_M - 1.2), lambda world: world.run("descend"), ()),
-    "wakes up askew": (lambda: Landing(x_m=0.5 * EDGE_M, heading_rad=0.17), lambda world: world.run("descend"), ()),
-    "slides askew": (lambda: Landing(x_m=0.5 * EDGE_M), askew, ()),
+    "wakes up at an angle": (lambda: Landing(x_m=0.5 * EDGE_M, heading_rad=0.17), lambda world: world.run("descend"), ()),
+    "slides at an angle": (lambda: Landing(x_m=0.5 * EDGE_M), at_an_angle, ()),
     "sent back in a turn": (lambda: Landing(x_m=0.5 * EDGE_M, heading_rad=0.17), pressed("climb", go_back=True), ()),
     "too steep": (lambda: Landing(spoil=steeper), until_the_end, ()),
     "too steep from nearby": (Landing, after("approach", steeper), ()),

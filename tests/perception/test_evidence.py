@@ -17,7 +17,7 @@ from treadline.perception._plane_segmentation import surface_blocks
 from treadline.perception._stair_shape import Placed, spacing
 from treadline.perception._step_parts import seed_points
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 EVIDENCE = 5.0
 UNCONFIRMED = 3.4
 
@@ -148,7 +148,9 @@ def test_an_error_common_to_all_surfaces_does_not_average_out(
 ) -> None:
     """Test: 400 draws. Expected result: the error over its deviation has a mean square of 1 to within 0.2, twice the deviation of
     such a mean; without the common error it is far above."""
-    known, without = (np.mean([strain(rng, told) ** 2 for rng in 400 * [np.random.default_rng(11)]]) for told in (True, False))
+    known, without = (
+        np.mean([strain(rng, declared) ** 2 for rng in 400 * [np.random.default_rng(11)]]) for declared in (True, False)
+    )
     assert 0.8 < known < 1.2
     assert without > unknown
 

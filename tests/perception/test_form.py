@@ -25,13 +25,13 @@ def test_sides_are_where_the_flight_ends() -> None:
     """
     errors, kinds, beyond, possible = [], [], [], 0
     for _, truth, sight in sights(ViewRecipe(walls=("none",)), range(46_000, 46_024)):
-        told = sight.stair_map
-        if told is None:
+        declared = sight.stair_map
+        if declared is None:
             continue
         possible += 2
         for found, true, kind, seen_m in (
-            (told.left_edge_m, truth.left_edge_m, told.left_side, told.left_seen_m),
-            (told.right_edge_m, truth.right_edge_m, told.right_side, told.right_seen_m),
+            (declared.left_edge_m, truth.left_edge_m, declared.left_side, declared.left_seen_m),
+            (declared.right_edge_m, truth.right_edge_m, declared.right_side, declared.right_seen_m),
         ):
             beyond.append(seen_m - true)
             if found is not None and true is not None:
@@ -65,13 +65,13 @@ def test_the_band_that_one_imager_does_not_see_is_no_open_side(sensor: Literal["
     """Test: stereo frames, without depth in a band at the left border as wide as the disparity. Expected result: flights are not
     called narrow, and a side is reported where the flight ends, or not at all.
 
-    5 cm: half of a matching window of 7 px, 2 m away, beside the 2 cm of other frames.
+    5 cm: half of a matching window of 7 px, 2 m away, next to the 2 cm of other frames.
     """
     sides = []
     for _, truth, sight in sights(ViewRecipe(sensor=sensor, sigma_px=0.12, height_px=480), range(3_000, 3_022)):
         assert "m wide" not in str(sight.reason)
-        if (told := sight.stair_map) is not None:
-            sides += [(told.left_edge_m, truth.left_edge_m), (told.right_edge_m, truth.right_edge_m)]
+        if (declared := sight.stair_map) is not None:
+            sides += [(declared.left_edge_m, truth.left_edge_m), (declared.right_edge_m, truth.right_edge_m)]
     errors = [found - true for found, true in sides if found is not None]
     assert len(errors) > 0.5 * len(sides)
     assert np.abs(errors).max() < 0.05

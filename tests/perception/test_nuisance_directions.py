@@ -13,7 +13,7 @@ from treadline.core.rotations import rotation_x, rotation_y
 from treadline.perception._nuisance import turns_of_lines, turns_of_surfaces
 from treadline.perception._plane_segmentation import End, surface_blocks
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 RATE_RAD_S = 3.6 * DEG
 READOUT_S = 0.033
 SPEED_M_S = 0.09
@@ -70,7 +70,7 @@ def test_a_line_at_the_end_of_a_grown_surface_is_rotated_as_predicted(end: End) 
 
 
 @pytest.mark.parametrize(("sensor", "measures_range"), [("kinect1", False), ("d435", False), ("tof", True), ("kinect2", True)])
-def test_noise_over_depth_tells_time_of_flight_from_disparity(sensor: str, *, measures_range: bool) -> None:
+def test_noise_over_depth_separates_time_of_flight_from_disparity(sensor: str, *, measures_range: bool) -> None:
     views = [draw_view(np.random.default_rng(seed), ViewRecipe(sensor=sensor)) for seed in range(58_000, 58_004)]
     found = [surface_blocks(view.frame.depth_m, view.frame.camera).measures_range for view in views]
     # A frame whose planes are all at one distance does not show the law.

@@ -8,7 +8,7 @@ from treadline.perception import StairDetector
 from treadline.perception._plane_segmentation import Surface
 from treadline.perception.overlay import overlay
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 BAND_PX = 66
 WIDTH_PX = 960
 

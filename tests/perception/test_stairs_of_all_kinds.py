@@ -190,26 +190,26 @@ def test_the_map_measures_the_stair(kind: str) -> None:
 
 
 def test_the_end_of_a_flight_is_seen_and_never_imagined() -> None:
-    seen = [(told.ends, truth.end_in_view) for told, truth in maps(KINDS["top"], range(36_000, 36_030))]
+    seen = [(declared.ends, truth.end_in_view) for declared, truth in maps(KINDS["top"], range(36_000, 36_030))]
     assert sum(reported for reported, there in seen if there) >= 0.8 * sum(there for _, there in seen) > 0
-    within = [told.ends for told, truth in maps(KINDS["up"], range(36_100, 36_130)) if not truth.end_in_view]
+    within = [declared.ends for declared, truth in maps(KINDS["up"], range(36_100, 36_130)) if not truth.end_in_view]
     assert len(within) >= 10
     assert not any(within)
 
 
 def test_walls_are_as_far_as_they_are() -> None:
     off = []
-    for told, truth in maps(ViewRecipe(walls=("both",)), range(37_000, 37_020)):
-        pairs = ((told.left_wall_m, truth.left_wall_m), (told.right_wall_m, truth.right_wall_m))
+    for declared, truth in maps(ViewRecipe(walls=("both",)), range(37_000, 37_020)):
+        pairs = ((declared.left_wall_m, truth.left_wall_m), (declared.right_wall_m, truth.right_wall_m))
         off += [seen - there for seen, there in pairs if seen is not None and there is not None]
     assert len(off) >= 20
     assert np.abs(off).max() < 0.02
 
 
 def test_obstacles_are_found_and_a_free_flight_is_free() -> None:
-    assert {told.obstacle_m for told, _ in maps(ViewRecipe(), range(38_000, 38_030))} == {None}
+    assert {declared.obstacle_m for declared, _ in maps(ViewRecipe(), range(38_000, 38_030))} == {None}
     looked = maps(ViewRecipe(clutter=("legs",)), range(38_100, 38_130))
-    reported = [(told.obstacle_m, truth.obstacle_m) for told, truth in looked if truth.obstacle_m is not None]
+    reported = [(declared.obstacle_m, truth.obstacle_m) for declared, truth in looked if truth.obstacle_m is not None]
     found = np.array([seen - there for seen, there in reported if seen is not None])
     assert len(found) >= 0.9 * len(reported) >= 8
     assert np.median(np.abs(found)) < 0.03

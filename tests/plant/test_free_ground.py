@@ -43,7 +43,7 @@ def test_the_floor_before_a_rising_flight_has_no_end_and_begins_below_the_image(
 
 @pytest.mark.parametrize("yaw_deg", [0.0, 10.0, -15.0])
 def test_a_landing_ends_at_its_rim_ahead_and_at_the_nosing_behind(yaw_deg: float) -> None:
-    """Test: askew on a wide landing. Expected: the nearest point over the swept width, 0.4 m to each side; the edge's direction."""
+    """Test: at an angle on a wide landing. Expected: the nearest point over the swept width, 0.4 m to each side; direction."""
     nearer_m = 0.4 * math.tan(abs(yaw_deg) * DEG)
     for x_m, straight_m, rear in ((0.3, 1.2, False), (1.3, 1.3, True)):
         ground = seen(LAST_X_M + x_m, LAST_Z_M, rear=rear, yaw_deg=yaw_deg, width_m=3.0)

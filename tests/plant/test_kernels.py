@@ -83,13 +83,13 @@ def test_compiled_truth_agrees_with_the_mechanics_that_it_repeats(name: str) -> 
         seat_rad, flipper_rad, pitch, roll = rng.uniform(-0.4, 0.4, 4).tolist()
         R_WB, p_WB = rotation_y(pitch) @ rotation_x(roll), rng.normal(size=3)
         reach = rng.uniform(0.2, 0.6, 4)
-        told = kernels.truth(
+        declared = kernels.truth(
             *(np.eye(3), np.zeros(3), R_WB, p_WB, np.zeros(3), seat_rad, flipper_rad, reach, -1),
             *(np.zeros((25, 4)), np.zeros((0, 3)), np.zeros((0, 7)), numbers, payload, payload, (0.015, 0.01), (0.0, 0.0, 1.0)),
         )
         support = Support(front_m=reach[0], rear_m=reach[1], left_m=reach[2], right_m=reach[3])
         margins = tipping_margins(centre_of_mass(chair, loading, seat_rad, flipper_rad), tuple(R_WB[2].tolist()), support)
         # The same sums in the same order: only the library of the trigonometric functions may differ.
-        assert told[8] == pytest.approx(margins.worst, abs=1e-14)
+        assert declared[8] == pytest.approx(margins.worst, abs=1e-14)
         place_W = p_WB + R_WB @ np.array(payload_place(chair, loading, seat_rad))
-        np.testing.assert_allclose(told[9:], place_W, atol=1e-14)
+        np.testing.assert_allclose(declared[9:], place_W, atol=1e-14)

@@ -46,7 +46,7 @@ from treadline.vehicle.staircase import as_designed
 
 from .conftest import signals_of_a_run
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 SETTLED_RAD = 1.0 * DEG
 
 Written = Callable[..., Path]
@@ -196,7 +196,7 @@ def seen_at(t_s: float) -> PerceivedStair:
     return PerceivedStair(t_s=t_s, taken_s=t_s + 0.06, nosings_B=np.empty((0, 3)), nosings_W=np.empty((0, 3)), ends=False)
 
 
-def test_a_silent_camera_and_frames_without_a_stair_are_told_apart() -> None:
+def test_a_silent_camera_and_frames_without_a_stair_are_separated() -> None:
     """Test: 10 Hz; no frame from 2 s to 3 s, one frame lost at 4 s, no stair from 5 s on. Expected: two spans and their names."""
     times = [round(0.1 * k, 1) for k in range(80) if not 20 < k < 30 and k != 40]
     recording = of_pitch(np.zeros(800), maps=tuple(seen_at(t_s) for t_s in times if t_s <= 5.0))

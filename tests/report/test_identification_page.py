@@ -433,6 +433,6 @@ def test_thinning_keeps_peaks_and_gaps() -> None:
         ("cost_$", "cost_$", None),
     ],
 )
-def test_a_name_tells_its_unit(name: str, quantity: str, unit: str | None) -> None:
+def test_a_name_contains_its_unit(name: str, quantity: str, unit: str | None) -> None:
     said = channel(name)
     assert (said.quantity, said.unit) == (quantity, unit)

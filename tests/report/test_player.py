@@ -26,7 +26,7 @@ from treadline.vehicle.appearance._mesh import box, cylinder
 
 from .conftest import HOSTILE, Browser, climbing
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 MOST_SAMPLES = 40000
 
 MOST_BYTES = 5_000_000

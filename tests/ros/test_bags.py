@@ -112,12 +112,14 @@ def test_a_ros_2_bag_is_one_sqlite_file(copies: dict[str, Path]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("out", "told"),
+    ("out", "declared"),
     [("x.csv", "'.csv' is no bag that is written: .mcap, .bag (ROS 1), .db3 (ROS 2)"), ("there.bag", "is there already")],
 )
-def test_a_file_that_cannot_be_written_is_reported_in_one_line(run: Path, tmp_path: Path, capsys: Any, out: str, told: str) -> None:
+def test_a_file_that_cannot_be_written_is_reported_in_one_line(
+    run: Path, tmp_path: Path, capsys: Any, out: str, declared: str
+) -> None:
     (tmp_path / "there.bag").touch()
     capsys.readouterr()
     assert main(["record", str(run), "--out", str(tmp_path / out)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert told in line
+    assert declared in line

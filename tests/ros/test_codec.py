@@ -1,4 +1,4 @@
-"""What nodes tell each other comes back from the wire as it was, in ROS 1's bytes and in ROS 2's."""
+"""What nodes send each other comes back from the wire as it was, in ROS 1's bytes and in ROS 2's."""
 
 import math
 from dataclasses import fields, replace

@@ -18,7 +18,7 @@ from treadline.run.resolve import mission_config
 from treadline.scenario.scenario import Scenario
 from treadline.scenario.shipped_files import shipped_controller
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 LOST_S = 1.0
 
 KILLED_S, WITHIN_S = 1.0, 0.8

@@ -32,5 +32,5 @@ def test_of_the_stretches_between_missed_rows_the_longest_is_kept(
     record = read_record(tmp_path / RECORD, inputs=INPUTS, outputs=OUTPUTS)
     assert np.all(np.diff(record.u[:, 0]) == 1.0)
     assert record.u.shape[0] == rows
-    told = f"record.csv holds the longest stretch, {rows} rows: {beyond} more lie beyond rows that were missed"
-    assert recorder.left_out == (told if missed else None)
+    declared = f"record.csv holds the longest stretch, {rows} rows: {beyond} more lie beyond rows that were missed"
+    assert recorder.left_out == (declared if missed else None)

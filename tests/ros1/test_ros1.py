@@ -1,4 +1,4 @@
-"""The graph on a real roscore: a closed loop through ROS, whole streams, killed nodes, and bad input told in one line.
+"""The graph on a real roscore: a closed loop through ROS, whole streams, killed nodes, and bad input reported in one line.
 
 ``make test-ros1`` installs ROS 1 and runs these; ``make test`` skips them.
 """
@@ -27,7 +27,7 @@ TESTS = ROOT / "legacy" / "treadline_ros1" / "test"
 
 @pytest.fixture(scope="module")
 def environment(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """ROS finds the package beside Debian's; nodes find this venv's treadline."""
+    """ROS finds the package next to Debian's; nodes find this venv's treadline."""
     home = tmp_path_factory.mktemp("ros")
     return os.environ | {
         "ROS_PACKAGE_PATH": f"{ROOT / 'legacy'}:/usr/share",
@@ -122,11 +122,11 @@ def test_nothing_is_lost_between_two_processes(roscore: dict[str, str]) -> None:
 
 
 def line_of(command: list[str], env: dict[str, str]) -> str:
-    """Return the one line that a command that cannot go on leaves on stderr; it may have been told before the patience ended."""
+    """Return the one line that a command that cannot go on leaves on stderr; it may have been printed before the patience ended."""
     done = subprocess.run([*TREADLINE, *command], env=env, capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 2, done.stderr
-    *told, last = [line for line in done.stderr.splitlines() if line.startswith("treadline:")]
-    assert [line.removeprefix("treadline: seat: ") in last for line in told] in ([], [True]), done.stderr
+    *declared, last = [line for line in done.stderr.splitlines() if line.startswith("treadline:")]
+    assert [line.removeprefix("treadline: seat: ") in last for line in declared] in ([], [True]), done.stderr
     assert "Traceback" not in done.stderr
     return last
 

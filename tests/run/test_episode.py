@@ -23,7 +23,7 @@ from treadline.scenario.chair import read_chair
 from treadline.scenario.scenario import Chair, Control, DriveSettings, Scenario, Sensors, Stair, Start
 from treadline.scenario.shipped_files import shipped_controller
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 SEAT_SHIFT_M = 0.1
 
 LANDING_M = 3.0
@@ -71,7 +71,7 @@ def phases(run: Traverse) -> list[str]:
 
 
 def assert_there_by_truth(run: Traverse) -> None:
-    """The belts lie flat and mid-track is beyond the flight, whatever the mission believes."""
+    """The belts lie flat and mid-track is beyond the flight, whatever the mission estimates."""
     stair = run.scenario.stair
     last_m = (stair.steps - 1) * float(np.hypot(stair.rise_m, stair.run_m))
     x = run.trace["x_m"][-1]
@@ -136,7 +136,7 @@ def test_a_chair_that_falls_from_a_nosing_two_millimetres_high_is_caught(seed: i
 
 
 def test_too_little_friction_is_refused_and_backed_off_with_the_chair_level_again() -> None:
-    # 0.9 of friction as told, of which a wet floor leaves 0.92 of tan 28°: check cannot know.
+    # 0.9 of friction as declared, of which a wet floor leaves 0.92 of tan 28°: check cannot know.
     wet = {"kind": "low_friction", "at_s": 0.0, "for_s": 90.0, "value": 0.55}
     run = Trip(stair={"friction": (0.9, 0.8)}, fault=(wet,)).run()
     assert run.verdict == "refused"
@@ -178,10 +178,10 @@ def test_no_more_than_a_tenth_of_a_metre_is_shifted() -> None:
     chair = read_chair("wheelchair")
     for offset in np.linspace(-0.2, 0.2, 9):
         loading = {"payload_kg": 80.0, "payload_offset_m": (float(offset), 0.0, 0.05)}
-        told, refused, done = ready(Trip(slope_deg=30.0, chair=loading).scenario(), chair)
-        assert abs(told.chair.seat_shift_m) <= SEAT_SHIFT_M
-        assert (done is None) == (told.chair.seat_shift_m == 0.0)
-        assert refused is None or told.chair.seat_shift_m == 0.0
+        declared, refused, done = ready(Trip(slope_deg=30.0, chair=loading).scenario(), chair)
+        assert abs(declared.chair.seat_shift_m) <= SEAT_SHIFT_M
+        assert (done is None) == (declared.chair.seat_shift_m == 0.0)
+        assert refused is None or declared.chair.seat_shift_m == 0.0
 
 
 def test_what_stands_still_is_neither_there_nor_refused_when_its_time_is_up() -> None:

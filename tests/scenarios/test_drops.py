@@ -1,4 +1,4 @@
-"""Drops at the ends of landings: the guard stops a chair that is told to drive on, and lets it pass where it arrives or enters."""
+"""Drops at the ends of landings: the guard stops a chair that is commanded on, and lets it pass where it arrives or enters."""
 
 from typing import Any
 
@@ -46,15 +46,15 @@ def driven(scenario: Scenario, **options: Any) -> Traverse:
         ("kinect1", "down", "left", "no ground is seen beyond"),  # there is nothing below this landing that a camera could see
     ],
 )
-def test_a_chair_told_to_drive_over_a_quarter_landing_stops_before_its_end(
+def test_a_chair_commanded_to_drive_over_a_quarter_landing_stops_before_its_end(
     camera: str, direction: str, turn: str, cause: str
 ) -> None:
     """Test: the next flight leaves by the side. Expected result: HOLD, 0.3 m or more from the leading pulley to the rim."""
-    told = scenario(direction, camera, flights=2, turn=turn, between_m=2.5, landing_m=3.0)
-    run = driven(told)
+    declared = scenario(direction, camera, flights=2, turn=turn, between_m=2.5, landing_m=3.0)
+    run = driven(declared)
     assert run.verdict == "held"
     assert str(run.cause).startswith(cause)
-    staircase = as_designed(told.stair)
+    staircase = as_designed(declared.stair)
     R_WF, p_WF = staircase.flight_frame(0 if direction == "up" else 1)
     p_WB = np.array([run.trace[f"chassis_{axis}_m"][-1] for axis in "xyz"])
     along_m = float((R_WF.T @ (p_WB - p_WF))[0])
@@ -71,10 +71,10 @@ def test_a_landing_of_usual_depth_is_deep_enough_to_arrive() -> None:
 def test_rendered_frames_report_the_ground_and_nothing_says_that_drops_are_not_watched() -> None:
     """Test: a chair on a landing, the edge of a flight behind it. Expected result: its distance in each frame after the first."""
     signals: list[Any] = []
-    told = scenario("down", "kinect1", landing_m=3.0, slope_deg=28.0).changed(drive={"duration_s": 0.5})
-    run = driven(told, sink=lambda signal, _: signals.append(signal))
+    declared = scenario("down", "kinect1", landing_m=3.0, slope_deg=28.0).changed(drive={"duration_s": 0.5})
+    run = driven(declared, sink=lambda signal, _: signals.append(signal))
     grounds = [signal for signal in signals if isinstance(signal, FreeGround)]
-    edge_m = float(run.trace["chassis_x_m"][0]) - as_designed(told.stair).steps[-1].x_m
+    edge_m = float(run.trace["chassis_x_m"][0]) - as_designed(declared.stair).steps[-1].x_m
     assert [ground.end_m for ground in grounds[1:]] == pytest.approx([edge_m] * len(grounds[1:]), abs=0.02)
     assert len(grounds) > 2
     assert "drop_unwatched" not in [event.name for event in run.events]

@@ -15,9 +15,9 @@ from treadline.run.episode import Traverse
 from treadline.scenario.faults import Process
 
 WAITS_S = 3.0
-"""Until the flipper of a chair that wakes up on a flight is laid, up to 0.2 s more or less."""
+"""Time until the flipper of a chair that wakes up on a flight is laid [s], up to 0.2 s more or less."""
 CREST_S, EDGE_S = WAITS_S + 19.0, 11.2
-"""In the middle of the pitch, from four steps below the crest and from the landing."""
+"""Times at the middle of the pitch [s], from four steps below the crest and from the landing."""
 PITCH_RATE = 20.0 * DEG
 SEAT = 10.0 * DEG
 
@@ -35,7 +35,7 @@ def pitches(run: Traverse, t_s: float, phase: str) -> None:
 
 @pytest.mark.parametrize(("direction", "step", "at_s"), [("up", 3, WAITS_S + 4.0), ("down", 7, WAITS_S + 4.0)])
 def test_7_a_gyro_that_begins_to_drift_where_no_stair_is_in_view(direction: str, step: int, at_s: float) -> None:
-    """Test: a bias of 1 °/s from when the last nosings leave the view, for good. Expected result: HOLD, told by the belts that turn
+    """Test: a bias of 1 °/s from when the last nosings leave the view, for good. Expected result: HOLD, by the belts that turn
     the chair all the time, or by a heading that a chair which is left alone would not have; true heading within 5°."""
     run = ride(fault("imu_bias", 1.0, at_s=at_s), place="flight", direction=direction, step=step)
     assert run.verdict == "held", run.cause
@@ -88,7 +88,7 @@ def test_14_a_belt_without_grip_near_the_crest(side: float) -> None:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_14_a_belt_that_loses_grip_before_the_foot(seed: int) -> None:
     """Test: backing down with 1.17 times the friction the slope asks for, a belt loses a seventh of its grip. Expected result:
-    let alone, the chair stays within 4° of square (9° if steered) and gets down."""
+    steering suspended, the chair stays within 4° of square (9° if steered) and gets down."""
     slip = fault("track_slip", -0.85, at_s=WAITS_S + 4.8, for_s=6.0)
     run = ride(slip, place="flight", direction="down", step=7, heavy=True, seed=seed)
     assert run.verdict == "arrived", run.cause

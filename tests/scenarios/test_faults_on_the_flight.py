@@ -15,11 +15,11 @@ from treadline.core.angles import DEG
 from treadline.run.episode import Traverse
 from treadline.scenario.faults import Fault, Process
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 ENOUGH = 0.4
 
 WAITS_S = 3.1
-"""Until the flipper of a chair that wakes up on a flight is laid."""
+"""Time until the flipper of a chair that wakes up on a flight is laid [s]."""
 AT_S = WAITS_S + 4.0
 
 
@@ -32,8 +32,8 @@ def ride(*faults: Fault, direction: str = "up", after_s: float = 3.0) -> Travers
     return faulty_runs.ride(*faults, place="flight", direction=direction, step=step, until_s=WAITS_S + 12.0, after_s=after_s)
 
 
-def told(run: Traverse, name: str) -> float:
-    """Return when the first event of a name was told."""
+def declared(run: Traverse, name: str) -> float:
+    """Return when the first event of a name was reported."""
     times = [event.t_s for event in run.events if event.name == name and event.t_s >= AT_S - 1e-6]
     assert times, f"no event {name!r}: {run.verdict}, {run.cause}"
     return min(times)
@@ -56,7 +56,7 @@ def worst_heading_deg(run: Traverse) -> float:
 def stands_still(run: Traverse, *, within_s: float) -> None:
     """Check rule H: still within half a second of the hold, which comes in time, and upright by the chair's usual margin."""
     faulty_runs.stands_still(run, margin_deg=7.0, since_s=AT_S)
-    held_s = told(run, "hold")
+    held_s = declared(run, "hold")
     assert held_s <= AT_S + within_s + 1e-6, run.cause
     rest = slice(round((held_s + 0.5) / TICK_S), None)
     assert len(run.trace["x_m"][rest]) > 200
@@ -80,10 +80,10 @@ def test_1_2_a_camera_that_is_lost_or_frozen(kind: str) -> None:
     Expected result: found within 0.4 s; at most 0.10 m/s on the gyro, heading within 6°; HOLD within 0.5 s of 3 s or 0.5 m.
     """
     run = ride(fault(kind, for_s=10.0))
-    slow_s = told(run, "slow")
+    slow_s = declared(run, "slow")
     assert slow_s - AT_S <= 0.4
     # The belts need three lags of 0.15 s to slow down.
-    assert speed_m_s(run, slow_s + 0.5, told(run, "hold")) <= 0.105
+    assert speed_m_s(run, slow_s + 0.5, declared(run, "hold")) <= 0.105
     assert worst_heading_deg(run) <= 6.0
     stands_still(run, within_s=3.5)
 
@@ -103,10 +103,10 @@ def test_3_light_that_shows_nothing() -> None:
 
 
 def test_3_light_that_shows_nothing_where_depth_is_scarce() -> None:
-    """Test: 2 % of the light, and 65 % of the depth missing. Expected result: it is told; with 80 % missing as a lost camera."""
+    """Test: 2 % of the light, and 65 % of the depth missing. Expected result: an event; with 80 % missing as a lost camera."""
     assert ENOUGH == 0.4
     run = ride(fault("camera_dark", 0.02), fault("depth_holes", 0.65))
-    assert told(run, "vision_dim") - AT_S <= 0.3
+    assert declared(run, "vision_dim") - AT_S <= 0.3
     assert run.verdict == "time_up", run.cause
     stands_still(ride(fault("camera_dark", 0.02, for_s=10.0), fault("depth_holes", 0.8, for_s=10.0)), within_s=3.5)
 
@@ -130,7 +130,7 @@ def test_6_8_an_imu_that_says_nothing_new(kind: str) -> None:
     Expected result: found within 0.3 s, slow on vision alone for a second at most, then HOLD; the estimate stays finite.
     """
     run = ride(fault(kind, for_s=10.0))
-    assert told(run, "slow") - AT_S <= 0.3
+    assert declared(run, "slow") - AT_S <= 0.3
     assert np.isfinite(run.estimate_rad[round(1.0 / TICK_S) :]).all()
     stands_still(run, within_s=1.3)
     assert worst_heading_deg(run) <= 6.0
@@ -147,7 +147,7 @@ def test_7_a_gyro_that_drifts_or_jumps(value: float) -> None:
 
 
 def test_9_camera_and_imu_lost_together() -> None:
-    """Test: nothing tells the heading any more. Expected result: HOLD within 0.5 s."""
+    """Test: nothing measures the heading any more. Expected result: HOLD within 0.5 s."""
     stands_still(ride(fault("camera_lost"), fault("imu_lost")), within_s=0.5)
 
 
@@ -194,7 +194,7 @@ def test_21_the_person_stops_lets_go_or_is_not_heard(kind: str, value: float, fo
     """Test: stop pressed, dead-man released, handset silent. Expected result: HOLD at once; still within 0.5 s and 0.10 m."""
     run = ride(fault(kind, value))
     stands_still(run, within_s=found_s)
-    held_s = told(run, "hold")
+    held_s = declared(run, "hold")
     assert speed_m_s(run, held_s + 0.5, held_s + 3.0) == 0.0
     assert abs(at(run, "x_m", held_s + 0.5) - at(run, "x_m", held_s)) <= 0.10
     # The fault ends after three seconds: nobody re-armed, nothing moves.

@@ -102,5 +102,5 @@ def test_any_linkage_that_is_accepted_can_be_inverted(
     except MechanicsError:
         return
     angle = linkage.angle_range[0] + share * (linkage.angle_range[1] - linkage.angle_range[0])
-    # Near a dead point the angle hardly feels the stroke: what must return is the angle.
+    # Near a dead point the angle hardly depends on the stroke: what must return is the angle.
     assert linkage.angle(linkage.stroke(angle)) == pytest.approx(angle, abs=1e-6)

@@ -13,7 +13,7 @@ from treadline.scenario.scenario import Stair
 from treadline.vehicle.stair_solids import Box, stair_boxes
 from treadline.vehicle.staircase import Staircase, build_staircase
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 TREAD_THICKNESS_M = 0.04
 
 

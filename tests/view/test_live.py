@@ -24,7 +24,7 @@ from treadline.view._session import Session
 
 from .conftest import FakeWorker
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 GRAVITY_M_S2 = 9.81
 
 LOGGED = (TrackCommand, SeatCommand, FlipperCommand, Truth)

@@ -109,7 +109,7 @@ def test_frames_replace_the_stair_maps_that_came_from_them(folder: Path, frames:
     assert (np.diff([frame.t_s for frame in feed.frames]) > 0.0).all()
 
 
-def test_targets_are_told_apart(folder: Path, tmp_path: Path) -> None:
+def test_targets_are_separated(folder: Path, tmp_path: Path) -> None:
     assert is_recorded(str(folder))
     assert is_recorded(str(folder / LOG))
     assert is_recorded("missing.mcap")

@@ -43,7 +43,7 @@ def test_noise_grows_with_range_and_keeps_the_specification() -> None:
     assert sigmas[-1] > 0.003
 
 
-def test_pixels_fly_between_an_object_and_its_background() -> None:
+def test_pixels_lie_between_an_object_and_its_background() -> None:
     depth, face = wall(2.5)
     depth[:, 320:], face[:, 320:] = 1.5, 6
     seen = camera(2, 200.0).measured(depth, face, np.arange(2))

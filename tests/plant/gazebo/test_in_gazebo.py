@@ -55,7 +55,7 @@ def started() -> Iterator[Opened]:
         yield start
 
 
-def test_an_ideal_imu_tells_the_truth(started: Opened) -> None:
+def test_an_ideal_imu_reports_the_truth(started: Opened) -> None:
     plant = started(sensors=Sensors(imu="ideal"))
     plant.write(TrackCommand(t_s=0.0, left_m_s=0.2, right_m_s=0.2), SeatCommand(t_s=0.0, rate_m_s=0.01))
     plant.advance(2.0)
@@ -185,7 +185,7 @@ def test_a_bag_recorded_in_gazebo_is_replayed_to_the_heading_of_then(tmp_path: P
 
 
 @pytest.mark.parametrize("heading_deg", [30.0, -30.0])
-def test_a_chair_askew_is_turned_square_and_climbs_for_20_s(heading_deg: float) -> None:
+def test_a_chair_at_an_angle_is_turned_square_and_climbs_for_20_s(heading_deg: float) -> None:
     scenario = Scenario(
         stair=Stair(rise_m=0.30 * math.tan(28.0 * DEG), width_m=2.4, steps=30),
         start=Start(place="flight", step=6, heading_deg=heading_deg),

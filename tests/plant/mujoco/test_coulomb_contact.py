@@ -34,7 +34,7 @@ from treadline.plant.mujoco import NOMINAL, MujocoPlant, Physics
 from treadline.plant.mujoco import _step_kernels as kernels
 from treadline.plant.mujoco.contact import _coulomb_kernels as contact_kernels
 
-# Literals, so that a changed value in the code is noticed here.
+# Literals, so that a changed value in the code is detected here.
 GRAVITY_M_S2 = 9.81
 
 TOLERANCE_M_S2 = 0.01

@@ -6,9 +6,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 if __name__ == "__main__":
-    import flown
+    import short_runs
 
     from treadline.cli import main, sweep
 
-    sweep.RunScenario = lambda **_: flown.slow
+    sweep.RunScenario = lambda **_: short_runs.slow
     sys.exit(main())
