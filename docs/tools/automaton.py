@@ -28,7 +28,7 @@ def words(function: Any) -> str:
 
 
 def drawing(states: tuple[Any, ...]) -> str:
-    """Return the drawing of one table as SVG text: a box for each state, its exits beside it, and an arrow to each next state."""
+    """Return the drawing of one table as SVG text: a box for each state, its exits next to it, and an arrow to each next state."""
     tops, top = {}, GAP
     for state in states:
         tops[state.name] = top
