@@ -364,9 +364,8 @@ class Run(Printable):
         title = f"{self.verdict}" + (f": {self.cause}" if self.cause else "")
         if scores is None or scores.duration_s == 0.0:
             return title, []
-        settled = "not settled" if scores.settle_s is None else f"{scores.settle_s:.1f} s to ±2°"
         return f"{title} after {scores.duration_s:.1f} s", [
-            ("heading", f"{scores.rms_heading_deg:.2f}° RMS, {settled}"),
+            ("heading", f"{scores.rms_heading_deg:.2f}° RMS, {scores.settling}"),
             ("roll-back", f"{scores.roll_back_m:.3f} m"),
             ("lateral", f"{scores.lateral_m:.3f} m"),
             ("seat", "no seat linkage" if scores.seat_max_deg is None else f"at most {scores.seat_max_deg:.1f}° off level"),

@@ -81,12 +81,11 @@ def climb(
         )
     scores = run.scores
     seat = "no seat linkage" if scores.seat_max_deg is None else f"seat at most {scores.seat_max_deg:.1f}° off level"
-    settled = "did not settle" if scores.settle_s is None else f"settled to ±2° in {scores.settle_s:.1f} s"
     return Answer(
         values=run.episode.summary() | {"run": str(out)},
         summary=[
             f"{run.verdict}" + (f": {run.cause}" if run.cause else "") + f" after {scores.duration_s:.1f} s",
-            f"heading {scores.rms_heading_deg:.2f}° RMS, {settled}; roll-back {scores.roll_back_m:.3f} m, "
+            f"heading {scores.rms_heading_deg:.2f}° RMS, {scores.settling}; roll-back {scores.roll_back_m:.3f} m, "
             f"lateral {scores.lateral_m:.3f} m; {seat}",
             f"passenger at most {scores.passenger_max_m_s2:.2f} m/s² (vertical {scores.passenger_vertical_m_s2:.2f}, along "
             f"{scores.passenger_longitudinal_m_s2:.2f}, across {scores.passenger_lateral_m_s2:.2f}); tip-over margin at least "

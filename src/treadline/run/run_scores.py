@@ -119,6 +119,13 @@ class Scores:
     phases: tuple[tuple[float, str], ...]
     """Start time [s] and name of each phase of the mission."""
 
+    @property
+    def settling(self) -> str:
+        """How the heading settled, in words: after the alignment of a whole traversal, else to ±2°."""
+        if self.aligned_max_heading_deg is not None:
+            return f"at most {self.aligned_max_heading_deg:.1f}° once aligned"
+        return "did not settle" if self.settle_s is None else f"settled to ±2° in {self.settle_s:.1f} s"
+
 
 def score(trace: Trace, phases: tuple[tuple[float, str], ...] = (), *, upward: bool = True, held_s: float | None = None) -> Scores:
     """Return the scores of a run with at least one sample.
