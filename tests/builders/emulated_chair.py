@@ -1,9 +1,11 @@
 """Emulated chairs in processes of their own, and hosts that drive them through a link.
 
 Times are those of the emulator's clock, which a busy machine slows down; ``PACE`` leaves a busy host four times the box's 0.1 s.
+``in_lockstep`` runs box and host in turns, so that a busy machine changes nothing.
 """
 
 import re
+import select
 import subprocess
 import sys
 import threading
@@ -15,6 +17,11 @@ from typing import Any
 
 from processes import wait_for
 
+from treadline.core.signals import TICK_S
+from treadline.hardware._serial_link import SerialLink
+from treadline.hardware.emulators._faults import Faults
+from treadline.hardware.emulators._firmware import Outputs, Readings
+from treadline.hardware.emulators._serial import SerialBox, Terminal
 from treadline.hardware.ports import BoxReading, DriveLimits, DriveState
 
 PACE = 0.25
@@ -33,6 +40,56 @@ class BoxEvent:
     """Age of the newest accepted command."""
 
 
+def events_in(lines: list[str]) -> list[BoxEvent]:
+    """Return the events that an emulator's lines report."""
+    found = [match.groups() for match in map(EVENT.match, lines) if match]
+    return [BoxEvent(float(t_s), int(axis) if axis else None, cause, int(age)) for t_s, axis, cause, age in found]
+
+
+class FlatChair:
+    """Chair whose belts follow their set points at once."""
+
+    def __init__(self) -> None:
+        self.ticks = 0
+
+    @property
+    def t_s(self) -> float:
+        return self.ticks * TICK_S
+
+    def step(self, outputs: Outputs) -> Readings:
+        self.ticks += 1
+        return Readings(belts=tuple(round(speed / 100) for speed in outputs.belts_um_s))
+
+
+def in_lockstep(port: Path, faults: list[str], until_s: float, *, rearms: int = 1000) -> tuple[list[BoxEvent], list[DriveState]]:
+    """Drive a box at 0.2 m/s over a serial line with faults, one command for each state; return its events and states.
+
+    Args:
+        rearms: Largest number of re-arms, each after 20 states of a latched box.
+    """
+    chair, given = FlatChair(), Faults(faults)
+    terminal = Terminal(port)
+    box, link = SerialBox(chair, given, terminal), SerialLink(port=str(port), limits=LIMITS)
+    lines: list[str] = []
+    states: list[DriveState] = []
+    stood = 0
+    while chair.t_s < until_s:
+        reports = not given.active("unplugged", chair.t_s)
+        lines.extend(box.step())
+        if not reports:
+            continue
+        wait_for(lambda: bool(new := link.poll()) and not states.extend(new), pause_s=0.0)
+        stood = stood + 1 if states[-1].latched else 0
+        if stood == 20 and rearms > 0:
+            link.rearm()
+            stood, rearms = 0, rearms - 1
+        link.send(0.2, 0.2)
+        select.select([terminal], [], [], 60.0)
+    link.close()
+    terminal.close()
+    return events_in(lines), states
+
+
 class Emulator:
     """Process with an emulated chair."""
 
@@ -48,10 +105,7 @@ class Emulator:
     @property
     def events(self) -> list[BoxEvent]:
         """Latched stops and re-arms so far."""
-        found = filter(None, map(EVENT.match, self.lines))
-        return [
-            BoxEvent(float(t), int(axis) if axis else None, cause, int(age)) for t, axis, cause, age in (m.groups() for m in found)
-        ]
+        return events_in(self.lines)
 
     def close(self) -> None:
         """End the process."""

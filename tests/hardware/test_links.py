@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from emulated_chair import LIMITS, PACE, Emulator, drive, emulator
+from emulated_chair import LIMITS, PACE, Emulator, drive, emulator, in_lockstep
 from firmware_memory import HAS_COMPILER
 from processes import wait_for
 
@@ -71,45 +71,32 @@ def test_belts_joints_and_sensors_pass_a_serial_line(tmp_path: Path) -> None:
 
 def test_a_line_that_is_a_little_bad_stops_nothing(tmp_path: Path) -> None:
     """Half a frame, a flipped bit, frames that overtake one another, and 50 ms of delay."""
-    harmless = faults("half@0.6", "flipped@0.7", "swapped_frames@0.8=0.3", "late@1.3=0.05")
-    with emulator(tmp_path / "box", "serial", "--pace", PACE, *harmless) as chair:
-        link = SerialLink(port=str(tmp_path / "box"), limits=LIMITS)
-        states = drive(link, lambda states: bool(states) and (states[-1].box_s or 0.0) > 1.8)
-        assert [event.cause for event in chair.events] == ["START", "ARMED"]
-        assert states[-1].left_m_s == pytest.approx(0.2, abs=0.02)
-        link.close()
+    events, states = in_lockstep(tmp_path / "box", ["half@1", "flipped@2", "swapped_frames@3=1", "late@5=0.05"], 8.0)
+    assert [event.cause for event in events] == ["START", "ARMED"]
+    assert states[-1].left_m_s == pytest.approx(0.2)
 
 
-def test_each_fault_of_the_line_stops_the_box_in_time(tmp_path: Path) -> None:
-    """A line that is late for good stops the box for good: a re-arm is late too."""
-    given = faults("unplugged@0.8=0.3", "stuck@1.8=0.3", "second_host@2.8", "late@3.8=0.15", "late@4.6=0.3")
-    starts = {"WATCHDOG": (0.8, 1.8, 3.8), "TWO_HOSTS": (2.8,)}
-    with emulator(tmp_path / "box", "serial", "--pace", PACE, *given) as chair:
-        link = SerialLink(port=str(tmp_path / "box"), limits=LIMITS)
-        states = drive(link, lambda states: bool(states) and (states[-1].box_s or 0.0) > 5.2)
-        for cause, times_s in starts.items():
-            for t_s in times_s:
-                found, after_s = stop_after(chair, t_s)
-                assert (found, after_s <= 0.1) == (cause, True)
-        link.close()
-    assert all(event.age_ms <= 100 for event in chair.events if event.cause not in ("ARMED", "START"))
-    assert chair.events[-1].t_s < 4.0
-    assert states[-1].latched
-    assert states[-1].left_m_s == pytest.approx(0.0, abs=0.01)
+def test_each_fault_of_line_and_box_stops_it_in_time(tmp_path: Path) -> None:
+    """A box that restarts stands until it is armed again."""
+    given = ["unplugged@1=0.3", "stuck@2=0.3", "second_host@3", "brown_out@4", "late@5=0.15"]
+    events, states = in_lockstep(tmp_path / "box", given, 7.0)
+    stops = [event for event in events if event.cause != "ARMED"]
+    assert [event.cause for event in stops] == ["START", "WATCHDOG", "WATCHDOG", "TWO_HOSTS", "START", "WATCHDOG"]
+    assert all(stop.t_s - (number - 1e-9) <= 0.1 for number, stop in enumerate(stops[1:], start=1))
+    assert all(event.age_ms <= 100 for event in events)
     assert "two hosts send commands to the box; stop one of them" in {state.error for state in states}
     assert any(state.watchdog_tripped for state in states)
+    assert states[-1].latched  # a re-arm that is late re-arms nothing
+    assert states[-1].left_m_s == 0.0
 
 
-def test_a_box_that_restarts_stands_until_it_is_armed_again(tmp_path: Path) -> None:
-    with emulator(tmp_path / "box", "serial", "--pace", PACE, *faults("brown_out@0.8")) as chair:
-        link = SerialLink(port=str(tmp_path / "box"), limits=LIMITS)
-        drive(link, lambda _: len(chair.events) > 2, rearms=True)
-        after = drive(link, lambda states: len(states) > 60, rearms=False)
-        assert [event.cause for event in chair.events] == ["START", "ARMED", "START"]
-        assert all(state.latched for state in after[10:])
-        assert after[-1].left_m_s == pytest.approx(0.0, abs=0.01)
-        drive(link, lambda _: chair.events[-1].cause == "ARMED")
-        link.close()
+def test_a_delay_of_300_ms_stops_the_box_and_nothing_moves_without_a_rearm(tmp_path: Path) -> None:
+    events, _ = in_lockstep(tmp_path / "box", ["late@1=0.3"], 3.0)
+    assert [event.cause for event in events] == ["START", "ARMED", "WATCHDOG"]
+    assert events[-1].t_s <= 1.1
+    events, states = in_lockstep(tmp_path / "box", ["unplugged@1=0.3"], 3.0, rearms=1)
+    assert [event.cause for event in events] == ["START", "ARMED", "WATCHDOG"]
+    assert all(state.left_m_s == 0.0 for state in states if (state.box_s or 0.0) > 1.3)
 
 
 @pytest.mark.parametrize("end", [signal.SIGSTOP, signal.SIGKILL])

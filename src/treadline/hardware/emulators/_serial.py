@@ -41,6 +41,10 @@ class Terminal:
         port.symlink_to(os.ttyname(self._far))
         self._rest = b""
 
+    def fileno(self) -> int:
+        """Return the descriptor that becomes readable when the host has written."""
+        return self._near
+
     def read(self) -> list[bytes]:
         """Return the frames that have arrived, ending zeros included."""
         with contextlib.suppress(OSError):
