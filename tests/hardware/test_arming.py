@@ -35,6 +35,11 @@ def test_a_belt_is_judged_by_its_own_report(wiggle: Wiggle, said: str | None) ->
     assert said is None or said in str(fault)
 
 
+def test_a_wiggle_that_the_guard_ended_says_nothing_about_the_scale_but_about_the_sign() -> None:
+    assert report_fault("left", moved(own=0.02), whole=False) is None
+    assert report_fault("left", moved(own=-0.03), whole=False) is not None
+
+
 @pytest.mark.parametrize(
     ("left", "right", "said", "on_floor"),
     [

@@ -9,25 +9,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from threading import Thread
 from typing import Any
 
 import pytest
 from robots import TestRobot
+from waiting import PATIENCE_S, wait
 
-PATIENCE_S = 20.0
 HELD = {"dead_man": True, "speed": 1.0}
-
-
-def wait(until: Callable[[], Any], said: Callable[[], object] = str) -> Any:
-    """Return the first true result; a test that waits in vain fails with what was said."""
-    end_s = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end_s:
-        if result := until():
-            return result
-        time.sleep(0.01)
-    pytest.fail(f"it did not come to pass: {said()}")
 
 
 class Bench:
@@ -73,13 +63,9 @@ class Bench:
 def bench(robot: TestRobot) -> Iterator[Bench]:
     made = Bench(robot)
     yield made
-    for pid in (made.process.pid,):
-        try:
-            os.kill(pid, signal.SIGCONT)
-            made.process.terminate()
-            made.process.wait(PATIENCE_S)
-        except ProcessLookupError:
-            pass
+    made.process.send_signal(signal.SIGCONT)
+    made.process.terminate()
+    made.process.wait(PATIENCE_S)
     made.ear.join(PATIENCE_S)
     made.process.communicate()
 

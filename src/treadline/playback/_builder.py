@@ -199,7 +199,7 @@ class RecordingBuilder(SignalCollector):
         if not self._has_poses:
             missing.append("The log was written before logs kept the chair's pose: the scene is not drawn; make the run again.")
         if self._scenario is None:
-            missing.append("The log comes without a manifest.json: the stair is unknown, and so is the chair (drawn: the default).")
+            missing.append("The log comes without a scenario: the stair is unknown (chair: the robot file's, or the default).")
         return tuple(missing)
 
     def _add_truth(self, rows: Float[np.ndarray, "n c"]) -> None:
