@@ -82,47 +82,58 @@ def sink(kind: str, seconds: float) -> None:
         report(f"{kind}: {channel}: {len(delays[channel])} of {round(rate * seconds)} came", delays[channel])
 
 
+class FrameToCommand:
+    """Delays from a frame's arrival to its measured heading, and to the guard's first command after the estimate with it [ms]."""
+
+    def __init__(self, watch: WireTransport) -> None:
+        self.to_heading: list[float] = []
+        self.to_command: list[float] = []
+        self.frames: dict[float, float] = {}
+        self.t_s = 0.0
+        self._seen: float | None = None
+        self._known: float | None = None
+        takers = (
+            (on.CAMERA, self._frame),
+            (on.MEASURED, self._measured),
+            (on.ESTIMATE, self._estimated),
+            (on.TRACKS_CMD, self._done),
+        )
+        for channel, take in takers:
+            watch.subscribe(channel, take)
+
+    def _frame(self, picture: RgbdFrame) -> None:
+        self.frames[picture.t_s] = time.monotonic()
+
+    def _measured(self, seen: HeadingMeasurement) -> None:
+        self._seen, self._known = self.frames.get(seen.t_s), None
+        if self._seen is not None:
+            self.to_heading.append(1e3 * (time.monotonic() - self._seen))
+
+    def _estimated(self, estimate: HeadingEstimate) -> None:
+        self.t_s, self._known = estimate.t_s, self._seen
+
+    def _done(self, _: TrackCommand) -> None:
+        if self._known is not None:
+            self.to_command.append(1e3 * (time.monotonic() - self._known))
+            self._seen = self._known = None
+
+
 def graph(kind: str, seconds: float) -> None:
     """Drive, and watch how long a frame takes to become a command."""
-    delays: list[float] = []
-    looked: list[float] = []
-    frames: dict[float, float] = {}
-    state: dict[str, float | None] = {"seen": None, "known": None}
-
-    def frame(picture: RgbdFrame) -> None:
-        frames[picture.t_s] = time.monotonic()
-
-    def measured(seen: HeadingMeasurement) -> None:
-        state["seen"], state["known"] = frames.pop(seen.t_s, None), None
-        if state["seen"] is not None:
-            looked.append(1e3 * (time.monotonic() - state["seen"]))
-
-    def estimated(_: HeadingEstimate) -> None:
-        state["known"] = state["seen"]
-
-    def commanded(_: TrackCommand) -> None:
-        if state["known"] is not None:
-            delays.append(1e3 * (time.monotonic() - state["known"]))
-            state["seen"] = state["known"] = None
-
     with tempfile.TemporaryDirectory() as folder:
         scenario = Path(folder) / "climb.toml"
         scenario.write_text(SCENARIO)
         options = ["--transport", kind, "--endpoint", ENDPOINT, "--duration", str(seconds)]
         started = subprocess.Popen([sys.executable, "-m", "treadline", "nodes", str(scenario), *options], stderr=subprocess.DEVNULL)
         watch = wire(kind, "bystander")
-        takers = ((on.CAMERA, frame), (on.MEASURED, measured), (on.ESTIMATE, estimated), (on.TRACKS_CMD, commanded))
-        for channel, take in takers:
-            watch.subscribe(channel, take)
-        began: float | None = None
+        delays = FrameToCommand(watch)
         while started.poll() is None:
             watch.deliver(0.05)
-            if began is None and frames:
-                began = time.monotonic()
-        took_s = time.monotonic() - (began or 0.0)
+        took_s = time.monotonic() - min(delays.frames.values(), default=0.0)
         watch.close()
-    report(f"{kind}: camera to heading seen, {len(looked)} frames", looked[3:])
-    report(f"{kind}: camera to command, {len(delays)} frames, {seconds / took_s:.2f} × real time", delays[3:])
+    report(f"{kind}: camera to heading seen, {len(delays.to_heading)} frames", delays.to_heading[3:])
+    frames = len(delays.to_command)
+    report(f"{kind}: camera to command, {frames} frames, {seconds / took_s:.2f} × real time", delays.to_command[3:])
 
 
 def report(what: str, delays_ms: list[float]) -> None:
