@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from treadline.core.camera_images import NamedFrame, RgbdFrame
-from treadline.core.signals import ImuSample, OperatorInput
+from treadline.core.signals import FlipperReading, ImuSample, OperatorInput, SeatReading
 from treadline.hardware._arming import BenchSession
 from treadline.hardware._real_time import LOOP, real_time
 from treadline.hardware.drive import Robot
@@ -68,6 +68,8 @@ class StampLink:
         self.due_s = max(self.due_s + 0.01, now_s)
         still = {"left_m_s": 0.0, "right_m_s": 0.0, "watchdog_tripped": False, "error": None, "voltage_v": None}
         readings.append(DriveState(t_s=now_s, box_s=None, latched=False, **still))
+        readings.append(SeatReading(t_s=now_s, pitch_rad=0.0, stroke_m=0.03))
+        readings.append(FlipperReading(t_s=now_s, angle_rad=0.7, torque_n_m=0.0))
         readings.append(
             ImuSample(
                 t_s=now_s,
@@ -186,7 +188,6 @@ def main() -> None:
         with busy(wanted=wanted):
             rows = measure(seconds)
         for row, values in rows.items():
-            sys.stderr.write(f"{row}: {len(values)}\n")
             p50, p95, p99 = np.percentile(values, (50, 95, 99))
             print(f"| {row} | {name} | {p50:.1f} | {p95:.1f} | {p99:.1f} | {max(values):.1f} | {len(values)} |", flush=True)
 
