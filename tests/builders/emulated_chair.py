@@ -4,6 +4,7 @@ Times are those of the emulator's clock, which a busy machine slows down; ``PACE
 ``in_lockstep`` runs box and host in turns, so that a busy machine changes nothing.
 """
 
+import math
 import re
 import select
 import subprocess
@@ -18,13 +19,17 @@ from typing import Any
 from processes import wait_for
 
 from treadline.core.signals import TICK_S
+from treadline.hardware._can_link import CanSimpleLink
 from treadline.hardware._serial_link import SerialLink
+from treadline.hardware.emulators._can import CanAxes
 from treadline.hardware.emulators._faults import Faults
 from treadline.hardware.emulators._firmware import Outputs, Readings
 from treadline.hardware.emulators._serial import SerialBox, Terminal
 from treadline.hardware.ports import BoxReading, DriveLimits, DriveState
+from treadline.scenario.chair import read_chair
 
 PACE = 0.25
+PULLEY_M = 0.07
 LIMITS = DriveLimits(speed_m_s=1.0, acceleration_m_s2=4.0, watchdog_s=0.1, seat_m_s=0.06, flipper_rad_s=0.5)
 EVENT = re.compile(r"([\d.]+) s: (?:axis (\d) )?(\w+), newest command (-?\d+) ms old")
 
@@ -48,6 +53,8 @@ def events_in(lines: list[str]) -> list[BoxEvent]:
 
 class FlatChair:
     """Chair whose belts follow their set points at once."""
+
+    chair = read_chair("wheelchair")
 
     def __init__(self) -> None:
         self.ticks = 0
@@ -87,6 +94,36 @@ def in_lockstep(port: Path, faults: list[str], until_s: float, *, rearms: int = 
         select.select([terminal], [], [], 60.0)
     link.close()
     terminal.close()
+    return events_in(lines), states
+
+
+def axes_in_lockstep(
+    port: Path, faults: list[str], until: Callable[[float, list[DriveState]], bool], *, rearms: int = 1000
+) -> tuple[list[BoxEvent], list[DriveState]]:
+    """Drive two axes on a bus of this process, as ``in_lockstep`` drives a box.
+
+    Args:
+        until: Ends the drive; receives the time and the states so far.
+    """
+    chair, bus = FlatChair(), {"interface": "virtual", "channel": str(port)}
+    axes = CanAxes(chair, Faults(faults), Terminal(port), (1, 2), math.tau * PULLEY_M, bus)
+    link = CanSimpleLink(left_node=1, right_node=2, wheel_radius_m=PULLEY_M, limits=LIMITS, **bus)
+    lines: list[str] = []
+    states: list[DriveState] = []
+    stood = 0
+    try:
+        while not until(chair.t_s, states):
+            lines.extend(axes.step())
+            new = link.poll()
+            states.extend(new)
+            stood = stood + len(new) if states and states[-1].latched else 0
+            if stood >= 20 and rearms > 0:
+                link.rearm()
+                stood, rearms = 0, rearms - 1
+            if new:
+                link.send(0.2, 0.2)
+    finally:
+        link.close()
     return events_in(lines), states
 
 

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from emulated_chair import LIMITS, PACE, Emulator, drive, emulator, in_lockstep
+from emulated_chair import LIMITS, PACE, PULLEY_M, axes_in_lockstep, drive, emulator, in_lockstep
 from firmware_memory import HAS_COMPILER
 from processes import wait_for
 
@@ -35,16 +35,6 @@ from emulated_chair import LIMITS, drive
 from treadline.hardware._serial_link import SerialLink
 drive(SerialLink(port=sys.argv[1], limits=LIMITS), lambda states: False)
 """
-
-
-def faults(*written: str) -> list[str]:
-    return [part for fault in written for part in ("--fault", fault)]
-
-
-def stop_after(chair: Emulator, t_s: float) -> tuple[str, float]:
-    """Return cause and time of the first stop after a fault."""
-    event = next(event for event in chair.events if event.cause != "ARMED" and event.t_s >= t_s)
-    return event.cause, event.t_s - t_s
 
 
 def test_belts_joints_and_sensors_pass_a_serial_line(tmp_path: Path) -> None:
@@ -153,70 +143,56 @@ def test_a_fault_that_does_not_exist_is_named() -> None:
         Faults(["late"])
 
 
-def can_bus(tmp_path: Path) -> dict[str, object]:
-    """Return a bus of this test alone, where the machine carries multicast."""
-    port = 20_000 + sum(str(tmp_path).encode()) % 20_000
-    options: dict[str, object] = {"interface": "udp_multicast", "channel": "239.74.163.2", "port": port, "fd": False}
-    try:
-        can.Bus(**options).shutdown()
-    except (can.CanError, OSError):
-        pytest.skip("no multicast on this machine")
-    return options
-
-
-def can_options(bus: dict[str, object], *given: object) -> list[object]:
-    return ["can", "--pace", PACE, "--channel", bus["channel"], "--udp-port", bus["port"], *given]
-
-
 def can_link(bus: dict[str, object], **changed: float) -> CanSimpleLink:
-    numbers = {"left_node": 1, "right_node": 2, "wheel_radius_m": 0.07} | changed
+    numbers = {"left_node": 1, "right_node": 2, "wheel_radius_m": PULLEY_M} | changed
     return CanSimpleLink(limits=LIMITS, **numbers, **bus)
 
 
 def test_two_axes_on_a_can_bus_drive_and_stop_together(tmp_path: Path) -> None:
-    bus = can_bus(tmp_path)
-    given = faults("flipped@1", "unplugged@1.5=0.3", "second_host@3.5", "brown_out@5.5")
-    with emulator(tmp_path / "box", *can_options(bus, *given)) as chair:
-        link = can_link(bus)
-        assert isinstance(link, DriveLink)
-
-        def is_over(states: list[DriveState]) -> bool:
-            return bool(states) and any(event.t_s > 5.5 and event.axis == 2 and event.cause == "STOPPED" for event in chair.events)
-
-        states = drive(link, is_over)
-        errors = {state.error for state in states}
-        assert "two hosts send commands to drive 1; stop one of them" in errors
-        assert any(error is not None and error.startswith("drive 1 left closed-loop control") for error in errors)
-        # Each re-arm proves the watchdog: before the first drive, after the unplugged line, and after the second host.
-        assert [event.cause for event in chair.events if event.axis == 1].count("WATCHDOG") >= 1 + 3
-        cause, after_s = stop_after(chair, 1.5)
-        assert cause == "WATCHDOG"
-        assert after_s <= 0.1
-        assert all(event.age_ms <= 100 for event in chair.events if event.cause == "WATCHDOG")
-        assert max(state.left_m_s for state in states) == pytest.approx(0.2, abs=0.02)
-        link.close()
+    given = ["flipped@1", "unplugged@2=0.3", "second_host@4", "brown_out@6", "late@8=0.15"]
+    events, states = axes_in_lockstep(tmp_path / "sensors", given, lambda t_s, _: t_s > 9.0)
+    errors = {state.error for state in states}
+    assert "two hosts send commands to drive 1; stop one of them" in errors
+    assert "drive 1 left closed-loop control; check its supply and errors (odrivetool)" in errors
+    assert max(state.left_m_s for state in states) == pytest.approx(0.2)
+    # Each re-arm proves the watchdog: it trips once while the axis stands.
+    causes = [event.cause for event in events if event.axis == 1]
+    proved, driven = ["ARMED", "WATCHDOG", "ARMED"], ["WATCHDOG", "STOPPED", "START", "WATCHDOG"]
+    assert causes[: 4 * len(driven)] == [cause for stop in driven for cause in (*proved, stop)]
+    stops = [event.t_s for event in events if event.axis == 1 and event.cause != "ARMED"][1::2]
+    assert all(stop_s - fault_s <= 0.1 for fault_s, stop_s in zip((2.0, 4.0, 6.0, 8.0), stops, strict=False))
+    assert all(event.age_ms <= 100 for event in events if event.cause == "WATCHDOG")
+    axis_2 = [event.t_s for event in events if event.axis == 2 and event.cause == "STOPPED" and event.t_s > 6.0]
+    assert axis_2[0] <= 6.1  # the sound axis stops with the one that restarted
 
 
-@pytest.mark.parametrize(
-    ("fault", "error"),
-    [
-        ("no_watchdog", "drive 1 has no watchdog; set it with odrivetool"),
-        ("two_with_one_id", "two drives have the node id 1; set another one"),
-    ],
-)
-def test_drives_that_must_not_be_armed_are_not(tmp_path: Path, fault: str, error: str) -> None:
-    bus = can_bus(tmp_path)
-    with emulator(tmp_path / "box", *can_options(bus, *faults(f"{fault}@0"))) as chair:
-        link = can_link(bus)
-        try:
-            states = drive(link, lambda states: bool(states) and states[-1].error is not None and "report" not in states[-1].error)
-            found = str(states[-1].error)
-            assert all(state.latched for state in states)
-        except LinkError as raised:
-            found = str(raised)
-        assert found.startswith(error)
-        assert all(event.age_ms <= 100 or event.cause != "ARMED" for event in chair.events)
-        link.close()
+def test_axes_without_a_watchdog_are_not_armed(tmp_path: Path) -> None:
+    def is_told(_: float, states: list[DriveState]) -> bool:
+        return bool(states) and str(states[-1].error).startswith("drive 1 has no watchdog; set it with odrivetool")
+
+    _, states = axes_in_lockstep(tmp_path / "sensors", ["no_watchdog@0"], is_told, rearms=1)
+    assert all(state.latched and state.left_m_s == 0.0 for state in states)
+
+
+def test_two_drives_with_one_id_are_named(tmp_path: Path) -> None:
+    with pytest.raises(LinkError, match=r"two drives have the node id 1; set another one with odrivetool"):
+        axes_in_lockstep(tmp_path / "sensors", ["two_with_one_id@0"], lambda t_s, _: t_s > 1.0)
+
+
+def test_a_can_bus_between_processes_carries_a_drive(tmp_path: Path) -> None:
+    port = 20_000 + sum(str(tmp_path).encode()) % 20_000
+    bus: dict[str, object] = {"interface": "udp_multicast", "channel": "239.74.163.2", "port": port, "fd": False}
+    try:
+        can.Bus(**bus).shutdown()
+    except (can.CanError, OSError):
+        pytest.skip("no multicast on this machine")
+    with emulator(tmp_path / "sensors", "can", "--udp-port", port) as chair:
+        drives, sensors = can_link(bus), SerialLink(port=str(tmp_path / "sensors"))
+        drive(drives, lambda _: sum(event.cause == "ARMED" for event in chair.events) >= 4)
+        wait_for(lambda: any(isinstance(reading, ImuSample) for reading in sensors.poll()))
+        drives.close()
+        sensors.close()
+        wait_for(lambda: chair.events[-1].cause != "ARMED")
 
 
 def test_impossible_numbers_of_a_can_link_are_one_line_with_the_remedy(tmp_path: Path) -> None:

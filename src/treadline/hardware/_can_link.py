@@ -20,8 +20,8 @@ from treadline.hardware import _can_simple as simple
 from treadline.hardware._can_simple import CanCommand
 from treadline.hardware.ports import DriveLimits, DriveState
 
-SETTLE_S = 1.0
-"""Time in which an axis must take a state [s]: ten heartbeats of the default period."""
+SETTLE_S = 2.0
+"""Time in which an axis must take a state [s]: twenty heartbeats of the default period."""
 ECHOES = 64
 """Remembered commands, of which a bus may return copies."""
 
@@ -198,30 +198,24 @@ class CanSimpleLink:
             self._fail(f"two hosts send commands to drive {identifier >> simple.COMMAND_BITS}; stop one of them")
 
     def _advance(self) -> None:
-        """Carry on with arming, and stop both axes where one has stopped."""
-        axes, waited_s = self._axes.values(), time.monotonic() - self._phase_s
-        have_tripped = [axis.was_closed and axis.error & simple.WATCHDOG_EXPIRED for axis in axes]
-        are_closed = [axis.is_closed for axis in axes]
-        if self._phase == "proving" and all(have_tripped):
+        """Carry on with arming, and stop both axes where one has stopped; the watchdog, which the state names, is no fault."""
+        axes, is_late = self._axes.values(), time.monotonic() - self._phase_s > SETTLE_S
+        have_not_tripped = [axis for axis in axes if not (axis.was_closed and axis.error & simple.WATCHDOG_EXPIRED)]
+        are_open = [axis for axis in axes if not axis.is_closed]
+        if self._phase == "proving" and not have_not_tripped:
             self._enter("arming")
             self._close_loops()
-        elif self._phase == "proving" and waited_s > self._limits.watchdog_s + SETTLE_S:
-            node = next(axis.node for axis, has_tripped in zip(axes, have_tripped, strict=True) if not has_tripped)
+        elif self._phase == "proving" and is_late:
             wanted = f"axis0.config.watchdog_timeout = {self._limits.watchdog_s:g}, enable_watchdog = True"
-            self._fail(f"drive {node} has no watchdog; set it with odrivetool: {wanted}")
-        elif self._phase == "arming" and all(are_closed):
+            self._fail(f"drive {have_not_tripped[0].node} has no watchdog; set it with odrivetool: {wanted}")
+        elif self._phase == "arming" and not are_open:
             self._enter("armed")
-        elif self._phase == "armed" or waited_s > SETTLE_S:
-            self._check_closed(are_closed)
-
-    def _check_closed(self, are_closed: Sequence[bool]) -> None:
-        """Stop both axes where one is not in closed-loop control; the watchdog, which the state names, is no error."""
-        open_axes = [axis for axis, is_closed in zip(self._axes.values(), are_closed, strict=True) if not is_closed]
-        if self._phase in ("arming", "armed") and open_axes:
-            unexplained = [axis for axis in open_axes if not axis.error & simple.WATCHDOG_EXPIRED]
-            if unexplained and self._fault is None:
-                self._fault = f"drive {unexplained[0].node} left closed-loop control; check its supply and its errors (odrivetool)"
-            self.stop()
+        elif are_open and (self._phase == "armed" or (self._phase == "arming" and is_late)):
+            unexplained = [axis.node for axis in are_open if not axis.error & simple.WATCHDOG_EXPIRED]
+            causes = [
+                f"drive {node} left closed-loop control; check its supply and its errors (odrivetool)" for node in unexplained
+            ]
+            self._fail(self._fault or next(iter(causes), None))
 
     def _close_loops(self) -> None:
         """Clear the errors and ask for closed-loop control at zero speed."""
@@ -235,7 +229,7 @@ class CanSimpleLink:
     def _enter(self, phase: str) -> None:
         self._phase, self._phase_s = phase, time.monotonic()
 
-    def _fail(self, fault: str) -> None:
+    def _fail(self, fault: str | None) -> None:
         """Stop with a cause, which stays until ``rearm``."""
         self._fault = fault
         self.stop()

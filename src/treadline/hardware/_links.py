@@ -15,8 +15,8 @@ from treadline.core.errors import LinkError, TreadlineError
 from treadline.core.signals import FlipperCommand, PlantState, SeatCommand, TrackCommand, TrackReading
 from treadline.hardware.ports import DriveLimits, DriveLink, DriveState, JointLink, SensorLink
 
-REARM_S = 2.5
-"""Longest time in which a box ends its latched stop [s]: drives on CAN prove their watchdog first, and take a state within 1 s."""
+REARM_S = 4.5
+"""Longest time in which a box ends its latched stop [s]: drives on CAN prove their watchdog first, and take a state within 2 s."""
 PROTOCOLS = {"drives": DriveLink, "imu": SensorLink, "joints": JointLink, "handset": SensorLink}
 """Protocol of the link of each port."""
 

@@ -7,6 +7,7 @@ import ctypes
 import shutil
 import subprocess
 import tempfile
+from ctypes import Structure, c_bool, c_int16, c_int32, c_uint8, c_uint16
 from functools import cache
 from pathlib import Path
 
@@ -19,36 +20,30 @@ FRAME_MAX = 102
 """Largest frame on the line [bytes], ``TL_FRAME_MAX``."""
 
 
-class Inputs(ctypes.Structure):
+class Inputs(Structure):
     """``tl_inputs``."""
 
-    _fields_ = [("dead_man", ctypes.c_bool), ("stop", ctypes.c_bool), ("drive_error", ctypes.c_uint16)]
+    _fields_ = [("dead_man", c_bool), ("stop", c_bool), ("drive_error", c_uint16)]
 
 
-class Outputs(ctypes.Structure):
+class Outputs(Structure):
     """``tl_outputs``."""
 
-    _fields_ = [
-        ("belts_um_s", ctypes.c_int32 * 2),
-        ("seat", ctypes.c_int16),
-        ("flipper", ctypes.c_int16),
-        ("brake", ctypes.c_bool),
-    ]
+    _fields_ = [("belts_um_s", c_int32 * 2), ("seat", c_int16), ("flipper", c_int16), ("brake", c_bool)]
 
 
-class Readings(ctypes.Structure):
+class Readings(Structure):
     """``tl_readings``."""
 
     _fields_ = [
-        ("present", ctypes.c_uint8),
-        ("buttons", ctypes.c_uint8),
-        ("belts", ctypes.c_int16 * 2),
-        ("voltage_mv", ctypes.c_uint16),
-        ("orientation", ctypes.c_int16 * 4),
-        ("rates", ctypes.c_int16 * 3),
-        ("accelerations", ctypes.c_int16 * 3),
-        ("seat", ctypes.c_int16 * 2),
-        ("flipper", ctypes.c_int16 * 2),
+        *(
+            ("present", c_uint8),
+            ("buttons", c_uint8),
+            ("belts", c_int16 * 2),
+            ("voltage_mv", c_uint16),
+            ("orientation", c_int16 * 4),
+        ),
+        *(("rates", c_int16 * 3), ("accelerations", c_int16 * 3), ("seat", c_int16 * 2), ("flipper", c_int16 * 2)),
     ]
 
 
