@@ -167,10 +167,10 @@ def test_two_axes_on_a_can_bus_drive_and_stop_together(tmp_path: Path) -> None:
 
 
 def test_axes_without_a_watchdog_are_not_armed(tmp_path: Path) -> None:
-    def is_told(_: float, states: list[DriveState]) -> bool:
+    def is_named(_: float, states: list[DriveState]) -> bool:
         return bool(states) and str(states[-1].error).startswith("drive 1 has no watchdog; set it with odrivetool")
 
-    _, states = axes_in_lockstep(tmp_path / "sensors", ["no_watchdog@0"], is_told, rearms=1)
+    _, states = axes_in_lockstep(tmp_path / "sensors", ["no_watchdog@0"], is_named, rearms=1)
     assert all(state.latched and state.left_m_s == 0.0 for state in states)
 
 

@@ -212,9 +212,7 @@ class CanSimpleLink:
             self._enter("armed")
         elif are_open and (self._phase == "armed" or (self._phase == "arming" and is_late)):
             unexplained = [axis.node for axis in are_open if not axis.error & simple.WATCHDOG_EXPIRED]
-            causes = [
-                f"drive {node} left closed-loop control; check its supply and its errors (odrivetool)" for node in unexplained
-            ]
+            causes = [f"drive {node} left closed-loop control; check its supply and errors (odrivetool)" for node in unexplained]
             self._fail(self._fault or next(iter(causes), None))
 
     def _close_loops(self) -> None:
