@@ -58,7 +58,8 @@ def test_the_guard_holds_for_a_node_that_is_gone(name: str) -> None:
 
 
 def test_a_velocity_drives_through_the_guard_and_no_faster_than_it_allows() -> None:
-    """Test: velocities with and without a stamp, too fast, and not finite. Expected: belts by the gauge of 0.65 m; a hold."""
+    """Test: velocities with and without a stamp, too fast, two in a tick, and not finite. Expected: belts by the gauge of 0.65 m,
+    the newer of the two; a hold."""
     transport = InProcess()
     guard = GuardNode(limits(needs_heading=False, watches_motion=False))
     guard.listen(transport)
@@ -73,8 +74,13 @@ def test_a_velocity_drives_through_the_guard_and_no_faster_than_it_allows() -> N
     transport.publish(on.TWIST, VelocityCommand(t_s=1.0, speed_m_s=5.0, turn_rad_s=0.0))
     guard.tick(1.0)
     assert commands[-1].left_m_s == pytest.approx(0.55)
-    transport.publish(on.TWIST, VelocityCommand(t_s=1.01, speed_m_s=math.nan, turn_rad_s=0.0))
-    guard.tick(1.01)
+    for t_s, stamp_s in ((1.01, 1.01), (1.02, math.nan)):  # a stop right after a speed
+        for speed_m_s in (0.2, 0.0):
+            transport.publish(on.TWIST, VelocityCommand(t_s=stamp_s, speed_m_s=speed_m_s, turn_rad_s=0.0))
+        guard.tick(t_s)
+        assert commands[-1].left_m_s == 0.0
+    transport.publish(on.TWIST, VelocityCommand(t_s=1.03, speed_m_s=math.nan, turn_rad_s=0.0))
+    guard.tick(1.03)
     assert commands[-1].brake
 
 

@@ -300,6 +300,7 @@ class GuardNode:
         self._waits_for = dict.fromkeys(awaited, "")
         self._estimate: HeadingEstimate | None = None
         self._flipper_runs = False
+        self._velocity: VelocityCommand | None = None
         self._t_s = 0.0
         self._last_published: tuple[str | None, CommandSource] = (None, "driver")
 
@@ -333,6 +334,7 @@ class GuardNode:
         """Publish the commands that may reach the chair now."""
         self._t_s = t_s
         self.advance(t_s)
+        self._propose_velocity()
         if self._waits_for:
             self._command(on.TRACKS_CMD, TrackCommand.stop(t_s))
             return
@@ -376,8 +378,13 @@ class GuardNode:
         self._estimate = estimate
 
     def _take_velocity(self, command: VelocityCommand) -> None:
-        """Propose a velocity; one without a stamp counts as of its arrival."""
-        self._guard.propose(replace(command, t_s=self._t_s) if math.isnan(command.t_s) else command)
+        self._velocity = command
+
+    def _propose_velocity(self) -> None:
+        """Propose the newest velocity since the last tick; one without a stamp counts as of this tick."""
+        command, self._velocity = self._velocity, None
+        if command is not None:
+            self._guard.propose(replace(command, t_s=self._t_s) if math.isnan(command.t_s) else command)
 
     def _receive(self, message: object) -> None:
         if isinstance(message, Beat) and message.node not in (self.name, "recorder"):
