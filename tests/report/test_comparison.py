@@ -92,6 +92,22 @@ def test_table_2_is_reproduced_if_its_worst_cell_is_near_the_print(results: Tabl
     assert row_of(results, "Table II: RMS heading from +30° / -30°, whole run").verdict == verdict
 
 
+@pytest.mark.parametrize("how", ["fell", "missing"])
+def test_the_answer_claims_nothing_that_rests_on_runs_that_fell_or_are_missing(results: Tables, how: str) -> None:
+    """Test: turns like the paper's, but one of the five runs from -30° at 28° fell; no run from there. Expected: not reproduced."""
+    for cell in results["table2"]:
+        cell |= {"rms_heading_deg": 2.0, "paper_deg": 2.0}
+    (lacking,) = [c for c in results["table2"] if (c["slope_deg"], c["start_heading_deg"]) == (28, -30)]
+    if how == "fell":
+        lacking |= {"averaged": 4, "ended_early": ["seed 2 fell after 1.7 s"]}
+    else:
+        results["table2"].remove(lacking)
+    _, failed, why = answer(comparisons(Results.model_validate(results)))
+    assert "the turns from ±30° (Fig. 10)" in failed
+    assert "Table II cell by cell, at 25°, 28°, 30°" in failed
+    assert "a run ended early or is missing" in why
+
+
 def test_a_run_that_ended_early_is_named_and_never_averaged(results: Tables) -> None:
     end = "seed 3 fell after 1.7 s: slid 0.50 m down the flight"
     whole = row_of(results, "Table II with roll-back allowed")

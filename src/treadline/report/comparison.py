@@ -134,7 +134,8 @@ def _row(entry: Figure, values: Values, results: Results) -> FigureRow:
     gap = None if tested is None else target - tested if entry.at_least else tested - target
     if entry.section == "paper":
         verdict = REPRODUCED if gap is not None and gap <= 0.0 and not values.get("early") else NOT_REPRODUCED
-        row |= {"item": entry.item.format_map(values), "why": entry.why.format_map(values)}
+        why = "a run ended early or is missing" if values.get("early") else entry.why.format_map(values)
+        row |= {"item": entry.item.format_map(values), "why": why}
     elif values.get("early"):
         verdict = "missed: a run ended early"
     elif gap is None:
@@ -284,14 +285,23 @@ def _paper_turns(cells: Sequence[Cell]) -> Iterator[tuple[str, Values]]:
     cells = sorted(cells, key=lambda cell: (cell.slope_deg, -cell.start_heading_deg))
     if turned := [cell for cell in cells if cell.slope_deg == paper.FIG10_SLOPE_DEG]:
         both = ", ".join(f"from {c.start_heading_deg:+g}° {_or_none(c.settle_s, 1, ' s')}" for c in turned)
-        yield "fig10", _worst(turned) | {"settled": both}
+        yield "fig10", _worst(turned) | {"settled": both, "early": _lacks_runs(turned)}
     if cells:
         pairs = [(c.rms_heading_deg, c.paper_deg) for c in cells]
         gaps = [abs(ours - printed) for ours, printed in pairs if ours is not None and printed is not None]
         names = {"printed": "paper_deg", "whole": "rms_heading_deg", "settled": "steady_rms_heading_deg"}
         values = {key: _by_slope(cells, name) for key, name in names.items()}
         worst = {"gap": max(gaps) if len(gaps) == len(cells) else None, "back": max(cell.roll_back_m for cell in cells)}
-        yield "table2", values | worst | {"conditions": cells[0].conditions + _early(cells)}
+        at = _listed(sorted({cell.slope_deg for cell in cells}))
+        ended = {"conditions": cells[0].conditions + _early(cells), "early": _lacks_runs(cells)}
+        yield "table2", values | worst | ended | {"at": at}
+
+
+def _lacks_runs(cells: Sequence[Cell]) -> bool:
+    """Return whether a run ended early, or a start of Table II is missing on one of the slopes."""
+    there = {(cell.slope_deg, cell.start_heading_deg) for cell in cells}
+    wanted = {(slope, start) for slope, _ in there for start in paper.TABLE_II_AVERAGE}
+    return any(cell.ended_early for cell in cells) or not wanted <= there
 
 
 def _by_slope(cells: Sequence[Cell], name: str) -> str:
