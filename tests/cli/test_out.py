@@ -78,6 +78,13 @@ def test_a_sweep_is_resumed_or_replaced_but_not_both(run, tmp_path: Path) -> Non
     assert (done.code, "not both" in done.err) == (2, True)
 
 
+def test_a_film_that_exists_is_named_with_its_option(run, tmp_path: Path) -> None:
+    film = tmp_path / "film.webp"
+    film.write_bytes(b"of an earlier run")
+    done = run("climb", "paper-28", "--plant", "gazebo", "--out", tmp_path / "run", "--picture", film)
+    assert (done.code, done.err) == (2, f"treadline: --picture {film}: the file exists; give another, or --force to overwrite it\n")
+
+
 def test_a_path_of_the_other_kind_is_refused_even_with_force(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_text("")

@@ -56,7 +56,7 @@ def climb(
     claim(out, force=force)
     if picture is not None:
         _require_film(plant, picture)
-        claim(picture, force=force, kind="file")
+        claim(picture, force=force, kind="file", option="--picture")
     report_compiling()
     with TemporaryDirectory() as images, SimulatedTime("climb") as progress:
         run = api.climb(
