@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from threading import Thread
 
 import pytest
 from emulated_chair import LIMITS, PACE, PULLEY_M, axes_in_lockstep, drive, emulator, in_lockstep
@@ -24,9 +25,12 @@ import can
 from treadline.core.errors import LinkError, SettingsError
 from treadline.core.signals import ImuSample, SeatReading
 from treadline.hardware._can_link import CanSimpleLink
-from treadline.hardware._frame import Kind, frame_of
+from treadline.hardware._frame import Kind, Present, frame_of
 from treadline.hardware._serial_link import SerialLink
 from treadline.hardware.emulators._faults import Faults
+from treadline.hardware.emulators._firmware import DriveBox, Readings
+from treadline.hardware.emulators._serial import SOUND
+from treadline.hardware.emulators.camera import FrameFile
 from treadline.hardware.ports import BoxReading, DriveLink, DriveState, JointLink
 
 HOST = """
@@ -75,6 +79,9 @@ def test_each_fault_of_line_and_box_stops_it_in_time(tmp_path: Path) -> None:
     assert all(stop.t_s - (number - 1e-9) <= 0.1 for number, stop in enumerate(stops[1:], start=1))
     assert all(event.age_ms <= 100 for event in events)
     assert "two hosts send commands to the box; stop one of them" in {state.error for state in states}
+    assert "the box has started anew; check its supply" in {state.error for state in states[100:]} - {
+        state.error for state in states[:100]
+    }
     assert any(state.watchdog_tripped for state in states)
     assert states[-1].latched  # a re-arm that is late re-arms nothing
     assert states[-1].left_m_s == 0.0
@@ -123,6 +130,40 @@ def test_errors_of_a_port_are_one_line_with_the_remedy(tmp_path: Path) -> None:
         link.poll()
     link.send(0.1, 0.1)  # raises nothing: poll names the cause
     link.close()
+
+
+def test_states_that_arrive_together_keep_their_order_in_time() -> None:
+    near, far = os.openpty()
+    link, box, readings = SerialLink(port=os.ttyname(far), limits=LIMITS), DriveBox(), list[BoxReading]()
+    for now_ms in (10, 20, 30):
+        box.tick(now_ms, SOUND)
+        os.write(near, box.frame(Readings(present=Present.IMU)))
+    wait_for(lambda: not readings.extend(link.poll()) and len(readings) == 6)
+    stamps_s = [reading.t_s for reading in readings if isinstance(reading, ImuSample)]
+    assert [stamp_s - stamps_s[-1] for stamp_s in stamps_s] == pytest.approx([-0.02, -0.01, 0.0])
+    link.close()
+    os.close(near)
+    os.close(far)
+
+
+def test_a_box_that_reads_nothing_does_not_keep_the_host() -> None:
+    near, far = os.openpty()
+    link = SerialLink(port=os.ttyname(far), limits=LIMITS)
+    sender = Thread(target=lambda: [link.stop() for _ in range(10_000)], daemon=True)  # 310 kB: more than a line holds
+    sender.start()
+    sender.join(60.0)
+    assert not sender.is_alive()
+    link.close()
+    os.close(near)
+    os.close(far)
+
+
+def test_an_emulator_shows_nothing_of_the_one_before(tmp_path: Path) -> None:
+    """Neither its last frame nor its calibration, which may be of another chair."""
+    for name in ("chair.frame", "chair.camera.toml"):
+        (tmp_path / name).touch()
+    FrameFile(tmp_path / "chair")
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_speed_that_is_not_a_number_stops() -> None:

@@ -5,6 +5,7 @@ Robot file: ``link = "serial"``, ``port``, and ``baud`` where the line is no USB
 
 import contextlib
 import math
+import os
 import random
 import time
 from collections.abc import Sequence
@@ -36,7 +37,7 @@ class SerialLink:
     Args:
         port: Device of the line, for example /dev/ttyACM0.
         limits: Limits that the box receives before it can be armed. None: only its sensors are read, and nothing is sent.
-        baud: Bit rate; USB devices ignore it. 100 states a second need 92,000 bit/s.
+        baud: Bit rate; USB devices ignore it. 100 states a second need 83,000 bit/s.
 
     Raises:
         LinkError: If the port is missing, busy, or not permitted.
@@ -52,6 +53,7 @@ class SerialLink:
         self._reader, self._has_spoken = FrameReader(), False
         self._sender, self._sequence = random.randrange(1, 2**16), 0
         self._state: BoxState | None = None
+        self._was_armed = False
         self._joints, self._joints_s = (0, 0), -math.inf
 
     def poll(self) -> Sequence[BoxReading]:
@@ -65,13 +67,14 @@ class SerialLink:
         except (serial.SerialException, OSError, TypeError) as error:
             raise LinkError(f"the box at {self._port} has gone ({error}); connect it and start again") from error
         now_s, readings = time.monotonic(), list[BoxReading]()
-        for content in self._reader.feed(received):
-            state = frame.state_of(content)
-            if state is not None:
-                self._state, self._has_spoken = state, True
-                readings.extend(_sensor_readings(state, now_s))
-                if self._limits is not None:
-                    readings.append(_drive_state(state, now_s, self._error(state)))
+        states = [state for content in self._reader.feed(received) if (state := frame.state_of(content)) is not None]
+        for state in states:
+            # Of states that arrived together the older ones are older by the box's clock, unless it has started anew.
+            t_s = now_s - max((states[-1].now_ms - state.now_ms) * frame.MILLI, 0.0)
+            self._state, self._has_spoken = state, True
+            readings.extend(_sensor_readings(state, t_s))
+            if self._limits is not None:
+                readings.append(_drive_state(state, t_s, self._error(state)))
         if not self._has_spoken and now_s - self._opened_s > SPEAKS_S:
             raise LinkError(
                 f"{self._port} sent no frame of a box within {SPEAKS_S:g} s ({self._reader.broken} broken ones); "
@@ -122,7 +125,10 @@ class SerialLink:
             self._send(Kind.LIMITS, limits)
 
     def _send(self, kind: Kind, values: tuple[int, ...] = (0,) * frame.VALUES) -> None:
-        """Write a message; a line that takes no bytes, or has gone, is reported by ``poll`` and by the box's silence."""
+        """Write a message; a line that takes no bytes, or has gone, is reported by ``poll`` and by the box's silence.
+
+        pyserial's own ``write`` waits for a full line for ever, with a busy core, even if its timeout is zero.
+        """
         if self._limits is None:
             return
         self._sequence = (self._sequence + 1) % 2**16
@@ -131,10 +137,13 @@ class SerialLink:
             kind=kind, sender=self._sender, sequence=self._sequence, stamp_ms=stamp_ms, latch=latch, values=values
         )
         with contextlib.suppress(serial.SerialException, OSError):
-            self._line.write(message.frame())
+            os.write(self._line.fileno(), message.frame())
 
     def _error(self, state: BoxState) -> str | None:
         """Return the error of a state in one line."""
+        self._was_armed |= state.cause == Cause.ARMED
+        if state.cause == Cause.START and self._was_armed:
+            return "the box has started anew; check its supply"
         if state.cause == Cause.DRIVE_ERROR or state.drive_error:
             return f"the motor drives report error {state.drive_error:#x}"
         if state.cause == Cause.ARMED and state.sender != self._sender:

@@ -28,6 +28,8 @@ class FrameFile:
 
     def __init__(self, port: Path) -> None:
         self._path, self._calibration = port.with_name(port.name + ".frame"), port.with_name(port.name + ".camera.toml")
+        for left in (self._path, self._calibration):
+            left.unlink(missing_ok=True)  # of another chair
 
     def write(self, frame: RgbdFrame) -> None:
         """Replace the frame; a reader never sees half of one."""
