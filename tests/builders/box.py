@@ -19,7 +19,7 @@ LAG_S = 0.15
 GAUGE_M = 0.65
 FAULTS = (
     "unplugged", "swapped", "left_reversed", "right_report_reversed", "reports_crossed", "lifted", "imu_frozen", "imu_silent",
-    "imu_upside_down", "error", "restart",
+    "imu_upside_down", "error", "restart", "nonsense",
 )  # fmt: skip
 
 
@@ -42,7 +42,7 @@ class FloorBox:
         if "unplugged" in self.faults:
             self.log("unplugged")
             raise LinkError("the box does not answer: the line is unplugged; plug it in and start again")
-        readings: list[Any] = []
+        readings: list[Any] = [None] if "nonsense" in self.faults else []
         while self.t_s + PERIOD_S <= time.monotonic():
             self.t_s += PERIOD_S
             self.step()
@@ -147,6 +147,7 @@ class FloorBox:
 
     def log(self, what: str) -> None:
         line = {"box_s": time.monotonic(), "what": what, "asked": self.asked, "latched": self.latched, "belts": self.belts}
+        line["limit_m_s"] = self.limits.speed_m_s
         with (self.folder / "box.jsonl").open("a") as file:
             file.write(json.dumps(line) + "\n")
 

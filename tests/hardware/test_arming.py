@@ -1,5 +1,9 @@
 """Arming: what is wrong is named before the chair drives, and nothing but the wiggle moves."""
 
+import json
+from itertools import cycle
+from threading import Thread
+
 import pytest
 from robots import TestRobot
 
@@ -95,11 +99,20 @@ def test_a_swap_that_the_robot_file_states_is_undone(robot: TestRobot) -> None:
     run = runs.bench(robot.file(), robot.folder / "run", 0.5, hear)
     assert run["verdict"] == "time_up"
     assert "belts on the floor, signs right by the gyro" in said
+    assert {entry["limit_m_s"] for entry in robot.done()} == {0.1}  # the box's own limit on the bench
 
 
 def test_a_recording_moves_nothing_and_is_a_log(robot: TestRobot) -> None:
-    robot.hold(dead_man=True, rearm=True)  # a hand on the switch moves nothing either
-    run = runs.record(robot.file(), robot.folder / "run", 1.0)
-    assert run["verdict"] == "time_up"
+    """Test: a person presses re-arm again and again. Expected result: the box is not armed."""
+    recording = Thread(target=runs.record, args=(robot.file(), robot.folder / "run", 3.0))
+    recording.start()
+    for press in cycle((True, False)):
+        recording.join(0.25)
+        if not recording.is_alive():
+            break
+        robot.hold(dead_man=True, rearm=press)
+    assert json.loads((robot.folder / "run" / "result.json").read_text())["verdict"] == "time_up"
     assert (robot.folder / "run" / "log.mcap").is_file()
-    assert {tuple(entry["asked"]) for entry in robot.done()} == {(0.0, 0.0)}
+    assert {(entry["what"], entry["latched"], *entry["asked"]) for entry in robot.done()} <= {
+        (what, True, 0.0, 0.0) for what in ("open", "stop", "close")
+    }

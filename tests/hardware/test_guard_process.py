@@ -4,6 +4,7 @@ Times are those of the box's clock, the monotonic one of this machine.
 """
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -16,6 +17,11 @@ from typing import Any
 import pytest
 from robots import TestRobot
 from waiting import PATIENCE_S, wait
+
+from treadline.core.signals import OperatorInput
+from treadline.hardware._arming import BenchSession
+from treadline.hardware.drive import Robot
+from treadline.hardware.guard_client import GuardClient
 
 HELD = {"dead_man": True, "speed": 1.0}
 
@@ -143,3 +149,33 @@ def test_ctrl_c_stops_the_chair_and_keeps_the_log(bench: Bench) -> None:
     assert bench.process.wait(PATIENCE_S) == 0
     result = json.loads((bench.robot.folder / "run" / "result.json").read_text())
     assert [event["name"] for event in result["events"]][-1] == "rearmed"
+
+
+def test_a_link_whose_readings_are_none_ends_the_run_with_the_box_stopped(bench: Bench) -> None:
+    """A driver of the user: what it returns has no stamp."""
+    fault_s = time.monotonic()
+    bench.robot.broken("nonsense")
+    assert bench.stopped(fault_s) <= 0.3
+    assert wait(lambda: bench.robot.done()[-1]["what"] == "close")
+    assert next(entry["what"] for entry in bench.robot.done() if entry["box_s"] > fault_s) == "stop"
+    assert bench.process.wait(PATIENCE_S) == 2
+
+
+def test_a_new_session_knows_nothing_of_the_one_before(robot: TestRobot) -> None:
+    client = GuardClient(robot.file())
+    config = Robot.of(robot.file()).bench_config()
+    session = BenchSession(client, config, "first")
+    robot.hold(dead_man=False)
+    session.wait("no handset", PATIENCE_S, lambda: OperatorInput in session.newest)
+    robot.hold(dead_man=True, rearm=True)
+    session.wait("no re-arm", PATIENCE_S, lambda: client.holding is None)
+    time.sleep(0.1)  # reports of the first session wait to be read
+    start_s = client.begin(config, "second")
+    readings: list[Any] = []
+    while len(readings) < 20:
+        client.receive()
+        assert client.holding == "second"
+        readings += client.readings(math.inf)
+        assert all(reading.t_s <= time.monotonic() - start_s for reading in readings)
+        client.step(0.0, None)
+    client.close()

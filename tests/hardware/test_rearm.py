@@ -9,6 +9,22 @@ from treadline.hardware.ports import BoxReading, DriveState
 SIGNS = {"swapped": False, "left": 1, "right": 1}
 
 
+class SilentBox:
+    """Drives whose messages cannot be read."""
+
+    def __init__(self) -> None:
+        self.called: list[str] = []
+
+    def poll(self) -> list[BoxReading]:
+        raise ValueError("half a message")
+
+    def stop(self) -> None:
+        self.called.append("stop")
+
+    def close(self) -> None:
+        self.called.append("close")
+
+
 class SlowBox:
     """Drives that report a latched stop until they are released."""
 
@@ -51,3 +67,12 @@ def test_a_box_that_does_not_rearm_is_a_fault(monkeypatch: pytest.MonkeyPatch) -
     links.rearm()
     clock_s += 1.1 * REARM_S
     assert fault_of(links) == "the box latched a stop"
+
+
+def test_drives_that_are_lost_are_still_stopped_and_closed() -> None:
+    box = SilentBox()
+    links = Links({"drives": box}, SIGNS)
+    assert list(links.poll(0.0)) == []
+    assert links.lost == "drives: ValueError: half a message"
+    links.close()
+    assert box.called == ["stop", "close"]

@@ -56,13 +56,20 @@ class BenchSession:
         config: Limits of the session.
         cause: Why the guard holds until the first re-arm.
         log: Receives each reading and event, with its mission time [s].
+        rearms: Whether a person can re-arm.
     """
 
     def __init__(
-        self, client: GuardClient, config: GuardConfig, cause: str, log: Callable[[Any, float], None] = lambda _signal, _t_s: None
+        self,
+        client: GuardClient,
+        config: GuardConfig,
+        cause: str,
+        log: Callable[[Any, float], None] = lambda _signal, _t_s: None,
+        *,
+        rearms: bool = True,
     ) -> None:
         self._client, self._log = client, log
-        self.start_s = client.begin(config, cause)
+        self.start_s = client.begin(config, cause, rearms=rearms)
         self._ticks = 0
         self.newest: dict[type, Any] = {}
         """Newest reading of each type."""
@@ -265,6 +272,8 @@ class Arming:
         end_s = self._session.t_s + SETTLE_S
         while self._session.t_s < end_s:
             samples += [reading for reading in self._session.tick() if isinstance(reading, ImuSample)]
+        if not samples:
+            raise LinkError("arming: the imu fell silent; is it plugged in and powered?")
         x, y, z = (fmean(sample.linear_acceleration_m_s2[axis] for sample in samples) for axis in range(3))
         if z < math.cos(TILT_RAD) * math.hypot(x, y, z) or abs(math.hypot(x, y, z) / GRAVITY_M_S2 - 1.0) > SCALE:
             raise LinkError(

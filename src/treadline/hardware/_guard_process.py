@@ -11,6 +11,7 @@ import signal
 import socket
 import sys
 import time
+from dataclasses import replace
 from typing import Any
 
 from treadline.core.errors import LinkError
@@ -41,20 +42,23 @@ class GuardProcess:
         self._guard: Guard | None = None
         self._start_s = self._heard_s = time.monotonic()
         self._estimate: HeadingEstimate | None = None
+        self._rearms = False
         self._ended: str | None = None
         self._notes: list[Event] = []
 
     def run(self) -> None:
-        """Tick until the loop ends, then stop the box."""
+        """Tick until the loop ends, or a tick fails, then stop the box."""
         due_s = time.monotonic()
-        while self._ended is None:
-            self.tick(time.monotonic())
-            due_s = max(due_s + TICK_S, time.monotonic() - TICK_S)  # a tick that was missed is not made up for
-            time.sleep(max(due_s - time.monotonic(), 0.0))
-        for _ in range(CLOSING_TICKS):
-            self._links.stop()
-            time.sleep(TICK_S)
-        self._links.close()
+        try:
+            while self._ended is None:
+                self.tick(time.monotonic())
+                due_s = max(due_s + TICK_S, time.monotonic() - TICK_S)  # a tick that was missed is not made up for
+                time.sleep(max(due_s - time.monotonic(), 0.0))
+        finally:
+            for _ in range(CLOSING_TICKS):
+                self._links.stop()
+                time.sleep(TICK_S)
+            self._links.close()
 
     def tick(self, now_s: float) -> None:
         """Take what has arrived, step the guard, command the box, report."""
@@ -64,9 +68,9 @@ class GuardProcess:
         self._hear(now_s)
         t_s, guard = now_s - self._start_s, self._guard
         if guard is None:
-            readings = list(self._links.poll(self._start_s))
+            list(self._links.poll(self._start_s))
             self._links.stop()
-            send(self._channel, {"t_s": t_s, "readings": readings, "state": self._links.state, "failed": self._links.lost})
+            send(self._channel, {"state": self._links.state, "failed": self._links.lost})
             return
         readings = self._sense(guard)
         silent_s = now_s - self._heard_s
@@ -77,20 +81,22 @@ class GuardProcess:
         commands = guard.step(t_s, self._estimate)
         self._estimate = None
         self._links.command(*commands, held=guard.holding is not None)
-        report = {"t_s": t_s, "readings": readings, "commands": commands, "holding": guard.holding, "state": self._links.state}
+        report = {"start_s": self._start_s, "readings": readings, "commands": commands, "holding": guard.holding}
         events, self._notes = [*self._notes, *guard.take_events()], []
-        send(self._channel, report | {"events": events, "failed": self._links.lost})
+        send(self._channel, report | {"events": events, "state": self._links.state, "failed": self._links.lost})
 
     def _sense(self, guard: Guard) -> list[Any]:
         """Return the readings since the last tick, which the guard receives first; the person's re-arm reaches the box as well."""
         readings = list(self._links.poll(self._start_s))
+        may_rearm = self._rearms and self._links.lost is None
         guard.advance(time.monotonic() - self._start_s)  # readings are stamped as they arrive, after the tick began
         for reading in readings:
             if isinstance(reading, StickReading):
                 continue
             held = guard.holding
-            guard.admit(reading)
-            if isinstance(reading, OperatorInput) and held is not None and guard.holding is None:
+            is_hand = isinstance(reading, OperatorInput)
+            guard.admit(replace(reading, rearm=reading.rearm and may_rearm) if is_hand else reading)
+            if is_hand and held is not None and guard.holding is None:
                 self._links.rearm()
         return readings
 
@@ -116,10 +122,10 @@ class GuardProcess:
             waits = isinstance(signal_, TrackCommand) and self._links.is_rearming  # a command that nobody follows would be a stall
             getattr(guard, call)(TrackCommand.stop(signal_.t_s) if waits else signal_)
 
-    def _begin(self, now_s: float, config: Any, start_s: float, note: str, cause: str) -> None:
+    def _begin(self, now_s: float, config: Any, start_s: float, note: str, cause: str, *, rearms: bool) -> None:
         """Begin a session with a new guard, which holds until a person presses re-arm anew: a button that is down counts as old."""
         self._links.stop()
-        self._guard, self._start_s, self._estimate = Guard(config), start_s, None
+        self._guard, self._start_s, self._estimate, self._rearms = Guard(config), start_s, None, rearms
         self._guard.advance(now_s - start_s)
         self._guard.hold(cause)
         self._guard.admit(OperatorInput(t_s=now_s - start_s, dead_man=False, rearm=True))

@@ -110,7 +110,7 @@ class Links:
     def stop(self) -> None:
         """Stop at once; the box stays latched until ``rearm``."""
         self._stops = True
-        self._guarded("drives", self._drives.stop)
+        self._guarded("drives", self._drives.stop, is_last=True)
 
     @property
     def is_rearming(self) -> bool:
@@ -126,7 +126,7 @@ class Links:
         """Stop the drives and release all devices."""
         self.stop()
         for port, link in self._each.values():
-            self._guarded(port, link.close)
+            self._guarded(port, link.close, is_last=True)
 
     def _drive_signals(self, state: DriveState, t_s: float) -> Iterator[TrackReading | PlantState]:
         belts = (state.right_m_s, state.left_m_s) if self._swapped else (state.left_m_s, state.right_m_s)
@@ -139,9 +139,9 @@ class Links:
             fault = "its watchdog had no valid command in time" if state.watchdog_tripped else "the box latched a stop"
         yield PlantState(t_s=t_s, fault=fault)
 
-    def _guarded(self, port: str, call: Callable[..., Any], *arguments: float) -> Any:
-        """Return the result of a call; a link that fails, by whatever error, is lost and is not called again."""
-        if self.lost is not None and self.lost.startswith(f"{port}: "):
+    def _guarded(self, port: str, call: Callable[..., Any], *arguments: float, is_last: bool = False) -> Any:
+        """Return the result of a call; a link that fails, by whatever error, is lost: it is still stopped and closed."""
+        if not is_last and self.lost is not None and self.lost.startswith(f"{port}: "):
             return None
         try:
             return call(*arguments)

@@ -132,7 +132,7 @@ def record(file: RobotFile, out: Path, seconds: float) -> dict[str, Any]:
     config, count = robot.bench_config(), 0
     wanted = None if file.camera is None else camera_of(file)
     with _connected(robot, wanted) as (client, camera), _recorded(robot, out, config, 1) as scene:
-        session = BenchSession(client, config, "recording without motion", _without_sticks(scene))
+        session = BenchSession(client, config, "recording without motion", _without_sticks(scene), rearms=False)
         with suppress(KeyboardInterrupt):
             while session.t_s < seconds:
                 session.tick()
@@ -148,6 +148,8 @@ def bench(file: RobotFile, out: Path, seconds: float, say: Callable[[str], None]
     Raises:
         TreadlineError: If a device does not open, arming fails, or a link is lost.
     """
+    limits = file.limits.model_copy(update={"belt_m_s": min(BENCH_M_S, file.limits.belt_m_s)})  # for the box as well
+    file = file.model_copy(update={"limits": limits})
     robot = Robot.of(file)
     config = robot.bench_config()
     events: list[Event] = []

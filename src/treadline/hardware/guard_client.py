@@ -83,8 +83,13 @@ class GuardClient:
             raise LinkError(answer["failed"])
         self.note = answer["opened"]
 
-    def begin(self, config: GuardConfig, cause: str) -> float:
+    def begin(self, config: GuardConfig, cause: str, *, rearms: bool = True) -> float:
         """Begin a session with a new guard, which holds for ``cause`` until a person re-arms.
+
+        Args:
+            config: Limits of the session.
+            cause: Why the guard holds.
+            rearms: Whether a person can re-arm; False for a session without motion.
 
         Returns:
             The monotonic time at which the session's mission clock is zero [s].
@@ -94,7 +99,7 @@ class GuardClient:
         self._admission = ReadingAdmission(config)
         self._commands = Commands(TrackCommand.stop(0.0), SeatCommand(t_s=0.0, rate_m_s=0.0), None)
         self._events, self._readings, self._calls = [], [], []
-        session = {"config": config, "start_s": self._start_s, "note": self.note, "cause": cause}
+        session = {"config": config, "start_s": self._start_s, "note": self.note, "cause": cause, "rearms": rearms}
         send(self._channel, {"session": session})
         return self._start_s
 
@@ -168,8 +173,8 @@ class GuardClient:
     def _take(self, report: dict[str, Any]) -> None:
         self.state = report["state"]
         self.lost = self.lost or report["failed"]
-        if "commands" not in report:
-            return
+        if "commands" not in report or report["start_s"] != self._start_s:
+            return  # from before this session
         self._commands = Commands(*report["commands"])
         self.holding = report["holding"]
         self._events += report["events"]
