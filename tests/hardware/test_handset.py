@@ -81,6 +81,16 @@ def test_a_key_that_stops_repeating_and_a_key_pressed_once_are_not_held(clock: C
     assert not state(clock, terminal, "", 0.5)[0]
 
 
+def test_the_terminal_stays_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The loop prints to the terminal that the keys come from, and both share its mode."""
+    keys, typing = os.pipe()
+    monkeypatch.setattr(os, "isatty", lambda _: True)
+    Keyboard(keys).poll()
+    assert os.get_blocking(keys)
+    for descriptor in (keys, typing):
+        os.close(descriptor)
+
+
 def test_another_key_stops(clock: Clock, terminal: int) -> None:
     assert state(clock, terminal, "r", 1.0)[0]
     assert not state(clock, terminal, "q", 0.05)[0]

@@ -83,4 +83,3 @@ def _keys(wanted: bool) -> Iterator[None]:
         yield
     finally:
         termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
-        os.set_blocking(sys.stdin.fileno(), True)

@@ -4,6 +4,7 @@
 """
 
 import os
+import select
 import struct
 import time
 from collections.abc import Sequence
@@ -54,7 +55,6 @@ class Keyboard:
         if not os.isatty(descriptor):
             raise LinkError("the keyboard is no terminal; run treadline drive in a terminal, or take a gamepad")
         self._descriptor = descriptor
-        os.set_blocking(descriptor, False)
         self._key, self._first_s, self._pressed_s = "", 0.0, 0.0
         self._reports = _Reports()
         self._answers: set[str] = set()
@@ -81,10 +81,9 @@ class Keyboard:
         """Leave the terminal as it is: the verb that set its mode restores it."""
 
     def _typed(self) -> str:
-        try:
-            return os.read(self._descriptor, 256).decode(errors="ignore")
-        except BlockingIOError:
-            return ""
+        """Return what was typed; the terminal stays blocking: its output, to which the loop prints, shares the mode."""
+        is_ready = select.select([self._descriptor], [], [], 0.0)[0]
+        return os.read(self._descriptor, 256).decode(errors="ignore") if is_ready else ""
 
 
 class Gamepad:
