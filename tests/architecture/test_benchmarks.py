@@ -13,7 +13,7 @@ FILES = sorted(BENCHMARKS.glob("*.py"))
 def imported(path: Path) -> list[tuple[str, str]]:
     """Return module and name of each import from the program."""
     nodes = ast.walk(ast.parse(path.read_text()))
-    froms = [node for node in nodes if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("treadline")]
+    froms = [node for node in nodes if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "treadline"]
     return [(str(node.module), alias.name) for node in froms for alias in node.names]
 
 
