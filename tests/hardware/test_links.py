@@ -236,6 +236,17 @@ def test_a_can_bus_between_processes_carries_a_drive(tmp_path: Path) -> None:
         wait_for(lambda: chair.events[-1].cause != "ARMED")
 
 
+@pytest.mark.parametrize("error", [0x20, 0x40])  # CAN_ERR_ACK and CAN_ERR_BUSOFF of linux/can/error.h
+def test_a_report_of_the_bus_itself_is_none_of_a_drive(tmp_path: Path, error: int) -> None:
+    """SocketCAN reports faults of the bus as messages whose number reads like the version of a drive."""
+    bus = {"interface": "virtual", "channel": str(tmp_path)}
+    with can.Bus(**bus) as drives:
+        link = can_link(bus)
+        drives.send(can.Message(arbitration_id=error, data=bytes(8), is_extended_id=False, is_error_frame=True))
+        assert link.poll() == []
+        link.close()
+
+
 def test_impossible_numbers_of_a_can_link_are_one_line_with_the_remedy(tmp_path: Path) -> None:
     bus = {"interface": "virtual", "channel": str(tmp_path)}
     with pytest.raises(LinkError, match=r"wheel_radius_m is 0.0; it must be above zero: measure the belt's drive pulley"):

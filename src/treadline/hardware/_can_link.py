@@ -147,6 +147,7 @@ class CanSimpleLink:
             self._bus = None
 
     def _received(self) -> Iterator[can.Message]:
+        """Yield the messages of the drives; SocketCAN reports faults of the bus as messages too."""
         while self._bus is not None:
             try:
                 message = self._bus.recv(0)
@@ -154,7 +155,8 @@ class CanSimpleLink:
                 raise LinkError(f"the CAN bus {self._name} has gone ({error}); bring it up and start again") from error
             if message is None:
                 return
-            if not message.is_remote_frame and message.arbitration_id >> simple.COMMAND_BITS in self._axes:
+            is_report = not (message.is_remote_frame or message.is_error_frame)
+            if is_report and message.arbitration_id >> simple.COMMAND_BITS in self._axes:
                 yield message
 
     def _take(self, message: can.Message) -> None:
