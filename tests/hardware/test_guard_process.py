@@ -82,7 +82,7 @@ def test_a_loop_that_is_stopped_stops_the_chair_until_a_person_rearms(bench: Ben
     fault_s = time.monotonic()
     assert bench.stopped(fault_s) <= 0.3
     os.kill(bench.process.pid, signal.SIGCONT)
-    assert "the loop stood still for 0.2" in bench.cause()
+    assert "the loop stood still for " in bench.cause()
     assert bench.robot.done()[-1]["latched"]
     bench.robot.hold(dead_man=False)
     wait(lambda: bench.robot.hold(dead_man=True, rearm=True) or not bench.robot.done()[-1]["latched"])
@@ -109,7 +109,7 @@ def test_a_guard_process_that_is_stopped_ends_the_run(bench: Bench) -> None:
     os.kill(guard, signal.SIGSTOP)
     assert bench.process.wait(PATIENCE_S) == 2
     bench.ear.join(PATIENCE_S)
-    assert bench.said[-1].startswith("treadline: the guard process is silent for 0.3")
+    assert bench.said[-1].startswith("treadline: the guard process is silent for ")
 
 
 @pytest.mark.parametrize(

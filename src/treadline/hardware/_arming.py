@@ -187,6 +187,9 @@ class Arming:
             LinkError: If one is silent, or a value is wrong.
         """
         session = self._session
+        if self._robot.joints is None and (self._chair.seat is not None or self._chair.flipper is not None):
+            lacks = f"{self._chair.name} has a seat or a flipper, and the robot file no [joints]"
+            raise LinkError(f"arming: {lacks}; add the table, or give mission.chair without them")
         wanted: dict[type, str] = {TrackReading: "drives", ImuSample: "imu", OperatorInput: "handset"}
         if self._chair.seat is not None:
             wanted[SeatReading] = "joints (seat)"

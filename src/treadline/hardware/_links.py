@@ -60,6 +60,9 @@ def _opened(port: str, request: Mapping[str, Any], limits: DriveLimits) -> Any:
         raise LinkError(f"{port}: {error}") from error
     except TypeError as error:
         raise LinkError(f"{port}: {error}; correct the keys of [{port}] in the robot file") from error
+    except ImportError as error:
+        remedy = "pip install '.[hardware]' in treadline's folder, or correct link in the robot file"
+        raise LinkError(f"{port}: {request['class']} cannot be imported ({error}); {remedy}") from error
     except Exception as error:
         raise LinkError(f"{port}: {request['class']} cannot be opened: {type(error).__name__}: {error}") from error
 
