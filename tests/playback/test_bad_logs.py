@@ -1,5 +1,6 @@
 """A target that cannot be played is one line that says what, where and what to do."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -50,3 +51,11 @@ def test_a_run_of_another_version_is_refused_with_the_remedy(written: Written) -
     manifest = folder / "manifest.json"
     manifest.write_text(manifest.read_text().replace('"width_m"', '"breadth_m"'))
     assert "another version" in refused(folder)
+
+
+@pytest.mark.parametrize("robot", [{"robot": []}, {"robot": {"mission": {}}}, {"robot": {"mission": {"chair": 7}}}])
+def test_a_run_of_a_real_chair_that_names_none_is_refused(written: Written, robot: dict[str, object]) -> None:
+    folder = written(signals_of_a_run())
+    manifest = folder / "manifest.json"
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"settings": robot}))
+    assert "settings.robot names no chair; make the run again" in refused(folder)

@@ -109,9 +109,7 @@ def _begun(manifest: dict[str, Any], path: Path, source: Path) -> RecordingBuild
     if not isinstance(settings, dict):
         raise SettingsError(f"{path}: no settings; make the run again")
     scenario = _scenario(path, settings)
-    robot = settings.get("robot")  # of a real chair
-    named = DEFAULT_CHAIR if robot is None else robot["mission"]["chair"]
-    chair = read_chair(named) if scenario is None else scenario.read_chair()
+    chair = read_chair(_named_chair(path, settings)) if scenario is None else scenario.read_chair()
     guard, seed = manifest.get("guard"), manifest.get("seed", 0)
     return RecordingBuilder(
         chair,
@@ -120,6 +118,16 @@ def _begun(manifest: dict[str, Any], path: Path, source: Path) -> RecordingBuild
         source=str(source),
         limits=Limits.of_guard(guard if isinstance(guard, dict) else {}),
     )
+
+
+def _named_chair(path: Path, settings: dict[str, Any]) -> str:
+    """Return the chair of a manifest without a scenario: that of the robot file of a real chair, or the default."""
+    match settings:
+        case {"robot": {"mission": {"chair": str(name)}}}:
+            return name
+        case {"robot": _}:
+            raise SettingsError(f"{path}: settings.robot names no chair; make the run again")
+    return DEFAULT_CHAIR
 
 
 def _scenario(path: Path, settings: dict[str, Any]) -> Scenario | None:
