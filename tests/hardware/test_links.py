@@ -28,7 +28,7 @@ from treadline.hardware._can_link import CanSimpleLink
 from treadline.hardware._frame import Kind, Present, frame_of
 from treadline.hardware._serial_link import SerialLink
 from treadline.hardware.emulators._faults import Faults
-from treadline.hardware.emulators._firmware import DriveBox, Readings
+from treadline.hardware.emulators._firmware import DriveBox, Inputs, Readings
 from treadline.hardware.emulators._serial import SOUND
 from treadline.hardware.emulators.camera import FrameFile
 from treadline.hardware.ports import BoxReading, DriveLink, DriveState, JointLink
@@ -130,6 +130,27 @@ def test_errors_of_a_port_are_one_line_with_the_remedy(tmp_path: Path) -> None:
         link.poll()
     link.send(0.1, 0.1)  # raises nothing: poll names the cause
     link.close()
+
+
+@pytest.mark.parametrize(
+    ("inputs", "said"),
+    [
+        (Inputs(dead_man=False), "the dead-man switch at the box was released"),
+        (Inputs(dead_man=True, stop=True), "the stop button at the box was pressed"),
+        (Inputs(dead_man=True, drive_error=0x11), "the motor drives report error 0x11"),
+        (Inputs(dead_man=True), None),
+    ],
+)
+def test_what_forbids_a_rearm_is_named(inputs: Inputs, said: str | None) -> None:
+    near, far = os.openpty()
+    link, box, readings = SerialLink(port=os.ttyname(far), limits=LIMITS), DriveBox(), list[BoxReading]()
+    box.tick(10, inputs)
+    os.write(near, box.frame(Readings()))
+    wait_for(lambda: not readings.extend(link.poll()) and bool(readings))
+    assert [reading.error for reading in readings if isinstance(reading, DriveState)] == [said]
+    link.close()
+    os.close(near)
+    os.close(far)
 
 
 def test_states_that_arrive_together_keep_their_order_in_time() -> None:

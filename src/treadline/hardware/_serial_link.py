@@ -150,6 +150,10 @@ class SerialLink:
             return "another host drives the box; stop it first"
         if state.cause != Cause.ARMED and not any(state.limits) and state.reply == Reply.BEYOND:
             return "the box refused the limits; its watchdog may have 0.1 s at most, and speed and acceleration are positive"
+        if state.cause in (Cause.START, Cause.STOPPED) and Flag.STOP in state.flags:  # it forbids the re-arm
+            return ERRORS[Cause.BUTTON]
+        if state.cause in (Cause.START, Cause.STOPPED) and Flag.DEAD_MAN not in state.flags:
+            return ERRORS[Cause.DEAD_MAN]
         return ERRORS.get(state.cause)
 
 
